@@ -18,7 +18,7 @@ from random import Random  # noqa: TID251 - seeded
 from time import monotonic
 from typing import Final
 
-from printer_slicer.commands import told_by
+from printer_slicer.commands import split_gcode
 from printer_slicer.motion.rules import MotionLimits
 from printer_slicer.sim.front_end import MARLIN_2_1
 from printer_slicer.sim.link import Cable
@@ -149,7 +149,7 @@ def main() -> int:
     options = parser.parse_args()
     stopped: list[int] = []
     signal.signal(signal.SIGTERM, lambda number, _frame: stopped.append(number))
-    commands = told_by(options.job.read_bytes()).commands
+    commands = split_gcode(options.job.read_bytes()).commands
     printer = FaultyPrinter(options.fault, MACHINES[options.machine], commands)
     serve(
         lambda: printer,  # type: ignore[arg-type, return-value]

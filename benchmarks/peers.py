@@ -36,7 +36,7 @@ from benchmarks.prusa_rule import HeightLimits, adaptive_profile, model_xml, sta
 from benchmarks.prusa_settings import prusa_settings
 from printer_slicer import bead
 from printer_slicer.arrays import Float
-from printer_slicer.commands import told_by
+from printer_slicer.commands import split_gcode
 from printer_slicer.gcode import read_moves
 from printer_slicer.mesh_io import export_stl
 from printer_slicer.model import LayerPlan, Mesh
@@ -254,7 +254,7 @@ def _read(part: Part, peer: str, setting: str, gcode: Path, *, cut_ratio: float)
         RunError: there are none.
     """
     printer = part.profile.printer
-    moves = read_moves(told_by(gcode.read_bytes()).commands, printer.corners[0])
+    moves = read_moves(split_gcode(gcode.read_bytes()).commands, printer.corners[0])
     top = np.sort(np.array(moves.heights()))
     if len(top) == 0:
         raise RunError(f"{peer} laid no plastic: {gcode.name}")

@@ -29,7 +29,7 @@ from printer_slicer.model import LayerPlan, Mesh
 from printer_slicer.pipeline import slice_part
 from printer_slicer.placing import place
 from printer_slicer.planning import plan_layers
-from printer_slicer.planning.steps import Steps
+from printer_slicer.planning.z_steps import ZSteps
 from printer_slicer.profile import Profile, load_profile
 from printer_slicer.surface import certify, read_surface
 
@@ -152,7 +152,7 @@ def measure(mesh: Mesh, machine: str) -> Row:
     plan = plan_layers(part, usual)
     mine = _minutes(mesh, usual, plan), error(plan)
     usual_height = usual.quality.layer_height
-    steps = Steps(part, usual)
+    steps = ZSteps(part, usual)
     few = np.linspace(0, len(steps.allowed) - 1, min(_HEIGHTS, len(steps.allowed))).astype(np.int64)
     heights = {round(height, 6) for height in (steps.allowed[few] * steps.size).tolist()}
     uniform = {height: _uniform(machine, height) for height in heights | {usual_height}}

@@ -69,13 +69,13 @@ def _simple(profile: Profile) -> Iterator[Attempt]:
 
 def _by_tolerance(profile: Profile) -> Iterator[Attempt]:
     """Planners with one dial, from what the thinnest layers reach to what the thickest cannot miss."""
-    tolerances = np.geomspace(profile.thinnest / 2, profile.thickest / 2, 4).round(3).tolist()
+    layer_tolerances = np.geomspace(profile.thinnest / 2, profile.thickest / 2, 4).round(3).tolist()
     kinds: list[dict[str, object]] = [{"kind": "cusp", "metric": metric} for metric in _METRICS]
     kinds += [{"kind": "stepwise"}, {"kind": "genetic"}]
     for settings in kinds:
         family = " ".join(str(value) for value in settings.values())
         # A random search takes long: one plan shows where it stands.
-        for tolerance in tolerances if family != "genetic" else [profile.quality.tolerance]:
+        for tolerance in layer_tolerances if family != "genetic" else [profile.quality.tolerance]:
             changes = _planner(settings) | {"quality.tolerance": tolerance}
             yield Attempt(family, f"tolerance {tolerance:g}", changes)
 

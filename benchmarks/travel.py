@@ -28,7 +28,7 @@ from benchmarks.parts import options_of, parser_of, parts_of, profile_of
 from benchmarks.peers import CuraEngine, Part, PrusaSlicer, find_peers
 from benchmarks.processes import WORK, RunError, machine_note
 from printer_slicer.arrays import Float, Int
-from printer_slicer.commands import told_by
+from printer_slicer.commands import split_gcode
 from printer_slicer.errors import PrinterSlicerError
 from printer_slicer.gcode import read_moves
 from printer_slicer.gcode_text import gcode_of
@@ -98,7 +98,7 @@ def figures(slicer: str, text: bytes, part: Mesh, profile: Profile) -> Figures:
     """
     deposit, stack = read_deposit(text, profile.material.filament_diameter, slicer)
     stack, sections, _ = placed_sections(part, deposit, stack)
-    moves = read_moves(told_by(text).commands, profile.printer.corners[0])
+    moves = read_moves(split_gcode(text).commands, profile.printer.corners[0])
     beads, laying, _ = beads_of_moves(moves, profile.material.filament_diameter)
     lays = np.zeros(len(moves.speed), np.bool_)
     lays[laying] = True

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from printer_slicer import showing
+from printer_slicer import repr_svg
 from printer_slicer.lazy_names import lazy_names as _lazy_names
 
 if TYPE_CHECKING:
@@ -183,4 +183,4 @@ def _as_svg(value: object) -> str:
     return draw(value).svg()
 
 
-showing.drawn_by(_as_svg)
+repr_svg.set_svg_renderer(_as_svg)

@@ -15,7 +15,7 @@ from printer_slicer.gcode.lexer import strip
 from printer_slicer.input_files import read_input
 from printer_slicer.stream.framing import check_commands
 
-__all__ = ["Commands", "TextFacts", "lines_of", "read_text", "refuse_unsendable", "told_by"]
+__all__ = ["Commands", "GcodeText", "check_sendable", "lines_of", "read_text", "split_gcode"]
 
 _MOST_BYTES: Final = 1 << 29  # of G-code
 _AT_ONCE: Final = 1 << 19  # bytes of a text that are taken apart together
@@ -100,7 +100,7 @@ def _stripped(lines: list[bytes]) -> list[bytes]:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class TextFacts:
+class GcodeText:
     """What a text holds.
 
     Attributes:
@@ -116,7 +116,7 @@ class TextFacts:
     odd: list[int]
 
 
-def told_by(text: bytes, piece: int = _AT_ONCE) -> TextFacts:
+def split_gcode(text: bytes, piece: int = _AT_ONCE) -> GcodeText:
     """What a G-code text holds.
 
     Args:
@@ -143,7 +143,7 @@ def told_by(text: bytes, piece: int = _AT_ONCE) -> TextFacts:
         commands = list(filter(None, commands))
         odd += [count + index for index in _odd(commands)]
         count += len(commands)
-    return TextFacts(Commands(text, [*begins, (len(text), count)]), marks, roles, odd)
+    return GcodeText(Commands(text, [*begins, (len(text), count)]), marks, roles, odd)
 
 
 def _odd(commands: list[bytes]) -> Iterator[int]:
@@ -164,7 +164,7 @@ def _pieces(text: bytes, size: int) -> Iterator[tuple[int, list[bytes]]]:
         at = end
 
 
-def refuse_unsendable(name: str, text: bytes, told: TextFacts) -> None:
+def check_sendable(name: str, text: bytes, told: GcodeText) -> None:
     """Look for a command that no printer can get.
 
     Raises:

@@ -14,10 +14,10 @@ from printer_slicer.geometry import Areas, difference, normalize, offset, offset
 from printer_slicer.model import Sections
 from printer_slicer.profile import Profile
 
-__all__ = ["compensated"]
+__all__ = ["compensate"]
 
 
-def compensated(sections: Sections, profile: Profile) -> Sections:
+def compensate(sections: Sections, profile: Profile) -> Sections:
     """The sections with outlines moved by `quality.xy_compensation`, `hole_compensation` and `elephant_foot`.
 
     What is narrower than a bead and the inset together keeps its width at the bed: it must hold on to something.

@@ -55,11 +55,13 @@ class PathLines:
         owner = np.repeat(np.arange(paths.n_paths), paths.beads_of_each)
         way = paths.xy[end] - paths.xy[begin]
         even = np.abs(paths.width[end] - paths.width[begin]) < _SAME_WIDTH
-        flat = (paths.rise[begin] == paths.rise[end]) & (paths.share[begin] == paths.share[end])
+        flat = (paths.z_offset[begin] == paths.z_offset[end]) & (
+            paths.flow_ratio[begin] == paths.flow_ratio[end]
+        )
         plain = even & flat
         apart = run_begins(owner)
         apart |= ~plain | ~np.append(False, plain[:-1])
-        apart[1:] |= (paths.carried[begin[1:]] != paths.carried[begin[:-1]]) | (
+        apart[1:] |= (paths.support_ratio[begin[1:]] != paths.support_ratio[begin[:-1]]) | (
             np.abs(paths.width[begin[1:]] - paths.width[begin[:-1]]) > _SAME_WIDTH
         )
         return cls(begin, end, paths.xy[begin], way, apart)

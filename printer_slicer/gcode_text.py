@@ -8,7 +8,7 @@ from printer_slicer.extrusion import move_seconds
 from printer_slicer.gcode import write_gcode
 from printer_slicer.model import Labels, Mesh, Program
 from printer_slicer.profile import Profile
-from printer_slicer.strategies import OURS, Strategies, checked_lines
+from printer_slicer.strategies import OURS, Strategies, run_line_functions
 from printer_slicer.surface import Certificate, certificate_comments
 from printer_slicer.thumbnails import thumbnail_lines
 
@@ -52,8 +52,8 @@ def gcode_of(  # noqa: PLR0913 - every choice has a usual value
         facts,
         comments=pictures,
         labels=labels,
-        flavour=strategies.own_flavour,
+        flavour=strategies.checked_flavour,
         made=made,
         name=part.name if part else "",
     )
-    return checked_lines(text, strategies.on_lines)
+    return run_line_functions(text, strategies.on_lines)

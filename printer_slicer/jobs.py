@@ -8,13 +8,13 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from printer_slicer.commands import TextFacts, lines_of, refuse_unsendable, told_by
+from printer_slicer.commands import GcodeText, check_sendable, lines_of, split_gcode
 from printer_slicer.diagnostics import Diagnostic, check_names, sentence
 from printer_slicer.errors import UsageError
 from printer_slicer.firmware import FLAVOURS
 from printer_slicer.motion.rules import MotionLimits
+from printer_slicer.repr_svg import Summary, SvgRepr
 from printer_slicer.saving import save
-from printer_slicer.showing import Drawn, Summary
 from printer_slicer.texts import format_duration
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ GCODE_SUFFIXES = frozenset({".gcode", ".gco", ".g", ".nc"})
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Job(Drawn):
+class Job(SvgRepr):
     """What is to be printed.
 
     Attributes:
@@ -71,7 +71,7 @@ class Job(Drawn):
         )
 
     @property
-    def looks(self) -> object:
+    def drawable(self) -> object:
         """The moves, if the job was sliced here; else what is known of the file."""
         facts = {
             "commands": str(len(self.commands)),
@@ -137,7 +137,7 @@ def job_of_text(
     return tally.job(name, text, told)
 
 
-def sendable(name: str, text: bytes, *, streamed: bool = True) -> TextFacts:
+def sendable(name: str, text: bytes, *, streamed: bool = True) -> GcodeText:
     """Return what a text holds that can be sent.
 
     Args:
@@ -148,11 +148,11 @@ def sendable(name: str, text: bytes, *, streamed: bool = True) -> TextFacts:
     Raises:
         UsageError: there is nothing in it, or something that can never be sent.
     """
-    told = told_by(text)
+    told = split_gcode(text)
     if not told.commands:
         raise UsageError(f"{name}: no commands in it", remedy="is it a G-code file?")
     if streamed:
-        refuse_unsendable(name, text, told)
+        check_sendable(name, text, told)
     return told
 
 
@@ -179,7 +179,7 @@ class JobSummary:
             self._end = x, y, z
         return moves
 
-    def job(self, name: str, text: bytes, told: TextFacts) -> Job:
+    def job(self, name: str, text: bytes, told: GcodeText) -> Job:
         """Return the job that makes these moves, without findings."""
         return Job(
             name,

@@ -14,16 +14,16 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, distinct
-from printer_slicer.model import Item, Labels, LayerPlan, Mesh, Program
+from printer_slicer.model import Labels, LayerPlan, Mesh, PlateObject, Program
 from printer_slicer.roles import roles_with
 
-__all__ = ["labels_of"]
+__all__ = ["label_moves"]
 
 _SLACK: Final = 1.0  # mm: beads may lie this far outside of the envelope, by compensation
 _LONGEST: Final = 24  # letters of a name, so that lines stay short
 
 
-def labels_of(program: Program, part: Mesh, plan: LayerPlan) -> Labels | None:
+def label_moves(program: Program, part: Mesh, plan: LayerPlan) -> Labels | None:
     """What belongs to which thing; None where there is only one.
 
     Args:
@@ -31,7 +31,7 @@ def labels_of(program: Program, part: Mesh, plan: LayerPlan) -> Labels | None:
         part: what they print, with its items.
         plan: the layers of the part; the program may have those of a raft below.
     """
-    items = part.items
+    items = part.objects
     if len(items) < 2:
         return None
     lays = roles_with(is_part=True)[program.role]
@@ -59,7 +59,7 @@ def _names(names: Sequence[str]) -> tuple[str, ...]:
     return tuple(made)
 
 
-def _found(place: Float, z: Float, items: Sequence[Item], part: Mesh) -> Int:
+def _found(place: Float, z: Float, items: Sequence[PlateObject], part: Mesh) -> Int:
     """(n,) the item at each place (n, 2) and height, mm."""
     low, high = (np.array([getattr(one, side) for one in items]) for side in ("low", "high"))
     at = np.column_stack([place, z])
@@ -76,7 +76,7 @@ def _found(place: Float, z: Float, items: Sequence[Item], part: Mesh) -> Int:
     return found
 
 
-def _inside(place: Float, z: float, item: Item, part: Mesh) -> Bool:
+def _inside(place: Float, z: float, item: PlateObject, part: Mesh) -> Bool:
     """(n,) whether an item's section at a height goes around places (n, 2)."""
     if not item.count or not item.low[2] <= z <= item.high[2]:
         return np.zeros(len(place), np.bool_)

@@ -26,10 +26,10 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int
-from printer_slicer.motion.ahead import seconds_ahead
 from printer_slicer.motion.planner_clock import PlannerClock, PlannerState
 from printer_slicer.motion.rules import Block, MotionLimits
-from printer_slicer.motion.whole import Blocks, corner_squares
+from printer_slicer.motion.vectorized import Blocks, corner_squares
+from printer_slicer.motion.vectorized_lookahead import lookahead_seconds
 from printer_slicer.stream.window import QUESTION_ROOM
 
 __all__ = [
@@ -272,7 +272,7 @@ def send_batch(
     """
     blocks, corners = _with_waiting(planner, lines.blocks, limits)
     waiting, places = len(planner.queue), max(limits.planner_blocks - 1, 1)
-    seconds, squares = seconds_ahead(blocks, corners, places - 2, planner.square)
+    seconds, squares = lookahead_seconds(blocks, corners, places - 2, planner.square)
     # ends[k] is when the block before block k ends, and block k begins.
     ends = np.append(planner.ends, planner.ends + np.cumsum(seconds))
     # The block that each line would be the next to plan, and the last that is planned behind it.

@@ -9,12 +9,12 @@ from difflib import get_close_matches
 import numpy as np
 
 from printer_slicer.arrays import Int
-from printer_slicer.compensation import compensated
+from printer_slicer.compensation import compensate
 from printer_slicer.errors import PartError, UsageError
 from printer_slicer.geometry import Areas, difference, union
 from printer_slicer.infill import Infill, infill_paths
-from printer_slicer.layered import Layered, by_layer
-from printer_slicer.model import Item, LayerPlan, Mesh, Regions, Sections, Toolpaths, Walls
+from printer_slicer.layer_settings import LayerSettings, settings_by_layer
+from printer_slicer.model import LayerPlan, Mesh, PlateObject, Regions, Sections, Toolpaths, Walls
 from printer_slicer.overhangs import graded
 from printer_slicer.profile import Profile
 from printer_slicer.profile.places import for_object, objects_of
@@ -45,9 +45,9 @@ def split_objects(part: Mesh, plan: LayerPlan | Sequence[LayerPlan], profile: Pr
     if isinstance(plan, LayerPlan):
         meshes, profiles = zip(*_by_settings(part, profile), strict=True)
         return list(meshes), [plan] * len(meshes), list(profiles)
-    if len(plan) != max(len(part.items), 1):
+    if len(plan) != max(len(part.objects), 1):
         raise UsageError(
-            f"{part.name}: {len(plan)} layer plans for {max(len(part.items), 1)} objects",
+            f"{part.name}: {len(plan)} layer plans for {max(len(part.objects), 1)} objects",
             remedy="give one plan for all, or one for each object",
         )
     called = _names_of(part)
@@ -55,7 +55,7 @@ def split_objects(part: Mesh, plan: LayerPlan | Sequence[LayerPlan], profile: Pr
     _refuse_unknown(named, called)
     _require_known_facets(part)
     own = [for_object(profile, tuple(name for name in named if name in names)) for names in called]
-    return [_only(part, [item]) for item in part.items] or [part], list(plan), own
+    return [_only(part, [item]) for item in part.objects] or [part], list(plan), own
 
 
 def _by_settings(part: Mesh, profile: Profile) -> list[tuple[Mesh, Profile]]:
@@ -68,8 +68,8 @@ def _by_settings(part: Mesh, profile: Profile) -> list[tuple[Mesh, Profile]]:
     if len(called) == 1:
         return [(part, for_object(profile, called[0]))]
     _require_known_facets(part)
-    own: dict[tuple[str, ...], list[Item]] = {}
-    for item, names in zip(part.items, called, strict=True):
+    own: dict[tuple[str, ...], list[PlateObject]] = {}
+    for item, names in zip(part.objects, called, strict=True):
         own.setdefault(tuple(name for name in named if name in names), []).append(item)
     return [(_only(part, items), for_object(profile, names)) for names, items in own.items()]
 
@@ -80,7 +80,7 @@ def _require_known_facets(part: Mesh) -> None:
     Raises:
         UsageError: it was repaired.
     """
-    if not all(item.count for item in part.items):
+    if not all(item.count for item in part.objects):
         raise UsageError(
             f"{part.name}: needs repair, after which it is not known what belongs to which object",
             remedy="mend the models, or leave out the settings of objects",
@@ -89,7 +89,7 @@ def _require_known_facets(part: Mesh) -> None:
 
 def _names_of(part: Mesh) -> list[set[str]]:
     """All that each object may be called."""
-    called = _called([item.name for item in part.items] or [part.name])
+    called = _called([item.name for item in part.objects] or [part.name])
     return [called[0] | {part.name}] if len(called) == 1 else called
 
 
@@ -115,7 +115,7 @@ def _refuse_unknown(named: Sequence[str], called: Sequence[set[str]]) -> None:
             )
 
 
-def _only(part: Mesh, items: Sequence[Item]) -> Mesh:
+def _only(part: Mesh, items: Sequence[PlateObject]) -> Mesh:
     """Some of the objects as a mesh of their own."""
     pieces = [part.triangles[item.first : item.first + item.count] for item in items]
     return Mesh(np.concatenate(pieces), ", ".join(item.name for item in items))
@@ -130,7 +130,7 @@ def cut_objects(
         PartError: the planes meet no material, or the contours cannot be closed.
     """
     cuts = [
-        compensated(cut(mesh, plan, own.quality.resolution), own)
+        compensate(cut(mesh, plan, own.quality.resolution), own)
         for mesh, plan, own in zip(meshes, plans, profiles, strict=True)
     ]
     return _subtract_earlier(cuts)
@@ -172,7 +172,7 @@ def object_paths(
     stages: tuple[Sequence[Sections], Sequence[Walls], Sequence[Regions]],
     profiles: Sequence[Profile],
     usual: Profile,
-    own_infill: Infill | None = None,
+    custom_infill: Infill | None = None,
 ) -> tuple[list[Toolpaths], list[Profile]]:
     """The paths of all objects, and the profiles whose numbers they have.
 
@@ -181,7 +181,7 @@ def object_paths(
         stages: sections, walls and regions of each object.
         profiles: of each object.
         usual: the profile of what belongs to no object, number 0.
-        own_infill: the sparse infill of a strategy from outside.
+        custom_infill: the sparse infill of a strategy from outside.
 
     Raises:
         PartError: there is no path.
@@ -189,9 +189,9 @@ def object_paths(
     paths, numbered = list[Toolpaths](), [usual]
     for sections, walls, regions, profile in zip(*stages, profiles, strict=True):
         perimeters, groups = thickened(graded(walls.paths, sections), sections, regions, profile)
-        of_layer = _numbers(numbered, by_layer(profile, sections.plan))
-        infill = infill_paths(regions, profile, groups, own_infill)
-        paths += [perimeters.ruled(of_layer), infill.ruled(of_layer)]
+        of_layer = _numbers(numbered, settings_by_layer(profile, sections.plan))
+        infill = infill_paths(regions, profile, groups, custom_infill)
+        paths += [perimeters.with_settings(of_layer), infill.with_settings(of_layer)]
     if sum(some.n_paths for some in paths) == 0:
         raise PartError(
             f"{name}: no bead of {usual.extrusion_width:g} mm fits into the part",
@@ -200,7 +200,7 @@ def object_paths(
     return paths, numbered
 
 
-def _numbers(profiles: list[Profile], layered: Layered) -> Int:
+def _numbers(profiles: list[Profile], layered: LayerSettings) -> Int:
     """(L,) the number of each layer's profile among `profiles`, to which those are added that are new."""
     profiles += [one for one in layered.profiles if one not in profiles]
     return np.array([profiles.index(one) for one in layered.profiles])[layered.of_layer]

@@ -237,7 +237,7 @@ def _joined(paths: Toolpaths, pieces: _Pieces, carried: Float, shortest: float) 
         paths.height,
         paths.closed,
         mean[stretch[kept]],
-        paths.sweep,
+        paths.chain_id,
     )
 
 

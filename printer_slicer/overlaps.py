@@ -74,7 +74,7 @@ def find_collisions(part: Mesh) -> Iterator[Overlap]:
     Objects of one file are placed relative to each other on purpose: one may stand on another or reach over it. Their
     sections are compared on 24 planes over the height that both have.
     """
-    bounds = np.array([(item.low, item.high) for item in part.items]).reshape(-1, 2, 3)
+    bounds = np.array([(item.low, item.high) for item in part.objects]).reshape(-1, 2, 3)
     for second in range(1, len(bounds)):
         low, high = (
             np.maximum(bounds[:second, 0], bounds[second, 0]),
@@ -93,7 +93,7 @@ def find_collisions(part: Mesh) -> Iterator[Overlap]:
 
 def _sections(part: Mesh, number: int, z: Float) -> Areas:
     """The solid sections of an object at heights (n,), mm."""
-    item = part.items[number]
+    item = part.objects[number]
     return normalize(section_contours(part.triangles[item.first : item.first + item.count], z))
 
 

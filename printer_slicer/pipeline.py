@@ -13,19 +13,19 @@ from printer_slicer.adhesion import on_raft, with_adhesion
 from printer_slicer.curves import curved
 from printer_slicer.extrusion import extrude
 from printer_slicer.healing import refuse_repaired, repair
-from printer_slicer.labelling import labels_of
+from printer_slicer.labelling import label_moves
 from printer_slicer.link_limiter import limit_link
 from printer_slicer.model import LayerPlan, Mesh, Program, Regions, Walls
 from printer_slicer.objects import cut_objects, object_paths, split_objects, stack_sections
-from printer_slicer.ordering import for_spiral, order
+from printer_slicer.ordering import apply_spiral_settings, order
 from printer_slicer.perimeters import lay_walls
 from printer_slicer.placing import IN_THE_MIDDLE, Placement, place
 from printer_slicer.profile import Profile
 from printer_slicer.progress import Report, quiet
 from printer_slicer.regions import classify
 from printer_slicer.slicing import section_repairs
-from printer_slicer.stages import Choices, Stages, require_part
-from printer_slicer.strategies import OURS, Strategies, checked_program
+from printer_slicer.stages import SliceOptions, Stages, check_part
+from printer_slicer.strategies import OURS, Strategies, run_program_functions
 from printer_slicer.time_budget import choose_plan
 from printer_slicer.travels import travel
 
@@ -58,7 +58,7 @@ def slice_stages(  # noqa: PLR0913 - every choice has a usual value
         PartError: the part does not fit, cannot be repaired, or cannot be divided into layers.
         StrategyError: a function from outside gives what cannot be used.
     """
-    require_part(mesh, profile)
+    check_part(mesh, profile)
     report("repairing")
     repaired, repairs = repair(mesh)
     if strict:
@@ -84,7 +84,7 @@ def slice_planned(
     strategies: Strategies = OURS,
 ) -> Stages:
     """The stages from a placed part and its layers to the moves; arguments and errors are those of `slice_stages`."""
-    profile = for_spiral(profile)
+    profile = apply_spiral_settings(profile)
     meshes, plans, own = split_objects(part, plan, profile)
     report("slicing")
     sections = cut_objects(meshes, plans, own)
@@ -93,7 +93,9 @@ def slice_planned(
     report("regions")
     regions = list(map(classify, sections, walls, own))
     report("toolpaths")
-    paths, profiles = object_paths(part.name, (sections, walls, regions), own, profile, strategies.own_infill)
+    paths, profiles = object_paths(
+        part.name, (sections, walls, regions), own, profile, strategies.custom_infill
+    )
     report("ordering")
     solid = stack_sections(sections)
     printed = on_raft(solid, profile)
@@ -103,8 +105,8 @@ def slice_planned(
     report("extrusion")
     program = extrude(toolpaths, travels, profile, profiles)
     toolpaths, travels, program, link = limit_link((toolpaths, travels, program), printed, profile, profiles)
-    program = checked_program(program, strategies.on_program, len(profile.extruders))
-    labels = labels_of(program, part, solid.plan)
+    program = run_program_functions(program, strategies.on_program, len(profile.extruders))
+    labels = label_moves(program, part, solid.plan)
     joined = Walls.joined(walls), Regions.joined(regions)
     return Stages(part, solid, *joined, toolpaths, travels, program, link, labels)
 
@@ -114,6 +116,6 @@ def plan_part(part: Mesh, profile: Profile, strategies: Strategies = OURS) -> La
     return choose_plan(part, profile, strategies, slice_planned)
 
 
-def slice_part(mesh: Mesh, profile: Profile, **choices: Unpack[Choices]) -> Program:
+def slice_part(mesh: Mesh, profile: Profile, **choices: Unpack[SliceOptions]) -> Program:
     """The moves that print a part; arguments and errors are those of `slice_stages`."""
     return slice_stages(mesh, profile, **choices).program

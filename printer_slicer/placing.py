@@ -17,7 +17,7 @@ from printer_slicer.errors import PartError, UsageError
 from printer_slicer.mesh_io import UNITS, unit_advice
 from printer_slicer.mesh_io.soundness import LARGEST, blocks
 from printer_slicer.mesh_io.units import SPOKEN
-from printer_slicer.model import Item, Mesh
+from printer_slicer.model import Mesh, PlateObject
 from printer_slicer.profile import Printer
 
 __all__ = ["IN_THE_MIDDLE", "Placement", "joined", "place", "transformed"]
@@ -80,7 +80,7 @@ def place(mesh: Mesh, printer: Printer, placement: Placement = IN_THE_MIDDLE) ->
         # rounding.
         np.add(mesh.triangles[block], by, out=placed[block])
         np.round(placed[block], 6, out=placed[block])
-    return Mesh(placed, mesh.name, tuple(item.moved(by) for item in mesh.items))
+    return Mesh(placed, mesh.name, tuple(item.moved(by) for item in mesh.objects))
 
 
 def _check_size(name: str, size: Float, printer: Printer, placement: Placement) -> None:
@@ -181,7 +181,7 @@ def transformed(
     for block in blocks(mesh.n_facets):
         part = mesh.triangles[block]
         made[block] = part * np.diag(matrix) if plain else part @ matrix.T
-    return Mesh(made, mesh.name, _outlined(mesh.items, made))
+    return Mesh(made, mesh.name, _outlined(mesh.objects, made))
 
 
 def _listed(factors: Float) -> str:
@@ -212,20 +212,20 @@ def joined(meshes: Sequence[Mesh]) -> Mesh:
     if len(meshes) == 1:
         return meshes[0]
     name = f"{meshes[0].name} and {len(meshes) - 1} more"
-    items: list[Item] = []
+    items: list[PlateObject] = []
     begin = 0
     for mesh in meshes:
-        own = mesh.items or (Item.of(mesh.name, mesh.bounds, 0, mesh.n_facets),)
+        own = mesh.objects or (PlateObject.of(mesh.name, mesh.bounds, 0, mesh.n_facets),)
         items += [item.behind(begin) for item in own]
         begin += mesh.n_facets
     return Mesh(np.concatenate([mesh.triangles for mesh in meshes]), name, tuple(items))
 
 
-def _outlined(items: Sequence[Item], triangles: Float) -> tuple[Item, ...]:
+def _outlined(items: Sequence[PlateObject], triangles: Float) -> tuple[PlateObject, ...]:
     """The same things after their facets have been moved about."""
     made = []
     for item in items:
         # Facets of the only thing are all there are, also after a repair.
         facets = triangles if len(items) == 1 else triangles[item.first : item.first + item.count]
-        made.append(Item.of(item.name, Mesh(facets).bounds, item.first, item.count))
+        made.append(PlateObject.of(item.name, Mesh(facets).bounds, item.first, item.count))
     return tuple(made)

@@ -31,7 +31,7 @@ from printer_slicer.geometry import (
     window_intersection,
     window_intersections,
 )
-from printer_slicer.layered import Layered, by_layer
+from printer_slicer.layer_settings import LayerSettings, settings_by_layer
 from printer_slicer.model import Areas, LayerPlan, Regions, Sections, Walls
 from printer_slicer.profile import Profile
 
@@ -49,7 +49,7 @@ def classify(sections: Sections, walls: Walls, profile: Profile) -> Regions:
     (`quality.bottom_thickness`), or where the area around it is too small for sparse infill. The bed is a surface too.
     """
     plan, inside, solid = sections.plan, walls.inside, sections.solid
-    rules, width = _Rules.of(by_layer(profile, plan)), walls.width
+    rules, width = _Rules.of(settings_by_layer(profile, plan)), walls.width
     near, (open_above, open_below) = _exposed(sections, inside, rules)
     shell = _shell(walls, near, rules)
     carrying, sparse = _below(solid), difference(inside, shell)
@@ -108,7 +108,7 @@ class _Rules:
     angle: Float
 
     @classmethod
-    def of(cls, layered: Layered) -> _Rules:
+    def of(cls, layered: LayerSettings) -> _Rules:
         """Those of profiles."""
         density = layered.values(lambda profile: profile.quality.infill_density)
         return cls(

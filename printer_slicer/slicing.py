@@ -16,7 +16,7 @@ from printer_slicer.geometry.planes import connected, edge_faults
 from printer_slicer.geometry.slabs import slab_shadows
 from printer_slicer.model import Contours, Gap, LayerPlan, Mesh, MeshFaults, Repair, Sections
 
-__all__ = ["contours", "cut", "mesh_faults", "open_places", "section_repairs"]
+__all__ = ["contours", "cut", "find_gaps", "find_mesh_faults", "section_repairs"]
 
 _ROUNDING = 1e-3  # mm; ends this close are the same point, written twice
 _FINE = (
@@ -120,7 +120,7 @@ def contours(mesh: Mesh, plan: LayerPlan) -> Contours:
     )
 
 
-def open_places(mesh: Mesh, plan: LayerPlan) -> tuple[int, list[Gap]]:
+def find_gaps(mesh: Mesh, plan: LayerPlan) -> tuple[int, list[Gap]]:
     """How many edges lack a neighbour, and where contours had to be closed over a gap, widest first."""
     rings = _rings_of(mesh, plan)
     return rings.unpaired, list(rings.gaps)
@@ -147,7 +147,7 @@ def section_repairs(
     return done
 
 
-def mesh_faults(mesh: Mesh) -> MeshFaults:
+def find_mesh_faults(mesh: Mesh) -> MeshFaults:
     """Where the mesh is open, wrongly oriented, or not a surface; in the coordinates of the mesh."""
     return MeshFaults(*edge_faults(mesh.triangles))
 

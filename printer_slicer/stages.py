@@ -26,14 +26,14 @@ from printer_slicer.model import (
 from printer_slicer.placing import Placement
 from printer_slicer.profile import Profile
 from printer_slicer.progress import Report
-from printer_slicer.showing import Drawn
+from printer_slicer.repr_svg import SvgRepr
 from printer_slicer.strategies import Strategies
 from printer_slicer.texts import describe_type
 
-__all__ = ["Choices", "Stages", "require_part"]
+__all__ = ["SliceOptions", "Stages", "check_part"]
 
 
-class Choices(TypedDict, total=False):
+class SliceOptions(TypedDict, total=False):
     """What may be chosen of how a part is sliced; see `pipeline.slice_stages`."""
 
     plan: LayerPlan | Sequence[LayerPlan] | None
@@ -43,7 +43,7 @@ class Choices(TypedDict, total=False):
     strategies: Strategies
 
 
-def require_part(mesh: object, profile: object) -> None:
+def check_part(mesh: object, profile: object) -> None:
     """Refuse what nothing can be made of, before a stage fails over it in words of its own.
 
     Raises:
@@ -67,7 +67,7 @@ def require_part(mesh: object, profile: object) -> None:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Stages(Drawn):
+class Stages(SvgRepr):
     """Every value on the way from a part to its moves.
 
     Attributes:
@@ -105,7 +105,7 @@ class Stages(Drawn):
         return "\n".join(["<Stages", *(f"  {name}: {getattr(self, name)!r}" for name in values), ">"])
 
     @property
-    def looks(self) -> object:
+    def drawable(self) -> object:
         """The moves."""
         return self.program
 

@@ -22,7 +22,7 @@ from printer_slicer.planning import Planner
 from printer_slicer.profile import Profile
 from printer_slicer.texts import callable_name, describe_type
 
-__all__ = ["OURS", "Strategies", "checked_lines", "checked_plan", "checked_program"]
+__all__ = ["OURS", "Strategies", "check_plan", "run_line_functions", "run_program_functions"]
 
 _DUST: Final = 1e-6  # mm; floating-point dust of sums of heights
 _LATTICE: Final = 1e-3  # of a z step
@@ -65,18 +65,18 @@ class Strategies:
                 _insist_on_function(name, one)
 
     @property
-    def own_infill(self) -> Infill | None:
+    def custom_infill(self) -> Infill | None:
         """The infill, with how it is measured."""
         return self.infill if self.infill is None or isinstance(self.infill, Infill) else Infill(self.infill)
 
     @property
-    def own_flavour(self) -> Dialect | None:
+    def checked_flavour(self) -> Dialect | None:
         """The flavour, with all that it says looked at as it is said."""
         return _watched(self.flavour) if self.flavour else None
 
     def facts(self) -> tuple[str, ...]:
         """What a file should tell of them, since its settings cannot."""
-        infill = self.own_infill
+        infill = self.custom_infill
         named = {"planner": self.planner and callable_name(self.planner), "infill": infill and infill.name}
         return tuple(f"{what} = {name}, a function from outside" for what, name in named.items() if name)
 
@@ -98,7 +98,7 @@ OURS: Final = Strategies()
 # Planners
 
 
-def checked_plan(plan: object, part: Mesh, profile: Profile, planner: object) -> LayerPlan:
+def check_plan(plan: object, part: Mesh, profile: Profile, planner: object) -> LayerPlan:
     """The plan that a planner from outside gave.
 
     Args:
@@ -161,7 +161,7 @@ def _insist_on_heights(name: str, plan: LayerPlan, profile: Profile) -> None:
 # Post-processors
 
 
-def checked_program(
+def run_program_functions(
     program: Program, functions: Sequence[Callable[[Program], Program]], n_tools: int = 1
 ) -> Program:
     """The moves after all functions from outside had their turn.
@@ -230,7 +230,7 @@ def _check_program(name: str, program: object, n_layers: int) -> None:
         )
 
 
-def checked_lines(text: bytes, functions: Sequence[Callable[[list[str]], Iterable[str]]]) -> bytes:
+def run_line_functions(text: bytes, functions: Sequence[Callable[[list[str]], Iterable[str]]]) -> bytes:
     """The text of a file after all functions from outside had their turn.
 
     Raises:

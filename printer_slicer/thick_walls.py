@@ -17,6 +17,7 @@ import numpy as np
 
 from printer_slicer import bead
 from printer_slicer.arrays import Bool, Float, Int, consecutive, frozen_array, numbered, run_begins
+from printer_slicer.combine_layers import area_savings, choose_groups, last_layers, tallest_groups
 from printer_slicer.geometry import (
     Areas,
     Pieces,
@@ -30,7 +31,6 @@ from printer_slicer.geometry import (
     window_intersection,
 )
 from printer_slicer.geometry.clipping import spans
-from printer_slicer.grouping import area_savings, divide, last_layers, within
 from printer_slicer.model import LayerPlan, Regions, Sections, Toolpaths
 from printer_slicer.profile import Profile
 from printer_slicer.roles import Role
@@ -93,7 +93,7 @@ def runs(paths: Toolpaths) -> tuple[Float, Int, Int]:
     point, start = opened(paths)
     owner = np.repeat(np.arange(paths.n_paths), np.diff(start))
     laid = np.append(np.diff(owner) == 0, False)
-    laid &= paths.carried[point] >= 1
+    laid &= paths.support_ratio[point] >= 1
     first = np.flatnonzero(laid & ~np.append(False, laid[:-1]))
     last = np.flatnonzero(laid & ~np.append(laid[1:], False))
     size = last - first + 2
@@ -179,7 +179,7 @@ def cut(paths: Toolpaths, stretches: Spans) -> Toolpaths:
         width=width,
         closed=whole,
         height=paths.height[stretches.path],
-        carried=paths.carried[point[segment]],
+        support_ratio=paths.support_ratio[point[segment]],
     )
 
 
@@ -285,8 +285,8 @@ def thickened(
     Returns:
         The paths, and (L,) the first layer of the group of each layer; None where nothing is printed together.
     """
-    plan, limit = paths.plan, min(profile.quality.perimeters_every, profile.highest_bead)
-    lowest = within(plan, limit)
+    plan, limit = paths.plan, min(profile.quality.inner_perimeters_every, profile.highest_bead)
+    lowest = tallest_groups(plan, limit)
     inner = paths.role == Role.PERIMETER
     if (lowest == np.arange(plan.n_layers)).all() or not inner.any():
         return paths, None
@@ -308,13 +308,13 @@ def thickened(
 def _groups(bands: Bands, plan: LayerPlan, lowest: Int, sparse: Areas, profile: Profile) -> Int:
     """(L,) the first layer of each one's group: what saves most of perimeters and sparse infill together, mm."""
     quality = profile.quality
-    of_infill = area_savings(sparse, within(plan, min(quality.internal_infill_every, profile.highest_bead)))
+    of_infill = area_savings(sparse, tallest_groups(plan, min(quality.sparse_every, profile.highest_bead)))
     of_infill *= quality.infill_density / profile.extrusion_width
     saved = bands.savings(lowest)
     several = np.zeros((max(len(saved), len(of_infill)), plan.n_layers))
     several[: len(saved)] += saved
     several[: len(of_infill)] += of_infill
-    return divide(several)
+    return choose_groups(several)
 
 
 def _stretches(some: Toolpaths, pieces: Pieces, groups: Int) -> tuple[Spans, Int]:

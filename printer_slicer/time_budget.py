@@ -12,7 +12,7 @@ from printer_slicer.model import LayerPlan, Mesh
 from printer_slicer.planning import plan_layers
 from printer_slicer.profile import Profile, profile_with
 from printer_slicer.stages import Stages
-from printer_slicer.strategies import Strategies, checked_plan
+from printer_slicer.strategies import Strategies, check_plan
 from printer_slicer.surface import certify, read_surface
 
 __all__ = ["choose_plan"]
@@ -46,7 +46,7 @@ def choose_plan(part: Mesh, profile: Profile, strategies: Strategies, slice_plan
         StrategyError: the planner from outside gives what cannot be used.
     """
     if strategies.planner:
-        return checked_plan(strategies.planner(part, profile), part, profile, strategies.planner)
+        return check_plan(strategies.planner(part, profile), part, profile, strategies.planner)
 
     def seconds_of(plan: LayerPlan) -> float:
         program = slice_planned(part, plan, profile, strategies=strategies).program

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from printer_slicer.commands import Commands, lines_of, told_by
+from printer_slicer.commands import Commands, lines_of, split_gcode
 from printer_slicer.errors import UsageError
 from printer_slicer.gcode.lexer import strip
 from printer_slicer.profile import load_profile
@@ -65,7 +65,7 @@ def plainly(text: bytes) -> tuple[list[bytes], list[int], dict[int, int], dict[i
 def test_pieces_of_any_size_hold_the_same(text: bytes, size: int) -> None:
     commands, numbers, marks, roles = plainly(text)
 
-    told = told_by(text, size)
+    told = split_gcode(text, size)
 
     assert list(told.commands) == commands
     assert (told.marks, told.roles) == (marks, roles)
@@ -77,7 +77,7 @@ def test_pieces_of_any_size_hold_the_same(text: bytes, size: int) -> None:
 def test_they_are_taken_like_those_of_a_list(
     text: bytes, size: int, first: int, last: int, step: int | None
 ) -> None:
-    commands = told_by(text, size).commands
+    commands = split_gcode(text, size).commands
     plain, _, _, _ = plainly(text)
 
     assert len(commands) == len(plain)
@@ -90,7 +90,7 @@ def test_they_are_taken_like_those_of_a_list(
 
 
 def test_a_command_is_found_in_any_piece() -> None:
-    commands = told_by(b"G28\nG1 X1 ; G20\nG1 X2\n", 1).commands
+    commands = split_gcode(b"G28\nG1 X1 ; G20\nG1 X2\n", 1).commands
 
     assert b"G1 X2" in commands
     assert b"G20" not in commands

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from printer_slicer.compensation import compensated
+from printer_slicer.compensation import compensate
 from printer_slicer.geometry import Areas
 from printer_slicer.model import LayerPlan, Sections
 from tests.parts import plain, shape, shapely
@@ -27,25 +27,25 @@ def sections(solid: Areas) -> Sections:
 def test_nothing_is_touched_if_nothing_is_asked_for() -> None:
     given_ones = sections(nested())
 
-    assert compensated(given_ones, plain()) is given_ones
+    assert compensate(given_ones, plain()) is given_ones
 
 
 @pytest.mark.parametrize("by", [-0.2, 0.15])
 def test_outer_outlines_move_and_holes_stay(by: float) -> None:
-    made = compensated(sections(nested()), plain(xy_compensation=by))
+    made = compensate(sections(nested()), plain(xy_compensation=by))
 
     assert made.solid.area() == pytest.approx([(20 + 2 * by) ** 2 - 100 + (4 + 2 * by) ** 2] * 4, abs=1e-3)
 
 
 @pytest.mark.parametrize("by", [-0.2, 0.15])
 def test_holes_are_widened_and_what_stands_in_them_is_not_touched(by: float) -> None:
-    made = compensated(sections(nested()), plain(hole_compensation=by))
+    made = compensate(sections(nested()), plain(hole_compensation=by))
 
     assert made.solid.area() == pytest.approx([400 - (10 + 2 * by) ** 2 + 16] * 4, abs=1e-3)
 
 
 def test_the_first_layer_is_inset_and_the_inset_fades_with_height() -> None:
-    made = compensated(sections(nested()), plain(elephant_foot=0.2, elephant_foot_height=0.4))
+    made = compensate(sections(nested()), plain(elephant_foot=0.2, elephant_foot_height=0.4))
 
     insets = [0.2, 0.1, 0.0, 0.0]
     wanted = [(20 - 2 * e) ** 2 - (10 + 2 * e) ** 2 + (4 - 2 * e) ** 2 for e in insets]
@@ -53,22 +53,22 @@ def test_the_first_layer_is_inset_and_the_inset_fades_with_height() -> None:
 
 
 def test_without_a_height_only_the_first_layer_is_inset() -> None:
-    made = compensated(sections(nested()), plain(elephant_foot=0.2))
+    made = compensate(sections(nested()), plain(elephant_foot=0.2))
 
     assert (made.solid.area() < nested().area() - 1).tolist() == [True, False, False, False]
 
 
 def test_thin_walls_keep_their_foot() -> None:
     wall = Areas.from_rings([[box(0, 0, 20, 0.5)]])
-    made = compensated(sections(wall), plain(elephant_foot=0.2))
+    made = compensate(sections(wall), plain(elephant_foot=0.2))
 
     assert made.solid.area() == pytest.approx([10], abs=1e-2)
 
 
 @given(solid=clean_areas(2), by=st.floats(0.01, 0.4))
 def test_growing_covers_and_shrinking_is_covered(solid: Areas, by: float) -> None:
-    grown = compensated(sections(solid), plain(xy_compensation=by, hole_compensation=-by)).solid
-    shrunk = compensated(sections(solid), plain(xy_compensation=-by, hole_compensation=by)).solid
+    grown = compensate(sections(solid), plain(xy_compensation=by, hole_compensation=-by)).solid
+    shrunk = compensate(sections(solid), plain(xy_compensation=-by, hole_compensation=by)).solid
 
     for layer in range(2):
         own = shape(solid, layer)

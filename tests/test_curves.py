@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.arrays import Float
-from printer_slicer.commands import told_by
+from printer_slicer.commands import split_gcode
 from printer_slicer.curves import curved
 from printer_slicer.extrusion import move_seconds
 from printer_slicer.firmware import FLAVOURS
@@ -24,7 +24,7 @@ PLAN = LayerPlan.from_tops(np.array([0.2]))
 
 
 def path_of(
-    xy: Float, *, closed: bool, width: Float | None = None, carried: Float | None = None
+    xy: Float, *, closed: bool, width: Float | None = None, support_ratio: Float | None = None
 ) -> Toolpaths:
     return Toolpaths.gathered(
         PLAN,
@@ -34,7 +34,7 @@ def path_of(
         role=np.array([int(Role.EXTERNAL_PERIMETER)]),
         width=np.array([0.45]) if width is None else width,
         closed=closed,
-        carried=carried,
+        support_ratio=support_ratio,
     )
 
 
@@ -99,11 +99,11 @@ def test_beads_whose_width_changes_and_those_that_hang_stay_lines() -> None:
     xy = circle(5, 60, turn=2.0)
     wavy = curved(path_of(xy, closed=False, width=np.linspace(0.3, 0.6, 60)), plain(arc_tolerance=0.05))
     carried = np.where(np.arange(60) < 30, 1.0, 0.4)
-    hanging = curved(path_of(xy, closed=False, carried=carried), plain(arc_tolerance=0.05))
+    hanging = curved(path_of(xy, closed=False, support_ratio=carried), plain(arc_tolerance=0.05))
 
     assert arcs(wavy) == 0
     assert arcs(hanging) == 2
-    assert set(hanging.carried.tolist()) == {1.0, 0.4}
+    assert set(hanging.support_ratio.tolist()) == {1.0, 0.4}
 
 
 def test_corners_and_straight_lines_are_no_arcs() -> None:
@@ -122,7 +122,9 @@ def test_files_with_arcs_say_the_same_in_fewer_lines(mesh) -> None:  # type: ign
     assert (round_about > 20) == (mesh.name != "box")
     assert len(text.splitlines()) <= len(longer.splitlines()) + 1
     assert program.filament_used == pytest.approx(lines.filament_used, rel=2e-3)
-    moves = read_moves(told_by(text).commands, wanted.printer.corners[0], FLAVOURS[wanted.printer.flavour])
+    moves = read_moves(
+        split_gcode(text).commands, wanted.printer.corners[0], FLAVOURS[wanted.printer.flavour]
+    )
     # What the machine makes of the arcs is what was planned.
     done = shapely.linestrings(moves.end[:, :2])
     shapely.prepare(done)
@@ -130,7 +132,9 @@ def test_files_with_arcs_say_the_same_in_fewer_lines(mesh) -> None:  # type: ign
     assert shapely.distance(done, shapely.points(chords[:, :2])).max(initial=0.0) < 0.02
     assert moves.delta[:, 3].sum() == pytest.approx(program.filament.sum(), abs=1e-3)
     # The way to the first bead is not part of the estimate.
-    late = read_moves(told_by(longer).commands, wanted.printer.corners[0], FLAVOURS[wanted.printer.flavour])
+    late = read_moves(
+        split_gcode(longer).commands, wanted.printer.corners[0], FLAVOURS[wanted.printer.flavour]
+    )
     extra = late.seconds(limits_of(wanted.printer)) - float(move_seconds(lines, usual).sum())
     told = moves.seconds(limits_of(wanted.printer)) - extra
     assert told == pytest.approx(float(move_seconds(program, wanted).sum()), rel=1e-3)

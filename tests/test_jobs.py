@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from printer_slicer.commands import lines_of, told_by
+from printer_slicer.commands import lines_of, split_gcode
 from printer_slicer.errors import MeshError, PartError, PrinterSlicerError, UsageError
 from printer_slicer.gcode.lexer import strip
 from printer_slicer.gcode_text import gcode_of
@@ -40,28 +40,28 @@ def job_of(tmp_path: Path, text: bytes, name: str = "job.gcode") -> Job:
 
 
 def test_comments_blanks_and_empty_lines_are_no_commands() -> None:
-    commands = list(told_by(b"; hello\n\n  G28 ; home\n \t\nG1 X5;Y9\n;G1 X7").commands)
+    commands = list(split_gcode(b"; hello\n\n  G28 ; home\n \t\nG1 X5;Y9\n;G1 X7").commands)
 
     assert commands == [b"G28", b"G1 X5"]
 
 
 def test_line_breaks_of_any_kind_end_a_command() -> None:
     for end in (b"\n", b"\r\n"):
-        assert list(told_by(end.join([b"G28", b"G1 X5", b""])).commands) == [b"G28", b"G1 X5"]
+        assert list(split_gcode(end.join([b"G28", b"G1 X5", b""])).commands) == [b"G28", b"G1 X5"]
 
 
 def test_a_last_line_without_a_line_break_counts() -> None:
-    assert list(told_by(b"G28\nG1 X5").commands) == [b"G28", b"G1 X5"]
+    assert list(split_gcode(b"G28\nG1 X5").commands) == [b"G28", b"G1 X5"]
 
 
 @pytest.mark.parametrize("first", ["G28\n", "; made by an editor\nG28\n"])
 def test_the_mark_that_editors_put_in_front_of_utf8_is_no_command(first: str) -> None:
-    assert list(told_by(first.encode("utf-8-sig")).commands) == list(told_by(first.encode()).commands)
+    assert list(split_gcode(first.encode("utf-8-sig")).commands) == list(split_gcode(first.encode()).commands)
     assert lines_of(first.encode("utf-8-sig"), [0]) == lines_of(first.encode(), [0])
 
 
 def test_an_empty_text_has_no_commands() -> None:
-    told = told_by(b"")
+    told = split_gcode(b"")
 
     assert (len(told.commands), told.marks, told.roles) == (0, {}, {})
 
@@ -69,18 +69,18 @@ def test_an_empty_text_has_no_commands() -> None:
 def test_layer_comments_count_from_one_and_belong_to_the_next_command() -> None:
     text = b"G28\n;LAYER_CHANGE\n;Z:0.2\nG1 X1\nG1 X2\n;LAYER_CHANGE\nG1 X3\n"
 
-    assert told_by(text).marks == {1: 1, 3: 2}
+    assert split_gcode(text).marks == {1: 1, 3: 2}
 
 
 def test_layer_comments_of_other_slicers_count_too() -> None:
     text = b";LAYER_COUNT:2\nG28\n;LAYER:0\nG1 X1\n;LAYER:1\nG1 X2\n"
 
-    assert told_by(text).marks == {1: 1, 2: 2}
+    assert split_gcode(text).marks == {1: 1, 2: 2}
 
 
 @given(LINES)
 def test_commands_are_what_the_host_will_send(lines: list[str]) -> None:
-    told = told_by("\n".join(lines).encode())
+    told = split_gcode("\n".join(lines).encode())
     commands, marks = list(told.commands), told.marks
 
     assert commands == [strip(command) for command in commands]
@@ -92,14 +92,14 @@ def test_commands_are_what_the_host_will_send(lines: list[str]) -> None:
 @pytest.mark.parametrize("line", [b"N12 G1 X5*97", b"N1 G28*18", b"M110 N0", b"G28\nM110 N5\nG1 X5"])
 def test_commands_of_numbered_files_are_what_the_host_will_send(line: bytes) -> None:
     """A host strips numbers and checksums of the file and never sends M110: the job must say the same."""
-    commands = list(told_by(line).commands)
+    commands = list(split_gcode(line).commands)
 
     assert commands == [stripped for command in commands if (stripped := strip(command))]
 
 
 @given(LINES)
 def test_every_command_of_the_text_is_there_in_order(lines: list[str]) -> None:
-    commands = list(told_by("\n".join(lines).encode()).commands)
+    commands = list(split_gcode("\n".join(lines).encode()).commands)
 
     assert commands == [text.encode() for line in lines if (text := line.partition(";")[0].strip())]
 

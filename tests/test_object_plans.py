@@ -11,7 +11,7 @@ from printer_slicer.errors import UsageError
 from printer_slicer.extrusion.accelerating import accelerations_of
 from printer_slicer.gcode_text import gcode_of
 from printer_slicer.inspection.coverage.model_check import check_gcode
-from printer_slicer.model import Heat, Item, LayerPlan, Mesh
+from printer_slicer.model import Heat, LayerPlan, Mesh, PlateObject
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.roles import Role, roles_with
 from printer_slicer.stages import Stages
@@ -28,7 +28,7 @@ def two_objects() -> Mesh:
     """Two cubes 6 mm high side by side."""
     cubes = [box((SIDE, SIDE, 6.0), (20.0 * k, 0.0, 0.0)) for k in range(2)]
     items = tuple(
-        Item(name, cube.bounds[0], cube.bounds[1], 12 * k, 12)
+        PlateObject(name, cube.bounds[0], cube.bounds[1], 12 * k, 12)
         for k, (name, cube) in enumerate(zip(("thin", "thick"), cubes, strict=True))
     )
     return Mesh(np.concatenate([cube.triangles for cube in cubes]), "plate", items)

@@ -38,7 +38,7 @@ def pieces(paths: Toolpaths) -> tuple[Float, Float, Float]:
         xy = paths.path(i)
         ends.append(np.stack([xy, np.roll(xy, -1, axis=0)], axis=1))
     both = np.concatenate(ends)
-    return both.mean(axis=1), np.hypot(*(both[:, 1] - both[:, 0]).T), paths.carried
+    return both.mean(axis=1), np.hypot(*(both[:, 1] - both[:, 0]).T), paths.support_ratio
 
 
 @pytest.mark.parametrize("shift", [0.0, 0.05, 0.15, 0.25, 0.35, 0.5, 3.0])
@@ -60,7 +60,7 @@ def test_walls_that_stand_on_each_other_stay_as_they_are() -> None:
     after = graded(paths, sections)
 
     assert np.array_equal(after.xy, paths.xy)
-    assert (after.carried == 1).all()
+    assert (after.support_ratio == 1).all()
 
 
 @given(areas=clean_areas(3))
@@ -132,12 +132,12 @@ def test_a_path_turned_around_keeps_what_its_pieces_are_carried_by() -> None:
         role=np.array([Role.INTERNAL_INFILL]),
         width=np.array([WIDTH]),
         closed=False,
-        carried=np.array([0.1, 0.2, 0.3, 0.4, 1.0]),
+        support_ratio=np.array([0.1, 0.2, 0.3, 0.4, 1.0]),
     )
     after = order(path, Sections(plan, Areas.from_rings([[square(10)]])), plain())
 
     assert np.array_equal(after.xy, xy[::-1])
-    assert after.carried[:4].tolist() == [0.4, 0.3, 0.2, 0.1]
+    assert after.support_ratio[:4].tolist() == [0.4, 0.3, 0.2, 0.1]
 
 
 # --- speed, fan, name ---

@@ -12,8 +12,8 @@ from printer_slicer import Mesh, Stages, gcode_of, load_profile, profile_with, s
 from printer_slicer.errors import ProfileError, UsageError
 from printer_slicer.inspection.coverage.measurement import coverage_of
 from printer_slicer.inspection.coverage.stack import stack_of
-from printer_slicer.layered import by_layer
-from printer_slicer.model import Heat, Item, LayerPlan
+from printer_slicer.layer_settings import settings_by_layer
+from printer_slicer.model import Heat, LayerPlan, PlateObject
 from printer_slicer.objects import split_objects
 from printer_slicer.profile import Profile
 from printer_slicer.roles import Role
@@ -22,16 +22,16 @@ FILAMENT = np.pi * 1.75**2 / 4  # mm²
 SIDE = 16.0  # mm
 
 
-def things(*meshes: Mesh, names: tuple[str, ...] = ("lid", "can")) -> Mesh:
+def place_objects(*meshes: Mesh, names: tuple[str, ...] = ("lid", "can")) -> Mesh:
     """Several meshes on one plate, each an object."""
     items, first = [], 0
     for name, mesh in zip(names, meshes, strict=True):
-        items.append(Item.of(name, mesh.bounds, first, mesh.n_facets))
+        items.append(PlateObject.of(name, mesh.bounds, first, mesh.n_facets))
         first += mesh.n_facets
-    return replace(joined(meshes, "plate"), items=tuple(items))
+    return replace(joined(meshes, "plate"), objects=tuple(items))
 
 
-PLATE = things(box((SIDE, SIDE, 6)), box((SIDE, SIDE, 6), (SIDE + 8, 0, 0)))
+PLATE = place_objects(box((SIDE, SIDE, 6)), box((SIDE, SIDE, 6), (SIDE + 8, 0, 0)))
 TALL = box((SIDE, SIDE, 12))
 
 
@@ -174,7 +174,7 @@ def test_sparse_infill_does_not_begin_over_what_is_hollow() -> None:
 
 
 def test_later_heights_win_where_several_overlap() -> None:
-    layered = by_layer(
+    layered = settings_by_layer(
         plain(overrides="0:6:perimeters=3; 4:8:perimeters=5; 4:8:infill_density=0.5"), layers(10, 1.0)
     )
     perimeters = layered.values(lambda one: one.quality.perimeters)
@@ -183,7 +183,7 @@ def test_later_heights_win_where_several_overlap() -> None:
     assert perimeters.tolist() == [3, 3, 3, 3, 5, 5, 5, 5, 2, 2]
     assert density.tolist() == [0.15] * 4 + [0.5] * 4 + [0.15] * 2
     assert len(layered.profiles) == 3
-    assert layered.stretch_begins().tolist() == [0, 0, 0, 0, 4, 4, 4, 4, 8, 8]
+    assert layered.run_starts().tolist() == [0, 0, 0, 0, 4, 4, 4, 4, 8, 8]
 
 
 def test_thick_beads_end_where_heights_do() -> None:
@@ -255,7 +255,7 @@ def test_heights_of_an_object_are_its_alone() -> None:
 
 
 def test_what_overlaps_is_laid_once_and_belongs_to_the_first() -> None:
-    overlapping = things(box((SIDE, SIDE, 4)), box((SIDE, SIDE, 4), (SIDE / 2, 0, 0)))
+    overlapping = place_objects(box((SIDE, SIDE, 4)), box((SIDE, SIDE, 4), (SIDE / 2, 0, 0)))
     stages = sliced(overlapping, infill_density=1, overrides="can:infill_angle_deg=0")
 
     assert volume(stages) == pytest.approx(1.5 * SIDE * SIDE * 4, rel=0.02)
@@ -263,7 +263,7 @@ def test_what_overlaps_is_laid_once_and_belongs_to_the_first() -> None:
 
 
 def test_objects_of_one_name_are_meant_together_or_by_number() -> None:
-    twins = things(box((10, 10, 3)), box((10, 10, 3), (20, 0, 0)), names=("lid", "lid"))
+    twins = place_objects(box((10, 10, 3)), box((10, 10, 3), (20, 0, 0)), names=("lid", "lid"))
     both, second = (sliced(twins, overrides=f"{name}:perimeters=4") for name in ("lid", "lid_2"))
 
     inner = Role.PERIMETER
@@ -290,7 +290,7 @@ def test_an_unknown_object_is_told_with_those_there_are() -> None:
 
 
 def test_objects_whose_facets_are_not_known_are_refused() -> None:
-    lost = replace(PLATE, items=tuple(item.without_facets() for item in PLATE.items))
+    lost = replace(PLATE, objects=tuple(item.without_facets() for item in PLATE.objects))
 
     with pytest.raises(UsageError, match="which object"):
         sliced(lost, overrides="lid:perimeters=3")
@@ -346,7 +346,7 @@ def test_overrides_are_written_as_text_and_read_back() -> None:
 @pytest.mark.parametrize("name", ["lid", "part"])
 def test_the_only_object_goes_by_its_name_and_that_of_the_part(name: str) -> None:
     mesh = box((10, 10, 2))
-    named = replace(mesh, items=(Item.of("lid", mesh.bounds, 0, 0),))
+    named = replace(mesh, objects=(PlateObject.of("lid", mesh.bounds, 0, 0),))
     profile = profile_with(load_profile(), {"overrides": [{"object": name, "set": {"perimeters": 5}}]})
 
     _, _, (own,) = split_objects(replace(named, name="part"), LayerPlan.from_tops(np.array([0.2])), profile)
@@ -356,8 +356,8 @@ def test_the_only_object_goes_by_its_name_and_that_of_the_part(name: str) -> Non
 
 def test_the_only_object_is_scaled_though_its_facets_were_mended() -> None:
     mesh = box((10, 10, 2))
-    named = replace(mesh, items=(Item.of("lid", mesh.bounds, 0, 0),))
+    named = replace(mesh, objects=(PlateObject.of("lid", mesh.bounds, 0, 0),))
 
-    (one,) = transformed(named, scale=2.0).items
+    (one,) = transformed(named, scale=2.0).objects
 
     assert np.subtract(one.high, one.low).tolist() == [20, 20, 4]

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from printer_slicer.arrays import Float
-from printer_slicer.compensation import compensated
+from printer_slicer.compensation import compensate
 from printer_slicer.geometry import Areas, difference, intersection, normalize, offset_open, union
 from printer_slicer.geometry.engine import using_engine
 from printer_slicer.geometry.polygons import STEPS_PER_MM
@@ -92,7 +92,7 @@ def stages_of(mesh: Mesh) -> list[object]:
     """The values of all stages that hold areas."""
     plan = LayerPlan.from_tops(np.arange(0.2, mesh.height + 1e-6, 0.2))
     sections = cut(mesh, plan, USUAL.quality.resolution)
-    fitted = compensated(sections, USUAL)
+    fitted = compensate(sections, USUAL)
     walls = lay_walls(fitted, USUAL)
     regions = classify(fitted, walls, USUAL)
     groups = groups_of(regions.sparse, plan, USUAL.quality.internal_infill_every)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from printer_slicer.gcode_text import gcode_of
 from printer_slicer.inspection.coverage.model_check import CheckOptions, check_gcode
 from printer_slicer.model import LayerPlan, Program, Toolpaths
-from printer_slicer.ordering.scarf import scarfed
+from printer_slicer.ordering.scarf import add_scarfs
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.roles import Role
 from tests.parts import box, cone, plain, sphere
@@ -37,7 +37,7 @@ def test_slopes_lie_on_the_loop_and_make_up_the_whole_bead(points: int, length: 
     before = loops(points, 10)
     around = float(before.length()[0])
 
-    after = scarfed(before, plain(scarf_length=length, scarf_start=begin))
+    after = add_scarfs(before, plain(scarf_length=length, scarf_start=begin))
 
     assert after.n_paths == 4
     assert np.array_equal(after.path(0), before.path(0))
@@ -48,7 +48,7 @@ def test_slopes_lie_on_the_loop_and_make_up_the_whole_bead(points: int, length: 
     for path in range(1, 4):
         some = slice(after.start[path], after.start[path + 1])
         far = np.hypot(*np.diff(after.xy[some], axis=0, prepend=after.xy[some][:1]).T)
-        share, rise, height = after.share[some], after.rise[some], PLAN.height[path]
+        share, rise, height = after.flow_ratio[some], after.z_offset[some], PLAN.height[path]
         # Both passes over a place together are one bead; the nozzle stands on what the first one laid.
         walked = np.cumsum(far)
         for place in np.linspace(0.01, 0.99, 7) * length:

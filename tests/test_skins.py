@@ -62,7 +62,7 @@ def test_no_line_of_a_top_skin_is_laid_between_two_others(areas: Areas, degrees:
         for part in parts:
             here = shapely.contains(part.buffer(0.1), shapely.points(paths.xy[paths.start[:-1]]))
             # What is too narrow for rows has loops, which are in no sweep.
-            some = np.flatnonzero(here & (paths.layer == layer) & (paths.sweep >= 0))
+            some = np.flatnonzero(here & (paths.layer == layer) & (paths.chain_id >= 0))
             if not len(some):
                 continue
             mine = Toolpaths.gathered(
@@ -90,8 +90,8 @@ def test_a_skin_around_a_hole_is_one_sweep_from_one_side_to_the_other() -> None:
     paths = order(infill_paths(regions, wanted), sections, wanted)
 
     # Beads amid what rows leave come after them, or before.
-    swept = paths.sweep >= 0
-    assert len(np.unique(paths.sweep[swept])) == 1
+    swept = paths.chain_id >= 0
+    assert len(np.unique(paths.chain_id[swept])) == 1
     assert (np.diff(np.flatnonzero(swept)) == 1).all()
     rows = rows_in_order(paths, 0, 0.0)
     assert len(rows) > 50
@@ -110,7 +110,7 @@ def test_sweeps_of_more_paths_than_are_worth_sorting_stay_in_order() -> None:
         role=np.full(count, Role.TOP_SOLID_INFILL),
         width=np.full(count, 0.4),
         closed=False,
-        sweep=np.zeros(count, np.int64),
+        chain_id=np.zeros(count, np.int64),
     )
     square = np.array([(0, 0), (300, 0), (300, 300), (0, 300)], float)
 

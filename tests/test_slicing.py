@@ -15,7 +15,7 @@ from printer_slicer.errors import MeshError, PartError
 from printer_slicer.geometry.crossing import section_areas
 from printer_slicer.geometry.engine import ENGINES, using_engine
 from printer_slicer.model import LayerPlan, Mesh, Sections
-from printer_slicer.slicing import contours, cut, open_places
+from printer_slicer.slicing import contours, cut, find_gaps
 from tests.parts import (
     box,
     box_with_hole,
@@ -396,7 +396,7 @@ def test_a_missing_facet_of_a_closed_part_is_counted_and_placed() -> None:
     low, high = np.sort(mesh.triangles[facet, :, 2])[[0, 2]]
     middle = mesh.triangles[facet].mean(axis=0)
 
-    edges, gaps = open_places(without(mesh, facet), layers(59, 0.05))
+    edges, gaps = find_gaps(without(mesh, facet), layers(59, 0.05))
 
     assert edges == len(np.unique(np.round(mesh.triangles[facet, :, 2], 9)))
     assert gaps

@@ -61,10 +61,10 @@ def test_every_turn_climbs_by_its_layer_and_the_last_one_is_flat(plan: LayerPlan
     own = np.flatnonzero(paths.layer >= 3).tolist()
     for path in own[:-1]:
         some = slice(paths.start[path], paths.start[path + 1])
-        assert paths.rise[some][0] == pytest.approx(-plan.height[paths.layer[path]])
-        assert paths.rise[some][-1] == pytest.approx(0)
+        assert paths.z_offset[some][0] == pytest.approx(-plan.height[paths.layer[path]])
+        assert paths.z_offset[some][-1] == pytest.approx(0)
         assert paths.path(path)[0] == pytest.approx(paths.path(path - 1)[-1], abs=1e-6) or path == own[0]
-    assert (paths.rise[paths.start[-2] :] == 0).all()
+    assert (paths.z_offset[paths.start[-2] :] == 0).all()
 
 
 @PLANS
@@ -77,7 +77,7 @@ def test_the_plastic_is_that_of_the_wall(plan: LayerPlan) -> None:
     heights = []
     for path in own.tolist():
         some = slice(paths.start[path], paths.start[path + 1])
-        share = paths.share[some] * paths.height[path]
+        share = paths.flow_ratio[some] * paths.height[path]
         far = np.hypot(*np.diff(paths.xy[some], axis=0).T)
         heights.append(float((far * (share[1:] + share[:-1]) / 2).sum()))
     around = 4 * (30 - 0.45)
@@ -102,7 +102,7 @@ def test_a_spiral_stands_on_a_raft_and_on_its_own_bottom() -> None:
 
     base = int(paths.layer[paths.role == Role.RAFT].max()) + 1
     climbing = np.unique(
-        paths.layer[np.repeat(np.arange(paths.n_paths), np.diff(paths.start))[paths.rise < 0]]
+        paths.layer[np.repeat(np.arange(paths.n_paths), np.diff(paths.start))[paths.z_offset < 0]]
     )
     assert base > 1
     assert climbing.tolist() == list(range(base + 3, paths.plan.n_layers))

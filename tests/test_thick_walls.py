@@ -146,7 +146,7 @@ def test_thick_beads_keep_to_their_limit_and_stand_where_every_layer_has_a_perim
             assert away.max(initial=0.0) <= 1.3 * SAME_PLACE
         # It rests on the layer below, and the next one lies on it.
         assert first > 0
-        assert thick.carried[thick.start[i] : thick.start[i + 1] - 1].min(initial=1.0) >= 1
+        assert thick.support_ratio[thick.start[i] : thick.start[i + 1] - 1].min(initial=1.0) >= 1
         assert shapely.covers(shape(sections.solid, int(thick.layer[i]) + 1).buffer(0.1), points)
 
 

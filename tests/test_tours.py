@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.arrays import Bool, Float, Int
-from printer_slicer.ordering.tours import shortened
+from printer_slicer.ordering.tour_improvement import shorten_tour
 
 
 def way(begin: Float, end: Float, order: Int, turned: Bool) -> float:
@@ -27,7 +27,7 @@ def test_every_unit_is_visited_once_in_its_group_and_the_way_is_no_longer(
     begin, end = rng.uniform(0, 50, (2, n, 2))
     may_turn, group = rng.random(n) < free, np.sort(rng.integers(0, groups, n))
 
-    order, turned = shortened(begin, end, may_turn, group)
+    order, turned = shorten_tour(begin, end, may_turn, group)
 
     assert sorted(order.tolist()) == list(range(n))
     assert np.array_equal(group[order], group)
@@ -39,7 +39,7 @@ def test_the_first_and_the_last_have_no_way_before_and_behind_them() -> None:
     rng = np.random.default_rng(65537)
     begin, end = rng.uniform(0, 50, (2, 6, 2))
 
-    order, turned = shortened(begin, end, np.zeros(6, bool), np.zeros(6, np.int64))
+    order, turned = shorten_tour(begin, end, np.zeros(6, bool), np.zeros(6, np.int64))
 
     assert way(begin, end, order, turned) <= way(begin, end, np.arange(6), np.zeros(6, bool)) + 1e-6
 
@@ -53,7 +53,7 @@ def test_few_units_are_visited_on_nearly_the_shortest_way(may_turn: bool) -> Non
         n = 6
         begin, end = rng.uniform(0, 50, (2, n, 2))
         group = np.array([0, *[1] * (n - 2), 2])
-        order, turned = shortened(begin, end, np.full(n, may_turn) & (group == 1), group)
+        order, turned = shorten_tour(begin, end, np.full(n, may_turn) & (group == 1), group)
         best = min(
             way(begin, end, np.array([0, *middle, n - 1]), np.array([False, *turns, False]))
             for middle in permutations(range(1, n - 1))
@@ -69,6 +69,6 @@ def test_lines_of_a_comb_are_visited_to_and_fro() -> None:
     x = np.random.default_rng(3).permutation(40)
     begin, end = np.column_stack([x, np.zeros(40)]), np.column_stack([x, np.full(40, 30.0)])
 
-    order, turned = shortened(begin, end, np.ones(40, bool), np.zeros(40, np.int64))
+    order, turned = shorten_tour(begin, end, np.ones(40, bool), np.zeros(40, np.int64))
 
     assert way(begin, end, order, turned) < 0.12 * way(begin, end, np.arange(40), np.zeros(40, bool))

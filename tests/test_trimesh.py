@@ -11,7 +11,7 @@ import trimesh
 
 from printer_slicer import Mesh
 from printer_slicer.errors import MeshError, UsageError
-from printer_slicer.slicing import mesh_faults
+from printer_slicer.slicing import find_mesh_faults
 from tests.parts import box, box_with_hole, sphere
 
 
@@ -29,7 +29,7 @@ def test_there_and_back_is_the_same_surface(mesh: Mesh) -> None:
 def test_what_trimesh_makes_can_be_sliced() -> None:
     made = Mesh.from_trimesh(trimesh.creation.cylinder(radius=5, height=12), "cylinder")
 
-    assert mesh_faults(made).count == 0
+    assert find_mesh_faults(made).count == 0
     assert made.size == pytest.approx([10, 10, 12], rel=0.01)
 
 

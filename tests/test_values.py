@@ -13,7 +13,7 @@ import pytest
 from printer_slicer.model import Mesh
 from printer_slicer.pipeline import slice_part, slice_stages
 from printer_slicer.profile import load_profile
-from printer_slicer.slicing import contours, mesh_faults
+from printer_slicer.slicing import contours, find_mesh_faults
 from tests.effort import crossed
 from tests.parts import box, two_boxes
 
@@ -33,7 +33,7 @@ def arrays(value: object, name: str) -> Iterator[tuple[str, np.ndarray]]:  # typ
 def test_every_array_of_every_stage_is_read_only() -> None:
     stages = slice_stages(box(), load_profile())
     found = [*arrays(stages, "stages"), *arrays(contours(box(), stages.sections.plan), "contours")]
-    found += arrays(mesh_faults(box()), "faults")
+    found += arrays(find_mesh_faults(box()), "faults")
 
     assert len(found) > 40
     assert [name for name, array in found if array.flags.writeable] == []
@@ -61,13 +61,13 @@ def test_a_solid_box_takes_its_volume_at_any_angle(
 
 
 def test_a_closed_mesh_has_no_faults() -> None:
-    assert mesh_faults(two_boxes()).count == 0
+    assert find_mesh_faults(two_boxes()).count == 0
 
 
 def test_a_missing_lid_is_found_though_no_layer_cuts_it() -> None:
     whole = box((10, 10, 10)).triangles
     lid = (whole[:, :, 2] == 10).all(axis=1)
-    faults = mesh_faults(Mesh(whole[~lid]))
+    faults = find_mesh_faults(Mesh(whole[~lid]))
 
     assert len(faults.open_edges) == 4
     assert (faults.open_edges[:, 2] == 10).all()
@@ -78,12 +78,12 @@ def test_a_flipped_facet_and_a_doubled_one_are_told_apart() -> None:
     flipped, doubled = whole.copy(), np.concatenate([whole, whole[:1]])
     flipped[0] = flipped[0, ::-1]
 
-    assert len(mesh_faults(Mesh(flipped)).flipped_edges) == 3
-    assert len(mesh_faults(Mesh(doubled)).crowded_edges) == 3
+    assert len(find_mesh_faults(Mesh(flipped)).flipped_edges) == 3
+    assert len(find_mesh_faults(Mesh(doubled)).crowded_edges) == 3
 
 
 def test_boxes_that_share_an_edge_are_crowded_there() -> None:
-    faults = mesh_faults(
+    faults = find_mesh_faults(
         Mesh(np.concatenate([box((5, 5, 5)).triangles, box((5, 5, 5), (5, 5, 0)).triangles]))
     )
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from printer_slicer.arrays import Bool, Float
-from printer_slicer.commands import told_by
+from printer_slicer.commands import split_gcode
 from printer_slicer.extrusion import extrude, move_seconds
 from printer_slicer.firmware import FLAVOURS
 from printer_slicer.gcode import read_moves
@@ -223,7 +223,7 @@ def test_every_role_has_its_acceleration_and_the_time_follows(printer: str) -> N
     assert move_seconds(slow, wanted).sum() > 1.02 * move_seconds(quick, usual).sum()
     # What other programs read from the file takes as long.
     beads_only = profile(printer, **{"min_layer_time": 0, "start_gcode": "", "end_gcode": ""} | changes)
-    commands = told_by(gcode_of(slow, beads_only)).commands
+    commands = split_gcode(gcode_of(slow, beads_only)).commands
     moves = read_moves(commands, wanted.printer.corners[0], FLAVOURS[wanted.printer.flavour])
     assert moves.seconds(limits_of(wanted.printer)) == pytest.approx(
         move_seconds(slow, wanted).sum(), rel=2e-3

@@ -9,11 +9,11 @@ import numpy as np
 
 from printer_slicer.arrays import Float, Int, distinct
 from printer_slicer.model import LayerPlan, Mesh, Repairs
-from printer_slicer.planning.steps import tolerances
-from printer_slicer.planning.unkept import unkept_rules
+from printer_slicer.planning.violations import find_violations
+from printer_slicer.planning.z_steps import layer_tolerances
 from printer_slicer.profile import Profile
 from printer_slicer.roles import Role, roles_with
-from printer_slicer.slicing import mesh_faults
+from printer_slicer.slicing import find_mesh_faults
 from printer_slicer.stages import Stages
 from printer_slicer.surface import Certificate, find_flats
 from printer_slicer.texts import format_duration
@@ -109,7 +109,7 @@ def _begins_at(stages: Stages) -> float:
 
 def _faults(part: Mesh, shift: Float) -> dict[str, Any]:
     """How many edges are open, flipped or crowded, and where the first ones are."""
-    faults = mesh_faults(part)
+    faults = find_mesh_faults(part)
     named = {"open": faults.open_edges, "flipped": faults.flipped_edges, "crowded": faults.crowded_edges}
     return {
         name: {"count": len(places), "places": np.round(places[:_MOST_PLACES] + shift, 4).tolist()}
@@ -286,7 +286,7 @@ def certificate_facts(
         | {"layer": worst.layer + 1, "kind": worst.kind, "bound_mm": round(worst.bound, 6)},
         "over_tolerance": [
             {"from": round(low, 6), "to": round(high, 6), "bound_mm": round(bound, 6)}
-            for low, high, bound in certificate.over(tolerances(profile, plan.bottom, plan.top))
+            for low, high, bound in certificate.over(layer_tolerances(profile, plan.bottom, plan.top))
         ],
         "unkept": [
             {
@@ -296,7 +296,7 @@ def certificate_facts(
                 "amount_mm": round(unkept.amount, 6),
                 "cause": unkept.cause,
             }
-            for unkept in unkept_rules(part, certificate, profile)
+            for unkept in find_violations(part, certificate, profile)
         ]
         + _budget_facts(profile, plan, seconds),
     }

@@ -186,11 +186,11 @@ def _refuse_collisions(models: Sequence[dict[str, Any]], meshes: Sequence[Mesh])
         PartError: some do; names the objects and the size of the overlap.
     """
     for model, mesh in zip(models, meshes, strict=True):
-        if model["format"] != "3mf" or len(mesh.items) < 2 or not all(item.count for item in mesh.items):
+        if model["format"] != "3mf" or len(mesh.objects) < 2 or not all(item.count for item in mesh.objects):
             continue
         from printer_slicer.overlaps import find_collisions
 
-        if overlapping := _describe_overlaps(find_collisions(mesh), [item.name for item in mesh.items]):
+        if overlapping := _describe_overlaps(find_collisions(mesh), [item.name for item in mesh.objects]):
             raise PartError(
                 f"{model['file']}: {overlapping}",
                 remedy="move them apart in the program that made the file, or print them as one with --fuse",
@@ -271,7 +271,7 @@ def _projects(arguments: argparse.Namespace, profile: Profile, mesh: Mesh) -> di
             continue
         from printer_slicer.importing.projects import read_project
 
-        project = read_project(path, profile, {item.name for item in mesh.items})
+        project = read_project(path, profile, {item.name for item in mesh.objects})
         if project.overrides or project.layer_heights or project.unused or project.has_settings:
             found[path] = project
     return found

@@ -17,8 +17,8 @@ from printer_slicer.drawing.colours import CALM, ROLE_COLOURS, height_colours
 from printer_slicer.drawing.frame import marks
 from printer_slicer.errors import UsageError
 from printer_slicer.model import Areas, LayerPlan, Mesh, Program, Regions, Sections, Toolpaths
+from printer_slicer.repr_svg import Summary, SvgRepr
 from printer_slicer.roles import Role
-from printer_slicer.showing import Drawn, Summary
 from printer_slicer.surface import Certificate
 from printer_slicer.texts import describe_type
 from printer_slicer.thumbnails import render
@@ -53,7 +53,7 @@ def draw(value: object, layer: int | None = None) -> Picture:
     Raises:
         UsageError: there are no pictures of such values, or it has no such layer.
     """
-    return _picture(value.looks if isinstance(value, Drawn) else value, layer)
+    return _picture(value.drawable if isinstance(value, SvgRepr) else value, layer)
 
 
 @singledispatch

@@ -67,7 +67,10 @@ def _moves(
         role=role,
         width=rows.spread(beads.width),
         height=rows.spread(beads.height * beads.share),
-        events=(*_tool_changes(tool), *acceleration_events(role, on_bed, paths.rule[rows.path], rules)),
+        events=(
+            *_tool_changes(tool),
+            *acceleration_events(role, on_bed, paths.settings_id[rows.path], rules),
+        ),
         z_top=paths.z_top[rows.path],
         tool=tool,
     )
@@ -96,7 +99,7 @@ def _heat(program: Program, paths: Toolpaths, material: Material, rules: tuple[P
     begins = np.flatnonzero(np.diff(program.layer, prepend=-1) > 0)
     wanted = np.full(paths.plan.n_layers, material.nozzle_temperature, np.float64)
     own = roles_with(is_part=True)[paths.role]
-    wanted[paths.layer[own]] = of_rule[paths.rule[own]]
+    wanted[paths.layer[own]] = of_rule[paths.settings_id[own]]
     nozzle, bed = material.first_layer_nozzle_temperature, material.first_layer_bed_temperature
     events: list[Event] = []
     last = int(paths.layer[paths.begins_at(0)].max(initial=0))

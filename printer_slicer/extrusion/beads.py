@@ -54,9 +54,9 @@ def beads_of(paths: Toolpaths, rows: MoveRows, rules: tuple[Profile, ...]) -> Be
     """The beads of the rows that lay some, with the flow that the profiles of their paths have."""
     begin, end, path = rows.begin, rows.end, rows.bead_path
     way = paths.xy.take(end, axis=0) - paths.xy.take(begin, axis=0)
-    climbed = paths.rise[end] - paths.rise[begin]
+    climbed = paths.z_offset[end] - paths.z_offset[begin]
     flow, first = (
-        np.array(values)[paths.rule[path]]
+        np.array(values)[paths.settings_id[path]]
         for values in (
             [rule.material.flow_ratio for rule in rules],
             [rule.quality.first_layer_flow for rule in rules],
@@ -66,9 +66,9 @@ def beads_of(paths: Toolpaths, rows: MoveRows, rules: tuple[Profile, ...]) -> Be
         np.sqrt((way * way).sum(axis=1) + climbed * climbed),
         (paths.width[begin] + paths.width[end]) / 2,
         paths.height[path],
-        (paths.share[begin] + paths.share[end]) / 2,
+        (paths.flow_ratio[begin] + paths.flow_ratio[end]) / 2,
         np.where(paths.begins_at(0)[path], first, 1.0) * flow,
-        paths.carried[begin],
+        paths.support_ratio[begin],
     )
 
 
@@ -88,7 +88,7 @@ def speeds_of(paths: Toolpaths, rows: MoveRows, beads: Beads, rules: tuple[Profi
         speed[careful] = np.minimum(speed[careful], speeds.first_layer_travel)
     laid = _laid(paths, path, beads, rules[0])
     for number, rule in enumerate(rules[1:], 1):
-        laid = np.where(paths.rule[path] == number, _laid(paths, path, beads, rule), laid)
+        laid = np.where(paths.settings_id[path] == number, _laid(paths, path, beads, rule), laid)
     speed[rows.is_bead] = laid
     return speed
 

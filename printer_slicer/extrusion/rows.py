@@ -113,7 +113,7 @@ class _Ways:
 def _ways(paths: Toolpaths, travels: Travels, profile: Profile) -> _Ways:
     first, last = paths.start[:-1], paths.start[1:] - 1
     top = paths.z_top
-    begin, end = top + paths.rise[first], top + paths.rise[np.where(paths.closed, first, last)]
+    begin, end = top + paths.z_offset[first], top + paths.z_offset[np.where(paths.closed, first, last)]
     leave = np.append(begin[:1], end[:-1])
     hop = np.where(travels.retract, profile.printer.z_hop, 0.0)
     hop[:1] = APPROACH
@@ -160,7 +160,7 @@ def _positions(
     xyz[passing, :2] = travels.xy
     is_bead = kind == Kind.BEAD
     xyz[is_bead, :2] = paths.xy.take(end, axis=0)
-    xyz[is_bead, 2] = top[path[is_bead]] + paths.rise[end]
+    xyz[is_bead, 2] = top[path[is_bead]] + paths.z_offset[end]
     return xyz
 
 

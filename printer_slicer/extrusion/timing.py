@@ -11,7 +11,7 @@ from printer_slicer.extrusion.accelerating import accelerations_of
 from printer_slicer.model import Program
 from printer_slicer.motion.blocks import MotionLimits
 from printer_slicer.motion.rules import limits_of
-from printer_slicer.motion.whole import durations
+from printer_slicer.motion.vectorized import durations
 from printer_slicer.profile import Profile
 
 __all__ = ["known_as", "move_seconds", "timed_again"]

@@ -9,7 +9,7 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.motion.rules import Axes, MotionLimits
-from printer_slicer.motion.whole import RequestedMoves, Stopwatch
+from printer_slicer.motion.vectorized import RequestedMoves, Stopwatch
 
 __all__ = ["Moves", "Timer", "accelerations", "changed_limits"]
 

@@ -18,7 +18,7 @@ from printer_slicer.gcode.lexer import extended, letters, parse
 from printer_slicer.gcode.moves import Moves
 from printer_slicer.gcode.plain import follow_plain, plain_moves
 from printer_slicer.gcode.reading import Action, ReadingState, actions_of
-from printer_slicer.motion.counting import Counting
+from printer_slicer.motion.positioning_mode import PositioningMode
 
 __all__ = ["MoveReader", "pieces_of", "read_moves"]
 
@@ -63,7 +63,7 @@ class MoveReader:
 
     def __init__(self, home: tuple[float, float] = (0.0, 0.0), dialect: Dialect = FLAVOURS["marlin"]) -> None:
         self._actions = actions_of(dialect)
-        self._state = ReadingState(home=(*home, 0.0), counting=Counting(dialect.counting))
+        self._state = ReadingState(home=(*home, 0.0), counting=PositioningMode(dialect.counting))
         self._state.position[:3] = self._state.home
         self._count = 0
 

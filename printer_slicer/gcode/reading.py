@@ -12,7 +12,7 @@ from printer_slicer.arrays import Float
 from printer_slicer.firmware import Dialect
 from printer_slicer.firmware.firmware import SetsAccelerations, SetsLimits, SetsRetraction
 from printer_slicer.motion.arcs import arc_points, centre_by_offset, centre_by_radius
-from printer_slicer.motion.counting import Counting
+from printer_slicer.motion.positioning_mode import PositioningMode
 
 __all__ = ["Action", "GrowingTable", "ReadingState", "actions_of", "follow_line"]
 
@@ -72,7 +72,7 @@ class ReadingState:
     position: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0, 0.0])
     offset: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0, 0.0])
     home_offset: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
-    counting: Counting = field(default_factory=Counting)
+    counting: PositioningMode = field(default_factory=PositioningMode)
     unit: float = 1.0
     diameter: float = 1.75
     volumetric: bool = False

@@ -23,7 +23,7 @@ from printer_slicer.gcode.commands import (
     commands_that,
 )
 from printer_slicer.gcode.lexer import letters, parse
-from printer_slicer.motion.counting import Counting
+from printer_slicer.motion.positioning_mode import PositioningMode
 
 __all__ = ["HeaterTarget", "MachineState", "ModalState", "Move", "Place", "heater_target", "uses_inches"]
 
@@ -172,7 +172,7 @@ class MachineState:
     def __init__(self, flavour: str = "marlin") -> None:
         self.flavour = flavour
         self.unit = 1.0
-        self.counting = Counting(FLAVOURS[flavour].counting)
+        self.counting = PositioningMode(FLAVOURS[flavour].counting)
         self.speed = self.pulled = self.bed = self.chamber = self.fan = 0.0
         self.fans: dict[float, bytes] = {}
         self.retracted = False

@@ -18,13 +18,13 @@ from printer_slicer.arrays import (
     lengths,
     previous_around,
 )
-from printer_slicer.showing import Drawn
+from printer_slicer.repr_svg import SvgRepr
 
 __all__ = ["Areas", "Lines"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Areas(Drawn):
+class Areas(SvgRepr):
     """The areas of all layers: closed rings, solids to the left (counter-clockwise), holes to the right.
 
     Attributes:

@@ -87,5 +87,5 @@ def _repaired(mesh: Mesh) -> tuple[Mesh, Repairs]:
             f"{mesh.name}: the facets enclose no volume",
             remedy="close the surface of the part, or give it a thickness",
         )
-    items = tuple(item.without_facets() for item in mesh.items)
+    items = tuple(item.without_facets() for item in mesh.objects)
     return (Mesh(facets.triangles, mesh.name, items), Repairs(tuple(done))) if done else (mesh, Repairs())

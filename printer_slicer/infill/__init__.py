@@ -22,7 +22,7 @@ from printer_slicer.infill.sparse import PatternLayout, bare_lines, laid_out, sp
 from printer_slicer.infill.task import Pattern
 from printer_slicer.infill.thick import groups_of
 from printer_slicer.infill.triangles import triangle_lines
-from printer_slicer.layered import by_layer
+from printer_slicer.layer_settings import settings_by_layer
 from printer_slicer.model import Regions, Toolpaths
 from printer_slicer.profile import Profile
 
@@ -54,8 +54,8 @@ def infill_paths(
     Raises:
         StrategyError: `own` gives what cannot be printed, or misses the density.
     """
-    layered = by_layer(profile, regions.plan)
-    begins, limit = layered.stretch_begins(), min(profile.quality.internal_infill_every, profile.highest_bead)
+    layered = settings_by_layer(profile, regions.plan)
+    begins, limit = layered.run_starts(), min(profile.quality.sparse_every, profile.highest_bead)
     groups = groups_of(regions.sparse, regions.plan, limit, groups, begins=begins)
     layouts = [_laid_out(regions.of_layers(here), groups, one, own) for one, here in layered.each()]
     carried = carried_layers(regions)

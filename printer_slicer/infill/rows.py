@@ -140,7 +140,7 @@ def _toolpaths(plan: LayerPlan, pieces: Pieces, beads: RowBeads, lines: Zigzags,
         height=beads.height[piece],
         closed=False,
         # Rows come from the lowest up: each is laid beside one that is there already, never between two.
-        sweep=np.where(roles_with(is_top=True)[beads.role[piece]], piece, -1),
+        chain_id=np.where(roles_with(is_top=True)[beads.role[piece]], piece, -1),
     )
 
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from printer_slicer.arrays import Float, Int, frozen_array, run_begins
+from printer_slicer.combine_layers import area_savings, choose_groups, last_layers, tallest_groups
 from printer_slicer.geometry import Areas, difference, offset_open, window_intersection
-from printer_slicer.grouping import area_savings, divide, last_layers, within
 from printer_slicer.model import LayerPlan
 
 __all__ = ["Fillings", "fillings", "groups_of"]
@@ -87,10 +87,10 @@ def groups_of(
         groups: (L,) if they are known already; those higher than `limit` are divided into single layers.
         begins: (L,) the lowest layer that each may be together with.
     """
-    lowest = within(plan, limit)
+    lowest = tallest_groups(plan, limit)
     lowest = lowest if begins is None else np.maximum(lowest, begins)
     if groups is None:
-        return divide(area_savings(sparse, lowest))
+        return choose_groups(area_savings(sparse, lowest))
     return np.where(groups >= lowest[last_layers(groups)], groups, np.arange(plan.n_layers))
 
 

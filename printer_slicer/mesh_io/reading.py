@@ -16,7 +16,7 @@ from printer_slicer.mesh_io.files import ModelFile, Progress, opened, without_by
 from printer_slicer.mesh_io.limits import LIMITS, Limits
 from printer_slicer.mesh_io.soundness import COPY_AGAIN, blocks, sound
 from printer_slicer.mesh_io.units import UNITS, checked_unit, unit_advice
-from printer_slicer.model import Item, Mesh
+from printer_slicer.model import Mesh, PlateObject
 
 if TYPE_CHECKING:
     import os
@@ -144,12 +144,12 @@ def load_model(
     return Model(Mesh(kept, path.stem, items), path, kind, own_unit, n_folded, tuple(notes))
 
 
-def _items(shares: list[tuple[str, int]], triangles: Float, name: str) -> tuple[Item, ...]:
+def _items(shares: list[tuple[str, int]], triangles: Float, name: str) -> tuple[PlateObject, ...]:
     """The things in a file, if there are several, or one with a name; others are called as the file."""
     begin, items = 0, []
     for label, count in shares if len(shares) > 1 or (shares and shares[0][0]) else []:
         bounds = Mesh(triangles[begin : begin + count]).bounds
-        items.append(Item.of(label or name, bounds, begin, count))
+        items.append(PlateObject.of(label or name, bounds, begin, count))
         begin += count
     return tuple(items)
 

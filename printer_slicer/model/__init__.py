@@ -5,7 +5,6 @@ Lengths are mm, times s, speeds mm/s, temperatures °C.
 """
 
 from printer_slicer.geometry import Areas
-from printer_slicer.model.items import Item, Labels
 from printer_slicer.model.layers import Contours, Gap, LayerPlan, Regions, Sections
 from printer_slicer.model.part import Mesh, MeshFaults, Repair, Repairs
 from printer_slicer.model.paths import (
@@ -19,6 +18,7 @@ from printer_slicer.model.paths import (
     Toolpaths,
     reordered,
 )
+from printer_slicer.model.plate_objects import Labels, PlateObject
 from printer_slicer.model.travels import Travels, leaves
 from printer_slicer.model.walls import Walls
 
@@ -30,11 +30,11 @@ __all__ = [
     "Fan",
     "Gap",
     "Heat",
-    "Item",
     "Labels",
     "LayerPlan",
     "Mesh",
     "MeshFaults",
+    "PlateObject",
     "PressureAdvance",
     "Program",
     "Regions",

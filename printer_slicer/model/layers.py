@@ -11,7 +11,7 @@ import numpy as np
 from printer_slicer.arrays import Bool, Float, Int, frozen_array
 from printer_slicer.errors import PlanError
 from printer_slicer.geometry import Areas
-from printer_slicer.showing import Drawn
+from printer_slicer.repr_svg import SvgRepr
 
 __all__ = ["SAME_TOP", "Contours", "Gap", "LayerPlan", "Regions", "Sections"]
 
@@ -20,7 +20,7 @@ SAME_TOP: Final = 1e-7
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class LayerPlan(Drawn):
+class LayerPlan(SvgRepr):
     """Where the layers end and where the mesh is cut for each.
 
     Attributes:
@@ -167,7 +167,7 @@ class Gap:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Sections(Drawn):
+class Sections(SvgRepr):
     """The solid area of the part in each layer, simplified to the resolution of the profile.
 
     Attributes:
@@ -210,7 +210,7 @@ _REGIONS: Final = (
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Regions(Drawn):
+class Regions(SvgRepr):
     """What is inside the walls, by purpose; no overlap within a layer.
 
     Attributes:

@@ -10,8 +10,8 @@ import numpy as np
 
 from printer_slicer.arrays import Float, frozen_array
 from printer_slicer.errors import MeshError, UsageError
-from printer_slicer.model.items import Item
-from printer_slicer.showing import Drawn
+from printer_slicer.model.plate_objects import PlateObject
+from printer_slicer.repr_svg import SvgRepr
 from printer_slicer.texts import describe_type
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ _bounds: WeakKeyDictionary[Mesh, Float] = WeakKeyDictionary()
 
 
 @dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
-class Mesh(Drawn):
+class Mesh(SvgRepr):
     """The surface of the part as loose triangles, as an STL file has them.
 
     Neighbours share the coordinates of their corners exactly.
@@ -39,7 +39,7 @@ class Mesh(Drawn):
 
     triangles: Float
     name: str = "part"
-    items: tuple[Item, ...] = ()
+    objects: tuple[PlateObject, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "triangles", frozen_array(self.triangles, np.float64, (-1, 3, 3)))
@@ -133,7 +133,7 @@ class Mesh(Drawn):
 
     def moved(self, by: Float | tuple[float, float, float]) -> Mesh:
         """The same part, shifted by (x, y, z) mm."""
-        items = tuple(item.moved(np.asarray(by, dtype=np.float64)) for item in self.items)
+        items = tuple(item.moved(np.asarray(by, dtype=np.float64)) for item in self.objects)
         return Mesh(self.triangles + np.asarray(by, dtype=np.float64), self.name, items)
 
 

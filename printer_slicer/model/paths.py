@@ -1,4 +1,4 @@
-"""What is printed: paths, then moves."""
+"""The printed paths (`Toolpaths`) and the moves of the print (`Program`)."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from printer_slicer.arrays import (
     lengths,
 )
 from printer_slicer.model.layers import SAME_TOP, LayerPlan
+from printer_slicer.repr_svg import SvgRepr
 from printer_slicer.roles import Role
-from printer_slicer.showing import Drawn
 
 __all__ = [
     "Acceleration",
@@ -38,37 +38,38 @@ __all__ = [
 
 _NOT_GIVEN: Final = np.zeros(0)
 _NO_NUMBERS: Final = np.zeros(0, np.int64)
-_MAY_BE_USUAL: Final = ("carried", "rise", "share", "centre")
-_OF_POINTS: Final = ("xy", "width", "carried", "rise", "share", "centre")
-_OF_PATHS: Final = ("layer", "role", "height", "closed", "sweep", "rule", "z_top", "tool")
+_MAY_BE_USUAL: Final = ("support_ratio", "z_offset", "flow_ratio", "centre")
+_OF_POINTS: Final = ("xy", "width", "support_ratio", "z_offset", "flow_ratio", "centre")
+_OF_PATHS: Final = ("layer", "role", "height", "closed", "chain_id", "settings_id", "z_top", "tool")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Toolpaths(Drawn):
-    """Polylines to print: path `i` is `xy[start[i]:start[i + 1]]`.
+class Toolpaths(SvgRepr):
+    """Polylines to print; path `i` has the points `xy[start[i]:start[i + 1]]`.
 
     Attributes:
         plan: the layers that are printed.
         xy: (N, 2) mm; a closed path does not repeat its first point.
-        width: (N,) extrusion width at each point; between two points it changes evenly.
-        start: (M + 1,) where each path begins.
-        layer: (M,) ascending.
-        role: (M,) a `Role` each.
-        height: (M,) how high the bead is: the layer's height, unless it reaches down through several layers or is
+        width: (N,) extrusion width at each point, mm; it changes linearly between two points.
+        start: (M + 1,) index of the first point of each path.
+        layer: (M,) layer index, ascending.
+        role: (M,) `Role` of each path.
+        height: (M,) height of the extrusion, mm: that of the layer, unless the extrusion fills several layers or is
             squeezed less.
         closed: (M,) whether the path returns to its first point.
-        carried: (N,) share of the bead's width, 0 to 1, that lies over the layer below from each point to the next;
-            1 everywhere where it is not given.
-        sweep: (M,) paths with the same number follow each other as they stand, or all of them turned around and the
-            last one first; -1, everywhere where it is not given, for those that may be printed in any order.
-        rise: (N,) mm from the top of the layer up to the nozzle, negative below it; 0 where it is not given.
-        share: (N,) how much of the bead's cross-section is laid; between two points both change evenly. 1 where it is
-            not given.
-        centre: (N, 2) mm, of the arc that the line to the next point is a chord of; nan, everywhere where it is not
-            given, for lines.
-        rule: (M,) the number of the profile whose speeds and flow each path has; 0 everywhere where it is not given.
-        z_top: (M,) mm, where the nozzle prints; the top of the path's layer where it is not given.
-        tool: (M,) the extruder that prints each path, by its number in `Profile.extruders`; 0 where it is not given.
+        support_ratio: (N,) fraction of the extrusion width, 0 to 1, that rests on the layer below, from each point to
+            the next. Default 1.
+        chain_id: (M,) paths with the same number are printed one after the other, in this order or all reversed. -1
+            (default): the path may be printed at any time.
+        z_offset: (N,) mm from the top of the layer up to the nozzle; negative below it. It changes linearly between two
+            points. Default 0.
+        flow_ratio: (N,) fraction of the full cross-section that is extruded. It changes linearly between two points.
+            Default 1.
+        centre: (N, 2) mm, centre of the arc of which the line to the next point is a chord; nan (default): a straight
+            line.
+        settings_id: (M,) index of the profile that gives the path its speeds and flow. Default 0.
+        z_top: (M,) z of the nozzle, mm. Default: the top of the path's layer.
+        tool: (M,) index in `Profile.extruders` of the extruder that prints the path. Default 0.
     """
 
     plan: LayerPlan
@@ -79,28 +80,28 @@ class Toolpaths(Drawn):
     role: Int
     height: Float
     closed: Bool
-    carried: Float = field(default_factory=lambda: _NOT_GIVEN)
-    sweep: Int = field(default_factory=lambda: _NO_NUMBERS)
-    rise: Float = field(default_factory=lambda: _NOT_GIVEN)
-    share: Float = field(default_factory=lambda: _NOT_GIVEN)
+    support_ratio: Float = field(default_factory=lambda: _NOT_GIVEN)
+    chain_id: Int = field(default_factory=lambda: _NO_NUMBERS)
+    z_offset: Float = field(default_factory=lambda: _NOT_GIVEN)
+    flow_ratio: Float = field(default_factory=lambda: _NOT_GIVEN)
     centre: Float = field(default_factory=lambda: _NOT_GIVEN)
-    rule: Int = field(default_factory=lambda: _NO_NUMBERS)
+    settings_id: Int = field(default_factory=lambda: _NO_NUMBERS)
     z_top: Float = field(default_factory=lambda: _NOT_GIVEN)
     tool: Int = field(default_factory=lambda: _NO_NUMBERS)
 
     def __post_init__(self) -> None:
         n_points, n_paths = len(self.xy), len(self.layer)
         for name, value, shape in (
-            ("carried", 1.0, (n_points,)),
-            ("rise", 0.0, (n_points,)),
-            ("share", 1.0, (n_points,)),
+            ("support_ratio", 1.0, (n_points,)),
+            ("z_offset", 0.0, (n_points,)),
+            ("flow_ratio", 1.0, (n_points,)),
             ("centre", np.nan, (n_points, 2)),
         ):
             if getattr(self, name) is _NOT_GIVEN:
                 object.__setattr__(self, name, np.broadcast_to(np.float64(value), shape))
-        if self.sweep is _NO_NUMBERS:
-            object.__setattr__(self, "sweep", np.full(n_paths, -1))
-        for name in ("rule", "tool"):
+        if self.chain_id is _NO_NUMBERS:
+            object.__setattr__(self, "chain_id", np.full(n_paths, -1))
+        for name in ("settings_id", "tool"):
             if getattr(self, name) is _NO_NUMBERS:
                 object.__setattr__(self, name, np.zeros(n_paths, np.int64))
         if self.z_top is _NOT_GIVEN:
@@ -113,12 +114,12 @@ class Toolpaths(Drawn):
             ("role", np.int64, (n_paths,)),
             ("height", np.float64, (n_paths,)),
             ("closed", np.bool_, (n_paths,)),
-            ("carried", np.float64, (n_points,)),
-            ("sweep", np.int64, (n_paths,)),
-            ("rise", np.float64, (n_points,)),
-            ("share", np.float64, (n_points,)),
+            ("support_ratio", np.float64, (n_points,)),
+            ("chain_id", np.int64, (n_paths,)),
+            ("z_offset", np.float64, (n_points,)),
+            ("flow_ratio", np.float64, (n_points,)),
             ("centre", np.float64, (n_points, 2)),
-            ("rule", np.int64, (n_paths,)),
+            ("settings_id", np.int64, (n_paths,)),
             ("z_top", np.float64, (n_paths,)),
             ("tool", np.int64, (n_paths,)),
         ):
@@ -141,44 +142,42 @@ class Toolpaths(Drawn):
         width: Float,
         closed: bool | Bool,
         height: Float | None = None,
-        carried: Float | None = None,
-        sweep: Int | None = None,
+        support_ratio: Float | None = None,
+        chain_id: Int | None = None,
         slope: tuple[Float, Float] | None = None,
-        rule: Int | None = None,
+        settings_id: Int | None = None,
     ) -> Toolpaths:
-        """Paths given one after the other with `size` (M,) points each, in any order of layers.
+        """Build paths of `size` (M,) points each from their concatenated points; layers may be in any order.
 
-        `width` is (N,) for each point or (M,) for each path; `height` (M,) is the layer's where it is not given. All of
-        it is carried and free to be ordered where `carried` and `sweep` are not given. `slope` is `rise` and `share`;
-        all has the first of the profiles where `rule` is not given.
+        `width` is (N,) for each point or (M,) for each path. `height` (M,) defaults to the height of the layer. `slope`
+        is (`z_offset`, `flow_ratio`).
         """
         flags = np.full(len(layer), closed) if isinstance(closed, bool) else closed
         heights = plan.height[layer] if height is None else height
         widths = width if len(width) == len(xy) else np.repeat(width, size)
-        shares = _NOT_GIVEN if carried is None else carried
-        sweeps = np.full(len(layer), -1) if sweep is None else sweep
-        rise, share = (_NOT_GIVEN, _NOT_GIVEN) if slope is None else slope
-        rules = np.zeros(len(layer), np.int64) if rule is None else rule
+        support_ratios = _NOT_GIVEN if support_ratio is None else support_ratio
+        chain_ids = np.full(len(layer), -1) if chain_id is None else chain_id
+        z_offset, flow_ratio = (_NOT_GIVEN, _NOT_GIVEN) if slope is None else slope
+        settings_ids = np.zeros(len(layer), np.int64) if settings_id is None else settings_id
         if (np.diff(layer) < 0).any():
             order = np.argsort(layer, kind="stable")
             before = size
             (xy, widths), size = reordered((xy, widths), before, order)
-            if carried is not None:
-                (shares,), _ = reordered((carried,), before, order)
+            if support_ratio is not None:
+                (support_ratios,), _ = reordered((support_ratio,), before, order)
             if slope is not None:
-                (rise, share), _ = reordered(slope, before, order)
+                (z_offset, flow_ratio), _ = reordered(slope, before, order)
             layer, role, flags = layer[order], role[order], flags[order]
-            heights, sweeps, rules = heights[order], sweeps[order], rules[order]
+            heights, chain_ids, settings_ids = heights[order], chain_ids[order], settings_ids[order]
         start = np.concatenate([[0], np.cumsum(size)])
-        return cls(
-            plan, xy, widths, start, layer, role, heights, flags, shares, sweeps, rise, share, rule=rules
-        )
+        columns = (layer, role, heights, flags, support_ratios, chain_ids, z_offset, flow_ratio)
+        return cls(plan, xy, widths, start, *columns, settings_id=settings_ids)
 
     @classmethod
     def joined(cls, plan: LayerPlan, parts: Sequence[Toolpaths]) -> Toolpaths:
-        """All paths of several values, by layer; within a layer in the order of `parts`.
+        """Concatenate paths; they are sorted by layer, and within a layer they keep the order of `parts`.
 
-        The layers of all of them are those of `plan`, and the nozzle prints at their tops.
+        All parts must have the layers of `plan`. The nozzle prints at the tops of these layers.
         """
         joined = cls.gathered(
             plan,
@@ -189,44 +188,44 @@ class Toolpaths(Drawn):
             width=np.concatenate([part.width for part in parts]),
             closed=np.concatenate([part.closed for part in parts]),
             height=np.concatenate([part.height for part in parts]),
-            carried=np.concatenate([part.carried for part in parts]),
-            sweep=_numbered_apart([part.sweep for part in parts]),
+            support_ratio=np.concatenate([part.support_ratio for part in parts]),
+            chain_id=_numbered_apart([part.chain_id for part in parts]),
             slope=None
-            if all(_is_usual(part.rise) and _is_usual(part.share) for part in parts)
+            if all(_is_usual(part.z_offset) and _is_usual(part.flow_ratio) for part in parts)
             else (
-                np.concatenate([part.rise for part in parts]),
-                np.concatenate([part.share for part in parts]),
+                np.concatenate([part.z_offset for part in parts]),
+                np.concatenate([part.flow_ratio for part in parts]),
             ),
-            rule=np.concatenate([part.rule for part in parts]),
+            settings_id=np.concatenate([part.settings_id for part in parts]),
         )
         tool = np.concatenate([part.tool for part in parts])
         by_layer = np.argsort(np.concatenate([part.layer for part in parts]), kind="stable")
         return replace(joined, tool=tool[by_layer]) if tool.any() else joined
 
     def on_plan(self, plan: LayerPlan, lift: float = 0.0) -> Toolpaths:
-        """The same paths `lift` mm higher on another plan that has layers with their tops; heights stay."""
+        """Return the paths raised by `lift` mm onto another plan, which must have layers with the same tops."""
         layer = plan.find_tops(self.plan.top + lift)[self.layer]
         return replace(self, plan=plan, layer=layer, z_top=plan.top[layer])
 
     def with_tool(self, tool: int) -> Toolpaths:
-        """The same paths printed by another extruder."""
+        """Return the paths with another extruder."""
         return replace(self, tool=np.full(self.n_paths, tool))
 
-    def ruled(self, of_layer: Int) -> Toolpaths:
-        """The same paths with the profiles that the layers (L,) have, by number."""
-        return replace(self, rule=of_layer[self.layer])
+    def with_settings(self, of_layer: Int) -> Toolpaths:
+        """Return the paths with the profile index `of_layer` (L,) of their layers."""
+        return replace(self, settings_id=of_layer[self.layer])
 
     def take(self, chosen: Int) -> Toolpaths:
-        """Some of the paths, by their indices; their layers must ascend."""
+        """Return the paths with these indices; their layers must ascend."""
         size = np.diff(self.start)[chosen]
         points = consecutive(self.start[chosen], size)
         return self.of_points(points, np.append(0, np.cumsum(size)), chosen)
 
     def of_points(self, point: Int, start: Int, path: Int) -> Toolpaths:
-        """Paths made of some points (n,), with what else there is to know from `path` (m,).
+        """Build paths from point indices (n,); everything else is copied from the paths `path` (m,).
 
-        Path `i` of them has the points `point[start[i]:start[i + 1]]`. `carried` goes with the points: it is right for
-        paths that keep their direction.
+        Path `i` has the points `point[start[i]:start[i + 1]]`. `support_ratio` is copied with the points, so it is only
+        correct for paths that keep their direction.
         """
         columns: dict[str, Any] = {name: getattr(self, name) for name in _OF_POINTS}
         columns = {
@@ -237,16 +236,16 @@ class Toolpaths(Drawn):
         return replace(self, start=start, **columns, **of_path)
 
     def begins_at(self, layer: int) -> Bool:
-        """(M,) paths of this layer, and of later ones those that rest on what it rests on.
+        """Return (M,) which paths are in this layer, or in a later layer but start at the same bottom.
 
-        The latter are first layers of objects with layers of their own.
+        The latter are first layers of objects with their own layer plan.
         """
         rests = self.z_top - self.height < float(self.plan.bottom[layer]) + SAME_TOP
         return np.asarray((self.layer == layer) | ((self.layer > layer) & rests))
 
     @property
     def has_arcs(self) -> bool:
-        """Whether some lines are chords of arcs."""
+        """Whether any line is a chord of an arc."""
         return not _is_usual(self.centre) and bool(np.isfinite(self.centre[:, 0]).any())
 
     @property
@@ -256,54 +255,54 @@ class Toolpaths(Drawn):
 
     @property
     def following(self) -> Int:
-        """(N,) the point after each; itself at the end of an open path."""
+        """(N,) index of the next point; at the end of an open path the point itself."""
         return following_around(self.start, self.closed)
 
     @property
     def beads_of_each(self) -> Int:
-        """(M,) number of lines from point to point, the last one of a loop to its first point."""
+        """(M,) number of line segments of each path; a loop has one more, back to its first point."""
         return np.diff(self.start) - ~self.closed
 
     @property
     def ends_of_beads(self) -> tuple[Int, Int]:
-        """(B,) both: the points at which the lines of all paths begin, and those at which they end."""
+        """Start and end point indices, (B,) each, of all line segments."""
         begin = consecutive(self.start[:-1], self.beads_of_each)
         return begin, self.following.take(begin)
 
     def steps(self) -> Float:
-        """(N,) mm from each point to the one after it; 0 at the end of an open path."""
+        """Return (N,) mm from each point to the next; 0 at the end of an open path."""
         return np.asarray(np.hypot(*(self.xy.take(self.following, axis=0) - self.xy).T))
 
     def length(self) -> Float:
-        """(M,) length of each path, mm."""
+        """Return (M,) length of each path, mm."""
         return lengths(self.xy, self.start, self.closed)
 
     def area(self) -> Float:
-        """(M,) mm² that the beads fill, seen from above: length times spacing, which changes evenly between points."""
+        """Return (M,) mm² covered by each path seen from above: length times spacing, which varies linearly."""
         if not self.n_paths:
             return np.zeros(0)
         spacing = bead.spacing(self.width, np.repeat(self.height, np.diff(self.start)))
         return np.add.reduceat(self.steps() * (spacing + spacing.take(self.following)) / 2, self.start[:-1])
 
     def path(self, index: int) -> Float:
-        """(n, 2) the points of one path."""
+        """Return the points (n, 2) of one path."""
         return self.xy[self.start[index] : self.start[index + 1]]
 
 
 def _is_usual(column: Float) -> bool:
-    """Whether a column was not given: one value stands for all, and takes no room."""
+    """Return whether a column has its default: one broadcast value, which takes no memory."""
     return len(column) > 0 and column.strides[0] == 0
 
 
 def _numbered_apart(sweeps: Sequence[Int]) -> Int:
-    """The numbers of several parts one after the other, so that sweeps of different parts stay different."""
+    """Concatenate chain ids of several parts, renumbered so that chains of different parts stay separate."""
     used = np.cumsum([0, *(int(sweep.max(initial=-1)) + 1 for sweep in sweeps)])
     numbered = [np.where(sweep < 0, -1, sweep + first) for sweep, first in zip(sweeps, used, strict=False)]
     return np.concatenate([np.zeros(0, np.int64), *numbered])
 
 
 def reordered(columns: Sequence[Float], size: Int, order: Int) -> tuple[list[Float], Int]:
-    """Ragged columns and sizes with their items in another order."""
+    """Return ragged columns and their sizes with the items in another order."""
     first, counts = (np.cumsum(size) - size)[order], size[order]
     chosen = consecutive(first, counts)
     return [column.take(chosen, axis=0) for column in columns], counts
@@ -319,7 +318,7 @@ class Fan:
 
 @dataclass(frozen=True, slots=True)
 class Heat:
-    """Set a temperature before move `index`; None leaves that heater as it is; `tool` is the nozzle's."""
+    """Set temperatures before move `index`; None leaves a heater unchanged; `tool` selects the nozzle."""
 
     index: int
     nozzle: float | None = None
@@ -329,7 +328,7 @@ class Heat:
 
 @dataclass(frozen=True, slots=True)
 class Acceleration:
-    """Accelerate by `value`, mm/s², from move `index` on: beads, and where the firmware has one for all moves, all."""
+    """Set the acceleration `value`, mm/s², from move `index` on; also of travels if the firmware has only one value."""
 
     index: int
     value: float
@@ -337,7 +336,7 @@ class Acceleration:
 
 @dataclass(frozen=True, slots=True)
 class PressureAdvance:
-    """Push filament ahead by `seconds` of the extruder's speed from move `index` on."""
+    """Set the pressure advance, s, from move `index` on."""
 
     index: int
     seconds: float
@@ -345,7 +344,7 @@ class PressureAdvance:
 
 @dataclass(frozen=True, slots=True)
 class ToolChange:
-    """Print with another extruder from move `index` on, by its number in `Profile.extruders`."""
+    """Switch to extruder `tool`, an index in `Profile.extruders`, before move `index`."""
 
     index: int
     tool: int
@@ -355,25 +354,25 @@ Event = Fan | Heat | Acceleration | PressureAdvance | ToolChange
 
 
 @dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
-class Program(Drawn):
-    """Moves before they become text: straight lines from one position to the next.
+class Program(SvgRepr):
+    """The moves of a print, before they are written as G-code: straight lines between positions.
 
     Attributes:
         plan: the layers.
         origin: (3,) position of the nozzle before the first move.
         xyz: (K, 3) position at the end of each move.
         filament: (K,) mm of filament fed during the move; negative retracts.
-        speed: (K,) along the path; along the filament for moves that only turn the extruder.
-        layer: (K,) ascending.
-        role: (K,) a `Role` each; TRAVEL for everything that lays no bead.
-        width: (K,) extrusion width, in the mean along the move, 0 for TRAVEL.
-        height: (K,) how high the bead is, 0 for TRAVEL.
-        centre: (K, 2) mm, of the arc that the move is a chord of, all chords of one arc behind each other; nan,
-            everywhere where it is not given, for straight moves.
+        speed: (K,) mm/s along the path; along the filament for moves of the extruder alone.
+        layer: (K,) layer index, ascending.
+        role: (K,) `Role` of each move; TRAVEL for every move that does not extrude.
+        width: (K,) mean extrusion width, mm; 0 for TRAVEL.
+        height: (K,) height of the extrusion, mm; 0 for TRAVEL.
+        centre: (K, 2) mm, centre of the arc of which the move is a chord; chords of one arc are consecutive. nan
+            (default): a straight move.
         events: changes of fan, heaters, accelerations and tools, by ascending index.
-        z_top: (K,) mm, where the nozzle prints the path of the move, or the one that it leads to; the top of its layer
-            where it is not given.
-        tool: (K,) the extruder in use, by its number in `Profile.extruders`; 0 where it is not given.
+        z_top: (K,) z at which the nozzle prints the path of the move, or for a travel the next path, mm. Default: the
+            top of the layer.
+        tool: (K,) index in `Profile.extruders` of the extruder in use. Default 0.
     """
 
     plan: LayerPlan
@@ -420,12 +419,12 @@ class Program(Drawn):
 
     @property
     def has_arcs(self) -> bool:
-        """Whether some moves are chords of arcs."""
+        """Whether any move is a chord of an arc."""
         return not _is_usual(self.centre) and bool(np.isfinite(self.centre[:, 0]).any())
 
     @property
     def on_same_arc(self) -> Bool:
-        """(K,) moves that are chords of the same arc as the move before."""
+        """(K,) whether each move is a chord of the same arc as the move before."""
         same = np.zeros(self.n_moves, np.bool_)
         if self.has_arcs:  # no centre is equal to none
             same[1:] = (self.centre[1:] == self.centre[:-1]).all(axis=1)
@@ -438,21 +437,21 @@ class Program(Drawn):
 
     @property
     def start(self) -> Float:
-        """(K, 3) position at the beginning of each move."""
+        """(K, 3) position at the start of each move, mm."""
         return np.concatenate([self.origin[None], self.xyz[:-1]])
 
     @property
     def printed(self) -> Int:
-        """The layers that hold plastic; those where the part is narrower than a bead do not."""
+        """Indices of layers with extrusions; where the part is narrower than one extrusion a layer is empty."""
         return distinct(self.layer[self.role != Role.TRAVEL])
 
     @property
     def climbs(self) -> bool:
-        """Whether beads are laid while z changes: in spirals, and in seams that are slopes."""
+        """Whether z changes during extrusions, as in spirals and scarf seams."""
         beads = self.role != Role.TRAVEL
         return bool((self.xyz[beads, 2] != self.start[beads, 2]).any())
 
     @property
     def filament_used(self) -> float:
-        """Filament in the beads, mm."""
+        """Length of filament in all extrusions, mm."""
         return float(self.filament[self.role != Role.TRAVEL].sum())

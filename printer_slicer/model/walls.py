@@ -11,13 +11,13 @@ from printer_slicer.arrays import Float, frozen_array
 from printer_slicer.geometry import Areas
 from printer_slicer.model.layers import LayerPlan
 from printer_slicer.model.paths import Toolpaths
-from printer_slicer.showing import Drawn
+from printer_slicer.repr_svg import SvgRepr
 
 __all__ = ["Walls"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Walls(Drawn):
+class Walls(SvgRepr):
     """Perimeters, and what is left inside them.
 
     Attributes:
@@ -42,7 +42,7 @@ class Walls(Drawn):
             )
 
     @property
-    def looks(self) -> object:
+    def drawable(self) -> object:
         """The perimeters."""
         return self.paths
 

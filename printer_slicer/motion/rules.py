@@ -1,7 +1,7 @@
 """One truth about time, move by move: limits, corner speeds, ramps and the look-ahead of a planner.
 
 Plain Python without arrays, clock or I/O, so that the simulated printer and the deadlines of the host can use
-it; `motion.whole` gives the same answers over arrays.
+it; `motion.vectorized` gives the same answers over arrays.
 
 The machine moves in straight lines, the blocks. Within a block its speed is a trapezoid: constant
 acceleration up to the cruise speed, cruise, constant deceleration. At a corner the speed keeps its size and

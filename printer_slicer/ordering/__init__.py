@@ -14,18 +14,18 @@ import numpy as np
 from printer_slicer.arrays import Bool, Int, consecutive
 from printer_slicer.geometry import rings_around
 from printer_slicer.model import Areas, Sections, Toolpaths
-from printer_slicer.ordering.breaking import broken
-from printer_slicer.ordering.loops import closed_up
-from printer_slicer.ordering.nearby import begun_nearby, begun_toward_seams
-from printer_slicer.ordering.route import routed
-from printer_slicer.ordering.scarf import scarfed
-from printer_slicer.ordering.seams import with_seams
-from printer_slicer.ordering.spiral import for_spiral, spiralled, turns_of_spiral
-from printer_slicer.ordering.units import Units, inner_loops, units_of
-from printer_slicer.ordering.walls import clustered
+from printer_slicer.ordering.line_splitting import split_lines
+from printer_slicer.ordering.loop_starts import start_near_nozzle, start_near_seams
+from printer_slicer.ordering.loops import close_loops
+from printer_slicer.ordering.route import route_units
+from printer_slicer.ordering.scarf import add_scarfs
+from printer_slicer.ordering.seams import place_seams
+from printer_slicer.ordering.spiral import apply_spiral_settings, make_spiral, select_spiral_paths
+from printer_slicer.ordering.units import Units, group_units, inner_loops
+from printer_slicer.ordering.walls import cluster_walls
 from printer_slicer.profile import Profile
 
-__all__ = ["for_spiral", "order"]
+__all__ = ["apply_spiral_settings", "order"]
 
 
 def order(paths: Toolpaths, sections: Sections, profile: Profile) -> Toolpaths:
@@ -37,17 +37,17 @@ def order(paths: Toolpaths, sections: Sections, profile: Profile) -> Toolpaths:
     if paths.n_paths == 0:
         return paths
     if profile.quality.spiral:
-        return spiralled(_ordered(turns_of_spiral(paths, profile), sections, profile), profile)
-    return scarfed(broken(_ordered(paths, sections, profile)), profile)
+        return make_spiral(_ordered(select_spiral_paths(paths, profile), sections, profile), profile)
+    return add_scarfs(split_lines(_ordered(paths, sections, profile)), profile)
 
 
 def _ordered(paths: Toolpaths, sections: Sections, profile: Profile) -> Toolpaths:
-    paths = with_seams(closed_up(paths), profile)
+    paths = place_seams(close_loops(paths), profile)
     island = _islands(paths, sections.solid)
-    paths, clusters = clustered(begun_toward_seams(paths, island, profile), inner_loops(paths), profile)
-    units = units_of(paths, island, clusters, profile)
-    ordered = _printed(paths, units, *routed(units))
-    return begun_nearby(ordered, profile)
+    paths, clusters = cluster_walls(start_near_seams(paths, island, profile), inner_loops(paths), profile)
+    units = group_units(paths, island, clusters, profile)
+    ordered = _printed(paths, units, *route_units(units))
+    return start_near_nozzle(ordered, profile)
 
 
 def _islands(paths: Toolpaths, solid: Areas) -> Int:
@@ -76,4 +76,6 @@ def _printed(paths: Toolpaths, units: Units, taken: Int, turned: Bool) -> Toolpa
     point = first + np.where(back, n_points[owner] - 1 - at, at)
     some = paths.of_points(point, np.append(0, np.cumsum(n_points)), path)
     # What holds from a point to the next holds from the next to it in a path that is turned around.
-    return replace(some, carried=paths.carried.take(np.where(back, np.maximum(point - 1, first), point)))
+    return replace(
+        some, support_ratio=paths.support_ratio.take(np.where(back, np.maximum(point - 1, first), point))
+    )

@@ -20,7 +20,7 @@ from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.model import Toolpaths
 from printer_slicer.ordering.loops import Loops
 
-__all__ = ["aligned"]
+__all__ = ["align_seams"]
 
 _CANDIDATES = 14  # places on a loop, evenly spread; a corner stands for the places around it
 _ARM = 0.8  # mm on both sides of a place over which its corner is measured: longer than what a tessellation turns by
@@ -34,7 +34,7 @@ _BETWEEN = 4.0  # mm that the boxes around a loop and the one below may differ b
 _TRACKED = 1.5  # mm that a seam on a flat place moves so that it lies over the one below
 
 
-def aligned(paths: Toolpaths, loops: Loops, toward: Float, *, strongly: bool) -> Float:
+def align_seams(paths: Toolpaths, loops: Loops, toward: Float, *, strongly: bool) -> Float:
     """(R,) where loops, by ascending layer, begin.
 
     Args:
@@ -99,7 +99,7 @@ class _Candidates:
         loop = np.repeat(np.arange(n), _CANDIDATES)
         xy = loops.at(loop, along.ravel()).reshape(n, _CANDIDATES, 2)
         side, _ = loops.side(loop, along.ravel())
-        hanging = 1.0 - paths.carried[loops.point[side]].reshape(n, _CANDIDATES)
+        hanging = 1.0 - paths.support_ratio[loops.point[side]].reshape(n, _CANDIDATES)
         bottom = np.minimum.reduceat(ahead, loops.start[:-1])
         behind = (top[:, None] - xy @ toward) / np.maximum(top - bottom, 1e-9)[:, None]
         cost = cost + hanging + behind * (_STRONG_PULL if strongly else _PULL)

@@ -14,7 +14,7 @@ from printer_slicer.arrays import Float, Int, consecutive, following_around
 from printer_slicer.geometry.vectors import nearest_share, norm
 from printer_slicer.model import Toolpaths
 
-__all__ = ["Loops", "begun_at", "closed_up", "first_least"]
+__all__ = ["Loops", "argmin_by_group", "close_loops", "start_at"]
 
 _SAME = 2e-3  # mm; a place no farther from a point of its loop is that point
 
@@ -90,7 +90,7 @@ class Loops:
         size = np.diff(self.start)[loop]
         point = consecutive(self.start[loop], size)
         gap = self.xy.take(point, axis=0) - np.repeat(goal, size, axis=0)
-        chosen, _ = first_least((gap * gap).sum(axis=1), size)
+        chosen, _ = argmin_by_group((gap * gap).sum(axis=1), size)
         return np.asarray(self.reach[point[chosen]])
 
     def nearest(self, loop: Int, goal: Float) -> tuple[Float, Float]:
@@ -101,11 +101,11 @@ class Loops:
         way = self.xy.take(self.following[point], axis=0) - begin
         gap = np.repeat(goal, size, axis=0) - begin
         share = nearest_share(gap, way)
-        chosen, least = first_least(np.hypot(*(gap - share[:, None] * way).T), size)
+        chosen, least = argmin_by_group(np.hypot(*(gap - share[:, None] * way).T), size)
         return self.reach[point[chosen]] + share[chosen] * norm(way[chosen]), least
 
 
-def first_least(values: Float, size: Int) -> tuple[Int, Float]:
+def argmin_by_group(values: Float, size: Int) -> tuple[Int, Float]:
     """(Q,) the first least one of values that stand in groups of `size` (Q,), and the values (Q,) themselves."""
     if not len(size):
         return np.zeros(0, np.int64), np.zeros(0)
@@ -115,11 +115,11 @@ def first_least(values: Float, size: Int) -> tuple[Int, Float]:
     return np.asarray(hits[np.searchsorted(owner, np.arange(len(size)))]), least
 
 
-def closed_up(paths: Toolpaths) -> Toolpaths:
+def close_loops(paths: Toolpaths) -> Toolpaths:
     """The same paths; open ones that end where they begin, and may be printed in any order, are loops."""
     begin, last = paths.start[:-1], paths.start[1:] - 1
     returns = np.hypot(*(paths.xy[begin] - paths.xy[last]).T) < _SAME
-    returns &= ~paths.closed & (paths.sweep < 0) & (last - begin > 2)
+    returns &= ~paths.closed & (paths.chain_id < 0) & (last - begin > 2)
     kept = np.ones(len(paths.xy), np.bool_)
     kept[last[returns]] = False
     start = np.append(0, np.cumsum(np.diff(paths.start) - returns))
@@ -127,7 +127,7 @@ def closed_up(paths: Toolpaths) -> Toolpaths:
     return replace(some, closed=paths.closed | returns)
 
 
-def begun_at(paths: Toolpaths, loops: Loops, along: Float) -> Toolpaths:
+def start_at(paths: Toolpaths, loops: Loops, along: Float) -> Toolpaths:
     """The same paths, loops beginning at the places `along` (R,); between two points a new one is put in."""
     point, beyond = loops.side(np.arange(loops.n_loops), along)
     ends = loops.following[point]
@@ -141,7 +141,7 @@ def begun_at(paths: Toolpaths, loops: Loops, along: Float) -> Toolpaths:
     whole, other = loops.point[point], loops.point[ends]
     width = paths.width[whole] * (1 - share) + paths.width[other] * share
     head = np.where(new, other, loops.point[first])
-    return _rotated(paths, loops.path, head, new, (place, width, paths.carried[whole]))
+    return _rotated(paths, loops.path, head, new, (place, width, paths.support_ratio[whole]))
 
 
 def _rotated(
@@ -158,7 +158,7 @@ def _rotated(
     owner = np.repeat(np.arange(paths.n_paths), size + extra)
     source = paths.start[owner] + (np.maximum(step, 0) + turn[owner]) % np.maximum(size[owner], 1)
     some = paths.of_points(source, start, np.arange(paths.n_paths))
-    xy, width, carried = some.xy.copy(), some.width.copy(), some.carried.copy()
+    xy, width, carried = some.xy.copy(), some.width.copy(), some.support_ratio.copy()
     at = start[path[new]]
     xy[at], width[at], carried[at] = (column[new] for column in given)
-    return replace(some, xy=xy, width=width, carried=carried)
+    return replace(some, xy=xy, width=width, support_ratio=carried)

@@ -8,15 +8,15 @@ from itertools import groupby
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int
-from printer_slicer.ordering.tours import shortened
+from printer_slicer.ordering.tour_improvement import shorten_tour
 from printer_slicer.ordering.units import Units
 
-__all__ = ["routed"]
+__all__ = ["route_units"]
 
 _SMALL_CHOICE = 20_000  # units; beyond, trying every one at every step takes minutes
 
 
-def routed(units: Units) -> tuple[Int, Bool]:
+def route_units(units: Units) -> tuple[Int, Bool]:
     """(U,) the units in the order of printing, and which of these (U,) are turned around."""
     taken, turned = _nearest_first(units)
     taken, turned = _islands_moved(units, taken, turned)
@@ -40,7 +40,7 @@ def _oriented(units: Units, taken: Int, turned: Bool) -> tuple[Float, Float]:
 def _shortened(units: Units, taken: Int, turned: Bool, group: Int) -> tuple[Int, Bool]:
     """The same units, moved about within their groups."""
     begin, end = _oriented(units, taken, turned)
-    order, around = shortened(begin, end, units.free[taken], group)
+    order, around = shorten_tour(begin, end, units.free[taken], group)
     return taken[order], turned[order] ^ around
 
 
@@ -54,7 +54,7 @@ def _islands_moved(units: Units, taken: Int, turned: Bool) -> tuple[Int, Bool]:
     group = np.cumsum(
         (np.diff(units.layer[taken][first], prepend=-1) != 0) | around | np.append(False, around[:-1])
     )
-    order, _ = shortened(begin[first], end[last], np.zeros(len(first), np.bool_), group)
+    order, _ = shorten_tour(begin[first], end[last], np.zeros(len(first), np.bool_), group)
     size = (last + 1 - first)[order]
     moved = np.arange(len(taken)) - np.repeat(np.cumsum(size) - size - first[order], size)
     return taken[moved], turned[moved]

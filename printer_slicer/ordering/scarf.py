@@ -16,10 +16,10 @@ from printer_slicer.ordering.loops import Loops
 from printer_slicer.profile import Profile
 from printer_slicer.roles import Role
 
-__all__ = ["scarfed"]
+__all__ = ["add_scarfs"]
 
 
-def scarfed(paths: Toolpaths, profile: Profile) -> Toolpaths:
+def add_scarfs(paths: Toolpaths, profile: Profile) -> Toolpaths:
     """Paths in printing order; outer perimeters long enough for it end in a slope. The first layer stays as it is."""
     quality = profile.quality
     if not quality.scarf_length:
@@ -50,13 +50,13 @@ def _sloped(paths: Toolpaths, loops: Loops, length: float, begin: float) -> Tool
     n = size[loops.path]
     first = start[loops.path]
     # Where the slope ends a point is put in, once on the way up and once at the end of the loop.
-    xy, width, carried = some.xy.copy(), some.width.copy(), some.carried.copy()
+    xy, width, carried = some.xy.copy(), some.width.copy(), some.support_ratio.copy()
     for at in (first + within + 1, first + n + within + 3):
-        xy[at], carried[at] = crest_xy, paths.carried[loops.point[crest]]
+        xy[at], carried[at] = crest_xy, paths.support_ratio[loops.point[crest]]
         width[at] = paths.width[loops.point[crest]]
     owner = np.repeat(every, count[loops.path])
     point = consecutive(first, count[loops.path])
-    share, rise = some.share.copy(), some.rise.copy()
+    share, rise = some.flow_ratio.copy(), some.z_offset.copy()
     share[point], rise[point] = _slope(
         along, loops.length[owner], paths.height[loops.path][owner], length, begin
     )
@@ -64,7 +64,9 @@ def _sloped(paths: Toolpaths, loops: Loops, length: float, begin: float) -> Tool
     share[first + n + 2] = 1.0 - begin
     closed = paths.closed.copy()
     closed[loops.path] = False
-    return replace(some, xy=xy, width=width, carried=carried, share=share, rise=rise, closed=closed)
+    return replace(
+        some, xy=xy, width=width, support_ratio=carried, flow_ratio=share, z_offset=rise, closed=closed
+    )
 
 
 def _walk(paths: Toolpaths, loops: Loops, within: Int, count: Int, length: float) -> tuple[Int, Float]:

@@ -6,28 +6,28 @@ import numpy as np
 
 from printer_slicer.arrays import Float, Int
 from printer_slicer.model import Toolpaths
-from printer_slicer.ordering.alignment import aligned
-from printer_slicer.ordering.loops import Loops, begun_at
+from printer_slicer.ordering.alignment import align_seams
+from printer_slicer.ordering.loops import Loops, start_at
 from printer_slicer.profile import Profile
 from printer_slicer.roles import Role
 
-__all__ = ["outer_loops", "with_seams"]
+__all__ = ["external_loops", "place_seams"]
 
 _SEED = 20_181
 
 
-def outer_loops(paths: Toolpaths) -> Int:
+def external_loops(paths: Toolpaths) -> Int:
     """The outer perimeters that are loops."""
     return np.flatnonzero(paths.closed & (paths.role == Role.EXTERNAL_PERIMETER))
 
 
-def with_seams(paths: Toolpaths, profile: Profile) -> Toolpaths:
+def place_seams(paths: Toolpaths, profile: Profile) -> Toolpaths:
     """The same paths; outer perimeters begin where the profile wants their seams."""
-    loops = Loops.of(paths, outer_loops(paths))
+    loops = Loops.of(paths, external_loops(paths))
     rule = profile.quality.seam
     if rule == "nearest" or not loops.n_loops:
         return paths
-    return begun_at(paths, loops, _places(paths, loops, rule, profile.quality.seam_angle_deg))
+    return start_at(paths, loops, _places(paths, loops, rule, profile.quality.seam_angle_deg))
 
 
 def _places(paths: Toolpaths, loops: Loops, rule: str, angle_deg: float) -> Float:
@@ -38,7 +38,7 @@ def _places(paths: Toolpaths, loops: Loops, rule: str, angle_deg: float) -> Floa
         return np.random.default_rng(_SEED).random(loops.n_loops) * loops.length
     angle = np.radians(angle_deg)
     toward = np.array([np.cos(angle), np.sin(angle)])
-    return aligned(paths, loops, toward, strongly=rule == "direction")
+    return align_seams(paths, loops, toward, strongly=rule == "direction")
 
 
 def _rear(loops: Loops) -> Float:

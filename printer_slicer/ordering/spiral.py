@@ -15,11 +15,11 @@ import numpy as np
 from printer_slicer.arrays import Float, Int, consecutive
 from printer_slicer.errors import PartError
 from printer_slicer.model import Toolpaths
-from printer_slicer.ordering.loops import Loops, begun_at
+from printer_slicer.ordering.loops import Loops, start_at
 from printer_slicer.profile import Profile, profile_with
 from printer_slicer.roles import Role
 
-__all__ = ["for_spiral", "spiralled", "turns_of_spiral"]
+__all__ = ["apply_spiral_settings", "make_spiral", "select_spiral_paths"]
 
 _SETTINGS: Final = {
     "quality.perimeters": 1,
@@ -35,12 +35,12 @@ _BLENDED = (
 )
 
 
-def for_spiral(profile: Profile) -> Profile:
+def apply_spiral_settings(profile: Profile) -> Profile:
     """The same profile; where it asks for a spiral, with the settings that a spiral is made with."""
     return profile_with(profile, _SETTINGS) if profile.quality.spiral else profile
 
 
-def turns_of_spiral(paths: Toolpaths, profile: Profile) -> Toolpaths:
+def select_spiral_paths(paths: Toolpaths, profile: Profile) -> Toolpaths:
     """The paths without those that a spiral has no room for: above the bottom only outer loops are left.
 
     Raises:
@@ -63,7 +63,7 @@ def turns_of_spiral(paths: Toolpaths, profile: Profile) -> Toolpaths:
     return paths.take(np.flatnonzero(outer | (paths.layer < first)))
 
 
-def spiralled(paths: Toolpaths, profile: Profile) -> Toolpaths:
+def make_spiral(paths: Toolpaths, profile: Profile) -> Toolpaths:
     """Paths in printing order, those above the bottom as one bead that climbs; all of them are outer loops."""
     first = _first_turn(paths, profile)
     chosen = np.flatnonzero(paths.layer >= first)
@@ -95,7 +95,7 @@ def _begun_above_each_other(paths: Toolpaths, chosen: Int) -> Toolpaths:
     for turn in range(1, loops.n_loops):
         along[turn : turn + 1], _ = loops.nearest(np.array([turn]), place)
         place = loops.at(np.array([turn]), along[turn : turn + 1])
-    return begun_at(paths, loops, along)
+    return start_at(paths, loops, along)
 
 
 def _turns(paths: Toolpaths, loops: Loops, base: Loops, profile: Profile) -> Toolpaths:
@@ -123,10 +123,10 @@ def _turns(paths: Toolpaths, loops: Loops, base: Loops, profile: Profile) -> Too
         role=np.full(len(n), int(Role.EXTERNAL_PERIMETER)),
         width=paths.width[of_paths],
         closed=False,
-        carried=paths.carried[of_paths],
+        support_ratio=paths.support_ratio[of_paths],
     )
     rise = np.where(is_last, 0.0, -(1 - share) * height)
-    return replace(made, rise=rise, share=bead_height / height)
+    return replace(made, z_offset=rise, flow_ratio=bead_height / height)
 
 
 def _joined(xy: Float, size: Int, reach: float) -> Float:

@@ -8,11 +8,11 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.model import Toolpaths
-from printer_slicer.ordering.walls import Clusters
+from printer_slicer.ordering.walls import WallClusters
 from printer_slicer.profile import Profile
 from printer_slicer.roles import ROLES, Phase, Role, roles_with
 
-__all__ = ["Units", "inner_loops", "units_of"]
+__all__ = ["Units", "group_units", "inner_loops"]
 
 _DEEPER = 1e-3  # mm
 
@@ -52,7 +52,7 @@ def inner_loops(paths: Toolpaths) -> Int:
     return np.flatnonzero(paths.closed & (paths.role == Role.PERIMETER) & ~_deep(paths))
 
 
-def units_of(paths: Toolpaths, island: Int, clusters: Clusters, profile: Profile) -> Units:
+def group_units(paths: Toolpaths, island: Int, clusters: WallClusters, profile: Profile) -> Units:
     """The units of paths that lie in islands (M,)."""
     n = paths.n_paths
     around = roles_with(is_around=True)[paths.role] & (paths.closed | (paths.role != Role.RAFT))
@@ -62,8 +62,8 @@ def units_of(paths: Toolpaths, island: Int, clusters: Clusters, profile: Profile
     number, turn = np.arange(n), np.arange(n)
     number[clusters.path], turn[clusters.path] = clusters.cluster, clusters.turn
     place[clusters.path], step[clusters.path] = place[clusters.cluster], step[clusters.cluster]
-    swept = paths.sweep >= 0
-    number[swept] = n + paths.sweep[swept]
+    swept = paths.chain_id >= 0
+    number[swept] = n + paths.chain_id[swept]
     order = np.lexsort((turn, number, step, place, paths.layer))
     begins = np.diff(number[order], prepend=-1) != 0
     start = np.append(np.flatnonzero(begins), n)

@@ -15,11 +15,11 @@ from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.geometry.nearest import distance_to_segments
 from printer_slicer.model import Toolpaths
-from printer_slicer.ordering.loops import Loops, begun_at
-from printer_slicer.ordering.seams import outer_loops
+from printer_slicer.ordering.loops import Loops, start_at
+from printer_slicer.ordering.seams import external_loops
 from printer_slicer.profile import Profile
 
-__all__ = ["Clusters", "clustered"]
+__all__ = ["WallClusters", "cluster_walls"]
 
 _SAMPLES = 6  # places on an inner loop from which its outer loops are looked for
 _BESIDE = 1.7  # bead widths from loop to loop that touch each other
@@ -27,7 +27,7 @@ _STAGGER = 1.5  # mm between the seam of an inner loop and that of its outer one
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Clusters:
+class WallClusters:
     """Which loops are printed together.
 
     Attributes:
@@ -41,9 +41,9 @@ class Clusters:
     turn: Int
 
 
-def clustered(paths: Toolpaths, inner: Int, profile: Profile) -> tuple[Toolpaths, Clusters]:
+def cluster_walls(paths: Toolpaths, inner: Int, profile: Profile) -> tuple[Toolpaths, WallClusters]:
     """Inner loops `inner` (I,) of the paths put to their outer ones, whose seams are known, and begun near these."""
-    outer = Loops.of(paths, outer_loops(paths))
+    outer = Loops.of(paths, external_loops(paths))
     loops = Loops.of(paths, inner)
     owner, gap, touching = _owners(loops, outer, profile)
     label = _joined(outer.n_loops, touching)
@@ -51,13 +51,13 @@ def clustered(paths: Toolpaths, inner: Int, profile: Profile) -> tuple[Toolpaths
     along, _ = loops.nearest(some, paths.xy[paths.start[outer.path[owner[some]]]])
     if profile.quality.staggered_inner_seams:
         along = along + np.where(loops.layer[some] % 2, _STAGGER, -_STAGGER)
-    begun = begun_at(paths, Loops.of(paths, inner[some]), along)
+    begun = start_at(paths, Loops.of(paths, inner[some]), along)
     path = np.concatenate([inner[some], outer.path])
     is_outer = np.arange(len(path)) >= len(some)
     of = np.concatenate([owner[some], np.arange(outer.n_loops)])
     far = np.concatenate([gap[some], np.zeros(outer.n_loops)])
-    turn = _turns(label[of], of, far, is_outer, outside_in=profile.quality.external_perimeter_first)
-    return begun, Clusters(path, outer.path[label[of]], turn)
+    turn = _turns(label[of], of, far, is_outer, outside_in=profile.quality.outer_perimeter_first)
+    return begun, WallClusters(path, outer.path[label[of]], turn)
 
 
 def _turns(cluster: Int, owner: Int, far: Float, is_outer: Bool, *, outside_in: bool) -> Int:

@@ -11,7 +11,7 @@ import numpy as np
 from printer_slicer import bead
 from printer_slicer.arrays import Bool
 from printer_slicer.geometry import Areas, difference, intersection, offset, offset_open, union
-from printer_slicer.layered import by_layer
+from printer_slicer.layer_settings import settings_by_layer
 from printer_slicer.model import Sections, Toolpaths, Walls
 from printer_slicer.perimeters.shells import Filled, fill_narrow, fill_pieces, shell
 from printer_slicer.perimeters.widening import widen_inner
@@ -30,7 +30,7 @@ def lay_walls(sections: Sections, profile: Profile) -> Walls:
     open sky only the outermost loop is laid if `quality.single_top_perimeter` says so; with `quality.extra_perimeters`
     the edges of overhangs are walls too.
     """
-    layered = by_layer(profile, sections.plan)
+    layered = settings_by_layer(profile, sections.plan)
     parts = [_walls_of(sections, here, own) for own, here in layered.each()]
     return Walls.joined(parts)
 

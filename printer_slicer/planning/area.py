@@ -20,7 +20,7 @@ import numpy as np
 from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.geometry.crossing import section_areas
 from printer_slicer.model import LayerPlan, Mesh
-from printer_slicer.planning.steps import Steps, fill
+from printer_slicer.planning.z_steps import ZSteps, fill_with_layers
 from printer_slicer.profile import AreaPlanner, Profile
 from printer_slicer.surface.flats import find_flats
 
@@ -44,7 +44,7 @@ def plan_area(mesh: Mesh, profile: Profile) -> LayerPlan:
     settings = profile.quality.planner
     if not isinstance(settings, AreaPlanner):
         settings = AreaPlanner()
-    steps = Steps(mesh, profile)
+    steps = ZSteps(mesh, profile)
     thin, thick = steps.of(profile.thinnest), steps.of(profile.thickest)
     if settings.aligned:
         heights = _aligned(mesh, steps, thin, thick, settings)
@@ -58,7 +58,7 @@ def _equal(a: Float, b: Float, settings: AreaPlanner) -> Bool:
     return np.asarray(np.abs(a - b) <= settings.tolerance + settings.relative_tolerance * np.maximum(a, b))
 
 
-def _literal(mesh: Mesh, steps: Steps, thin: int, thick: int, settings: AreaPlanner) -> Int:
+def _literal(mesh: Mesh, steps: ZSteps, thin: int, thick: int, settings: AreaPlanner) -> Int:
     """Heights by the paper's march from plane to plane, in steps."""
     first = min(steps.first or thin, steps.part)
     pitch = int(np.gcd.reduce([first, thin, thick]))
@@ -86,7 +86,7 @@ def _on_levels(planes: Float, mesh: Mesh) -> Float:
     return np.where(np.abs(nearest - planes) < _ROUNDING, nearest, planes)
 
 
-def _aligned(mesh: Mesh, steps: Steps, thin: int, thick: int, settings: AreaPlanner) -> Int:
+def _aligned(mesh: Mesh, steps: ZSteps, thin: int, thick: int, settings: AreaPlanner) -> Int:
     """Heights region by region between the z levels of the part, in steps."""
     level, constant = _stretches(mesh, steps, thick, settings)
     constant = _long_enough(level, constant, thick)
@@ -95,13 +95,13 @@ def _aligned(mesh: Mesh, steps: Steps, thin: int, thick: int, settings: AreaPlan
     flats = np.rint(find_flats(mesh)[0] / steps.size).astype(np.int64)
     ends, is_thick = _regions(level, constant, flats, bottom, steps) if rest else ([], [])
     for end, wide in zip(ends, is_thick, strict=True):
-        layers = fill(end - bottom, thick if wide else thin, steps.lowest, steps.highest)
+        layers = fill_with_layers(end - bottom, thick if wide else thin, steps.lowest, steps.highest)
         heights.append(layers)
         bottom += int(layers.sum())
     return np.concatenate(heights)
 
 
-def _stretches(mesh: Mesh, steps: Steps, thick: int, settings: AreaPlanner) -> tuple[Int, Bool]:
+def _stretches(mesh: Mesh, steps: ZSteps, thick: int, settings: AreaPlanner) -> tuple[Int, Bool]:
     """The z levels of the part in steps, and whether the area is constant from each to the next.
 
     Between two neighbouring levels no corner lies, so the area is a quadratic in z there: three equal values make it
@@ -138,7 +138,7 @@ def _long_enough(level: Int, constant: Bool, thick: int) -> Bool:
 
 
 def _regions(
-    level: Int, constant: Bool, flats: Int, bottom: int, steps: Steps
+    level: Int, constant: Bool, flats: Int, bottom: int, steps: ZSteps
 ) -> tuple[list[int], list[bool]]:
     """Where regions over `bottom` end, in steps, and whether each is of constant area; none is thinner than a layer."""
     thick_from = np.concatenate([constant, [False]])

@@ -38,9 +38,9 @@ import numpy as np
 
 from printer_slicer.arrays import Float
 from printer_slicer.model import LayerPlan, Mesh
+from printer_slicer.planning.reachable_heights import event_planes, reachable_layers, stack_layers
 from printer_slicer.planning.slopes import Slopes, cusp_height, thickest_within
-from printer_slicer.planning.steps import Steps
-from printer_slicer.planning.stretches import event_planes, walk, ways_up
+from printer_slicer.planning.z_steps import ZSteps
 from printer_slicer.profile import CuspPlanner, Profile
 
 __all__ = ["METRICS", "Metric", "height_limit", "plan_cusp"]
@@ -121,12 +121,14 @@ def plan_cusp(mesh: Mesh, profile: Profile) -> LayerPlan:
     settings = profile.quality.planner
     name = settings.metric if isinstance(settings, CuspPlanner) else "cusp"
     metric = METRICS[name]
-    steps = Steps(mesh, profile)
+    steps = ZSteps(mesh, profile)
     first, rest = steps.begin()
     heights = np.array([first] if first else [], np.int64)
     if rest:
         slopes = Slopes(mesh, steps, flats=metric.sees_flats)
         limit = thickest_within(slopes, steps, lambda n: height_limit(name, n, profile), seen=metric.seen)
         planes = event_planes(mesh, steps, first) if metric.ends_on_flats else [steps.part]
-        heights = np.append(heights, walk(ways_up(limit, planes, first, steps), limit, planes, first, steps))
+        heights = np.append(
+            heights, stack_layers(reachable_layers(limit, planes, first, steps), limit, planes, first, steps)
+        )
     return steps.plan(heights, "cusp")

@@ -22,9 +22,9 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Int
 from printer_slicer.model import LayerPlan, Mesh
+from printer_slicer.planning.reachable_heights import event_planes, next_plane, reachable_layers
 from printer_slicer.planning.slopes import Slopes, cusp_height, thickest_within
-from printer_slicer.planning.steps import Steps
-from printer_slicer.planning.stretches import event_planes, next_plane, ways_up
+from printer_slicer.planning.z_steps import ZSteps
 from printer_slicer.profile import GeneticPlanner, Profile
 
 __all__ = ["plan_genetic"]
@@ -77,7 +77,7 @@ def plan_genetic(mesh: Mesh, profile: Profile) -> LayerPlan:
     settings = profile.quality.planner
     if not isinstance(settings, GeneticPlanner):
         settings = GeneticPlanner()
-    steps = Steps(mesh, profile)
+    steps = ZSteps(mesh, profile)
     first, rest = steps.begin()
     heights = np.array([first] if first else [], np.int64)
     if rest:
@@ -86,11 +86,11 @@ def plan_genetic(mesh: Mesh, profile: Profile) -> LayerPlan:
     return steps.plan(heights, "genetic")
 
 
-def _rules(mesh: Mesh, steps: Steps, cusp: float, bottom: int) -> _Rules:
+def _rules(mesh: Mesh, steps: ZSteps, cusp: float, bottom: int) -> _Rules:
     """The tables that say which layers a part permits."""
     limit = thickest_within(Slopes(mesh, steps), steps, lambda slope: cusp / np.maximum(slope, 1e-12))
     planes = event_planes(mesh, steps, bottom)
-    ways = ways_up(limit, planes, bottom, steps)
+    ways = reachable_layers(limit, planes, bottom, steps)
     listed = np.zeros(2 * steps.highest + 1, np.bool_)
     listed[steps.allowed] = True
     above, nothing = steps.allowed[:1], np.zeros(1, np.int64)

@@ -1,7 +1,7 @@
 """Printing time of contours and rows of lines on a machine, as a function of speed.
 
-The speed of a layer depends on its height through the flow limit. The motion model (`motion.whole`) computes the times
-at the slowest and the fastest speed of any layer, and other speeds are interpolated: at corners the time hardly
+The speed of a layer depends on its height through the flow limit. The motion model (`motion.vectorized`) computes the
+times at the slowest and the fastest speed of any layer. Other speeds are interpolated: at corners the time hardly
 changes, along straight lines it is proportional to 1 / speed.
 """
 
@@ -16,7 +16,7 @@ import numpy as np
 from printer_slicer.arrays import Float, following_around
 from printer_slicer.geometry import Areas
 from printer_slicer.motion.rules import MotionLimits
-from printer_slicer.motion.whole import durations
+from printer_slicer.motion.vectorized import durations
 
 __all__ = ["LineMotion", "LineTimes", "RowTimes", "time_contours", "time_moves", "time_rows"]
 

@@ -1,6 +1,6 @@
 """The best of all plans: the shortest path over the heights at which layers may end.
 
-Every layer that a plan may have between two heights of the z lattice is an arc with a cost; the cheapest chain of arcs
+Every layer that a plan may have between two heights of the z grid is an arc with a cost; the cheapest chain of arcs
 from the bed to the top of the part is the plan. In this order of weight:
 
     list        only allowed heights; other ones only next to an event plane (a flat, a peak, the part's top, the end of
@@ -31,20 +31,25 @@ import numpy as np
 from printer_slicer.arrays import Float, Int, median
 from printer_slicer.errors import PlanError
 from printer_slicer.model import LayerPlan, Mesh
-from printer_slicer.planning.arcs import Arcs
-from printer_slicer.planning.lattice import Lattice
-from printer_slicer.planning.levels import ODD, Level, levels_of, underrated
-from printer_slicer.planning.path import (
+from printer_slicer.planning.candidate_layers import CandidateLayers
+from printer_slicer.planning.constraint_priorities import (
+    UNLISTED_FACTOR,
+    Constraint,
+    find_underrated,
+    rank_constraints,
+)
+from printer_slicer.planning.height_grid import HeightGrid
+from printer_slicer.planning.shortest_path import (
     ArcGraph,
     NeighbourLimits,
-    cheapest,
-    cheapest_few,
-    cheapest_within,
-    cheapest_within_limits,
-    kept_by,
+    cheapest_path,
+    cheapest_with_max_layers,
+    cheapest_with_neighbours,
+    cheapest_within_budget,
+    optimal_arcs,
 )
 from printer_slicer.planning.smoothness import neighbour_limits
-from printer_slicer.planning.steps import Steps, fill
+from printer_slicer.planning.z_steps import ZSteps, fill_with_layers
 from printer_slicer.profile import Profile
 from printer_slicer.surface import layer_bounds, read_surface
 
@@ -84,7 +89,7 @@ def plan_optimal(mesh: Mesh, profile: Profile) -> LayerPlan:
     Raises:
         PlanError: the part is thinner than the thinnest layer, or cannot have so few layers.
     """
-    steps = Steps(mesh, profile)
+    steps = ZSteps(mesh, profile)
     first, rest = steps.begin()
     if rest < steps.lowest or first != steps.first:  # too low for a choice
         heights = np.array([first, rest] if rest and first else [first or rest], np.int64)
@@ -94,32 +99,34 @@ def plan_optimal(mesh: Mesh, profile: Profile) -> LayerPlan:
         if plan is not None:
             return plan
     # No layers that the printer can print have this sum: the last one rises over the part.
-    above = fill(rest, steps.lowest, steps.lowest, steps.highest)
+    above = fill_with_layers(rest, steps.lowest, steps.lowest, steps.highest)
     return steps.plan(np.append([first] if first else [], above).astype(np.int64), "optimal")
 
 
-def _planned(mesh: Mesh, profile: Profile, steps: Steps, *, everywhere: bool) -> LayerPlan | None:
+def _planned(mesh: Mesh, profile: Profile, steps: ZSteps, *, everywhere: bool) -> LayerPlan | None:
     """The best plan of the layers that the list allows, or of all that the printer can print; None without one."""
     surface = read_surface(mesh)
-    lattice = Lattice.of(steps, [stretch.layer_height for stretch in profile.dials.ranges])
-    if lattice.n * len(steps.allowed) > _MOST_ARCS:
+    grid = HeightGrid.of(steps, [stretch.layer_height for stretch in profile.dials.ranges])
+    if grid.n * len(steps.allowed) > _MOST_ARCS:
         raise PlanError(
-            f"{mesh.name}: {lattice.n} heights at which layers may end, and {len(steps.allowed)} heights of layers, are"
+            f"{mesh.name}: {grid.n} heights at which layers may end, and {len(steps.allowed)} heights of layers, are"
             " too many to choose from",
             remedy="a coarser layer_step, a list of heights, or a coarser printer.z_step",
         )
-    arcs = Arcs.over(mesh, lattice, steps, profile, everywhere=everywhere)
-    even = neighbour_limits(mesh, lattice, steps, profile)
+    candidates = CandidateLayers.for_part(mesh, grid, steps, profile, everywhere=everywhere)
+    even = neighbour_limits(mesh, grid, steps, profile)
     for _ in range(_ROUNDS):
-        layers = _Search(mesh, arcs, profile, levels_of(mesh, arcs, steps, profile), even).best()
+        layers = _Search(
+            mesh, candidates, profile, rank_constraints(mesh, candidates, steps, profile), even
+        ).best()
         if layers is None:
             return None
-        plan = steps.plan(lattice.steps_of(arcs.graph.height[layers]), "optimal")
+        plan = steps.plan(grid.steps_of(candidates.graph.height[layers]), "optimal")
         bounds = layer_bounds(surface, plan)
-        worse = underrated(arcs, profile, layers, bounds)
+        worse = find_underrated(candidates, profile, layers, bounds)
         if not worse.any():
             break
-        arcs = arcs.rated(layers[worse], bounds[worse])
+        candidates = candidates.with_bounds(layers[worse], bounds[worse])
     return plan
 
 
@@ -127,15 +134,20 @@ class _Search:
     """The objective of one plan, over the layers that its part may have and what they break."""
 
     def __init__(
-        self, mesh: Mesh, arcs: Arcs, profile: Profile, levels: list[Level], even: NeighbourLimits | None
+        self,
+        mesh: Mesh,
+        candidates: CandidateLayers,
+        profile: Profile,
+        levels: list[Constraint],
+        even: NeighbourLimits | None,
     ) -> None:
         self._settings, self._even = profile.dials, even
-        self._odd, self._jump = ODD, _JUMP
+        self._odd, self._jump = UNLISTED_FACTOR, _JUMP
         self._mesh, self._thickest = mesh, profile.thickest
-        self._arcs, self._levels = arcs, levels
+        self._candidates, self._levels = candidates, levels
         # Any plan of these keeps the rules as well as they can be kept.
-        self._kept = kept_by(arcs.graph, [level.cost for level in levels])
-        self._graph = arcs.graph.of(self._kept)
+        self._kept = optimal_arcs(candidates.graph, [level.cost for level in levels])
+        self._graph = candidates.graph.of(self._kept)
 
     def best(self) -> Int | None:
         """The layers of the best plan; None where none reaches the top."""
@@ -157,11 +169,11 @@ class _Search:
         a large step or a height outside the list at its end, can. In that case large steps next to flats and heights
         outside the list become free. If that does not help, the price is raised, then lowered, until none is better.
         """
-        arcs, settings = self._arcs, self._settings
-        price = settings.error_price or settings.error_price_ratio * arcs.per_mm3
+        candidates, settings = self._candidates, self._settings
+        price = settings.error_price or settings.error_price_ratio * candidates.per_mm3
 
         def searched(factor: float) -> Int | None:
-            return self._search(arcs.seconds + price * factor * arcs.volume)
+            return self._search(candidates.seconds + price * factor * candidates.volume)
 
         first = found = searched(1.0)
         self._odd, self._jump = 1.0, 0.0
@@ -175,30 +187,31 @@ class _Search:
 
     def _is_beaten(self, layers: Int) -> bool:
         """Whether a uniform plan is as fast and as accurate as this one, and better in one of them."""
-        mine = np.array([self._arcs.seconds[layers].sum(), self._arcs.volume[layers].sum()])
+        mine = np.array([self._candidates.seconds[layers].sum(), self._candidates.volume[layers].sum()])
         slack = _BEATEN * mine
-        theirs = self._arcs.uniform
+        theirs = self._candidates.uniform
         return bool(((theirs <= mine + 1e-9).all(axis=1) & (theirs < mine - slack - 1e-9).any(axis=1)).any())
 
     def _objective(self) -> Float:
         """Cost of every layer, rules apart."""
-        arcs, kind = self._arcs, self._settings.objective
+        candidates, kind = self._candidates, self._settings.objective
         # No plan can be wrong by more than all shadows times the thickest layer.
         surface = read_surface(self._mesh)
         most = (surface.up.area.sum() + surface.down.area.sum()) * self._thickest + 1e-9
         if kind == "time":
             return np.asarray(
-                arcs.seconds + arcs.volume * (1e-3 * float(arcs.seconds.min(initial=1.0)) / most)
+                candidates.seconds
+                + candidates.volume * (1e-3 * float(candidates.seconds.min(initial=1.0)) / most)
             )
         if kind == "layers":
-            return np.asarray(1.0 + arcs.volume * (0.5 / most))
-        return arcs.volume + _TIE
+            return np.asarray(1.0 + candidates.volume * (0.5 / most))
+        return candidates.volume + _TIE
 
     def _cost(self, objective: Float) -> Float:
         """(A,) an objective, rounded so that the dust of sums does not decide between equal plans."""
         worth = _worth(objective)
         cost = np.round(objective / worth, _DIGITS) * worth + _LAYER * worth
-        cost[~self._arcs.listed] *= self._odd
+        cost[~self._candidates.listed] *= self._odd
         return np.asarray(cost)
 
     def _search(self, objective: Float) -> Int | None:
@@ -210,9 +223,9 @@ class _Search:
         """Find the cheapest plan with as few disallowed neighbours as possible."""
         even, height = self._even, graph.height
         if even is None or not len(height) or even.holds_between(int(height.min()), int(height.max())):
-            return cheapest(graph, cost)
+            return cheapest_path(graph, cost)
         most_layers = graph.n / float(height.min()) + 1
-        return cheapest_within_limits(graph, cost, even, worth * most_layers, self._jump * median(cost))
+        return cheapest_with_neighbours(graph, cost, even, worth * most_layers, self._jump * median(cost))
 
     def _few(self, most: int) -> Int | None:
         """The least volume error with at most so many layers; with a greatest step, at some price on layers.
@@ -220,21 +233,21 @@ class _Search:
         Raises:
             PlanError: so few do not reach the top.
         """
-        loss, graph, kept = self._arcs.volume + _TIE, self._graph, self._kept
+        loss, graph, kept = self._candidates.volume + _TIE, self._graph, self._kept
         worth, cost = _worth(loss), self._cost(loss)
-        fewest = cheapest(graph, np.ones(len(kept)))
+        fewest = cheapest_path(graph, np.ones(len(kept)))
         if fewest is None or len(fewest) > most:
             # So few cannot keep the rules: these are weighed against each other, all of them against the objective.
-            graph, kept = self._arcs.graph, np.arange(len(loss))
+            graph, kept = self._candidates.graph, np.arange(len(loss))
             cost += worth * np.sum([level.weight * level.cost for level in self._levels], axis=0)
-            fewest = cheapest(graph, np.ones(len(kept)))
+            fewest = cheapest_path(graph, np.ones(len(kept)))
         if fewest is None or len(fewest) > most:
             raise PlanError(
                 f"{self._mesh.name}: no plan of {most} layers reaches the top with the heights allowed",
                 remedy=f"set max_layers to {0 if fewest is None else len(fewest)} or more, or allow thicker layers",
             )
         if self._settings.max_step:
-            found: Int | None = cheapest_within(
+            found: Int | None = cheapest_within_budget(
                 lambda charged: self._cheapest(graph, charged, worth),
                 cost[kept],
                 np.ones(len(kept)),
@@ -242,18 +255,22 @@ class _Search:
                 fewest,
             )[0]
         else:
-            found = cheapest_few(graph, cost[kept], most)
+            found = cheapest_with_max_layers(graph, cost[kept], most)
         return None if found is None else kept[found]
 
     def _quick(self, budget: float) -> Int | None:
         """The least volume error, at some price on time, within the budget, or else the least time; rules first."""
-        seconds, loss, graph = self._arcs.seconds[self._kept], self._arcs.volume + _TIE, self._graph
-        worth = _worth(self._arcs.seconds)
-        quickest = self._cheapest(graph, self._cost(self._arcs.seconds)[self._kept], worth)
+        seconds, loss, graph = (
+            self._candidates.seconds[self._kept],
+            self._candidates.volume + _TIE,
+            self._graph,
+        )
+        worth = _worth(self._candidates.seconds)
+        quickest = self._cheapest(graph, self._cost(self._candidates.seconds)[self._kept], worth)
         if quickest is None or seconds[quickest].sum() >= budget:
             return None if quickest is None else self._kept[quickest]
         worth = _worth(loss)
-        found, _ = cheapest_within(
+        found, _ = cheapest_within_budget(
             lambda charged: self._cheapest(graph, charged, worth),
             self._cost(loss)[self._kept],
             seconds,

@@ -20,7 +20,7 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.model import Mesh
-from printer_slicer.planning.steps import Steps
+from printer_slicer.planning.z_steps import ZSteps
 from printer_slicer.profile import Profile
 from printer_slicer.surface.covers import painted
 
@@ -58,7 +58,7 @@ class Slopes:
         flats: whether horizontal facets count; without them a plan does not see them.
     """
 
-    def __init__(self, mesh: Mesh, steps: Steps, *, flats: bool = True) -> None:
+    def __init__(self, mesh: Mesh, steps: ZSteps, *, flats: bool = True) -> None:
         self._steps, self._top = steps, mesh.height
         # Places are half steps: 2k is the node at step k, where flats are; 2k + 1 is all between steps k and k + 1.
         width = 2 * steps.part + 1
@@ -100,7 +100,7 @@ class Slopes:
 
 
 def thickest_within(
-    slopes: Slopes, steps: Steps, limit: Callable[[Float], Float], *, seen: float = 1.0
+    slopes: Slopes, steps: ZSteps, limit: Callable[[Float], Float], *, seen: float = 1.0
 ) -> Int:
     """(part,) the thickest layer in z steps that may begin at each step; the thinnest allowed one always may.
 

@@ -26,9 +26,14 @@ import numpy as np
 
 from printer_slicer.arrays import Int
 from printer_slicer.model import LayerPlan, Mesh
+from printer_slicer.planning.reachable_heights import (
+    event_planes,
+    is_fillable,
+    reachable_layers,
+    stack_layers,
+)
 from printer_slicer.planning.slopes import Slopes, cusp_height
-from printer_slicer.planning.steps import Steps
-from printer_slicer.planning.stretches import can_be_filled, event_planes, walk, ways_up
+from printer_slicer.planning.z_steps import ZSteps
 from printer_slicer.profile import Profile
 
 __all__ = ["plan_stepwise"]
@@ -47,7 +52,7 @@ def plan_stepwise(mesh: Mesh, profile: Profile) -> LayerPlan:
     Raises:
         PlanError: the part is thinner than the thinnest layer.
     """
-    steps = Steps(mesh, profile)
+    steps = ZSteps(mesh, profile)
     first, rest = steps.begin()
     heights = [first] if first else []
     slopes, cusp = Slopes(mesh, steps), cusp_height(profile) / steps.size
@@ -66,7 +71,7 @@ def plan_stepwise(mesh: Mesh, profile: Profile) -> LayerPlan:
     return steps.plan(np.array(heights, np.int64), "stepwise")
 
 
-def _slab(here: int, end: int, cap: _Cap, steps: Steps) -> list[int]:
+def _slab(here: int, end: int, cap: _Cap, steps: ZSteps) -> list[int]:
     """Heights in steps of the layers of the next slab over `here`; what it leaves under `end` can be filled."""
     thick = int(steps.allowed[-1])
     if not _leaves_room(here + thick, end, steps):
@@ -76,12 +81,12 @@ def _slab(here: int, end: int, cap: _Cap, steps: Steps) -> list[int]:
     return slab or _longer(here, end, cap, steps)
 
 
-def _leaves_room(top: int, end: int, steps: Steps) -> bool:
+def _leaves_room(top: int, end: int, steps: ZSteps) -> bool:
     """Whether what is between the top of a slab and the next plane can be filled with layers."""
-    return top <= end and can_be_filled(end - top, steps)
+    return top <= end and is_fillable(end - top, steps)
 
 
-def _even(total: int, limit: int, steps: Steps) -> list[int]:
+def _even(total: int, limit: int, steps: ZSteps) -> list[int]:
     """The fewest equal layers within the limit; nothing if their height is not allowed."""
     allowed = set(steps.allowed.tolist())
     for count in range(-(-total // limit), total // int(steps.allowed[0]) + 1):
@@ -91,19 +96,19 @@ def _even(total: int, limit: int, steps: Steps) -> list[int]:
     return []
 
 
-def _listed(total: int, limit: int, steps: Steps) -> list[int]:
+def _listed(total: int, limit: int, steps: ZSteps) -> list[int]:
     """Allowed heights within the limit that fill the slab, the thickest first; nothing if there are none."""
     heights = _filled(total, limit, steps).tolist()
     return heights if max(heights) <= limit and set(heights) <= set(steps.allowed.tolist()) else []
 
 
-def _filled(total: int, limit: int, steps: Steps) -> Int:
+def _filled(total: int, limit: int, steps: ZSteps) -> Int:
     """Layers under a plane that `total` z steps are left to, the same limit everywhere."""
     limits = np.full(total, limit, np.int64)
-    return walk(ways_up(limits, [total], 0, steps), limits, [total], 0, steps)
+    return stack_layers(reachable_layers(limits, [total], 0, steps), limits, [total], 0, steps)
 
 
-def _longer(here: int, end: int, cap: _Cap, steps: Steps) -> list[int]:
+def _longer(here: int, end: int, cap: _Cap, steps: ZSteps) -> list[int]:
     """A slab a little thicker than the thickest layer: so many layers of one allowed height that they reach its top."""
     thick = int(steps.allowed[-1])
     for height in steps.allowed[::-1].tolist():
@@ -113,6 +118,6 @@ def _longer(here: int, end: int, cap: _Cap, steps: Steps) -> list[int]:
     return _last(end - here, cap(here, end), steps)
 
 
-def _last(total: int, limit: int, steps: Steps) -> list[int]:
+def _last(total: int, limit: int, steps: ZSteps) -> list[int]:
     """The layers of what is left under a plane: equal ones if they may be, else as near to the list as it goes."""
     return _even(total, limit, steps) or _filled(total, limit, steps).tolist()

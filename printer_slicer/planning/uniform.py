@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from printer_slicer.model import LayerPlan, Mesh
-from printer_slicer.planning.steps import Steps, fill
+from printer_slicer.planning.z_steps import ZSteps, fill_with_layers
 from printer_slicer.profile import Profile
 
 __all__ = ["plan_uniform"]
@@ -24,7 +24,7 @@ def plan_uniform(mesh: Mesh, profile: Profile) -> LayerPlan:
     Raises:
         PlanError: the part is thinner than the thinnest layer.
     """
-    steps = Steps(mesh, profile)
+    steps = ZSteps(mesh, profile)
     first, rest = steps.begin()
-    layers = fill(rest, steps.of(profile.quality.layer_height), steps.lowest, steps.highest)
+    layers = fill_with_layers(rest, steps.of(profile.quality.layer_height), steps.lowest, steps.highest)
     return steps.plan(np.concatenate([[first] if first else [], layers]).astype(np.int64), "uniform")

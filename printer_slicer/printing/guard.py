@@ -18,7 +18,7 @@ from threading import Event as Flag
 from time import monotonic
 from typing import Final
 
-from printer_slicer.commands import told_by
+from printer_slicer.commands import split_gcode
 from printer_slicer.errors import PortError
 from printer_slicer.printing.journal import HEATERS_OFF, HOST, Journal, read_story
 from printer_slicer.printing.shelf import Print, print_in
@@ -116,7 +116,7 @@ def _switch_off(print_: Print) -> None:
         PortError: it is not there.
     """
     story = read_story(print_.folder)
-    sent = told_by(print_.text).commands[: story.entries + _ON_ITS_WAY]
+    sent = split_gcode(print_.text).commands[: story.entries + _ON_ITS_WAY]
     words = Watchdog().farewell([*sent, *(record.command for record in story.lines)], anyway=True)
     port = open_port(print_.port, print_.baud)
     try:

@@ -266,7 +266,7 @@ def _print_in(folder: Path) -> Print | None:
 def damage_of(print_: Print) -> DamagedPrint | None:
     """Return why a print cannot be resumed, as far as its files show; None if it can."""
     # Who only controls a print does without these.
-    from printer_slicer.commands import told_by  # noqa: PLC0415
+    from printer_slicer.commands import split_gcode  # noqa: PLC0415
     from printer_slicer.printing.journal import read_story  # noqa: PLC0415
     from printer_slicer.printing.take_up import damage_in  # noqa: PLC0415
 
@@ -279,7 +279,7 @@ def damage_of(print_: Print) -> DamagedPrint | None:
         story = read_story(print_.folder)
         file = _JOB
         check_is_file(print_.folder / _JOB)
-        total = len(told_by(print_.text).commands)
+        total = len(split_gcode(print_.text).commands)
     except OSError as error:
         return DamagedPrint(print_.folder, file, f"it cannot be read: {error.strerror}")
     if not total:

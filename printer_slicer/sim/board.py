@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from math import inf, pi
 from typing import TYPE_CHECKING, Final, Literal
 
-from printer_slicer.motion.counting import Counting
+from printer_slicer.motion.positioning_mode import PositioningMode
 from printer_slicer.sim.card import SdCard
 from printer_slicer.sim.heaters import Heaters
 from printer_slicer.sim.machine import AXES, Machine, Position
@@ -103,7 +103,7 @@ class Board:
         self.offset: Position = (0.0, 0.0, 0.0)
         self.home_offset: Position = (0.0, 0.0, 0.0)
         self.filament = 0.0
-        self.counting = Counting(_COUNTING.get(front_end.flavour, "together"))
+        self.counting = PositioningMode(_COUNTING.get(front_end.flavour, "together"))
         self.relative = self.relative_e = self.retracted = False
         self.unit = 1.0
         self.feed, self.diameter = 25.0, machine.filament_diameter

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING, Final
 
-from printer_slicer.own_macros import asked_of, ends_prints, starts_prints
+from printer_slicer.printer_macros import macro_temperatures, match_end_macro, match_start_macro
 from printer_slicer.sim import answers, card_commands, heating, klipper, moves, pausing, virtual
 from printer_slicer.sim.flavours import FLAVOURS
 from printer_slicer.sim.tools import change_tool
@@ -63,16 +63,16 @@ def run(board: Board, text: str) -> Steps | None:
     if handler is not None:
         return handler(board, command)
     has_macros = front_end.ignores_extended or front_end.language == "klipper"
-    if has_macros and starts_prints(text):
+    if has_macros and match_start_macro(text):
         return _made_ready(board, text)
-    if not ((front_end.ignores_extended and _EXTENDED(text)) or (has_macros and ends_prints(text))):
+    if not ((front_end.ignores_extended and _EXTENDED(text)) or (has_macros and match_end_macro(text))):
         board.unknown(text)
     return None
 
 
 def _made_ready(board: Board, text: str) -> Steps:
     """A macro of the printer's own that starts prints: it homes, and heats to what it is told or to what it knows."""
-    asked = asked_of(text)
+    asked = macro_temperatures(text)
     codes = {"bed": "M190", "nozzle": "M109"}
     lines = [] if all(board.homed) else ["G28"]
     lines += [f"{codes[heater]} S{degrees:g}" for heater, degrees in asked.items()]

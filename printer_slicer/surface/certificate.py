@@ -19,7 +19,7 @@ import numpy as np
 from printer_slicer.arrays import Float, frozen_array
 from printer_slicer.geometry.slabs import BESIDE
 from printer_slicer.model import LayerPlan, Mesh
-from printer_slicer.showing import Drawn
+from printer_slicer.repr_svg import SvgRepr
 from printer_slicer.surface.contacts import Contacts, find_contacts
 from printer_slicer.surface.runs import run_bounds, steepest
 from printer_slicer.surface.shadow import Shadow, throw
@@ -81,7 +81,7 @@ class Worst:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Certificate(Drawn):
+class Certificate(SvgRepr):
     """What is proven about a layer plan.
 
     Attributes:

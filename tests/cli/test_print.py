@@ -20,7 +20,7 @@ import pytest
 import serial
 from command_line import BOX, NO_BUFFER, PARTS, QUICK, USUAL, heard, is_message, process, started, typed
 
-from printer_slicer.commands import told_by
+from printer_slicer.commands import split_gcode
 from printer_slicer.inspection.dry_run.machines import front_end_of, machine_of
 from printer_slicer.profile import load_profile
 from printer_slicer.sim.link import Cable, Damage
@@ -136,7 +136,7 @@ def test_printing_a_part_on_a_served_printer_executes_it_once_and_in_order(tmp_p
     told = events(outcome.out)
 
     assert (outcome.code, outcome.err) == (0, "")
-    assert wishes(executed) == [command.decode() for command in told_by(text.encode()).commands]
+    assert wishes(executed) == [command.decode() for command in split_gcode(text.encode()).commands]
     assert (told[-1]["event"], told[-1]["verified"]) == ("finished", True)
     assert list(tmp_path.iterdir()) == []
 
@@ -144,7 +144,7 @@ def test_printing_a_part_on_a_served_printer_executes_it_once_and_in_order(tmp_p
 def test_the_printer_that_is_served_by_command_executes_what_is_sent(tmp_path: Path) -> None:
     """Two processes, as people use them; the report of the one is compared with the file of the other."""
     typed("slice", BOX, "-o", "box.gcode", *QUICK, cwd=tmp_path)
-    commands = told_by((tmp_path / "box.gcode").read_bytes()).commands
+    commands = split_gcode((tmp_path / "box.gcode").read_bytes()).commands
     flags = ("--pty", "port", "--speed", "0", "--report", "report.json", "--printer", "marlin_220")
     with started("sim", *flags, cwd=tmp_path) as serving:
         heard(serving, b"ends it")
@@ -268,7 +268,7 @@ def test_ctrl_c_ends_the_print_with_6_and_turns_the_heaters_off(env: dict[str, s
         said = heard(printing, b'"layer": 2')
         printing.send_signal(signal.SIGINT)
         out, err = printing.communicate(timeout=LAST_RESORT)
-    commands = [command.decode() for command in told_by(LONG.encode()).commands]
+    commands = [command.decode() for command in split_gcode(LONG.encode()).commands]
     checkpoint = checkpoint_in(tmp_path)
     done, lines = checkpoint["acknowledged"], wishes(executed)
 

@@ -207,8 +207,8 @@ def test_a_thing_in_the_hollow_of_another_is_itself() -> None:
 
 def test_things_are_known_when_they_were_turned_scaled_and_mended() -> None:
     meshes = plate()
-    turned = transformed(Mesh(meshes.triangles, "plate", meshes.items), scale=2, rotate=(0, 0, 90))
-    torn = Mesh(np.delete(turned.triangles, 3, axis=0), "torn", turned.items)
+    turned = transformed(Mesh(meshes.triangles, "plate", meshes.objects), scale=2, rotate=(0, 0, 90))
+    torn = Mesh(np.delete(turned.triangles, 3, axis=0), "torn", turned.objects)
 
     for mesh in (turned, torn):
         stages = slice_stages(mesh, plain())

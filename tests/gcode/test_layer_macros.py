@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from printer_slicer.arrays import Float
-from printer_slicer.commands import told_by
+from printer_slicer.commands import split_gcode
 from printer_slicer.errors import ProfileError
 from printer_slicer.firmware import FLAVOURS
 from printer_slicer.gcode import Moves, read_moves, write_gcode
@@ -110,7 +110,7 @@ def test_a_macro_that_does_not_move_is_all_there_is(macro: str) -> None:
 
 
 def test_a_file_whose_macro_announces_layers_too_has_as_many_layers() -> None:
-    marks = told_by(gcode_of(sliced(), plain(layer_gcode=";LAYER:{layer_num}"))).marks
+    marks = split_gcode(gcode_of(sliced(), plain(layer_gcode=";LAYER:{layer_num}"))).marks
 
     assert list(marks.values()) == list(range(1, 11))
 
@@ -226,7 +226,9 @@ def test_the_time_in_the_file_counts_what_macros_between_the_moves_take(macro: s
     text = gcode_of(sliced(), wanted)
 
     told = _time_told(text)
-    moves = read_moves(told_by(text).commands, wanted.printer.corners[0], FLAVOURS[wanted.printer.flavour])
+    moves = read_moves(
+        split_gcode(text).commands, wanted.printer.corners[0], FLAVOURS[wanted.printer.flavour]
+    )
     seconds = moves.seconds(limits_of(wanted.printer))
     without = gcode_of(sliced(), plain())
     plainly = _time_told(without)

@@ -25,7 +25,7 @@ ALLOWED = (
     "gcode/lexer.py",
     "gcode/state.py",
     "gcode/reading.py",
-    "motion/counting.py",
+    "motion/positioning_mode.py",
 )
 CLASSES = {
     "waiting": {code.decode() for code, row in TABLE.items() if row.effect & Effect.WAITS},

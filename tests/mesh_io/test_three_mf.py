@@ -295,8 +295,8 @@ def test_the_only_object_has_its_name(tmp_path: Path) -> None:
     lid = '<config><object id="1"><metadata type="object" key="name" value="lid"/></object></config>'
     model = read(tmp_path, model_xml({1: mesh_xml()}, item(1)), {"Metadata/Slic3r_PE_model.config": lid})
 
-    assert [one.name for one in model.mesh.items] == ["lid"]
-    assert read(tmp_path, model_xml({1: mesh_xml()}, item(1))).mesh.items == ()
+    assert [one.name for one in model.mesh.objects] == ["lid"]
+    assert read(tmp_path, model_xml({1: mesh_xml()}, item(1))).mesh.objects == ()
 
 
 def test_objects_without_a_name_are_called_what_the_slicer_calls_them(tmp_path: Path) -> None:
@@ -307,7 +307,7 @@ def test_objects_without_a_name_are_called_what_the_slicer_calls_them(tmp_path: 
     objects = "".join(f'<object id="{at}">{volume}{lid}</object>' for at in (1, 2))
     model = read(tmp_path, text, {"Metadata/Slic3r_PE_model.config": f"<config>{objects}</config>"})
 
-    assert [one.name for one in model.mesh.items] == ["lid", "own name", "part"]
+    assert [one.name for one in model.mesh.objects] == ["lid", "own name", "part"]
 
 
 BEAMS = "http://schemas.microsoft.com/3dmanufacturing/beamlattice/2017/02"
@@ -396,16 +396,16 @@ def test_the_items_of_a_plate_are_things_of_their_own(tmp_path: Path) -> None:
     )
     mesh = read(tmp_path, text).mesh
 
-    assert [one.name for one in mesh.items] == ["a part", "two", "part"]
-    assert [(one.first, one.count) for one in mesh.items] == [(0, 12), (12, 24), (36, 12)]
-    for one in mesh.items:
+    assert [one.name for one in mesh.objects] == ["a part", "two", "part"]
+    assert [(one.first, one.count) for one in mesh.objects] == [(0, 12), (12, 24), (36, 12)]
+    for one in mesh.objects:
         own = mesh.triangles[one.first : one.first + one.count].reshape(-1, 3)
         assert one.low == pytest.approx(own.min(axis=0))
         assert one.high == pytest.approx(own.max(axis=0))
 
 
 def test_a_single_item_is_no_plate(tmp_path: Path) -> None:
-    assert read(tmp_path, model_xml({1: mesh_xml()}, item(1))).mesh.items == ()
+    assert read(tmp_path, model_xml({1: mesh_xml()}, item(1))).mesh.objects == ()
 
 
 def test_facets_left_out_leave_the_envelopes(tmp_path: Path) -> None:
@@ -414,5 +414,5 @@ def test_facets_left_out_leave_the_envelopes(tmp_path: Path) -> None:
         tmp_path, model_xml({1: mesh_xml(CORNERS, faces), 2: mesh_xml()}, item(1) + item(2, MOVED))
     ).mesh
 
-    assert [one.count for one in mesh.items] == [0, 0]
-    assert mesh.items[0].high == pytest.approx(CORNERS.max(axis=0))
+    assert [one.count for one in mesh.objects] == [0, 0]
+    assert mesh.objects[0].high == pytest.approx(CORNERS.max(axis=0))

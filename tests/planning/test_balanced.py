@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from printer_slicer.arrays import Bool, Float
 from printer_slicer.model import LayerPlan, Mesh
 from printer_slicer.planning import plan_layers
-from printer_slicer.planning.seconds import LayerTimes
-from printer_slicer.planning.smoothness import STEP, STEP_RATIO
-from printer_slicer.planning.steps import Steps
+from printer_slicer.planning.layer_times import LayerTimes
+from printer_slicer.planning.smoothness import SMOOTH_STEP, SMOOTH_STEP_RATIO
+from printer_slicer.planning.z_steps import ZSteps
 from printer_slicer.profile import Profile, profile_with
 from printer_slicer.surface import certify, find_flats, read_surface
 from tests.effort import crossed, examples, few_of
@@ -58,7 +58,7 @@ def cost_of(mesh: Mesh, profile: Profile, plan: LayerPlan) -> Float:
 
 def uniform_plans(mesh: Mesh, profile: Profile) -> list[LayerPlan]:
     """Those of all heights that the machine's list has, which need no other ones than that to be the last."""
-    steps = Steps(mesh, profile)
+    steps = ZSteps(mesh, profile)
     changes = [
         {"quality.planner.kind": "uniform", "quality.layer_height": float(height)}
         for height in steps.allowed * steps.size
@@ -122,7 +122,9 @@ def test_a_higher_price_ratio_never_gives_more_volume_error(name: str) -> None:
 def jumps(plan: LayerPlan) -> Bool:
     """(L - 1,) which neighbours differ by more than smooth ones may."""
     thicker = np.maximum(plan.height[1:], plan.height[:-1])
-    return np.asarray(np.abs(np.diff(plan.height)) > np.maximum(STEP, STEP_RATIO * thicker) + ROUNDING)
+    return np.asarray(
+        np.abs(np.diff(plan.height)) > np.maximum(SMOOTH_STEP, SMOOTH_STEP_RATIO * thicker) + ROUNDING
+    )
 
 
 def beside(planes: Float, plan: LayerPlan) -> Bool:

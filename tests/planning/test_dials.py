@@ -29,7 +29,7 @@ ROUNDING = 1e-6
 
 
 def optimal(**changes: Any) -> Profile:
-    """All heights from 0.08 to 0.32 mm on a lattice of 0.01 mm, the first layer free."""
+    """All heights from 0.08 to 0.32 mm on a grid of 0.01 mm, the first layer free."""
     usual: dict[str, Any] = {"z_step": 0.01, "first_layer_height": 0, "planner__kind": "optimal"}
     return profile(**(usual | changes))
 

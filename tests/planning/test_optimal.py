@@ -15,9 +15,9 @@ from printer_slicer.arrays import Bool
 from printer_slicer.errors import PlanError
 from printer_slicer.model import LayerPlan, Mesh
 from printer_slicer.planning import plan_layers
-from printer_slicer.planning.arcs import Arcs
-from printer_slicer.planning.lattice import Lattice
-from printer_slicer.planning.steps import Steps
+from printer_slicer.planning.candidate_layers import CandidateLayers
+from printer_slicer.planning.height_grid import HeightGrid
+from printer_slicer.planning.z_steps import ZSteps
 from printer_slicer.profile import Profile
 from printer_slicer.slicing import cut
 from printer_slicer.surface import Certificate, certify, find_flats, read_surface
@@ -49,7 +49,7 @@ each_objective = pytest.mark.parametrize("objective", OBJECTIVES)
 
 
 def optimal(**changes: Any) -> Profile:
-    """All heights from 0.08 to 0.32 mm on a lattice of 0.01 mm, the first layer free, all neighbours allowed."""
+    """All heights from 0.08 to 0.32 mm on a grid of 0.01 mm, the first layer free, all neighbours allowed."""
     usual: dict[str, Any] = {"z_step": 0.01, "first_layer_height": 0, "planner__kind": "optimal"}
     dials = {"planner__error_price": ERROR_PRICE, "planner__smooth": False}
     return profile(**(usual | (dials if "planner__kind" not in changes else {}) | changes))
@@ -71,12 +71,10 @@ def flats_missed(mesh: Mesh, plan: LayerPlan, within: float) -> list[float]:
 
 def modelled_seconds(mesh: Mesh, plan: LayerPlan, wanted: Profile) -> float:
     """What the planner's model takes a plan to last."""
-    lattice = Lattice.of(Steps(mesh, wanted))
-    ends = np.rint(np.append(0.0, plan.top) / lattice.unit).astype(np.int64)
-    arcs = Arcs.over(mesh, lattice, Steps(mesh, wanted), wanted, everywhere=True)
-    mine = np.isin(
-        arcs.graph.start * (lattice.n + 1) + arcs.graph.end, ends[:-1] * (lattice.n + 1) + ends[1:]
-    )
+    grid = HeightGrid.of(ZSteps(mesh, wanted))
+    ends = np.rint(np.append(0.0, plan.top) / grid.unit).astype(np.int64)
+    arcs = CandidateLayers.for_part(mesh, grid, ZSteps(mesh, wanted), wanted, everywhere=True)
+    mine = np.isin(arcs.graph.start * (grid.n + 1) + arcs.graph.end, ends[:-1] * (grid.n + 1) + ends[1:])
     assert mine.sum() == plan.n_layers
     return float(arcs.seconds[mine].sum())
 
@@ -152,7 +150,7 @@ sizes = st.floats(2, 20).map(lambda size: round(size, 3))
 def test_any_frusta_are_planned_within_the_tolerance(
     sides: list[float], seed: int, tolerance: float, objective: str, single: bool
 ) -> None:
-    """Levels lie anywhere, the top on the lattice; with 32-bit coordinates as files have them, or without."""
+    """Levels lie anywhere, the top on the grid; with 32-bit coordinates as files have them, or without."""
     rng = np.random.default_rng(seed)
     levels = rng.uniform(0.35, 1.5, len(sides) - 1)
     levels[-1] = np.ceil(levels.sum() / 0.01) * 0.01 - levels[:-1].sum()

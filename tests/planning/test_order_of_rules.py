@@ -11,7 +11,7 @@ from printer_slicer.arrays import Float
 from printer_slicer.errors import PlanError
 from printer_slicer.model import LayerPlan, Mesh
 from printer_slicer.planning import plan_layers
-from printer_slicer.planning.unkept import unkept_rules
+from printer_slicer.planning.violations import find_violations
 from printer_slicer.profile import HeightRange, Profile
 from printer_slicer.surface import certify, find_flats, read_surface
 from tests.parts import box, profile, sphere, step_pyramid
@@ -30,7 +30,7 @@ def bound(mesh: Mesh, plan: LayerPlan) -> Float:
 
 def causes(mesh: Mesh, wanted: Profile) -> set[tuple[str, str]]:
     certificate = certify(read_surface(mesh), plan_layers(mesh, wanted))
-    return {(one.rule, one.cause) for one in unkept_rules(mesh, certificate, wanted)}
+    return {(one.rule, one.cause) for one in find_violations(mesh, certificate, wanted)}
 
 
 @pytest.mark.parametrize("tolerance", [0.005, 0.02, 0.035])
@@ -89,7 +89,7 @@ def test_neighbours_are_even_though_a_tall_column_would_save_a_thousand_layers()
     plan = plan_layers(mesh, wanted)
 
     assert np.abs(np.diff(plan.height)).max() <= 0.05 + 1e-6
-    assert not unkept_rules(mesh, certify(read_surface(mesh), plan), wanted)
+    assert not find_violations(mesh, certify(read_surface(mesh), plan), wanted)
 
 
 @pytest.mark.parametrize("objective", ["time", "balanced", "volume", "layers"])

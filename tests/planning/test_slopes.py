@@ -10,14 +10,14 @@ from hypothesis import strategies as st
 from printer_slicer.arrays import Float, Int
 from printer_slicer.model import Mesh
 from printer_slicer.planning.slopes import Slopes, cusp_height, nearest_step, thickest_within
-from printer_slicer.planning.steps import Steps
+from printer_slicer.planning.z_steps import ZSteps
 from printer_slicer.profile import Profile
 from tests.parts import box, cone, profile, pyramid, sphere, step_pyramid
 from tests.planning.plans import slopes_of
 
 
-def table(mesh: Mesh, wanted: Profile | None = None, *, flats: bool = True) -> tuple[Slopes, Steps]:
-    steps = Steps(mesh, wanted or profile())
+def table(mesh: Mesh, wanted: Profile | None = None, *, flats: bool = True) -> tuple[Slopes, ZSteps]:
+    steps = ZSteps(mesh, wanted or profile())
     return Slopes(mesh, steps, flats=flats), steps
 
 
@@ -35,7 +35,7 @@ def test_the_largest_slope_of_any_interval_is_that_of_its_steepest_facet(
 ) -> None:
     chance = np.random.default_rng(seed)
     corners = chance.uniform(0, 3, size=(count, 3, 3)) * (1, 1, 0.4)
-    # On the lattice, facets end where intervals do; that is where tables go wrong.
+    # On the grid, facets end where intervals do; that is where tables go wrong.
     corners[:, :, 2] = np.round(corners[:, :, 2], 1 if coarse else 2)
     z = corners[:, :, 2]
     mesh = Mesh(np.concatenate([corners[z.max(axis=1) > z.min(axis=1) + 0.005], box((1, 1, 1.5)).triangles]))

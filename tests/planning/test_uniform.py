@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from printer_slicer.errors import PlanError
 from printer_slicer.model import LayerPlan, Mesh
 from printer_slicer.planning import plan_layers
-from printer_slicer.planning.steps import fill
+from printer_slicer.planning.z_steps import fill_with_layers
 from tests.parts import box, case_study, profile
 
 
@@ -108,7 +108,7 @@ def test_layers_fill_a_height_exactly_if_two_thinnest_are_no_thicker_than_one_th
     highest = max(highest, step, 2 * lowest)
     total = max(total, lowest)
 
-    heights = fill(total, step, lowest, highest)
+    heights = fill_with_layers(total, step, lowest, highest)
 
     assert heights.sum() == total
     assert heights.min() >= lowest
@@ -123,7 +123,7 @@ def test_layers_never_leave_the_limits_and_never_stop_short(
 ) -> None:
     lowest, highest = min(lowest, step), max(highest, step)
 
-    heights = fill(total, step, lowest, highest)
+    heights = fill_with_layers(total, step, lowest, highest)
 
     assert total <= heights.sum() < total + lowest
     assert heights.min(initial=lowest) >= lowest

@@ -16,7 +16,7 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, consecutive, median
 from printer_slicer.inspection.deposition.marks import Defect, Marks
-from printer_slicer.motion.whole import flow_of
+from printer_slicer.motion.vectorized import volumetric_flow
 
 __all__ = [
     "CELL",
@@ -320,7 +320,7 @@ class MoveBatch(Laid):
         flat = np.hypot(*(end - start)[:, :2].T)
         lays = (fresh > NOTHING) & (flat > NOTHING)
         flow = np.zeros(len(rows))
-        flow[lays] = flow_of(fresh[lays], seconds[lays])
+        flow[lays] = volumetric_flow(fresh[lays], seconds[lays])
         return cls(command, start, end, fresh, flat, lays, marks.role(command), rows[:, FED], seconds, flow)
 
     @property

@@ -18,7 +18,7 @@ from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.gcode.plain import plain_moves
 from printer_slicer.link_model import LineBatch, line_sizes
 from printer_slicer.motion.rules import MotionLimits
-from printer_slicer.motion.whole import make_blocks, moving_of
+from printer_slicer.motion.vectorized import find_moving, make_blocks
 from printer_slicer.sim.batch import BatchStart
 from printer_slicer.sim.words import Command
 
@@ -154,7 +154,7 @@ class CommandRun:
     def lines(self, chunk: Chunk, limits: MotionLimits) -> LineBatch:
         """What these commands ask of the link and of the planner."""
         own = slice(self.begin, self.begin + len(self))
-        moving, length = moving_of(np.ascontiguousarray(self.delta.T))
+        moving, length = find_moving(np.ascontiguousarray(self.delta.T))
         delta = np.ascontiguousarray(self.delta[moving].T)
         blocks = make_blocks(delta, length, self.speed[moving], self.acceleration[moving], limits)
         return LineBatch(chunk.sizes[own], chunk.rooms[own], self.answer, moving, blocks)

@@ -18,7 +18,7 @@ from printer_slicer.inspection.deposition.record import Deposition
 from printer_slicer.inspection.dry_run.comparison import Comparison
 from printer_slicer.inspection.lint.motion import MELTS
 from printer_slicer.jobs import Job
-from printer_slicer.own_macros import ends_prints, starts_prints
+from printer_slicer.printer_macros import match_end_macro, match_start_macro
 from printer_slicer.profile import Profile
 from printer_slicer.sim.tally import Report, kind_of
 
@@ -268,7 +268,7 @@ def left_on(job: Job, profile: Profile, targets: Mapping[str, float]) -> Iterato
 def _macro_behind(job: Job, last: int) -> str:
     """Return the last macro after a command whose name suggests that it ends prints or cools; empty if none."""
     for command in reversed(job.commands[last + 1 :]):
-        if macro := ends_prints(command.decode("latin-1")):
+        if macro := match_end_macro(command.decode("latin-1")):
             return macro
     return ""
 
@@ -285,7 +285,7 @@ def made_ready(job: Job, profile: Profile) -> Iterator[tuple[int, Diagnostic]]:
     for index, command in enumerate(job.commands[: min(job.marks, default=_BEFORE_LAYERS)]):
         if parse(command)[0] == b"G28":
             return
-        if macro := starts_prints(command.decode("latin-1")):
+        if macro := match_start_macro(command.decode("latin-1")):
             what = f"{macro} is a macro of the printer's own; it is taken to home all axes and to heat"
             yield index, Diagnostic("homing", "warning", what, remedy="see that it does")
             return

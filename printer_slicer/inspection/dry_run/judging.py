@@ -23,7 +23,7 @@ from printer_slicer.inspection.dry_run.faults import (
 from printer_slicer.inspection.dry_run.feeding import clogged, misread, short_of
 from printer_slicer.jobs import Job
 from printer_slicer.profile import Profile
-from printer_slicer.showing import Drawn, Summary
+from printer_slicer.repr_svg import Summary, SvgRepr
 from printer_slicer.sim.tally import MOST_LAYERS, Report
 from printer_slicer.stream.events import Event, Halted
 from printer_slicer.texts import format_duration
@@ -35,7 +35,7 @@ TIME_TOLERANCE: Final = 0.01
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict(Drawn):
+class Verdict(SvgRepr):
     """What a simulated print came to. Times in s, lengths in mm.
 
     Attributes:
@@ -87,7 +87,7 @@ class Verdict(Drawn):
         return f"<Verdict {self.job!r}: {state}, {self.executed} of {self.commands} commands>"
 
     @property
-    def looks(self) -> Summary:
+    def drawable(self) -> Summary:
         """Headline, facts and problems."""
         laid = len(self.heights) - len(self.primed)
         facts = {

@@ -22,7 +22,7 @@ from printer_slicer.gcode.lexer import extended, parse
 from printer_slicer.gcode.moves import accelerations
 from printer_slicer.link_model import LinkRun, SerialLink, TimedJob, line_sizes
 from printer_slicer.motion.rules import MotionLimits
-from printer_slicer.motion.whole import Blocks, make_blocks, moving_of
+from printer_slicer.motion.vectorized import Blocks, find_moving, make_blocks
 
 __all__ = ["Underrun", "UnderrunReport", "find_underruns", "timed_job"]
 
@@ -122,7 +122,7 @@ def timed_job(commands: Sequence[bytes], moves: Moves, limits: MotionLimits) -> 
     lines, changed, begin = [moves.line[:0]], {}, 0
     for first, kind, values in (*moves.changes, (len(moves.line), "", {})):
         some = slice(begin, first)
-        moving, length = moving_of(np.ascontiguousarray(moves.delta[some].T))
+        moving, length = find_moving(np.ascontiguousarray(moves.delta[some].T))
         delta = moves.delta[some][moving]
         wanted = accelerations(delta, moves.acceleration[some][moving], limits)
         parts.append(

@@ -19,7 +19,7 @@ from printer_slicer.diagnostics import Diagnostic, Severity
 from printer_slicer.gcode import Moves
 from printer_slicer.inspection.deposition.unsupported import UnsupportedTracker, describe
 from printer_slicer.motion.rules import limits_of
-from printer_slicer.motion.whole import ENOUGH, flow_of
+from printer_slicer.motion.vectorized import FLOW_WINDOW, volumetric_flow
 from printer_slicer.profile import Profile
 
 __all__ = ["MELTS", "MoveJudge"]
@@ -215,9 +215,9 @@ def _flow(moves: Moves, fresh: Float, seconds: Float, profile: Profile) -> Itera
     """Plastic per second: of beads, and of what is pushed out standing."""
     volume = fresh * np.pi * profile.material.filament_diameter**2 / 4
     laid = (moves.delta[:, :2] != 0).any(axis=1) & (volume > 0)
-    standing = ~laid & (volume >= ENOUGH) & (seconds > 0)
+    standing = ~laid & (volume >= FLOW_WINDOW) & (seconds > 0)
     flow = np.zeros(len(volume))
-    flow[laid] = flow_of(volume[laid], seconds[laid])
+    flow[laid] = volumetric_flow(volume[laid], seconds[laid])
     flow[standing] = volume[standing] / seconds[standing]
     most = profile.max_flow
     what = f"{{:.3g}} mm3/s of plastic, {profile.material.name} melts {most:g}"

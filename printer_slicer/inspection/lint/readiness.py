@@ -19,7 +19,7 @@ from printer_slicer.firmware import FIRMWARES
 from printer_slicer.gcode import Moves
 from printer_slicer.gcode.commands import Effect, heater_of, names_that
 from printer_slicer.gcode.lexer import LintCommand
-from printer_slicer.own_macros import starts_prints
+from printer_slicer.printer_macros import match_start_macro
 
 __all__ = ["Readiness"]
 
@@ -86,7 +86,7 @@ class Readiness:
     def follow(self, index: int, command: LintCommand) -> None:
         """Process the next command of the job."""
         code = command.code
-        if code in _MACROS or starts_prints(code):
+        if code in _MACROS or match_start_macro(code):
             self._home(index, _AXES)
             self._heat.set(index, _HOT)
         elif code in _HOMES:

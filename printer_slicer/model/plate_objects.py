@@ -8,11 +8,11 @@ import numpy as np
 
 from printer_slicer.arrays import Float, Int, frozen_array
 
-__all__ = ["Item", "Labels"]
+__all__ = ["Labels", "PlateObject"]
 
 
 @dataclass(frozen=True, slots=True)
-class Item:
+class PlateObject:
     """One of the things that a mesh holds, or all of it.
 
     Attributes:
@@ -28,20 +28,20 @@ class Item:
     count: int = 0
 
     @classmethod
-    def of(cls, name: str, bounds: Float, first: int, count: int) -> Item:
+    def of(cls, name: str, bounds: Float, first: int, count: int) -> PlateObject:
         """The thing that some facets are, whose envelope is `bounds` (2, 3)."""
         (x, y, z), (right, back, top) = bounds.tolist()
         return cls(name, (x, y, z), (right, back, top), first, count)
 
-    def moved(self, by: Float) -> Item:
+    def moved(self, by: Float) -> PlateObject:
         """The same thing, shifted by (x, y, z) mm."""
-        return Item.of(self.name, np.array([self.low, self.high]) + by, self.first, self.count)
+        return PlateObject.of(self.name, np.array([self.low, self.high]) + by, self.first, self.count)
 
-    def behind(self, facets: int) -> Item:
+    def behind(self, facets: int) -> PlateObject:
         """The same thing in a mesh that has so many facets before it."""
         return replace(self, first=self.first + facets)
 
-    def without_facets(self) -> Item:
+    def without_facets(self) -> PlateObject:
         """The same thing in a mesh whose facets are others now."""
         return replace(self, first=0, count=0)
 

@@ -19,20 +19,20 @@ if TYPE_CHECKING:
     from printer_slicer.motion.blocks import MotionLimits
 
 __all__ = [
-    "ENOUGH",
+    "FLOW_WINDOW",
     "Blocks",
-    "Course",
     "RequestedMoves",
     "Smoothed",
+    "SpeedProfile",
     "Stopwatch",
     "corner_squares",
-    "course_of",
     "durations",
-    "flow_of",
+    "find_moving",
     "make_blocks",
-    "moving_of",
+    "plan_speeds",
     "ramp_times",
     "running_least",
+    "volumetric_flow",
 ]
 
 
@@ -81,13 +81,13 @@ def durations(
         (K,) s.
     """
     seconds = np.zeros(len(delta))
-    course = course_of(delta, speed, limits, stop_after=stop_after, acceleration=acceleration)
+    course = plan_speeds(delta, speed, limits, stop_after=stop_after, acceleration=acceleration)
     seconds[course.moving] = course.times(slice(None))
     return seconds
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Course:
+class SpeedProfile:
     """How fast the machine is at every corner of B moves.
 
     Attributes:
@@ -147,7 +147,7 @@ class Smoothed:
     tops: Float
 
 
-def course_of(
+def plan_speeds(
     delta: Float,
     speed: Float,
     limits: MotionLimits,
@@ -155,7 +155,7 @@ def course_of(
     stop_after: Bool | None = None,
     acceleration: Float | None = None,
     entry: tuple[float, float] = (0.0, 0.0),
-) -> Course:
+) -> SpeedProfile:
     """How fast the machine is at the corners of moves.
 
     Args:
@@ -167,7 +167,7 @@ def course_of(
         entry: squared speed before the first move that goes anywhere, and the smoothed one.
     """
     columns = np.ascontiguousarray(delta.T, dtype=np.float64)
-    moving, length = moving_of(columns)
+    moving, length = find_moving(columns)
     wanted = None if acceleration is None else np.asarray(acceleration, dtype=np.float64)[moving]
     speed = np.asarray(speed, dtype=np.float64)[moving]
     blocks = make_blocks(np.ascontiguousarray(columns[:, moving]), length, speed, wanted, limits)
@@ -181,7 +181,7 @@ def course_of(
     gains = _gains(blocks)
     ratio = limits.minimum_cruise_ratio
     smoothed = _smoothed(corners, gains * (1.0 - ratio), entry[1]) if ratio > 0.0 and len(moving) else None
-    return Course(moving, blocks, corners, _squares(corners, gains, entry[0]), smoothed)
+    return SpeedProfile(moving, blocks, corners, _squares(corners, gains, entry[0]), smoothed)
 
 
 def _gains(blocks: Blocks) -> Float:
@@ -189,7 +189,7 @@ def _gains(blocks: Blocks) -> Float:
     return 2.0 * blocks.acceleration * blocks.length
 
 
-def moving_of(delta: Float) -> tuple[Int, Float]:
+def find_moving(delta: Float) -> tuple[Int, Float]:
     """Find the moves that are not zero, and their lengths, mm; delta (4, K)."""
     x, y, z, e = delta
     length = np.sqrt(x * x + y * y + z * z)
@@ -434,9 +434,9 @@ class Stopwatch:
         self._waiting, self._entry = None, (0.0, 0.0)
         return self._seconds
 
-    def _course(self, moves: RequestedMoves) -> Course:
+    def _course(self, moves: RequestedMoves) -> SpeedProfile:
         """What moves behind those whose time is known come to, if none came behind them."""
-        return course_of(
+        return plan_speeds(
             moves.delta,
             moves.speed,
             self.limits,
@@ -446,13 +446,13 @@ class Stopwatch:
         )
 
 
-ENOUGH = 0.2
+FLOW_WINDOW = 0.2
 """mm³; the rounding of E in less of it says more than the flow."""
 
 _DUST = 1e-7  # mm³, of sums
 
 
-def flow_of(volume: Float, seconds: Float) -> Float:
+def volumetric_flow(volume: Float, seconds: Float) -> Float:
     """(n,) mm³/s of moves that lay plastic one after the other: of each with as many before it as lay 0.2 mm³.
 
     A curve is many short moves; together they are as fast as a long one. 0 where so much has not been laid yet.
@@ -465,8 +465,8 @@ def flow_of(volume: Float, seconds: Float) -> Float:
         return np.zeros(0)
     laid, spent = np.cumsum(volume), np.cumsum(seconds)
     # The last move from which on enough is laid up to each.
-    begin = np.searchsorted(laid - volume, laid - ENOUGH + _DUST, side="right") - 1
-    enough = laid >= ENOUGH - _DUST
+    begin = np.searchsorted(laid - volume, laid - FLOW_WINDOW + _DUST, side="right") - 1
+    enough = laid >= FLOW_WINDOW - _DUST
     begin = np.maximum(begin, 0)
     pushed, took = laid - (laid - volume)[begin], spent - (spent - seconds)[begin]
     return np.asarray(np.where(enough & (took > 0), pushed / np.maximum(took, 1e-9), 0.0))

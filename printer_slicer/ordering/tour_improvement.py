@@ -13,7 +13,7 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, consecutive, distinct
 
-__all__ = ["shortened"]
+__all__ = ["shorten_tour"]
 
 _REACH = 24
 _LEAST = 0.01  # mm that a change must save
@@ -22,7 +22,7 @@ _AT_ONCE = 1 << 12  # rows whose changes are compared at once
 _TURN, _LATER, _LATER_TURNED, _EARLIER, _EARLIER_TURNED = range(5)
 
 
-def shortened(begin: Float, end: Float, free: Bool, group: Int) -> tuple[Int, Bool]:
+def shorten_tour(begin: Float, end: Float, free: Bool, group: Int) -> tuple[Int, Bool]:
     """A shorter order of units that are visited in a row.
 
     Args:

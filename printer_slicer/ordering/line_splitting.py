@@ -10,20 +10,20 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, consecutive
 from printer_slicer.model import Toolpaths
-from printer_slicer.ordering.loops import first_least
+from printer_slicer.ordering.loops import argmin_by_group
 from printer_slicer.roles import Phase, roles_with
 
-__all__ = ["broken"]
+__all__ = ["split_lines"]
 
 _LEAST = 4.0  # mm that a break must save
 
 
-def broken(paths: Toolpaths) -> Toolpaths:
+def split_lines(paths: Toolpaths) -> Toolpaths:
     """Paths in printing order, some open ones in two pieces."""
     begin, last = paths.start[:-1], paths.start[1:] - 1
     may = (
         ~paths.closed
-        & (paths.sweep < 0)
+        & (paths.chain_id < 0)
         & roles_with(phase=Phase.INFILL, is_infill=True)[paths.role]
         & (last - begin > 2)
     )
@@ -45,7 +45,7 @@ def _breaks(paths: Toolpaths, line: Int) -> tuple[Int, Float]:
     come, go = paths.xy[ends[line - 1]], paths.xy[begin[line + 1]]
     place = paths.xy.take(point, axis=0)
     way = _far(place, np.repeat(come, size, axis=0)) + _far(place, np.repeat(go, size, axis=0))
-    chosen, least = first_least(way, size)
+    chosen, least = argmin_by_group(way, size)
     one, other = paths.xy[begin[line]], paths.xy[last[line]]
     return point[chosen], _far(come, one) + _far(other, go) - least - _far(one, other)
 

@@ -12,23 +12,23 @@ from numpy.typing import NDArray
 from printer_slicer.arrays import Bool, Float, Int, frozen_array
 from printer_slicer.geometry.slabs import BESIDE
 from printer_slicer.model import Mesh
-from printer_slicer.planning.lattice import HeightLayers, Lattice, event_planes, rows_of
-from printer_slicer.planning.path import ArcGraph
-from printer_slicer.planning.seconds import LayerTimes
-from printer_slicer.planning.steps import Steps, fill
+from printer_slicer.planning.height_grid import HeightGrid, HeightRow, event_planes, list_layers
+from printer_slicer.planning.layer_times import LayerTimes
+from printer_slicer.planning.shortest_path import ArcGraph
+from printer_slicer.planning.z_steps import ZSteps, fill_with_layers
 from printer_slicer.profile import Profile
 from printer_slicer.surface import Surface, read_surface
 from printer_slicer.surface.runs import runs_by_length
 
-__all__ = ["Arcs"]
+__all__ = ["CandidateLayers"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Arcs:
+class CandidateLayers:
     """Layers by where they end, and at each end by height.
 
     Attributes:
-        lattice: heights and ends.
+        grid: heights and ends.
         graph: where each layer begins and ends, in units.
         listed: (A,) whether its height is allowed where it is.
         free: (A,) whether it is, or the layer touches an event plane.
@@ -40,7 +40,7 @@ class Arcs:
             ones than that to be the last.
     """
 
-    lattice: Lattice
+    grid: HeightGrid
     graph: ArcGraph
     listed: Bool
     free: Bool
@@ -62,36 +62,34 @@ class Arcs:
         object.__setattr__(self, "uniform", frozen_array(self.uniform, np.float64, (-1, 2)))
 
     @classmethod
-    def over(
-        cls, mesh: Mesh, lattice: Lattice, steps: Steps, profile: Profile, *, everywhere: bool = False
-    ) -> Arcs:
+    def for_part(
+        cls, mesh: Mesh, grid: HeightGrid, steps: ZSteps, profile: Profile, *, everywhere: bool = False
+    ) -> CandidateLayers:
         """The layers for a part; with `everywhere` those of any height that the printer can print."""
         surface, planes = read_surface(mesh), event_planes(mesh, profile)
-        rows = rows_of(planes, lattice, steps, profile, everywhere=everywhere)
+        rows = list_layers(planes, grid, steps, profile, everywhere=everywhere)
         containment = profile.quality.containment
-        middles: Float = np.arange(2 * lattice.n + 1, dtype=np.float64) * (lattice.unit / 2)
-        times, wrong = LayerTimes(surface, profile, middles), _Volumes(surface, lattice, containment)
-        seconds = (times.seconds(2 * row.end - row.height, row.height * lattice.unit) for row in rows)
+        middles: Float = np.arange(2 * grid.n + 1, dtype=np.float64) * (grid.unit / 2)
+        times, wrong = LayerTimes(surface, profile, middles), _Volumes(surface, grid, containment)
+        seconds = (times.seconds(2 * row.end - row.height, row.height * grid.unit) for row in rows)
         end = _joined((row.end for row in rows), np.int64)
         start = _joined((row.end - row.height for row in rows), np.int64)
         # By where they end, and as rows are at each end: from the lowest height up.
-        order = _by_end(end, lattice.n)
-        begin = np.append(0, np.cumsum(np.bincount(end, minlength=lattice.n + 1)))
+        order = _by_end(end, grid.n)
+        begin = np.append(0, np.cumsum(np.bincount(end, minlength=grid.n + 1)))
         return cls(
-            lattice,
+            grid,
             ArcGraph(begin, start.take(order)),
             _joined((row.listed for row in rows), np.bool_).take(order),
             _joined((row.free for row in rows), np.bool_).take(order),
-            _joined(_bounds(surface, lattice, containment, rows), np.float64).take(order),
+            _joined(_bounds(surface, grid, containment, rows), np.float64).take(order),
             _joined((wrong.between(row.end - row.height, row.end) for row in rows), np.float64).take(order),
             _joined(seconds, np.float64).take(order),
             times.per_mm3(profile.quality.layer_height),
-            np.reshape(
-                [_cost_of(layers, times, wrong, lattice) for layers in _uniform_layers(steps)], (-1, 2)
-            ),
+            np.reshape([_cost_of(layers, times, wrong, grid) for layers in _uniform_layers(steps)], (-1, 2)),
         )
 
-    def rated(self, layers: Int, bounds: Float) -> Arcs:
+    def with_bounds(self, layers: Int, bounds: Float) -> CandidateLayers:
         """The same with other bounds, mm, of some of the layers."""
         bound = self.bound.copy()
         bound[layers] = bounds
@@ -108,21 +106,19 @@ def _joined(parts: Iterable[Bool | Float | Int], kind: type) -> NDArray[Any]:
     return np.concatenate([np.zeros(0, kind), *parts]).astype(kind, copy=False)
 
 
-def _bounds(
-    surface: Surface, lattice: Lattice, containment: str, rows: list[HeightLayers]
-) -> Iterable[Float]:
+def _bounds(surface: Surface, grid: HeightGrid, containment: str, rows: list[HeightRow]) -> Iterable[Float]:
     """Certified errors, row by row."""
-    n_cells, contained = lattice.cells * lattice.n, containment != "mid"
+    n_cells, contained = grid.cells * grid.n, containment != "mid"
     # From the cut in the middle to either end, or through the whole layer.
-    share = lattice.cells if contained else lattice.cells // 2
+    share = grid.cells if contained else grid.cells // 2
     length = [share * row.height for row in rows]
-    rising = runs_by_length(surface.contacts, lattice.cell, n_cells, length, contained=contained)
+    rising = runs_by_length(surface.contacts, grid.cell, n_cells, length, contained=contained)
     falling = runs_by_length(
-        surface.turned, lattice.cell, n_cells, length, bottom=-n_cells * lattice.cell, contained=contained
+        surface.turned, grid.cell, n_cells, length, bottom=-n_cells * grid.cell, contained=contained
     )
     for row, cells, up, down in zip(rows, length, rising, falling, strict=True):
-        end = lattice.cells * row.end
-        first = end - lattice.cells * row.height
+        end = grid.cells * row.end
+        first = end - grid.cells * row.height
         # Both runs begin where the section is taken, or at the far end where the layer is contained.
         start, turned = (first, n_cells - end) if contained else (first + cells, n_cells - first - cells)
         yield np.maximum(up.take(start), down.take(turned)) + (2 * BESIDE if contained else 0.0)
@@ -131,10 +127,10 @@ def _bounds(
 class _Volumes:
     """Upper bounds of the volume error of layers between two nodes."""
 
-    def __init__(self, surface: Surface, lattice: Lattice, containment: str) -> None:
-        self._lattice, self._containment = lattice, containment
-        n_cells = lattice.cells * lattice.n
-        up, down = (shadow.on_lattice(lattice.cell, n_cells) for shadow in (surface.up, surface.down))
+    def __init__(self, surface: Surface, grid: HeightGrid, containment: str) -> None:
+        self._lattice, self._containment = grid, containment
+        n_cells = grid.cells * grid.n
+        up, down = (shadow.on_lattice(grid.cell, n_cells) for shadow in (surface.up, surface.down))
         self._both = up + down
         self._over, self._under = (up, down) if containment != "negative" else (down, up)
 
@@ -155,22 +151,22 @@ class _Volumes:
         return np.asarray(np.maximum(volume, 0.0))
 
 
-def _uniform_layers(steps: Steps) -> Iterable[Int]:
+def _uniform_layers(steps: ZSteps) -> Iterable[Int]:
     """Yield uniform plans as layer heights in z steps; only the last layer may have a height outside the list."""
     first, rest = steps.begin()
     for height in steps.allowed.tolist():
-        layers = fill(rest, height, steps.lowest, steps.highest)
+        layers = fill_with_layers(rest, height, steps.lowest, steps.highest)
         if np.isin(layers[:-1], steps.allowed).all():
             yield np.append([first] if first else [], layers).astype(np.int64)
 
 
-def _cost_of(layers: Int, times: LayerTimes, wrong: _Volumes, lattice: Lattice) -> tuple[float, float]:
-    """Return time, s, and volume error, mm³, of a plan given as heights in z steps, to the nearest lattice node."""
-    end = np.rint(np.cumsum(layers) / lattice.steps).astype(np.int64).clip(0, lattice.n)
+def _cost_of(layers: Int, times: LayerTimes, wrong: _Volumes, grid: HeightGrid) -> tuple[float, float]:
+    """Return time, s, and volume error, mm³, of a plan given as heights in z steps, to the nearest grid node."""
+    end = np.rint(np.cumsum(layers) / grid.steps).astype(np.int64).clip(0, grid.n)
     start = np.append(0, end[:-1])
     thick = end - start
     seconds = sum(
-        float(times.seconds((start + end)[thick == one], one * lattice.unit).sum())
+        float(times.seconds((start + end)[thick == one], one * grid.unit).sum())
         for one in set(thick.tolist()) - {0}
     )
     return seconds, float(wrong.between(start, end).sum())

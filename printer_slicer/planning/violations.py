@@ -10,12 +10,12 @@ import numpy as np
 
 from printer_slicer.arrays import Bool
 from printer_slicer.model import Mesh
-from printer_slicer.planning.lattice import FINE
-from printer_slicer.planning.steps import tolerances
+from printer_slicer.planning.height_grid import FINEST
+from printer_slicer.planning.z_steps import layer_tolerances
 from printer_slicer.profile import HeightRange, Profile
 from printer_slicer.surface import Certificate, find_flats
 
-__all__ = ["Unkept", "unkept_rules"]
+__all__ = ["PlanViolation", "find_violations"]
 
 _ROUNDING: Final = 1e-6  # mm
 _UNDIVIDED: Final = "the heights allowed do not divide what lies between flats more finely"
@@ -24,7 +24,7 @@ _BLIND: Final = ("uniform", "area")  # planners that promise neither a tolerance
 
 
 @dataclass(frozen=True, slots=True)
-class Unkept:
+class PlanViolation:
     """A rule that a plan does not keep.
 
     Attributes:
@@ -41,7 +41,7 @@ class Unkept:
     cause: str
 
 
-def unkept_rules(mesh: Mesh, certificate: Certificate, profile: Profile) -> list[Unkept]:
+def find_violations(mesh: Mesh, certificate: Certificate, profile: Profile) -> list[PlanViolation]:
     """Every rule of the profile that a plan does not keep, by rule and then from the bed up.
 
     Args:
@@ -67,29 +67,31 @@ class _Plan:
         self._mesh, self._certificate, self._profile = mesh, certificate, profile
         self._plan, self._first = certificate.plan, profile.quality.first_layer_height
         share = 0.5 if self._plan.containment == "mid" else 1.0
-        self._share, self._near = share, share * max(profile.printer.z_step, FINE) + _ROUNDING
+        self._share, self._near = share, share * max(profile.printer.z_step, FINEST) + _ROUNDING
 
-    def bounds(self) -> Iterator[Unkept]:
+    def bounds(self) -> Iterator[PlanViolation]:
         """Layers whose certified error is over the tolerance."""
         plan, bound = self._plan, self._certificate.bound
-        over = bound > tolerances(self._profile, plan.bottom, plan.top) + _ROUNDING
+        over = bound > layer_tolerances(self._profile, plan.bottom, plan.top) + _ROUNDING
         causes = [self._why_thick(i) if over[i] else "" for i in range(plan.n_layers)]
         # Thinnest layers, and those between them that meet flats, are one stretch.
         kinds = ["thin" if cause in (self._thinnest, _UNDIVIDED) else cause for cause in causes]
         for first, end in _runs(over, kinds):
             low, high = float(plan.bottom[first]), float(plan.top[end - 1])
             worst = first + int(bound[first:end].argmax())
-            yield Unkept("tolerance", low, high, float(bound[worst]), causes[worst])
+            yield PlanViolation("tolerance", low, high, float(bound[worst]), causes[worst])
         missing = self._certificate.missing
         if missing > self._profile.quality.tolerance + _ROUNDING:
             top = float(plan.top[-1])
-            yield Unkept("tolerance", top, top + missing, missing, "no layer that can be printed fits there")
+            yield PlanViolation(
+                "tolerance", top, top + missing, missing, "no layer that can be printed fits there"
+            )
 
-    def flats(self) -> Iterator[Unkept]:
+    def flats(self) -> Iterator[PlanViolation]:
         """Flats that no layer ends on."""
         ends, flats = np.append(0.0, self._plan.top), find_flats(self._mesh)[0]
         off = np.abs(ends[:, None] - flats).min(axis=0) if len(flats) else np.zeros(0)
-        missed = off > max(self._settings.snap_tolerance, self._near, FINE) + _ROUNDING
+        missed = off > max(self._settings.snap_tolerance, self._near, FINEST) + _ROUNDING
         met = np.concatenate([[0.0, self._first, self._mesh.height], flats[~missed]])
         for z, far in zip(flats[missed].tolist(), off[missed].tolist(), strict=True):
             other = float(met[np.abs(met - z).argmin()])
@@ -97,38 +99,38 @@ class _Plan:
             near = abs(other - z) < thinnest - self._near
             there = "the first layer" if 0 < other == self._first else f"z {other:g}"
             between = f"it is nearer to {there} than the thinnest layer of the printer, {thinnest:g} mm"
-            yield Unkept("flat", z, z, far, between if near else self._why_there(z, z))
+            yield PlanViolation("flat", z, z, far, between if near else self._why_there(z, z))
 
-    def uneven(self) -> Iterator[Unkept]:
+    def uneven(self) -> Iterator[PlanViolation]:
         """Neighbours that differ by more than the greatest step."""
         most, height = self._settings.max_step, self._plan.height
         change = np.abs(np.diff(height))
         for i in np.flatnonzero(change > most + _ROUNDING).tolist() if most else ():
             z = float(self._plan.top[i])
-            yield Unkept(
+            yield PlanViolation(
                 "max_step", z, z, float(change[i]), "flats, tolerance and allowed heights come first"
             )
 
-    def ranges(self) -> Iterator[Unkept]:
+    def ranges(self) -> Iterator[PlanViolation]:
         """Stretches of z whose own height or ends were not kept, or that the part does not reach."""
         plan, top = self._plan, self._mesh.height
         for stretch in self._settings.ranges:
             if stretch.low >= top:
-                yield Unkept("range", stretch.low, stretch.high, 0.0, f"the part is {top:g} mm high")
+                yield PlanViolation("range", stretch.low, stretch.high, 0.0, f"the part is {top:g} mm high")
                 continue
             for z in (stretch.low, stretch.high):
                 off = float(np.abs(np.append(0.0, plan.top) - z).min())
                 if 0 < z < top and off > self._near:
                     asked = f"layers of {stretch.layer_height:g} mm do not lead to it"
                     why = self._why_first(z, z) or (asked if stretch.layer_height else _UNLED)
-                    yield Unkept("range end", z, z, off, why)
+                    yield PlanViolation("range end", z, z, off, why)
             other = np.abs(plan.height - stretch.layer_height) > _ROUNDING
             other &= self._inside(stretch) & (stretch.layer_height > 0)
             causes = [self._why_other(i, stretch) for i in range(plan.n_layers)]
             for first, end in _runs(other, causes):
                 low, high = float(plan.bottom[first]), float(plan.top[end - 1])
                 far = float(np.abs(plan.height[first:end] - stretch.layer_height).max())
-                yield Unkept("range height", low, high, far, causes[first])
+                yield PlanViolation("range height", low, high, far, causes[first])
 
     def _inside(self, stretch: HeightRange) -> Bool:
         """(L,) layers that reach into a range."""

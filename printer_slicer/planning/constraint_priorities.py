@@ -8,20 +8,20 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.model import Mesh
-from printer_slicer.planning.arcs import Arcs
-from printer_slicer.planning.lattice import borders_of, reaches
-from printer_slicer.planning.steps import Steps, tolerances
+from printer_slicer.planning.candidate_layers import CandidateLayers
+from printer_slicer.planning.height_grid import overlaps_range, range_borders
+from printer_slicer.planning.z_steps import ZSteps, layer_tolerances
 from printer_slicer.profile import Profile
 from printer_slicer.surface import find_flats
 
-__all__ = ["ODD", "Level", "levels_of", "underrated"]
+__all__ = ["UNLISTED_FACTOR", "Constraint", "find_underrated", "rank_constraints"]
 
-ODD: Final = 1.1
+UNLISTED_FACTOR: Final = 1.1
 """Times its cost for a layer of a height that is not on the list, where that is free."""
 _ROUNDING: Final = 1e-9  # mm
 
 
-class Level(NamedTuple):
+class Constraint(NamedTuple):
     """A rule.
 
     Attributes:
@@ -33,7 +33,9 @@ class Level(NamedTuple):
     cost: Float
 
 
-def levels_of(mesh: Mesh, arcs: Arcs, steps: Steps, profile: Profile) -> list[Level]:
+def rank_constraints(
+    mesh: Mesh, candidates: CandidateLayers, steps: ZSteps, profile: Profile
+) -> list[Constraint]:
     """The rules that some layers break, the gravest first; evenness apart.
 
     Unlisted heights; other heights than ranges have; error over the tolerance; flats and ends of ranges; heights beyond
@@ -42,35 +44,35 @@ def levels_of(mesh: Mesh, arcs: Arcs, steps: Steps, profile: Profile) -> list[Le
 
     Args:
         mesh: the part.
-        arcs: its layers.
+        candidates: its layers.
         steps: of the printer.
         profile: tolerance, ranges, containment and snap tolerance.
     """
-    lattice, graph = arcs.lattice, arcs.graph
+    grid, graph = candidates.grid, candidates.graph
     start, end = graph.start, graph.end
-    height, tolerance = end - start, _tolerances(arcs, profile)
+    height, tolerance = end - start, _tolerances(candidates, profile)
     share = 0.5 if profile.quality.containment == "mid" else 1.0
     # The thinnest layers are nowhere wrong by more than this; layers under twice their height can divide everything.
     certain = np.float64(share * steps.allowed[0] * steps.size)
-    mm: Float = np.asarray(lattice.unit * height, np.float64)
+    mm: Float = np.asarray(grid.unit * height, np.float64)
     possible: Float = np.asarray(np.where(tolerance < certain, 2 * certain, tolerance), np.float64)
     most: Float = np.asarray(share * mm)
-    over, beyond = _excess(arcs.bound, tolerance, most), _excess(arcs.bound, possible, most)
+    over, beyond = _excess(candidates.bound, tolerance, most), _excess(candidates.bound, possible, most)
     chosen = (start > 0) | (steps.first == 0)  # not the first layer, where that is set
     other = np.zeros(len(start))
     for stretch in profile.dials.ranges:
         if stretch.layer_height:
-            inside = reaches(stretch, lattice, start, end) & chosen
-            other += inside & (height != lattice.units(stretch.layer_height))
-    units = height * lattice.steps
+            inside = overlaps_range(stretch, grid, start, end) & chosen
+            other += inside & (height != grid.units(stretch.layer_height))
+    units = height * grid.steps
     outside = ((units < steps.allowed[0]) | (units > steps.allowed[-1])) & chosen
     levels = [
-        Level(1e14, np.asarray(~arcs.free, np.float64)),
-        Level(1e12, other),
-        Level(1e13, mm * beyond**2),
-        Level(1e5, _missed(mesh, arcs, profile)),
-        Level(1e6, mm * over**2),
-        Level(1e4, np.asarray(outside, np.float64)),
+        Constraint(1e14, np.asarray(~candidates.free, np.float64)),
+        Constraint(1e12, other),
+        Constraint(1e13, mm * beyond**2),
+        Constraint(1e5, _missed(mesh, candidates, profile)),
+        Constraint(1e6, mm * over**2),
+        Constraint(1e4, np.asarray(outside, np.float64)),
     ]
     return [level for level in levels if level.cost.any()]
 
@@ -87,42 +89,44 @@ def _excess(bound: Float, limit: Float, most: Float) -> Float:
     return over
 
 
-def underrated(arcs: Arcs, profile: Profile, layers: Int, bounds: Float) -> Bool:
+def find_underrated(candidates: CandidateLayers, profile: Profile, layers: Int, bounds: Float) -> Bool:
     """(L,) whether a layer's exact bound breaks the tolerance that its arc seems to keep.
 
     Args:
-        arcs: the layers that there are.
+        candidates: the layers that there are.
         profile: what they were found with.
         layers: (L,) arcs of a plan.
         bounds: (L,) mm, exact.
     """
-    tolerance = _tolerances(arcs, profile)[layers] + 2 * _ROUNDING
-    return np.asarray((arcs.bound[layers] <= tolerance) & (bounds > tolerance))
+    tolerance = _tolerances(candidates, profile)[layers] + 2 * _ROUNDING
+    return np.asarray((candidates.bound[layers] <= tolerance) & (bounds > tolerance))
 
 
-def _tolerances(arcs: Arcs, profile: Profile) -> Float:
+def _tolerances(candidates: CandidateLayers, profile: Profile) -> Float:
     """(A,) mm, the tolerance of every layer."""
     if not any(stretch.tolerance for stretch in profile.dials.ranges):
-        return np.broadcast_to(np.float64(profile.quality.tolerance), arcs.graph.start.shape)
-    start, end = (np.asarray(arcs.lattice.unit * nodes) for nodes in (arcs.graph.start, arcs.graph.end))
-    return tolerances(profile, start, end)
+        return np.broadcast_to(np.float64(profile.quality.tolerance), candidates.graph.start.shape)
+    start, end = (
+        np.asarray(candidates.grid.unit * nodes) for nodes in (candidates.graph.start, candidates.graph.end)
+    )
+    return layer_tolerances(profile, start, end)
 
 
-def _missed(mesh: Mesh, arcs: Arcs, profile: Profile) -> Float:
+def _missed(mesh: Mesh, candidates: CandidateLayers, profile: Profile) -> Float:
     """(A,) the flats and borders of ranges that lie within a layer, large flats twice."""
-    lattice = arcs.lattice
+    grid = candidates.grid
     flats, areas = find_flats(mesh)
-    borders = borders_of(profile, mesh.height)
-    place = np.concatenate([flats, borders]) / lattice.unit
+    borders = range_borders(profile, mesh.height)
+    place = np.concatenate([flats, borders]) / grid.unit
     weight = np.concatenate([1 + areas / max(areas.sum(initial=0.0), 1e-9), np.full(len(borders), 2.0)])
     # A contained flat belongs to the node over it or under it, whichever leaves the layer on its side.
     least = 0.5 if profile.quality.containment == "mid" else 1.0
-    snap = max(profile.dials.snap_tolerance / lattice.unit, least)
+    snap = max(profile.dials.snap_tolerance / grid.unit, least)
     lowest, highest = np.ceil(place - snap - 1e-6), np.floor(place + snap + 1e-6)
-    inside = (lowest > 0) & (highest < lattice.n)
+    inside = (lowest > 0) & (highest < grid.n)
     started, ended = (
-        np.cumsum(np.bincount(nodes[inside].astype(np.int64), weight[inside], lattice.n + 1))
+        np.cumsum(np.bincount(nodes[inside].astype(np.int64), weight[inside], grid.n + 1))
         for nodes in (lowest, highest)
     )
-    within = np.append(0.0, ended[:-1])[arcs.graph.end] - started[arcs.graph.start]
+    within = np.append(0.0, ended[:-1])[candidates.graph.end] - started[candidates.graph.start]
     return np.where(within > 1e-9, within, 0.0)  # sums leave their rounding behind

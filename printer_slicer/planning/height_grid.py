@@ -17,18 +17,26 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.model import Mesh
-from printer_slicer.planning.steps import Steps
+from printer_slicer.planning.z_steps import ZSteps
 from printer_slicer.profile import HeightRange, Profile
 from printer_slicer.surface import find_flats, read_surface
 
-__all__ = ["FINE", "HeightLayers", "Lattice", "borders_of", "event_planes", "reaches", "rows_of"]
+__all__ = [
+    "FINEST",
+    "HeightGrid",
+    "HeightRow",
+    "event_planes",
+    "list_layers",
+    "overlaps_range",
+    "range_borders",
+]
 
-FINE: Final = 0.0025
+FINEST: Final = 0.0025
 """mm; heights need not be told apart more finely to end on an event plane."""
 
 
 @dataclass(frozen=True, slots=True)
-class Lattice:
+class HeightGrid:
     """The heights at which layers may end.
 
     Attributes:
@@ -49,7 +57,7 @@ class Lattice:
     @property
     def cells(self) -> int:
         """Cells in a unit: an even number, each no larger than 0.0025 mm."""
-        return 2 * max(int(np.ceil(self.unit / (2 * FINE) - 1e-6)), 1)
+        return 2 * max(int(np.ceil(self.unit / (2 * FINEST) - 1e-6)), 1)
 
     @property
     def cell(self) -> float:
@@ -57,12 +65,12 @@ class Lattice:
         return self.unit / self.cells
 
     @classmethod
-    def of(cls, steps: Steps, more: Sequence[float] = ()) -> Lattice:
-        """The coarsest lattice with all allowed heights, and `more` in mm, that is fine enough for event planes."""
+    def of(cls, steps: ZSteps, more: Sequence[float] = ()) -> HeightGrid:
+        """The coarsest grid with all allowed heights, and `more` in mm, that is fine enough for event planes."""
         wanted = [steps.of(height) for height in more]
         common = gcd(*steps.allowed.tolist(), *wanted, steps.first)
         fits = [
-            d for d in range(1, common + 1) if common % d == 0 and (d == 1 or d * steps.size <= FINE + 1e-9)
+            d for d in range(1, common + 1) if common % d == 0 and (d == 1 or d * steps.size <= FINEST + 1e-9)
         ]
         size = fits[-1]
         n = round(steps.part / size)
@@ -84,7 +92,7 @@ class Lattice:
         return round(height / self.unit)
 
 
-class HeightLayers(NamedTuple):
+class HeightRow(NamedTuple):
     """All layers of one height that a plan may have.
 
     Attributes:
@@ -100,15 +108,15 @@ class HeightLayers(NamedTuple):
     free: Bool
 
 
-def borders_of(profile: Profile, height: float) -> Float:
+def range_borders(profile: Profile, height: float) -> Float:
     """(n,) mm, where ranges begin and end within a part of this height."""
     ends = [z for stretch in profile.dials.ranges for z in (stretch.low, stretch.high)]
     return np.array([z for z in ends if 0 < z < height], np.float64)
 
 
-def reaches(stretch: HeightRange, lattice: Lattice, start: Int, end: Int) -> Bool:
+def overlaps_range(stretch: HeightRange, grid: HeightGrid, start: Int, end: Int) -> Bool:
     """Whether layers between two nodes reach into a range."""
-    return np.asarray((end > lattice.units(stretch.low)) & (start < lattice.units(stretch.high)))
+    return np.asarray((end > grid.units(stretch.low)) & (start < grid.units(stretch.high)))
 
 
 def event_planes(mesh: Mesh, profile: Profile) -> Float:
@@ -117,38 +125,38 @@ def event_planes(mesh: Mesh, profile: Profile) -> Float:
     Flats that lean by a hair are no events of the surface, but shall be met all the same.
     """
     events = read_surface(mesh).contacts.events()
-    return np.concatenate([events, find_flats(mesh)[0], borders_of(profile, mesh.height)])
+    return np.concatenate([events, find_flats(mesh)[0], range_borders(profile, mesh.height)])
 
 
-def rows_of(
-    planes: Float, lattice: Lattice, steps: Steps, profile: Profile, *, everywhere: bool
-) -> list[HeightLayers]:
+def list_layers(
+    planes: Float, grid: HeightGrid, steps: ZSteps, profile: Profile, *, everywhere: bool
+) -> list[HeightRow]:
     """The layers that a plan may have, from the lowest height up.
 
     Args:
         planes: (n,) mm, the event planes.
-        lattice: heights and ends.
+        grid: heights and ends.
         steps: of the printer: allowed heights, first layer.
         profile: tells the ranges.
         everywhere: layers of every height that the printer can print, as a last resort.
     """
-    first = steps.first // lattice.steps
-    event = np.zeros(lattice.n + 1, np.bool_)
-    event[lattice.nearest(planes)] = True
+    first = steps.first // grid.steps
+    event = np.zeros(grid.n + 1, np.bool_)
+    event[grid.nearest(planes)] = True
     event[0], event[-1] = bool(first), True  # a first layer of its own is as free as one that meets a flat
-    allowed = set((steps.allowed // lattice.steps).tolist())
+    allowed = set((steps.allowed // grid.steps).tolist())
     rows = []
-    for height in range(lattice.lowest, min(lattice.highest, lattice.n) + 1):
-        end = np.arange(height, lattice.n + 1)
+    for height in range(grid.lowest, min(grid.highest, grid.n) + 1):
+        end = np.arange(height, grid.n + 1)
         start = end - height
         listed = np.full(len(end), height in allowed)
         for stretch in profile.dials.ranges:
-            if stretch.layer_height and lattice.units(stretch.layer_height) == height:
-                listed |= reaches(stretch, lattice, start, end)
+            if stretch.layer_height and grid.units(stretch.layer_height) == height:
+                listed |= overlaps_range(stretch, grid, start, end)
         free = listed | event[end] | event[start]
         chosen = free | everywhere
         if first and height != first:
             chosen[0] = False
-        chosen[-1] &= steps.lowest <= height * lattice.steps + lattice.rest <= steps.highest
-        rows.append(HeightLayers(height, end[chosen], listed[chosen], free[chosen]))
+        chosen[-1] &= steps.lowest <= height * grid.steps + grid.rest <= steps.highest
+        rows.append(HeightRow(height, end[chosen], listed[chosen], free[chosen]))
     return rows

@@ -12,13 +12,13 @@ from printer_slicer.arrays import Float, Int
 from printer_slicer.geometry import Areas, window_intersection
 from printer_slicer.model import LayerPlan
 
-__all__ = ["area_savings", "divide", "last_layers", "within"]
+__all__ = ["area_savings", "choose_groups", "last_layers", "tallest_groups"]
 
 _ROUNDING = 1e-6  # mm
 _CUT = 0.05  # of the lines in what is left to single layers: the price of filling a layer's area in two parts
 
 
-def within(plan: LayerPlan, limit: float) -> Int:
+def tallest_groups(plan: LayerPlan, limit: float) -> Int:
     """(L,) the first layer of the highest group that ends with each layer.
 
     Args:
@@ -57,7 +57,7 @@ def _most(lowest: Int) -> int:
     return int(np.max(np.arange(len(lowest)) - lowest, initial=0)) + 1
 
 
-def divide(saved: Float) -> Int:
+def choose_groups(saved: Float) -> Int:
     """(L,) the first layer of the group that each layer belongs to, where all groups together save the most.
 
     Args:

@@ -22,11 +22,11 @@ __all__ = [
     "ArcGraph",
     "NeighbourLimits",
     "Search",
-    "cheapest",
-    "cheapest_few",
-    "cheapest_within",
-    "cheapest_within_limits",
-    "kept_by",
+    "cheapest_path",
+    "cheapest_with_max_layers",
+    "cheapest_with_neighbours",
+    "cheapest_within_budget",
+    "optimal_arcs",
 ]
 
 Search = Callable[[Float], Int | None]
@@ -39,7 +39,7 @@ _SAME: Final = 1e-12  # of a total: sums in another order differ by as much
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ArcGraph:
-    """Arcs by where they end.
+    """CandidateLayers by where they end.
 
     Attributes:
         begin: (n + 2,) arcs begin[k] to begin[k + 1] end at node k.
@@ -73,7 +73,7 @@ class ArcGraph:
         return self.end - self.start
 
 
-def cheapest(graph: ArcGraph, cost: Float) -> Int | None:
+def cheapest_path(graph: ArcGraph, cost: Float) -> Int | None:
     """The arcs of the cheapest plan, from the bed up; None where no plan reaches the top.
 
     Args:
@@ -119,7 +119,7 @@ def _settled(graph: ArcGraph, cost: Float) -> Float:
     return best
 
 
-def kept_by(graph: ArcGraph, levels: Sequence[Float]) -> Int:
+def optimal_arcs(graph: ArcGraph, levels: Sequence[Float]) -> Int:
     """The arcs of all plans that cost least by the first level, of these by the second, and so on.
 
     Args:
@@ -170,7 +170,7 @@ class NeighbourLimits:
         return cls(height - change, height + change, np.zeros(n + 1, np.bool_))
 
 
-def cheapest_within_limits(
+def cheapest_with_neighbours(
     graph: ArcGraph, cost: Float, even: NeighbourLimits, fine: float, lesser: float = 0.0
 ) -> Int | None:
     """Find the cheapest path where neighbours that are not allowed cost a penalty.
@@ -219,7 +219,7 @@ def _even_chain(
     fines: tuple[float, float],
     settled: tuple[Float, Float],
 ) -> Int:
-    """Return the arcs of the path found by `cheapest_within_limits`, from the bed up."""
+    """Return the arcs of the path found by `cheapest_with_neighbours`, from the bed up."""
     (fine, lesser), (reach, anyhow) = fines, settled
     low, chain, k, above = int(graph.height.min()), list[int](), graph.n, 0
     while k > 0:
@@ -271,7 +271,7 @@ class _Windows:
         return np.asarray(np.minimum(runs.take(self._left, axis=1), runs.take(self._right, axis=1)))
 
 
-def cheapest_within(
+def cheapest_within_budget(
     search: Search, loss: Float, spent: Float, budget: float, thrifty: Int
 ) -> tuple[Int, float]:
     """The best plan of least loss at some price on what is spent, and that price, that keeps to a budget.
@@ -303,7 +303,7 @@ def cheapest_within(
     return thrifty, price
 
 
-def cheapest_few(graph: ArcGraph, cost: Float, most: int) -> Int | None:
+def cheapest_with_max_layers(graph: ArcGraph, cost: Float, most: int) -> Int | None:
     """The cheapest plan of at most `most` layers; None where that many do not reach the top.
 
     Args:
@@ -312,11 +312,11 @@ def cheapest_few(graph: ArcGraph, cost: Float, most: int) -> Int | None:
         most: layers.
     """
     one = np.where(np.isfinite(cost), 1.0, np.inf)
-    fewest = cheapest(graph, one)
+    fewest = cheapest_path(graph, one)
     if fewest is None or len(fewest) > most:
         return None
-    few, price = cheapest_within(
-        lambda charged: cheapest(graph, charged), cost, np.ones_like(cost), most, fewest
+    few, price = cheapest_within_budget(
+        lambda charged: cheapest_path(graph, charged), cost, np.ones_like(cost), most, fewest
     )
     # With this price on every layer: what the best plan can cost at most, and what any plan costs at least.
     through, least = _through(graph, cost + price)

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from printer_slicer.model import LayerPlan, Mesh
 from printer_slicer.planning import plan_layers
-from printer_slicer.planning.steps import tolerances
-from printer_slicer.planning.unkept import Unkept, unkept_rules
+from printer_slicer.planning.violations import PlanViolation, find_violations
+from printer_slicer.planning.z_steps import layer_tolerances
 from printer_slicer.profile import HeightRange, Profile
 from printer_slicer.surface import certify, find_flats, read_surface
 from tests.parts import box, profile, sphere, step_pyramid
@@ -26,9 +26,9 @@ def optimal(**changes: Any) -> Profile:
     return profile(**(usual | changes))
 
 
-def judged(mesh: Mesh, wanted: Profile, plan: LayerPlan | None = None) -> list[Unkept]:
+def judged(mesh: Mesh, wanted: Profile, plan: LayerPlan | None = None) -> list[PlanViolation]:
     plan = plan or plan_layers(mesh, wanted)
-    return unkept_rules(mesh, certify(read_surface(mesh), plan), wanted)
+    return find_violations(mesh, certify(read_surface(mesh), plan), wanted)
 
 
 def test_a_plan_that_keeps_everything_has_nothing_to_tell() -> None:
@@ -146,7 +146,7 @@ def test_what_is_told_is_what_is_broken(
     plan = plan_layers(mesh, wanted)
     certificate, found = certify(read_surface(mesh), plan), judged(mesh, wanted, plan)
     told = {rule: [one for one in found if one.rule == rule] for rule in ("tolerance", "flat", "max_step")}
-    over = certificate.bound > tolerances(wanted, plan.bottom, plan.top) + 1e-6
+    over = certificate.bound > layer_tolerances(wanted, plan.bottom, plan.top) + 1e-6
     covered = np.zeros(plan.n_layers, np.bool_)
     for one in told["tolerance"]:
         covered |= (plan.bottom >= one.low - 1e-9) & (plan.top <= one.high + 1e-9)

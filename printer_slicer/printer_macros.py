@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from typing import Final
 
-__all__ = ["asked_of", "ends_prints", "starts_prints"]
+__all__ = ["macro_temperatures", "match_end_macro", "match_start_macro"]
 
 _STARTS: Final = re.compile(
     r"(?i)(?!EXCLUDE_|TIMELAPSE_|SET_)(?:_?(?:[A-Z0-9]+_)*(?:START|BEGIN)(?:_[A-Z0-9]+)*|START_?PRINT|PRINT_?START)(?=\s|$)"
@@ -21,19 +21,19 @@ _SETTING: Final = re.compile(r"(?i)\b([A-Z_][A-Z_0-9]*)=['\"]?([0-9]+(?:\.[0-9]*
 _HEATERS: Final = frozenset({"BED", "EXTRUDER", "HOTEND", "NOZZLE"})
 
 
-def starts_prints(command: str) -> str:
+def match_start_macro(command: str) -> str:
     """The macro that by its name makes the printer ready: homes it and heats; empty if the command is none."""
     found = _STARTS.match(command)
     return found[0] if found else ""
 
 
-def ends_prints(command: str) -> str:
+def match_end_macro(command: str) -> str:
     """The macro that by its name ends prints or cools; empty if the command is none."""
     found = _ENDS.match(command)
     return found[0] if found else ""
 
 
-def asked_of(command: str) -> dict[str, float]:
+def macro_temperatures(command: str) -> dict[str, float]:
     """°C of "bed" and "nozzle" that a command such as `START_PRINT BED_TEMP=60 EXTRUDER_TEMP=210` names."""
     asked: dict[str, float] = {}
     for name, number in _SETTING.findall(command.upper()):

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from printer_slicer.motion.rules import MotionLimits, make_block, plan, ramp_time
-from printer_slicer.motion.whole import RequestedMoves, Stopwatch, durations
+from printer_slicer.motion.vectorized import RequestedMoves, Stopwatch, durations
 
 MARLIN = MotionLimits(
     max_speed=(300.0, 300.0, 12.0, 50.0),

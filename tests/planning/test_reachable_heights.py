@@ -11,20 +11,23 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from printer_slicer.arrays import Int
-from printer_slicer.planning.steps import Steps
-from printer_slicer.planning.stretches import event_planes, next_plane, walk, ways_up
+from printer_slicer.planning.reachable_heights import event_planes, next_plane, reachable_layers, stack_layers
+from printer_slicer.planning.z_steps import ZSteps
 from tests.parts import box, profile, step_pyramid
 
 
-def steps_of(total: int, heights: tuple[int, ...] = (), **changes: Any) -> Steps:
+def steps_of(total: int, heights: tuple[int, ...] = (), **changes: Any) -> ZSteps:
     """Of a box so many z steps high and a list of heights in z steps."""
     listed = tuple(height / 100 for height in heights)
-    return Steps(box((5, 5, total / 100)), profile(first_layer_height=0, layer_heights=listed, **changes))
+    return ZSteps(box((5, 5, total / 100)), profile(first_layer_height=0, layer_heights=listed, **changes))
 
 
-def layers(limit: Int | int, planes: list[int], steps: Steps, bottom: int = 0) -> list[int]:
+def layers(limit: Int | int, planes: list[int], steps: ZSteps, bottom: int = 0) -> list[int]:
     limits = np.full(steps.part, limit) if isinstance(limit, int) else limit
-    return [int(h) for h in walk(ways_up(limits, planes, bottom, steps), limits, planes, bottom, steps)]
+    return [
+        int(h)
+        for h in stack_layers(reachable_layers(limits, planes, bottom, steps), limits, planes, bottom, steps)
+    ]
 
 
 @pytest.mark.parametrize(
@@ -59,7 +62,7 @@ def test_a_narrow_printer_fills_a_stretch_with_three_heights_that_are_not_in_the
 
 def test_flats_too_near_to_each_other_are_met_by_size() -> None:
     mesh = step_pyramid([40, 30, 12, 11], [1.0, 0.04, 0.03, 1.0])
-    steps = Steps(mesh, profile(first_layer_height=0))
+    steps = ZSteps(mesh, profile(first_layer_height=0))
 
     # 700 mm² at 1.00, 756 mm² at 1.04, 23 mm² at 1.07: only one of them can be an end.
     assert event_planes(mesh, steps, 0) == [104, 207]
@@ -67,7 +70,7 @@ def test_flats_too_near_to_each_other_are_met_by_size() -> None:
 
 def test_flats_near_the_bed_the_first_layer_and_the_top_are_not_ends() -> None:
     mesh = step_pyramid([40, 30, 20, 10], [0.05, 0.2, 1.0, 0.03])
-    steps = Steps(mesh, profile())
+    steps = ZSteps(mesh, profile())
 
     assert event_planes(mesh, steps, 20) == [128]
     assert event_planes(mesh, steps, 0) == [25, 128]

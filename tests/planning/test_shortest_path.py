@@ -14,17 +14,17 @@ from hypothesis import strategies as st
 from printer_slicer.arrays import Float, Int
 from printer_slicer.model import Mesh
 from printer_slicer.planning import plan_layers
-from printer_slicer.planning.arcs import Arcs
-from printer_slicer.planning.lattice import Lattice
-from printer_slicer.planning.path import (
+from printer_slicer.planning.candidate_layers import CandidateLayers
+from printer_slicer.planning.height_grid import HeightGrid
+from printer_slicer.planning.shortest_path import (
     ArcGraph,
     NeighbourLimits,
-    cheapest,
-    cheapest_few,
-    cheapest_within,
-    cheapest_within_limits,
+    cheapest_path,
+    cheapest_with_max_layers,
+    cheapest_with_neighbours,
+    cheapest_within_budget,
 )
-from printer_slicer.planning.steps import Steps
+from printer_slicer.planning.z_steps import ZSteps
 from printer_slicer.profile import OptimalPlanner, Profile
 from printer_slicer.surface import certify, find_flats, read_surface
 from tests.effort import crossed, examples, few_of
@@ -63,7 +63,7 @@ class Table(NamedTuple):
 def by_step(graph: ArcGraph, cost: Float, change: int, fine: float) -> Int | None:
     """The cheapest plan where neighbours that differ by more than `change` cost a fine."""
     highest = int(graph.height.max(initial=0))
-    return cheapest_within_limits(graph, cost, NeighbourLimits.by_step(change, highest, graph.n), fine)
+    return cheapest_with_neighbours(graph, cost, NeighbourLimits.by_step(change, highest, graph.n), fine)
 
 
 def all_plans(n: int, heights: tuple[int, ...]) -> Iterator[tuple[int, ...]]:
@@ -120,7 +120,7 @@ def is_a_plan(plan: Int, table: Table) -> bool:
 @settings(max_examples=examples(40))  # tables are small, and so is the search
 @given(tables(gaps=True))
 def test_the_cheapest_plan_costs_as_little_as_the_best_of_all(table: Table) -> None:
-    plan, best = table.found(cheapest), least(table)
+    plan, best = table.found(cheapest_path), least(table)
 
     assert (plan is None) == np.isinf(best)
     if plan is not None:
@@ -158,7 +158,7 @@ def test_beside_some_nodes_uneven_neighbours_cost_less(
         uneven = np.abs(np.diff(plan)) > change
         return price(np.array(plan), table) + float(np.where(beside, lesser, fine)[uneven].sum())
 
-    layers = cheapest_within_limits(graph, cost, even, fine, lesser)
+    layers = cheapest_with_neighbours(graph, cost, even, fine, lesser)
     best = min(map(paid, all_plans(table.n, tuple(table.heights.tolist()))), default=np.inf)
 
     assert (layers is None) == np.isinf(best)
@@ -169,7 +169,7 @@ def test_beside_some_nodes_uneven_neighbours_cost_less(
 @settings(max_examples=examples(40))  # tables are small, and so is the search
 @given(tables(gaps=True), st.integers(1, 15))
 def test_the_cheapest_plan_of_few_layers_is_the_best_of_those_with_so_few(table: Table, most: int) -> None:
-    plan, best = table.found(cheapest_few, most), least(table, most=most)
+    plan, best = table.found(cheapest_with_max_layers, most), least(table, most=most)
 
     assert (plan is None) == np.isinf(best)
     if plan is not None:
@@ -195,9 +195,11 @@ def test_within_a_budget_no_plan_is_better_at_the_price_that_is_found(
     budget = min(uses) + share * (max(uses) - min(uses))
     graph, loss = table.arcs()
     spent = use.arcs()[1]
-    thrifty = cheapest(graph, np.where(np.isfinite(loss), spent, np.inf))
+    thrifty = cheapest_path(graph, np.where(np.isfinite(loss), spent, np.inf))
     assert thrifty is not None
-    layers, worth = cheapest_within(lambda cost: cheapest(graph, cost), loss, spent, budget, thrifty)
+    layers, worth = cheapest_within_budget(
+        lambda cost: cheapest_path(graph, cost), loss, spent, budget, thrifty
+    )
 
     costs = [price(plan, table) + worth * used for plan, used in zip(plans, uses, strict=True)]
     assert spent[layers].sum() <= budget
@@ -210,10 +212,10 @@ def test_within_a_budget_no_plan_is_better_at_the_price_that_is_found(
 @given(tables())
 def test_without_a_fine_or_with_layers_enough_all_three_cost_the_same(table: Table) -> None:
     found = (
-        table.found(cheapest),
+        table.found(cheapest_path),
         table.found(by_step, 0, 0.0),
         table.found(by_step, len(table.heights), 1e9),
-        table.found(cheapest_few, table.n),
+        table.found(cheapest_with_max_layers, table.n),
     )
     prices = [np.inf if plan is None else price(plan, table) for plan in found]
 
@@ -223,9 +225,9 @@ def test_without_a_fine_or_with_layers_enough_all_three_cost_the_same(table: Tab
 def test_ties_are_broken_the_same_way_every_time() -> None:
     cost, heights = np.zeros((3, 31)), np.arange(2, 5)
     searches: list[Callable[[], Int | None]] = [
-        lambda: Table(cost, heights).found(cheapest),
+        lambda: Table(cost, heights).found(cheapest_path),
         lambda: Table(cost, heights).found(by_step, 1, 5.0),
-        lambda: Table(cost, heights).found(cheapest_few, 12),
+        lambda: Table(cost, heights).found(cheapest_with_max_layers, 12),
     ]
     for search in searches:
         first, second = search(), search()
@@ -235,7 +237,7 @@ def test_ties_are_broken_the_same_way_every_time() -> None:
 
 
 def test_of_two_plans_that_cost_the_same_any_number_of_layers_up_to_the_most_will_do() -> None:
-    plan = Table(np.zeros((2, 13)), np.arange(2, 4)).found(cheapest_few, 5)
+    plan = Table(np.zeros((2, 13)), np.arange(2, 4)).found(cheapest_with_max_layers, 5)
 
     assert plan is not None
     assert len(plan) <= 5
@@ -247,19 +249,19 @@ def test_a_height_that_no_layers_add_up_to_is_not_reached(n: int) -> None:
     """Layers of 3 only; 1, 4 and 5 are no multiples of it."""
     cost, heights = np.ones((1, n + 1)), np.array([3])
 
-    assert Table(cost, heights).found(cheapest) is None
+    assert Table(cost, heights).found(cheapest_path) is None
     assert Table(cost, heights).found(by_step, 1, 1.0) is None
-    assert Table(cost, heights).found(cheapest_few, 9) is None
+    assert Table(cost, heights).found(cheapest_with_max_layers, 9) is None
 
 
 def test_too_few_layers_do_not_reach_the_top() -> None:
     cost, heights = np.ones((2, 21)), np.array([2, 3])
 
-    assert Table(cost, heights).found(cheapest_few, 6) is None
-    plan = Table(cost, heights).found(cheapest_few, 7)
+    assert Table(cost, heights).found(cheapest_with_max_layers, 6) is None
+    plan = Table(cost, heights).found(cheapest_with_max_layers, 7)
     assert plan is not None
     assert len(plan) == 7
-    assert Table(cost, heights).found(cheapest_few, 0) is None
+    assert Table(cost, heights).found(cheapest_with_max_layers, 0) is None
 
 
 def test_an_uneven_pair_is_taken_only_where_it_is_worth_its_fine() -> None:
@@ -281,7 +283,7 @@ def test_costs_of_any_size_keep_their_differences() -> None:
     rng = np.random.default_rng(4)
     fair = rng.random((3, 61))
     heights = np.arange(4, 7)
-    plain, fined = (Table(costs, heights).found(cheapest) for costs in (fair, fair + 1e10))
+    plain, fined = (Table(costs, heights).found(cheapest_path) for costs in (fair, fair + 1e10))
 
     assert plain is not None
     assert fined is not None
@@ -295,7 +297,7 @@ def test_costs_of_any_size_keep_their_differences() -> None:
 
 
 def optimal(**changes: Any) -> Profile:
-    """All heights from 0.08 to 0.32 mm on a lattice of 0.01 mm, the first layer free, all neighbours allowed."""
+    """All heights from 0.08 to 0.32 mm on a grid of 0.01 mm, the first layer free, all neighbours allowed."""
     usual: dict[str, Any] = {"z_step": 0.01, "first_layer_height": 0, "planner__kind": "optimal"}
     if changes.get("planner__kind", "optimal") == "optimal":
         usual |= {"planner__error_price": ERROR_PRICE, "planner__smooth": False}
@@ -315,10 +317,10 @@ Layers = Mapping[tuple[int, int], Layer]
 
 def every_layer(mesh: Mesh, wanted: Profile) -> Layers:
     """(first step, last step) -> what a layer between them does; bounds and volumes are the certificate's own."""
-    steps, surface = Steps(mesh, wanted), read_surface(mesh)
-    lattice = Lattice.of(steps)
-    arcs = Arcs.over(mesh, lattice, steps, wanted, everywhere=True)
-    begin, end = arcs.graph.start * lattice.steps, arcs.graph.end * lattice.steps
+    steps, surface = ZSteps(mesh, wanted), read_surface(mesh)
+    grid = HeightGrid.of(steps)
+    arcs = CandidateLayers.for_part(mesh, grid, steps, wanted, everywhere=True)
+    begin, end = arcs.graph.start * grid.steps, arcs.graph.end * grid.steps
     seconds = dict(zip(zip(begin.tolist(), end.tolist(), strict=True), arcs.seconds.tolist(), strict=True))
     found: dict[tuple[int, int], Layer] = {}
     for height in range(steps.lowest, steps.highest + 1):
@@ -339,7 +341,7 @@ class Rules:
     """What a plan breaks, in the order in which it counts, and what it costs."""
 
     def __init__(self, mesh: Mesh, wanted: Profile) -> None:
-        self.steps, self.layers, self.wanted = Steps(mesh, wanted), every_layer(mesh, wanted), wanted
+        self.steps, self.layers, self.wanted = ZSteps(mesh, wanted), every_layer(mesh, wanted), wanted
         self.flats, areas = find_flats(mesh)
         self.weight = 1 + areas / max(areas.sum(initial=0), 1e-9)
         planes = [*read_surface(mesh).contacts.events(), *self.flats, mesh.height]

@@ -6,17 +6,17 @@ import numpy as np
 
 from printer_slicer.arrays import Int
 from printer_slicer.model import Toolpaths
-from printer_slicer.ordering.loops import Loops, begun_at
-from printer_slicer.ordering.seams import outer_loops
+from printer_slicer.ordering.loops import Loops, start_at
+from printer_slicer.ordering.seams import external_loops
 from printer_slicer.profile import Profile
 from printer_slicer.roles import is_perimeter
 
-__all__ = ["begun_nearby", "begun_toward_seams"]
+__all__ = ["start_near_nozzle", "start_near_seams"]
 
 
-def begun_toward_seams(paths: Toolpaths, island: Int, profile: Profile) -> Toolpaths:
+def start_near_seams(paths: Toolpaths, island: Int, profile: Profile) -> Toolpaths:
     """The same paths; free loops begin at their point nearest to the seam of the longest outer loop of their island."""
-    outer = outer_loops(paths)
+    outer = external_loops(paths)
     loops = Loops.of(paths, _free(paths, profile))
     if not len(outer) or not loops.n_loops:
         return paths
@@ -29,10 +29,10 @@ def begun_toward_seams(paths: Toolpaths, island: Int, profile: Profile) -> Toolp
     some = np.flatnonzero(key[found] == wanted)
     along = np.zeros(loops.n_loops)
     along[some] = loops.nearest_point(some, paths.xy[paths.start[outer[found[some]]]])
-    return begun_at(paths, loops, along)
+    return start_at(paths, loops, along)
 
 
-def begun_nearby(paths: Toolpaths, profile: Profile) -> Toolpaths:
+def start_near_nozzle(paths: Toolpaths, profile: Profile) -> Toolpaths:
     """Paths in printing order; free loops begin at their point nearest to the end of the path before."""
     loops = Loops.of(paths, _free(paths, profile))
     if not loops.n_loops:
@@ -45,7 +45,7 @@ def begun_nearby(paths: Toolpaths, profile: Profile) -> Toolpaths:
         gap = loops.xy[first:last] - (after[path - 1] if path else 0.0)
         point = first + int((gap * gap).sum(axis=1).argmin())
         along[index], after[path] = loops.reach[point], loops.xy[point]
-    return begun_at(paths, loops, along)
+    return start_at(paths, loops, along)
 
 
 def _free(paths: Toolpaths, profile: Profile) -> Int:

@@ -9,12 +9,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-__all__ = ["Drawn", "Summary", "drawn_by"]
+__all__ = ["Summary", "SvgRepr", "set_svg_renderer"]
 
 _artists: list[Callable[[object], str]] = []
 
 
-def drawn_by(artist: Callable[[object], str]) -> None:
+def set_svg_renderer(artist: Callable[[object], str]) -> None:
     """From now on values are drawn by this function, as the text of an SVG document."""
     _artists[:] = [artist]
 
@@ -28,13 +28,13 @@ class Summary:
     problems: Sequence[str] = ()
 
 
-class Drawn:
+class SvgRepr:
     """A value that draws itself as SVG, or another value that shows what it is."""
 
     __slots__ = ()
 
     @property
-    def looks(self) -> object:
+    def drawable(self) -> object:
         """What is drawn of it."""
         return self
 

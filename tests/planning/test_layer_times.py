@@ -16,7 +16,7 @@ from printer_slicer.model import LayerPlan, Mesh
 from printer_slicer.pipeline import slice_part
 from printer_slicer.placing import place
 from printer_slicer.planning import plan_layers
-from printer_slicer.planning.seconds import LayerTimes
+from printer_slicer.planning.layer_times import LayerTimes
 from printer_slicer.profile import Profile, profile_with
 from printer_slicer.surface import read_surface
 from tests.effort import crossed, examples

@@ -9,14 +9,14 @@ from printer_slicer.errors import PlanError
 from printer_slicer.model import LayerPlan, Mesh
 from printer_slicer.profile import Profile
 
-__all__ = ["Steps", "fill", "tolerances"]
+__all__ = ["ZSteps", "fill_with_layers", "layer_tolerances"]
 
 _LIST_STEP = 0.01  # mm between allowed heights, where neither the profile nor the printer asks for more
 _BORDER = 6e-3  # mm; layers end this near to the ends of ranges
 _NEARLY = 1e-2  # of a step; 32-bit coordinates hold heights no better
 
 
-def tolerances(profile: Profile, bottom: Float, top: Float) -> Float:
+def layer_tolerances(profile: Profile, bottom: Float, top: Float) -> Float:
     """(...) mm, the tolerance of layers between two heights: the quality's, or that of the ranges they reach into.
 
     Args:
@@ -29,13 +29,13 @@ def tolerances(profile: Profile, bottom: Float, top: Float) -> Float:
         if stretch.tolerance:
             low, high = stretch.low, stretch.high
             inside |= (bottom >= low - _BORDER) & (top <= high + _BORDER)
-            reaches = (top > low + _BORDER) & (bottom < high - _BORDER)
-            np.minimum(tolerance, stretch.tolerance, out=tolerance, where=reaches)
+            overlaps = (top > low + _BORDER) & (bottom < high - _BORDER)
+            np.minimum(tolerance, stretch.tolerance, out=tolerance, where=overlaps)
     np.minimum(tolerance, profile.quality.tolerance, out=tolerance, where=~inside)
     return tolerance
 
 
-class Steps:
+class ZSteps:
     """Converts between mm and the z steps of the printer.
 
     Attributes:
@@ -83,7 +83,7 @@ class Steps:
         return within if len(within) else np.array([thin], np.int64)
 
     def _whole(self, height: float) -> int:
-        """Steps in the part; it may rise over the last one by half of one, or not at all, as it is contained."""
+        """ZSteps in the part; it may rise over the last one by half of one, or not at all, as it is contained."""
         steps = height / self.size
         if self._containment == "mid":
             return round(steps)
@@ -116,7 +116,7 @@ class Steps:
         return LayerPlan(top, cut, planner, self._containment)
 
 
-def fill(total: int, step: int, lowest: int, highest: int) -> Int:
+def fill_with_layers(total: int, step: int, lowest: int, highest: int) -> Int:
     """Layer heights that fill `total` exactly with layers of `step`, all in z steps.
 
     What is left over becomes one layer at the end. If it is too thin for the printer, it is shared with as few of the

@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, NamedTuple
 if TYPE_CHECKING:
     from printer_slicer.firmware.firmware import CountingRule
 
-__all__ = ["Counting"]
+__all__ = ["PositioningMode"]
 
 
-class Counting(NamedTuple):
+class PositioningMode(NamedTuple):
     """How numbers are read.
 
     Attributes:
@@ -37,7 +37,7 @@ class Counting(NamedTuple):
         """Whether e counts from where it is."""
         return self.extruder or (self.rule == "either" and self.axes)
 
-    def after(self, word: str) -> Counting:
+    def after(self, word: str) -> PositioningMode:
         """How numbers are read after a command; as before, if it does not speak of that."""
         if word in {"M82", "M83"}:
             return self._replace(extruder=word == "M83")

@@ -15,11 +15,11 @@ from printer_slicer.model import LayerPlan
 from printer_slicer.profile import Profile, profile_with
 from printer_slicer.profile.places import heights_of
 
-__all__ = ["Layered", "by_layer"]
+__all__ = ["LayerSettings", "settings_by_layer"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Layered:
+class LayerSettings:
     """Profiles, and which of them each layer has.
 
     Attributes:
@@ -44,17 +44,17 @@ class Layered:
             if here.any():
                 yield profile, here
 
-    def stretch_begins(self) -> Int:
+    def run_starts(self) -> Int:
         """(L,) the lowest layer from which on up to each layer all have the same settings."""
         begins = np.append(True, np.diff(self.of_layer) != 0)
         return np.maximum.accumulate(np.where(begins, np.arange(len(begins)), 0))
 
 
-def by_layer(profile: Profile, plan: LayerPlan) -> Layered:
+def settings_by_layer(profile: Profile, plan: LayerPlan) -> LayerSettings:
     """The profile of each layer of the part; settings of objects are not looked at."""
     heights = heights_of(profile)
     if not heights:
-        return Layered((profile,), np.zeros(plan.n_layers, np.int64))
+        return LayerSettings((profile,), np.zeros(plan.n_layers, np.int64))
     middle = (plan.bottom + plan.top) / 2
     held = np.array([(low <= middle) & (middle < high) for low, high, _ in heights])
     kinds, of_layer = np.unique(held, axis=1, return_inverse=True)
@@ -67,4 +67,4 @@ def by_layer(profile: Profile, plan: LayerPlan) -> Layered:
         changed = profile_with(profile, changes)
         profiles += [] if changed in profiles else [changed]
         numbers.append(profiles.index(changed))
-    return Layered(tuple(profiles), np.array(numbers)[of_layer.reshape(-1)])
+    return LayerSettings(tuple(profiles), np.array(numbers)[of_layer.reshape(-1)])

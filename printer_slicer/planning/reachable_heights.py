@@ -1,7 +1,7 @@
 """Layers that end exactly where they must: stretches of z between event planes, filled with the heights allowed.
 
 An event plane is a height at which a layer shall end: a flat of the part, its top. Between two of them a planner
-chooses among `Steps.allowed`, no thicker than the surface permits; where the list does not lead to the plane exactly,
+chooses among `ZSteps.allowed`, no thicker than the surface permits; where the list does not lead to the plane exactly,
 the last layer below it may have another height, then the last two.
 
 Which heights lead on is found from each plane downward. Where a layer of height h may stand on step z, and its top
@@ -20,13 +20,13 @@ import numpy as np
 from printer_slicer.arrays import Int
 from printer_slicer.model import Mesh
 from printer_slicer.planning.slopes import nearest_step
-from printer_slicer.planning.steps import Steps, fill
+from printer_slicer.planning.z_steps import ZSteps, fill_with_layers
 from printer_slicer.surface.flats import find_flats
 
-__all__ = ["can_be_filled", "event_planes", "next_plane", "walk", "ways_up"]
+__all__ = ["event_planes", "is_fillable", "next_plane", "reachable_layers", "stack_layers"]
 
 
-def event_planes(mesh: Mesh, steps: Steps, bottom: int) -> list[int]:
+def event_planes(mesh: Mesh, steps: ZSteps, bottom: int) -> list[int]:
     """The flats that layers can end on, and the top of the part: ascending, in z steps, all over `bottom`.
 
     Of flats too near to each other for the machine's layers, the larger ones are kept.
@@ -39,23 +39,23 @@ def event_planes(mesh: Mesh, steps: Steps, bottom: int) -> list[int]:
         place = bisect_left(planes, plane)
         if 0 < place < len(planes) and planes[place] != plane:
             below, above = plane - planes[place - 1], planes[place] - plane
-            if can_be_filled(below, steps) and can_be_filled(above, steps):
+            if is_fillable(below, steps) and is_fillable(above, steps):
                 planes.insert(place, plane)
     return planes[1:]
 
 
-def can_be_filled(total: int, steps: Steps) -> bool:
+def is_fillable(total: int, steps: ZSteps) -> bool:
     """Whether layers within the machine's limits, or none at all, have this sum in z steps."""
     return -(-total // steps.highest) * steps.lowest <= total
 
 
-def next_plane(planes: Sequence[int], steps: Steps) -> Int:
+def next_plane(planes: Sequence[int], steps: ZSteps) -> Int:
     """(part + 1,) the first event plane over each z step; over the last one, the top of the part."""
     place = np.searchsorted(planes, np.arange(steps.part + 1), side="right")
     return np.append(planes, steps.part)[place].astype(np.int64)
 
 
-def ways_up(limit: Int, planes: Sequence[int], bottom: int, steps: Steps) -> Int:
+def reachable_layers(limit: Int, planes: Sequence[int], bottom: int, steps: ZSteps) -> Int:
     """The thickest layer on each z step from which all event planes can be met; 0 where there is none.
 
     Where no layers within the limit meet the next plane, those are taken that exceed it by the fewest steps, and they
@@ -79,8 +79,8 @@ def ways_up(limit: Int, planes: Sequence[int], bottom: int, steps: Steps) -> Int
     return np.array(ways, np.int64)
 
 
-def walk(ways: Int, limit: Int, planes: Sequence[int], bottom: int, steps: Steps) -> Int:
-    """Heights (n,) in z steps of the layers from `bottom` up, as `ways_up` has them.
+def stack_layers(ways: Int, limit: Int, planes: Sequence[int], bottom: int, steps: ZSteps) -> Int:
+    """Heights (n,) in z steps of the layers from `bottom` up, as `reachable_layers` has them.
 
     Where the last layer below a plane is thinner than the one before, both get half of their sum if they may.
     """
@@ -100,7 +100,7 @@ def walk(ways: Int, limit: Int, planes: Sequence[int], bottom: int, steps: Steps
     return np.array(heights, np.int64)
 
 
-def _masks(steps: Steps) -> list[int]:
+def _masks(steps: ZSteps) -> list[int]:
     """For each limit in steps the allowed heights up to it, as bits."""
     masks, allowed = [0], set(steps.allowed.tolist())
     for height in range(1, steps.highest + 1):
@@ -108,8 +108,8 @@ def _masks(steps: Steps) -> list[int]:
     return masks
 
 
-def _stretch(limits: list[int], masks: list[int], steps: Steps) -> list[int]:
-    """What `ways_up` gives, for one stretch between two planes.
+def _stretch(limits: list[int], masks: list[int], steps: ZSteps) -> list[int]:
+    """What `reachable_layers` gives, for one stretch between two planes.
 
     The first that works of: allowed heights only; the last layer free between thinnest and thickest; the last two; the
     last two free within the machine's limits; the same four with the limit exceeded by one step, by two, by three, ...
@@ -131,7 +131,7 @@ def _stretch(limits: list[int], masks: list[int], steps: Steps) -> list[int]:
         extra += max(extra // 2, 1)
     ways, here = [0] * total, 0
     step = masks[min(limits)].bit_length() - 1
-    for height in fill(total, step, steps.lowest, steps.highest).tolist():
+    for height in fill_with_layers(total, step, steps.lowest, steps.highest).tolist():
         ways[here] = height
         here += height
     return ways

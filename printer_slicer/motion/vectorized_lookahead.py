@@ -3,7 +3,7 @@
 A block's exit speed is fixed when it begins. It is the highest from which the machine can keep every later corner it
 knows of, and stop behind the last block it knows; and no higher than the block can reach. The first is a minimum over
 the next few blocks, found for all blocks at once by one pass for each place of the planner; the second is
-`whole.running_least`.
+`vectorized.running_least`.
 """
 
 from __future__ import annotations
@@ -11,12 +11,12 @@ from __future__ import annotations
 import numpy as np
 
 from printer_slicer.arrays import Float
-from printer_slicer.motion.whole import Blocks, ramp_times, running_least
+from printer_slicer.motion.vectorized import Blocks, ramp_times, running_least
 
-__all__ = ["seconds_ahead"]
+__all__ = ["lookahead_seconds"]
 
 
-def seconds_ahead(blocks: Blocks, corners: Float, seen: int, entry: float) -> tuple[Float, Float]:
+def lookahead_seconds(blocks: Blocks, corners: Float, seen: int, entry: float) -> tuple[Float, Float]:
     """Seconds of each block that begins while the planner knows `seen` blocks behind it.
 
     Args:
