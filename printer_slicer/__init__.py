@@ -1,4 +1,4 @@
-"""Slice a part with adaptive layer heights, export G-code, print it over USB serial, or dry-run it.
+"""Slice parts with adaptive layer heights, write G-code, print it over USB serial, or print it on a simulated printer.
 
     import printer_slicer as ps
 
@@ -7,7 +7,7 @@
     job = ps.job_of(stages, profile)
     job.save("part.gcode")
 
-Names are imported when they are first used, so importing the package costs nothing.
+Names are imported on first use, so importing the package is fast.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
         Walls,
     )
     from printer_slicer.pipeline import plan_part, slice_part, slice_stages
-    from printer_slicer.placing import Placement, joined, place, transformed
+    from printer_slicer.placing import Placement, join, place, transform
     from printer_slicer.printing import Controls, Done, print_job
     from printer_slicer.profile import Profile, load_profile, profile_with
     from printer_slicer.roles import Role
@@ -94,7 +94,7 @@ _HOMES = {
     "gcode_of": "gcode_text",
     "job_from": "slice_jobs",
     "job_of": "slice_jobs",
-    "joined": "placing",
+    "join": "placing",
     "load_mesh": "mesh_io",
     "load_model": "mesh_io",
     "load_profile": "profile",
@@ -107,7 +107,7 @@ _HOMES = {
     "repair": "healing",
     "slice_part": "pipeline",
     "slice_stages": "pipeline",
-    "transformed": "placing",
+    "transform": "placing",
 }
 
 __all__ = [
@@ -152,7 +152,7 @@ __all__ = [
     "gcode_of",
     "job_from",
     "job_of",
-    "joined",
+    "join",
     "load_mesh",
     "load_model",
     "load_profile",
@@ -165,11 +165,11 @@ __all__ = [
     "repair",
     "slice_part",
     "slice_stages",
-    "transformed",
+    "transform",
 ]
 
 
-__getattr__ = _lazy_names(__name__, _HOMES)
+__getattr__ = _lazy_names(__name__, _HOMES, {"joined": "join", "transformed": "transform"})
 
 
 def __dir__() -> list[str]:
@@ -177,8 +177,8 @@ def __dir__() -> list[str]:
 
 
 def _as_svg(value: object) -> str:
-    """A value's picture, for notebooks."""
-    from printer_slicer.drawing import draw  # noqa: PLC0415 - the package costs nothing until it is used
+    """Draw a value as an SVG document, for notebooks."""
+    from printer_slicer.drawing import draw  # noqa: PLC0415 - import the drawing package only when needed
 
     return draw(value).svg()
 

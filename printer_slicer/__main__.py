@@ -1,4 +1,4 @@
-"""`python -m printer_slicer` is `printer-slicer`."""
+"""Run the command line with `python -m printer_slicer`."""
 
 import sys
 

@@ -1,4 +1,4 @@
-"""Types of arrays, and what is asked of ragged arrays everywhere: runs, rings, numbers of distinct values."""
+"""Array types and helpers for ragged arrays: runs, rings, distinct values."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ __all__ = [
     "Float",
     "Int",
     "boxes",
+    "compact_ids",
     "consecutive",
     "distinct",
-    "following_around",
     "frozen_array",
     "lengths",
     "median",
-    "numbered",
+    "next_in_ring",
     "per_layer",
-    "placed",
-    "previous_around",
-    "renumbered",
-    "run_begins",
+    "previous_in_ring",
+    "run_starts",
+    "scatter",
+    "unique_inverse",
 ]
 
 Float = NDArray[np.float64]
@@ -33,14 +33,17 @@ _Number = TypeVar("_Number", np.int64, np.float64)
 
 
 def frozen_array(values: ArrayLike, dtype: type, shape: tuple[int, ...]) -> NDArray:  # type: ignore[type-arg]
-    """A read-only contiguous array of `dtype`; `shape` is checked, -1 means any length.
+    """Return a read-only contiguous array of `dtype`; check its shape, in which -1 means any length.
 
-    An array that is already read-only, contiguous and of that type is used as it is; a writable one is
-    viewed, so the caller who built it should not write to it any more.
+    The data is copied only if it is not contiguous or has another type. Otherwise the result is a view, so the caller
+    must not write to `values` afterwards.
+
+    Raises:
+        ValueError: the array has another shape.
     """
     array: NDArray = np.ascontiguousarray(values, dtype=dtype)  # type: ignore[type-arg]
     have = array.shape
-    # Asked thousands of times for each part: what is alike but for its length is known at once.
+    # Called thousands of times per part, so the common case, equal but for the length, is tested first.
     if (have[1:] != shape[1:] or have[:1] != shape[:1] != (-1,)) and not _fits(have, shape):
         raise ValueError(f"expected shape {shape}, got {have}")
     view = array.view()
@@ -49,15 +52,15 @@ def frozen_array(values: ArrayLike, dtype: type, shape: tuple[int, ...]) -> NDAr
 
 
 def _fits(have: tuple[int, ...], shape: tuple[int, ...]) -> bool:
-    """Whether a shape is the wanted one, in which -1 stands for any length."""
+    """Return whether a shape matches the expected one, in which -1 means any length."""
     return len(have) == len(shape) and all(want in (-1, one) for want, one in zip(shape, have, strict=True))
 
 
 def per_layer(value: float | Float, n_layers: int) -> Float:
-    """(n_layers,) the value of each layer; a single number holds for all of them.
+    """Return (n_layers,) the value of each layer; a single number applies to all layers.
 
     Raises:
-        ValueError: an array of another length, or a value that is not a number.
+        ValueError: the array has another length, or contains a value that is not a number.
     """
     array = np.asarray(value, dtype=np.float64)
     if array.shape not in ((), (n_layers,)):
@@ -68,18 +71,18 @@ def per_layer(value: float | Float, n_layers: int) -> Float:
 
 
 def consecutive(first: Int, count: Int) -> Int:
-    """`first[i], first[i] + 1, ...` (`count[i]` numbers) for every i, one after the other."""
+    """Return the concatenated ranges `first[i], first[i] + 1, ...` of `count[i]` numbers each."""
     result: Int = np.repeat(first - (np.cumsum(count) - count), count)
     result += np.arange(len(result))
     return result
 
 
-def following_around(start: Int, closed: bool | Bool = True) -> Int:
-    """(N,) the item after each, in rings of items: after the last of a ring comes its first.
+def next_in_ring(start: Int, closed: bool | Bool = True) -> Int:
+    """Return (N,) the index of the next item in each ring; the last item of a ring is followed by the first.
 
     Args:
-        start: (R + 1,) ring `i` has the items `start[i]:start[i + 1]`, which may be none.
-        closed: (R,) which are rings, or whether all are; in the others the last item is followed by itself.
+        start: (R + 1,) ring `i` has the items `start[i]:start[i + 1]`; it may be empty.
+        closed: (R,) which of them are rings, or one value for all. The last item of an open one is followed by itself.
     """
     first, last = start[:-1], start[1:] - 1
     some = last >= first
@@ -88,8 +91,8 @@ def following_around(start: Int, closed: bool | Bool = True) -> Int:
     return following
 
 
-def previous_around(start: Int) -> Int:
-    """(N,) the item before each, in rings of items: the inverse of `following_around`."""
+def previous_in_ring(start: Int) -> Int:
+    """Return (N,) the index of the previous item in each ring, the inverse of `next_in_ring`."""
     first, last = start[:-1], start[1:] - 1
     some = last >= first
     previous = np.arange(-1, int(start[-1]) - 1)
@@ -98,17 +101,19 @@ def previous_around(start: Int) -> Int:
 
 
 def boxes(points: Float | Int, start: Int, owner: Int, n_owners: int) -> tuple[Float, Float]:
-    """(n_owners, 2) lowest and highest corner of the box around what each owns; infinite, inside out, where nothing.
+    """Return the lower and upper corners, (n_owners, 2) each, of the bounding box of each owner's points.
+
+    An owner without points has an inverted, infinite box.
 
     Args:
         points: (N, 2)
         start: (R + 1,) run `i` of points is `points[start[i]:start[i + 1]]`; none is empty.
-        owner: (R,) of each run, ascending.
-        n_owners: how many there are.
+        owner: (R,) owner of each run, ascending.
+        n_owners: number of owners.
     """
     low = np.full((n_owners, 2), np.inf)
     high = -low
-    first = np.flatnonzero(run_begins(owner))
+    first = np.flatnonzero(run_starts(owner))
     used = owner[first]
     for axis, column in enumerate(np.ascontiguousarray(points.T) if len(used) else ()):
         low[used, axis] = np.minimum.reduceat(column, start[first])
@@ -117,61 +122,61 @@ def boxes(points: Float | Int, start: Int, owner: Int, n_owners: int) -> tuple[F
 
 
 def median(values: Float) -> float:
-    """The median of (n,) values, n > 0; `np.median` imports masked arrays for it, which takes 5 ms."""
+    """Return the median of (n,) values, n > 0; unlike `np.median` without the 5 ms import of masked arrays."""
     ordered = np.sort(values)
     return float((ordered[(len(values) - 1) // 2] + ordered[len(values) // 2]) / 2)
 
 
 def lengths(xy: Float, start: Int, closed: bool | Bool = True) -> Float:
-    """(M,) mm of each line.
+    """Return (M,) the length of each polyline, mm.
 
     Args:
         xy: (N, 2) mm.
-        start: (M + 1,) line `i` has the points `xy[start[i]:start[i + 1]]`, one at least.
-        closed: (M,) which return to their first point, which they do not repeat; or whether all do.
+        start: (M + 1,) polyline `i` has the points `xy[start[i]:start[i + 1]]`, at least one.
+        closed: (M,) which polylines are closed without repeating their first point, or one value for all.
     """
     if len(start) < 2:
         return np.zeros(0)
     x, y = np.ascontiguousarray(xy.T)
-    following = following_around(start, closed)
+    following = next_in_ring(start, closed)
     return np.add.reduceat(np.hypot(x.take(following) - x, y.take(following) - y), start[:-1])
 
 
 def distinct(values: NDArray[_Number]) -> NDArray[_Number]:
-    """(m,) each of the values (n,) once, ascending: `numpy.unique`, which loads masked arrays to do it."""
+    """Return the distinct values, ascending, as `numpy.unique` does, but without importing masked arrays."""
     ordered = np.sort(values)
-    return ordered.compress(run_begins(ordered))
+    return ordered.compress(run_starts(ordered))
 
 
-def numbered(values: NDArray[_Number]) -> tuple[NDArray[_Number], Int]:
-    """(m,) each of the values (n,) once, ascending, and (n,) the place of each value among these; see `distinct`."""
+def unique_inverse(values: NDArray[_Number]) -> tuple[NDArray[_Number], Int]:
+    """Return (m,) the distinct values, ascending, and (n,) the index of each value among them; see `distinct`."""
     order = np.argsort(values)
     ordered = values.take(order)
-    begins = run_begins(ordered)
+    begins = run_starts(ordered)
     place = np.zeros(len(values), np.int64)
     place[order] = np.cumsum(begins) - 1
     return ordered.compress(begins), place
 
 
-def run_begins(values: NDArray[_Number]) -> Bool:
-    """(n,) whether each value differs from the one before; the first one does."""
+def run_starts(values: NDArray[_Number]) -> Bool:
+    """Return (n,) whether each value starts a run, that is, differs from the one before it."""
     begins = np.ones(len(values), np.bool_)
     np.not_equal(values[1:], values[:-1], out=begins[1:])
     return begins
 
 
-def renumbered(items: Int, n_items: int) -> tuple[Int, Int]:
-    """(m,) those of the items from 0 to `n_items` that occur in `items`, ascending, and `items` in numbers of these."""
+def compact_ids(items: Int, n_items: int) -> tuple[Int, Int]:
+    """Return (m,) the distinct ids in `items`, ascending, and `items` with each id replaced by its index there."""
     used = np.zeros(n_items, np.bool_)
     used[items] = True
     number = np.cumsum(used) - 1
     return np.flatnonzero(used), number[items]
 
 
-def placed(xy: Float, place: Int) -> Float:
-    """(n, 2) points, each at its place: a permutation of them.
+def scatter(xy: Float, place: Int) -> Float:
+    """Return (n, 2) points with point `i` moved to index `place[i]`, a permutation.
 
-    A point is stored as one complex number, at a sixth of the cost of two numbers.
+    Each point is moved as one complex number, which takes a sixth of the time of two columns.
     """
     result = np.zeros(len(xy), np.complex128)
     result[place] = np.ascontiguousarray(xy).view(np.complex128).ravel()

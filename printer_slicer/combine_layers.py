@@ -1,7 +1,6 @@
-"""Which thin layers are filled together: groups of them, the same over the whole part.
+"""Group thin layers whose interior is printed together in one thick layer.
 
-Beads of one place are then all equally high, and what is printed thick in one layer holds on to what is printed thick
-beside it.
+The groups are the same over the whole part. So thick extrusions that lie side by side have the same height and bond.
 """
 
 from __future__ import annotations
@@ -15,15 +14,15 @@ from printer_slicer.model import LayerPlan
 __all__ = ["area_savings", "choose_groups", "last_layers", "tallest_groups"]
 
 _ROUNDING = 1e-6  # mm
-_CUT = 0.05  # of the lines in what is left to single layers: the price of filling a layer's area in two parts
+_CUT = 0.05  # cost of filling the rest of a layer separately, as a fraction of its lines
 
 
 def tallest_groups(plan: LayerPlan, limit: float) -> Int:
-    """(L,) the first layer of the highest group that ends with each layer.
+    """Return (L,) the first layer of the tallest possible group that ends with each layer.
 
     Args:
-        plan: the layers; the first one holds on to the bed by itself.
-        limit: mm, summed height of a group.
+        plan: the layers; the first one is always a group of its own.
+        limit: maximum total height of a group, mm.
     """
     own = np.arange(plan.n_layers)
     lowest = np.searchsorted(plan.bottom, plan.top - limit - _ROUNDING)
@@ -31,10 +30,10 @@ def tallest_groups(plan: LayerPlan, limit: float) -> Int:
 
 
 def area_savings(areas: Areas, lowest: Int) -> Float:
-    """(n, L) mm² by which filling `extra` (row) layers and the one after them (column) together shortens the filling.
+    """Return (n, L) the area of infill, mm², saved by combining each layer (column) with `extra` (row) layers below it.
 
-    A group of n layers saves n - 1 times the lines in what they have in common, less a little for the lines that it
-    cuts in two. `lowest` is where the highest groups begin; what reaches farther down saves nothing.
+    A group of n layers saves n - 1 times the area that all of them share, less a small cost for the lines that the
+    remaining areas cut in two. Groups that start below `lowest` (L,) save nothing.
     """
     n, own = areas.n_layers, np.arange(areas.n_layers)
     saved, so_far = np.zeros((_most(lowest), n)), np.append(0.0, np.cumsum(areas.area()))
@@ -48,26 +47,26 @@ def area_savings(areas: Areas, lowest: Int) -> Float:
 
 
 def last_layers(groups: Int) -> Int:
-    """(L,) the last layer of the group of each layer; `groups` (L,) holds the first ones."""
+    """Return (L,) the last layer of each layer's group; `groups` (L,) has the first ones."""
     return np.asarray(np.searchsorted(groups, groups, side="right") - 1, np.int64)
 
 
 def _most(lowest: Int) -> int:
-    """How many layers a group has at most."""
+    """Return the maximum number of layers of a group."""
     return int(np.max(np.arange(len(lowest)) - lowest, initial=0)) + 1
 
 
 def choose_groups(saved: Float) -> Int:
-    """(L,) the first layer of the group that each layer belongs to, where all groups together save the most.
+    """Return (L,) the first layer of each layer's group, for the grouping that saves the most in total.
 
     Args:
-        saved: (n, L) what a group of so many layers (row, from one on) that ends with each layer (column) saves.
+        saved: (n, L) saving of the group that ends with a layer (column) and has `row` more layers below it.
     """
     most, n = saved.shape
     best, size = [0.0], list[int]()
     for layer in range(n):
         options = [best[layer - extra] + float(saved[extra, layer]) for extra in range(min(most, layer + 1))]
-        # Of equals the thinner one: ties are layers without anything to fill together.
+        # On ties take the smaller group: such layers have no area to combine.
         size.append(int(np.argmax(options)))
         best.append(options[size[-1]])
     first, layer = np.arange(n), n - 1

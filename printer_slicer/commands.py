@@ -1,4 +1,4 @@
-"""A G-code text as commands, one after the other, and what its comments say between them."""
+"""Split a G-code text into commands, and read layers and roles from its comments."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from printer_slicer.gcode.lexer import strip
 from printer_slicer.input_files import read_input
 from printer_slicer.stream.framing import check_commands
 
-__all__ = ["Commands", "GcodeText", "check_sendable", "lines_of", "read_text", "split_gcode"]
+__all__ = ["Commands", "GcodeText", "check_sendable", "find_lines", "read_text", "split_gcode"]
 
 _MOST_BYTES: Final = 1 << 29  # of G-code
 _AT_ONCE: Final = 1 << 19  # bytes of a text that are taken apart together
@@ -28,13 +28,13 @@ _BYTE_ORDER_MARK: Final = b"\xef\xbb\xbf"
 
 
 class Commands(Sequence[bytes]):
-    """The commands of a text, read from it when somebody asks: they take no memory beside it.
+    """The commands of a G-code text, without comments, surrounding blanks, line numbers and checksums.
 
-    Without comments, blanks around them, line numbers and checksums.
+    Commands are split off only when they are read, so they take no memory besides the text.
 
     Args:
         text: G-code.
-        begins: (byte, command) at which pieces of the text begin, and its end.
+        begins: (byte offset, command index) of the start of each block of the text, and of its end.
     """
 
     __slots__ = ("_begins", "_firsts", "_piece", "_some", "_text")
@@ -69,11 +69,11 @@ class Commands(Sequence[bytes]):
         return f"<{len(self)} commands>"
 
     def _piece_of(self, at: int) -> int:
-        """Which piece holds a command."""
+        """Return the block that contains a command."""
         return bisect_right(self._firsts, at) - 1
 
     def _between(self, first: int, last: int) -> list[bytes]:
-        """Commands that follow each other."""
+        """Return the commands from `first` up to `last`."""
         found: list[bytes] = []
         while first < last:
             piece = self._piece_of(first)
@@ -83,16 +83,19 @@ class Commands(Sequence[bytes]):
         return found
 
     def _read(self, piece: int) -> list[bytes]:
-        """The commands of a piece; those that were read last are kept, for mostly they are wanted one by one."""
+        """Return the commands of a block; the last block is cached, because commands are mostly read in order."""
         if piece != self._piece:
             lines = self._text[self._begins[piece] : self._begins[piece + 1]].split(_BREAK)
-            self._some = list(filter(None, _stripped(lines)))
+            self._some = list(filter(None, _strip_lines(lines)))
             self._piece = piece
         return self._some
 
 
-def _stripped(lines: list[bytes]) -> list[bytes]:
-    """The command in each line, empty where there is none; nine lines of ten are moves with nothing to take off."""
+def _strip_lines(lines: list[bytes]) -> list[bytes]:
+    """Return the command in each line, empty if it has none.
+
+    Nine of ten lines are plain moves; they need no `strip`.
+    """
     return [
         line if line[:3] in _MOVES and b";" not in line and line[-1] > _BLANK else strip(line)
         for line in lines
@@ -101,53 +104,53 @@ def _stripped(lines: list[bytes]) -> list[bytes]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GcodeText:
-    """What a text holds.
+    """The commands of a G-code text, and the layers and roles that its comments name.
 
     Attributes:
-        commands: one after the other.
+        commands: in the order of the text.
         marks: command index -> layer counted from 1, from `;LAYER_CHANGE` or `;LAYER:` comments.
-        roles: command index -> what beads are called from there on, from `;TYPE:` or `; FEATURE:` comments.
-        odd: commands that are long, or hold what ends a line.
+        roles: command index -> name of the role from there on, from `;TYPE:` or `; FEATURE:` comments.
+        suspect: indices of commands that are long or contain a line break or zero byte.
     """
 
     commands: Commands
     marks: dict[int, int]
     roles: dict[int, str]
-    odd: list[int]
+    suspect: list[int]
 
 
 def split_gcode(text: bytes, piece: int = _AT_ONCE) -> GcodeText:
-    """What a G-code text holds.
+    """Split a G-code text into commands, and read the layers and roles in its comments.
 
     Args:
         text: with line breaks of any kind.
-        piece: bytes that are taken apart together.
+        piece: number of bytes to process at a time.
     """
     marks: dict[int, int] = {}
     roles: dict[int, str] = {}
     begins: list[tuple[int, int]] = []
-    odd: list[int] = []
+    suspect: list[int] = []
     count = layer = 0
     kinds: tuple[bytes, ...] = (b"LAYER_CHANGE", b"LAYER:")
     for place, lines in _pieces(text, piece):
         begins.append((place, count))
-        commands = _stripped(lines)
+        commands = _strip_lines(lines)
         for before, index in enumerate(index for index, command in enumerate(commands) if not command):
             _, _, comment = lines[index].partition(b";")
             if comment.startswith(_ROLES):
                 roles[count + index - before] = comment.partition(b":")[2].decode("utf-8", "replace").strip()
             elif comment.startswith(kinds):
-                kinds = tuple(kind for kind in kinds if comment.startswith(kind))  # some files hold both
+                kinds = tuple(kind for kind in kinds if comment.startswith(kind))  # some files have both
                 layer += 1
                 marks[count + index - before] = layer
         commands = list(filter(None, commands))
-        odd += [count + index for index in _odd(commands)]
+        suspect += [count + index for index in _suspect_commands(commands)]
         count += len(commands)
-    return GcodeText(Commands(text, [*begins, (len(text), count)]), marks, roles, odd)
+    return GcodeText(Commands(text, [*begins, (len(text), count)]), marks, roles, suspect)
 
 
-def _odd(commands: list[bytes]) -> Iterator[int]:
-    """Commands that are long, or hold what ends a line."""
+def _suspect_commands(commands: list[bytes]) -> Iterator[int]:
+    """Yield the indices of commands that are long or contain a line break or zero byte."""
     everything = b"".join(commands)
     if b"\r" in everything or b"\0" in everything or max(map(len, commands), default=0) > _ALWAYS_FITS:
         for index, command in enumerate(commands):
@@ -156,7 +159,7 @@ def _odd(commands: list[bytes]) -> Iterator[int]:
 
 
 def _pieces(text: bytes, size: int) -> Iterator[tuple[int, list[bytes]]]:
-    """The lines of a text, some at a time, and where these begin."""
+    """Yield blocks of lines of a text, each with the byte offset of its start."""
     at = len(_BYTE_ORDER_MARK) if text.startswith(_BYTE_ORDER_MARK) else 0
     while at < len(text):
         end = text.find(_BREAK, at + size) + 1 or len(text)
@@ -164,59 +167,59 @@ def _pieces(text: bytes, size: int) -> Iterator[tuple[int, list[bytes]]]:
         at = end
 
 
-def check_sendable(name: str, text: bytes, told: GcodeText) -> None:
-    """Look for a command that no printer can get.
+def check_sendable(name: str, text: bytes, split: GcodeText) -> None:
+    """Check that every command can be sent over a serial line.
 
     Raises:
-        UsageError: there is one; it names the line of the text.
+        UsageError: a command cannot be sent; the message names the line of the text.
     """
-    for index in told.odd:
+    for index in split.suspect:
         try:
-            check_commands([told.commands[index]])
+            check_commands([split.commands[index]])
         except UsageError as error:
             what = str(error).splitlines()[0].removeprefix("line 1 ")
-            line = lines_of(text, [index])[0]
+            line = find_lines(text, [index])[0]
             raise UsageError(f"{name}: line {line} {what}", remedy=error.remedy) from None
 
 
-def lines_of(text: bytes, commands: Sequence[int], piece: int = _AT_ONCE) -> list[int]:
-    """The lines of a text, counted from 1, that hold its commands with these indices; 0 where there is none."""
+def find_lines(text: bytes, commands: Sequence[int], piece: int = _AT_ONCE) -> list[int]:
+    """Return the line numbers, from 1, of the commands with these indices; 0 for an index out of range."""
     wanted, found = set(commands), dict.fromkeys(commands, 0)
     done = index = 0
     for _, lines in _pieces(text, piece):
         if not wanted:
             break
-        for number, command in enumerate(_stripped(lines), done + 1):
+        for number, command in enumerate(_strip_lines(lines), done + 1):
             if command:
                 if index in wanted:
                     found[index] = number
                     wanted.remove(index)
                 index += 1
-        done += len(lines) - 1  # behind the last break of a piece nothing is left
+        done += len(lines) - 1  # the text after the last line break of a block is empty
     return [found[one] for one in commands]
 
 
 def read_text(path: Path) -> bytes:
-    """The bytes of a G-code file.
+    """Read a G-code file.
 
     Raises:
-        UsageError: it is not there, or cannot be read.
+        UsageError: the file is missing or cannot be read.
     """
     try:
         return read_input(path, _MOST_BYTES)
     except FileNotFoundError:
-        raise UsageError(f"{path}: no such file", remedy="check the path") from None
+        raise UsageError(f"{path}: no such file", remedy="Check the path") from None
     except IsADirectoryError:
-        raise UsageError(f"{path}: is a folder", remedy="name a file in it") from None
+        raise UsageError(f"{path}: is a folder", remedy="Name a file in it") from None
     except TimeoutError as error:
         raise UsageError(
-            f"{path}: {error.strerror}", remedy="start the program that writes to it first"
+            f"{path}: {error.strerror}", remedy="Start the program that writes to it first"
         ) from None
     except (OSError, ValueError) as error:
         if isinstance(error, OSError) and error.errno == errno.EFBIG:
             raise UsageError(
                 f"{path}: longer than {_MOST_BYTES >> 20} MiB, the limit for G-code",
-                remedy="print the part in pieces, or with thicker layers",
+                remedy="Print the part in pieces, or with thicker layers",
             ) from None
         reason = error.strerror if isinstance(error, OSError) else error
-        raise UsageError(f"{path}: cannot be read: {reason}", remedy="check name and permissions") from None
+        raise UsageError(f"{path}: cannot be read: {reason}", remedy="Check name and permissions") from None

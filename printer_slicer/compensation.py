@@ -1,6 +1,6 @@
-"""Sections -> Sections: outlines moved against what the printer does to them.
+"""Offset the outlines of sections to compensate for dimensional errors of the printer.
 
-Plastic shrinks, bulges, and is squeezed out at the bed. Each is met by moving outlines by what was measured.
+Filament shrinks, bulges, and is squeezed out on the bed (elephant foot). Outlines are offset by the measured errors.
 """
 
 from __future__ import annotations
@@ -18,41 +18,41 @@ __all__ = ["compensate"]
 
 
 def compensate(sections: Sections, profile: Profile) -> Sections:
-    """The sections with outlines moved by `quality.xy_compensation`, `hole_compensation` and `elephant_foot`.
+    """Offset outlines by `quality.xy_compensation`, `hole_compensation` and `elephant_foot`.
 
-    What is narrower than a bead and the inset together keeps its width at the bed: it must hold on to something.
+    The elephant-foot inset skips places narrower than the inset plus one extrusion: they need the contact with the bed.
     """
     quality, plan = profile.quality, sections.plan
     solid = sections.solid
     if quality.xy_compensation or quality.hole_compensation:
-        solid = _moved(solid, quality.xy_compensation, quality.hole_compensation)
+        solid = _offset_outlines(solid, quality.xy_compensation, quality.hole_compensation)
     if quality.elephant_foot:
         fading = max(quality.elephant_foot_height, float(plan.height[0]))
         inset = quality.elephant_foot * np.maximum(1 - plan.bottom / fading, 0.0)
-        solid = _inset(solid, inset, profile.extrusion_width)
+        solid = _inset_areas(solid, inset, profile.extrusion_width)
     return sections if solid is sections.solid else replace(sections, solid=solid)
 
 
-def _moved(solid: Areas, outward: float, holes_by: float) -> Areas:
-    """Areas with their outer outlines grown by `outward` mm and their holes by `holes_by` mm."""
+def _offset_outlines(solid: Areas, outward: float, holes_by: float) -> Areas:
+    """Grow outer outlines by `outward` mm and holes by `holes_by` mm."""
     is_outer = solid.ring_area() > 0
     outer, holes = solid.select(is_outer), solid.select(~is_outer)
     if not outer.n_rings:
         return solid
-    # Every outer ring, with the holes in it, on a layer of its own: what lies in a hole is not part of it.
+    # Each outer ring and its holes get a layer of their own, so that islands inside a hole stay separate.
     owner = rings_around(outer, holes.xy[holes.ring_start[:-1]], holes.ring_layer)
     alone = Areas(outer.xy, outer.ring_start, np.arange(outer.n_rings), outer.n_rings)
     order = np.argsort(owner, kind="stable")
     order = order[owner[order] >= 0]
-    own = _turned(holes, order)
+    own = _reverse_rings(holes, order)
     voids = Areas(own.xy, own.ring_start, owner[order], outer.n_rings)
     islands = difference(offset(alone, outward), offset(voids, holes_by))
     together = Areas(islands.xy, islands.ring_start, outer.ring_layer[islands.ring_layer], solid.n_layers)
     return normalize(together)
 
 
-def _turned(rings: Areas, order: np.ndarray[tuple[int, ...], np.dtype[np.int64]]) -> Areas:
-    """Rings in another order, each the other way around, all on one layer."""
+def _reverse_rings(rings: Areas, order: np.ndarray[tuple[int, ...], np.dtype[np.int64]]) -> Areas:
+    """Return rings reordered and reversed, all on one layer."""
     points = [rings.ring(i)[::-1] for i in order.tolist()]
     size = np.array([0, *map(len, points)], np.int64)
     return Areas(
@@ -60,8 +60,8 @@ def _turned(rings: Areas, order: np.ndarray[tuple[int, ...], np.dtype[np.int64]]
     )
 
 
-def _inset(solid: Areas, inset: Float, width: float) -> Areas:
-    """Areas shrunk by an inset (L,) where they are wider than that and a bead; nothing is done where it is 0."""
+def _inset_areas(solid: Areas, inset: Float, width: float) -> Areas:
+    """Shrink areas by an inset (L,), mm, except where they are narrower than the inset plus one extrusion."""
     here = inset > 0
     low = solid.of_layers(here)
     thin = difference(low, offset_open(low, inset + width / 2))

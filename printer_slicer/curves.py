@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from printer_slicer.arrays import Bool, Float, Int, consecutive, run_begins
+from printer_slicer.arrays import Bool, Float, Int, consecutive, run_starts
 from printer_slicer.model import Toolpaths
 from printer_slicer.motion.arcs import CHORDS_PER_TURN, LONGEST_CHORD, SHORTEST_CHORD
 from printer_slicer.profile import Profile
@@ -59,7 +59,7 @@ class PathLines:
             paths.flow_ratio[begin] == paths.flow_ratio[end]
         )
         plain = even & flat
-        apart = run_begins(owner)
+        apart = run_starts(owner)
         apart |= ~plain | ~np.append(False, plain[:-1])
         apart[1:] |= (paths.support_ratio[begin[1:]] != paths.support_ratio[begin[:-1]]) | (
             np.abs(paths.width[begin[1:]] - paths.width[begin[:-1]]) > _SAME_WIDTH

@@ -1,20 +1,20 @@
-"""Every error that people meet, and the exit code it becomes.
+"""All errors that this package raises for users, and their exit codes.
 
     PrinterSlicerError                1
-    ├── UsageError                    2   a flag, a name, a setting
-    │   ├── ProfileError              2   a profile: file, key, bound
-    │   ├── PolicyError               2   the job holds what was not allowed
-    │   └── StrategyError             2   a function passed from outside gave what cannot be used
+    ├── UsageError                    2   an option, a name or a setting is invalid
+    │   ├── ProfileError              2   a profile is invalid: names file, key and limit
+    │   ├── PolicyError               2   the job contains a command that is not allowed
+    │   └── StrategyError             2   a user's function returned an invalid value
     ├── PartError                     3   the part cannot be sliced
     │   ├── MeshError                 3   the file is not a usable mesh
     │   └── PlanError                 3   no layer plan exists within the machine's limits
     ├── OutputError                   2   the output cannot be written
     ├── PortError                     4   no such port, busy, not allowed, gone
-    ├── PrintError                    5   the printer stopped; carries a checkpoint
-    ├── Cancelled                     6   a person stopped it
-    └── VerificationError             7   what was executed is not what was asked for
+    ├── PrintError                    5   the printer stopped before the end of the job
+    ├── Cancelled                     6   the user stopped the work
+    └── VerificationError             7   the executed commands differ from the job
 
-A message says what is wrong and where; `remedy` says what to do about it.
+The message says what is wrong and where; `remedy` says what to do.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ __all__ = [
 
 
 class PrinterSlicerError(Exception):
-    """Base of all errors of this package: one message, one remedy, one exit code."""
+    """Base class of all errors of this package, with a message, a remedy and an exit code."""
 
     exit_code = 1
 
@@ -51,17 +51,17 @@ class PrinterSlicerError(Exception):
 
 
 class UsageError(PrinterSlicerError):
-    """A flag, a name or a setting that makes no sense."""
+    """An option, a name or a setting is invalid."""
 
     exit_code = 2
 
 
 class ProfileError(UsageError):
-    """A profile that cannot be used: names file, key and bound."""
+    """A profile is invalid; the message names file, key and limit."""
 
 
 class PolicyError(UsageError):
-    """A job that is not printed, for it holds what was not allowed; `names` are what would allow it."""
+    """A job contains commands that are not allowed; `names` lists the values of --allow that would permit them."""
 
     def __init__(self, message: str, *, remedy: str = "", names: tuple[str, ...] = ()) -> None:
         super().__init__(message, remedy=remedy)
@@ -69,11 +69,11 @@ class PolicyError(UsageError):
 
 
 class StrategyError(UsageError):
-    """A planner, infill, flavour or post-processor that was passed as a function gave what cannot be used."""
+    """A user's planner, infill, flavour or post-processor returned an invalid value."""
 
 
 class OutputError(PrinterSlicerError):
-    """The result cannot be written where it was asked for."""
+    """The output cannot be written."""
 
     exit_code = 2
 
@@ -85,7 +85,7 @@ class PartError(PrinterSlicerError):
 
 
 class MeshError(PartError):
-    """The file is not a mesh that bounds a solid."""
+    """The mesh does not bound a solid."""
 
 
 class PlanError(PartError):
@@ -93,24 +93,24 @@ class PlanError(PartError):
 
 
 class PortError(PrinterSlicerError):
-    """The port is missing, busy, not allowed, or went away."""
+    """The port is missing, busy, not permitted, or was disconnected."""
 
     exit_code = 4
 
 
 class PrintError(PrinterSlicerError):
-    """The printer stopped before the job was done."""
+    """The printer stopped before the end of the job."""
 
     exit_code = 5
 
 
-class Cancelled(PrinterSlicerError):  # noqa: N818 - not a fault, a person's wish
-    """A person stopped the work."""
+class Cancelled(PrinterSlicerError):  # noqa: N818 - the user's decision, not an error
+    """The user stopped the work."""
 
     exit_code = 6
 
 
 class VerificationError(PrinterSlicerError):
-    """What was executed is not what was asked for."""
+    """The executed commands differ from the job."""
 
     exit_code = 7

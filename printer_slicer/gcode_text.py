@@ -1,4 +1,4 @@
-"""Program -> lines: the text of a program, with what is proven about its layers and pictures of the part."""
+"""Write a program as G-code text, with thumbnails and the certificate of its layer plan."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from printer_slicer.thumbnails import thumbnail_lines
 __all__ = ["gcode_of"]
 
 
-def gcode_of(  # noqa: PLR0913 - every choice has a usual value
+def gcode_of(  # noqa: PLR0913 - all options have defaults
     program: Program,
     profile: Profile,
     *,
@@ -25,20 +25,20 @@ def gcode_of(  # noqa: PLR0913 - every choice has a usual value
     strategies: Strategies = OURS,
     made: datetime | None = None,
 ) -> bytes:
-    """The text of a program in the printer's dialect; the same program and profile give the same bytes.
+    """Write a program as G-code in the printer's dialect; the output is deterministic.
 
     Args:
         program: the moves.
-        profile: what they were made with.
-        part: shown in the pictures of `printer.thumbnails`; without it there are none.
-        certificate: of the plan, to be told in comments.
-        labels: which moves lay which of several things on the plate, to be marked.
-        strategies: may hold a flavour, and functions that change the lines.
+        profile: the profile they were made with.
+        part: the part to show in the thumbnails of `printer.thumbnails`; None: no thumbnails.
+        certificate: of the layer plan, written as comments.
+        labels: the object of each move, written as object labels.
+        strategies: the user's flavour and functions that change the lines, if any.
         made: date in UTC for the first line; None: no date.
 
     Raises:
-        ProfileError: a macro that cannot be filled in.
-        StrategyError: a function from outside gives what cannot be used.
+        ProfileError: a macro cannot be evaluated.
+        StrategyError: a user's function returned an invalid value.
     """
     facts = strategies.facts()
     if certificate is not None:

@@ -29,7 +29,7 @@ def open_input(path: Path, writer_seconds: float = WRITER_SECONDS) -> BufferedRe
         OSError: the file cannot be opened; TimeoutError for a pipe without a writer.
         ValueError: the name contains a zero byte.
     """
-    is_named_pipe = stat.S_ISFIFO(path.stat().st_mode) and path.resolve().exists()  # not so /dev/stdin
+    is_named_pipe = stat.S_ISFIFO(path.stat().st_mode) and path.resolve().exists()  # false for /dev/stdin
     if not is_named_pipe:
         return path.open("rb")
     opened: list[BufferedReader] = []
@@ -37,7 +37,7 @@ def open_input(path: Path, writer_seconds: float = WRITER_SECONDS) -> BufferedRe
     opening.start()
     opening.join(writer_seconds)
     if opening.is_alive():
-        os.close(os.open(path, os.O_RDWR | os.O_NONBLOCK))  # a writer, so that the thread ends
+        os.close(os.open(path, os.O_RDWR | os.O_NONBLOCK))  # open it for writing, so that the thread ends
         opening.join()
         opened[0].close()
         raise TimeoutError(errno.ETIMEDOUT, "named pipe without a writer", str(path))
@@ -65,10 +65,10 @@ def read_input(path: Path, most: int, writer_seconds: float = WRITER_SECONDS) ->
 
 
 def check_is_file(path: Path) -> None:
-    """Refuse what would be waited for: in folders of our own nothing but files stands.
+    """Check that a path is a regular file, because opening a pipe could block.
 
     Raises:
-        OSError: it is not there, or is a pipe, a folder or a device.
+        OSError: it is missing, or is a pipe, a folder or a device.
     """
     if not stat.S_ISREG(path.stat().st_mode):
         raise OSError(errno.EINVAL, "a pipe, a folder or a device, no file", str(path))

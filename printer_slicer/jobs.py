@@ -1,4 +1,4 @@
-"""A job: the lines to send, and what is known about them. Nothing here knows of the slicer."""
+"""Print jobs: G-code text with its commands, print time and findings; independent of the slicer."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from printer_slicer.commands import GcodeText, check_sendable, lines_of, split_gcode
+from printer_slicer.commands import GcodeText, check_sendable, find_lines, split_gcode
 from printer_slicer.diagnostics import Diagnostic, check_names, sentence
 from printer_slicer.errors import UsageError
 from printer_slicer.firmware import FLAVOURS
@@ -28,21 +28,21 @@ GCODE_SUFFIXES = frozenset({".gcode", ".gco", ".g", ".nc"})
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Job(SvgRepr):
-    """What is to be printed.
+    """A print job.
 
     Attributes:
-        name: of the file it came from, without folder.
-        text: the G-code as it would be written to a file.
-        commands: one per line, without comments and blanks.
-        seconds: modelled time of all moves and dwells, start and end G-code included; homing and heating are not.
-        heights: z at which plastic is laid, mm, in order of the first time; the start G-code's priming included.
-        end: (3,) where the last move ends, mm.
-        program: the moves, if the job was sliced here.
-        marks: command index -> layer (counted from 1), where the text has layer comments.
-        roles: command index -> what comments call the beads from there on, as slicers write it.
-        repairs: what was put right in the part, if the job was sliced here.
-        findings: what a person should know, or must allow, before a printer gets it.
-        allowed: names of findings with which it is printed all the same, see `diagnostics.NAMES`.
+        name: name of the file, without folder.
+        text: the G-code text.
+        commands: the commands of the text, without comments and blanks.
+        seconds: modelled time of all moves and dwells, including start and end G-code, without homing and heating.
+        heights: z of all extrusions, mm, in order of first occurrence, including priming in the start G-code.
+        end: (3,) position after the last move, mm.
+        program: the moves, if the job was sliced by this package.
+        marks: command index -> layer counted from 1, from layer comments.
+        roles: command index -> name of the role from there on, from comments.
+        repairs: repairs of the mesh, if the job was sliced by this package.
+        findings: diagnostics: errors, warnings and notes.
+        allowed: names of the findings that the user has allowed, see `diagnostics.NAMES`.
     """
 
     name: str
@@ -60,22 +60,20 @@ class Job(SvgRepr):
 
     @property
     def plan(self) -> LayerPlan | None:
-        """The layer plan, if the job was sliced here."""
+        """The layer plan, if the job was sliced by this package."""
         return self.program.plan if self.program else None
 
     def __repr__(self) -> str:
         layers = f"{self.plan.n_layers} layers, " if self.plan else ""
-        told = f", {len(self.findings)} findings" if self.findings else ""
-        return (
-            f"<Job {self.name!r}: {layers}{len(self.commands)} commands, {self.seconds / 60:.0f} min{told}>"
-        )
+        findings = f", {len(self.findings)} findings" if self.findings else ""
+        return f"<Job {self.name!r}: {layers}{len(self.commands)} commands, {self.seconds / 60:.0f} min{findings}>"
 
     @property
     def drawable(self) -> object:
-        """The moves, if the job was sliced here; else what is known of the file."""
+        """The moves, if the job was sliced by this package; otherwise a summary of the file."""
         facts = {
             "commands": str(len(self.commands)),
-            "layers": f"plastic at {len(self.heights)} heights",
+            "layers": f"extrusions at {len(self.heights)} heights",
             "motion": format_duration(self.seconds),
         }
         return self.program or Summary(
@@ -83,95 +81,95 @@ class Job(SvgRepr):
         )
 
     def save(self, path: str | Path) -> None:
-        """Write the G-code.
+        """Write the G-code to a file.
 
         Raises:
-            OutputError: the file cannot be written; what was there before is as it was.
+            OutputError: the file cannot be written; an existing file is left unchanged.
         """
         save(Path(path), self.text)
 
     def allowing(self, names: Iterable[str]) -> Job:
-        """The same job with these findings allowed.
+        """Return the job with these findings allowed.
 
         Raises:
-            UsageError: nothing is allowed by one of the names.
+            UsageError: a name is unknown.
         """
         return replace(self, allowed=self.allowed | check_names(names))
 
     def line_of(self, command: int) -> int:
-        """The line of the text, counted from 1, that holds the command with this index; 0 if there is none."""
-        return lines_of(self.text, [command])[0]
+        """Return the line number, from 1, of the command with this index; 0 if there is none."""
+        return find_lines(self.text, [command])[0]
 
     def layer_of(self, command: int) -> int:
-        """The layer, counted from 1, that the command with this index belongs to; 0 before the first."""
+        """Return the layer, from 1, of the command with this index; 0 before the first layer."""
         index = bisect_right(list(self.marks), command) - 1
         return list(self.marks.values())[index] if index >= 0 else 0
 
 
 def is_gcode(path: Path) -> bool:
-    """Whether a file is taken for G-code rather than for a model."""
+    """Return whether a file name has the suffix of a G-code file."""
     return path.suffix.lower() in GCODE_SUFFIXES
 
 
 def job_of_text(
     name: str, text: bytes, *, limits: MotionLimits, corner: tuple[float, float], flavour: str
 ) -> Job:
-    """The job that a G-code text is, as it was looked at before: nothing is found in it.
+    """Build the job of a G-code text without linting it, because that was done before.
 
     Args:
-        name: what to call it.
+        name: name of the job.
         text: the G-code.
-        limits: of the machine.
-        corner: front left of the bed, mm.
-        flavour: whose meanings commands have.
+        limits: motion limits of the machine.
+        corner: front left corner of the bed, mm.
+        flavour: firmware flavour that decides what commands mean.
 
     Raises:
-        UsageError: there is nothing in it, or something that can never be sent.
+        UsageError: the text has no commands, or a command that cannot be sent.
     """
-    from printer_slicer.gcode import pieces_of  # noqa: PLC0415 - a job that is there needs no arrays
+    from printer_slicer.gcode import pieces_of  # noqa: PLC0415 - printing a finished job needs no numpy
 
-    told = sendable(name, text)
-    tally = JobSummary(limits)
-    for piece in pieces_of(told.commands, corner, FLAVOURS[flavour]):
-        tally.add(piece)
-    return tally.job(name, text, told)
+    split = sendable(name, text)
+    summary = JobSummary(limits)
+    for piece in pieces_of(split.commands, corner, FLAVOURS[flavour]):
+        summary.add(piece)
+    return summary.job(name, text, split)
 
 
 def sendable(name: str, text: bytes, *, streamed: bool = True) -> GcodeText:
-    """Return what a text holds that can be sent.
+    """Split a text into commands that can be sent.
 
     Args:
         name: of the job, for messages.
         text: the G-code.
-        streamed: whether it goes to the printer line by line; what is uploaded may hold longer lines.
+        streamed: whether it is sent line by line; uploaded files may have longer lines.
 
     Raises:
-        UsageError: there is nothing in it, or something that can never be sent.
+        UsageError: the text has no commands, or a command that cannot be sent.
     """
-    told = split_gcode(text)
-    if not told.commands:
-        raise UsageError(f"{name}: no commands in it", remedy="is it a G-code file?")
+    split = split_gcode(text)
+    if not split.commands:
+        raise UsageError(f"{name}: the file has no commands", remedy="Is it a G-code file?")
     if streamed:
-        check_sendable(name, text, told)
-    return told
+        check_sendable(name, text, split)
+    return split
 
 
 class JobSummary:
-    """Time, heights and end of moves that come piece by piece.
+    """Collects print time, heights and end position of moves that arrive in blocks.
 
     Args:
         limits: of the machine.
     """
 
     def __init__(self, limits: MotionLimits) -> None:
-        from printer_slicer.gcode import Timer  # noqa: PLC0415 - a job that is there needs no arrays
+        from printer_slicer.gcode import Timer  # noqa: PLC0415 - printing a finished job needs no numpy
 
         self._timer = Timer(limits)
         self._heights: dict[float, None] = {}
         self._end = (0.0, 0.0, 0.0)
 
     def add(self, moves: Moves) -> Moves:
-        """Add the next piece, and hand it on."""
+        """Add the next block of moves, and return it."""
         self._timer.add(moves)
         self._heights |= dict.fromkeys(moves.heights())
         if len(moves.end):
@@ -179,15 +177,15 @@ class JobSummary:
             self._end = x, y, z
         return moves
 
-    def job(self, name: str, text: bytes, told: GcodeText) -> Job:
-        """Return the job that makes these moves, without findings."""
+    def job(self, name: str, text: bytes, split: GcodeText) -> Job:
+        """Return the job of these moves, without findings."""
         return Job(
             name,
             text,
-            told.commands,
+            split.commands,
             self._timer.seconds(),
             tuple(self._heights),
             self._end,
-            marks=told.marks,
-            roles=told.roles,
+            marks=split.marks,
+            roles=split.roles,
         )

@@ -1,8 +1,8 @@
-"""Which of several things on the plate a bead belongs to, told by where it lies.
+"""Find the object that each extrusion belongs to, from its position.
 
-Most things stand apart, so that only one envelope holds a bead. Where several do, as with a ring around a cube, the
-section of each at this height is asked how often it goes around the bead. Things that overlap have become one solid;
-its beads belong to the first of them.
+Most objects stand apart, so only one bounding box contains an extrusion. Where several do, as for a ring around a
+cube, the section of each object at this height is tested (winding number). Objects that overlap are printed as one
+solid; its extrusions belong to the first of them.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ from printer_slicer.roles import roles_with
 
 __all__ = ["label_moves"]
 
-_SLACK: Final = 1.0  # mm: beads may lie this far outside of the envelope, by compensation
-_LONGEST: Final = 24  # letters of a name, so that lines stay short
+_SLACK: Final = 1.0  # mm: extrusions may lie this far outside the bounding box because of compensation
+_LONGEST: Final = 24  # characters of a name, to keep lines short
 
 
 def label_moves(program: Program, part: Mesh, plan: LayerPlan) -> Labels | None:
-    """What belongs to which thing; None where there is only one.
+    """Find the object of each move; None if the part has only one object.
 
     Args:
         program: the moves.
-        part: what they print, with its items.
-        plan: the layers of the part; the program may have those of a raft below.
+        part: the part, with its objects.
+        plan: the layers of the part; the program may have raft layers below them.
     """
     items = part.objects
     if len(items) < 2:
@@ -39,15 +39,15 @@ def label_moves(program: Program, part: Mesh, plan: LayerPlan) -> Labels | None:
     first = np.flatnonzero(begins)
     middle = (program.start[first, :2] + program.xyz[first, :2]) / 2
     layer = np.maximum(program.layer[first] - (program.plan.n_layers - plan.n_layers), 0)
-    found = _found(middle, plan.cut[layer], items, part)
+    found = _find_objects(middle, plan.cut[layer], items, part)
     item = np.full(program.n_moves, -1)
     item[lays] = found[np.cumsum(begins)[lays] - 1]
     boxes = np.array([[one.low[:2], one.high[:2]] for one in items])
-    return Labels(_names([one.name for one in items]), boxes, item)
+    return Labels(_unique_names([one.name for one in items]), boxes, item)
 
 
-def _names(names: Sequence[str]) -> tuple[str, ...]:
-    """Names that every reader takes, each another one."""
+def _unique_names(names: Sequence[str]) -> tuple[str, ...]:
+    """Return unique names that all G-code readers accept."""
     made: list[str] = []
     for name in names:
         plain = re.sub(r"[^A-Za-z0-9_-]+", "_", name).strip("_")[:_LONGEST] or "object"
@@ -59,31 +59,31 @@ def _names(names: Sequence[str]) -> tuple[str, ...]:
     return tuple(made)
 
 
-def _found(place: Float, z: Float, items: Sequence[PlateObject], part: Mesh) -> Int:
-    """(n,) the item at each place (n, 2) and height, mm."""
+def _find_objects(place: Float, z: Float, items: Sequence[PlateObject], part: Mesh) -> Int:
+    """Return (n,) the index of the object at each point (n, 2) and height, mm."""
     low, high = (np.array([getattr(one, side) for one in items]) for side in ("low", "high"))
     at = np.column_stack([place, z])
     beyond = np.maximum(np.maximum(low[None] - at[:, None], at[:, None] - high[None]), 0).max(axis=2)
     volume = np.prod(high - low, axis=1)
-    # The nearest envelope; of several that hold the place, the smallest.
+    # The nearest bounding box; the smallest of several that contain the point.
     found = np.lexsort((np.broadcast_to(volume, beyond.shape), np.maximum(beyond - _SLACK, 0)), axis=1)[:, 0]
     doubtful = np.flatnonzero((beyond <= _SLACK).sum(axis=1) > 1)
     for level in distinct(z[doubtful]):
         some = doubtful[z[doubtful] == level]
-        held = np.stack([_inside(place[some], float(level), one, part) for one in items])
+        held = np.stack([_contains(place[some], float(level), one, part) for one in items])
         certain = held.any(axis=0)
         found[some[certain]] = held.argmax(axis=0)[certain]
     return found
 
 
-def _inside(place: Float, z: float, item: PlateObject, part: Mesh) -> Bool:
-    """(n,) whether an item's section at a height goes around places (n, 2)."""
+def _contains(place: Float, z: float, item: PlateObject, part: Mesh) -> Bool:
+    """Return (n,) whether the section of an object at a height contains points (n, 2)."""
     if not item.count or not item.low[2] <= z <= item.high[2]:
         return np.zeros(len(place), np.bool_)
     facets = part.triangles[item.first : item.first + item.count]
     above = facets[:, :, 2] > z
     facets = facets[above.any(axis=1) & ~above.all(axis=1)]
-    begin, end = _cuts(facets, z, rising=True), _cuts(facets, z, rising=False)
+    begin, end = _edge_cuts(facets, z, rising=True), _edge_cuts(facets, z, rising=False)
     x, y = place[:, 0, None], place[:, 1, None]
     crosses = (begin[:, 1] <= y) != (end[:, 1] <= y)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -93,8 +93,8 @@ def _inside(place: Float, z: float, item: PlateObject, part: Mesh) -> Bool:
     return np.asarray(turns != 0)
 
 
-def _cuts(facets: Float, z: float, *, rising: bool) -> Float:
-    """(n, 2) where the edge of each facet that rises through z, or falls through it, is cut."""
+def _edge_cuts(facets: Float, z: float, *, rising: bool) -> Float:
+    """Return (n, 2) the intersection of the plane at z with the rising, or falling, edge of each facet, mm."""
     after = np.roll(facets, -1, axis=1)
     low, high = (facets, after) if rising else (after, facets)
     edge = ((low[:, :, 2] <= z) & (high[:, :, 2] > z)).argmax(axis=1)

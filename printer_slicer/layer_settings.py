@@ -1,6 +1,6 @@
-"""Settings layer by layer: heights may have settings of their own, so stages ask for those of each layer.
+"""The settings of each layer, with the overrides for height ranges applied.
 
-A layer has the settings of the heights in which its middle lies.
+An override applies to the layers whose middle lies in its height range.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ __all__ = ["LayerSettings", "settings_by_layer"]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LayerSettings:
-    """Profiles, and which of them each layer has.
+    """The distinct profiles of a part's layers, and which of them each layer has.
 
     Attributes:
-        profiles: each another one, at least one.
-        of_layer: (L,) the number of the layer's profile.
+        profiles: distinct profiles, at least one.
+        of_layer: (L,) index of the profile of each layer.
     """
 
     profiles: tuple[Profile, ...]
@@ -34,24 +34,24 @@ class LayerSettings:
         object.__setattr__(self, "of_layer", frozen_array(self.of_layer, np.int64, (-1,)))
 
     def values(self, read: Callable[[Profile], float]) -> Float:
-        """(L,) a setting of each layer; conditions as 0 and 1."""
+        """Return (L,) a setting of each layer; booleans as 0 and 1."""
         return np.array([read(profile) for profile in self.profiles], np.float64)[self.of_layer]
 
     def each(self) -> Iterator[tuple[Profile, Bool]]:
-        """The profiles that some layer has, with the layers (L,) that have it."""
+        """Yield each profile in use, with a mask (L,) of the layers that have it."""
         for number, profile in enumerate(self.profiles):
             here = self.of_layer == number
             if here.any():
                 yield profile, here
 
     def run_starts(self) -> Int:
-        """(L,) the lowest layer from which on up to each layer all have the same settings."""
+        """Return (L,) the first layer of the run of equal settings that contains each layer."""
         begins = np.append(True, np.diff(self.of_layer) != 0)
         return np.maximum.accumulate(np.where(begins, np.arange(len(begins)), 0))
 
 
 def settings_by_layer(profile: Profile, plan: LayerPlan) -> LayerSettings:
-    """The profile of each layer of the part; settings of objects are not looked at."""
+    """Apply the overrides for height ranges to each layer; overrides for objects are ignored."""
     heights = heights_of(profile)
     if not heights:
         return LayerSettings((profile,), np.zeros(plan.n_layers, np.int64))

@@ -1,4 +1,4 @@
-"""Packages whose public names are imported on first use, so that importing the package costs nothing."""
+"""Import the public names of a package on first use, so that importing the package is fast."""
 
 from __future__ import annotations
 
@@ -9,24 +9,28 @@ from importlib import import_module
 __all__ = ["lazy_names"]
 
 
-def lazy_names(package: str, homes: Mapping[str, str]) -> Callable[[str], object]:
+def lazy_names(
+    package: str, homes: Mapping[str, str], renamed: Mapping[str, str] | None = None
+) -> Callable[[str], object]:
     """Return the `__getattr__` of a package.
 
     Args:
-        package: its full name.
-        homes: public name -> module of the package that has it.
+        package: full name of the package.
+        homes: public name -> module of the package that defines it.
+        renamed: former public name -> the name that replaces it, for the error message.
     """
 
-    def found(name: str) -> object:
-        """Import a public name and keep it.
+    def load(name: str) -> object:
+        """Import a public name and keep it in the package.
 
         Raises:
             AttributeError: the package has no such name.
         """
         if name not in homes:
-            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+            hint = f"; it is now called {renamed[name]!r}" if renamed and name in renamed else ""
+            raise AttributeError(f"module {package!r} has no attribute {name!r}{hint}")
         value: object = getattr(import_module(f"{package}.{homes[name]}"), name)
         setattr(sys.modules[package], name, value)
         return value
 
-    return found
+    return load

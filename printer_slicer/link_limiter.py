@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from printer_slicer.arrays import Bool, Float, distinct, run_begins
+from printer_slicer.arrays import Bool, Float, distinct, run_starts
 from printer_slicer.curves import merged
 from printer_slicer.extrusion import extrude
 from printer_slicer.extrusion.rows import rows_of
@@ -154,7 +154,7 @@ def _lines(program: Program, profile: Profile) -> Float:
     lines = (~program.on_same_arc).astype(np.float64)
     for event in program.events:
         lines[min(event.index, program.n_moves - 1)] += 1
-    lines[run_begins(program.layer)] += _of_macros(profile)
+    lines[run_starts(program.layer)] += _of_macros(profile)
     if profile.printer.progress:
         done = np.cumsum(move_seconds(program, profile))
         lines[1:] += np.diff(done // 60) > 0

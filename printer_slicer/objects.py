@@ -1,4 +1,4 @@
-"""Objects with settings of their own: each is cut by itself at the planes of one plan, where no other is already."""
+"""Slice objects that have settings or layer plans of their own; overlaps belong to the first object."""
 
 from __future__ import annotations
 
@@ -28,73 +28,73 @@ _Groups = tuple[list[Mesh], list[LayerPlan], list[Profile]]
 
 
 def split_objects(part: Mesh, plan: LayerPlan | Sequence[LayerPlan], profile: Profile) -> _Groups:
-    """What is sliced with the same layers and settings: meshes, their layers, their settings.
+    """Split a part into groups of objects with the same layers and settings: meshes, layer plans, profiles.
 
-    That is all of the part where no object has any of its own. Objects are named as in their file, or, where several
-    have one name, with a number: `lid_2`; the only one also as the part.
+    Without overrides for objects the whole part is one group. Objects have the names of their file; several with the
+    same name get a number, as in `lid_2`. A single object may also be called by the name of the part.
 
     Args:
-        part: placed.
-        plan: the layers of all objects, or those of each.
-        profile: may have settings for objects.
+        part: placed on the bed.
+        plan: one layer plan for all objects, or one for each.
+        profile: may have overrides for objects.
 
     Raises:
-        UsageError: no object has that name, which facets are whose is not known any more, or there are not as many
-            plans as objects.
+        UsageError: no object has that name, a repair mixed the facets of the objects, or the number of plans differs
+            from the number of objects.
     """
     if isinstance(plan, LayerPlan):
-        meshes, profiles = zip(*_by_settings(part, profile), strict=True)
+        meshes, profiles = zip(*_group_by_settings(part, profile), strict=True)
         return list(meshes), [plan] * len(meshes), list(profiles)
     if len(plan) != max(len(part.objects), 1):
         raise UsageError(
             f"{part.name}: {len(plan)} layer plans for {max(len(part.objects), 1)} objects",
-            remedy="give one plan for all, or one for each object",
+            remedy="Give one plan for all, or one for each object",
         )
     called = _names_of(part)
     named = objects_of(profile)
-    _refuse_unknown(named, called)
+    _check_names(named, called)
     _require_known_facets(part)
     own = [for_object(profile, tuple(name for name in named if name in names)) for names in called]
-    return [_only(part, [item]) for item in part.objects] or [part], list(plan), own
+    return [_extract_objects(part, [item]) for item in part.objects] or [part], list(plan), own
 
 
-def _by_settings(part: Mesh, profile: Profile) -> list[tuple[Mesh, Profile]]:
-    """Groups of objects with the same settings, and these."""
+def _group_by_settings(part: Mesh, profile: Profile) -> list[tuple[Mesh, Profile]]:
+    """Return groups of objects with the same settings, each with its profile."""
     named = objects_of(profile)
     if not named:
         return [(part, profile)]
     called = _names_of(part)
-    _refuse_unknown(named, called)
+    _check_names(named, called)
     if len(called) == 1:
         return [(part, for_object(profile, called[0]))]
     _require_known_facets(part)
     own: dict[tuple[str, ...], list[PlateObject]] = {}
     for item, names in zip(part.objects, called, strict=True):
         own.setdefault(tuple(name for name in named if name in names), []).append(item)
-    return [(_only(part, items), for_object(profile, names)) for names, items in own.items()]
+    return [(_extract_objects(part, items), for_object(profile, names)) for names, items in own.items()]
 
 
 def _require_known_facets(part: Mesh) -> None:
-    """Refuse a part of several objects if it is not known which facets are whose.
+    """Check that the facets of each object are known.
 
     Raises:
-        UsageError: it was repaired.
+        UsageError: the part was repaired, which mixed its facets.
     """
     if not all(item.count for item in part.objects):
         raise UsageError(
-            f"{part.name}: needs repair, after which it is not known what belongs to which object",
-            remedy="mend the models, or leave out the settings of objects",
+            f"{part.name}: the mesh needs repair, which loses track of the facets of each object",
+            remedy="Repair the models first, or leave out the overrides for objects",
         )
 
 
 def _names_of(part: Mesh) -> list[set[str]]:
-    """All that each object may be called."""
-    called = _called([item.name for item in part.objects] or [part.name])
+    """Return all names of each object."""
+    called = _names_with_numbers([item.name for item in part.objects] or [part.name])
     return [called[0] | {part.name}] if len(called) == 1 else called
 
 
-def _called(names: Sequence[str]) -> list[set[str]]:
-    """The name of each object, and that with a number where several have one name."""
+def _names_with_numbers(names: Sequence[str]) -> list[set[str]]:
+    """Return the name of each object, and a numbered name if several objects have the same name."""
     count: dict[str, int] = {}
     called = []
     for name in names:
@@ -103,20 +103,20 @@ def _called(names: Sequence[str]) -> list[set[str]]:
     return called
 
 
-def _refuse_unknown(named: Sequence[str], called: Sequence[set[str]]) -> None:
+def _check_names(named: Sequence[str], called: Sequence[set[str]]) -> None:
     known = sorted(set().union(*called))
     for name in named:
         if name not in known:
             near = get_close_matches(name, known, n=1)
-            hint = f"did you mean {near[0]!r}? " if near else ""
+            hint = f"Did you mean {near[0]!r}?" if near else ""
             raise UsageError(
-                f"settings for the object {name!r}, which there is not",
-                remedy=f"{hint}there are: {', '.join(known)}",
+                f"no object named {name!r}; objects: {', '.join(known)}",
+                remedy=hint or "Use one of these names",
             )
 
 
-def _only(part: Mesh, items: Sequence[PlateObject]) -> Mesh:
-    """Some of the objects as a mesh of their own."""
+def _extract_objects(part: Mesh, items: Sequence[PlateObject]) -> Mesh:
+    """Return some of the objects as a mesh."""
     pieces = [part.triangles[item.first : item.first + item.count] for item in items]
     return Mesh(np.concatenate(pieces), ", ".join(item.name for item in items))
 
@@ -124,10 +124,10 @@ def _only(part: Mesh, items: Sequence[PlateObject]) -> Mesh:
 def cut_objects(
     meshes: Sequence[Mesh], plans: Sequence[LayerPlan], profiles: Sequence[Profile]
 ) -> list[Sections]:
-    """The sections of each, compensated as its settings say; what overlaps belongs to the first.
+    """Cut and compensate each mesh; an overlap belongs to the first mesh.
 
     Raises:
-        PartError: the planes meet no material, or the contours cannot be closed.
+        PartError: no layer contains material, or the contours cannot be closed.
     """
     cuts = [
         compensate(cut(mesh, plan, own.quality.resolution), own)
@@ -137,7 +137,7 @@ def cut_objects(
 
 
 def _subtract_earlier(sections: Sequence[Sections]) -> list[Sections]:
-    """The same without what an earlier one of them has already: what overlaps belongs to the first."""
+    """Subtract from the sections of each object those of all earlier objects."""
     result, taken = [sections[0]], sections[0]
     for one in sections[1:]:
         result.append(replace(one, solid=difference(one.solid, taken.solid_at(one.plan))))
@@ -147,13 +147,15 @@ def _subtract_earlier(sections: Sequence[Sections]) -> list[Sections]:
 
 
 def stack_sections(sections: Sequence[Sections]) -> Sections:
-    """The sections of all objects together, on all layers that any of them has."""
+    """Combine the sections of all objects on the union of their layers."""
     if len(sections) == 1:
         return sections[0]
     plan = LayerPlan.union([one.plan for one in sections])
     gaps = sorted((gap for one in sections for gap in one.gaps), key=lambda gap: -gap.width)
     turned = [
-        one.turned.on_layers(plan.find_tops(one.plan.top), plan.n_layers) for one in sections if one.turned
+        one.inverted.on_layers(plan.find_tops(one.plan.top), plan.n_layers)
+        for one in sections
+        if one.inverted
     ]
     solid = sections[0].solid_at(plan)
     for one in sections[1:]:
@@ -174,33 +176,36 @@ def object_paths(
     usual: Profile,
     custom_infill: Infill | None = None,
 ) -> tuple[list[Toolpaths], list[Profile]]:
-    """The paths of all objects, and the profiles whose numbers they have.
+    """Generate the perimeters and infill of all objects.
 
     Args:
         name: of the part.
         stages: sections, walls and regions of each object.
         profiles: of each object.
-        usual: the profile of what belongs to no object, number 0.
-        custom_infill: the sparse infill of a strategy from outside.
+        usual: the profile for everything that belongs to no object; it gets index 0.
+        custom_infill: the user's infill pattern, if any.
+
+    Returns:
+        The paths of each object, and the profiles to which their `settings_id` refers.
 
     Raises:
-        PartError: there is no path.
+        PartError: the part has no path.
     """
     paths, numbered = list[Toolpaths](), [usual]
     for sections, walls, regions, profile in zip(*stages, profiles, strict=True):
         perimeters, groups = thickened(graded(walls.paths, sections), sections, regions, profile)
-        of_layer = _numbers(numbered, settings_by_layer(profile, sections.plan))
+        of_layer = _profile_indices(numbered, settings_by_layer(profile, sections.plan))
         infill = infill_paths(regions, profile, groups, custom_infill)
         paths += [perimeters.with_settings(of_layer), infill.with_settings(of_layer)]
     if sum(some.n_paths for some in paths) == 0:
         raise PartError(
-            f"{name}: no bead of {usual.extrusion_width:g} mm fits into the part",
-            remedy="is the part in another unit? otherwise choose a thinner nozzle, more perimeters or denser infill",
+            f"{name}: no extrusion of {usual.extrusion_width:g} mm width fits into the part",
+            remedy="Check the unit of the part, or choose a thinner nozzle, more perimeters or denser infill",
         )
     return paths, numbered
 
 
-def _numbers(profiles: list[Profile], layered: LayerSettings) -> Int:
-    """(L,) the number of each layer's profile among `profiles`, to which those are added that are new."""
-    profiles += [one for one in layered.profiles if one not in profiles]
-    return np.array([profiles.index(one) for one in layered.profiles])[layered.of_layer]
+def _profile_indices(profiles: list[Profile], settings: LayerSettings) -> Int:
+    """Return (L,) the index in `profiles` of each layer's profile; new profiles are appended."""
+    profiles += [one for one in settings.profiles if one not in profiles]
+    return np.array([profiles.index(one) for one in settings.profiles])[settings.of_layer]

@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from printer_slicer.arrays import Bool, Float, Int, boxes, distinct, run_begins
+from printer_slicer.arrays import Bool, Float, Int, boxes, distinct, run_starts
 from printer_slicer.geometry import Areas, depths, difference, offset, rings_around, window_intersection
 from printer_slicer.geometry.depth import near_outlines
 from printer_slicer.geometry.planes import spread
@@ -200,7 +200,7 @@ def _resolved(under: tuple[Areas, Areas], points: Float, layer: Int, reach: floa
         depth[unknown[exists][same]] = np.copysign(reach, depth[source[same]])
     # Of what is left, whole chains, one tells the side of all.
     unknown = np.flatnonzero(np.isnan(depth))
-    begins = run_begins(chain[unknown])
+    begins = run_starts(chain[unknown])
     probe, which = unknown[begins], np.cumsum(begins) - 1
     order = np.argsort(layer[probe], kind="stable")
     found = np.full(len(probe), -1)
@@ -247,6 +247,6 @@ def _without_short(grade: Int, path: Int, length: Float, shortest: float) -> Int
     stretch = np.cumsum(begins) - 1
     first = np.flatnonzero(begins)
     long = np.bincount(stretch, length) >= shortest
-    long |= run_begins(path[first])  # the first of a path has none before it
+    long |= run_starts(path[first])  # the first of a path has none before it
     source = np.maximum.accumulate(np.where(long, np.arange(len(first)), 0))
     return np.asarray(grade[first][source][stretch])

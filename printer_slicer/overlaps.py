@@ -50,13 +50,13 @@ def find_overlaps(meshes: Sequence[Mesh]) -> Iterator[Overlap]:
         for first in np.flatnonzero((room > _LEAST).all(axis=1)).tolist():
             window = np.maximum(low[first], low[second]), np.minimum(high[first], high[second])
             common = intersection(*(_projection(meshes[at], *window) for at in (first, second)))
-            size, area = _places(common)
+            size, area = _measure_overlaps(common)
             if len(size):
                 width, depth = size[np.argmax(area)].tolist()
                 yield Overlap(first, second, width, depth, len(size))
 
 
-def _places(common: Areas) -> tuple[Float, Float]:
+def _measure_overlaps(common: Areas) -> tuple[Float, Float]:
     """Join overlaps across tiles: (n, 2) mm, box around each connected one, and (n,) mm², without rounding errors."""
     if not common.n_rings:
         return np.zeros((0, 2)), np.zeros(0)
@@ -107,13 +107,13 @@ def _projection(mesh: Mesh, low: Float, high: Float) -> Areas:
     ends = xy.min(axis=1), xy.max(axis=1)
     seen = (one[:, 0] * two[:, 1] > one[:, 1] * two[:, 0]) & (ends[1] > low).all(axis=1)
     chosen = np.flatnonzero(seen & (ends[0] < high).all(axis=1))
-    facet, tile = _tiled(ends[0][chosen], ends[1][chosen], low, high)
+    facet, tile = _assign_tiles(ends[0][chosen], ends[1][chosen], low, high)
     order = np.argsort(tile, kind="stable")
     rings = xy[chosen[facet[order]]].reshape(-1, 2)
     return normalize(Areas(rings, np.arange(0, len(rings) + 1, 3), tile[order], _TILES**2))
 
 
-def _tiled(first: Float, last: Float, low: Float, high: Float) -> tuple[Int, Int]:
+def _assign_tiles(first: Float, last: Float, low: Float, high: Float) -> tuple[Int, Int]:
     """Return which boxes (n, 2) to (n, 2) mm touch which tiles of a window: (m,) boxes, (m,) tiles."""
     size = (high - low) / _TILES
     begin, end = (

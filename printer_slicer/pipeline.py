@@ -1,6 +1,6 @@
-"""The whole slicer on one page.
+"""Run all stages of the slicer, from a mesh to the moves of the print.
 
-Mesh -> LayerPlan -> Sections -> Walls -> Regions -> Toolpaths -> Travels -> Program -> lines.
+Mesh -> LayerPlan -> Sections -> Walls -> Regions -> Toolpaths -> Travels -> Program -> G-code.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from printer_slicer.travels import travel
 __all__ = ["plan_part", "slice_part", "slice_planned", "slice_stages"]
 
 
-def slice_stages(  # noqa: PLR0913 - every choice has a usual value
+def slice_stages(  # noqa: PLR0913 - all options have defaults
     mesh: Mesh,
     profile: Profile,
     *,
@@ -42,21 +42,21 @@ def slice_stages(  # noqa: PLR0913 - every choice has a usual value
     strict: bool = False,
     strategies: Strategies = OURS,
 ) -> Stages:
-    """Slice a part and keep the value of each stage.
+    """Slice a part and keep the result of each stage.
 
     Args:
         mesh: the part, anywhere; it is repaired and placed.
         profile: printer, material and quality.
-        plan: the layers, or those of each object of the part; the profile's planner chooses them where there is none.
-        placement: where the part is put; by default on the middle of the bed.
-        report: is called with the name of each stage as it begins.
-        strict: whether a mesh that needs repair is refused.
-        strategies: functions from outside in place of ours.
+        plan: the layer plan, or one for each object; default: the profile's planner makes it.
+        placement: position of the part; default: the middle of the bed.
+        report: called with the name of each stage when it starts.
+        strict: raise an error if the mesh needs repair.
+        strategies: user functions that replace built-in ones.
 
     Raises:
-        UsageError: the part is no mesh, or the profile none, or there are not as many plans as objects.
+        UsageError: `mesh` is no Mesh, `profile` is no Profile, or the number of plans differs from that of objects.
         PartError: the part does not fit, cannot be repaired, or cannot be divided into layers.
-        StrategyError: a function from outside gives what cannot be used.
+        StrategyError: a user's function returned an invalid value.
     """
     check_part(mesh, profile)
     report("repairing")
@@ -66,7 +66,7 @@ def slice_stages(  # noqa: PLR0913 - every choice has a usual value
     report("placing")
     part = place(repaired, profile.printer, placement)
     shift = repaired.bounds[0] - part.bounds[0]
-    del mesh, repaired  # where nobody else holds them: millions of facets weigh hundreds of megabytes
+    del mesh, repaired  # free memory: millions of facets take hundreds of megabytes
     report("planning")
     plan = plan_part(part, profile, strategies) if plan is None else plan
     stages = slice_planned(part, plan, profile, report, strategies)
@@ -83,7 +83,7 @@ def slice_planned(
     report: Report = quiet,
     strategies: Strategies = OURS,
 ) -> Stages:
-    """The stages from a placed part and its layers to the moves; arguments and errors are those of `slice_stages`."""
+    """Slice a placed part with given layers; arguments and errors as for `slice_stages`."""
     profile = apply_spiral_settings(profile)
     meshes, plans, own = split_objects(part, plan, profile)
     report("slicing")
@@ -112,10 +112,10 @@ def slice_planned(
 
 
 def plan_part(part: Mesh, profile: Profile, strategies: Strategies = OURS) -> LayerPlan:
-    """The layer plan of a placed part, within its time budget; arguments and errors are those of `slice_stages`."""
+    """Plan the layers of a placed part, within the time budget; arguments and errors as for `slice_stages`."""
     return choose_plan(part, profile, strategies, slice_planned)
 
 
-def slice_part(mesh: Mesh, profile: Profile, **choices: Unpack[SliceOptions]) -> Program:
-    """The moves that print a part; arguments and errors are those of `slice_stages`."""
-    return slice_stages(mesh, profile, **choices).program
+def slice_part(mesh: Mesh, profile: Profile, **options: Unpack[SliceOptions]) -> Program:
+    """Slice a part and return its moves; arguments and errors as for `slice_stages`."""
+    return slice_stages(mesh, profile, **options).program

@@ -1,4 +1,4 @@
-"""What long work tells of its progress."""
+"""Progress callbacks."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from collections.abc import Callable
 __all__ = ["Report", "quiet"]
 
 Report = Callable[[str], None]
-"""Called with the name of each stage as it begins."""
+"""Callback with the name of each stage when it starts."""
 
 
 def quiet(stage: str) -> None:
-    """A `Report` that says nothing."""
+    """Ignore progress; the default `Report`."""

@@ -1,7 +1,7 @@
-"""How values show themselves where pictures can be seen, as in notebooks.
+"""SVG pictures of values in notebooks (`_repr_svg_`).
 
-What draws stands in rooms above those of the values. So values only know that they can be drawn; the package says by
-whom, when it is imported.
+The drawing package imports the value classes, so these cannot import it. Instead, `printer_slicer` registers the
+drawing function when it is imported.
 """
 
 from __future__ import annotations
@@ -11,17 +11,17 @@ from dataclasses import dataclass
 
 __all__ = ["Summary", "SvgRepr", "set_svg_renderer"]
 
-_artists: list[Callable[[object], str]] = []
+_renderers: list[Callable[[object], str]] = []
 
 
-def set_svg_renderer(artist: Callable[[object], str]) -> None:
-    """From now on values are drawn by this function, as the text of an SVG document."""
-    _artists[:] = [artist]
+def set_svg_renderer(renderer: Callable[[object], str]) -> None:
+    """Register the function that draws a value as the text of an SVG document."""
+    _renderers[:] = [renderer]
 
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """What is seen of a value that has no shape: a headline, what is known by name, and what is wrong."""
+    """A table to show for a value without geometry: title, named facts and problems."""
 
     title: str
     facts: Mapping[str, str]
@@ -29,15 +29,15 @@ class Summary:
 
 
 class SvgRepr:
-    """A value that draws itself as SVG, or another value that shows what it is."""
+    """Mixin for values that notebooks show as an SVG picture."""
 
     __slots__ = ()
 
     @property
     def drawable(self) -> object:
-        """What is drawn of it."""
+        """The value to draw; by default the object itself."""
         return self
 
     def _repr_svg_(self) -> str:
-        """What notebooks ask for."""
-        return _artists[0](self)
+        """Return the SVG document that notebooks show."""
+        return _renderers[0](self)

@@ -1,4 +1,4 @@
-"""Models as jobs: sliced, written, and judged like a file."""
+"""Make print jobs from models: slice, write G-code, and lint it like a file."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from printer_slicer.strategies import OURS, Strategies
 
 __all__ = ["job_from", "job_of"]
 
-_ASKED_FOR: Final = frozenset({"wait"})  # its pauses are the settings'
+_ALLOWED: Final = frozenset({"wait"})  # pauses come from the settings
 
 
 def job_from(path: Path, profile: Profile, *, report: Report = quiet, strict: bool = False) -> Job:
-    """The job that prints a model (sliced now) or a G-code file (as it is).
+    """Make a job from a file: slice a model, or read a G-code file unchanged.
 
     Args:
-        path: of the file.
+        path: model or G-code file.
         profile: printer, material and quality.
-        report: is told the name of each stage as it begins.
-        strict: whether a mesh that needs repair is refused.
+        report: called with the name of each stage when it starts.
+        strict: raise an error if the mesh needs repair.
 
     Raises:
         PrinterSlicerError: the file cannot be read, sliced or sent.
@@ -42,7 +42,7 @@ def job_from(path: Path, profile: Profile, *, report: Report = quiet, strict: bo
     return job_of(load_mesh(path), profile, name=path.name, report=report, strict=strict)
 
 
-def job_of(  # noqa: PLR0913 - every choice has a usual value
+def job_of(  # noqa: PLR0913 - all options have defaults
     part: Mesh | Stages,
     profile: Profile,
     *,
@@ -52,19 +52,19 @@ def job_of(  # noqa: PLR0913 - every choice has a usual value
     strict: bool = False,
     strategies: Strategies = OURS,
 ) -> Job:
-    """The job that prints a part, sliced now or before.
+    """Make a job from a part.
 
     Args:
-        part: as a mesh, or what `slice_stages` made of it; then `placement`, `report` and `strict` had their time.
-        profile: what it is sliced with.
-        name: what to call the job; empty: as the part.
-        placement: where the part is put.
-        report: is told the name of each stage as it begins.
-        strict: whether a mesh that needs repair is refused.
-        strategies: functions from outside in place of ours.
+        part: a mesh to slice, or the result of `slice_stages`; then `placement` and `strict` have no effect.
+        profile: the profile to slice with.
+        name: name of the job; empty: that of the part.
+        placement: position of the part.
+        report: called with the name of each stage when it starts.
+        strict: raise an error if the mesh needs repair.
+        strategies: user functions that replace built-in ones.
 
     Raises:
-        PrinterSlicerError: it cannot be sliced.
+        PrinterSlicerError: the part cannot be sliced.
     """
     stages = (
         part
@@ -76,4 +76,4 @@ def job_of(  # noqa: PLR0913 - every choice has a usual value
     report("writing")
     text = gcode_of(stages.program, profile, part=stages.part, labels=stages.labels, strategies=strategies)
     job = lint_text(name or stages.part.name, text, profile, flavour=strategies.flavour)
-    return replace(job, program=stages.program, allowed=_ASKED_FOR, repairs=stages.repairs)
+    return replace(job, program=stages.program, allowed=_ALLOWED, repairs=stages.repairs)

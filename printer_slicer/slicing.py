@@ -1,4 +1,4 @@
-"""Mesh + LayerPlan -> Sections: cut all layers at once, join tail to head, remove what is redundant."""
+"""Cut a mesh at all layers of a plan, join the segments into rings and simplify them."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from printer_slicer.arrays import Float, Int, placed
+from printer_slicer.arrays import Float, Int, scatter
 from printer_slicer.errors import MeshError, PartError
 from printer_slicer.geometry import Areas, difference, normalize, offset, simplify, union
 from printer_slicer.geometry.closing import Chords, LooseEnds, close_by_chords, close_near
@@ -18,51 +18,47 @@ from printer_slicer.model import Contours, Gap, LayerPlan, Mesh, MeshFaults, Rep
 
 __all__ = ["contours", "cut", "find_gaps", "find_mesh_faults", "section_repairs"]
 
-_ROUNDING = 1e-3  # mm; ends this close are the same point, written twice
-_FINE = (
-    0.002  # mm; contours that must not cross the surface are simplified by this much and moved away as much
-)
-_CRACK = (
-    1.0  # mm; up to this, loose ends are the two sides of a crack; beyond, something is missing between them
-)
-_MOST_GUESSED = 1 / 3  # of a contour
+_ROUNDING = 1e-3  # mm; ends this close are the same point
+_FINE = 0.002  # mm; contained contours are simplified by this tolerance and then offset by it
+_CRACK = 1.0  # mm; loose ends up to this distance are a crack; beyond it, surface is missing
+_MOST_GUESSED = 1 / 3  # maximum fraction of a contour that may be guessed
 _WORTH_SAYING = 0.01  # mm²
-_MEND = "close the mesh in the program that made it (look for missing or flipped faces there)"
+_MEND = "Close the mesh in your CAD program: look for missing or flipped faces there"
 
 
 def cut(mesh: Mesh, plan: LayerPlan, resolution: float) -> Sections:
-    """The solid area of the part in each layer.
+    """Compute the solid area of the part in each layer.
 
     Args:
         mesh: the part, standing on z = 0.
-        plan: where each layer is cut.
-        resolution: contours are simplified by at most this, mm, before any polygon operation; where a plan has
-            positive or negative containment, by less, and always to its side.
+        plan: the layers and their cut planes.
+        resolution: tolerance for simplifying contours before polygon operations, mm. With positive or negative
+            containment a smaller one is used, and the result never violates the containment.
 
     Raises:
-        PartError: the planes meet no material, or the contours cannot be closed.
+        PartError: no layer contains material, or the contours cannot be closed.
     """
     exact = plan.containment != "mid"
-    rings = _rings_of(mesh, plan, None if exact else resolution)
-    solid = _contained(mesh, plan, rings.areas) if exact else normalize(rings.areas)
+    rings = _cut_rings(mesh, plan, None if exact else resolution)
+    solid = _contained_areas(mesh, plan, rings.areas) if exact else normalize(rings.areas)
     if solid.n_rings == 0:
         raise PartError(
             f"{mesh.name}: no layer contains any material",
-            remedy="the part may be thinner than one layer, or inside out; check its size and units",
+            remedy="Check size and unit of the part: it may be thinner than one layer, or inside out",
         )
-    turned = None if exact else _turned(rings.areas, solid)
-    return Sections(plan, solid, rings.unpaired, rings.gaps, turned)
+    inverted = None if exact else _inverted_areas(rings.areas, solid)
+    return Sections(plan, solid, rings.unpaired, rings.gaps, inverted)
 
 
-def _turned(rings: Areas, solid: Areas) -> Areas | None:
-    """What rings run around the wrong way and so is not solid; None where there is nothing of it.
+def _inverted_areas(rings: Areas, solid: Areas) -> Areas | None:
+    """Return areas inside rings of reversed orientation, which are not solid; None if there are none.
 
-    Where no rings overlap and none runs around the wrong way, the sum of their signed areas is that of the solid.
+    If no rings overlap and none is reversed, the sum of their signed areas equals the area of the solid.
     """
     differs = np.abs(rings.area() - solid.area()) > 1e-5 * rings.length() + 1e-6
     if not differs.any():
         return None
-    mirror = np.array([-1.0, 1.0])  # in a mirror the wrong way round is the right one
+    mirror = np.array([-1.0, 1.0])  # mirroring reverses the orientation
     suspects = rings.of_layers(differs)
     found = normalize(
         Areas(suspects.xy * mirror, suspects.ring_start, suspects.ring_layer, suspects.n_layers)
@@ -73,23 +69,23 @@ def _turned(rings: Areas, solid: Areas) -> Areas | None:
     return Areas(found.xy * mirror, found.ring_start, found.ring_layer, found.n_layers)
 
 
-def _contained(mesh: Mesh, plan: LayerPlan, rings: Areas) -> Areas:
-    """Everything that the part covers in each layer, or only what it covers at every height of it.
+def _contained_areas(mesh: Mesh, plan: LayerPlan, rings: Areas) -> Areas:
+    """Return the union (positive containment) or intersection (negative) of all sections within each layer.
 
-    The section at one height of a layer differs from that at another only where the surface lies between them, so the
-    section at the cut with the shadow of the surface in the layer is their union, and without it their intersection.
+    Sections at two heights of a layer differ only where the surface lies between them. So the union is the section at
+    the cut plus the shadow of the surface within the layer, and the intersection is the section minus that shadow.
     """
     section = normalize(rings)
     if plan.containment == "positive":
         shadow = normalize(slab_shadows(mesh.triangles, plan.bottom, plan.top))
         return offset(simplify(union(section, shadow), _FINE), _FINE)
-    return offset(simplify(_common(mesh, plan, section), _FINE), -_FINE)
+    return offset(simplify(_common_areas(mesh, plan, section), _FINE), -_FINE)
 
 
-def _common(mesh: Mesh, plan: LayerPlan, section: Areas) -> Areas:
-    """What the part covers at every height of each layer.
+def _common_areas(mesh: Mesh, plan: LayerPlan, section: Areas) -> Areas:
+    """Return the intersection of all sections within each layer.
 
-    Bodies that overlap hide parts of each other's surface, so each is taken for itself; voids are bodies inside out.
+    Overlapping bodies hide parts of each other's surface, so each body is processed alone; voids are inverted bodies.
     """
     body = connected(mesh.triangles)
     if body.max(initial=0) == 0:
@@ -99,19 +95,19 @@ def _common(mesh: Mesh, plan: LayerPlan, section: Areas) -> Areas:
         one = Mesh(mesh.triangles[body == number], mesh.name)
         shadow = normalize(slab_shadows(one.triangles, plan.bottom, plan.top))
         if one.volume >= 0:
-            solid = union(solid, difference(normalize(_rings_of(one, plan).areas), shadow))
+            solid = union(solid, difference(normalize(_cut_rings(one, plan).areas), shadow))
         else:
             turned = Mesh(one.triangles[:, ::-1], mesh.name)
-            hollow = union(hollow, union(normalize(_rings_of(turned, plan).areas), shadow))
+            hollow = union(hollow, union(normalize(_cut_rings(turned, plan).areas), shadow))
     return difference(solid, hollow)
 
 
 def contours(mesh: Mesh, plan: LayerPlan) -> Contours:
-    """The contour of each layer before and after the repair that the paper describes, to look at."""
+    """Return the contours of each layer before and after the repair that the paper describes, for pictures."""
     parts = list(crossings_of(mesh.triangles, plan.cut))
     segments = [np.stack([part.xy[part.tail], part.xy[part.head]], axis=1) for part in parts]
     layers = [part.plane[part.tail] for part in parts]
-    joined = _rings_of(mesh, plan).areas
+    joined = _cut_rings(mesh, plan).areas
     return Contours(
         np.concatenate([np.zeros((0, 2, 2)), *segments]),
         np.concatenate([np.zeros(0, np.int64), *layers]),
@@ -121,52 +117,52 @@ def contours(mesh: Mesh, plan: LayerPlan) -> Contours:
 
 
 def find_gaps(mesh: Mesh, plan: LayerPlan) -> tuple[int, list[Gap]]:
-    """How many edges lack a neighbour, and where contours had to be closed over a gap, widest first."""
-    rings = _rings_of(mesh, plan)
+    """Count the edges without a neighbour, and list the gaps in contours that were closed, widest first."""
+    rings = _cut_rings(mesh, plan)
     return rings.unpaired, list(rings.gaps)
 
 
 def section_repairs(
     sections: Sections, shift: Float | tuple[float, float, float] = (0, 0, 0)
 ) -> list[Repair]:
-    """What was done to contours when the mesh was cut.
+    """List the repairs of contours made when the mesh was cut.
 
     Args:
-        sections: of the part.
-        shift: (3,) mm, added to places.
+        sections: sections of the part.
+        shift: (3,) mm, added to the positions.
     """
     done = []
     if sections.gaps:
         places = np.array([(gap.x, gap.y, gap.z) for gap in sections.gaps]) + shift
         area = sum(gap.area for gap in sections.gaps)
         done.append(Repair("gaps in contours closed", places, sections.gaps[0].width, area))
-    if sections.turned is not None:
-        first, layer = sections.turned.ring_start[:-1], sections.turned.ring_layer
-        places = np.column_stack([sections.turned.xy[first], sections.plan.cut[layer]]) + shift
-        done.append(Repair("inside-out areas left out", places, area=float(-sections.turned.area().sum())))
+    if sections.inverted is not None:
+        first, layer = sections.inverted.ring_start[:-1], sections.inverted.ring_layer
+        places = np.column_stack([sections.inverted.xy[first], sections.plan.cut[layer]]) + shift
+        done.append(Repair("inside-out areas left out", places, area=float(-sections.inverted.area().sum())))
     return done
 
 
 def find_mesh_faults(mesh: Mesh) -> MeshFaults:
-    """Where the mesh is open, wrongly oriented, or not a surface; in the coordinates of the mesh."""
+    """Find edges where the mesh is open, inconsistently oriented, or not a manifold, in coordinates of the mesh."""
     return MeshFaults(*edge_faults(mesh.triangles))
 
 
 class _Rings(NamedTuple):
-    """Contours of all layers; where they had to be closed over more than rounding, widest first; edges left over."""
+    """Contours of all layers, the gaps that were closed (widest first), and the number of unpaired edges."""
 
     areas: Areas
     gaps: tuple[Gap, ...]
     unpaired: int
 
 
-def _rings_of(mesh: Mesh, plan: LayerPlan, resolution: float | None = None) -> _Rings:
-    """The contours of all layers, some layers at a time: only what is left of them once simplified adds up.
+def _cut_rings(mesh: Mesh, plan: LayerPlan, resolution: float | None = None) -> _Rings:
+    """Cut the contours of all layers, a few layers at a time, so that only simplified contours accumulate in memory.
 
     Args:
         mesh: the part.
-        plan: where it is cut.
-        resolution: mm; None leaves every point.
+        plan: the layers.
+        resolution: simplification tolerance, mm; None keeps every point.
 
     Raises:
         MeshError: a contour cannot be closed, or more than a third of one would be guessed.
@@ -179,9 +175,9 @@ def _rings_of(mesh: Mesh, plan: LayerPlan, resolution: float | None = None) -> _
         following[crossings.tail] = crossings.head
         chords = Chords.none()
         if crossings.unpaired:
-            chords, compared = _closed(following, crossings, plan, mesh.name, n_pairs)
+            chords, compared = _close_contours(following, crossings, plan, mesh.name, n_pairs)
             n_pairs += compared
-        rings, closed = _joined(following, crossings, chords, plan, mesh.name)
+        rings, closed = _join_rings(following, crossings, chords, plan, mesh.name)
         parts.append(rings if resolution is None else simplify(rings, resolution))
         gaps += closed
         unpaired += crossings.unpaired
@@ -189,10 +185,10 @@ def _rings_of(mesh: Mesh, plan: LayerPlan, resolution: float | None = None) -> _
     return _Rings(Areas.following_on(parts, plan.n_layers), tuple(gaps), unpaired)
 
 
-def _joined(
+def _join_rings(
     following: Int, crossings: Crossings, chords: Chords, plan: LayerPlan, name: str
 ) -> tuple[Areas, list[Gap]]:
-    """Segments and chords joined tail to head into rings, and the chords that are longer than rounding.
+    """Join segments and chords tail to head into rings; also return the gaps that the chords close.
 
     Raises:
         MeshError: more than a third of a contour would be guessed.
@@ -205,52 +201,52 @@ def _joined(
     start = np.concatenate([[0], np.cumsum(size)])
     place_of_ring = np.zeros(n_nodes, np.int64)
     place_of_ring[first] = start[:-1]
-    xy = placed(crossings.xy, place_of_ring.take(ring) + rank)
+    xy = scatter(crossings.xy, place_of_ring.take(ring) + rank)
     rings = Areas(xy, start, crossings.plane[first], plan.n_layers)
     if not len(chords.tail):
         return rings, []
     place_of_ring[first] = np.arange(len(first))
-    gaps = _gaps(chords, crossings, plan)
-    _refuse_guesses(chords, place_of_ring[ring[chords.tail]], rings, gaps, name)
+    gaps = _list_gaps(chords, crossings, plan)
+    _check_guessed(chords, place_of_ring[ring[chords.tail]], rings, gaps, name)
     return rings, gaps
 
 
-def _closed(
+def _close_contours(
     following: Int, crossings: Crossings, plan: LayerPlan, name: str, n_pairs: int
 ) -> tuple[Chords, int]:
-    """Close the contours of some planes, in place; how many pairs of ends were compared for it.
+    """Close the contours of some planes in place; return the chords and the number of compared pairs of ends.
 
     Raises:
-        MeshError: they cannot be closed.
+        MeshError: a contour cannot be closed.
     """
     loose = LooseEnds.of(following, crossings.xy, crossings.plane)
     if not len(loose.tails):
         return Chords.none(), 0
     try:
-        found, left = _closed_part(following, loose, n_pairs)
+        found, left = _close_ends(following, loose, n_pairs)
     except OverflowError:
-        raise _not_closed(name, loose, plan, "the surface is in shreds") from None
+        raise _open_surface_error(name, loose, plan, "the surface has too many holes") from None
     if len(found.tail) < len(loose.tails):
-        raise _not_closed(
+        raise _open_surface_error(
             name, loose.without(found), plan, "the contour cannot be closed without crossing itself"
         )
     following[found.tail] = found.head
     return found, left.n_pairs
 
 
-def _closed_part(following: Int, loose: LooseEnds, n_pairs: int) -> tuple[Chords, LooseEnds]:
-    """Loose ends up to 1 mm apart first, then by chords that cross nothing.
+def _close_ends(following: Int, loose: LooseEnds, n_pairs: int) -> tuple[Chords, LooseEnds]:
+    """Join loose ends up to 1 mm apart, then the others by chords that cross nothing.
 
     Args:
-        following: of each node of some planes.
-        loose: those of them that begin or end nowhere.
-        n_pairs: compared by chords on other planes.
+        following: next node of each node of some planes.
+        loose: the nodes without a successor or predecessor.
+        n_pairs: number of pairs already compared on other planes.
 
     Returns:
-        Chords; and what was left to the second kind.
+        The chords, and the loose ends that were left for the second step.
 
     Raises:
-        OverflowError: there are too many to compare.
+        OverflowError: there are too many pairs to compare.
     """
     chords = close_near(loose, _CRACK)
     left = loose.without(chords)
@@ -263,8 +259,8 @@ def _closed_part(following: Int, loose: LooseEnds, n_pairs: int) -> tuple[Chords
     return chords, left
 
 
-def _not_closed(name: str, loose: LooseEnds, plan: LayerPlan, why: str) -> MeshError:
-    """What to say where a contour stays open: at the end with the lowest z, x, y."""
+def _open_surface_error(name: str, loose: LooseEnds, plan: LayerPlan, why: str) -> MeshError:
+    """Return the error for an open contour; it names the loose end with the lowest z, x, y."""
     planes = loose.plane[loose.tails]
     lowest = loose.xy[loose.tails[planes == planes.min()]]
     x, y = lowest[np.lexsort(lowest.T[::-1])[0]]
@@ -276,8 +272,8 @@ def _not_closed(name: str, loose: LooseEnds, plan: LayerPlan, why: str) -> MeshE
     )
 
 
-def _gaps(chords: Chords, crossings: Crossings, plan: LayerPlan) -> list[Gap]:
-    """Where contours were closed over more than rounding, widest first."""
+def _list_gaps(chords: Chords, crossings: Crossings, plan: LayerPlan) -> list[Gap]:
+    """List the gaps that chords close, widest first, without those due to rounding."""
     wide = np.flatnonzero(chords.width > _ROUNDING)
     xy = (crossings.xy[chords.tail[wide]] + crossings.xy[chords.head[wide]]) / 2
     plane = crossings.plane[chords.tail[wide]]
@@ -286,19 +282,22 @@ def _gaps(chords: Chords, crossings: Crossings, plan: LayerPlan) -> list[Gap]:
     return [Gap(*row) for row in zip(*(column[order].tolist() for column in columns), strict=True)]
 
 
-def _refuse_guesses(chords: Chords, ring: Int, rings: Areas, gaps: list[Gap], name: str) -> None:
-    """Raise when chords wider than cracks are more than a third of a contour that holds an area.
+def _check_guessed(chords: Chords, ring: Int, rings: Areas, gaps: list[Gap], name: str) -> None:
+    """Check that no contour consists of guessed chords for more than a third of its length.
 
     Args:
-        chords: all.
-        ring: (C,) of each chord.
-        rings: all.
-        gaps: as they will be told.
-        name: of the part.
+        chords: all chords.
+        ring: (C,) index of the ring of each chord.
+        rings: all rings.
+        gaps: the gaps that the chords close.
+        name: name of the part.
+
+    Raises:
+        MeshError: more than a third of a contour would be guessed.
     """
     wide, length = chords.width > _CRACK, rings.ring_length()
     guessed = np.bincount(ring[wide], chords.width[wide], minlength=len(length))
-    # A chord along the one sheet that a contour consists of adds nothing: no area hangs on it.
+    # A contour without area is a single sheet; a chord along it adds nothing.
     flat = np.abs(rings.ring_area()) <= _ROUNDING * length
     bad = ((guessed > _MOST_GUESSED * length) & ~flat)[ring] & wide
     if bad.any():

@@ -1,4 +1,4 @@
-"""What becomes of a part: the value of every stage, from the repaired mesh to the moves."""
+"""The results of all slicing stages, from the repaired mesh to the moves."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ __all__ = ["SliceOptions", "Stages", "check_part"]
 
 
 class SliceOptions(TypedDict, total=False):
-    """What may be chosen of how a part is sliced; see `pipeline.slice_stages`."""
+    """Keyword arguments of `pipeline.slice_stages`."""
 
     plan: LayerPlan | Sequence[LayerPlan] | None
     placement: Placement
@@ -44,45 +44,49 @@ class SliceOptions(TypedDict, total=False):
 
 
 def check_part(mesh: object, profile: object) -> None:
-    """Refuse what nothing can be made of, before a stage fails over it in words of its own.
+    """Check the types of part and profile, and that the mesh has valid facets.
 
     Raises:
-        UsageError: the part is no mesh, or the profile none.
-        MeshError: it has no facets, or a coordinate that is no number.
+        UsageError: `mesh` is no Mesh, or `profile` is no Profile.
+        MeshError: the mesh has no facets, or a coordinate that is not finite.
     """
     if not isinstance(mesh, Mesh):
-        raise UsageError(f"a part is a Mesh, not {describe_type(mesh)}", remedy="read it: ps.load_mesh(path)")
+        raise UsageError(
+            f"the part must be a Mesh, not {describe_type(mesh)}", remedy="Read it with ps.load_mesh(path)"
+        )
     if not isinstance(profile, Profile):
         raise UsageError(
-            f"a profile is a Profile, not {describe_type(profile)}",
-            remedy="load it: ps.load_profile(printer)",
+            f"the profile must be a Profile, not {describe_type(profile)}",
+            remedy="Load it with ps.load_profile(printer)",
         )
     if not mesh.n_facets:
-        raise MeshError(f"{mesh.name}: has no facets", remedy="give it triangles (F, 3, 3), mm")
+        raise MeshError(
+            f"{mesh.name}: the mesh has no facets", remedy="Pass triangles of shape (F, 3, 3), mm"
+        )
     if not np.isfinite(mesh.bounds).all():
         raise MeshError(
-            f"{mesh.name}: a corner has a coordinate that is no number",
-            remedy="all of mesh.triangles must be finite, mm",
+            f"{mesh.name}: a coordinate is not a finite number",
+            remedy="Check mesh.triangles: all values must be finite, mm",
         )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stages(SvgRepr):
-    """Every value on the way from a part to its moves.
+    """The result of every stage from a part to its moves.
 
     Attributes:
         part: repaired and placed.
-        sections: the solid area of each layer. These, the walls and the regions see the part on the bed; where there is
-            a raft, toolpaths, travels and program have its layers before the part's, and the part lifted.
-        walls: the perimeters, and what is left inside them.
-        regions: that by purpose.
-        toolpaths: polylines in the order in which they are printed.
-        travels: the ways between them.
+        sections: the solid area of each layer. Sections, walls and regions are without a raft. With a raft, toolpaths,
+            travels and program have its layers first, and the part is raised.
+        walls: the perimeters, and the area inside them.
+        regions: the area inside the perimeters, divided by role.
+        toolpaths: polylines in printing order.
+        travels: the travel moves between them.
         program: the moves.
-        link: what it took to stay under the lines per second of the link, if the profile tells them.
-        labels: which moves lay which of several things; None where there is one.
-        repairs: what was put right, at the places of the mesh that was given.
-        shift: (3,) mm from the placed part to where that mesh was.
+        link: changes made to stay within the throughput of the serial link, if the profile sets one.
+        labels: the object of each move; None if the part is a single object.
+        repairs: repairs of the mesh, in coordinates of the given mesh.
+        shift: (3,) mm from the placed part to the given mesh.
     """
 
     part: Mesh

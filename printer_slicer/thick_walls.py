@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from printer_slicer import bead
-from printer_slicer.arrays import Bool, Float, Int, consecutive, frozen_array, numbered, run_begins
+from printer_slicer.arrays import Bool, Float, Int, consecutive, frozen_array, run_starts, unique_inverse
 from printer_slicer.combine_layers import area_savings, choose_groups, last_layers, tallest_groups
 from printer_slicer.geometry import (
     Areas,
@@ -109,7 +109,7 @@ def spans_within(paths: Toolpaths, areas: Areas, shortest: float) -> Spans:
     order = np.argsort(path, kind="stable")
     path, begin, end = path[order], begin[order], end[order]
     long = paths.length()
-    new = run_begins(path)
+    new = run_starts(path)
     first = np.flatnonzero(new & paths.closed[path] & (begin <= _NOTHING))
     last = np.searchsorted(path, path[first], side="right") - 1
     goes_on = (end[last] >= long[path[last]] - _NOTHING) & (last > first)
@@ -124,7 +124,7 @@ def spans_between(paths: Toolpaths, inside: Spans) -> Spans:
     """What is left of the paths that have stretches cut out of them."""
     long = paths.length()
     path, low, high = inside.path, inside.begin, inside.end
-    is_first = run_begins(path)
+    is_first = run_starts(path)
     is_last = np.append(np.diff(path) != 0, True)[: len(path)]
     first, last = np.flatnonzero(is_first), np.flatnonzero(is_last)
     around = paths.closed[path[first]]
@@ -285,7 +285,7 @@ def thickened(
     Returns:
         The paths, and (L,) the first layer of the group of each layer; None where nothing is printed together.
     """
-    plan, limit = paths.plan, min(profile.quality.inner_perimeters_every, profile.highest_bead)
+    plan, limit = paths.plan, min(profile.quality.perimeters_every, profile.highest_bead)
     lowest = tallest_groups(plan, limit)
     inner = paths.role == Role.PERIMETER
     if (lowest == np.arange(plan.n_layers)).all() or not inner.any():
@@ -308,7 +308,9 @@ def thickened(
 def _groups(bands: Bands, plan: LayerPlan, lowest: Int, sparse: Areas, profile: Profile) -> Int:
     """(L,) the first layer of each one's group: what saves most of perimeters and sparse infill together, mm."""
     quality = profile.quality
-    of_infill = area_savings(sparse, tallest_groups(plan, min(quality.sparse_every, profile.highest_bead)))
+    of_infill = area_savings(
+        sparse, tallest_groups(plan, min(quality.internal_infill_every, profile.highest_bead))
+    )
     of_infill *= quality.infill_density / profile.extrusion_width
     saved = bands.savings(lowest)
     several = np.zeros((max(len(saved), len(of_infill)), plan.n_layers))
@@ -352,7 +354,7 @@ def _alike(made: Toolpaths, piece: Int, count: int, groups: Int) -> Bool:
         np.minimum.at(least[row], piece, values)
         np.maximum.at(most[row], piece, values)
     # Layers of one group follow each other.
-    where, number = numbered(piece * plan.n_layers + made.layer)
+    where, number = unique_inverse(piece * plan.n_layers + made.layer)
     on_layer, owner = np.bincount(number, long), where // plan.n_layers
     np.minimum.at(least[3], owner, on_layer)
     np.maximum.at(most[3], owner, on_layer)

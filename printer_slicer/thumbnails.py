@@ -1,12 +1,11 @@
 """Thumbnails: pictures of the part, rendered with numpy, encoded by Pillow, and written as comments of a G-code file.
 
-The part is seen from the front right and above, in parallel projection, lit, on a transparent ground. One picture is
-drawn larger than all that are wanted, with a depth buffer; the wanted ones are means over its pixels. Facets become
-rows of pixels, rows become pixels, many at once: what lies between three straight edges on one row is one span. A
-facet that covers no centre of a pixel, as most of a fine mesh, costs nothing after that is known.
+The part is seen from the front right and above, in parallel projection, lit, on a transparent background. One large
+picture is rendered with a depth buffer; the thumbnails are downscaled from it. Many facets are rasterized at once: each
+becomes one span of pixels per row. Facets that cover no pixel centre, as most of a fine mesh, are skipped early.
 
-In the file a picture begins with its size and the number of letters that follow: `; thumbnail begin 300x300 12345` for
-PNG, `; thumbnail_QOI begin ...` for QOI. Source: what Moonraker, OctoPrint's thumbnail tool and py-gcode-metadata read.
+In the file a thumbnail begins with its size and the number of characters: `; thumbnail begin 300x300 12345` for PNG,
+`; thumbnail_QOI begin ...` for QOI. Source: Moonraker, OctoPrint's thumbnail plugin and py-gcode-metadata.
 """
 
 from __future__ import annotations
@@ -28,38 +27,38 @@ __all__ = ["Picture", "encode_image", "render", "thumbnail_lines"]
 Picture = NDArray[np.uint8]
 """(h, w, 4) red, green, blue, opacity; row 0 is the top."""
 
-_TURN, _RISE = radians(-52.0), radians(28.0)  # where the eye is: around z from +x, and over the bed
-_FINER: Final = 2.0  # pixels of the large picture to one of the largest that is wanted
-_FEWEST: Final = 384  # pixels of the large picture along its longer side
-_MARGIN: Final = 0.04  # of the picture's shorter side, left free around the part
-_AT_ONCE: Final = 1 << 14  # facets: what fits the cache
+_TURN, _RISE = radians(-52.0), radians(28.0)  # direction of the camera: angle about z from +x, and elevation
+_FINER: Final = 2.0  # pixels of the large picture per pixel of the largest thumbnail
+_FEWEST: Final = 384  # minimum size of the large picture along its longer side, px
+_MARGIN: Final = 0.04  # margin around the part, as a fraction of the shorter side
+_AT_ONCE: Final = 1 << 14  # facets per block, which fit the CPU cache
 _COLOUR: Final = np.array([255.0, 146.0, 48.0])
-_SHADE: Final = np.array([112.0, 50.0, 22.0])  # its colour where no light comes
+_SHADE: Final = np.array([112.0, 50.0, 22.0])  # colour in full shadow
 _LIGHTS: Final = ((np.array([-0.30, -0.50, 0.80]), 0.78), (np.array([0.80, -0.45, 0.25]), 0.22))
 _AMBIENT: Final = 0.14
-_GLOSS: Final = 150.0  # added where light comes straight on
-_EDGE: Final = 0.55  # how bright the outline of something in front of something else is
+_GLOSS: Final = 150.0  # highlight where light is perpendicular
+_EDGE: Final = 0.55  # brightness of outlines
 _KEYWORDS: Final[Mapping[str, str]] = {"PNG": "thumbnail", "QOI": "thumbnail_QOI"}
-"""What a picture of each format begins with in the file."""
-_ROW: Final = 78  # letters of a picture in one comment
+"""Keyword of each image format in the file."""
+_ROW: Final = 78  # characters per comment line
 
 
 def render(part: Mesh, width: int, height: int) -> Picture:
-    """The part as a picture (height, width, 4), red, green, blue and opacity from 0 to 255."""
-    return _pictures(part.triangles, [(width, height)])[0]
+    """Render the part as a picture (height, width, 4): red, green, blue and opacity, 0 to 255."""
+    return _render_pictures(part.triangles, [(width, height)])[0]
 
 
 def thumbnail_lines(part: Mesh, wanted: Sequence[str]) -> list[str]:
-    """Comments that hold pictures.
+    """Render thumbnails as comment lines of a G-code file.
 
     Args:
-        part: what is shown.
-        wanted: one picture each, `300x300` or `300x300/QOI`; PNG where no format is named.
+        part: the part to show.
+        wanted: size and format of each, `300x300` or `300x300/QOI`; the default format is PNG.
     """
     parsed = [one.partition("/") for one in wanted]
     sizes = [(int(size.partition("x")[0]), int(size.partition("x")[2])) for size, _, _ in parsed]
     lines: list[str] = []
-    for picture, (size, _, name) in zip(_pictures(part.triangles, sizes), parsed, strict=True):
+    for picture, (size, _, name) in zip(_render_pictures(part.triangles, sizes), parsed, strict=True):
         text = b64encode(encode_image(picture, name or "PNG")).decode("ascii")
         keyword = _KEYWORDS[name or "PNG"]
         rows = [f"; {text[at : at + _ROW]}" for at in range(0, len(text), _ROW)]
@@ -68,87 +67,87 @@ def thumbnail_lines(part: Mesh, wanted: Sequence[str]) -> list[str]:
 
 
 def encode_image(picture: Picture, file_format: str) -> bytes:
-    """The bytes of an image file, PNG or QOI."""
-    from PIL import Image  # noqa: PLC0415 - only pictures need it
+    """Encode a picture as an image file, PNG or QOI."""
+    from PIL import Image  # noqa: PLC0415 - only thumbnails need it
 
     options: dict[str, Any] = {"compress_level": 6} if file_format == "PNG" else {}
     data = io.BytesIO()
-    # Of a file with a name Pillow imports one format, of one without all common ones.
+    # With a file name Pillow imports only this format, otherwise all common ones.
     data.name = f"picture.{file_format.lower()}"
     Image.fromarray(picture).save(data, **options)
     return data.getvalue()
 
 
-def _pictures(triangles: Float, sizes: Sequence[tuple[int, int]]) -> list[Picture]:
-    """The part in pictures of some sizes (width, height), px.
+def _render_pictures(triangles: Float, sizes: Sequence[tuple[int, int]]) -> list[Picture]:
+    """Render the part in several sizes.
 
     Args:
-        triangles: (F, 3, 3) mm, counter-clockwise from outside.
-        sizes: one picture each.
+        triangles: (F, 3, 3) mm, counter-clockwise seen from outside.
+        sizes: (width, height) of each picture, px.
     """
     if not sizes:
         return []
     low, size = _extent(triangles)
     scales = [_scale(size, *one) for one in sizes]
     scale = max(_FINER * max(scales), _FEWEST / float(size.max()))
-    large = _drawn(triangles, low, size, scale)
+    large = _render_large(triangles, low, size, scale)
     return [
-        _reduced(large, size * scale, ratio / scale, one) for one, ratio in zip(sizes, scales, strict=True)
+        _downscale(large, size * scale, ratio / scale, one) for one, ratio in zip(sizes, scales, strict=True)
     ]
 
 
 def _extent(triangles: Float) -> tuple[Float, Float]:
-    """(2,) where the part begins to the right and upward, and how far it reaches, mm."""
+    """Return (2,) the lowest projected coordinates of the part, and (2,) its projected size, mm."""
     ends = []
     for first in range(0, len(triangles), _AT_ONCE):
-        places = _seen(triangles[first : first + _AT_ONCE])[:2].reshape(2, -1)
+        places = _project(triangles[first : first + _AT_ONCE])[:2].reshape(2, -1)
         ends.append((places.min(axis=1), places.max(axis=1)))
     low, high = np.min([one for one, _ in ends], axis=0), np.max([one for _, one in ends], axis=0)
     return low, np.maximum(high - low, 1e-6)
 
 
-def _seen(triangles: Float) -> Float:
-    """(3, 3, F) how far to the right, upward and to the eye each of the three corners of F facets is, mm."""
+def _project(triangles: Float) -> Float:
+    """Return (3, 3, F) right, up and depth coordinates, mm, of the three corners of F facets."""
     corners = np.ascontiguousarray(
         triangles.reshape(-1, 9).T
-    )  # in columns: neighbours are worked on together
+    )  # one contiguous column per coordinate, for speed
     axes = np.stack(_axes())
     return np.stack([axes @ corners[3 * one : 3 * one + 3] for one in range(3)], axis=1)
 
 
 def _axes() -> tuple[Float, Float, Float]:
-    """To the right of the picture, upward, and from the part to the eye: unit vectors."""
+    """Return the unit vectors to the right, upward, and towards the camera."""
     toward = np.array([cos(_RISE) * cos(_TURN), cos(_RISE) * sin(_TURN), sin(_RISE)])
     right = np.array([-sin(_TURN), cos(_TURN), 0.0])
     return right, np.cross(toward, right), toward
 
 
 def _scale(size: Float, width: int, height: int) -> float:
-    """Px to the mm, so that the part fills a picture but for its margin."""
+    """Return the scale, px/mm, at which the part fills a picture except for the margin."""
     margin = 2 * _MARGIN * min(width, height)
     return float(min((width - margin) / size[0], (height - margin) / size[1]))
 
 
-def _drawn(triangles: Float, low: Float, size: Float, scale: float) -> NDArray[np.float32]:
-    """(h, w, 4) the large picture, colours multiplied by opacity; row 0 is the bottom."""
+def _render_large(triangles: Float, low: Float, size: Float, scale: float) -> NDArray[np.float32]:
+    """Render the large picture (h, w, 4), colours multiplied by opacity; row 0 is the bottom."""
     shape = (int(np.ceil(size[1] * scale)) + 1, int(np.ceil(size[0] * scale)) + 1)
     nearest = np.full(shape[0] * shape[1], -np.inf, np.float32)
     colour = np.zeros((shape[0] * shape[1], 3), np.float32)
     for begin in range(0, len(triangles), _AT_ONCE):
         some = triangles[begin : begin + _AT_ONCE]
-        x, y, depth = _seen(some)
+        x, y, depth = _project(some)
         facet, pixel, deep = _pixels((x - low[0]) * scale, (y - low[1]) * scale, depth, shape)
         before = nearest[pixel]
         np.maximum.at(nearest, pixel, deep)
         seen = np.flatnonzero((deep > before) & (deep == nearest[pixel]))
-        colour[pixel[seen]] = _lit(some, facet[seen])  # of several as near, the last one written stays
+        colour[pixel[seen]] = _shade(some, facet[seen])  # of several facets at equal depth the last one wins
     covered = np.isfinite(nearest).reshape(shape)
-    shown = colour.reshape(*shape, 3) * _outlined(nearest.reshape(shape))[..., None]
+    shown = colour.reshape(*shape, 3) * _draw_outlines(nearest.reshape(shape))[..., None]
     return np.dstack([shown, np.float32(255) * covered])
 
 
 def _pixels(x: Float, y: Float, depth: Float, shape: tuple[int, int]) -> tuple[Int, Int, NDArray[np.float32]]:
-    """Facet, pixel and depth of everything that faces the eye and covers the middle of a pixel."""
+    """Rasterize facets that face the camera: facet, pixel and depth of each covered pixel centre."""
     twice = (x[1] - x[0]) * (y[2] - y[0]) - (y[1] - y[0]) * (x[2] - x[0])
     bottom = np.ceil(np.minimum(np.minimum(y[0], y[1]), y[2]) - 0.5)
     rows = np.floor(np.maximum(np.maximum(y[0], y[1]), y[2]) - 0.5) - bottom + 1
@@ -159,7 +158,7 @@ def _pixels(x: Float, y: Float, depth: Float, shape: tuple[int, int]) -> tuple[I
     count = rows[kept].astype(np.int64)
     of_row = np.repeat(np.arange(len(kept)), count)
     level: Float = consecutive(bottom[kept].astype(np.int64), count).astype(np.float64) + 0.5
-    begin, size = _stretches(x, y, of_row, level, shape[1])
+    begin, size = _pixel_spans(x, y, of_row, level, shape[1])
     across = consecutive(begin, size)
     row = np.repeat(np.arange(len(level)), size)
     facet = of_row[row]
@@ -170,8 +169,8 @@ def _pixels(x: Float, y: Float, depth: Float, shape: tuple[int, int]) -> tuple[I
     return kept[facet], pixel, deep.astype(np.float32)
 
 
-def _stretches(x: Float, y: Float, of_row: Int, level: Float, width: int) -> tuple[Int, Int]:
-    """First pixel and number of pixels of each row of a facet; facets are counter-clockwise."""
+def _pixel_spans(x: Float, y: Float, of_row: Int, level: Float, width: int) -> tuple[Int, Int]:
+    """Return the first pixel and the number of pixels in each row of a facet; facets are counter-clockwise."""
     begin, end = np.full(len(level), -np.inf), np.full(len(level), np.inf)
     for one, other in ((0, 1), (1, 2), (2, 0)):
         rise = y[other] - y[one]
@@ -188,14 +187,14 @@ def _stretches(x: Float, y: Float, of_row: Int, level: Float, width: int) -> tup
 
 
 def _slopes(x: Float, y: Float, depth: Float, twice: Float) -> tuple[Float, Float]:
-    """Change of depth of each facet per pixel to the right, and upward."""
+    """Return the change of depth of each facet per pixel, to the right and upward."""
     one, other = depth[1] - depth[0], depth[2] - depth[0]
     ax, ay, bx, by = x[1] - x[0], y[1] - y[0], x[2] - x[0], y[2] - y[0]
     return (one * by - other * ay) / twice, (other * ax - one * bx) / twice
 
 
-def _lit(triangles: Float, facet: Int) -> NDArray[np.float32]:
-    """(n, 3) colours of facets: two lights from the front, and a little from everywhere, more of it from above."""
+def _shade(triangles: Float, facet: Int) -> NDArray[np.float32]:
+    """Return (n, 3) the colours of facets, lit by two lights from the front and some ambient light from above."""
     used = np.zeros(len(triangles), np.bool_)
     used[facet] = True
     corners = triangles[used]
@@ -210,8 +209,8 @@ def _lit(triangles: Float, facet: Int) -> NDArray[np.float32]:
     return table[facet]
 
 
-def _outlined(nearest: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(h, w) how bright each pixel stays: darker where something stands well in front of what is next to it."""
+def _draw_outlines(nearest: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return (h, w) the brightness factor of each pixel; pixels at a jump in depth are darkened."""
     bright = np.ones(nearest.shape, np.float32)
     depths = nearest[np.isfinite(nearest)]
     if not len(depths):
@@ -227,19 +226,19 @@ def _outlined(nearest: NDArray[np.float32]) -> NDArray[np.float32]:
     return bright
 
 
-def _reduced(large: NDArray[np.float32], size: Float, ratio: float, wanted: tuple[int, int]) -> Picture:
-    """A picture of the wanted size (width, height) with the part, `size` px of the large picture, in its middle.
+def _downscale(large: NDArray[np.float32], size: Float, ratio: float, wanted: tuple[int, int]) -> Picture:
+    """Downscale the large picture to a size (width, height), with the part in its middle.
 
     Args:
         large: colours multiplied by opacity, row 0 at the bottom.
-        size: (2,) of the part in it, px.
-        ratio: px of the wanted picture to one of the large one.
-        wanted: width and height, px.
+        size: (2,) size of the part in it, px.
+        ratio: px of the result per px of the large picture.
+        wanted: width and height of the result, px.
     """
     picture = large
     for axis, (pixels, part) in enumerate(zip(wanted[::-1], size[::-1], strict=True)):
         edges = (np.arange(pixels + 1) - (pixels - part * ratio) / 2) / ratio
-        picture = _means(picture, edges, axis)
+        picture = _box_means(picture, edges, axis)
     alpha = picture[..., 3:]
     straight = np.where(alpha > 0, picture[..., :3] * 255 / np.maximum(alpha, 1e-9), 0)
     whole = np.rint(np.concatenate([straight, alpha], axis=2)).clip(0, 255).astype(np.uint8)
@@ -247,8 +246,8 @@ def _reduced(large: NDArray[np.float32], size: Float, ratio: float, wanted: tupl
     return np.ascontiguousarray(whole[::-1])
 
 
-def _means(picture: NDArray[np.float32], edges: Float, axis: int) -> NDArray[np.float32]:
-    """Means over stretches between edges along an axis; beyond the picture there is nothing."""
+def _box_means(picture: NDArray[np.float32], edges: Float, axis: int) -> NDArray[np.float32]:
+    """Return means between consecutive edges along an axis; pixels beyond the picture are 0."""
     moved = np.moveaxis(picture, axis, 0)
     sums = np.zeros((len(moved) + 1, *moved.shape[1:]), np.float32)
     np.cumsum(moved, axis=0, out=sums[1:])

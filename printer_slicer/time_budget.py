@@ -1,4 +1,4 @@
-"""Layer plans within a time budget that is held against the moves, not only against the planner's model."""
+"""Choose a layer plan within a time budget, measured on the actual moves, not only on the planner's time model."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from printer_slicer.surface import certify, read_surface
 __all__ = ["choose_plan"]
 
 _LONGEST: Final = 1e8  # s
-_ROUNDS: Final = 6  # of asking the planner
+_ROUNDS: Final = 6  # maximum number of plans to try
 
 
 class _Slice(Protocol):
-    """As `pipeline.slice_planned`."""
+    """Signature of `pipeline.slice_planned`."""
 
     def __call__(
         self, part: Mesh, plan: LayerPlan, profile: Profile, *, strategies: Strategies
@@ -30,20 +30,20 @@ class _Slice(Protocol):
 
 
 def choose_plan(part: Mesh, profile: Profile, strategies: Strategies, slice_planned: _Slice) -> LayerPlan:
-    """The layer plan of the profile's planner; with `time_budget`, the most exact one whose moves keep to it.
+    """Plan the layers; with `time_budget`, return the most accurate plan whose print time is within the budget.
 
-    The planner knows times from a model. It is asked for more or less until the moves agree; where no plan is quick
-    enough, the quickest is given. A planner from outside is asked once.
+    The planner estimates times with a model, so its budget is adjusted until the actual moves fit. If no plan is fast
+    enough, the fastest is returned. A user's planner is called once.
 
     Args:
-        part: standing on z = 0.
+        part: the part, standing on z = 0.
         profile: printer, material and quality.
-        strategies: may hold a planner.
-        slice_planned: makes the moves of a print with some layers.
+        strategies: may have a planner.
+        slice_planned: slices the part with given layers.
 
     Raises:
         PartError: the part cannot be divided into layers.
-        StrategyError: the planner from outside gives what cannot be used.
+        StrategyError: the user's planner returned an invalid value.
     """
     if strategies.planner:
         return check_plan(strategies.planner(part, profile), part, profile, strategies.planner)
@@ -56,7 +56,7 @@ def choose_plan(part: Mesh, profile: Profile, strategies: Strategies, slice_plan
 
 
 def _within_budget(part: Mesh, profile: Profile, seconds_of: Callable[[LayerPlan], float]) -> LayerPlan:
-    """The most exact plan of the planner whose moves take no longer than the budget, if there is one."""
+    """Return the most accurate plan within the budget, or the fastest one."""
     plan, budget = plan_layers(part, profile), profile.dials.time_budget
     if not budget:
         return plan

@@ -1,4 +1,4 @@
-"""The version of this package, for those who must say it without looking for where it is installed."""
+"""The version of this package, so that it need not be looked up in the installed metadata."""
 
 from typing import Final
 

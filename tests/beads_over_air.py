@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.arrays import Bool, Float, Int, consecutive, frozen_array, run_begins
+from printer_slicer.arrays import Bool, Float, Int, consecutive, frozen_array, run_starts
 from printer_slicer.inspection.coverage.extrusions import Extrusions
 from printer_slicer.inspection.coverage.measurement import Coverage
 from printer_slicer.inspection.coverage.raster import CellWindow, filled
@@ -132,7 +132,7 @@ def air_of(beads: Extrusions, layer: int, pieces: Pieces) -> Air:
     """
     path = lines_of(beads, np.zeros(beads.n_beads, np.int64))
     own = path[pieces.bead]
-    new_path = run_begins(own)
+    new_path = run_starts(own)
     begins = pieces.hanging & (new_path | ~np.append(False, pieces.hanging)[: len(own)])
     first = np.flatnonzero(begins)
     last_of_path = np.append(np.diff(own) != 0, True)[: len(own)]

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from printer_slicer.commands import Commands, lines_of, split_gcode
+from printer_slicer.commands import Commands, find_lines, split_gcode
 from printer_slicer.errors import UsageError
 from printer_slicer.gcode.lexer import strip
 from printer_slicer.profile import load_profile
@@ -69,8 +69,8 @@ def test_pieces_of_any_size_hold_the_same(text: bytes, size: int) -> None:
 
     assert list(told.commands) == commands
     assert (told.marks, told.roles) == (marks, roles)
-    assert lines_of(text, range(len(commands)), size) == numbers
-    assert told.odd == [at for at, one in enumerate(commands) if len(one) > 60 or b"\0" in one]
+    assert find_lines(text, range(len(commands)), size) == numbers
+    assert told.suspect == [at for at, one in enumerate(commands) if len(one) > 60 or b"\0" in one]
 
 
 @given(TEXTS, SIZES, st.integers(-40, 40), st.integers(-40, 40), st.sampled_from([None, 1, 2, -1, -3]))
@@ -98,8 +98,8 @@ def test_a_command_is_found_in_any_piece() -> None:
 
 
 def test_a_line_that_nobody_asked_for_is_not_looked_for() -> None:
-    assert lines_of(b"G28\nG1 X1\n", []) == []
-    assert lines_of(b"G28\nG1 X1\n", [1, 7, 1]) == [2, 0, 2]
+    assert find_lines(b"G28\nG1 X1\n", []) == []
+    assert find_lines(b"G28\nG1 X1\n", [1, 7, 1]) == [2, 0, 2]
 
 
 def test_the_line_that_cannot_be_sent_is_named_far_behind(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from printer_slicer.commands import lines_of, split_gcode
+from printer_slicer.commands import find_lines, split_gcode
 from printer_slicer.errors import MeshError, PartError, PrinterSlicerError, UsageError
 from printer_slicer.gcode.lexer import strip
 from printer_slicer.gcode_text import gcode_of
@@ -57,7 +57,7 @@ def test_a_last_line_without_a_line_break_counts() -> None:
 @pytest.mark.parametrize("first", ["G28\n", "; made by an editor\nG28\n"])
 def test_the_mark_that_editors_put_in_front_of_utf8_is_no_command(first: str) -> None:
     assert list(split_gcode(first.encode("utf-8-sig")).commands) == list(split_gcode(first.encode()).commands)
-    assert lines_of(first.encode("utf-8-sig"), [0]) == lines_of(first.encode(), [0])
+    assert find_lines(first.encode("utf-8-sig"), [0]) == find_lines(first.encode(), [0])
 
 
 def test_an_empty_text_has_no_commands() -> None:

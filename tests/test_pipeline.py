@@ -167,7 +167,7 @@ def test_stages_share_one_plan_and_are_told_by_name() -> None:
 
 @pytest.mark.parametrize("none", [[], ()], ids=str)
 def test_an_empty_list_of_plans_is_no_wish_for_the_planner(none: Sequence[LayerPlan]) -> None:
-    with pytest.raises(UsageError, match=r"0 layer plans for 1 objects\n.*give one plan for all"):
+    with pytest.raises(UsageError, match=r"0 layer plans for 1 objects\n.*Give one plan for all"):
         slice_part(box(), plain(), plan=none)
 
 

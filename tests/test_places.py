@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from parts import box, joined, layers, plain, pyramid, step_pyramid
 
-from printer_slicer import Mesh, Stages, gcode_of, load_profile, profile_with, slice_stages, transformed
+from printer_slicer import Mesh, Stages, gcode_of, load_profile, profile_with, slice_stages, transform
 from printer_slicer.errors import ProfileError, UsageError
 from printer_slicer.inspection.coverage.measurement import coverage_of
 from printer_slicer.inspection.coverage.stack import stack_of
@@ -285,14 +285,14 @@ def test_an_unknown_object_is_told_with_those_there_are() -> None:
     with pytest.raises(UsageError, match="'ldi'") as caught:
         sliced(PLATE, overrides="ldi:perimeters=3")
 
-    assert "did you mean 'lid'?" in caught.value.remedy
-    assert "can, lid" in caught.value.remedy
+    assert "Did you mean 'lid'?" in caught.value.remedy
+    assert "objects: can, lid" in str(caught.value)
 
 
 def test_objects_whose_facets_are_not_known_are_refused() -> None:
     lost = replace(PLATE, objects=tuple(item.without_facets() for item in PLATE.objects))
 
-    with pytest.raises(UsageError, match="which object"):
+    with pytest.raises(UsageError, match="loses track of the facets"):
         sliced(lost, overrides="lid:perimeters=3")
 
 
@@ -358,6 +358,6 @@ def test_the_only_object_is_scaled_though_its_facets_were_mended() -> None:
     mesh = box((10, 10, 2))
     named = replace(mesh, objects=(PlateObject.of("lid", mesh.bounds, 0, 0),))
 
-    (one,) = transformed(named, scale=2.0).objects
+    (one,) = transform(named, scale=2.0).objects
 
     assert np.subtract(one.high, one.low).tolist() == [20, 20, 4]

@@ -10,7 +10,7 @@ from parts import box, profile, sphere
 
 from printer_slicer.errors import PartError, UsageError
 from printer_slicer.model import Mesh
-from printer_slicer.placing import Placement, joined, place, transformed
+from printer_slicer.placing import Placement, join, place, transform
 
 PRINTER = profile().printer
 BED = np.array([PRINTER.bed_x, PRINTER.bed_y])
@@ -28,13 +28,13 @@ def brick() -> Mesh:
 def test_nothing_to_do_gives_the_same_part() -> None:
     part = brick()
 
-    assert transformed(part) is part
-    assert transformed(part, rotate=(360, 0, -720)) is part
+    assert transform(part) is part
+    assert transform(part, rotate=(360, 0, -720)) is part
 
 
 def test_scaling_is_about_the_origin_of_the_file() -> None:
-    assert transformed(brick(), scale=2).bounds.tolist() == [[10, 0, 0], [14, 6, 8]]
-    assert transformed(brick(), scale=(1, 2, 0.5)).bounds.tolist() == [[5, 0, 0], [7, 6, 2]]
+    assert transform(brick(), scale=2).bounds.tolist() == [[10, 0, 0], [14, 6, 8]]
+    assert transform(brick(), scale=(1, 2, 0.5)).bounds.tolist() == [[5, 0, 0], [7, 6, 2]]
 
 
 @pytest.mark.parametrize(
@@ -51,11 +51,11 @@ def test_scaling_is_about_the_origin_of_the_file() -> None:
     ],
 )
 def test_quarter_turns_are_exact(rotate: tuple[float, float, float], bounds: list[list[float]]) -> None:
-    assert transformed(brick(), rotate=rotate).bounds.tolist() == bounds
+    assert transform(brick(), rotate=rotate).bounds.tolist() == bounds
 
 
 def test_scaling_comes_before_turning() -> None:
-    assert transformed(brick(), scale=(1, 10, 1), rotate=(0, 0, 90)).bounds.tolist() == [
+    assert transform(brick(), scale=(1, 10, 1), rotate=(0, 0, 90)).bounds.tolist() == [
         [-30, 5, 0],
         [0, 7, 4],
     ]
@@ -65,39 +65,39 @@ def test_scaling_comes_before_turning() -> None:
 def test_turning_keeps_the_volume_and_scaling_cubes_it(x: float, y: float, z: float, scale: float) -> None:
     part = brick()
 
-    assert transformed(part, rotate=(x, y, z)).volume == pytest.approx(24.0)
-    assert transformed(part, scale=scale, rotate=(x, y, z)).volume == pytest.approx(24.0 * scale**3)
+    assert transform(part, rotate=(x, y, z)).volume == pytest.approx(24.0)
+    assert transform(part, scale=scale, rotate=(x, y, z)).volume == pytest.approx(24.0 * scale**3)
 
 
 @given(angles, angles, angles)
 def test_three_turns_are_one_after_the_other(x: float, y: float, z: float) -> None:
-    one = transformed(transformed(transformed(brick(), rotate=(x, 0, 0)), rotate=(0, y, 0)), rotate=(0, 0, z))
+    one = transform(transform(transform(brick(), rotate=(x, 0, 0)), rotate=(0, y, 0)), rotate=(0, 0, z))
 
-    np.testing.assert_allclose(transformed(brick(), rotate=(x, y, z)).triangles, one.triangles, atol=1e-9)
+    np.testing.assert_allclose(transform(brick(), rotate=(x, y, z)).triangles, one.triangles, atol=1e-9)
 
 
 @pytest.mark.parametrize("scale", [0.0, -1.0, float("nan"), float("inf"), (1.0, 1.0, -1.0)])
 def test_a_scale_that_is_none_is_refused(scale: float) -> None:
-    with pytest.raises(UsageError, match="not over 0"):
-        transformed(brick(), scale=scale)
+    with pytest.raises(UsageError, match="must be greater than 0"):
+        transform(brick(), scale=scale)
 
 
 def test_an_angle_that_is_none_is_refused() -> None:
     with pytest.raises(UsageError, match="not an angle"):
-        transformed(brick(), rotate=(0, float("nan"), 0))
+        transform(brick(), rotate=(0, float("nan"), 0))
 
 
 # Joining
 
 
 def test_joined_parts_keep_their_places() -> None:
-    plate = joined([brick(), brick().moved((10, 0, 5)), sphere(3)])
+    plate = join([brick(), brick().moved((10, 0, 5)), sphere(3)])
 
     assert plate.volume == pytest.approx(48 + sphere(3).volume)
     assert plate.name == f"{brick().name} and 2 more"
-    assert joined([brick()]).n_facets == 12
+    assert join([brick()]).n_facets == 12
     with pytest.raises(UsageError, match="no part"):
-        joined([])
+        join([])
 
 
 # Placing
@@ -136,8 +136,8 @@ def test_without_drop_z_is_kept() -> None:
         ((-6, 0, 0), Placement(as_placed=True), "from x -1 to 1 mm, but the bed"),
         ((0, 1000, 0), Placement(as_placed=True), "from y 1000 to 1003 mm"),
         ((0, 0, 0), Placement(center=(0, 50)), "from x -1 to 1 mm"),
-        ((0, 0, -1.5), Placement(drop=False), "reaches 1.5 mm under the bed"),
-        ((0, 0, 1000), Placement(drop=False), "reaches up to z 1004 mm"),
+        ((0, 0, -1.5), Placement(drop=False), "extends 1.5 mm below the bed"),
+        ((0, 0, 1000), Placement(drop=False), "extends up to z 1004 mm"),
     ],
 )
 def test_what_leaves_the_printer_is_refused(
@@ -157,11 +157,11 @@ def test_a_part_that_just_reaches_the_edges_fits() -> None:
 
 
 def test_a_part_in_another_unit_is_refused_with_a_guess() -> None:
-    large = transformed(brick(), scale=25_400)
+    large = transform(brick(), scale=25_400)
     with pytest.raises(PartError) as caught:
         place(large, PRINTER, Placement(unit="m"))
 
     assert "does not fit" in str(caught.value)
     assert "--scale 0.24% would just fit" in caught.value.remedy
     assert "--units mm makes it 50.8 x 76.2 x 101.6 mm" in caught.value.remedy
-    assert place(transformed(large, scale=0.0024), PRINTER).n_facets == 12
+    assert place(transform(large, scale=0.0024), PRINTER).n_facets == 12

@@ -431,7 +431,7 @@ def test_a_contour_of_which_a_third_is_missing_is_closed_and_more_is_refused_wit
     assert len(section.gaps) == 50
     assert section.gaps[0].width == pytest.approx(20)
     assert "20 mm" in str(caught.value)
-    assert "close the mesh" in caught.value.remedy
+    assert "Close the mesh" in caught.value.remedy
 
 
 def test_a_missing_top_does_not_matter_for_sections() -> None:

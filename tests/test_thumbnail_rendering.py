@@ -10,7 +10,7 @@ from hypothesis.extra.numpy import arrays
 
 from printer_slicer.arrays import Float
 from printer_slicer.model import Mesh
-from printer_slicer.thumbnails import Picture, _pictures, _pixels, _seen, render
+from printer_slicer.thumbnails import Picture, _pixels, _project, _render_pictures, render
 from tests.parts import box, joined, sphere
 
 
@@ -82,12 +82,12 @@ def test_place_size_and_order_of_facets_do_not_matter(
 
 
 def test_pictures_of_several_sizes_show_the_same() -> None:
-    large, small = _pictures(sphere(10).triangles, [(200, 200), (50, 50)])
+    large, small = _render_pictures(sphere(10).triangles, [(200, 200), (50, 50)])
     means = large.reshape(50, 4, 50, 4, 4).mean(axis=(1, 3))
     solid = small[..., 3] == 255
 
     assert np.abs(means - small)[solid].mean() < 4
-    assert _pictures(sphere(10).triangles, []) == []
+    assert _render_pictures(sphere(10).triangles, []) == []
 
 
 @pytest.mark.parametrize("size", [(50, 0.001, 0.001), (0.001, 0.001, 50), (1000, 1000, 0.01)])
@@ -135,7 +135,7 @@ def test_a_facet_covers_the_pixels_whose_middle_it_holds(corner: Float) -> None:
 def test_the_eye_looks_from_the_front_right_and_above() -> None:
     ends: Float = np.zeros((3, 3, 3))
     ends[0, 0], ends[1, 0], ends[2, 0] = (1, 0, 0), (0, 1, 0), (0, 0, 1)
-    seen = _seen(ends)[:, 0]
+    seen = _project(ends)[:, 0]
     (right_of_x, up_of_x, near_of_x), (right_of_y, up_of_y, near_of_y), (right_of_z, up_of_z, near_of_z) = (
         seen.T
     )

@@ -18,7 +18,7 @@ from printer_slicer.cli.settings import changes_from
 from printer_slicer.errors import PartError
 from printer_slicer.healing import refuse_repaired, repair
 from printer_slicer.mesh_io import Model, load_model
-from printer_slicer.placing import Placement, joined, transformed
+from printer_slicer.placing import Placement, join, transform
 from printer_slicer.profile import profile_with, settings_of
 
 if TYPE_CHECKING:
@@ -71,7 +71,7 @@ def plate_from(arguments: argparse.Namespace, printer: Printer, report: Stages) 
     factors, models, meshes, warnings = arguments.scale, [], [], []
     for path in arguments.models:
         model = load_model(path, units=arguments.units, progress=_progress(report, path))
-        mesh = transformed(
+        mesh = transform(
             model.mesh, scale=factors[:3] if factors else 1.0, rotate=arguments.rotate or (0.0, 0.0, 0.0)
         )
         warnings += [f"{path.name}: {note}" for note in model.notes]
@@ -86,7 +86,7 @@ def plate_from(arguments: argparse.Namespace, printer: Printer, report: Stages) 
         _refuse_overlaps(arguments.models, meshes)
         _refuse_collisions(models, meshes)
     warn(arguments, warnings)
-    return joined(meshes), Plate(placement, tuple(warnings), tuple(models))
+    return join(meshes), Plate(placement, tuple(warnings), tuple(models))
 
 
 def _placement(arguments: argparse.Namespace, units: set[tuple[str, bool]]) -> Placement:

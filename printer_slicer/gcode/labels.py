@@ -17,7 +17,7 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.arrays import Float, Int, run_begins
+from printer_slicer.arrays import Float, Int, run_starts
 from printer_slicer.firmware import Dialect
 from printer_slicer.gcode.rows import E_DECIMALS, MoveText
 from printer_slicer.model import Labels, Program
@@ -122,8 +122,8 @@ class ObjectMark:
 def marks_of(program: Program, labels: Labels) -> list[ObjectMark]:
     """All changes from thing to thing, and at every layer."""
     beads = np.flatnonzero(program.role != Role.TRAVEL)
-    item, layer = labels.item[beads], program.layer[beads]
-    new = (np.diff(item, prepend=-1) != 0) | (run_begins(layer) & (item >= 0))
+    item, layer = labels.object_id[beads], program.layer[beads]
+    new = (np.diff(item, prepend=-1) != 0) | (run_starts(layer) & (item >= 0))
     change = np.flatnonzero(new)
     begins = beads[change]
     ends = np.where(change > 0, beads[np.maximum(change - 1, 0)] + 1, 0)

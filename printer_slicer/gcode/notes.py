@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.arrays import Bool, Float, Int, distinct, numbered, run_begins
+from printer_slicer.arrays import Bool, Float, Int, distinct, run_starts, unique_inverse
 from printer_slicer.errors import ProfileError
 from printer_slicer.firmware import Dialect
 from printer_slicer.gcode.commands import Effect, commands_that
@@ -128,7 +128,7 @@ def _layers(writing: Writing, rows: MoveText, shared: dict[str, Value]) -> Itera
     """Every change of layer, and the macro before it."""
     program, template = writing.program, macro_of(writing.profile, "before_layer_gcode")
     height = _layer_heights(program)
-    for move in np.flatnonzero(run_begins(program.layer)).tolist():
+    for move in np.flatnonzero(run_starts(program.layer)).tolist():
         layer = int(program.layer[move])
         yield (
             move,
@@ -155,7 +155,7 @@ def _arrivals(writing: Writing, rows: MoveText, shared: dict[str, Value]) -> Ite
         pause = read_template(writing.dialect.pause, "pause")
     high = program.xyz[:, 2] >= program.z_top - 1e-6
     arrived = np.flatnonzero(high)
-    arrived = arrived[run_begins(program.layer[arrived])]
+    arrived = arrived[run_starts(program.layer[arrived])]
     for layer, place in zip(program.layer[arrived].tolist(), arrived.tolist(), strict=True):
         lines = _in_layer(pause, writing, rows, place + 1, layer, shared) if layer in pauses else []
         yield place + 1, lines + _in_layer(template, writing, rows, place + 1, layer, shared)
@@ -350,7 +350,7 @@ def bead_notes(program: Program) -> tuple[Int, list[bytes]]:
     roles, kind = _numbered(role[changed].astype(np.float64), new_role[changed])
     widths, wide = _numbered(width[changed], new_width[changed])
     every = (height * (len(roles) + 1) + kind) * (len(widths) + 1) + wide
-    keys, alike = numbered(every)
+    keys, alike = unique_inverse(every)
     example = np.zeros(len(keys), np.int64)
     example[alike] = np.arange(len(changed))
     texts = []
@@ -364,7 +364,7 @@ def bead_notes(program: Program) -> tuple[Int, list[bytes]]:
 
 def _numbered(values: Float, told: Bool) -> tuple[list[float], Int]:
     """The different ones of those values (n,) that are told, and (n,) which of them each is, from 1; 0: not told."""
-    different, which = numbered(values[told])
+    different, which = unique_inverse(values[told])
     result = np.zeros(len(values), np.int64)
     result[told] = which + 1
     return different.tolist(), result
@@ -374,7 +374,7 @@ def _layer_heights(program: Program) -> Float:
     """(L,) how high the first bead of each layer is: over the air of a raft less than the layer."""
     height = program.plan.height
     beads = np.flatnonzero(program.role != Role.TRAVEL)
-    first = beads[run_begins(program.layer[beads])]
+    first = beads[run_starts(program.layer[beads])]
     height[program.layer[first]] = _told_heights(program, first)
     return height
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from printer_slicer.arrays import Bool, Int, run_begins
+from printer_slicer.arrays import Bool, Int, run_starts
 from printer_slicer.model import Program
 from printer_slicer.roles import Role
 
@@ -93,7 +93,7 @@ def _runs(program: Program, feed: Int) -> tuple[Int, Int]:
     if not program.has_arcs:
         every = np.arange(program.n_moves)
         return every, every
-    head = np.flatnonzero(~program.on_same_arc | run_begins(feed) | run_begins(program.layer))
+    head = np.flatnonzero(~program.on_same_arc | run_starts(feed) | run_starts(program.layer))
     return head, np.append(head[1:], program.n_moves) - 1
 
 

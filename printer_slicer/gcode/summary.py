@@ -19,7 +19,7 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.arrays import numbered
+from printer_slicer.arrays import unique_inverse
 from printer_slicer.model import Program
 from printer_slicer.profile import Profile, settings_text
 from printer_slicer.texts import format_duration, number
@@ -74,7 +74,7 @@ def _figures(program: Program, profile: Profile, seconds: float | None) -> Mappi
 def _common_settings(program: Program, profile: Profile) -> Mapping[str, str]:
     """Settings under the names by which most slicers write them; the layer height is that of most of the part."""
     printer, material, quality, plan = profile.printer, profile.material, profile.quality, program.plan
-    heights, turn = numbered(np.round(plan.height, 6))
+    heights, turn = unique_inverse(np.round(plan.height, 6))
     usual = heights[np.bincount(turn, weights=plan.height).argmax()]
     nozzle, bed = material.nozzle_temperature, material.bed_temperature
     first_nozzle, first_bed = material.first_layer_nozzle_temperature, material.first_layer_bed_temperature

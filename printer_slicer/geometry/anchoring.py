@@ -12,9 +12,9 @@ from printer_slicer.arrays import (
     Int,
     consecutive,
     distinct,
-    following_around,
-    previous_around,
-    run_begins,
+    next_in_ring,
+    previous_in_ring,
+    run_starts,
 )
 from printer_slicer.geometry.areas import Areas
 from printer_slicer.geometry.blunting import blunted, reach_of_corner
@@ -129,12 +129,12 @@ class _Ways:
     @property
     def previous(self) -> Int:
         """(E,) the way before it around the ring."""
-        return previous_around(np.append(self.first, len(self.end)))
+        return previous_in_ring(np.append(self.first, len(self.end)))
 
     @property
     def following(self) -> Int:
         """(E,) the way after it around the ring."""
-        return following_around(np.append(self.first, len(self.end)))
+        return next_in_ring(np.append(self.first, len(self.end)))
 
 
 def _ways(lines: Polylines, outline: _Outline, ends: Int, apart: float) -> _Ways:
@@ -144,7 +144,7 @@ def _ways(lines: Polylines, outline: _Outline, ends: Int, apart: float) -> _Ways
     place = np.minimum(outline.place[edge] + into, outline.place[edge + 1])
     order = np.lexsort((place, edge))
     end, place, ring = ends[order], place[order], outline.ring[edge[order]]
-    first = np.flatnonzero(run_begins(ring))
+    first = np.flatnonzero(run_starts(ring))
     count = np.diff(np.append(first, len(ring)))
     last = first + count - 1
     next_end, next_place = np.roll(end, -1), np.roll(place, -1)
@@ -209,7 +209,7 @@ def _place_of_greatest(values: Float, first: Int, number: Int) -> Int:
 
 def _alternate(run: Int, length: Float, around: Bool) -> Bool:
     """(n,) which members of each run are taken; `around` for members of rings of an even number, all of one run."""
-    begin = np.flatnonzero(run_begins(run))
+    begin = np.flatnonzero(run_starts(run))
     size = np.diff(np.append(begin, len(run)))
     owner = np.repeat(np.arange(len(begin)), size)
     step = np.arange(len(run)) - begin[owner]
@@ -309,7 +309,7 @@ def _assembled(
     hook_of[hooks.end] = np.arange(len(hooks.end))
 
     vertices = _Vertices(lines, outline, hooks)
-    first = run_begins(path)
+    first = run_starts(path)
     leave = entry ^ 1
     chunks = [
         vertices.stretch(hooks, np.where(first, hook_of[entry], -1), backward=True),
@@ -408,7 +408,7 @@ class _Vertices:
         first = np.stack([at + np.cumsum(c) - c for at, (_, c) in zip(begins, chunks, strict=True)], axis=1)
         pool = np.concatenate([index for index, _ in chunks])
         index = pool[consecutive(first.ravel(), counts.ravel())]
-        heads = run_begins(path)
+        heads = run_starts(path)
         size = np.bincount(np.cumsum(heads) - 1, weights=counts.sum(axis=1)).astype(np.int64)
         layer = self.lines.layer[entry[heads] // 2]
         made, kept = Polylines.of(self.xy[index], size, layer).without_repeats()
@@ -421,6 +421,6 @@ class _Vertices:
         of_lines[lines.start[:-1]] |= lines.edge[:, 0] >= 0
         of_lines[lines.start[1:] - 1] |= lines.edge[:, 1] >= 0
         after = areas.xy[areas.following] - areas.xy
-        before = after[previous_around(areas.ring_start)]
+        before = after[previous_in_ring(areas.ring_start)]
         convex = before[:, 0] * after[:, 1] > before[:, 1] * after[:, 0]
         return np.concatenate([of_lines, convex, np.zeros(n_tips, np.bool_)])

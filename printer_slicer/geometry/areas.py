@@ -13,10 +13,10 @@ from printer_slicer.arrays import (
     Int,
     boxes,
     consecutive,
-    following_around,
     frozen_array,
     lengths,
-    previous_around,
+    next_in_ring,
+    previous_in_ring,
 )
 from printer_slicer.repr_svg import SvgRepr
 
@@ -84,12 +84,12 @@ class Areas(SvgRepr):
     @property
     def following(self) -> Int:
         """(N,) index of the next point around the ring, for each point."""
-        return following_around(self.ring_start)
+        return next_in_ring(self.ring_start)
 
     @property
     def previous(self) -> Int:
         """(N,) index of the point before each around its ring."""
-        return previous_around(self.ring_start)
+        return previous_in_ring(self.ring_start)
 
     @property
     def point_layer(self) -> Int:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.arrays import Bool, Float, Int, consecutive, distinct, run_begins
+from printer_slicer.arrays import Bool, Float, Int, consecutive, distinct, run_starts
 from printer_slicer.geometry.areas import Areas
 from printer_slicer.geometry.polygons import STEPS_PER_MM
 from printer_slicer.geometry.polylines import Polylines
@@ -164,7 +164,7 @@ def _crossings(
     length = np.hypot(*way[chosen].T.astype(np.float64))
     order = np.lexsort((share, at))
     apart = np.diff(share[order] * length[order], prepend=-np.inf) > _SAME_PLACE
-    place = np.cumsum(apart | run_begins(at[order]))
+    place = np.cumsum(apart | run_starts(at[order]))
     order = order[_left_over(place, enters[order])]
     return at[order], on[order], share[order], enters[order]
 
@@ -176,7 +176,7 @@ def _left_over(place: Int, enters: Bool) -> Int:
     """
     if not len(place):
         return np.zeros(0, np.int64)
-    first = np.flatnonzero(run_begins(place))
+    first = np.flatnonzero(run_starts(place))
     entering = np.add.reduceat(enters, first, dtype=np.int64)
     leaving = np.diff(np.append(first, len(place))) - entering
     of = np.repeat(np.arange(len(first)), entering + leaving)
@@ -266,7 +266,7 @@ def _assembled(lines: Polylines, begin: _Cuts, end: _Cuts) -> tuple[Polylines, I
 def _depths(areas: Areas, lines: Polylines, line: Int, change: Int) -> tuple[Int, Int]:
     """(C,) in how many areas a line lies after each of its crossings, and (M,) in how many each begins."""
     total = np.cumsum(change)
-    first = np.flatnonzero(run_begins(line))
+    first = np.flatnonzero(run_starts(line))
     counts = np.diff(np.append(first, len(line)))
     own = total - np.repeat(total[first] - change[first], counts) if len(line) else total
     before = np.zeros(lines.n_lines, np.int64)

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from printer_slicer.arrays import Bool, Float, Int, placed
+from printer_slicer.arrays import Bool, Float, Int, scatter
 from printer_slicer.geometry.areas import Areas
 from printer_slicer.geometry.joints import Index, cycles, welded
 from printer_slicer.geometry.planes import directed_keys, keys_of, spread
@@ -227,4 +227,4 @@ def _join_rings(part: Crossings, n_planes: int) -> Areas:
     start = np.append(0, np.cumsum(np.bincount(ring, minlength=len(ring))[first]))
     place_of_ring = np.zeros(len(ring), np.int64)
     place_of_ring[first] = start[:-1]
-    return Areas(placed(part.xy, place_of_ring.take(ring) + rank), start, part.plane[first], n_planes)
+    return Areas(scatter(part.xy, place_of_ring.take(ring) + rank), start, part.plane[first], n_planes)

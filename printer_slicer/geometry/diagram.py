@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from printer_slicer.arrays import Bool, Float, Int, following_around, run_begins
+from printer_slicer.arrays import Bool, Float, Int, next_in_ring, run_starts
 from printer_slicer.geometry.polygons import STEPS_PER_MM
 
 __all__ = ["Diagram", "diagram_of"]
@@ -59,7 +59,7 @@ def diagram_of(ends: Float, area: Int) -> Diagram:
         ends: (S, 2, 2) mm, where sides begin and end; sides of an area meet at their ends only.
         area: (S,) to which each belongs, ascending; at least one.
     """
-    starts = np.flatnonzero(run_begins(area))
+    starts = np.flatnonzero(run_starts(area))
     low, high = (which.reduceat(which(ends[:, 0], ends[:, 1]), starts) for which in (np.minimum, np.maximum))
     middle = np.rint((low + high) / 2)  # whole mm, so that nothing is rounded anew
     n_sides = np.diff(np.append(starts, len(area)))
@@ -80,7 +80,7 @@ def diagram_of(ends: Float, area: Int) -> Diagram:
     start, cell, after = np.zeros((3, len(around)), np.int64)
     start[around] = begins
     cell[around] = np.repeat(np.arange(len(count)), count)
-    after[around] = around[following_around(np.append(0, np.cumsum(count)))]
+    after[around] = around[next_in_ring(np.append(0, np.cumsum(count)))]
     sites = np.frombuffer(found.sites, np.int64).reshape(-1, 2)
     side, place = sites[:, 0] + np.repeat(starts, n_cells), sites[:, 1]
     vertex = (np.frombuffer(found.vertices).reshape(-1, 2) - _AWAY) / STEPS_PER_MM

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from printer_slicer.arrays import Bool, Float, Int, consecutive, numbered
+from printer_slicer.arrays import Bool, Float, Int, consecutive, unique_inverse
 from printer_slicer.geometry.areas import Areas
 from printer_slicer.geometry.boxes import Boxes
 
@@ -60,7 +60,7 @@ def _every(count: Int, most: int) -> Int:
 
 def _odd(values: Int) -> Int:
     """Those that are there an odd number of times, ascending."""
-    found, place = numbered(values)
+    found, place = unique_inverse(values)
     return np.asarray(found[np.bincount(place, minlength=len(found)) % 2 == 1])
 
 

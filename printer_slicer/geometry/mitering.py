@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from printer_slicer.arrays import Bool, Float, Int, following_around
+from printer_slicer.arrays import Bool, Float, Int, next_in_ring
 from printer_slicer.geometry.polygons import MITER_LIMIT
 
 __all__ = ["mitered"]
@@ -49,11 +49,11 @@ def mitered(xy: Int, start: Int, distance: Float, limit: float = MITER_LIMIT) ->
         (n, 2) steps, and (R + 1,) where each ring begins: rings that may cross themselves and each other. Rings without
         area have no points.
     """
-    following = following_around(start)
+    following = next_in_ring(start)
     new = np.flatnonzero((xy[:, 0] != xy[:, 0].take(following)) | (xy[:, 1] != xy[:, 1].take(following)))
     if len(new) < len(xy):
         xy, start = xy.take(new, axis=0), np.searchsorted(new, start)
-        following = following_around(start)
+        following = next_in_ring(start)
     x, y = xy.T.astype(np.float64)
     by = np.repeat(distance, np.diff(start))
     corners = _corners((x, y), following)

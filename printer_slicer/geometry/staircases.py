@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from printer_slicer.arrays import Float, per_layer, run_begins
+from printer_slicer.arrays import Float, per_layer, run_starts
 from printer_slicer.geometry.areas import Areas, Lines
 from printer_slicer.geometry.engine import normalize
 from printer_slicer.geometry.hatching import columns
@@ -32,7 +32,7 @@ def staircases(rows: Lines, u: Float, *, angle: float | Float, half: float | Flo
         return Areas.empty(n_layers)
     foot, rank = columns(rows)
     order = np.lexsort((rank, foot))
-    begin = np.flatnonzero(run_begins(foot[order]))
+    begin = np.flatnonzero(run_starts(foot[order]))
     size = np.diff(np.append(begin, len(order)))
     layer = rows.layer[order]
     turn, reach = (per_layer(value, n_layers)[layer] for value in (angle, half))

@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.arrays import Bool, Float, Int, consecutive, distinct, frozen_array, renumbered
+from printer_slicer.arrays import Bool, Float, Int, compact_ids, consecutive, distinct, frozen_array
 from printer_slicer.geometry.areas import Areas
 from printer_slicer.geometry.diagram import Diagram, diagram_of
 from printer_slicer.geometry.pieces import pieces_of
@@ -277,7 +277,7 @@ def _following(diagram: Diagram, chosen: Int) -> Int:
 
 def _pieces(halves: _Halves, following: Int, left_out: Int, chord: float) -> MedialAxis:
     """Edges divided where they bend, or where beads beside them do that go around a corner."""
-    used, number = renumbered(halves.vertex, int(halves.vertex.max(initial=-1)) + 1)
+    used, number = compact_ids(halves.vertex, int(halves.vertex.max(initial=-1)) + 1)
     xy, layer = np.zeros((len(used), 2)), np.zeros(len(used), np.int64)
     xy[number], layer[number] = halves.ends, halves.layer[:, None]
     count, inner = _divided(halves, chord)

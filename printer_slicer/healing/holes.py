@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.arrays import Bool, Float, Int, following_around
+from printer_slicer.arrays import Bool, Float, Int, next_in_ring
 from printer_slicer.geometry.joints import cycles, linked, welded
 from printer_slicer.geometry.planes import spread
 from printer_slicer.geometry.vectors import dot, nearest_share
@@ -45,7 +45,7 @@ class _Holes:
     @property
     def following(self) -> Int:
         """(n,) place of the next corner around the hole."""
-        return following_around(self.start)
+        return next_in_ring(self.start)
 
     def kept(self, keep: Bool) -> _Holes:
         """Only the walks for which `keep` (H,) is true."""

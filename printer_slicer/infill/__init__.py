@@ -55,7 +55,7 @@ def infill_paths(
         StrategyError: `own` gives what cannot be printed, or misses the density.
     """
     layered = settings_by_layer(profile, regions.plan)
-    begins, limit = layered.run_starts(), min(profile.quality.sparse_every, profile.highest_bead)
+    begins, limit = layered.run_starts(), min(profile.quality.internal_infill_every, profile.highest_bead)
     groups = groups_of(regions.sparse, regions.plan, limit, groups, begins=begins)
     layouts = [_laid_out(regions.of_layers(here), groups, one, own) for one, here in layered.each()]
     carried = carried_layers(regions)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.arrays import Float, run_begins
+from printer_slicer.arrays import Float, run_starts
 from printer_slicer.geometry import Areas, Lines, Pieces, difference, hatch, offset, offset_open, row_ends
 from printer_slicer.infill.turns import LONGEST_TURN, Zigzags
 
@@ -73,7 +73,7 @@ def extensions_to_walls(rows: Lines, grid: HatchGrids, pieces: Pieces, inside: A
     own = np.maximum(np.searchsorted(begin, middle, side="right") - 1, 0)
     within = (begin[own] <= middle) & (middle <= finish[own])
     # Where a thin wall interrupts a row, the ends beside it do not extend.
-    first = run_begins(own)
+    first = run_starts(own)
     outermost = np.stack([first, np.append(first[1:], True)], axis=1)
     way = longest.u[own] - rows.u
     near = np.abs(way) <= _SLACK * LONGEST_TURN * apart[rows.layer, None]

@@ -14,7 +14,7 @@ from functools import partial
 
 import numpy as np
 
-from printer_slicer.arrays import Bool, Float, Int, consecutive, run_begins
+from printer_slicer.arrays import Bool, Float, Int, consecutive, run_starts
 from printer_slicer.geometry import (
     Areas,
     Polylines,
@@ -131,7 +131,7 @@ def _branches(trees: list[Tree]) -> Polylines:
     depth, heir = _heirs(xy, parent)
     tip = chain_ends(np.where(heir >= 0, heir, np.arange(len(heir))))
     order = np.lexsort((-depth, tip))
-    head = run_begins(tip[order])
+    head = run_starts(tip[order])
     last = order[np.append(head[1:], True)]
     joint = np.where(parent[last] >= 0, parent[last], last)
     size = np.diff(np.append(np.flatnonzero(head), len(order)))

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.arrays import Float, Int, frozen_array, run_begins
+from printer_slicer.arrays import Float, Int, frozen_array, run_starts
 from printer_slicer.combine_layers import area_savings, choose_groups, last_layers, tallest_groups
 from printer_slicer.geometry import Areas, difference, offset_open, window_intersection
 from printer_slicer.model import LayerPlan
@@ -97,7 +97,7 @@ def groups_of(
 def _turns(groups: Int) -> Int:
     """(L,) which turn it is on each layer: groups are counted, and the layers of one take turns up to its own."""
     own = np.arange(len(groups))
-    number = np.cumsum(run_begins(groups)) - 1
+    number = np.cumsum(run_starts(groups)) - 1
     return np.asarray(number + last_layers(groups) - own, np.int64)
 
 

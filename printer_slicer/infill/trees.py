@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from printer_slicer.arrays import Bool, Float, Int, run_begins
+from printer_slicer.arrays import Bool, Float, Int, run_starts
 from printer_slicer.geometry import Areas, Polylines
 from printer_slicer.geometry.clipping import clipped
 from printer_slicer.geometry.joints import chain_ends
@@ -178,7 +178,7 @@ def _joined(tree: Tree, node: Int, branch: Int, share: Float, foot: Float) -> Tr
     order, xy, number = order[~same], xy[~same], number[~same]
     goes_on = np.append(np.diff(branch[order]) == 0, False)[: len(order)] & (branch[order] >= 0)
     above = np.where(goes_on, np.append(number[1:], -1), np.where(branch[order] >= 0, up[order], -1))
-    first = (branch[order] >= 0) & run_begins(branch[order])
+    first = (branch[order] >= 0) & run_starts(branch[order])
     parent[branch[order][first]] = number[first]
     return Tree(np.concatenate([tree.xy, xy]), np.concatenate([parent, above]))
 

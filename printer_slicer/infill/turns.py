@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.arrays import Bool, Float, Int, consecutive, following_around, previous_around
+from printer_slicer.arrays import Bool, Float, Int, consecutive, next_in_ring, previous_in_ring
 from printer_slicer.geometry import Areas, Lines, row_ends
 
 __all__ = ["LONGEST_TURN", "Zigzags", "room_beyond", "zigzags"]
@@ -55,7 +55,7 @@ class Zigzags:
 
     def length(self) -> Float:
         """(M, 2) mm of rows and of turns in each."""
-        step = np.hypot(*(self.xy[following_around(self.start, False)] - self.xy).T)
+        step = np.hypot(*(self.xy[next_in_ring(self.start, False)] - self.xy).T)
         owner = np.repeat(np.arange(len(self.entry)), np.diff(self.start))
         kinds = (np.where(self.thin, 0.0, step), np.where(self.thin, step, 0.0))
         return np.stack([np.bincount(owner, kind, len(self.entry)) for kind in kinds], axis=1)
@@ -113,7 +113,7 @@ def room_beyond(xy: Float, out: Float, area: Areas, edge: Int, deep: Float) -> F
     sine = -(inward[edge] * out).sum(axis=1)
     # Where the border meets rows at a small angle they end as they are: beads along it fill what they leave.
     room = np.where(sine * LONGEST_TURN >= 1, deep / np.maximum(sine, 1e-12), 0.0)
-    for other in (previous_around(area.ring_start)[edge], area.following[edge]):
+    for other in (previous_in_ring(area.ring_start)[edge], area.following[edge]):
         # Only corners that stick out are in the way.
         turned = side[edge, 0] * side[other, 1] - side[edge, 1] * side[other, 0]
         convex = np.where(other == area.following[edge], turned, -turned) > 0

@@ -1,7 +1,7 @@
-"""The values that flow: Mesh -> LayerPlan -> Sections -> Walls, Regions -> Toolpaths -> Travels -> Program.
+"""The data model: Mesh -> LayerPlan -> Sections -> Walls, Regions -> Toolpaths -> Travels -> Program.
 
-All are frozen and hold read-only arrays. Letters in shapes: F facets, L layers, R rings, M paths, N points, K moves.
-Lengths are mm, times s, speeds mm/s, temperatures °C.
+All classes are frozen and have read-only arrays. Letters in shapes: F facets, L layers, R rings, M paths, N points,
+K moves. Units are mm, s, mm/s and °C.
 """
 
 from printer_slicer.geometry import Areas
@@ -16,7 +16,7 @@ from printer_slicer.model.paths import (
     Program,
     ToolChange,
     Toolpaths,
-    reordered,
+    reorder_ragged,
 )
 from printer_slicer.model.plate_objects import Labels, PlateObject
 from printer_slicer.model.travels import Travels, leaves
@@ -46,5 +46,5 @@ __all__ = [
     "Travels",
     "Walls",
     "leaves",
-    "reordered",
+    "reorder_ragged",
 ]

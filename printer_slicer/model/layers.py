@@ -1,4 +1,4 @@
-"""The layers: where they end, what of the part is in them, and what each place of it is for."""
+"""Layer plans, sections of the part, and regions of each section by role."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ from printer_slicer.repr_svg import SvgRepr
 __all__ = ["SAME_TOP", "Contours", "Gap", "LayerPlan", "Regions", "Sections"]
 
 SAME_TOP: Final = 1e-7
-"""mm: tops of layers of different objects that are nearer than this are one."""
+"""mm: tops of layers of different objects closer than this are equal."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LayerPlan(SvgRepr):
-    """Where the layers end and where the mesh is cut for each.
+    """The stack of layers: their tops, and the heights at which the mesh is cut.
 
     Attributes:
-        top: (L,) z of the top of each layer, strictly increasing; the nozzle prints at this height.
-        cut: (L,) z at which the mesh is cut for each layer, within the layer.
-        planner: name of the strategy that made the plan.
-        containment: "mid": a layer has the section at `cut`; "positive": everything that the part covers anywhere
-            between bottom and top; "negative": only what it covers everywhere between them.
-        base: (L,) z of the bottom of each layer, where that is not the top of the layer before: in what is printed of
-            several objects, whose layers do not begin where those of another object end. Empty elsewhere.
+        top: (L,) z of the top of each layer, mm, strictly increasing; the nozzle prints at this height.
+        cut: (L,) z at which the mesh is cut for each layer, mm, within the layer.
+        planner: name of the planner that made the plan.
+        containment: "mid": a layer has the section at `cut`; "positive": the union of all sections between bottom and
+            top; "negative": their intersection.
+        base: (L,) z of the bottom of each layer, mm, if it differs from the top of the layer before. That happens in
+            the union of the plans of several objects. Otherwise empty.
     """
 
     top: Float
@@ -55,15 +55,15 @@ class LayerPlan(SvgRepr):
 
     @classmethod
     def from_tops(cls, top: Float, planner: str = "", *, cut_ratio: float = 0.5) -> LayerPlan:
-        """A plan cut at `cut_ratio` of each layer's height: 0 bottom, 0.5 middle, 1 top.
+        """Build a plan from the tops of its layers.
 
         Args:
-            top: (L,) z of the tops, mm, each higher than the one before; the first over 0.
-            planner: name of the strategy that made them.
-            cut_ratio: from 0 to 1.
+            top: (L,) z of the tops, mm, strictly increasing from above 0.
+            planner: name of the planner.
+            cut_ratio: height of the cut within each layer: 0 bottom, 0.5 middle, 1 top.
 
         Raises:
-            PlanError: they are no list of numbers.
+            PlanError: `top` is not a list of numbers.
         """
         top = _numbers(top)
         bottom = np.concatenate([[0.0], top[:-1]])
@@ -71,9 +71,9 @@ class LayerPlan(SvgRepr):
 
     @classmethod
     def union(cls, plans: Sequence[LayerPlan]) -> LayerPlan:
-        """The layers that are printed of objects with plans of their own: a layer wherever one of them has its top.
+        """Combine the plans of several objects: a layer wherever one of them has a top.
 
-        Of layers with the same top the lowest bottom counts. Plans that are equal are their own union.
+        Of layers with the same top the lowest bottom is used. The union of equal plans is the plan itself.
         """
         first = plans[0]
         if all(np.array_equal(plan.top, first.top) for plan in plans):
@@ -93,21 +93,21 @@ class LayerPlan(SvgRepr):
 
     @property
     def bottom(self) -> Float:
-        """(L,) z of the bottom of each layer."""
+        """(L,) z of the bottom of each layer, mm."""
         return np.array(self.base) if len(self.base) else np.concatenate([[0.0], self.top[:-1]])
 
     def find_tops(self, tops: Float) -> Int:
-        """(n,) the layers that have these tops, mm."""
+        """Return (n,) the indices of the layers with these tops, mm."""
         return np.searchsorted(self.top, tops - SAME_TOP)
 
     @property
     def height(self) -> Float:
-        """(L,) layer heights."""
-        # Rounded to 0.1 nm: differences of tops carry floating-point dust that would make equal layers unequal.
+        """(L,) layer heights, mm."""
+        # Rounded to 0.1 nm, because rounding errors in differences of tops would make equal heights unequal.
         return np.round(self.top - self.bottom, 7)
 
     def runs(self) -> list[tuple[int, float]]:
-        """Consecutive layers of equal height: [(count, height in mm), ...]."""
+        """Return runs of consecutive layers of equal height: [(count, height in mm), ...]."""
         heights = np.round(self.height, 6)
         starts = np.flatnonzero(np.diff(heights, prepend=np.nan) != 0)
         counts = np.diff(np.append(starts, len(heights)))
@@ -115,28 +115,29 @@ class LayerPlan(SvgRepr):
 
 
 def _numbers(top: object) -> Float:
-    """(L,) tops of layers."""
+    """Convert tops of layers to an array (L,)."""
     try:
         found: Float = np.asarray(top, np.float64)
     except (TypeError, ValueError):
         found = np.zeros((0, 0))
     if found.ndim != 1:
         raise PlanError(
-            "tops of layers are a list of numbers, mm, that rise from over 0",
-            remedy="such as np.arange(1, 51) * 0.2",
+            "tops of layers must be a list of numbers, mm, strictly increasing from above 0",
+            remedy="Pass an array such as np.arange(1, 51) * 0.2",
         )
     return found
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Contours:
-    """The contour of every layer as the mesh gives it, before and after it is put in order.
+    """The contours of all layers, before and after the segments are joined.
 
     Attributes:
-        segments: (S, 2, 2) mm, one per facet and plane, in the order of the facets, solid to the left: the raw contour.
+        segments: (S, 2, 2) mm, the raw contour: one segment per facet and plane, in the order of the facets, with the
+            solid on the left.
         segment_layer: (S,) layer of each segment.
-        joined: the same segments joined tail to head into closed rings, every point kept.
-        repaired: `joined` without repeated and collinear points: the repaired contour.
+        joined: the segments joined into closed rings, with all points.
+        repaired: `joined` without repeated and collinear points.
     """
 
     segments: Float
@@ -152,7 +153,7 @@ class Contours:
 
 @dataclass(frozen=True, slots=True)
 class Gap:
-    """A place where the mesh is open: the contour of a layer had to be closed over `width` mm."""
+    """A gap of `width` mm in the contour of a layer that was closed, because the mesh is open there."""
 
     layer: int
     x: float
@@ -162,31 +163,31 @@ class Gap:
 
     @property
     def area(self) -> float:
-        """Mm² by which the section is off if the missing wall stays within the circle over the gap: half a disc."""
+        """Possible error of the section area, mm²: half a disc, if the missing wall lies in the circle on the gap."""
         return float(np.pi / 8 * self.width**2)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sections(SvgRepr):
-    """The solid area of the part in each layer, simplified to the resolution of the profile.
+    """The solid area of the part in each layer, simplified within the resolution of the profile.
 
     Attributes:
         plan: the layers.
-        solid: clean areas.
-        open_edges: edges that the cut planes cross and that lack a neighbour, or whose neighbour faces the other way.
-        gaps: where contours were closed over such edges, widest first.
-        turned: what contours run around the wrong way, as a shell that crosses itself does, or a void that reaches out
-            of the solid; it is left out. Its own rings run clockwise. None where there is nothing of it.
+        solid: areas without overlaps.
+        open_edges: number of edges at the cut planes without a neighbour, or with a neighbour of opposite orientation.
+        gaps: gaps in contours that were closed, widest first.
+        inverted: areas inside contours of reversed orientation, as in a self-intersecting shell or a void that extends
+            beyond the solid. They are not part of `solid`; their rings are clockwise. None if there are none.
     """
 
     plan: LayerPlan
     solid: Areas
     open_edges: int = 0
     gaps: tuple[Gap, ...] = ()
-    turned: Areas | None = None
+    inverted: Areas | None = None
 
     def solid_at(self, plan: LayerPlan) -> Areas:
-        """The solid area where each layer of another plan has its top."""
+        """Return the solid area for the layers of another plan, matched by their tops."""
         if plan is self.plan:
             return self.solid
         layer = self.plan.find_tops(plan.top)

@@ -1,4 +1,4 @@
-"""The part: its surface, and what was put right in it."""
+"""The part as a mesh, and the repairs made to it."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ if TYPE_CHECKING:
 
 __all__ = ["Mesh", "MeshFaults", "Repair", "Repairs"]
 
-_BLOCK = 1 << 12  # facets: what fits the cache
-_ROW = 768  # coordinates compared at a time
+_BLOCK = 1 << 12  # facets per block, which fit the CPU cache
+_ROW = 768  # coordinates compared at once
 _bounds: WeakKeyDictionary[Mesh, Float] = WeakKeyDictionary()
-"""Every stage from reading to planning asks for them."""
+"""Cached bounds, which many stages use."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
 class Mesh(SvgRepr):
-    """The surface of the part as loose triangles, as an STL file has them.
+    """The surface of the part as unconnected triangles, as in an STL file.
 
-    Neighbours share the coordinates of their corners exactly.
+    Neighbouring triangles have exactly equal corner coordinates.
 
     Attributes:
         triangles: (F, 3, 3) mm; corners counter-clockwise seen from outside.
-        name: what to call the part in messages.
-        items: the things that it holds, where it holds several.
+        name: name of the part in messages.
+        objects: the objects of a plate with several; empty if the mesh is one object.
     """
 
     triangles: Float
@@ -50,35 +50,35 @@ class Mesh(SvgRepr):
 
     @classmethod
     def from_trimesh(cls, mesh: trimesh.Trimesh, name: str = "part") -> Mesh:
-        """The surface of a trimesh, with the same coordinates, in mm.
+        """Convert a trimesh, whose coordinates are taken as mm.
 
         Args:
-            mesh: of triangles; its transforms, colours and metadata are not looked at.
-            name: what to call the part in messages.
+            mesh: a mesh of triangles; transforms, colours and metadata are ignored.
+            name: name of the part in messages.
 
         Raises:
-            UsageError: it is no trimesh of triangles, such as a point cloud or a path.
-            MeshError: it has no facets, or a coordinate that is no number.
+            UsageError: `mesh` is not a trimesh of triangles, but for example a point cloud or a path.
+            MeshError: the mesh has no facets, or a coordinate that is not finite.
         """
         if not hasattr(mesh, "triangles"):
             raise UsageError(
-                f"{name}: from_trimesh wants a trimesh.Trimesh, not {describe_type(mesh)}",
-                remedy="give it a mesh of triangles: trimesh.load_mesh(path)",
+                f"{name}: from_trimesh expects a trimesh.Trimesh, not {describe_type(mesh)}",
+                remedy="Pass a mesh of triangles: trimesh.load_mesh(path)",
             )
         triangles = np.asarray(mesh.triangles, np.float64)
         if not len(triangles) or not np.isfinite(triangles).all():
             raise MeshError(
-                f"{name}: this trimesh has {'a coordinate that is no number' if len(triangles) else 'no facets'}",
-                remedy="look at its faces and vertices",
+                f"{name}: the trimesh has {'a coordinate that is not finite' if len(triangles) else 'no facets'}",
+                remedy="Check its faces and vertices",
             )
         return cls(triangles, name)
 
     def to_trimesh(self) -> trimesh.Trimesh:
-        """The same surface as a trimesh; corners with equal coordinates are one vertex.
+        """Convert to a trimesh; corners with equal coordinates become one vertex.
 
         The first call imports trimesh, which takes about half a second.
         """
-        import trimesh  # noqa: PLC0415 - the slicer does without
+        import trimesh  # noqa: PLC0415 - trimesh is optional
 
         corners = self.triangles.reshape(-1, 3)
         vertices, number = np.unique(corners, axis=0, return_inverse=True)
@@ -91,14 +91,14 @@ class Mesh(SvgRepr):
 
     @property
     def bounds(self) -> Float:
-        """(2, 3) lowest and highest corner of the envelope, mm."""
+        """(2, 3) lower and upper corner of the bounding box, mm."""
         if self not in _bounds:
             _bounds[self] = frozen_array(self._ends(), np.float64, (2, 3))
         return _bounds[self]
 
     def _ends(self) -> Float:
-        """The same, looked for among all corners."""
-        # Long rows first: numbers that stand side by side are compared several at a time.
+        """Compute the bounds from all corners."""
+        # Reduce long rows first, because numpy compares contiguous numbers several at a time.
         flat = self.triangles.reshape(-1)
         n = len(flat) - len(flat) % _ROW
         ends = []
@@ -109,20 +109,20 @@ class Mesh(SvgRepr):
 
     @property
     def size(self) -> Float:
-        """(3,) edge lengths of the envelope, mm."""
+        """(3,) size of the bounding box, mm."""
         low, high = self.bounds
         return np.asarray(high - low)
 
     @property
     def height(self) -> float:
-        """Top of the part over z = 0, mm."""
+        """Height of the top of the part above z = 0, mm."""
         return float(self.bounds[1, 2])
 
     @property
     def volume(self) -> float:
         """Signed volume, mm³; negative when the facets face inward."""
-        # In blocks, coordinate by coordinate: seven times as fast as whole arrays, and no second copy of a large mesh.
-        # Seen from the middle of the first facet: turned inside out, an open mesh has exactly the opposite volume too.
+        # Blocks and single coordinates are seven times as fast as whole arrays, and need no second copy of the mesh.
+        # Volumes are measured from the middle of the first facet, so that inverting an open mesh exactly negates it.
         middle = self.triangles[:1].mean(axis=(0, 1)) if self.n_facets else np.zeros(3)
         total, origin = 0.0, np.tile(middle, 3)[:, None]
         for start in range(0, self.n_facets, _BLOCK):
@@ -132,19 +132,19 @@ class Mesh(SvgRepr):
         return total / 6
 
     def moved(self, by: Float | tuple[float, float, float]) -> Mesh:
-        """The same part, shifted by (x, y, z) mm."""
+        """Return the part shifted by (x, y, z) mm."""
         items = tuple(item.moved(np.asarray(by, dtype=np.float64)) for item in self.objects)
         return Mesh(self.triangles + np.asarray(by, dtype=np.float64), self.name, items)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MeshFaults:
-    """What keeps a mesh from bounding a solid, each as middle points (n, 3) of edges, mm.
+    """Faulty edges of a mesh, given by their midpoints (n, 3), mm.
 
     Attributes:
-        open_edges: edges with a facet on one side only.
-        flipped_edges: edges whose two facets face opposite ways.
-        crowded_edges: edges that more than two facets share; solids that touch along an edge have them too.
+        open_edges: edges with only one facet.
+        flipped_edges: edges whose two facets have opposite orientation.
+        crowded_edges: edges with more than two facets; also where solids touch along an edge.
     """
 
     open_edges: Float
@@ -157,19 +157,19 @@ class MeshFaults:
 
     @property
     def count(self) -> int:
-        """How many edges in all."""
+        """Total number of faulty edges."""
         return len(self.open_edges) + len(self.flipped_edges) + len(self.crowded_edges)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Repair:
-    """What was done to a mesh for one reason.
+    """One kind of repair of a mesh.
 
     Attributes:
-        kind: what, in words: "facets turned round".
-        places: (n, 3) mm, one for each time it was done.
-        widest: the farthest that a corner was moved, or the largest hole that was closed, mm; 0 where neither.
-        area: mm² of surface that was guessed.
+        kind: description of the repair, such as "facets turned round".
+        places: (n, 3) mm, the positions of all repairs of this kind.
+        widest: longest distance by which a corner was moved, or width of the largest hole closed, mm; 0 otherwise.
+        area: area of added surface, mm².
     """
 
     kind: str
@@ -182,17 +182,17 @@ class Repair:
 
     @property
     def count(self) -> int:
-        """How often."""
+        """Number of repairs of this kind."""
         return len(self.places)
 
 
 @dataclass(frozen=True, slots=True)
 class Repairs:
-    """What was put right in a mesh before it was cut.
+    """All repairs of a mesh.
 
     Attributes:
-        done: all of it, in the order in which it was done.
-        sound: whether the mesh was one shell.
+        done: the repairs, in order.
+        sound: whether the mesh was a single closed shell.
     """
 
     done: tuple[Repair, ...] = ()
@@ -200,5 +200,5 @@ class Repairs:
 
     @property
     def count(self) -> int:
-        """How many places in all."""
+        """Total number of repairs."""
         return sum(repair.count for repair in self.done)

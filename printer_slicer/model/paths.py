@@ -15,9 +15,9 @@ from printer_slicer.arrays import (
     Int,
     consecutive,
     distinct,
-    following_around,
     frozen_array,
     lengths,
+    next_in_ring,
 )
 from printer_slicer.model.layers import SAME_TOP, LayerPlan
 from printer_slicer.repr_svg import SvgRepr
@@ -32,7 +32,7 @@ __all__ = [
     "Program",
     "ToolChange",
     "Toolpaths",
-    "reordered",
+    "reorder_ragged",
 ]
 
 
@@ -123,7 +123,7 @@ class Toolpaths(SvgRepr):
             ("z_top", np.float64, (n_paths,)),
             ("tool", np.int64, (n_paths,)),
         ):
-            if name not in _MAY_BE_USUAL or not _is_usual(getattr(self, name)):
+            if name not in _MAY_BE_USUAL or not _is_default(getattr(self, name)):
                 object.__setattr__(self, name, frozen_array(getattr(self, name), dtype, shape))
 
     def __repr__(self) -> str:
@@ -162,11 +162,11 @@ class Toolpaths(SvgRepr):
         if (np.diff(layer) < 0).any():
             order = np.argsort(layer, kind="stable")
             before = size
-            (xy, widths), size = reordered((xy, widths), before, order)
+            (xy, widths), size = reorder_ragged((xy, widths), before, order)
             if support_ratio is not None:
-                (support_ratios,), _ = reordered((support_ratio,), before, order)
+                (support_ratios,), _ = reorder_ragged((support_ratio,), before, order)
             if slope is not None:
-                (z_offset, flow_ratio), _ = reordered(slope, before, order)
+                (z_offset, flow_ratio), _ = reorder_ragged(slope, before, order)
             layer, role, flags = layer[order], role[order], flags[order]
             heights, chain_ids, settings_ids = heights[order], chain_ids[order], settings_ids[order]
         start = np.concatenate([[0], np.cumsum(size)])
@@ -189,9 +189,9 @@ class Toolpaths(SvgRepr):
             closed=np.concatenate([part.closed for part in parts]),
             height=np.concatenate([part.height for part in parts]),
             support_ratio=np.concatenate([part.support_ratio for part in parts]),
-            chain_id=_numbered_apart([part.chain_id for part in parts]),
+            chain_id=_renumber_chains([part.chain_id for part in parts]),
             slope=None
-            if all(_is_usual(part.z_offset) and _is_usual(part.flow_ratio) for part in parts)
+            if all(_is_default(part.z_offset) and _is_default(part.flow_ratio) for part in parts)
             else (
                 np.concatenate([part.z_offset for part in parts]),
                 np.concatenate([part.flow_ratio for part in parts]),
@@ -229,7 +229,7 @@ class Toolpaths(SvgRepr):
         """
         columns: dict[str, Any] = {name: getattr(self, name) for name in _OF_POINTS}
         columns = {
-            name: _NOT_GIVEN if _is_usual(column) else column.take(point, axis=0)
+            name: _NOT_GIVEN if _is_default(column) else column.take(point, axis=0)
             for name, column in columns.items()
         }
         of_path = {name: getattr(self, name).take(path) for name in _OF_PATHS}
@@ -246,7 +246,7 @@ class Toolpaths(SvgRepr):
     @property
     def has_arcs(self) -> bool:
         """Whether any line is a chord of an arc."""
-        return not _is_usual(self.centre) and bool(np.isfinite(self.centre[:, 0]).any())
+        return not _is_default(self.centre) and bool(np.isfinite(self.centre[:, 0]).any())
 
     @property
     def n_paths(self) -> int:
@@ -256,7 +256,7 @@ class Toolpaths(SvgRepr):
     @property
     def following(self) -> Int:
         """(N,) index of the next point; at the end of an open path the point itself."""
-        return following_around(self.start, self.closed)
+        return next_in_ring(self.start, self.closed)
 
     @property
     def beads_of_each(self) -> Int:
@@ -289,19 +289,19 @@ class Toolpaths(SvgRepr):
         return self.xy[self.start[index] : self.start[index + 1]]
 
 
-def _is_usual(column: Float) -> bool:
+def _is_default(column: Float) -> bool:
     """Return whether a column has its default: one broadcast value, which takes no memory."""
     return len(column) > 0 and column.strides[0] == 0
 
 
-def _numbered_apart(sweeps: Sequence[Int]) -> Int:
+def _renumber_chains(sweeps: Sequence[Int]) -> Int:
     """Concatenate chain ids of several parts, renumbered so that chains of different parts stay separate."""
     used = np.cumsum([0, *(int(sweep.max(initial=-1)) + 1 for sweep in sweeps)])
     numbered = [np.where(sweep < 0, -1, sweep + first) for sweep, first in zip(sweeps, used, strict=False)]
     return np.concatenate([np.zeros(0, np.int64), *numbered])
 
 
-def reordered(columns: Sequence[Float], size: Int, order: Int) -> tuple[list[Float], Int]:
+def reorder_ragged(columns: Sequence[Float], size: Int, order: Int) -> tuple[list[Float], Int]:
     """Return ragged columns and their sizes with the items in another order."""
     first, counts = (np.cumsum(size) - size)[order], size[order]
     chosen = consecutive(first, counts)
@@ -410,7 +410,7 @@ class Program(SvgRepr):
             ("z_top", np.float64, (n_moves,)),
             ("tool", np.int64, (n_moves,)),
         ):
-            if name not in _MAY_BE_USUAL or not _is_usual(getattr(self, name)):
+            if name not in _MAY_BE_USUAL or not _is_default(getattr(self, name)):
                 object.__setattr__(self, name, frozen_array(getattr(self, name), dtype, shape))
 
     def __repr__(self) -> str:
@@ -420,7 +420,7 @@ class Program(SvgRepr):
     @property
     def has_arcs(self) -> bool:
         """Whether any move is a chord of an arc."""
-        return not _is_usual(self.centre) and bool(np.isfinite(self.centre[:, 0]).any())
+        return not _is_default(self.centre) and bool(np.isfinite(self.centre[:, 0]).any())
 
     @property
     def on_same_arc(self) -> Bool:

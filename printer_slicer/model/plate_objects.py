@@ -1,4 +1,4 @@
-"""Several things on one plate: which facets are whose, and which moves."""
+"""Objects on a plate: the facets and the moves of each."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ __all__ = ["Labels", "PlateObject"]
 
 @dataclass(frozen=True, slots=True)
 class PlateObject:
-    """One of the things that a mesh holds, or all of it.
+    """One object of a mesh.
 
     Attributes:
-        name: what to call it.
-        low, high: corners of its envelope, mm.
-        first, count: its facets among those of the mesh; count 0: they are not known any more.
+        name: name of the object.
+        low, high: corners of its bounding box, mm.
+        first, count: range of its facets in the mesh; count 0: unknown, because the mesh was repaired.
     """
 
     name: str
@@ -29,37 +29,37 @@ class PlateObject:
 
     @classmethod
     def of(cls, name: str, bounds: Float, first: int, count: int) -> PlateObject:
-        """The thing that some facets are, whose envelope is `bounds` (2, 3)."""
+        """Build the object of a range of facets whose bounding box is `bounds` (2, 3), mm."""
         (x, y, z), (right, back, top) = bounds.tolist()
         return cls(name, (x, y, z), (right, back, top), first, count)
 
     def moved(self, by: Float) -> PlateObject:
-        """The same thing, shifted by (x, y, z) mm."""
+        """Return the object shifted by (x, y, z) mm."""
         return PlateObject.of(self.name, np.array([self.low, self.high]) + by, self.first, self.count)
 
     def behind(self, facets: int) -> PlateObject:
-        """The same thing in a mesh that has so many facets before it."""
+        """Return the object in a mesh with `facets` more facets before it."""
         return replace(self, first=self.first + facets)
 
     def without_facets(self) -> PlateObject:
-        """The same thing in a mesh whose facets are others now."""
+        """Return the object without its range of facets, for a mesh whose facets changed."""
         return replace(self, first=0, count=0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Labels:
-    """Which moves lay which of several things.
+    """The object of each move.
 
     Attributes:
-        names: of the things, each another one, of letters, digits, `_` and `-`.
-        boxes: (O, 2, 2) their envelopes seen from above, mm.
-        item: (K,) the number of the thing that a move's bead belongs to; -1 for travels, skirt, brim and raft.
+        names: unique names of the objects, of letters, digits, `_` and `-`.
+        boxes: (O, 2, 2) their bounding boxes seen from above, mm.
+        object_id: (K,) index of the object that a move prints; -1 for travels, skirt, brim and raft.
     """
 
     names: tuple[str, ...]
     boxes: Float
-    item: Int
+    object_id: Int
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "boxes", frozen_array(self.boxes, np.float64, (len(self.names), 2, 2)))
-        object.__setattr__(self, "item", frozen_array(self.item, np.int64, (-1,)))
+        object.__setattr__(self, "object_id", frozen_array(self.object_id, np.int64, (-1,)))

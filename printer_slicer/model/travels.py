@@ -1,4 +1,4 @@
-"""How the nozzle gets from path to path."""
+"""Travel moves between paths."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ __all__ = ["Travels", "leaves"]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Travels:
-    """Ways to paths in printing order: way `i` leads from where path `i - 1` ends to where path `i` begins.
+    """Travel moves in printing order: travel `i` leads from the end of path `i - 1` to the start of path `i`.
 
     Attributes:
-        xy: (P, 2) mm, what the nozzle passes, without the ends of the ways.
-        start: (M + 1,) way `i` passes the points `xy[start[i]:start[i + 1]]`, which may be none.
-        retract: (M,) whether the filament is pulled back on the way; never on the first one.
-        crossings: (M,) how often the way crosses outlines of its layer's section; none counts for the first one.
+        xy: (P, 2) mm, waypoints of all travels, without start and end points.
+        start: (M + 1,) travel `i` has the waypoints `xy[start[i]:start[i + 1]]`; there may be none.
+        retract: (M,) whether filament is retracted for the travel; never for the first.
+        crossings: (M,) how often the travel crosses outlines of its layer's section; 0 for the first.
     """
 
     xy: Float
@@ -40,21 +40,21 @@ class Travels:
 
     def __repr__(self) -> str:
         crossing = int((self.crossings > 0).sum())
-        return f"<Travels: {self.n_ways} ways, {int(self.retract.sum())} retract, {crossing} cross outlines>"
+        return f"<Travels: {self.n_travels} travels, {int(self.retract.sum())} retract, {crossing} cross outlines>"
 
     @classmethod
     def straight(cls, retract: Bool, crossings: Int) -> Travels:
-        """Ways (M,) that pass nothing."""
+        """Build travels (M,) without waypoints."""
         return cls(np.zeros((0, 2)), np.zeros(len(retract) + 1, np.int64), retract, crossings)
 
     @property
-    def n_ways(self) -> int:
-        """Number of ways, as many as there are paths."""
+    def n_travels(self) -> int:
+        """Number of travels, equal to the number of paths."""
         return len(self.retract)
 
 
 def leaves(paths: Toolpaths) -> tuple[Float, Float]:
-    """Where the way to each path begins and ends, (M, 2) both; the first one begins at 0, 0."""
+    """Return start and end points, (M, 2) each, of the travel to each path; the first starts at (0, 0)."""
     begin = paths.xy[paths.start[:-1]]
     end = np.where(paths.closed[:, None], begin, paths.xy[paths.start[1:] - 1])
     return np.concatenate([np.zeros((1, 2)), end])[:-1], begin

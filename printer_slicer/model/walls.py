@@ -1,4 +1,4 @@
-"""The perimeters of all layers, and what is left inside them."""
+"""The perimeters of all layers, and the area inside them."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ __all__ = ["Walls"]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Walls(SvgRepr):
-    """Perimeters, and what is left inside them.
+    """The perimeters, and the area inside them.
 
     Attributes:
         plan: the layers.
-        width: (L,) extrusion width of each layer's perimeters where there is room for them.
-        paths: loops, and open paths where a bead lies in the middle of a narrow place; within a layer the deeper ones
-            come first.
-        inside: the area that skins and infill have to fill.
-        lost: (L,) mm² of each section outside the walls and between them that is too narrow for a bead and stays empty.
+        width: (L,) nominal extrusion width of the perimeters of each layer, mm.
+        paths: loops, and open paths along the middle of narrow places; within a layer inner perimeters come first.
+        inside: the area to be filled with infill.
+        lost: (L,) mm² of each section, outside and between perimeters, that stays empty because it is too narrow for
+            an extrusion.
     """
 
     plan: LayerPlan
@@ -50,7 +50,7 @@ class Walls(SvgRepr):
         return f"<Walls: {self.plan.n_layers} layers, {self.paths.n_paths} perimeters>"
 
     def on_plan(self, plan: LayerPlan) -> Walls:
-        """The same walls on the layers of another plan that have the same tops; the others have none."""
+        """Return the walls on the layers of another plan, matched by their tops."""
         if plan is self.plan:
             return self
         layer = plan.find_tops(self.plan.top)
@@ -60,7 +60,7 @@ class Walls(SvgRepr):
 
     @classmethod
     def joined(cls, parts: Sequence[Walls]) -> Walls:
-        """The walls of several objects side by side, or of several groups of layers, whose beads are equally wide."""
+        """Combine the walls of several objects, or of several groups of layers."""
         if len(parts) == 1:
             return parts[0]
         plan = LayerPlan.union([part.plan for part in parts])

@@ -180,7 +180,7 @@ def plan_speeds(
         corners[1:][np.diff(stops) > 0] = 0.0
     gains = _gains(blocks)
     ratio = limits.minimum_cruise_ratio
-    smoothed = _smoothed(corners, gains * (1.0 - ratio), entry[1]) if ratio > 0.0 and len(moving) else None
+    smoothed = _smooth(corners, gains * (1.0 - ratio), entry[1]) if ratio > 0.0 and len(moving) else None
     return SpeedProfile(moving, blocks, corners, _squares(corners, gains, entry[0]), smoothed)
 
 
@@ -216,12 +216,12 @@ def make_blocks(
     for part, top_speed, top_acceleration in zip(
         np.abs(unit), limits.max_speed, limits.max_acceleration, strict=True
     ):
-        speed = _held(speed, part, top_speed)
-        acceleration = _held(acceleration, part, top_acceleration)
+        speed = _limit(speed, part, top_speed)
+        acceleration = _limit(acceleration, part, top_acceleration)
     return Blocks(length, unit, speed, acceleration, acceleration / wanted)
 
 
-def _held(value: Float, part: Float, top: float) -> Float:
+def _limit(value: Float, part: Float, top: float) -> Float:
     """`value` lowered so that its `part` is at most `top`."""
     over = np.flatnonzero(part * value > top)
     if len(over) == 0:
@@ -246,15 +246,15 @@ def corner_squares(limits: MotionLimits, before: Blocks, after: Blocks) -> Float
 
 def _deviation_squares(limits: MotionLimits, before: Blocks, after: Blocks) -> Float:
     """See `blocks._deviation_square`."""
-    bx, by, bz, be = before.unit / _sizes(before.unit)
-    ax, ay, az, ae = after.unit / _sizes(after.unit)
+    bx, by, bz, be = before.unit / _column_norms(before.unit)
+    ax, ay, az, ae = after.unit / _column_norms(after.unit)
     cosine = ax * bx + ay * by + az * bz + ae * be
     straight = cosine > STRAIGHT
     cosine[straight] = 0.0  # any harmless value
     size = np.sqrt(2.0 - 2.0 * cosine)
     acceleration = after.acceleration
     for difference, top in zip((ax - bx, ay - by, az - bz, ae - be), limits.max_acceleration, strict=True):
-        acceleration = _held(acceleration, np.abs(difference) / size, top)
+        acceleration = _limit(acceleration, np.abs(difference) / size, top)
     half_sine = np.sqrt(np.maximum(0.0, 0.5 * (1.0 + cosine)))
     squares: Float = acceleration * limits.junction_deviation * half_sine / (1.0 - half_sine)
     curved = np.flatnonzero((after.length < SMALL_LENGTH) & (cosine > SMALL_TURN))
@@ -264,7 +264,7 @@ def _deviation_squares(limits: MotionLimits, before: Blocks, after: Blocks) -> F
     return squares
 
 
-def _sizes(unit: Float) -> Float:
+def _column_norms(unit: Float) -> Float:
     """Lengths of the columns of (4, B)."""
     x, y, z, e = unit
     sizes: Float = np.sqrt(x * x + y * y + z * z + e * e)
@@ -275,7 +275,7 @@ def _jerk_speeds(limits: MotionLimits, before: Blocks, after: Blocks, speed: Flo
     """See `blocks._jerk_speed`."""
     for b, a, limit in zip(before.unit, after.unit, limits.jerk, strict=True):
         jump = np.where(a * b > 0.0, np.abs(a - b), np.maximum(np.abs(a), np.abs(b)))
-        speed = _held(speed, jump, limit)
+        speed = _limit(speed, jump, limit)
     return speed
 
 
@@ -284,7 +284,7 @@ def _square_corner_squares(limits: MotionLimits, before: Blocks, after: Blocks, 
     bx, by, bz, be = before.unit
     ax, ay, az, ae = after.unit
     if limits.jerk[3] > 0.0:
-        slower = _held(slower, np.abs(ae - be), limits.jerk[3])
+        slower = _limit(slower, np.abs(ae - be), limits.jerk[3])
     cosine = ax * bx + ay * by + az * bz
     half_sine = np.sqrt(np.maximum(0.0, 0.5 * (1.0 + cosine)))
     half_cosine = np.sqrt(np.maximum(0.0, 0.5 * (1.0 - cosine)))
@@ -335,7 +335,7 @@ def running_least(limit: Float, gain: Float, first: float = 0.0) -> Float:
     return values.T.reshape(-1)[: len(limit)]
 
 
-def _smoothed(corners: Float, gains: Float, entry: float) -> Smoothed:
+def _smooth(corners: Float, gains: Float, entry: float) -> Smoothed:
     """Squared cruise limits that leave the minimum share of cruise, see `rules._smoothed_tops`."""
     squares = _squares(corners, gains, entry)
     before, behind = squares[:-1], squares[1:]

@@ -37,20 +37,20 @@ def order(paths: Toolpaths, sections: Sections, profile: Profile) -> Toolpaths:
     if paths.n_paths == 0:
         return paths
     if profile.quality.spiral:
-        return make_spiral(_ordered(select_spiral_paths(paths, profile), sections, profile), profile)
-    return add_scarfs(split_lines(_ordered(paths, sections, profile)), profile)
+        return make_spiral(_order_paths(select_spiral_paths(paths, profile), sections, profile), profile)
+    return add_scarfs(split_lines(_order_paths(paths, sections, profile)), profile)
 
 
-def _ordered(paths: Toolpaths, sections: Sections, profile: Profile) -> Toolpaths:
+def _order_paths(paths: Toolpaths, sections: Sections, profile: Profile) -> Toolpaths:
     paths = place_seams(close_loops(paths), profile)
-    island = _islands(paths, sections.solid)
+    island = _find_islands(paths, sections.solid)
     paths, clusters = cluster_walls(start_near_seams(paths, island, profile), inner_loops(paths), profile)
     units = group_units(paths, island, clusters, profile)
-    ordered = _printed(paths, units, *route_units(units))
+    ordered = _apply_order(paths, units, *route_units(units))
     return start_near_nozzle(ordered, profile)
 
 
-def _islands(paths: Toolpaths, solid: Areas) -> Int:
+def _find_islands(paths: Toolpaths, solid: Areas) -> Int:
     """(M,) for each path the outer ring of its layer that it lies in; paths outside all of them share one island."""
     island = np.zeros(paths.n_paths, np.int64)
     outlines = solid.select(solid.ring_area() > 0)
@@ -62,7 +62,7 @@ def _islands(paths: Toolpaths, solid: Areas) -> Int:
     return island
 
 
-def _printed(paths: Toolpaths, units: Units, taken: Int, turned: Bool) -> Toolpaths:
+def _apply_order(paths: Toolpaths, units: Units, taken: Int, turned: Bool) -> Toolpaths:
     """The paths of units `taken` (U,), those that are `turned` (U,) from their end to their beginning."""
     size = np.diff(units.start)[taken]
     around = np.repeat(turned, size)

@@ -45,7 +45,7 @@ def align_seams(paths: Toolpaths, loops: Loops, toward: Float, *, strongly: bool
     """
     if not loops.n_loops:
         return np.zeros(0)
-    below = _below(loops)
+    below = _find_loops_below(loops)
     candidates = _Candidates.of(paths, loops, toward, strongly=strongly)
     chosen = candidates.cheapest(loops, below)
     every = np.arange(loops.n_loops)
@@ -156,7 +156,7 @@ def _corner_costs(loops: Loops, owner: Int) -> Float:
     return np.asarray(1.0 - sharpness * np.where(turn > 0, _CONVEX, 1.0))
 
 
-def _below(loops: Loops) -> Int:
+def _find_loops_below(loops: Loops) -> Int:
     """(R,) the loop of the layer below that has most nearly the same box around it; -1 where none is like it."""
     low, high = boxes(loops.xy, loops.start, np.arange(loops.n_loops), loops.n_loops)
     middle = Boxes((low + high) / 2, (low + high) / 2, loops.layer)

@@ -31,12 +31,12 @@ def split_lines(paths: Toolpaths) -> Toolpaths:
     line = np.flatnonzero(may)
     if not len(line):
         return paths
-    at, saved = _breaks(paths, line)
-    chosen = _apart(line, saved)
-    return _in_two(paths, line[chosen], at[chosen]) if chosen.any() else paths
+    at, saved = _find_breaks(paths, line)
+    chosen = _select_breaks(line, saved)
+    return _split(paths, line[chosen], at[chosen]) if chosen.any() else paths
 
 
-def _breaks(paths: Toolpaths, line: Int) -> tuple[Int, Float]:
+def _find_breaks(paths: Toolpaths, line: Int) -> tuple[Int, Float]:
     """For each open line (n,) the inner point where it is best broken, and mm that this saves."""
     begin, last = paths.start[:-1], paths.start[1:] - 1
     ends = np.where(paths.closed, begin, last)
@@ -44,13 +44,13 @@ def _breaks(paths: Toolpaths, line: Int) -> tuple[Int, Float]:
     point = consecutive(begin[line] + 1, size)
     come, go = paths.xy[ends[line - 1]], paths.xy[begin[line + 1]]
     place = paths.xy.take(point, axis=0)
-    way = _far(place, np.repeat(come, size, axis=0)) + _far(place, np.repeat(go, size, axis=0))
+    way = _distances(place, np.repeat(come, size, axis=0)) + _distances(place, np.repeat(go, size, axis=0))
     chosen, least = argmin_by_group(way, size)
     one, other = paths.xy[begin[line]], paths.xy[last[line]]
-    return point[chosen], _far(come, one) + _far(other, go) - least - _far(one, other)
+    return point[chosen], _distances(come, one) + _distances(other, go) - least - _distances(one, other)
 
 
-def _apart(line: Int, saved: Float) -> Bool:
+def _select_breaks(line: Int, saved: Float) -> Bool:
     """(n,) lines that are worth it, of neighbours the one that saves more: the other one's ways change with it."""
     worth = np.where(saved > _LEAST, saved, 0.0)
     before = np.append(0.0, np.where(np.diff(line) == 1, worth[:-1], 0.0))
@@ -58,7 +58,7 @@ def _apart(line: Int, saved: Float) -> Bool:
     return np.asarray((worth > 0) & (worth > before) & (worth >= after))
 
 
-def _in_two(paths: Toolpaths, line: Int, at: Int) -> Toolpaths:
+def _split(paths: Toolpaths, line: Int, at: Int) -> Toolpaths:
     """Lines (n,) in two pieces: from the point `at` (n,) to the end, then from the begin to that point."""
     n = paths.n_paths
     count = np.ones(n, np.int64)
@@ -71,5 +71,5 @@ def _in_two(paths: Toolpaths, line: Int, at: Int) -> Toolpaths:
     return paths.of_points(point, np.append(0, np.cumsum(stop - first)), source)
 
 
-def _far(one: Float, other: Float) -> Float:
+def _distances(one: Float, other: Float) -> Float:
     return np.asarray(np.hypot(*(one - other).T))

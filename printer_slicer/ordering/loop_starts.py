@@ -17,7 +17,7 @@ __all__ = ["start_near_nozzle", "start_near_seams"]
 def start_near_seams(paths: Toolpaths, island: Int, profile: Profile) -> Toolpaths:
     """The same paths; free loops begin at their point nearest to the seam of the longest outer loop of their island."""
     outer = external_loops(paths)
-    loops = Loops.of(paths, _free(paths, profile))
+    loops = Loops.of(paths, _free_loops(paths, profile))
     if not len(outer) or not loops.n_loops:
         return paths
     n_islands = int(island.max()) + 1
@@ -34,7 +34,7 @@ def start_near_seams(paths: Toolpaths, island: Int, profile: Profile) -> Toolpat
 
 def start_near_nozzle(paths: Toolpaths, profile: Profile) -> Toolpaths:
     """Paths in printing order; free loops begin at their point nearest to the end of the path before."""
-    loops = Loops.of(paths, _free(paths, profile))
+    loops = Loops.of(paths, _free_loops(paths, profile))
     if not loops.n_loops:
         return paths
     begin, end = paths.xy[paths.start[:-1]], paths.xy[paths.start[1:] - 1]
@@ -48,6 +48,6 @@ def start_near_nozzle(paths: Toolpaths, profile: Profile) -> Toolpaths:
     return start_at(paths, loops, along)
 
 
-def _free(paths: Toolpaths, profile: Profile) -> Int:
+def _free_loops(paths: Toolpaths, profile: Profile) -> Int:
     """Loops that are no perimeters, and with seams wherever it is nearest those too."""
     return np.flatnonzero(paths.closed & ((profile.quality.seam == "nearest") | ~is_perimeter(paths.role)))

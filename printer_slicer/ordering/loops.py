@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from printer_slicer.arrays import Float, Int, consecutive, following_around
+from printer_slicer.arrays import Float, Int, consecutive, next_in_ring
 from printer_slicer.geometry.vectors import nearest_share, norm
 from printer_slicer.model import Toolpaths
 
@@ -45,7 +45,7 @@ class Loops:
     _mark: Float = field(init=False)
 
     def __post_init__(self) -> None:
-        following = following_around(self.start)
+        following = next_in_ring(self.start)
         step = np.hypot(*(self.xy.take(following, axis=0) - self.xy).T)
         walked = np.append(0.0, np.cumsum(step))
         size = np.diff(self.start)
@@ -141,10 +141,10 @@ def start_at(paths: Toolpaths, loops: Loops, along: Float) -> Toolpaths:
     whole, other = loops.point[point], loops.point[ends]
     width = paths.width[whole] * (1 - share) + paths.width[other] * share
     head = np.where(new, other, loops.point[first])
-    return _rotated(paths, loops.path, head, new, (place, width, paths.support_ratio[whole]))
+    return _rotate(paths, loops.path, head, new, (place, width, paths.support_ratio[whole]))
 
 
-def _rotated(
+def _rotate(
     paths: Toolpaths, path: Int, head: Int, new: np.ndarray, given: tuple[Float, Float, Float]
 ) -> Toolpaths:
     """Loops `path` (R,) beginning with their point `head` (R,), or with a new one before that."""

@@ -19,12 +19,12 @@ _SMALL_CHOICE = 20_000  # units; beyond, trying every one at every step takes mi
 def route_units(units: Units) -> tuple[Int, Bool]:
     """(U,) the units in the order of printing, and which of these (U,) are turned around."""
     taken, turned = _nearest_first(units)
-    taken, turned = _islands_moved(units, taken, turned)
-    step = _numbered(units.layer[taken], units.island[taken], units.step[taken])
-    return _shortened(units, taken, turned, step)
+    taken, turned = _reorder_islands(units, taken, turned)
+    step = _number_runs(units.layer[taken], units.island[taken], units.step[taken])
+    return _shorten(units, taken, turned, step)
 
 
-def _numbered(*columns: Int) -> Int:
+def _number_runs(*columns: Int) -> Int:
     """The number of the stretch of equal values that each is in."""
     new = np.zeros(len(columns[0]), np.bool_)
     for column in columns:
@@ -32,24 +32,24 @@ def _numbered(*columns: Int) -> Int:
     return np.cumsum(new)
 
 
-def _oriented(units: Units, taken: Int, turned: Bool) -> tuple[Float, Float]:
+def _entry_and_exit(units: Units, taken: Int, turned: Bool) -> tuple[Float, Float]:
     begin, end = units.begin[taken], units.end[taken]
     return np.where(turned[:, None], end, begin), np.where(turned[:, None], begin, end)
 
 
-def _shortened(units: Units, taken: Int, turned: Bool, group: Int) -> tuple[Int, Bool]:
+def _shorten(units: Units, taken: Int, turned: Bool, group: Int) -> tuple[Int, Bool]:
     """The same units, moved about within their groups."""
-    begin, end = _oriented(units, taken, turned)
+    begin, end = _entry_and_exit(units, taken, turned)
     order, around = shorten_tour(begin, end, units.free[taken], group)
     return taken[order], turned[order] ^ around
 
 
-def _islands_moved(units: Units, taken: Int, turned: Bool) -> tuple[Int, Bool]:
+def _reorder_islands(units: Units, taken: Int, turned: Bool) -> tuple[Int, Bool]:
     """The islands of each layer in a shorter order, each as it is."""
-    island = _numbered(units.layer[taken], units.island[taken])
+    island = _number_runs(units.layer[taken], units.island[taken])
     first = np.flatnonzero(np.diff(island, prepend=-1))
     last = np.append(first[1:], len(taken)) - 1
-    begin, end = _oriented(units, taken, turned)
+    begin, end = _entry_and_exit(units, taken, turned)
     around = units.island[taken][first] < 0
     group = np.cumsum(
         (np.diff(units.layer[taken][first], prepend=-1) != 0) | around | np.append(False, around[:-1])

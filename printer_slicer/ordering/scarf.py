@@ -29,10 +29,10 @@ def add_scarfs(paths: Toolpaths, profile: Profile) -> Toolpaths:
     long = np.flatnonzero(loops.length > 2 * quality.scarf_length)
     if not len(long):
         return paths
-    return _sloped(paths, Loops.of(paths, loops.path[long]), quality.scarf_length, quality.scarf_start)
+    return _add_slopes(paths, Loops.of(paths, loops.path[long]), quality.scarf_length, quality.scarf_start)
 
 
-def _sloped(paths: Toolpaths, loops: Loops, length: float, begin: float) -> Toolpaths:
+def _add_slopes(paths: Toolpaths, loops: Loops, length: float, begin: float) -> Toolpaths:
     """The loops as open paths that go on for `length` mm over their begin, where the bead is `begin` of its height."""
     size = np.diff(paths.start)
     within = np.bincount(
@@ -45,7 +45,7 @@ def _sloped(paths: Toolpaths, loops: Loops, length: float, begin: float) -> Tool
     count = size.copy()
     count[loops.path] += within + 4
     start = np.append(0, np.cumsum(count))
-    source, along = _walk(paths, loops, within, count, length)
+    source, along = _scarf_points(paths, loops, within, count, length)
     some = paths.of_points(source, start, np.arange(paths.n_paths))
     n = size[loops.path]
     first = start[loops.path]
@@ -69,7 +69,9 @@ def _sloped(paths: Toolpaths, loops: Loops, length: float, begin: float) -> Tool
     )
 
 
-def _walk(paths: Toolpaths, loops: Loops, within: Int, count: Int, length: float) -> tuple[Int, Float]:
+def _scarf_points(
+    paths: Toolpaths, loops: Loops, within: Int, count: Int, length: float
+) -> tuple[Int, Float]:
     """The point of the paths that each new point stands for, and for those of the loops how far along it lies, mm."""
     size = np.diff(paths.start)
     owner = np.repeat(np.arange(paths.n_paths), count)

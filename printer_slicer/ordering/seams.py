@@ -27,13 +27,13 @@ def place_seams(paths: Toolpaths, profile: Profile) -> Toolpaths:
     rule = profile.quality.seam
     if rule == "nearest" or not loops.n_loops:
         return paths
-    return start_at(paths, loops, _places(paths, loops, rule, profile.quality.seam_angle_deg))
+    return start_at(paths, loops, _seam_positions(paths, loops, rule, profile.quality.seam_angle_deg))
 
 
-def _places(paths: Toolpaths, loops: Loops, rule: str, angle_deg: float) -> Float:
+def _seam_positions(paths: Toolpaths, loops: Loops, rule: str, angle_deg: float) -> Float:
     """(R,) where loops begin."""
     if rule == "rear":
-        return _rear(loops)
+        return _rear_positions(loops)
     if rule == "random":
         return np.random.default_rng(_SEED).random(loops.n_loops) * loops.length
     angle = np.radians(angle_deg)
@@ -41,7 +41,7 @@ def _places(paths: Toolpaths, loops: Loops, rule: str, angle_deg: float) -> Floa
     return align_seams(paths, loops, toward, strongly=rule == "direction")
 
 
-def _rear(loops: Loops) -> Float:
+def _rear_positions(loops: Loops) -> Float:
     """The point farthest back; of several the rightmost."""
     owner = np.repeat(np.arange(loops.n_loops), np.diff(loops.start))
     ranked = np.lexsort((loops.xy[:, 0], np.round(loops.xy[:, 1], 3), owner))

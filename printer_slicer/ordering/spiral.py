@@ -69,11 +69,11 @@ def make_spiral(paths: Toolpaths, profile: Profile) -> Toolpaths:
     chosen = np.flatnonzero(paths.layer >= first)
     if not len(chosen):
         return paths
-    paths = _begun_above_each_other(paths, chosen)
+    paths = _align_starts(paths, chosen)
     loops = Loops.of(paths, chosen)
     below = np.flatnonzero(paths.layer == first - 1)
     base = below[paths.closed[below] & (paths.role[below] == Role.EXTERNAL_PERIMETER)]
-    turns = _turns(paths, loops, Loops.of(paths, base[:1]), profile)
+    turns = _climbing_turns(paths, loops, Loops.of(paths, base[:1]), profile)
     return Toolpaths.joined(paths.plan, [paths.take(np.flatnonzero(paths.layer < first)), turns])
 
 
@@ -87,7 +87,7 @@ def _first_turn(paths: Toolpaths, profile: Profile) -> int:
     return max(base + 1, int(over))
 
 
-def _begun_above_each_other(paths: Toolpaths, chosen: Int) -> Toolpaths:
+def _align_starts(paths: Toolpaths, chosen: Int) -> Toolpaths:
     """Every turn begins at its place nearest to where the turn below does."""
     loops = Loops.of(paths, chosen)
     along = np.zeros(loops.n_loops)
@@ -98,7 +98,7 @@ def _begun_above_each_other(paths: Toolpaths, chosen: Int) -> Toolpaths:
     return start_at(paths, loops, along)
 
 
-def _turns(paths: Toolpaths, loops: Loops, base: Loops, profile: Profile) -> Toolpaths:
+def _climbing_turns(paths: Toolpaths, loops: Loops, base: Loops, profile: Profile) -> Toolpaths:
     """The loops (R,) as open paths that climb, and one more turn at the top."""
     n = np.append(np.diff(loops.start), np.diff(loops.start)[-1])
     turn = np.repeat(np.arange(len(n)), n + 1)
@@ -113,7 +113,7 @@ def _turns(paths: Toolpaths, loops: Loops, base: Loops, profile: Profile) -> Too
     is_last = turn == loops.n_loops
     bead_height = np.where(is_last, (1 - share) * height, (1 - share) * under + share * height)
     reach = _BLENDED * profile.extrusion_width
-    xy = _joined(_blended(loops, base, (turn, point, share), reach), n + 1, reach)
+    xy = _join_turns(_blend_outlines(loops, base, (turn, point, share), reach), n + 1, reach)
     of_paths = loops.point[point]
     made = Toolpaths.gathered(
         paths.plan,
@@ -129,7 +129,7 @@ def _turns(paths: Toolpaths, loops: Loops, base: Loops, profile: Profile) -> Too
     return replace(made, z_offset=rise, flow_ratio=bead_height / height)
 
 
-def _joined(xy: Float, size: Int, reach: float) -> Float:
+def _join_turns(xy: Float, size: Int, reach: float) -> Float:
     """The points of turns of `size` (R,) points; each begins where the one below ends, if that is within `reach`.
 
     The outline below has a place nearest to the begin of a turn, but on a side that goes on past it that is not where
@@ -142,7 +142,7 @@ def _joined(xy: Float, size: Int, reach: float) -> Float:
     return xy
 
 
-def _blended(loops: Loops, base: Loops, way: tuple[Int, Int, Float], reach: float) -> Float:
+def _blend_outlines(loops: Loops, base: Loops, way: tuple[Int, Int, Float], reach: float) -> Float:
     """(n, 2) places on the way from the turn below to their own: by turn, point of the loops, and share round."""
     turn, point, share = way
     xy = loops.xy[point].copy()

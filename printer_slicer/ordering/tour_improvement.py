@@ -34,9 +34,7 @@ def shorten_tour(begin: Float, end: Float, free: Bool, group: Int) -> tuple[Int,
     Returns:
         (U,) the units in their new order, and which of these (U,) are turned around.
     """
-    row = _Row(
-        np.arange(len(begin)), np.zeros(len(begin), np.bool_), _padded(begin), _padded(end), free, group
-    )
+    row = _Row(np.arange(len(begin)), np.zeros(len(begin), np.bool_), _pad(begin), _pad(end), free, group)
     # One of a kind can do no more than turn around.
     alone = np.bincount(group, minlength=1)[group] == 1 if len(group) else np.zeros(0, np.bool_)
     active = np.flatnonzero(~alone | free)
@@ -46,17 +44,19 @@ def shorten_tour(begin: Float, end: Float, free: Bool, group: Int) -> tuple[Int,
             break
         # Those with few places before them side by side: what is compared is as wide as the widest asks for.
         active = active[np.argsort(np.minimum(last[active] - active, _REACH), kind="stable")]
-        changes = [_best(row, active[first : first + _AT_ONCE]) for first in range(0, len(active), _AT_ONCE)]
+        changes = [
+            _best_changes(row, active[first : first + _AT_ONCE]) for first in range(0, len(active), _AT_ONCE)
+        ]
         place, span, kind, saved = (np.concatenate(column) for column in zip(*changes, strict=True))
-        chosen = _apart(place, span, saved, len(group))
+        chosen = _select_changes(place, span, saved, len(group))
         if not len(chosen):
             break
         row = row.changed(place[chosen], span[chosen], kind[chosen])
-        active = _around(place[chosen], span[chosen], group)
+        active = _nearby_places(place[chosen], span[chosen], group)
     return row.unit, row.turned
 
 
-def _padded(points: Float) -> Float:
+def _pad(points: Float) -> Float:
     """With one more before the first and one after the last, to which no way leads: it is nowhere."""
     nowhere = np.full((1, 2), np.nan)
     return np.concatenate([nowhere, points, nowhere])
@@ -91,14 +91,14 @@ class _Row:
         return _Row(
             self.unit[source],
             self.turned[source] ^ turn,
-            _padded(np.where(turn[:, None], end, begin)),
-            _padded(np.where(turn[:, None], begin, end)),
+            _pad(np.where(turn[:, None], end, begin)),
+            _pad(np.where(turn[:, None], begin, end)),
             self.free[source],
             self.group,
         )
 
 
-def _best(row: _Row, place: Int) -> tuple[Int, Int, Int, Float]:
+def _best_changes(row: _Row, place: Int) -> tuple[Int, Int, Int, Float]:
     """The change that saves most from each place (A,) on: the place, how far it reaches, its kind, mm saved."""
     n, reach = len(row.group), min(_REACH, len(row.group))
     # Only as wide as the largest group asks for.
@@ -123,22 +123,22 @@ def _savings(row: _Row, i: Int, j: Int) -> list[Float]:
     bx, by, ex, ey = (np.ascontiguousarray(column) for of in (row.begin, row.end) for column in of.T)
     b_i, e_i, b_j, e_j = ((x[at], y[at]) for at in (i, j) for x, y in ((bx, by), (ex, ey)))
     before_i, after_j = (ex[i - 1], ey[i - 1]), (bx[j + 1], by[j + 1])
-    hop = _far((ex[:-1], ey[:-1]), (bx[1:], by[1:]))  # into the unit after each
-    over = _far((ex[:-2], ey[:-2]), (bx[2:], by[2:]))  # past the unit after each
-    into_i, out_of_j, from_j_to_i = hop[i - 1], hop[j], _far(e_j, b_i)
-    across, around = _far(before_i, e_j), _far(b_i, after_j)
+    hop = _distances((ex[:-1], ey[:-1]), (bx[1:], by[1:]))  # into the unit after each
+    over = _distances((ex[:-2], ey[:-2]), (bx[2:], by[2:]))  # past the unit after each
+    into_i, out_of_j, from_j_to_i = hop[i - 1], hop[j], _distances(e_j, b_i)
+    across, around = _distances(before_i, e_j), _distances(b_i, after_j)
     without_i = into_i + hop[i] - over[i - 1] + out_of_j
     without_j = hop[j - 1] + out_of_j - over[j - 1] + into_i
     return [
         into_i + out_of_j - across - around,
-        without_i - from_j_to_i - _far(e_i, after_j),
-        without_i - _far(e_j, e_i) - around,
-        without_j - _far(before_i, b_j) - from_j_to_i,
-        without_j - across - _far(b_j, b_i),
+        without_i - from_j_to_i - _distances(e_i, after_j),
+        without_i - _distances(e_j, e_i) - around,
+        without_j - _distances(before_i, b_j) - from_j_to_i,
+        without_j - across - _distances(b_j, b_i),
     ]
 
 
-def _far(one: tuple[Float, Float], other: tuple[Float, Float]) -> Float:
+def _distances(one: tuple[Float, Float], other: tuple[Float, Float]) -> Float:
     """Mm between places; 0 to what is nowhere."""
     x, y = one[0] - other[0], one[1] - other[1]
     x *= x
@@ -147,7 +147,7 @@ def _far(one: tuple[Float, Float], other: tuple[Float, Float]) -> Float:
     return np.asarray(np.nan_to_num(np.sqrt(x, out=x), copy=False, nan=0.0))
 
 
-def _apart(place: Int, span: Int, saved: Float, n: int) -> Int:
+def _select_changes(place: Int, span: Int, saved: Float, n: int) -> Int:
     """Changes that save something and do not touch each other, the best first."""
     better = np.flatnonzero(saved > _LEAST)
     better = better[np.argsort(-saved[better], kind="stable")]
@@ -162,7 +162,7 @@ def _apart(place: Int, span: Int, saved: Float, n: int) -> Int:
     return np.array(chosen, np.int64)
 
 
-def _around(place: Int, span: Int, group: Int) -> Int:
+def _nearby_places(place: Int, span: Int, group: Int) -> Int:
     """The places from which a change may reach what has just been changed, or whose neighbours have."""
     first = np.maximum(place - _REACH, 0)
     last = np.minimum(place + span + 2, len(group))

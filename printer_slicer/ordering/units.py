@@ -49,7 +49,7 @@ class Units:
 
 def inner_loops(paths: Toolpaths) -> Int:
     """The inner perimeters that are loops and one layer high."""
-    return np.flatnonzero(paths.closed & (paths.role == Role.PERIMETER) & ~_deep(paths))
+    return np.flatnonzero(paths.closed & (paths.role == Role.PERIMETER) & ~_is_combined(paths))
 
 
 def group_units(paths: Toolpaths, island: Int, clusters: WallClusters, profile: Profile) -> Units:
@@ -57,7 +57,7 @@ def group_units(paths: Toolpaths, island: Int, clusters: WallClusters, profile: 
     n = paths.n_paths
     around = roles_with(is_around=True)[paths.role] & (paths.closed | (paths.role != Role.RAFT))
     place = np.where(around, -1, island)
-    step = np.where(around, np.arange(n), _steps(paths, infill_first=profile.quality.infill_first))
+    step = np.where(around, np.arange(n), _assign_steps(paths, infill_first=profile.quality.infill_first))
     # Paths of one number are one unit: their own, that of a cluster, that of a sweep.
     number, turn = np.arange(n), np.arange(n)
     number[clusters.path], turn[clusters.path] = clusters.cluster, clusters.turn
@@ -81,7 +81,7 @@ def group_units(paths: Toolpaths, island: Int, clusters: WallClusters, profile: 
     )
 
 
-def _steps(paths: Toolpaths, *, infill_first: bool) -> Int:
+def _assign_steps(paths: Toolpaths, *, infill_first: bool) -> Int:
     """(M,) what comes before what within an island."""
     walls, fill = (3, 1) if infill_first else (0, 3)
     step = {
@@ -94,12 +94,12 @@ def _steps(paths: Toolpaths, *, infill_first: bool) -> Int:
     }
     of = np.array([step[row.phase] for row in ROLES])[paths.role]
     # What reaches down through several layers is laid into the gap that they leave: between beads that hold it.
-    of[_deep(paths)] = walls + 2
+    of[_is_combined(paths)] = walls + 2
     # A bead beside the perimeters is as good as infill once they are there.
     of[(paths.role == Role.PERIMETER) & ~paths.closed] = walls + 2 if infill_first else fill + 2
     return of
 
 
-def _deep(paths: Toolpaths) -> Bool:
+def _is_combined(paths: Toolpaths) -> Bool:
     higher = paths.height > paths.plan.height[paths.layer] + _DEEPER
     return np.asarray(higher & (paths.role == Role.PERIMETER))

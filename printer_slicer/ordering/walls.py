@@ -45,8 +45,8 @@ def cluster_walls(paths: Toolpaths, inner: Int, profile: Profile) -> tuple[Toolp
     """Inner loops `inner` (I,) of the paths put to their outer ones, whose seams are known, and begun near these."""
     outer = Loops.of(paths, external_loops(paths))
     loops = Loops.of(paths, inner)
-    owner, gap, touching = _owners(loops, outer, profile)
-    label = _joined(outer.n_loops, touching)
+    owner, gap, touching = _assign_owners(loops, outer, profile)
+    label = _connected_labels(outer.n_loops, touching)
     some = np.flatnonzero(owner >= 0)
     along, _ = loops.nearest(some, paths.xy[paths.start[outer.path[owner[some]]]])
     if profile.quality.staggered_inner_seams:
@@ -56,11 +56,11 @@ def cluster_walls(paths: Toolpaths, inner: Int, profile: Profile) -> tuple[Toolp
     is_outer = np.arange(len(path)) >= len(some)
     of = np.concatenate([owner[some], np.arange(outer.n_loops)])
     far = np.concatenate([gap[some], np.zeros(outer.n_loops)])
-    turn = _turns(label[of], of, far, is_outer, outside_in=profile.quality.outer_perimeter_first)
+    turn = _order_loops(label[of], of, far, is_outer, outside_in=profile.quality.external_perimeter_first)
     return begun, WallClusters(path, outer.path[label[of]], turn)
 
 
-def _turns(cluster: Int, owner: Int, far: Float, is_outer: Bool, *, outside_in: bool) -> Int:
+def _order_loops(cluster: Int, owner: Int, far: Float, is_outer: Bool, *, outside_in: bool) -> Int:
     """(R,) the order of loops: those of one kind owner by owner, those of the other kind back again.
 
     Outer loops that own no inner one are at the far end of the way.
@@ -74,7 +74,7 @@ def _turns(cluster: Int, owner: Int, far: Float, is_outer: Bool, *, outside_in: 
     return turn
 
 
-def _owners(loops: Loops, outer: Loops, profile: Profile) -> tuple[Int, Float, tuple[Int, Int]]:
+def _assign_owners(loops: Loops, outer: Loops, profile: Profile) -> tuple[Int, Float, tuple[Int, Int]]:
     """(I,) the outer loop nearest to each inner one, -1 for none, how far it is, and pairs that one touches both of."""
     owner, gap = np.full(loops.n_loops, -1, np.int64), np.zeros(loops.n_loops)
     none = np.zeros(0, np.int64), np.zeros(0, np.int64)
@@ -107,7 +107,7 @@ def _distances(loops: Loops, outer: Loops, reach: float) -> tuple[Int, Int, Floa
     return loop[sample[kept]], of[side[kept]], distance[kept]
 
 
-def _joined(n: int, pairs: tuple[Int, Int]) -> Int:
+def _connected_labels(n: int, pairs: tuple[Int, Int]) -> Int:
     """(n,) the lowest number that each is joined with, directly or through others."""
     label = np.arange(n)
     one, other = pairs

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.arrays import Bool, Float, Int, numbered
+from printer_slicer.arrays import Bool, Float, Int, unique_inverse
 from printer_slicer.geometry.joints import linked
 from printer_slicer.perimeters.beading import Beading
 from printer_slicer.perimeters.graph import AxisGraph, crossings, low_and_high
@@ -194,7 +194,7 @@ def _without_short_runs(graph: AxisGraph, central: Bool, count: Int, wide: Bool,
     for _ in range(_ROUNDS):
         own = count[piece]
         key = ends * (beading.full + 1) + own[:, None]
-        ports, number = numbered(key.ravel())
+        ports, number = unique_inverse(key.ravel())
         run_of_port = linked(number.reshape(-1, 2).T, len(ports))
         run = run_of_port[number.reshape(-1, 2)[:, 0]]
         n_runs = int(run_of_port.max()) + 1

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.arrays import Float, Int, consecutive, renumbered
+from printer_slicer.arrays import Float, Int, compact_ids, consecutive
 from printer_slicer.geometry.vectors import norm
 from printer_slicer.geometry.voronoi import MedialAxis, ways_of_parts
 
@@ -90,7 +90,7 @@ class AxisGraph:
             following[left] = number[ahead]
             gone = number[ahead] < 0
             left, ahead = left[gone], self.following[ahead[gone] ^ 1]
-        points, start = renumbered(self.start[half], len(self.xy))
+        points, start = compact_ids(self.start[half], len(self.xy))
         return AxisGraph(
             self.xy.take(points, axis=0),
             self.radius[points],

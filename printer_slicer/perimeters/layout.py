@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from printer_slicer.arrays import Bool, Float, Int, numbered
+from printer_slicer.arrays import Bool, Float, Int, unique_inverse
 from printer_slicer.geometry.joints import chain_ends
 from printer_slicer.perimeters.beading import Beading
 from printer_slicer.perimeters.counts import Counted
@@ -67,9 +67,9 @@ def laid_out(given: Counted, beading: Beading) -> BeadLayout:
 
 def _divided(given: Counted, cuts: list[tuple[Int, Float]]) -> Counted:
     """With new points where pieces (n,) are cut, at a share (n,) of the way along each."""
-    numbered = replace(given.graph, origin=np.arange(len(given.used)))
+    relabelled = replace(given.graph, origin=np.arange(len(given.used)))
     piece, share = (np.concatenate(column) for column in zip(*cuts, strict=True))
-    parts = numbered.divided(piece, share)
+    parts = relabelled.divided(piece, share)
     part = parts.origin
     return Counted(
         parts,
@@ -116,7 +116,7 @@ class _Ports:
         """Ports of a graph whose pieces know their counts."""
         graph, base, n = given.graph, beading.full + 1, len(given.graph.xy)
         leader, count = _leaders(given, beading)
-        keys, number = numbered(((graph.ends * n + leader) * base + count).ravel())
+        keys, number = unique_inverse(((graph.ends * n + leader) * base + count).ravel())
         port, point, leader, count = number.reshape(-1, 2), keys // base // n, keys // base % n, keys % base
         layer = graph.layer[point]
         spacing = beading.spacings(beading.room(graph.radius[leader], layer), count, layer)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from printer_slicer.arrays import Bool, Float, Int, distinct, lengths, run_begins
+from printer_slicer.arrays import Bool, Float, Int, distinct, lengths, run_starts
 from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.geometry.joints import cycles
 from printer_slicer.geometry.planes import spread
@@ -175,7 +175,7 @@ def _partners(point: Int, way: Float) -> tuple[Int, Bool]:
     """(h,) for half-pieces that leave points (h,) the one that goes on straightest, -1 without; and where others do."""
     order = np.argsort(point, kind="stable")
     point = point[order]
-    starts = np.flatnonzero(run_begins(point))
+    starts = np.flatnonzero(run_starts(point))
     degree = np.diff(np.append(starts, len(point)))
     way = way.take(order, axis=0)
     way /= np.maximum(norm(way), 1e-12)[:, None]
@@ -211,7 +211,7 @@ def _polylines(layout: BeadLayout, chosen: _Chosen) -> tuple[MiddleLines, Bool]:
     Ends at the side of another line are cut back. What is shorter than a rounding error is one point.
     """
     graph, half, line = layout.graph, chosen.half, chosen.line
-    begins = np.flatnonzero(run_begins(line))
+    begins = np.flatnonzero(run_starts(line))
     size = np.diff(np.append(begins, len(line)))
     last = begins + size - 1
     port = np.take_along_axis(layout.port[half >> 1], (half & 1)[:, None], axis=1)[:, 0]
@@ -231,7 +231,7 @@ def _polylines(layout: BeadLayout, chosen: _Chosen) -> tuple[MiddleLines, Bool]:
     ]
     xy, width = _trimmed(xy, width, size + 1, trim[0], trim[1])
     owner = np.repeat(np.arange(len(size)), size + 1)
-    new = run_begins(owner)
+    new = run_starts(owner)
     step = np.abs(xy[1:] - xy[:-1])
     new[1:] |= (step[:, 0] > _SAME) | (step[:, 1] > _SAME)
     ring = chosen.closed[begins]

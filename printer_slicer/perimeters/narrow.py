@@ -12,7 +12,7 @@ from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.geometry.joints import linked
 from printer_slicer.geometry.vectors import norm
 from printer_slicer.geometry.voronoi import CHORD, MedialAxis, medial_axis
-from printer_slicer.model import reordered
+from printer_slicer.model import reorder_ragged
 from printer_slicer.perimeters.beading import Beading
 from printer_slicer.perimeters.counts import Counted, counted
 from printer_slicer.perimeters.facing import facing
@@ -235,6 +235,6 @@ def _needed(given: Counted, beading: Beading, n_layers: int) -> tuple[Counted, B
 def _areas(rings: Rings, n_layers: int) -> Areas:
     """Rings as clean areas."""
     order = np.argsort(rings.layer, kind="stable")
-    (x, y), size = reordered((rings.xy[:, 0], rings.xy[:, 1]), rings.size, order)
+    (x, y), size = reorder_ragged((rings.xy[:, 0], rings.xy[:, 1]), rings.size, order)
     start = np.concatenate([[0], np.cumsum(size)])
     return normalize(Areas(np.column_stack([x, y]), start, rings.layer[order], n_layers))

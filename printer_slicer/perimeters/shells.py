@@ -9,7 +9,7 @@ import numpy as np
 from printer_slicer import bead
 from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.geometry import Areas, Pieces
-from printer_slicer.model import LayerPlan, Toolpaths, reordered
+from printer_slicer.model import LayerPlan, Toolpaths, reorder_ragged
 from printer_slicer.perimeters.beading import Beading
 from printer_slicer.perimeters.narrow import Narrow, fill_narrow_places
 from printer_slicer.perimeters.ordinary import ordinary_loops
@@ -173,7 +173,7 @@ def _varying(
         np.bincount(np.repeat(np.arange(len(size)), size)[kept], minlength=len(size)),
     )
     order = np.lexsort((-depth, entry))
-    (x, y, width), size = reordered((*xy.T, width), size, order)
+    (x, y, width), size = reorder_ragged((*xy.T, width), size, order)
     entry = entry[order]
     roles = [np.broadcast_to(role, len(home))[entry] for role in (inner, outermost)]
     paths = Toolpaths.gathered(

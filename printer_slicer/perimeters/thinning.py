@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from printer_slicer.arrays import Bool, Float, Int, following_around, previous_around
+from printer_slicer.arrays import Bool, Float, Int, next_in_ring, previous_in_ring
 from printer_slicer.geometry.vectors import dot, norm
 
 __all__ = ["kept_points"]
@@ -25,7 +25,7 @@ def kept_points(xy: Float, width: Float, size: Int, closed: Bool, tolerance: flo
     """
     n = len(xy)
     start = np.append(0, np.cumsum(size))
-    before, after = previous_around(start), following_around(start)
+    before, after = previous_in_ring(start), next_in_ring(start)
     fixed = np.zeros(n, np.bool_)
     fixed[start[:-1][~closed]] = fixed[start[1:][~closed] - 1] = True
     left = np.array(size)

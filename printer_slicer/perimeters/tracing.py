@@ -11,7 +11,7 @@ from functools import reduce
 
 import numpy as np
 
-from printer_slicer.arrays import Bool, Float, Int, consecutive, distinct, run_begins
+from printer_slicer.arrays import Bool, Float, Int, consecutive, distinct, run_starts
 from printer_slicer.geometry import Areas
 from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.geometry.joints import cycles
@@ -170,7 +170,7 @@ def _gathered(
     index = consecutive(-(first[order] + counts - 1), counts)  # each item's points backward too
     xy, width = (column.take(-index, axis=0) for column in points)
     owner = np.repeat(lowest[order], counts)
-    begins = run_begins(owner)
+    begins = run_starts(owner)
     ring = np.cumsum(begins) - 1
     starts = np.flatnonzero(begins)
     before = np.arange(len(owner)) - 1
@@ -248,7 +248,7 @@ class _Ordinary:
         n = len(self.ring)
         if not n:
             return np.zeros(0, np.int64), self.lost
-        starts = np.flatnonzero(run_begins(self.ring))
+        starts = np.flatnonzero(run_starts(self.ring))
         ends = np.append(starts[1:], n) - 1
         of_ring = np.repeat(np.arange(len(starts)), ends - starts + 1)
         after, before = np.arange(n) + 1, np.arange(n) - 1

@@ -47,18 +47,18 @@ def plan_area(mesh: Mesh, profile: Profile) -> LayerPlan:
     steps = ZSteps(mesh, profile)
     thin, thick = steps.of(profile.thinnest), steps.of(profile.thickest)
     if settings.aligned:
-        heights = _aligned(mesh, steps, thin, thick, settings)
+        heights = _plan_aligned(mesh, steps, thin, thick, settings)
     else:
-        heights = _literal(mesh, steps, thin, thick, settings)
+        heights = _plan_literal(mesh, steps, thin, thick, settings)
     return steps.plan(heights, "area")
 
 
-def _equal(a: Float, b: Float, settings: AreaPlanner) -> Bool:
+def _are_equal(a: Float, b: Float, settings: AreaPlanner) -> Bool:
     """Where two areas count as the same."""
     return np.asarray(np.abs(a - b) <= settings.tolerance + settings.relative_tolerance * np.maximum(a, b))
 
 
-def _literal(mesh: Mesh, steps: ZSteps, thin: int, thick: int, settings: AreaPlanner) -> Int:
+def _plan_literal(mesh: Mesh, steps: ZSteps, thin: int, thick: int, settings: AreaPlanner) -> Int:
     """Heights by the paper's march from plane to plane, in steps."""
     first = min(steps.first or thin, steps.part)
     pitch = int(np.gcd.reduce([first, thin, thick]))
@@ -66,18 +66,18 @@ def _literal(mesh: Mesh, steps: ZSteps, thin: int, thick: int, settings: AreaPla
     planes = np.asarray(
         np.arange(steps.part // pitch + thick // pitch + 2) * (pitch * steps.size), np.float64
     )
-    area = section_areas(mesh.triangles, _on_levels(planes, mesh))
+    area = section_areas(mesh.triangles, _snap_to_levels(planes, mesh))
     heights, plane = [first], first
     while plane < steps.part:
         reach = np.arange(plane + thin, plane + (thick if settings.guarded else thin) + 1, thin)
         ahead = np.append(reach, plane + thick) if settings.guarded else reach
-        same = _equal(area[plane // pitch], area[np.unique(ahead) // pitch], settings).all()
+        same = _are_equal(area[plane // pitch], area[np.unique(ahead) // pitch], settings).all()
         heights.append(thick if same else thin)
         plane += heights[-1]
     return np.array(heights, np.int64)
 
 
-def _on_levels(planes: Float, mesh: Mesh) -> Float:
+def _snap_to_levels(planes: Float, mesh: Mesh) -> Float:
     """The planes, those within rounding of a level of the part exactly on it: there they cut what is below."""
     level = np.unique(mesh.triangles[:, :, 2])
     above = np.minimum(np.searchsorted(level, planes), len(level) - 1)
@@ -86,14 +86,14 @@ def _on_levels(planes: Float, mesh: Mesh) -> Float:
     return np.where(np.abs(nearest - planes) < _ROUNDING, nearest, planes)
 
 
-def _aligned(mesh: Mesh, steps: ZSteps, thin: int, thick: int, settings: AreaPlanner) -> Int:
+def _plan_aligned(mesh: Mesh, steps: ZSteps, thin: int, thick: int, settings: AreaPlanner) -> Int:
     """Heights region by region between the z levels of the part, in steps."""
-    level, constant = _stretches(mesh, steps, thick, settings)
-    constant = _long_enough(level, constant, thick)
+    level, constant = _constant_intervals(mesh, steps, thick, settings)
+    constant = _drop_short(level, constant, thick)
     bottom, rest = steps.begin()
     heights = [np.array([bottom], np.int64)] if bottom else []
     flats = np.rint(find_flats(mesh)[0] / steps.size).astype(np.int64)
-    ends, is_thick = _regions(level, constant, flats, bottom, steps) if rest else ([], [])
+    ends, is_thick = _region_ends(level, constant, flats, bottom, steps) if rest else ([], [])
     for end, wide in zip(ends, is_thick, strict=True):
         layers = fill_with_layers(end - bottom, thick if wide else thin, steps.lowest, steps.highest)
         heights.append(layers)
@@ -101,7 +101,7 @@ def _aligned(mesh: Mesh, steps: ZSteps, thin: int, thick: int, settings: AreaPla
     return np.concatenate(heights)
 
 
-def _stretches(mesh: Mesh, steps: ZSteps, thick: int, settings: AreaPlanner) -> tuple[Int, Bool]:
+def _constant_intervals(mesh: Mesh, steps: ZSteps, thick: int, settings: AreaPlanner) -> tuple[Int, Bool]:
     """The z levels of the part in steps, and whether the area is constant from each to the next.
 
     Between two neighbouring levels no corner lies, so the area is a quadratic in z there: three equal values make it
@@ -113,7 +113,7 @@ def _stretches(mesh: Mesh, steps: ZSteps, thick: int, settings: AreaPlanner) -> 
     pitch = thick / 2
     planes = np.asarray(np.arange(0.5, steps.part / pitch) * (pitch * steps.size), dtype=np.float64)
     coarse = section_areas(mesh.triangles, planes)
-    pairs = np.flatnonzero(_equal(coarse[:-1], coarse[1:], settings))
+    pairs = np.flatnonzero(_are_equal(coarse[:-1], coarse[1:], settings))
     first = np.searchsorted(level[1:], (pairs - 0.5) * pitch, side="right")
     last = np.searchsorted(level[:-1], (pairs + 2.5) * pitch)
     marks = np.zeros(len(level), np.int64)
@@ -126,18 +126,20 @@ def _stretches(mesh: Mesh, steps: ZSteps, thick: int, settings: AreaPlanner) -> 
     planes = np.stack([low + margin, (low + high) / 2, high - margin], axis=1)
     area = section_areas(mesh.triangles, planes.ravel()).reshape(-1, 3)
     constant = np.zeros(len(near), np.bool_)
-    constant[near] = _equal(area[:, 0], area[:, 1], settings) & _equal(area[:, 1], area[:, 2], settings)
+    constant[near] = _are_equal(area[:, 0], area[:, 1], settings) & _are_equal(
+        area[:, 1], area[:, 2], settings
+    )
     return level, constant
 
 
-def _long_enough(level: Int, constant: Bool, thick: int) -> Bool:
+def _drop_short(level: Int, constant: Bool, thick: int) -> Bool:
     """Only those stretches whose run of constant stretches has room for a thick layer; shorter ones gain nothing."""
     run = np.cumsum(np.diff(constant.astype(np.int64), prepend=0) != 0)
     length = np.bincount(run, weights=np.diff(level))
     return np.asarray(constant & (length[run] >= thick))
 
 
-def _regions(
+def _region_ends(
     level: Int, constant: Bool, flats: Int, bottom: int, steps: ZSteps
 ) -> tuple[list[int], list[bool]]:
     """Where regions over `bottom` end, in steps, and whether each is of constant area; none is thinner than a layer."""

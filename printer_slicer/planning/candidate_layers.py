@@ -72,19 +72,21 @@ class CandidateLayers:
         middles: Float = np.arange(2 * grid.n + 1, dtype=np.float64) * (grid.unit / 2)
         times, wrong = LayerTimes(surface, profile, middles), _Volumes(surface, grid, containment)
         seconds = (times.seconds(2 * row.end - row.height, row.height * grid.unit) for row in rows)
-        end = _joined((row.end for row in rows), np.int64)
-        start = _joined((row.end - row.height for row in rows), np.int64)
+        end = _concatenate((row.end for row in rows), np.int64)
+        start = _concatenate((row.end - row.height for row in rows), np.int64)
         # By where they end, and as rows are at each end: from the lowest height up.
         order = _by_end(end, grid.n)
         begin = np.append(0, np.cumsum(np.bincount(end, minlength=grid.n + 1)))
         return cls(
             grid,
             ArcGraph(begin, start.take(order)),
-            _joined((row.listed for row in rows), np.bool_).take(order),
-            _joined((row.free for row in rows), np.bool_).take(order),
-            _joined(_bounds(surface, grid, containment, rows), np.float64).take(order),
-            _joined((wrong.between(row.end - row.height, row.end) for row in rows), np.float64).take(order),
-            _joined(seconds, np.float64).take(order),
+            _concatenate((row.listed for row in rows), np.bool_).take(order),
+            _concatenate((row.free for row in rows), np.bool_).take(order),
+            _concatenate(_bounds(surface, grid, containment, rows), np.float64).take(order),
+            _concatenate((wrong.between(row.end - row.height, row.end) for row in rows), np.float64).take(
+                order
+            ),
+            _concatenate(seconds, np.float64).take(order),
             times.per_mm3(profile.quality.layer_height),
             np.reshape([_cost_of(layers, times, wrong, grid) for layers in _uniform_layers(steps)], (-1, 2)),
         )
@@ -101,7 +103,7 @@ def _by_end(end: Int, n: int) -> Int:
     return np.argsort(end.astype(np.uint16) if n < 1 << 16 else end, kind="stable")
 
 
-def _joined(parts: Iterable[Bool | Float | Int], kind: type) -> NDArray[Any]:
+def _concatenate(parts: Iterable[Bool | Float | Int], kind: type) -> NDArray[Any]:
     """One column of what all rows say."""
     return np.concatenate([np.zeros(0, kind), *parts]).astype(kind, copy=False)
 

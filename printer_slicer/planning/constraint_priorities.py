@@ -70,7 +70,7 @@ def rank_constraints(
         Constraint(1e14, np.asarray(~candidates.free, np.float64)),
         Constraint(1e12, other),
         Constraint(1e13, mm * beyond**2),
-        Constraint(1e5, _missed(mesh, candidates, profile)),
+        Constraint(1e5, _missed_planes(mesh, candidates, profile)),
         Constraint(1e6, mm * over**2),
         Constraint(1e4, np.asarray(outside, np.float64)),
     ]
@@ -112,7 +112,7 @@ def _tolerances(candidates: CandidateLayers, profile: Profile) -> Float:
     return layer_tolerances(profile, start, end)
 
 
-def _missed(mesh: Mesh, candidates: CandidateLayers, profile: Profile) -> Float:
+def _missed_planes(mesh: Mesh, candidates: CandidateLayers, profile: Profile) -> Float:
     """(A,) the flats and borders of ranges that lie within a layer, large flats twice."""
     grid = candidates.grid
     flats, areas = find_flats(mesh)

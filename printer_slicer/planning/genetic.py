@@ -81,7 +81,7 @@ def plan_genetic(mesh: Mesh, profile: Profile) -> LayerPlan:
     first, rest = steps.begin()
     heights = np.array([first] if first else [], np.int64)
     if rest:
-        best = _evolved(_rules(mesh, steps, cusp_height(profile), first), settings)
+        best = _evolve(_rules(mesh, steps, cusp_height(profile), first), settings)
         heights = np.append(heights, best[best > 0])
     return steps.plan(heights, "genetic")
 
@@ -104,15 +104,15 @@ def _rules(mesh: Mesh, steps: ZSteps, cusp: float, bottom: int) -> _Rules:
     )
 
 
-def _evolved(rules: _Rules, settings: GeneticPlanner) -> Int:
+def _evolve(rules: _Rules, settings: GeneticPlanner) -> Int:
     """The heights (n,) of the best plan of the last generation."""
     chance = np.random.default_rng(settings.seed)
     alive = _first_population(rules, settings.population, chance)
     alive = alive[np.argsort(_cost(alive, rules), kind="stable")]
     for _ in range(settings.generations):
         parents = chance.integers(settings.population, size=(2, 2, settings.population)).min(axis=0)
-        children = _crossed(alive[parents[0]], alive[parents[1]], rules, chance)
-        children = _thinned(_shifted(children, rules, chance), rules, chance)
+        children = _cross_over(alive[parents[0]], alive[parents[1]], rules, chance)
+        children = _remove_layers(_shift_tops(children, rules, chance), rules, chance)
         everyone = np.concatenate([alive, children])
         best = np.argsort(_cost(everyone, rules), kind="stable")[: settings.population]
         alive = everyone[best]
@@ -156,7 +156,7 @@ def _bottoms(plans: Int, rules: _Rules) -> Int:
     return _tops(plans, rules) - plans
 
 
-def _crossed(lower: Int, upper: Int, rules: _Rules, chance: np.random.Generator) -> Int:
+def _cross_over(lower: Int, upper: Int, rules: _Rules, chance: np.random.Generator) -> Int:
     """Children with the layers of `lower` up to a random height and those of `upper` above it.
 
     A child whose parents cannot be joined is its lower parent.
@@ -167,7 +167,7 @@ def _crossed(lower: Int, upper: Int, rules: _Rules, chance: np.random.Generator)
     tops = _tops(lower, rules)
     kept = (tops <= seam[:, None]).sum(axis=1)
     here = np.where(kept > 0, tops[rows, kept - 1], rules.bottom)
-    between, rest, joined = _joint(here, upper, rules)
+    between, rest, joined = _find_joint(here, upper, rules)
     child = np.where(columns < kept[:, None], lower, 0)
     child[rows, kept] = between
     # Column k of a child above the joint is column k + shift of its upper parent.
@@ -180,7 +180,7 @@ def _crossed(lower: Int, upper: Int, rules: _Rules, chance: np.random.Generator)
     return np.where(joined[:, None], child, lower)
 
 
-def _joint(here: Int, upper: Int, rules: _Rules) -> tuple[Int, Int, Bool]:
+def _find_joint(here: Int, upper: Int, rules: _Rules) -> tuple[Int, Int, Bool]:
     """What joins plans that end at z step `here` (n,) to the layers of `upper`.
 
     Returns:
@@ -199,11 +199,11 @@ def _joint(here: Int, upper: Int, rules: _Rules) -> tuple[Int, Int, Bool]:
     return between, rest, np.asarray(met | fits_short | fits_long)
 
 
-def _shifted(plans: Int, rules: _Rules, chance: np.random.Generator) -> Int:
+def _shift_tops(plans: Int, rules: _Rules, chance: np.random.Generator) -> Int:
     """The same plans with some layer tops a little higher or lower."""
     unit, span = _unit(rules), int(rules.allowed[-1] - rules.allowed[0])
     farthest = max(span // (8 * unit), 1)
-    marked = _spread(plans, chance)[:, :-1]
+    marked = _pick_layers(plans, chance)[:, :-1]
     by = unit * chance.integers(-farthest, farthest + 1, size=marked.shape) * marked
     below, above = plans[:, :-1] + by, plans[:, 1:] - by
     here = _bottoms(plans, rules)[:, :-1]
@@ -218,12 +218,12 @@ def _shifted(plans: Int, rules: _Rules, chance: np.random.Generator) -> Int:
     return changed
 
 
-def _thinned(plans: Int, rules: _Rules, chance: np.random.Generator) -> Int:
+def _remove_layers(plans: Int, rules: _Rules, chance: np.random.Generator) -> Int:
     """The same plans without some layers whose height their neighbours can take."""
     if plans.shape[1] < 3:
         return plans
     unit = _unit(rules)
-    marked = _spread(plans, chance)[:, 1:-1]
+    marked = _pick_layers(plans, chance)[:, 1:-1]
     gone, before, after = plans[:, 1:-1], plans[:, :-2], plans[:, 2:]
     bottoms = _bottoms(plans, rules)
     here, place, top = bottoms[:, :-2], bottoms[:, 1:-1], bottoms[:, 2:]
@@ -248,7 +248,7 @@ def _unit(rules: _Rules) -> int:
     return int(np.gcd.reduce(rules.allowed))
 
 
-def _spread(plans: Int, chance: np.random.Generator) -> Bool:
+def _pick_layers(plans: Int, chance: np.random.Generator) -> Bool:
     """Random layers (plans, layers), no two of them within three of each other."""
     marked = chance.random(plans.shape) < _MARKED
     for apart in (1, 2, 3):

@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from printer_slicer.arrays import Float, following_around
+from printer_slicer.arrays import Float, next_in_ring
 from printer_slicer.geometry import Areas
 from printer_slicer.motion.rules import MotionLimits
 from printer_slicer.motion.vectorized import durations
@@ -72,7 +72,7 @@ def time_contours(contours: Areas, line: LineMotion, slowest: float, limits: Mot
         limits: motion limits of the machine.
     """
     sizes = np.diff(contours.ring_start)
-    steps = contours.xy.take(following_around(contours.ring_start), axis=0) - contours.xy
+    steps = contours.xy.take(next_in_ring(contours.ring_start), axis=0) - contours.xy
     layer = np.repeat(contours.ring_layer, sizes)
     ends = np.zeros(len(steps), np.bool_)
     ends[contours.ring_start[1:] - 1] = True

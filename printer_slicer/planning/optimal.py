@@ -95,7 +95,7 @@ def plan_optimal(mesh: Mesh, profile: Profile) -> LayerPlan:
         heights = np.array([first, rest] if rest and first else [first or rest], np.int64)
         return steps.plan(heights, "optimal")
     for everywhere in (False, True):
-        plan = _planned(mesh, profile, steps, everywhere=everywhere)
+        plan = _search_plan(mesh, profile, steps, everywhere=everywhere)
         if plan is not None:
             return plan
     # No layers that the printer can print have this sum: the last one rises over the part.
@@ -103,7 +103,7 @@ def plan_optimal(mesh: Mesh, profile: Profile) -> LayerPlan:
     return steps.plan(np.append([first] if first else [], above).astype(np.int64), "optimal")
 
 
-def _planned(mesh: Mesh, profile: Profile, steps: ZSteps, *, everywhere: bool) -> LayerPlan | None:
+def _search_plan(mesh: Mesh, profile: Profile, steps: ZSteps, *, everywhere: bool) -> LayerPlan | None:
     """The best plan of the layers that the list allows, or of all that the printer can print; None without one."""
     surface = read_surface(mesh)
     grid = HeightGrid.of(steps, [stretch.layer_height for stretch in profile.dials.ranges])
@@ -209,14 +209,14 @@ class _Search:
 
     def _cost(self, objective: Float) -> Float:
         """(A,) an objective, rounded so that the dust of sums does not decide between equal plans."""
-        worth = _worth(objective)
+        worth = _largest_cost(objective)
         cost = np.round(objective / worth, _DIGITS) * worth + _LAYER * worth
         cost[~self._candidates.listed] *= self._odd
         return np.asarray(cost)
 
     def _search(self, objective: Float) -> Int | None:
         """The layers of the plan that is best by the rules, then by an objective."""
-        found = self._cheapest(self._graph, self._cost(objective)[self._kept], _worth(objective))
+        found = self._cheapest(self._graph, self._cost(objective)[self._kept], _largest_cost(objective))
         return None if found is None else self._kept[found]
 
     def _cheapest(self, graph: ArcGraph, cost: Float, worth: float) -> Int | None:
@@ -234,7 +234,7 @@ class _Search:
             PlanError: so few do not reach the top.
         """
         loss, graph, kept = self._candidates.volume + _TIE, self._graph, self._kept
-        worth, cost = _worth(loss), self._cost(loss)
+        worth, cost = _largest_cost(loss), self._cost(loss)
         fewest = cheapest_path(graph, np.ones(len(kept)))
         if fewest is None or len(fewest) > most:
             # So few cannot keep the rules: these are weighed against each other, all of them against the objective.
@@ -265,11 +265,11 @@ class _Search:
             self._candidates.volume + _TIE,
             self._graph,
         )
-        worth = _worth(self._candidates.seconds)
+        worth = _largest_cost(self._candidates.seconds)
         quickest = self._cheapest(graph, self._cost(self._candidates.seconds)[self._kept], worth)
         if quickest is None or seconds[quickest].sum() >= budget:
             return None if quickest is None else self._kept[quickest]
-        worth = _worth(loss)
+        worth = _largest_cost(loss)
         found, _ = cheapest_within_budget(
             lambda charged: self._cheapest(graph, charged, worth),
             self._cost(loss)[self._kept],
@@ -280,6 +280,6 @@ class _Search:
         return self._kept[found]
 
 
-def _worth(objective: Float) -> float:
+def _largest_cost(objective: Float) -> float:
     """What the dearest layer costs."""
     return float(objective.max(initial=0.0)) or 1.0

@@ -75,7 +75,7 @@ def reachable_layers(limit: Int, planes: Sequence[int], bottom: int, steps: ZSte
     masks = _masks(steps)
     ways = [0] * len(limits)
     for start, end in pairwise([bottom, *planes]):
-        ways[start:end] = _stretch(limits[start:end], masks, steps)
+        ways[start:end] = _fill_interval(limits[start:end], masks, steps)
     return np.array(ways, np.int64)
 
 
@@ -108,7 +108,7 @@ def _masks(steps: ZSteps) -> list[int]:
     return masks
 
 
-def _stretch(limits: list[int], masks: list[int], steps: ZSteps) -> list[int]:
+def _fill_interval(limits: list[int], masks: list[int], steps: ZSteps) -> list[int]:
     """What `reachable_layers` gives, for one stretch between two planes.
 
     The first that works of: allowed heights only; the last layer free between thinnest and thickest; the last two; the

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.arrays import Float, following_around
+from printer_slicer.arrays import Float, next_in_ring
 from printer_slicer.geometry import Areas, simplify
 from printer_slicer.geometry.crossing import section_contours
 from printer_slicer.profile import Profile
@@ -140,7 +140,7 @@ def _levels(surface: Surface, profile: Profile, most: int) -> Float:
 def _extents(contours: Areas) -> Float:
     """(P,) mm, see `SectionSums`; 0 where there are no contours."""
     xy, n = contours.xy, contours.n_layers
-    after = xy.take(following_around(contours.ring_start), axis=0)
+    after = xy.take(next_in_ring(contours.ring_start), axis=0)
     weight = np.hypot(*(after - xy).T)
     plane = np.repeat(contours.ring_layer, np.diff(contours.ring_start))
     total = np.maximum(np.bincount(plane, weights=weight, minlength=n), 1e-9)

@@ -80,7 +80,7 @@ def cheapest_path(graph: ArcGraph, cost: Float) -> Int | None:
         graph: the layers that there are.
         cost: (A,) of each; infinite ones are not taken.
     """
-    best = _settled(graph, cost)
+    best = _costs_from_bed(graph, cost)
     if not np.isfinite(best[-1]):
         return None
     chain, k = [], graph.n
@@ -96,13 +96,13 @@ def _arc_to(graph: ArcGraph, node: int, best: Float, cost: Float) -> int:
     return int(a + (best[graph.start[a:b]] + cost[a:b]).argmin())
 
 
-def _through(graph: ArcGraph, cost: Float) -> tuple[Float, float]:
+def _costs_through(graph: ArcGraph, cost: Float) -> tuple[Float, float]:
     """(A,) the cost of the cheapest plan through each arc, and of the cheapest plan of all."""
-    up, down = _settled(graph, cost), _settled(*_upside_down(graph, cost))[::-1]
+    up, down = _costs_from_bed(graph, cost), _costs_from_bed(*_reverse(graph, cost))[::-1]
     return up[graph.start] + cost + down[graph.end], float(up[-1])
 
 
-def _settled(graph: ArcGraph, cost: Float) -> Float:
+def _costs_from_bed(graph: ArcGraph, cost: Float) -> Float:
     """(n + 1,) the cost of the cheapest way to each node, infinite where there is none."""
     best = np.full(graph.n + 1, np.inf)
     best[0] = 0.0
@@ -131,10 +131,10 @@ def optimal_arcs(graph: ArcGraph, levels: Sequence[Float]) -> Int:
     """
     kept = np.arange(len(graph.start))
     free = np.flatnonzero(~np.any([level > 0 for level in levels], axis=0)) if levels else kept
-    if np.isfinite(_settled(graph.of(free), np.zeros(len(free)))[-1]):
+    if np.isfinite(_costs_from_bed(graph.of(free), np.zeros(len(free)))[-1]):
         return free
     for level in levels:
-        through, least = _through(graph.of(kept), level[kept])
+        through, least = _costs_through(graph.of(kept), level[kept])
         if not np.isfinite(least):
             return np.zeros(0, np.int64)
         kept = kept[through <= least * (1 + _ALIKE)]
@@ -209,10 +209,10 @@ def cheapest_with_neighbours(
         reach[nodes] = np.minimum(windows.least_of(total), best[:, None])
     if not np.isfinite(anyhow[n]):
         return None
-    return _even_chain(graph, cost, even, (fine, lesser), (reach, anyhow))
+    return _trace_path(graph, cost, even, (fine, lesser), (reach, anyhow))
 
 
-def _even_chain(
+def _trace_path(
     graph: ArcGraph,
     cost: Float,
     even: NeighbourLimits,
@@ -319,17 +319,17 @@ def cheapest_with_max_layers(graph: ArcGraph, cost: Float, most: int) -> Int | N
         lambda charged: cheapest_path(graph, charged), cost, np.ones_like(cost), most, fewest
     )
     # With this price on every layer: what the best plan can cost at most, and what any plan costs at least.
-    through, least = _through(graph, cost + price)
+    through, least = _costs_through(graph, cost + price)
     spare = float(cost[few].sum()) + price * most - least
     rounding = _SAME * (abs(least) + abs(spare))
     if spare <= rounding:
         return few
     kept = np.flatnonzero(through <= least + spare + rounding)
-    found = _counted(_between(graph, kept), cost[kept], most)
+    found = _cheapest_by_count(_subgraph(graph, kept), cost[kept], most)
     return few if found is None else kept[found]
 
 
-def _upside_down(graph: ArcGraph, cost: Float) -> tuple[ArcGraph, Float]:
+def _reverse(graph: ArcGraph, cost: Float) -> tuple[ArcGraph, Float]:
     """The same arcs from the top of the part down."""
     end = graph.n - graph.start
     order = np.argsort(end, kind="stable")
@@ -337,7 +337,7 @@ def _upside_down(graph: ArcGraph, cost: Float) -> tuple[ArcGraph, Float]:
     return ArcGraph(begin, (graph.n - graph.end)[order]), cost[order]
 
 
-def _between(graph: ArcGraph, kept: Int) -> ArcGraph:
+def _subgraph(graph: ArcGraph, kept: Int) -> ArcGraph:
     """Some arcs, and only the nodes that they touch."""
     start, end = graph.start[kept], graph.end[kept]
     touched: Bool = np.zeros(graph.n + 1, np.bool_)
@@ -347,7 +347,7 @@ def _between(graph: ArcGraph, kept: Int) -> ArcGraph:
     return ArcGraph(np.append(0, np.cumsum(count)), number[start])
 
 
-def _counted(graph: ArcGraph, cost: Float, most: int) -> Int | None:
+def _cheapest_by_count(graph: ArcGraph, cost: Float, most: int) -> Int | None:
     """The cheapest plan of at most `most` layers, by one table for every number of them."""
     reached = np.flatnonzero(np.diff(graph.begin))
     tables = [np.full(graph.n + 1, np.inf)]

@@ -130,10 +130,12 @@ def fill_with_layers(total: int, step: int, lowest: int, highest: int) -> Int:
         amount = shared * step + rest
         for layers in (shared + 1, shared):
             if amount == 0 or layers * lowest <= amount <= layers * highest:
-                return np.array([step] * (count - shared) + _even(amount, layers if amount else 0), np.int64)
+                return np.array(
+                    [step] * (count - shared) + _split_evenly(amount, layers if amount else 0), np.int64
+                )
     return np.array([step] * count + [max(rest, lowest)], np.int64)
 
 
-def _even(amount: int, layers: int) -> list[int]:
+def _split_evenly(amount: int, layers: int) -> list[int]:
     """`amount` in whole parts that differ by one at most, the larger ones first."""
     return [(amount + layers - 1 - i) // layers for i in range(layers)]

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.arrays import Bool, Float, Int, consecutive, run_begins
+from printer_slicer.arrays import Bool, Float, Int, consecutive, run_starts
 from printer_slicer.geometry.planes import spread
 from printer_slicer.geometry.vectors import cross
 from printer_slicer.travels.ground import OFF, Ground
@@ -180,7 +180,7 @@ def _chords(reach: Float, asked: WayQueries, seen: _Seen, known: Known, ground: 
     # The same two corners are seen from many ways: what stands between them is looked up once.
     key = np.minimum(a, b) * len(place) + np.maximum(a, b)
     order = np.argsort(key, kind="stable")
-    begins = run_begins(key[order])
+    begins = run_starts(key[order])
     first, number = order[begins], np.zeros(len(key), np.int64)
     number[order] = np.cumsum(begins) - 1
     p, q = np.divmod(key[first], max(len(place), 1))

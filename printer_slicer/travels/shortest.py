@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.arrays import Float, Int, run_begins
+from printer_slicer.arrays import Float, Int, run_starts
 
 __all__ = ["Links", "shortest"]
 
@@ -55,7 +55,7 @@ def shortest(links: Links, begin: Int, end: Int, n_nodes: int) -> tuple[Float, I
     """
     order = np.argsort(links.head, kind="stable")
     tail, head, length = links.tail[order], links.head[order], links.length[order]
-    first = np.flatnonzero(run_begins(head))
+    first = np.flatnonzero(run_starts(head))
     reached = head[first]
     size = np.diff(np.append(first, len(head)))
     distance = np.full(n_nodes, np.inf)

@@ -160,7 +160,7 @@ def test_all_stages_and_their_job_show_the_moves(tmp_path: Path) -> None:
     read = ps.job_from(tmp_path / "part.gcode", PROFILE)
 
     assert STAGES._repr_svg_() == job._repr_svg_() == STAGES.program._repr_svg_()
-    assert f"plastic at {len(job.heights)} heights" in read._repr_svg_()
+    assert f"extrusions at {len(job.heights)} heights" in read._repr_svg_()
 
 
 def test_a_section_is_drawn_as_large_as_it_is() -> None:
@@ -212,14 +212,14 @@ def test_what_has_no_picture_is_refused() -> None:
 @pytest.mark.parametrize(
     ("give", "said"),
     [
-        (lambda: ps.slice_stages("box.stl", PROFILE), "a part is a Mesh, not a value of type str"),  # type: ignore[arg-type]
-        (lambda: ps.slice_stages(BOX, "pla"), "a profile is a Profile, not a value of type str"),  # type: ignore[arg-type]
+        (lambda: ps.slice_stages("box.stl", PROFILE), "the part must be a Mesh, not a value of type str"),  # type: ignore[arg-type]
+        (lambda: ps.slice_stages(BOX, "pla"), "the profile must be a Profile, not a value of type str"),  # type: ignore[arg-type]
         (lambda: ps.slice_stages(ps.Mesh(np.zeros((0, 3, 3))), PROFILE), "has no facets"),
-        (lambda: ps.slice_stages(ps.Mesh(np.full((4, 3, 3), np.nan)), PROFILE), "that is no number"),
-        (lambda: ps.slice_stages(ps.Mesh(np.full((4, 3, 3), np.inf)), PROFILE), "that is no number"),
+        (lambda: ps.slice_stages(ps.Mesh(np.full((4, 3, 3), np.nan)), PROFILE), "is not a finite number"),
+        (lambda: ps.slice_stages(ps.Mesh(np.full((4, 3, 3), np.inf)), PROFILE), "is not a finite number"),
         (lambda: ps.load_profile(changes=["pla"]), "a table of names and values"),  # type: ignore[arg-type]
-        (lambda: ps.LayerPlan.from_tops(np.ones((2, 2))), "that rise from over 0"),
-        (lambda: ps.LayerPlan.from_tops("ab"), "that rise from over 0"),  # type: ignore[arg-type]
+        (lambda: ps.LayerPlan.from_tops(np.ones((2, 2))), "tops of layers must be a list of numbers"),
+        (lambda: ps.LayerPlan.from_tops("ab"), "tops of layers must be a list of numbers"),  # type: ignore[arg-type]
     ],
 )
 def test_what_makes_no_sense_is_told_with_a_remedy(give: Callable[[], object], said: str) -> None:
@@ -263,7 +263,7 @@ def test_values_say_what_they_are() -> None:
         repr(STAGES.walls): f"<Walls: {plan.n_layers} layers, ",
         repr(STAGES.regions): f"<Regions: {plan.n_layers} layers, mm3: bottom_skin ",
         repr(STAGES.toolpaths): f"<Toolpaths: {plan.n_layers} layers, ",
-        repr(STAGES.travels): f"<Travels: {STAGES.travels.n_ways} ways, ",
+        repr(STAGES.travels): f"<Travels: {STAGES.travels.n_travels} travels, ",
         repr(STAGES.program): f"<Program: {plan.n_layers} layers, {STAGES.program.n_moves} moves, ",
         repr(ps.job_of(STAGES, PROFILE)): f"<Job 'cone': {plan.n_layers} layers, ",
         repr(ps.draw(plan)): "<Picture '",

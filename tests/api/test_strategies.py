@@ -236,18 +236,18 @@ def upside_down(task: ps.InfillTask) -> ps.Polylines:
 REFUSED: dict[str, tuple[dict[str, Any], str, str]] = {
     "a planner that gives nothing": (
         {"planner": mine(None)},
-        "planner given: gave nothing, not a LayerPlan",
+        "planner given: returned nothing, not a LayerPlan",
         "LayerPlan.from_tops",
     ),
     "a planner that gives an array": (
         {"planner": mine(np.array([0.2, 0.4]))},
-        "gave a value of type ndarray",
+        "returned a value of type ndarray",
         "LayerPlan.from_tops",
     ),
     "a planner that gives no layers": (
         {"planner": plan_of([])},
-        "gave no layers",
-        "the part is 4 mm high",
+        "returned no layers",
+        "which is 4 mm high",
     ),
     "layers that are too thick": (
         {"planner": plan_of([0.2, 3.8])},
@@ -257,12 +257,16 @@ REFUSED: dict[str, tuple[dict[str, Any], str, str]] = {
     "layers that go down": (
         {"planner": plan_of([0.2, 0.2, -0.2])},
         "layer 3 is -0.2 mm high",
-        "must rise",
+        "min_layer",
     ),
-    "layers that are not numbers": ({"planner": plan_of([0.2, np.nan])}, "layer 2 is nan mm high", "rise"),
+    "layers that are not numbers": (
+        {"planner": plan_of([0.2, np.nan])},
+        "layer 2 is nan mm high",
+        "min_layer",
+    ),
     "layers between the steps of z": (
         {"planner": plan_of([0.2, 0.2013])},
-        "layer 2 ends at 0.4013 mm, which is no whole number of z steps of 0.0025 mm",
+        "layer 2 ends at 0.4013 mm, not on a whole number of z steps of 0.0025 mm",
         "np.round(tops / step) * step",
     ),
     "layers that end below the top": (
@@ -281,7 +285,7 @@ REFUSED: dict[str, tuple[dict[str, Any], str, str]] = {
         "cuts in the middle",
     ),
     "a planner that is a name": ({"planner": "cusp"}, "'cusp' cannot be called", "quality.planner"),
-    "infill that is a number": ({"infill": 5}, "infill: 5 cannot be called", "pass a function"),
+    "infill that is a number": ({"infill": 5}, "infill: 5 cannot be called", "Pass a function"),
     "infill that gives points": (
         {"infill": mine([(1, 2), (3, 4)])},
         "infill given: gave a value of type list, not Polylines",
@@ -309,8 +313,12 @@ REFUSED: dict[str, tuple[dict[str, Any], str, str]] = {
         "task.spacing",
     ),
     "a flavour that is a name": ({"flavour": "marlin"}, "is a value of type str, not a Dialect", "FLAVOURS"),
-    "moves that are none": ({"on_program": mine(None)}, "on_program given: gave nothing", "replace(program"),
-    "moves to nowhere": ({"on_program": changed(xyz=with_nan)}, "move 7 goes to x", "must be numbers"),
+    "moves that are none": (
+        {"on_program": mine(None)},
+        "on_program given: returned nothing",
+        "replace(program",
+    ),
+    "moves to nowhere": ({"on_program": changed(xyz=with_nan)}, "move 7 goes to x", "finite numbers"),
     "moves without speed": (
         {"on_program": changed(speed=lambda program: program.speed * 0)},
         "at 0 mm/s",
@@ -319,7 +327,7 @@ REFUSED: dict[str, tuple[dict[str, Any], str, str]] = {
     "moves in no order": (
         {"on_program": changed(layer=lambda program: program.layer[::-1])},
         "the layers of the moves do not ascend from 0 to",
-        "in their order",
+        "layers in order",
     ),
     "moves of another plan": (
         {"on_program": changed(plan=ps.LayerPlan.from_tops(np.array([0.2])))},
@@ -328,10 +336,10 @@ REFUSED: dict[str, tuple[dict[str, Any], str, str]] = {
     ),
     "events in no order": (
         {"on_program": changed(events=lambda program: program.events[::-1])},
-        "its events do not stand in the order",
+        "the events are not sorted by the index",
         "index of each event",
     ),
-    "a post-processor that is none": ({"on_lines": [3]}, "on_lines: 3 cannot be called", "pass a function"),
+    "a post-processor that is none": ({"on_lines": [3]}, "on_lines: 3 cannot be called", "Pass a function"),
 }
 
 
@@ -346,15 +354,15 @@ def test_nonsense_is_refused_with_what_and_where_and_remedy(case: str) -> None:
 
 
 LINES: dict[str, tuple[Callable[[list[str]], Any], str, str]] = {
-    "text": ("\n".join, "gave a value of type str, not lines", "list of lines"),
-    "nothing": (lambda _: None, "gave nothing, not lines", "yield them"),
+    "text": ("\n".join, "returned a value of type str, not lines", "list of lines"),
+    "nothing": (lambda _: None, "returned nothing, not lines", "yield them"),
     "no text": (lambda lines: [*lines[:4], 7], "line 5 is a value of type int, not text", "type str"),
     "two in one": (
         lambda lines: ["G1 X1\nG1 X2", *lines],
-        "line 1 holds what cannot be printed",
+        "line 1 contains a control character",
         "two lines",
     ),
-    "letters": (lambda lines: ["M117 größer", *lines], "line 1 is no command: 'M117 größer'", "ASCII"),
+    "letters": (lambda lines: ["M117 größer", *lines], "line 1 is not a command: 'M117 größer'", "ASCII"),
     "no commands": (lambda _: ["; all", "", "; gone"], "no command is left in 3 lines", "generator"),
 }
 
@@ -376,14 +384,14 @@ def test_comments_may_hold_any_letters() -> None:
 
 
 FLAVOURS: dict[str, tuple[dict[str, Any], str, str]] = {
-    "a limit that is text": ({"limits": mine("M203")}, "limits gave a value of type str", "list of str"),
-    "an empty command": ({"acceleration": mine("")}, "what acceleration gave is no command", "ASCII"),
+    "a limit that is text": ({"limits": mine("M203")}, "limits returned a value of type str", "list of str"),
+    "an empty command": ({"acceleration": mine("")}, "a line of acceleration is not a command", "ASCII"),
     "progress that is a number": (
         {"progress": lambda percent, _minutes: percent},
-        "what progress gave is a value of type int, not text",
+        "a line of progress is a value of type int, not text",
         "type str",
     ),
-    "labels of no kind": ({"labels": "loud"}, "labels = 'loud' is no way of marking things", "octoprint"),
+    "labels of no kind": ({"labels": "loud"}, "labels = 'loud' is not a kind of object label", "octoprint"),
 }
 
 

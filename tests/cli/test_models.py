@@ -87,7 +87,7 @@ def test_slice_plan_and_dry_run_take_the_same_flags(tmp_path: Path) -> None:
     [
         (("--as-placed",), "from x -100"),
         (("--center", "0,0"), "from x -10"),
-        (("--no-drop", "--rotate", "180,0,0"), "under the bed"),
+        (("--no-drop", "--rotate", "180,0,0"), "below the bed"),
     ],
 )
 def test_what_leaves_the_bed_is_refused(flags: tuple[str, ...], what: str, tmp_path: Path) -> None:
@@ -95,7 +95,7 @@ def test_what_leaves_the_bed_is_refused(flags: tuple[str, ...], what: str, tmp_p
     outcome = typed("slice", model, *flags, *QUICK)
 
     assert outcome.code == 3
-    assert is_message(outcome, "a: reaches", what)
+    assert is_message(outcome, "a: extends", what)
     assert len(outcome.err.splitlines()) == 2
 
 
@@ -230,11 +230,11 @@ def test_a_factor_that_leads_nowhere_is_refused_without_noise(tmp_path: Path) ->
         outcome = typed("slice", BOX, "--scale", factor, *QUICK, cwd=tmp_path)  # warnings are errors
 
         assert outcome.code == 2
-        assert is_message(outcome, "takes box to", "choose a smaller factor")
+        assert is_message(outcome, "moves box to", "Choose a smaller factor")
         assert "Warning" not in outcome.err
     assert outcome.err == (
-        "printer-slicer: scale 1,1,1e+09: takes box to 1e+10 mm from the origin of its file\n"
-        "  choose a smaller factor: parts up to 10 km are read\n"
+        "printer-slicer: scale 1,1,1e+09: moves box to 1e+10 mm from the origin of its file\n"
+        "  Choose a smaller factor; coordinates up to 10 km are allowed\n"
     )
 
 
@@ -329,9 +329,9 @@ def test_only_flags_that_were_given_are_to_be_left_out(tmp_path: Path) -> None:
     model = part(tmp_path, "a.stl", (-100, 0, 3), (-80, 20, 9))
 
     as_placed = typed("slice", model, "--as-placed", *QUICK).err
-    assert "leave out --as-placed for the middle of the bed, or say where with --center" in as_placed
+    assert "Omit --as-placed to use the middle of the bed, or set the position with --center" in as_placed
     centered = typed("slice", model, "--center", "0,0", *QUICK).err
-    assert "leave out --center for the middle of the bed, or name another place" in centered
+    assert "Omit --center to use the middle of the bed, or choose another position" in centered
 
 
 def test_a_long_thin_part_is_not_taken_for_micrometres(tmp_path: Path) -> None:

@@ -99,7 +99,7 @@ def test_a_folder_that_cannot_be_made_is_refused(tmp_path: Path) -> None:
 
     assert isinstance(error, OutputError)
     assert str(error) == (
-        f"{tmp_path}/slices: the folder cannot be created: File exists\n  check name and permissions"
+        f"{tmp_path}/slices: the folder cannot be created: File exists\n  Check name and permissions"
     )
 
 

@@ -17,7 +17,7 @@ from printer_slicer.gcode_text import gcode_of
 from printer_slicer.inspection.dry_run.runner import dry_run
 from printer_slicer.model import Mesh
 from printer_slicer.pipeline import slice_stages
-from printer_slicer.placing import joined, transformed
+from printer_slicer.placing import join, transform
 from printer_slicer.profile import Profile
 from printer_slicer.roles import Role
 from printer_slicer.slice_jobs import job_from, job_of
@@ -38,7 +38,7 @@ def named(mesh: Mesh, name: str, at: tuple[float, float, float]) -> Mesh:
 
 def plate() -> Mesh:
     cube, post = box((10, 10, 2)), box((4, 4, 3))
-    return joined(
+    return join(
         [
             named(cube, "cube", (0, 0, 0)),
             named(cone(5, 3), "cone", (25, 5, 0)),
@@ -185,7 +185,7 @@ def test_a_single_thing_is_not_marked_and_nothing_is_where_nobody_wants_to_know(
 def test_names_are_plain_short_and_all_different() -> None:
     names = ["a b/ü.stl", "a b/ü.stl", "", "x" * 60, "cone", 'q"; M112']
     meshes = [named(box((3, 3, 0.4)), name, (6 * i, 0, 0)) for i, name in enumerate(names)]
-    stages = slice_stages(joined(meshes), plain())
+    stages = slice_stages(join(meshes), plain())
 
     assert stages.labels is not None
     assert stages.labels.names == ("a_b_stl", "a_b_stl_2", "object", "x" * 24, "cone", "q_M112")
@@ -195,19 +195,19 @@ def test_a_thing_in_the_hollow_of_another_is_itself() -> None:
     """Their envelopes hold each other's beads."""
     frame, core = box_with_hole((30, 30, 2), (20, 20)), box((6, 6, 2))
     at = frame.bounds.mean(axis=0) - core.bounds.mean(axis=0)
-    both = joined([named(frame, "frame", (0, 0, 0)), named(core, "core", (at[0], at[1], 0))])
+    both = join([named(frame, "frame", (0, 0, 0)), named(core, "core", (at[0], at[1], 0))])
     stages = slice_stages(both, plain())
     assert stages.labels is not None
-    part = stages.labels.item >= 0
+    part = stages.labels.object_id >= 0
     far = np.abs(stages.program.xyz[part, :2] - stages.part.bounds.mean(axis=0)[:2]).max(axis=1)
 
-    assert (stages.labels.item[part] == (far < 4)).all()
-    assert set(stages.labels.item.tolist()) == {-1, 0, 1}
+    assert (stages.labels.object_id[part] == (far < 4)).all()
+    assert set(stages.labels.object_id.tolist()) == {-1, 0, 1}
 
 
 def test_things_are_known_when_they_were_turned_scaled_and_mended() -> None:
     meshes = plate()
-    turned = transformed(Mesh(meshes.triangles, "plate", meshes.objects), scale=2, rotate=(0, 0, 90))
+    turned = transform(Mesh(meshes.triangles, "plate", meshes.objects), scale=2, rotate=(0, 0, 90))
     torn = Mesh(np.delete(turned.triangles, 3, axis=0), "torn", turned.objects)
 
     for mesh in (turned, torn):
@@ -218,7 +218,7 @@ def test_things_are_known_when_they_were_turned_scaled_and_mended() -> None:
             inside = ((stages.program.xyz[:, :2] > low - 0.1) & (stages.program.xyz[:, :2] < high + 0.1)).all(
                 axis=1
             )
-            assert (stages.labels.item[lays & inside] == k).all()
+            assert (stages.labels.object_id[lays & inside] == k).all()
             assert (lays & inside).sum() > 50
 
 
@@ -229,8 +229,8 @@ def test_a_raft_belongs_to_nobody_and_carries_all() -> None:
     raft = stages.program.role == Role.RAFT
 
     assert raft.any()
-    assert (stages.labels.item[raft] == -1).all()
-    assert set(stages.labels.item[(stages.program.role > Role.RAFT)].tolist()) == {0, 1, 2}
+    assert (stages.labels.object_id[raft] == -1).all()
+    assert set(stages.labels.object_id[(stages.program.role > Role.RAFT)].tolist()) == {0, 1, 2}
 
 
 def test_the_items_of_a_plate_in_one_file_are_marked(tmp_path: Path) -> None:

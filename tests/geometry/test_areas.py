@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 from printer_slicer.arrays import (
     boxes,
     consecutive,
-    following_around,
     lengths,
+    next_in_ring,
     per_layer,
-    previous_around,
-    run_begins,
+    previous_in_ring,
+    run_starts,
 )
 from printer_slicer.geometry import Areas, Lines
 from tests.strategies import areas, box
@@ -138,7 +138,7 @@ def test_stacks_of_different_height_do_not_merge() -> None:
 
 @given(st.lists(st.integers(0, 2)))
 def test_runs_begin_where_a_value_differs_from_the_one_before(values: list[int]) -> None:
-    begins = run_begins(np.array(values, np.int64))
+    begins = run_starts(np.array(values, np.int64))
 
     assert begins.tolist() == [i == 0 or value != values[i - 1] for i, value in enumerate(values)]
 
@@ -165,11 +165,11 @@ def test_the_last_item_of_a_ring_is_followed_by_its_first_and_that_of_an_open_ru
     start = np.cumsum([0, *(size for size, _ in runs)])
     rings = [list(range(a, b)) for a, b in pairwise(start.tolist())]
 
-    following = following_around(start).tolist()
-    opened = following_around(start, np.array([closed for _, closed in runs], np.bool_)).tolist()
+    following = next_in_ring(start).tolist()
+    opened = next_in_ring(start, np.array([closed for _, closed in runs], np.bool_)).tolist()
 
     assert following == [i for ring in rings for i in ring[1:] + ring[:1]]
-    assert previous_around(start)[following].tolist() == list(range(start[-1]))
+    assert previous_in_ring(start)[following].tolist() == list(range(start[-1]))
     assert opened == [
         i
         for ring, (_, closed) in zip(rings, runs, strict=True)

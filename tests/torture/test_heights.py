@@ -36,7 +36,7 @@ def areas_at(mesh: Mesh, cuts: Float) -> Float:
 
     assert repairs.count == 0
     assert sections.gaps == ()
-    assert sections.turned is None
+    assert sections.inverted is None
     return sections.solid.area()
 
 

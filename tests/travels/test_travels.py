@@ -247,7 +247,7 @@ def test_few_paths_and_ways_of_no_length(points: list[tuple[float, float]]) -> N
     sections = sections_of(SQUARE)
     travels = travel(places(sections, points), sections, profile())
 
-    assert travels.n_ways == len(points)
+    assert travels.n_travels == len(points)
     assert travels.start.tolist() == [0] * (len(points) + 1)
     assert not travels.retract.any()
 
@@ -292,7 +292,7 @@ def test_ways_keep_their_promises(areas: Areas, seed: int, detour: float) -> Non
     paths, wanted = places(sections, points, layer), profile(max_detour=detour)
     travels = travel(paths, sections, wanted)
 
-    assert travels.n_ways == paths.n_paths
+    assert travels.n_travels == paths.n_paths
     assert (np.diff(travels.start) >= 0).all()
     assert travels.start[-1] == len(travels.xy)
     solids = [shape(areas, k) for k in range(2)]

@@ -186,10 +186,10 @@ def _look(arguments: argparse.Namespace) -> _Looked:
 
 def _located(job: Job, told: UnderrunReport) -> UnderrunReport:
     """The same with lines of the text."""
-    from printer_slicer.commands import lines_of
+    from printer_slicer.commands import find_lines
 
-    firsts = lines_of(job.text, [one.first for one in told.stretches])
-    lasts = lines_of(job.text, [one.last for one in told.stretches])
+    firsts = find_lines(job.text, [one.first for one in told.stretches])
+    lasts = find_lines(job.text, [one.last for one in told.stretches])
     stretches = zip(told.stretches, firsts, lasts, strict=True)
     return replace(
         told, stretches=tuple(replace(one, line=first, last_line=last) for one, first, last in stretches)

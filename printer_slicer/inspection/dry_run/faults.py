@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Final, NamedTuple
 
-from printer_slicer.commands import lines_of
+from printer_slicer.commands import find_lines
 from printer_slicer.diagnostics import Diagnostic, Severity
 from printer_slicer.gcode.commands import heater_of
 from printer_slicer.gcode.lexer import parse
@@ -109,7 +109,7 @@ class Places:
     def put(self, faults: Iterable[tuple[int, Diagnostic]]) -> list[Diagnostic]:
         """Faults with line, layer and height, in the order of the commands told with them (from 0; -1: of none)."""
         found = sorted(faults, key=lambda one: (one[0] < 0, one[0]))
-        lines = lines_of(self._job.text, [max(command, 0) for command, _ in found])
+        lines = find_lines(self._job.text, [max(command, 0) for command, _ in found])
         return [
             fault if command < 0 else self._put(command, line, fault)
             for (command, fault), line in zip(found, lines, strict=True)

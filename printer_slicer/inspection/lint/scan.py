@@ -10,7 +10,7 @@ from math import pi
 from pathlib import Path
 from typing import Final
 
-from printer_slicer.commands import lines_of, read_text
+from printer_slicer.commands import find_lines, read_text
 from printer_slicer.diagnostics import Diagnostic, Severity
 from printer_slicer.firmware import FLAVOURS, Dialect
 from printer_slicer.gcode import Moves, pieces_of
@@ -171,6 +171,6 @@ def lint_text(
     tracker = UnsupportedTracker(printer.corners, pi * profile.material.filament_diameter**2 / 4, marks)
     moves = map(summary.add, pieces)
     findings = scan(told.commands, profile, moves=moves, marks=told.marks, whole=True, tracker=tracker)
-    lines = lines_of(text, [one.index for one in findings])
+    lines = find_lines(text, [one.index for one in findings])
     placed = tuple(replace(one, line=line) for one, line in zip(findings, lines, strict=True))
     return replace(summary.job(name, text, told), findings=placed)
