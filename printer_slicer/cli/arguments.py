@@ -1,4 +1,4 @@
-"""Arguments that several commands share: settings, models, output, and what decides about a print."""
+"""Options that several commands share: profiles and settings, models, output, checks, connection."""
 
 from __future__ import annotations
 
@@ -11,20 +11,22 @@ from math import inf, isfinite
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
+from printer_slicer.cli.help import advanced
 from printer_slicer.errors import UsageError
 
 __all__ = [
-    "DIALS",
     "FIRMWARES",
-    "Dial",
+    "SETTING_OPTIONS",
+    "STRICT",
+    "SettingOption",
     "add_allow",
     "add_connection",
     "add_firmware",
+    "add_layer_options",
     "add_machine",
     "add_models",
     "add_output",
     "add_settings",
-    "add_slicing",
     "address",
     "angles",
     "attached",
@@ -191,139 +193,173 @@ def box_of(text: str) -> tuple[tuple[float, float], tuple[float, float]]:
 _Flags = argparse._ActionsContainer  # noqa: SLF001 - a parser or a group of one
 
 
-# How results are said
+# Output
 
 
-def add_output(parser: argparse.ArgumentParser) -> None:
-    """Flags that decide how results are said."""
-    group = parser.add_argument_group("output")
-    group.add_argument("--json", action="store_true", help="machine-readable result on stdout")
-    group.add_argument("-q", "--quiet", action="store_true", help="only errors")
-    group.add_argument("-v", "--verbose", action="store_true", help="more about what happens")
+def add_output(
+    parser: argparse.ArgumentParser, group: argparse._ArgumentGroup | None = None
+) -> argparse._ArgumentGroup:
+    """Add the options for the form of the output, to this group or to a new one; return the group."""
+    group = group or parser.add_argument_group("output")
+    group.add_argument("--json", action="store_true", help="print the result as JSON")
+    advanced(group.add_argument("-q", "--quiet", action="store_true", help="print only errors"))
+    advanced(group.add_argument("-v", "--verbose", action="store_true", help="print more details"))
+    return group
 
 
 # Profiles and settings
 
 
-def add_slicing(parser: argparse.ArgumentParser, *, strict: str = "fail if the mesh needs repair") -> None:
-    """Flags that decide how a part becomes G-code, and how results are said; `strict` is the help of --strict."""
-    group = add_settings(parser)
-    group.add_argument("--strict", action="store_true", help=strict)
-    _add_dials(parser)
-    add_output(parser)
+def add_settings(parser: argparse.ArgumentParser, *, strict: str = "") -> argparse._ArgumentGroup:
+    """Add the options that choose profiles and change settings; return their group.
 
-
-def add_settings(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
-    """The flags that choose profiles and change settings."""
+    Args:
+        parser: of the command.
+        strict: help of --strict, for commands that slice; these also get the everyday print settings.
+    """
     group = parser.add_argument_group("settings")
-    group.add_argument("--printer", metavar="NAME", help="printer profile, or path of a .toml file")
-    group.add_argument("--material", metavar="NAME", help="material profile, likewise")
-    group.add_argument("--quality", metavar="NAME", help="quality profile, likewise")
+    group.add_argument("--printer", metavar="NAME", help="printer profile: a name or a .toml file")
+    group.add_argument("--material", metavar="NAME", help="material profile: a name or a .toml file")
+    group.add_argument("--quality", metavar="NAME", help="quality profile: a name or a .toml file")
+    if strict:
+        _add_setting_options(group, is_advanced=False)
     group.add_argument(
-        "--profiles",
-        metavar="FOLDER",
-        type=Path,
-        action="append",
-        default=[],
-        help="look for profiles there first; may be repeated",
+        "--set", metavar="KEY=VALUE", action="append", default=[], help="change a setting; may be repeated"
     )
-    group.add_argument(
-        "--set", metavar="KEY=VALUE", action="append", default=[], help="change one setting; may be repeated"
+    advanced(
+        group.add_argument(
+            "--profiles",
+            metavar="FOLDER",
+            type=Path,
+            action="append",
+            default=[],
+            help="search profiles in this folder first; may be repeated",
+        )
     )
+    if strict:
+        advanced(group.add_argument("--strict", action="store_true", help=strict))
     return group
 
 
-OPTIMAL: Final = " (--planner optimal)"
+STRICT: Final = "fail if the mesh needs repair"
+_OPTIMAL: Final = " (--planner optimal)"
 
 
-class Dial(NamedTuple):
-    """A flag: the setting that it stands for, what is typed, and what is to be told beside the setting's meaning."""
+class SettingOption(NamedTuple):
+    """An option that stands for a setting.
+
+    Attributes:
+        setting: its key.
+        metavar: of the value.
+        more: text behind the meaning of the setting.
+        is_advanced: whether only --help-all shows it, among the options of the layer planner.
+    """
 
     setting: str
     metavar: str
     more: str = ""
+    is_advanced: bool = True
 
     @property
     def help(self) -> str:
-        """What it means, from where the setting is declared."""
+        """Return the meaning of the setting, from where it is declared, and its choices."""
         meaning, choices = _meanings()[self.setting]
         return meaning + (f": {choices}" if choices else "") + self.more
 
 
-DIALS: Final[Mapping[str, Dial]] = {
-    "--layer-height": Dial("quality.layer_height", "MM", "; ranges may have their own layer_height"),
-    "--planner": Dial("quality.planner.kind", "NAME"),
-    "--tolerance": Dial("quality.tolerance", "MM"),
-    "--first-layer": Dial("quality.first_layer_height", "MM"),
-    "--containment": Dial("quality.containment", "NAME"),
-    "--objective": Dial("quality.planner.objective", "NAME", OPTIMAL),
-    "--error-price": Dial("quality.planner.error_price", "S", OPTIMAL),
-    "--snap": Dial("quality.planner.snap_tolerance", "MM", OPTIMAL),
-    "--max-step": Dial("quality.planner.max_step", "MM", OPTIMAL),
-    "--max-layers": Dial("quality.planner.max_layers", "N", OPTIMAL),
-    "--time-budget": Dial("quality.planner.time_budget", "TIME", ", as 90m, 1h30m, 5400" + OPTIMAL),
+SETTING_OPTIONS: Final[Mapping[str, SettingOption]] = {
+    "--layer-height": SettingOption("quality.layer_height", "MM", is_advanced=False),
+    "--planner": SettingOption("quality.planner.kind", "NAME"),
+    "--tolerance": SettingOption("quality.tolerance", "MM"),
+    "--first-layer": SettingOption("quality.first_layer_height", "MM"),
+    "--containment": SettingOption("quality.containment", "NAME"),
+    "--objective": SettingOption("quality.planner.objective", "NAME", _OPTIMAL),
+    "--error-price": SettingOption("quality.planner.error_price", "S", _OPTIMAL),
+    "--snap": SettingOption("quality.planner.snap_tolerance", "MM", _OPTIMAL),
+    "--max-step": SettingOption("quality.planner.max_step", "MM", _OPTIMAL),
+    "--max-layers": SettingOption("quality.planner.max_layers", "N", _OPTIMAL),
+    "--time-budget": SettingOption(
+        "quality.planner.time_budget", "TIME", "; for example 90m, 1h30m or 5400" + _OPTIMAL
+    ),
 }
+"""Option -> setting, in the order of the help."""
+
 _READERS: Final[Mapping[str, Callable[[str], object]]] = {"--time-budget": seconds}
 
 
 @cache
 def _meanings() -> Mapping[str, tuple[str, str]]:
-    """Setting -> meaning, and the words of which it is one; settings of a planner without its name."""
+    """Return the meaning and the choices of each setting; settings of the optimal planner without its name."""
     from printer_slicer.profile.tables import settings_table
 
     rows = [row for row in settings_table() if "[" not in row.key or "[optimal]" in row.key]
     return {row.key.replace("[optimal]", ""): (row.meaning, row.choices) for row in rows}
 
 
-class _Lazy(argparse._StoreAction):  # noqa: SLF001 - what `action="store"` is has no other name
-    """A flag whose help is made when it is read: parsing need not load the settings."""
+class _SettingAction(argparse._StoreAction):  # noqa: SLF001 - what `action="store"` is has no other name
+    """An action whose help is made when it is read, so that parsing does not load the settings."""
 
-    def __init__(self, *given: Any, dial: Dial, **named: Any) -> None:
-        self._dial = dial
+    def __init__(self, *given: Any, option: SettingOption, **named: Any) -> None:
+        self._option = option
         super().__init__(*given, **named)
 
     @property
     def help(self) -> str:
-        """What --help says."""
-        return self._dial.help.replace("%", "%%")
+        """Return the text for --help."""
+        return self._option.help.replace("%", "%%")
 
     @help.setter  # noqa: A003 - argparse's name for it
     def help(self, _: object) -> None:
-        """Stays what the setting says."""
+        """Ignore what argparse sets."""
 
 
-def _add_dials(parser: argparse.ArgumentParser) -> None:
-    """Flags that decide where layers end, and what differs from place to place."""
-    group = parser.add_argument_group("layer heights")
-    for flag, dial in DIALS.items():
-        group.add_argument(
+def _add_setting_options(group: argparse._ArgumentGroup, *, is_advanced: bool) -> None:
+    """Add the options of one tier that stand for a setting."""
+    for flag, option in SETTING_OPTIONS.items():
+        if option.is_advanced != is_advanced:
+            continue
+        action = group.add_argument(
             flag,
-            action=_Lazy,
-            dial=dial,
-            metavar=dial.metavar,
-            dest=f"dial {dial.setting}",
+            action=_SettingAction,
+            option=option,
+            metavar=option.metavar,
+            dest=f"setting {option.setting}",
             type=_READERS.get(flag, str),
         )
-    group.add_argument(
-        "--heights",
-        metavar="LIST",
-        dest="dial heights",
-        help="the only heights: 0.1,0.2,0.3 or LOW:HIGH or LOW:HIGH:STEP, in mm",
+        if is_advanced:
+            advanced(action)
+
+
+def add_layer_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options for overrides and for the layer planner."""
+    group = parser.add_argument_group("overrides")
+    advanced(
+        group.add_argument(
+            "--range",
+            metavar="LOW:HIGH:KEY=VALUE",
+            action="append",
+            default=[],
+            help="change a setting, tolerance or layer_height between two heights in mm; may be repeated",
+        )
     )
-    group = parser.add_argument_group("places of their own")
-    group.add_argument(
-        "--range",
-        metavar="LOW:HIGH:KEY=VALUE",
-        action="append",
-        default=[],
-        help="between two heights in mm another setting, or tolerance=MM or layer_height=MM; may be repeated",
+    advanced(
+        group.add_argument(
+            "--set-for",
+            metavar="OBJECT:KEY=VALUE",
+            action="append",
+            default=[],
+            help="change a setting for one object; may be repeated",
+        )
     )
-    group.add_argument(
-        "--set-for",
-        metavar="OBJECT:KEY=VALUE",
-        action="append",
-        default=[],
-        help="another setting for one of several objects; may be repeated",
+    group = parser.add_argument_group("layer planner")
+    _add_setting_options(group, is_advanced=True)
+    advanced(
+        group.add_argument(
+            "--heights",
+            metavar="LIST",
+            dest="setting heights",
+            help="allowed layer heights in mm: 0.1,0.2,0.3 or LOW:HIGH or LOW:HIGH:STEP",
+        )
     )
 
 
@@ -340,7 +376,7 @@ _USUAL: Final = {
     "drop": True,
     "fuse": False,
 }
-"""Flags of models as they are where nobody sets them."""
+"""Defaults of the options for models."""
 
 
 def add_models(
@@ -351,13 +387,13 @@ def add_models(
     meaning: str = "",
     required: bool = False,
 ) -> None:
-    """The models of a command, and the flags that say how they are taken.
+    """Add the models of a command, and the options for their units and placement.
 
     Args:
         parser: of the command.
-        gcode: whether one G-code file may stand in their place.
-        flag: for commands whose models are not what comes first: the flag that names them.
-        meaning: of that flag.
+        gcode: whether one G-code file may be given instead.
+        flag: the option that names the models, for commands with another positional argument.
+        meaning: help of that option.
         required: whether it must be given.
     """
     metavar = "MODEL|FILE.gcode" if gcode else "MODEL"
@@ -373,74 +409,80 @@ def add_models(
             help=meaning,
         )
     else:
-        what = "parts, on one plate as their files place them" + (
-            "; or G-code of any slicer" if gcode else ": STL, 3MF, OBJ, PLY, OFF, GLB, STEP, ..."
+        what = "models (STL, 3MF, OBJ, STEP, ...), printed together on one plate" + (
+            "; or one G-code file" if gcode else ""
         )
         parser.add_argument("models", metavar=metavar, type=Path, nargs="+", help=what)
-    _add_group(parser)
+    _add_placement(parser)
 
 
-def _add_group(parser: argparse.ArgumentParser) -> None:
-    group = parser.add_argument_group("model")
+def _add_placement(parser: argparse.ArgumentParser) -> None:
+    """Add the options for units and placement of models."""
+    group = parser.add_argument_group("model placement")
+    group.add_argument("--scale", metavar="FACTOR", type=factors, help="2, 50%% or X,Y,Z factors")
     group.add_argument(
-        "--units",
-        choices=UNITS,
-        metavar="UNIT",
-        help=f"what the numbers in the files mean: {', '.join(UNITS)}; default: what the files say, else mm",
-    )
-    group.add_argument(
-        "--scale", metavar="FACTOR", type=factors, help="2, 50%% or X,Y,Z; about the origin of the file"
-    )
-    group.add_argument(
-        "--rotate",
-        metavar="ANGLES",
-        type=angles,
-        help="degrees about z, or X,Y,Z: about x, then y, then z; after --scale",
+        "--rotate", metavar="ANGLES", type=angles, help="degrees about z, or X,Y,Z; after --scale"
     )
     where = group.add_mutually_exclusive_group()
-    where.add_argument(
-        "--center", metavar="X,Y", type=point, help="where the middle goes; default: middle of the bed"
+    advanced(
+        where.add_argument(
+            "--center", metavar="X,Y", type=point, help="centre of the plate; default: centre of the bed"
+        )
     )
-    where.add_argument(
-        "--as-placed", action="store_true", help="keep x and y of the files: they are those of the bed"
+    advanced(
+        where.add_argument(
+            "--as-placed", action="store_true", help="keep x and y of the files as bed coordinates"
+        )
     )
-    group.add_argument(
-        "--drop",
-        action=argparse.BooleanOptionalAction,
-        default=True,
-        help="put the plate down on the bed (default), or keep z of the files",
+    advanced(
+        group.add_argument(
+            "--drop",
+            action=argparse.BooleanOptionalAction,
+            default=True,
+            help="put the plate down on the bed (default), or keep z of the files",
+        )
     )
-    group.add_argument(
-        "--fuse",
-        action="store_true",
-        help="print overlapping parts of several files as one part; default: an error",
+    advanced(
+        group.add_argument(
+            "--units",
+            choices=UNITS,
+            metavar="UNIT",
+            help=f"unit of the files: {', '.join(UNITS)}; default: as the files say, else mm",
+        )
+    )
+    advanced(
+        group.add_argument(
+            "--fuse",
+            action="store_true",
+            help="print overlapping parts of several files as one part; default: an error",
+        )
     )
 
 
 def refuse_model_flags(arguments: argparse.Namespace) -> None:
-    """G-code is printed as it is, and alone.
+    """Refuse options for models, and further files, if G-code is printed.
 
     Raises:
-        UsageError: a flag wants to change it, or there is more than one file.
+        UsageError: there is such an option, or more than one file.
     """
     if len(arguments.models) > 1:
         raise UsageError(
-            f"{arguments.models[0]}: G-code is printed alone, but there are {len(arguments.models)} files",
-            remedy="slice several models together, or print one file after the other",
+            f"{arguments.models[0]}: only one G-code file can be printed at a time, not {len(arguments.models)}",
+            remedy="Print the files one after the other, or slice the models together",
         )
     given = [name for name, usual in _USUAL.items() if getattr(arguments, name) != usual]
     if given:
         flag = "--no-drop" if given[0] == "drop" else f"--{given[0].replace('_', '-')}"
         raise UsageError(
-            f"{arguments.models[0]}: {flag} has no meaning for G-code, which is printed as it is",
-            remedy="leave it out, or give the model",
+            f"{arguments.models[0]}: {flag} does not apply to G-code, which is printed as it is",
+            remedy=f"Leave out {flag}, or give the model instead",
         )
 
 
 # G-code and machines
 
 
-# The keys of diagnostics.NAMES, which is not imported: --help answers at once.
+# The keys of diagnostics.NAMES, which is not imported to keep --help fast.
 _ALLOWED: Final = (
     "temperature, box, feed, flow, ratio, unsupported, cold, homing, eeprom, limits, calibration, autotune, "
     "protection, endstops, offsets, halt, wait, firmware, files, pins, macros, link, debug, shell, unreadable"
@@ -448,48 +490,58 @@ _ALLOWED: Final = (
 
 
 def add_allow(parser: _Flags) -> None:
-    """What may be in a job although it is usually refused."""
-    parser.add_argument(
-        "--allow",
-        metavar="NAME",
-        action="append",
-        default=[],
-        help=f"take G-code although this is in it; may be repeated: {_ALLOWED}",
+    """Add the option that accepts G-code with findings that are errors otherwise."""
+    advanced(
+        parser.add_argument(
+            "--allow",
+            metavar="NAME",
+            action="append",
+            default=[],
+            help=f"accept G-code despite this error; may be repeated: {_ALLOWED}",
+        )
     )
 
 
 def add_machine(parser: _Flags) -> None:
-    """The machine by which G-code is judged, and what it may hold all the same."""
-    add_allow(parser)
-    parser.add_argument("--printer", metavar="NAME", help="printer profile, or path of a .toml file")
-    parser.add_argument("--material", metavar="NAME", help="material profile, likewise")
+    """Add the options for the machine that G-code is checked for."""
+    parser.add_argument("--printer", metavar="NAME", help="printer profile: a name or a .toml file")
+    parser.add_argument("--material", metavar="NAME", help="material profile: a name or a .toml file")
     parser.add_argument(
-        "--set", metavar="KEY=VALUE", action="append", default=[], help="change one setting; may be repeated"
+        "--set", metavar="KEY=VALUE", action="append", default=[], help="change a setting; may be repeated"
     )
+    add_allow(parser)
 
 
 def add_connection(parser: argparse.ArgumentParser) -> None:
-    """Flags of a print over a port: what happens when the printer or this program is gone."""
-    parser.add_argument(
-        "--dtr",
-        choices=("auto", "on", "off"),
-        default="auto",
-        help="level of the line that resets many boards when the port is opened; default: auto, as the system does",
+    """Add the options for the connection to a printer, and for its loss."""
+    group = parser.add_argument_group("connection")
+    advanced(
+        group.add_argument(
+            "--dtr",
+            choices=("auto", "on", "off"),
+            default="auto",
+            help="level of the DTR line, which resets many boards when the port is opened; default: auto, as the "
+            "system sets it",
+        )
     )
-    parser.add_argument(
-        "--reconnect",
-        metavar="S",
-        type=patience,
-        default=30.0,
-        help="wait so long for a printer whose cable was pulled; default: 30",
+    advanced(
+        group.add_argument(
+            "--reconnect",
+            metavar="S",
+            type=patience,
+            default=30.0,
+            help="seconds to wait for a printer whose cable was unplugged; default: 30",
+        )
     )
-    parser.add_argument(
-        "--guard",
-        metavar="S",
-        type=patience,
-        default=120.0,
-        help="if this program dies and nobody resumes the print for so long, a second process switches the heaters "
-        "off; 0: never, nor when the printer is given up; default: 120",
+    advanced(
+        group.add_argument(
+            "--guard",
+            metavar="S",
+            type=patience,
+            default=120.0,
+            help="if this program crashes and the print is not resumed within this many seconds, a second process "
+            "switches the heaters off; 0: never; default: 120",
+        )
     )
 
 
@@ -497,39 +549,42 @@ FIRMWARES: Final = (
     *("marlin 1.1", "marlin 2.0", "marlin 2.1", "marlin 2.1 advanced", "marlin 2.1.3", "prusa mk3"),
     *("reprapfirmware", "klipper", "repetier", "smoothie", "octoprint virtual"),
 )
-"""As `sim.front_end` has them, which is not imported before it is needed; a test holds the two equal."""
+"""The names in `sim.front_end`, which is not imported before it is needed; a test compares the two."""
 
 
 def _firmware(text: str) -> str:
-    """A name of the list, however its words are joined."""
+    """Return a name of the list, with its words joined by spaces."""
     name = " ".join(text.lower().replace("_", " ").replace("-", " ").split())
     if name not in FIRMWARES:
-        raise argparse.ArgumentTypeError(f"{text!r} is not known; known are {', '.join(FIRMWARES)}")
+        raise argparse.ArgumentTypeError(f"unknown firmware {text!r}; choose one of: {', '.join(FIRMWARES)}")
     return name
 
 
-def add_firmware(parser: argparse.ArgumentParser) -> None:
-    """Flags that decide which firmware is simulated and what goes wrong with it."""
+def add_firmware(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
+    """Add the options for the simulated printer; return their group."""
     group = parser.add_argument_group("simulated printer")
-    group.add_argument(
-        "--firmware",
-        metavar="NAME",
-        type=_firmware,
-        help=f"simulated firmware: {', '.join(FIRMWARES)}; parts are sliced for it; default: marlin 2.1 with the "
-        "commands of the printer's flavour",
+    advanced(
+        group.add_argument(
+            "--firmware",
+            metavar="NAME",
+            type=_firmware,
+            help=f"firmware, for which parts are sliced too: {', '.join(FIRMWARES)}; default: marlin 2.1 with the "
+            "commands of the printer's flavour",
+        )
     )
-    group.add_argument(
-        "--extruders",
-        metavar="N",
-        type=positive,
-        help="how many it has; default: 1, or up to the tool that the printer's profile prints with",
+    advanced(
+        group.add_argument(
+            "--extruders",
+            metavar="N",
+            type=positive,
+            help="number of extruders; default: 1, or up to the tool that the printer's profile uses",
+        )
     )
-    group.add_argument(
-        "--one-hotend", action="store_true", help="the extruders share one, as with a changer of filaments"
+    advanced(group.add_argument("--one-hotend", action="store_true", help="all extruders share one hotend"))
+    group.add_argument("--faults", metavar="FILE.toml", type=Path, help="fault script, see docs/simulator.md")
+    advanced(
+        group.add_argument(
+            "--seed", metavar="N", type=whole, help="random seed of faults; default: of the script, else 0"
+        )
     )
-    group.add_argument(
-        "--faults", metavar="FILE.toml", type=Path, help="what shall go wrong, see docs/simulator.md"
-    )
-    group.add_argument(
-        "--seed", metavar="N", type=whole, help="of all chance; default: as the file says, else 0"
-    )
+    return group

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from printer_slicer.cli.arguments import DIALS, FIRMWARES
+from printer_slicer.cli.arguments import FIRMWARES, SETTING_OPTIONS
 from printer_slicer.cli.inputs import MODELS
 from printer_slicer.cli.parser import CommandParser
 
@@ -282,7 +282,7 @@ _OF_FLAGS: Final[Mapping[str, _Completer]] = {
     "--set-for": _of_objects,
     "--range": _of_heights,
     "--firmware": _of(*(name.replace(" ", "-") for name in FIRMWARES)),
-    **{flag: _choices(dial.setting) for flag, dial in DIALS.items()},
+    **{flag: _choices(option.setting) for flag, option in SETTING_OPTIONS.items()},
     "--units": _of("mm", "cm", "m", "inch", "foot", "micron"),
     "--allow": _allowed,
     "--port": _ports,

@@ -1,4 +1,4 @@
-"""The parser of the command line. Only the command that is asked for has arguments; of the others it knows the name."""
+"""The parser of the command line. It imports only the command that is typed; of the others it knows the names."""
 
 from __future__ import annotations
 
@@ -9,47 +9,58 @@ from importlib import import_module
 from typing import Any, Final, NoReturn
 
 from printer_slicer.cli.arguments import attached
+from printer_slicer.cli.help import (
+    ENVIRONMENT,
+    EXIT_CODES,
+    FILES,
+    HelpAction,
+    HelpFormatter,
+    advanced,
+    format_help,
+)
 from printer_slicer.errors import UsageError
 from printer_slicer.version import VERSION
 
 __all__ = ["COMMANDS", "CommandParser", "build_parser", "declare"]
 
 COMMANDS: Final[Mapping[str, str]] = {
-    "slice": "make G-code from a part",
-    "plan": "compare layer plans for a part",
-    "contours": "write the contours of a part for other machines: SVG, CLI, SLC",
-    "check": "look at G-code of any slicer before it is printed: what it holds, its material, the link",
-    "draw": "draw one layer of any slicer's G-code from above, every bead as wide as it is laid",
-    "dry-run": "print on a simulated printer, in seconds, and say what would happen",
+    "slice": "make G-code from models",
     "print": "print over a serial port",
-    "resume": "go on with a print that was broken off",
-    "control": "control a running print (pause, cancel, speed, temperature)",
-    "console": "talk to a printer: type G-code, read its answers",
-    "sim": "serve the simulated printer on a pseudo-terminal or over TCP until interrupted",
+    "dry-run": "print on the simulated printer and report what would happen",
+    "check": "analyse G-code of any slicer, alone or against its model",
+    "draw": "draw a layer of any slicer's G-code",
+    "plan": "compare layer plans for a part",
+    "contours": "export the contours of a part as SVG, CLI or SLC",
+    "profiles": "list, show, compare, create and import profiles",
     "send": "upload G-code to a printer on the network",
+    "control": "control a running print (pause, cancel, speed, ...)",
+    "resume": "resume an interrupted print",
     "ports": "list the serial ports",
-    "doctor": "look for what keeps a printer from being printed to",
-    "profiles": "find, look at, check and begin profiles",
-    "completion": "teach a shell to complete commands, flags, profiles and settings",
-    "man": "write the manual page",
+    "doctor": "diagnose connection problems",
+    "console": "send G-code to a printer interactively",
+    "sim": "run the simulated printer as a server",
+    "completion": "print the completion script for your shell",
+    "man": "print the manual page",
 }
 """Name -> meaning, in the order of the help."""
 
-_EXAMPLES = """\
-examples:
-  printer-slicer slice part.stl                      write part.gcode
-  printer-slicer slice part.stl --quality adaptive   thick layers where the shape allows, thin ones elsewhere
-  printer-slicer plan part.stl --picture plan.svg    compare layer plans, draw the chosen one
-  printer-slicer check part.gcode --model part.stl   hold any slicer's G-code against the part
-  printer-slicer draw part.gcode --layer 12 -o layer.svg   draw a layer of any slicer's G-code
-  printer-slicer dry-run part.stl                    print it on a simulated printer and say what would happen
-  printer-slicer print part.stl --port sim:          the same over the serial protocol, line by line
-  printer-slicer ports                               which serial ports there are
+_EXAMPLES: Final = """\
+  printer-slicer slice part.stl --printer prusa_mk4   write part.gcode
+  printer-slicer slice part.stl --quality adaptive   thin layers only where the shape needs them
+  printer-slicer dry-run part.stl                    print it on the simulated printer
   printer-slicer print part.stl --port /dev/ttyUSB0  print it
-  printer-slicer control pause                       have a wish for a running print
-  printer-slicer resume                              go on with a print that was broken off
-
-exit codes: 0 done, 2 usage, 3 the part cannot be sliced, 4 the port, 5 print failed, 6 cancelled, 7 verification failed
+  printer-slicer ports                               list the serial ports
+  printer-slicer plan part.stl --picture plan.svg    compare layer plans and draw the chosen one
+  printer-slicer check part.gcode --model part.stl   compare any slicer's G-code with the part
+  printer-slicer draw part.gcode --layer 12 -o layer.svg   draw a layer of any slicer's G-code
+  printer-slicer print part.stl --port sim:          print over the serial protocol to the simulated printer
+  printer-slicer control pause                       pause a running print
+  printer-slicer resume                              resume an interrupted print
+"""
+_ENDING: Final = """\
+exit codes: 0 done, 2 usage, 3 the part cannot be sliced, 4 serial port,
+5 print failed, 6 cancelled, 7 verification failed
+options of a command: printer-slicer COMMAND --help
 """
 
 
@@ -61,21 +72,18 @@ def build_parser(asked: Collection[str] = tuple(COMMANDS)) -> argparse.ArgumentP
     """
     parser = _TopParser(
         prog="printer-slicer",
-        description="Slice a part with adaptive layer heights, check any G-code, print it over USB, or dry-run it.",
-        epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        allow_abbrev=False,
+        usage="printer-slicer COMMAND [options]",
+        description="Slice parts with uniform or adaptive layer heights, check G-code, and print it.",
     )
-    parser.add_argument("--version", action=_Version, nargs=0, help="show the version and stop")
+    advanced(parser.add_argument("--version", action=_Version, nargs=0, help="show the version and exit"))
     usual: type[argparse.ArgumentParser] = CommandParser
     commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=usual, title="commands")
     for name, meaning in COMMANDS.items():
         command = commands.add_parser(
             name,
+            prog=f"{parser.prog} {name}",
             help=meaning,
             description=meaning[0].upper() + meaning[1:] + ".",
-            formatter_class=argparse.RawDescriptionHelpFormatter,
-            allow_abbrev=False,
         )
         if name in asked:
             declare(command, name)
@@ -85,41 +93,67 @@ def build_parser(asked: Collection[str] = tuple(COMMANDS)) -> argparse.ArgumentP
 def declare(parser: argparse.ArgumentParser, name: str) -> None:
     """Import the module of a command, and add its arguments, examples and run."""
     module = import_module(f"printer_slicer.cli.commands.{name.replace('-', '_').replace(' ', '_')}")
-    parser.epilog = f"examples:\n{module.EXAMPLES}"
+    assert isinstance(parser, _Parser)
+    parser.examples = module.EXAMPLES
     module.add_arguments(parser)
     parser.set_defaults(run=module.run)
 
 
 class _Parser(argparse.ArgumentParser):
-    """A parser whose refusals are errors as all others, with what is near and what to do."""
+    """A parser with help in two tiers, whose errors are usage errors that suggest what may have been meant.
+
+    Attributes:
+        examples: lines for the help, of the form `  COMMAND LINE   what it does`.
+        ending: text below the examples.
+    """
+
+    examples: str = ""
+    ending: str = ""
+
+    def __init__(self, **named: Any) -> None:
+        common: dict[str, Any] = {"formatter_class": HelpFormatter, "allow_abbrev": False, "add_help": False}
+        super().__init__(**common | named)
+        advanced(
+            self.add_argument(
+                "-h", "--help", action=HelpAction, everything=False, help="show the everyday options and exit"
+            )
+        )
+        advanced(
+            self.add_argument(
+                "--help-all", action=HelpAction, everything=True, help="show all options and exit"
+            )
+        )
 
     def error(self, message: str) -> NoReturn:
-        """Refuse what was typed."""
+        """Raise a usage error instead of exiting."""
         flags = [flag for action in self._actions for flag in action.option_strings]
         _, unknown, typed = message.partition("unrecognized arguments: ")
         words = typed.split()
         flag = next((word.partition("=")[0] for word in words if word.startswith("-")), "")
-        problem = message.removeprefix("argument ").replace(
-            "expected one argument", "a value belongs behind it"
-        )
+        problem = message.removeprefix("argument ").replace("expected one argument", "needs a value")
         if unknown:
-            problem = f"{flag}: no such flag" if flag else f"{words[0]}: nothing is expected there"
-        usage = f"{_near(flag, flags)}{self.format_usage().strip()}; {self.prog} --help tells all"
+            problem = f"{flag}: no such option" if flag else f"{words[0]}: unexpected argument"
+        usage = f"{_suggest(flag, flags)}{self.format_usage().strip()}; see {self.prog} --help"
         raise UsageError(": ".join(filter(None, (self.prog.partition(" ")[2], problem))), remedy=usage)
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
-        """Whether it is one of the choices; the library's own message offers nothing near."""
+        """Refuse a value that is none of the choices, and suggest the nearest one."""
         if action.choices is not None and value not in action.choices:
             known = list(map(str, action.choices))
-            remedy = f"{_near(str(value), known)}choose one of: {', '.join(known)}"
-            raise argparse.ArgumentError(action, f"there is no {value!r}; {remedy}")
+            remedy = f"{_suggest(str(value), known)}choose one of: {', '.join(known)}"
+            raise argparse.ArgumentError(action, f"unknown: {value!r}; {remedy}")
 
     def _print_message(self, message: str, file: Any = None) -> None:
-        """Say it; a stdout that takes nothing is told of by who calls."""
+        """Print a message; the caller reports a stdout that cannot be written."""
         (file or sys.stderr).write(message)
 
+    def format_help(self) -> str:
+        """Return the complete help."""
+        return format_help(self)
 
-def _near(word: str, known: Iterable[str]) -> str:
+
+def _suggest(word: str, known: Iterable[str]) -> str:
+    """Return a question that names the known word nearest to a word; empty if none is near."""
     from difflib import get_close_matches
 
     near = get_close_matches(word, list(known), n=1) if word else []
@@ -127,16 +161,16 @@ def _near(word: str, known: Iterable[str]) -> str:
 
 
 class CommandParser(_Parser):
-    """A parser whose usage names what must be typed; what may be typed stands in the help.
+    """A parser whose usage names only required options; the help lists the others.
 
     Attributes:
-        below: first words behind which another parser reads.
+        below: first words that select another parser for the words behind them.
     """
 
     below: Mapping[str, CommandParser] = {}
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """As the class it comes from; what is not known is refused here, where the flags are that it may have meant."""
+        """Parse, and refuse unknown words here, where the options that may have been meant are known."""
         if args and args[0] in self.below:
             return self.below[args[0]].parse_known_args(args[1:], namespace)
         found, unknown = super().parse_known_args(args, namespace)
@@ -145,18 +179,13 @@ class CommandParser(_Parser):
         return found, unknown
 
     def format_usage(self) -> str:
-        """The first line of the help, and what comes before errors."""
-        self.usage = self.usage or _short(self)
+        """Return the first line of the help."""
+        self.usage = self.usage or _short_usage(self)
         return super().format_usage()
 
-    def format_help(self) -> str:
-        """The help."""
-        self.usage = self.usage or _short(self)
-        return super().format_help()
 
-
-def _short(parser: argparse.ArgumentParser) -> str:
-    """Name, options that are required, and what stands without flags."""
+def _short_usage(parser: argparse.ArgumentParser) -> str:
+    """Return the command with its required options and positional arguments."""
     words = [parser.prog, "[options]"]
     for action in parser._actions:  # noqa: SLF001 - argparse has no other list
         what = action.metavar or action.dest.upper()
@@ -170,15 +199,28 @@ def _short(parser: argparse.ArgumentParser) -> str:
 
 
 class _TopParser(_Parser):
-    """Takes `--rotate -90,0,0` as it is meant."""
+    """The parser of the program; it accepts values that begin with a minus sign, such as `--rotate -90,0,0`."""
+
+    examples = _EXAMPLES
+    ending = _ENDING
+
+    @property
+    def appendix(self) -> str:
+        """Text that only the complete help has."""
+        tables = {"exit codes": EXIT_CODES, "environment variables": ENVIRONMENT}
+        rows = [
+            f"\n{title}:\n" + "".join(f"  {name:<26}{text}\n" for name, text in table.items())
+            for title, table in tables.items()
+        ]
+        return "".join(rows) + f"\nfiles:\n  {FILES}\n"
 
     def parse_known_args(self, args=None, namespace=None):  # type: ignore[no-untyped-def]
-        """As the class it comes from, which takes every word with a minus sign for a flag."""
+        """Parse with values that begin with a minus sign joined to their options."""
         return super().parse_known_args(attached(sys.argv[1:] if args is None else args), namespace)
 
 
 class _Version(argparse.Action):
-    """Says the version."""
+    """Print the version and exit."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
         print(f"printer-slicer {VERSION}")

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, NoReturn
 
-from printer_slicer.cli.arguments import DIALS
+from printer_slicer.cli.arguments import SETTING_OPTIONS
 from printer_slicer.cli.output import visible, without_stdin, write_file
 from printer_slicer.errors import ProfileError, UsageError
 from printer_slicer.saving import make_folder
@@ -167,7 +167,9 @@ def _flavour_of(firmware: str) -> str:
 def _dialled(arguments: argparse.Namespace) -> dict[str, object]:
     """The settings that flags with names of their own stand for."""
     given = {
-        key.removeprefix("dial "): value for key, value in vars(arguments).items() if key.startswith("dial ")
+        key.removeprefix("setting "): value
+        for key, value in vars(arguments).items()
+        if key.startswith("setting ")
     }
     changes: dict[str, object] = {key: value for key, value in given.items() if value is not None}
     heights = str(changes.pop("heights", ""))
@@ -252,7 +254,7 @@ def _contradictions(changes: Mapping[str, object]) -> Iterator[str]:
     from printer_slicer.profile.planners import PLANNER_SETTINGS
     from printer_slicer.profile.quality import Quality
 
-    flags = {dial.setting: flag for flag, dial in DIALS.items()}
+    flags = {option.setting: flag for flag, option in SETTING_OPTIONS.items()}
     own = {name for kind in PLANNER_SETTINGS.values() for name in kind.__struct_fields__}
     own -= set(Quality.__struct_fields__)
     for key, value in changes.items():

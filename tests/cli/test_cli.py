@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import os
 import re
@@ -15,6 +16,7 @@ from typing import Any
 import pytest
 from command_line import BOX, NO_BUFFER, PARTS, QUICK, USUAL, is_message, process, started, typed
 
+from printer_slicer.cli.help import SHORT_LINES, is_advanced
 from printer_slicer.cli.parser import build_parser
 from printer_slicer.profile import DEFAULT_NAMES, load_profile, profile_paths, settings_text
 from printer_slicer.profile.tables import settings_table
@@ -62,10 +64,54 @@ def test_the_help_of_the_program_names_all_commands_and_exit_codes() -> None:
     )
 
 
+def parsers() -> Iterator[tuple[str, argparse.ArgumentParser]]:
+    """Name and parser of every command."""
+    for action in build_parser()._actions:
+        for name, parser in (action.choices or {}).items() if isinstance(action.choices, dict) else ():
+            yield name, parser
+            yield from ((f"{name} {word}", below) for word, below in parser.below.items())
+
+
+@pytest.mark.parametrize("command", ["", *(name for name, _ in parsers())])
+def test_the_short_help_fits_a_screen_and_names_the_complete_one(
+    command: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    short, complete = typed(*command.split(), "--help").out, typed(*command.split(), "--help-all").out
+
+    assert short.count("\n") <= SHORT_LINES
+    assert short == complete or short.endswith(
+        f"All options: printer-slicer {command}".rstrip() + " --help-all\n"
+    )
+
+
+@pytest.mark.parametrize(("command", "parser"), list(parsers()))
+def test_the_complete_help_has_every_option_and_the_short_one_the_everyday_ones(
+    command: str, parser: argparse.ArgumentParser
+) -> None:
+    short, complete = typed(*command.split(), "--help").out, typed(*command.split(), "--help-all").out
+    for action in parser._actions:
+        for flag in action.option_strings:
+            assert re.search(rf"{flag}\b", complete)
+            assert is_advanced(action) or re.search(rf"{flag}\b", short), flag
+    if short != complete:
+        assert not any(
+            re.search(rf"(?m)^  {flag}\b", short) for flag in ("--planner", "--heights", "--verbose")
+        )
+
+
+def test_the_settings_of_a_print_come_first_and_the_planner_last() -> None:
+    everyday = re.findall(r"(?m)^  (--\S+)", typed("slice", "--help").out)
+    titles = re.findall(r"(?m)^(\w[\w ]+):$", typed("slice", "--help-all").out)
+
+    assert everyday[:4] == ["--printer", "--material", "--quality", "--layer-height"]
+    assert titles[-2:] == ["layer planner", "examples"]
+
+
 def examples() -> Iterator[str]:
     """Every command line that the help shows."""
     for arguments in ([], *([command] for command in COMMANDS)):
-        for line in typed(*arguments, "--help").out.partition("examples:")[2].splitlines():
+        for line in typed(*arguments, "--help-all").out.partition("examples:")[2].splitlines():
             if line.startswith("  printer-slicer "):
                 yield re.split(r"  +|&", line.strip())[0]
 
@@ -93,7 +139,7 @@ def test_the_examples_of_the_help_can_be_typed(example: str) -> None:
     ],
 )
 def test_scripts_can_rely_on_the_flags(command: str, flags: str) -> None:
-    words = re.findall(r"(?<![\w-])--?[a-z][a-z-]*", typed(command, "--help").out)
+    words = re.findall(r"(?<![\w-])--?[a-z][a-z-]*", typed(command, "--help-all").out)
 
     assert set(flags.split()) - set(words) == set()
 
@@ -105,7 +151,7 @@ def test_a_command_that_cannot_be_read_is_a_usage_error(arguments: list[str]) ->
     outcome = typed(*arguments)
 
     assert (outcome.code, outcome.out) == (2, "")
-    assert is_message(outcome, "usage: printer-slicer", "--help tells all")
+    assert is_message(outcome, "usage: printer-slicer", "see printer-slicer", "--help")
 
 
 def test_the_version_is_said() -> None:

@@ -26,7 +26,7 @@ ELSEWHERE: Final = re.compile(r"/dev/|://|--pty|--tcp|--port /tmp|config\.ini|\b
 
 def examples() -> Iterator[str]:
     for command in COMMANDS:
-        for line in typed(command, "--help").out.partition("examples:")[2].splitlines():
+        for line in typed(command, "--help-all").out.partition("examples:")[2].splitlines():
             example = re.split(r"  +", line.strip())[0].removesuffix("&").strip()
             if example.startswith("printer-slicer ") and not ELSEWHERE.search(example):
                 yield example

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from command_line import BOX, QUICK, Outcome, is_message, typed
 
-from printer_slicer.cli.arguments import DIALS
+from printer_slicer.cli.arguments import SETTING_OPTIONS
 from printer_slicer.gcode.macro_faults import macro_faults
 from printer_slicer.profile import KINDS, load_profile, profile_paths
 from printer_slicer.profile.folders import VARIABLE, profile_root
@@ -291,14 +291,14 @@ def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path, monkeypatch: pyte
 # Flags
 
 
-@pytest.mark.parametrize("flag", DIALS)
-def test_a_dial_means_what_its_setting_means(flag: str) -> None:
-    dial = DIALS[flag]
+@pytest.mark.parametrize("flag", SETTING_OPTIONS)
+def test_an_option_means_what_its_setting_means(flag: str) -> None:
+    option = SETTING_OPTIONS[flag]
     rows = {row.key.replace("[optimal]", ""): row for row in settings_table()}
-    row = rows[dial.setting]
+    row = rows[option.setting]
     told = row.meaning + (f": {row.bounds.replace(' |', ',')}" if row.type == "literal" else "")
 
-    assert " ".join((told + dial.more).split()) in " ".join(typed("slice", "--help").out.split())
+    assert " ".join((told + option.more).split()) in " ".join(typed("slice", "--help-all").out.split())
 
 
 def test_ranges_and_objects_are_typed(tmp_path: Path) -> None:

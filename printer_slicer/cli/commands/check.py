@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from printer_slicer.cli.arguments import add_machine, add_models, add_output, factor, length, positive
+from printer_slicer.cli.help import advanced
 from printer_slicer.cli.inputs import refuse_other_text
 from printer_slicer.cli.output import refuse_mixing, say, stages, visible, write_file
 from printer_slicer.cli.settings import profile_facts, profile_from
@@ -30,9 +31,9 @@ if TYPE_CHECKING:
 __all__ = ["EXAMPLES", "add_arguments", "run"]
 
 EXAMPLES: Final = """\
-  printer-slicer check part.gcode                    commands, temperatures, ways, speeds
-  printer-slicer check part.gcode --link 115200      where the machine would wait for lines
-  printer-slicer check part.gcode --model part.stl   the material it lays against the part
+  printer-slicer check part.gcode                    commands, temperatures, moves, speeds
+  printer-slicer check part.gcode --link 115200      find buffer underruns at this baud rate
+  printer-slicer check part.gcode --model part.stl   compare the extrusions with the part
   printer-slicer check part.gcode --model part.stl --picture faults.png --json
   printer-slicer check part.gcode --model part.stl --limit under=0.95 --limit air=5
   printer-slicer check plate.gcode --model lid.stl box.3mf --rotate 90 --filament 2.85"""
@@ -44,59 +45,77 @@ _SPARE: Final = 0.95  # of the lines that a link carries are asked of it
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `check`."""
     parser.add_argument("gcode", metavar="FILE.gcode", type=Path, help="G-code of any slicer")
-    meaning = "what it shall print; several lie to each other as their files place them"
-    add_models(parser, flag="--model", meaning=meaning)
-    _add_link(parser.add_argument_group("printing"))
-    _add_measuring(parser.add_argument_group("measuring"))
-    add_output(parser)
-    parser.add_argument(
-        "--picture", metavar="FILE", type=Path, help="draw the worst layers, SVG or PNG by the name"
-    )
+    group = parser.add_argument_group("machine")
+    add_machine(group)
+    _add_link(group)
+    add_models(parser, flag="--model", meaning="compare the G-code with these models")
+    _add_measuring(parser.add_argument_group("comparison with the model"))
+    group = parser.add_argument_group("output")
+    group.add_argument("--picture", metavar="FILE", type=Path, help="draw the worst layers, as .svg or .png")
+    add_output(parser, group)
     parser.set_defaults(strict=False)
 
 
 def _add_link(group: argparse._ArgumentGroup) -> None:
-    """What is known of the printer and the way to it."""
+    """Add the options for the serial link."""
     group.add_argument(
-        "--link", metavar="BAUD", type=positive, help="say where a port of this speed would be too slow"
+        "--link", metavar="BAUD", type=positive, help="find buffer underruns at this baud rate"
     )
-    group.add_argument(
-        "--latency",
-        metavar="MS",
-        type=factor,
-        default=1.0,
-        help="until an answer is there; 16 is usual for USB to serial chips without low latency; default: 1",
+    advanced(
+        group.add_argument(
+            "--latency",
+            metavar="MS",
+            type=factor,
+            default=1.0,
+            help="time until an acknowledgement arrives; USB serial chips often have 16; default: 1",
+        )
     )
-    group.add_argument(
-        "--window", metavar="LINES", type=positive, default=2, help="most lines in flight; default: 2"
+    advanced(
+        group.add_argument(
+            "--window",
+            metavar="LINES",
+            type=positive,
+            default=2,
+            help="most lines sent but not yet acknowledged; default: 2",
+        )
     )
-    add_machine(group)
 
 
 def _add_measuring(group: argparse._ArgumentGroup) -> None:
-    """How the file is held against its model."""
-    group.add_argument(
-        "--filament", metavar="MM", type=length, help="diameter; default: as the file says, else 1.75"
+    """Add the options for the comparison with the model."""
+    advanced(
+        group.add_argument(
+            "--filament",
+            metavar="MM",
+            type=length,
+            help="filament diameter; default: from the file, else 1.75",
+        )
     )
-    group.add_argument(
-        "--shell",
-        metavar="MM",
-        type=length,
-        help="depth of the shell; default: of the file's own perimeters",
+    advanced(
+        group.add_argument(
+            "--shell",
+            metavar="MM",
+            type=length,
+            help="depth of the shell; default: from the perimeters of the file",
+        )
     )
-    group.add_argument(
-        "--skin",
-        metavar="MM",
-        type=factor,
-        default=0.0,
-        help="height under and over air that belongs to the shell; default: the layer next to it",
+    advanced(
+        group.add_argument(
+            "--skin",
+            metavar="MM",
+            type=factor,
+            default=0.0,
+            help="thickness of the shell at the top and bottom; default: one layer",
+        )
     )
-    group.add_argument(
-        "--limit",
-        metavar="NAME=VALUE",
-        action="append",
-        default=[],
-        help="change one limit: uncovered, outside, overlap, air, under, over, outline; may be repeated",
+    advanced(
+        group.add_argument(
+            "--limit",
+            metavar="NAME=VALUE",
+            action="append",
+            default=[],
+            help="change a limit: uncovered, outside, overlap, air, under, over, outline; may be repeated",
+        )
     )
 
 

@@ -1,4 +1,4 @@
-"""`completion`: teach a shell to complete commands, flags, profiles and settings."""
+"""`completion`: print the completion script for a shell."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Write what a shell must read."""
+    """Print the completion script."""
     from printer_slicer.cli.completing import shell_code
 
     sys.stdout.write(shell_code(arguments.shell))

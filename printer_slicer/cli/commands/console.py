@@ -37,17 +37,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("port", metavar="PORT", help="device, or socket:// or rfc2217:// URL")
     parser.add_argument("--baud", type=positive, default=115200, metavar="N", help="default: 115200")
     parser.add_argument(
-        "--command", metavar="GCODE", action="append", default=[], help="send this and stop; may be repeated"
+        "--command", metavar="GCODE", action="append", default=[], help="send this and exit; may be repeated"
     )
     parser.add_argument(
         "--timeout",
         metavar="S",
         type=number,
         default=30.0,
-        help="silence after which an answer is not waited for",
+        help="seconds to wait for an answer; default: 30",
     )
-    parser.add_argument("--log", metavar="FILE", type=Path, help="also write everything into this file")
-    add_machine(parser.add_argument_group("what would harm this machine is refused, or asked about"))
+    parser.add_argument("--log", metavar="FILE", type=Path, help="append all lines to this file")
+    group = parser.add_argument_group(
+        "machine", "Commands that could harm this machine are rejected; typing one again sends it."
+    )
+    add_machine(group)
     add_output(parser)
 
 

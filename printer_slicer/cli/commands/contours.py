@@ -11,7 +11,14 @@ from math import ceil, inf, sqrt
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from printer_slicer.cli.arguments import add_models, add_slicing, number
+from printer_slicer.cli.arguments import (
+    STRICT,
+    add_layer_options,
+    add_models,
+    add_output,
+    add_settings,
+    number,
+)
 from printer_slicer.cli.output import refuse_same, say, stages, write_file
 from printer_slicer.cli.settings import profile_facts, profile_from
 from printer_slicer.errors import OutputError, UsageError
@@ -39,30 +46,31 @@ _DIGITS: Final = 9  # of lengths in the result
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `contours`."""
-    add_models(parser)
     # Not a Path: that would lose the / at the end of a folder.
     parser.add_argument(
         "-o",
         "--output",
         metavar="OUT",
         required=True,
-        help="name ending in .svg, .cli or .slc; a folder/ or a name with %%d: one SVG per layer",
+        help="file.svg, .cli or .slc; one SVG per layer: a folder/ or a name with %%d",
     )
-    parser.add_argument("--binary", action="store_true", help="binary instead of ASCII, for .cli")
+    parser.add_argument("--binary", action="store_true", help="write .cli as binary instead of ASCII")
     parser.add_argument(
         "--smooth",
         metavar="MM",
         type=number,
-        help="smooth contours, nowhere farther off than this; default: not",
+        help="smooth contours, moving them by at most this; default: off",
     )
     parser.add_argument(
         "--resample",
         metavar="MM",
         type=number,
-        help="points at most this far apart, but for the rounding of the file, which is told; off by at most the"
-        " setting resolution; default: as they are",
+        help="space points at most this far apart; default: off",
     )
-    add_slicing(parser)
+    add_settings(parser, strict=STRICT)
+    add_models(parser)
+    add_output(parser)
+    add_layer_options(parser)
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 __all__ = ["EXAMPLES", "add_arguments", "run"]
 
 EXAMPLES: Final = """\
-  printer-slicer doctor                   the ports of this computer
-  printer-slicer doctor /dev/ttyUSB0      one of them, and the printer behind it
+  printer-slicer doctor                   check the ports of this computer
+  printer-slicer doctor /dev/ttyUSB0      check one of them and its printer
   printer-slicer doctor /dev/ttyACM0 --baud 250000 --json"""
 _MARKS: Final = {"good": "ok  ", "warn": "warn", "bad": "BAD "}
 
@@ -28,7 +28,7 @@ _MARKS: Final = {"good": "ok  ", "warn": "warn", "bad": "BAD "}
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `doctor`."""
     parser.add_argument(
-        "port", nargs="?", metavar="PORT", help="device or URL; default: look at all ports, ask none"
+        "port", nargs="?", metavar="PORT", help="device or URL; default: all ports, without opening them"
     )
     parser.add_argument("--baud", type=positive, metavar="N", default=115_200, help="default: 115200")
     add_output(parser)

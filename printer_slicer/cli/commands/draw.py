@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from printer_slicer.cli.arguments import add_models, add_output, box_of, height, length, pixels, whole
+from printer_slicer.cli.help import advanced
 from printer_slicer.cli.output import refuse_same, say, stages, visible, write_file
 from printer_slicer.errors import UsageError
 from printer_slicer.saving import check_writable
@@ -36,30 +37,29 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `draw`."""
     parser.add_argument("gcode", metavar="FILE.gcode", type=Path, help="G-code of any slicer")
     parser.add_argument(
-        "-o",
-        "--output",
-        metavar="FILE",
-        type=Path,
-        required=True,
-        help="SVG or PNG by the name; - for stdout",
+        "-o", "--output", metavar="FILE", type=Path, required=True, help="SVG or PNG file; - is stdout"
     )
     which = parser.add_mutually_exclusive_group()
-    which.add_argument("--layer", metavar="N", type=whole, help="which layer of the file, from 1; default: 1")
-    which.add_argument("--z", metavar="MM", type=height, help="the layer that holds this height over the bed")
-    parser.add_argument(
-        "--box",
-        metavar="X0,Y0,X1,Y1",
-        type=box_of,
-        help="only this part of the bed, in mm; default: all beads",
+    which.add_argument(
+        "--layer", metavar="N", type=whole, help="layer of the file, counted from 1; default: 1"
     )
-    parser.add_argument("--travel", action="store_true", help="show where the nozzle goes and lays nothing")
+    which.add_argument("--z", metavar="MM", type=height, help="the layer that contains this height")
     parser.add_argument(
-        "--pixels", metavar="N", type=pixels, default=1000, help="longer side of the drawing; default: 1000"
+        "--box", metavar="X0,Y0,X1,Y1", type=box_of, help="draw only this part of the bed, in mm"
     )
+    parser.add_argument("--travel", action="store_true", help="draw travel moves too")
     parser.add_argument(
-        "--filament", metavar="MM", type=length, help="diameter; default: as the file says, else 1.75"
+        "--pixels", metavar="N", type=pixels, default=1000, help="longer side of the picture; default: 1000"
     )
-    add_models(parser, flag="--model", meaning="draw the outline of its section too; it is found in the file")
+    advanced(
+        parser.add_argument(
+            "--filament",
+            metavar="MM",
+            type=length,
+            help="filament diameter; default: from the file, else 1.75",
+        )
+    )
+    add_models(parser, flag="--model", meaning="draw the outline of these models too")
     add_output(parser)
     parser.set_defaults(strict=False)
 

@@ -7,7 +7,16 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from printer_slicer.cli.arguments import add_allow, add_firmware, add_models, add_slicing, positive
+from printer_slicer.cli.arguments import (
+    STRICT,
+    add_allow,
+    add_firmware,
+    add_layer_options,
+    add_models,
+    add_output,
+    add_settings,
+    positive,
+)
 from printer_slicer.cli.output import say, stages, write_file
 from printer_slicer.cli.settings import profile_facts, profile_from
 
@@ -25,22 +34,18 @@ EXAMPLES: Final = """\
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `dry-run`."""
+    add_allow(add_settings(parser, strict=STRICT))
     add_models(parser, gcode=True)
-    parser.add_argument(
-        "--link",
-        metavar="BAUD",
-        type=positive,
-        help="speed of the serial port; running out of moves counts as a fault then",
+    group = add_firmware(parser)
+    group.add_argument(
+        "--link", metavar="BAUD", type=positive, help="simulate the serial port; buffer underruns are errors"
     )
-    parser.add_argument(
-        "--picture",
-        metavar="FILE",
-        type=Path,
-        help="draw what was printed, time and flow over the height, and the faults (.svg or .png)",
+    group = parser.add_argument_group("output")
+    group.add_argument(
+        "--picture", metavar="FILE", type=Path, help="draw the print and its faults, as .svg or .png"
     )
-    add_allow(parser)
-    add_firmware(parser)
-    add_slicing(parser)
+    add_output(parser, group)
+    add_layer_options(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from printer_slicer.cli.arguments import add_models, add_slicing
+from printer_slicer.cli.arguments import STRICT, add_layer_options, add_models, add_output, add_settings
 from printer_slicer.cli.output import Milestones, refuse_mixing, stages, write_file
 from printer_slicer.cli.settings import profile_facts, profile_from
 from printer_slicer.texts import format_duration
@@ -48,14 +48,15 @@ _VARIANTS: Mapping[str, dict[str, object]] = {
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `plan`."""
+    parser.add_argument(
+        "--compare", action="store_true", help="compare all planners, with the same tolerance and heights"
+    )
+    add_settings(parser, strict=STRICT)
     add_models(parser)
-    parser.add_argument(
-        "--compare", action="store_true", help="all planners, at the same tolerance and heights"
-    )
-    parser.add_argument(
-        "--picture", metavar="FILE", type=Path, help="draw the chosen plan, SVG or PNG by the name"
-    )
-    add_slicing(parser)
+    group = parser.add_argument_group("output")
+    group.add_argument("--picture", metavar="FILE", type=Path, help="draw the plan, as .svg or .png")
+    add_output(parser, group)
+    add_layer_options(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:

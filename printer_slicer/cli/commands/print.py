@@ -7,7 +7,17 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from printer_slicer.cli.arguments import add_allow, add_connection, add_models, add_slicing, positive
+from printer_slicer.cli.arguments import (
+    STRICT,
+    add_allow,
+    add_connection,
+    add_layer_options,
+    add_models,
+    add_output,
+    add_settings,
+    positive,
+)
+from printer_slicer.cli.help import advanced
 from printer_slicer.cli.output import say, stages
 from printer_slicer.cli.settings import profile_facts, profile_from
 from printer_slicer.texts import format_duration
@@ -28,17 +38,22 @@ _SIMULATED = "sim:"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `print`."""
-    add_models(parser, gcode=True)
     parser.add_argument(
         "--port", required=True, metavar="PORT", help="device, socket:// or rfc2217:// URL, or sim:"
     )
-    parser.add_argument("--baud", type=positive, metavar="N", help="default: as the printer's profile says")
-    add_allow(parser)
-    parser.add_argument(
-        "--discard-unfinished", action="store_true", help="forget a print that was broken off on this port"
-    )
+    parser.add_argument("--baud", type=positive, metavar="N", help="default: from the printer profile")
+    add_allow(add_settings(parser, strict=STRICT))
+    add_models(parser, gcode=True)
+    add_output(parser)
     add_connection(parser)
-    add_slicing(parser)
+    advanced(
+        parser.add_argument(
+            "--discard-unfinished",
+            action="store_true",
+            help="forget an interrupted print on this port; it cannot be resumed afterwards",
+        )
+    )
+    add_layer_options(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:

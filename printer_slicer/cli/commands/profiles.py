@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final, NoReturn
 
 from printer_slicer.cli.arguments import add_output, add_settings
+from printer_slicer.cli.help import advanced
 from printer_slicer.cli.output import say, without_stdin, write_file
 from printer_slicer.cli.parser import CommandParser, declare
 from printer_slicer.cli.settings import changes_from, kept_schemas, named_folders, own_folder, write_schemas
@@ -33,15 +34,15 @@ EXAMPLES: Final = """\
   printer-slicer profiles settings infill
   printer-slicer profiles schema -o schemas"""
 _WHAT: Final = {
-    "list": "all profiles with what they are for; a KIND shows only those",
-    "show": "all settings of one, or of the print that the flags describe, and where each value comes from",
-    "diff": "in which settings two of them differ",
-    "new": "write a file to begin with: KIND NAME",
-    "import": "make profiles from those of other slicers: `profiles import --help` says more",
-    "check": "everything that is wrong with files, by line",
-    "path": "the folders that are looked into, or where one profile lies",
-    "settings": "all settings with type, unit, bounds and default; a WORD shows only those with it",
-    "schema": "write JSON Schema files, from which editors complete and check profiles",
+    "list": "list the profiles; KIND lists those of one kind",
+    "show": "show all settings of a profile, and where each value comes from",
+    "diff": "show the settings in which two profiles differ",
+    "new": "write a new profile: KIND NAME",
+    "import": "import profiles of other slicers, see `profiles import --help`",
+    "check": "report all errors in profile files, with line numbers",
+    "path": "show the folders that are searched, or the file of a profile",
+    "settings": "list settings with unit, bounds and default; WORD filters them",
+    "schema": "write JSON Schema files for editors",
 }
 _KINDS: Final = ("printer", "material", "quality")
 
@@ -49,25 +50,25 @@ _KINDS: Final = ("printer", "material", "quality")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `profiles`, and the parser of `profiles import`."""
     width = max(map(len, _WHAT)) + 2
-    told = "".join(f"  {what:<{width}}{meaning}\n" for what, meaning in _WHAT.items())
-    parser.epilog = f"what there is:\n{told}\n{parser.epilog}"
-    parser.add_argument("what", nargs="?", metavar="WHAT", choices=(*_WHAT, *_KINDS), default="list")
+    actions = "".join(f"  {what:<{width}}{meaning}\n" for what, meaning in _WHAT.items()).rstrip("\n")
+    parser.epilog = f"actions:\n{actions}"
     parser.add_argument(
-        "names", nargs="*", metavar="NAME", help="of profiles, or files; a kind may stand before"
+        "what", nargs="?", metavar="ACTION", choices=(*_WHAT, *_KINDS), default="list", help="default: list"
     )
-    parser.add_argument("--inherits", metavar="NAME", help="for new: the profile that it is like")
+    parser.add_argument("names", nargs="*", metavar="NAME", help="[KIND] and names of profiles, or files")
+    parser.add_argument("--inherits", metavar="NAME", help="for new: the profile to start from")
     parser.add_argument(
-        "-o", "--output", metavar="OUT", type=Path, help="for new a file, for schema a folder"
+        "-o", "--output", metavar="OUT", type=Path, help="for new: a file; for schema: a folder"
     )
-    parser.add_argument("--markdown", action="store_true", help="for settings: as tables of a document")
+    advanced(
+        parser.add_argument("--markdown", action="store_true", help="for settings: print Markdown tables")
+    )
     add_settings(parser)
     add_output(parser)
     assert isinstance(parser, CommandParser)
     below = CommandParser(
         prog=f"{parser.prog} import",
-        description="Make profiles from those of other slicers, and say what became of every setting.",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        allow_abbrev=False,
+        description="Import profiles of other slicers, and report what became of every setting.",
     )
     declare(below, "profiles import")
     parser.below = {"import": below}

@@ -19,24 +19,27 @@ if TYPE_CHECKING:
 __all__ = ["EXAMPLES", "add_arguments", "run"]
 
 EXAMPLES: Final = """\
-  printer-slicer resume                     where the printer kept its state: at the next line
-  printer-slicer resume --recover           else: home x and y, heat, go back to the place, go on
-  printer-slicer resume --list              which prints are unfinished
+  printer-slicer resume                     continue with the next line
+  printer-slicer resume --recover           home x and y, heat, return to the part, continue
+  printer-slicer resume --list              list the unfinished prints
   printer-slicer resume part.gcode --discard"""
 _ROW = "{job}: started {begun} on {port}, {accepted} commands done, {reason} ({id})"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `resume`."""
-    parser.add_argument("name", nargs="?", default="", metavar="JOB", help="which one, if there are more")
-    parser.add_argument("--port", metavar="PORT", help="where the printer is now; default: where it was")
+    parser.add_argument(
+        "name", nargs="?", default="", metavar="JOB", help="which print, if there are several"
+    )
+    parser.add_argument("--port", metavar="PORT", help="default: the port on which the print was started")
     what = parser.add_mutually_exclusive_group()
-    what.add_argument("--list", action="store_true", help="only say which prints are unfinished")
-    what.add_argument("--discard", action="store_true", help="forget it instead")
+    what.add_argument("--list", action="store_true", help="list the unfinished prints")
+    what.add_argument("--discard", action="store_true", help="forget the print instead")
     what.add_argument(
         "--recover",
         action="store_true",
-        help="if the printer has lost its state, do what is told without asking: z is taken from the journal",
+        help="if the printer has lost its position: home x and y, take z from the journal, heat and continue, "
+        "without asking",
     )
     add_connection(parser)
     add_output(parser)

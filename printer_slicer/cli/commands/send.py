@@ -14,6 +14,7 @@ from time import monotonic
 from typing import Final
 
 from printer_slicer.cli.arguments import add_machine, add_output, positive
+from printer_slicer.cli.help import advanced
 from printer_slicer.cli.output import PATIENCE, say
 from printer_slicer.cli.settings import profile_facts, profile_from
 from printer_slicer.errors import UsageError
@@ -25,35 +26,48 @@ EXAMPLES: Final = """\
   printer-slicer send part.gcode --to moonraker http://voron.local:7125
   printer-slicer send part.gcode --to prusalink http://mk4.local --key-file ~/.mk4.key
   printer-slicer send part.gcode --to duet http://duet.local --folder /gcodes/parts
-keys: --key-file, else the variable PRINTER_SLICER_KEY; what --key has others on this computer may see"""
+  PRINTER_SLICER_KEY=... printer-slicer send part.gcode --to octoprint http://octopi.local"""
 _KEY = "PRINTER_SLICER_KEY"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `send`."""
-    parser.add_argument("gcode", metavar="FILE.gcode", type=Path, help="what to send")
+    parser.add_argument("gcode", metavar="FILE.gcode", type=Path, help="file to upload")
     parser.add_argument(
         "--to",
         nargs=2,
         required=True,
         metavar=("KIND", "URL"),
-        help="octoprint, moonraker, prusalink or duet, and the address of its page",
+        help="octoprint, moonraker, prusalink or duet, and its address",
     )
-    parser.add_argument("--print", dest="start", action="store_true", help="and print it")
-    parser.add_argument("--name", metavar="NAME", help="what to call it there; default: its own name")
-    parser.add_argument(
-        "--folder", metavar="PATH", default="", help="in which folder there; default: the usual one"
+    parser.add_argument("--print", dest="start", action="store_true", help="start the print after the upload")
+    parser.add_argument("--name", metavar="NAME", help="file name on the server; default: the same")
+    parser.add_argument("--folder", metavar="PATH", default="", help="folder on the server")
+    parser.add_argument("--key-file", metavar="FILE", type=Path, help="file with the API key or password")
+    advanced(
+        parser.add_argument(
+            "--key", metavar="KEY", help="API key or password; other users of this computer can see it"
+        )
     )
-    parser.add_argument("--key-file", metavar="FILE", type=Path, help="file that holds the key or password")
-    parser.add_argument("--key", metavar="KEY", help="API key or password")
-    parser.add_argument(
-        "--user", metavar="NAME", default="", help="whose password it is; default for prusalink: maker"
+    advanced(
+        parser.add_argument(
+            "--user", metavar="NAME", default="", help="user of the password; default for prusalink: maker"
+        )
     )
-    parser.add_argument(
-        "--timeout", metavar="S", type=positive, default=30, help="s without an answer; default: 30"
+    advanced(
+        parser.add_argument(
+            "--timeout",
+            metavar="S",
+            type=positive,
+            default=30,
+            help="seconds to wait for an answer; default: 30",
+        )
     )
-    checked = "checks before sending: unsupported extrusion; with --print everything that `print` checks"
-    add_machine(parser.add_argument_group(checked))
+    group = parser.add_argument_group(
+        "checks before the upload",
+        "The file is checked for unsupported extrusion; with --print, for everything that `print` checks.",
+    )
+    add_machine(group)
     add_output(parser)
 
 

@@ -11,7 +11,18 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from printer_slicer.cli.arguments import add_firmware, add_models, add_slicing, address, factor, positive
+from printer_slicer.cli.arguments import (
+    STRICT,
+    add_firmware,
+    add_layer_options,
+    add_models,
+    add_output,
+    add_settings,
+    address,
+    factor,
+    positive,
+)
+from printer_slicer.cli.help import advanced
 from printer_slicer.cli.output import refuse_same, say, write_file
 from printer_slicer.cli.settings import profile_facts, profile_from
 from printer_slicer.errors import UsageError
@@ -44,52 +55,59 @@ _MOST = 64 * 1024 * 1024  # bytes of a file on the card
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `sim`."""
-    _add_door(parser)
-    parser.add_argument(
-        "--baud", type=positive, metavar="N", help="pace of the bytes; default: none, or the firmware's need"
+    _add_server(parser)
+    advanced(
+        parser.add_argument(
+            "--latency-timer",
+            type=factor,
+            metavar="MS",
+            default=0.0,
+            help="latency timer of a USB serial chip, such as 16; default: none",
+        )
     )
-    parser.add_argument(
-        "--latency-timer",
-        type=factor,
-        metavar="MS",
-        default=0.0,
-        help="of a USB chip, such as 16; default: none",
+    advanced(
+        parser.add_argument(
+            "--card",
+            metavar="FILE",
+            nargs="*",
+            type=Path,
+            help="insert an SD card with these files; default: no reader",
+        )
     )
-    parser.add_argument(
-        "--card",
-        metavar="FILE",
-        nargs="*",
-        type=Path,
-        help="a memory card with these files; default: no reader",
+    advanced(
+        parser.add_argument(
+            "--report", metavar="FILE", type=Path, help="write the executed commands as JSON when it ends"
+        )
     )
-    parser.add_argument(
-        "--report", metavar="FILE", type=Path, help="write what was executed as JSON at the end"
-    )
-    add_models(parser, gcode=True, flag="--expect", meaning="judge at the end whether this was printed")
     add_firmware(parser)
-    add_slicing(parser)
+    add_settings(parser, strict=STRICT)
+    add_models(parser, gcode=True, flag="--expect", meaning="verify at the end that this was printed")
+    add_output(parser)
+    add_layer_options(parser)
 
 
-def _add_door(parser: argparse.ArgumentParser) -> None:
-    """Where hosts find it, and how fast its clock runs."""
-    door = parser.add_mutually_exclusive_group()
-    door.add_argument(
+def _add_server(parser: argparse.ArgumentParser) -> None:
+    """Add the options for the address, the baud rate and the clock of the simulated printer."""
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument(
         "--pty",
         metavar="LINK",
         type=Path,
-        help="where to link a pseudo-terminal; default: printer-slicer-sim",
+        help="link to the pseudo-terminal; default: printer-slicer-sim",
     )
-    door.add_argument(
-        "--tcp",
-        metavar="HOST:PORT",
-        type=address,
-        help="listen there instead, on any system; port 0: a free one",
+    where.add_argument(
+        "--tcp", metavar="HOST:PORT", type=address, help="listen on TCP instead; port 0: any free port"
+    )
+    advanced(
+        parser.add_argument(
+            "--rfc2217", action="store_true", help="use RFC 2217 on --tcp instead of plain bytes"
+        )
     )
     parser.add_argument(
-        "--rfc2217", action="store_true", help="speak RFC 2217 at --tcp instead of plain bytes"
+        "--speed", type=factor, default=1.0, metavar="X", help="factor on real time; 0: as fast as possible"
     )
     parser.add_argument(
-        "--speed", type=factor, default=1.0, metavar="X", help="times real time; 0: do not wait at all"
+        "--baud", type=positive, metavar="N", help="baud rate; default: unlimited, or as the firmware needs"
     )
 
 

@@ -11,7 +11,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from printer_slicer.cli.arguments import add_models, add_slicing, whole
+from printer_slicer.cli.arguments import add_layer_options, add_models, add_output, add_settings, whole
+from printer_slicer.cli.help import advanced
 from printer_slicer.cli.inputs import MODELS
 from printer_slicer.cli.output import refuse_mixing, refuse_same, say, stages, warn, write_file
 from printer_slicer.cli.settings import profile_facts, profile_from
@@ -36,43 +37,52 @@ _REMEDY = "turn the part or add supports; `print` needs --allow unsupported"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `slice`."""
+    group = add_settings(
+        parser, strict="fail if the mesh needs repair, or if extrusion is unsupported and not allowed"
+    )
+    advanced(
+        group.add_argument(
+            "--allow",
+            metavar="NAME",
+            action="append",
+            choices=("unsupported",),
+            default=[],
+            help="accept this despite --strict: unsupported (extrusion with nothing under it)",
+        )
+    )
     add_models(parser)
-    where = parser.add_mutually_exclusive_group()
+    group = parser.add_argument_group("output")
+    where = group.add_mutually_exclusive_group()
     where.add_argument(
         "-o",
         "--output",
         metavar="OUT.gcode",
         action=_Output,
-        help="default: beside the first model; - for stdout; a folder, or a name ending with /: as --output-dir",
+        help="default: beside the model; - is stdout",
     )
-    where.add_argument(
-        "--output-dir",
-        metavar="DIR",
-        type=Path,
-        help="write one G-code file per model into this folder; created if missing",
+    advanced(
+        where.add_argument(
+            "--output-dir",
+            metavar="DIR",
+            type=Path,
+            help="write one G-code file per model into this folder, also as -o FOLDER/; created if missing",
+        )
     )
-    parser.add_argument(
-        "--picture", metavar="FILE", type=Path, help="draw one layer's beads, SVG or PNG by the name"
+    group.add_argument("--picture", metavar="FILE", type=Path, help="draw a layer, as .svg or .png")
+    advanced(
+        group.add_argument(
+            "--layer", metavar="N", type=whole, help="layer to draw, counted from 1; default: 1"
+        )
     )
-    parser.add_argument(
-        "--layer", metavar="N", type=whole, help="which layer of the print to draw, from 1; default: 1"
+    add_output(parser, group)
+    advanced(
+        group.add_argument(
+            "--timestamp",
+            action="store_true",
+            help="write date and time into the first line; default: only if SOURCE_DATE_EPOCH is set",
+        )
     )
-    parser.add_argument(
-        "--timestamp",
-        action="store_true",
-        help="write date and time into the first line; default: only if SOURCE_DATE_EPOCH is set",
-    )
-    parser.add_argument(
-        "--allow",
-        metavar="NAME",
-        action="append",
-        choices=("unsupported",),
-        default=[],
-        help="accept this despite --strict: unsupported (extrusion with nothing under it)",
-    )
-    add_slicing(
-        parser, strict="fail if the mesh needs repair, or if extrusion is unsupported and not allowed"
-    )
+    add_layer_options(parser)
 
 
 class _Output(argparse.Action):

@@ -554,7 +554,7 @@ def test_the_function_that_prints_refuses_too(tmp_path: Path) -> None:
 
 def test_the_help_names_everything_that_can_be_allowed(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
-        main(["print", "--help"])
+        main(["print", "--help-all"])
     said = capsys.readouterr().out
 
     assert [name for name in NAMES if name not in said] == []

@@ -1,0 +1,130 @@
+"""Help in two tiers: `--help` shows the everyday options, `--help-all` shows every option.
+
+An option is an everyday option unless it is wrapped in `advanced` where it is added. If the complete help of a command
+is short, `--help` shows all of it.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Final
+
+__all__ = [
+    "ENVIRONMENT",
+    "EXIT_CODES",
+    "FILES",
+    "SHORT_LINES",
+    "HelpAction",
+    "HelpFormatter",
+    "advanced",
+    "format_help",
+    "is_advanced",
+]
+
+SHORT_LINES: Final = 40
+"""Most lines of `--help`."""
+
+_MOST_EXAMPLES: Final = 4  # in `--help` if it does not show everything
+_LINES_BELOW: Final = 2  # a blank line and the line that names --help-all
+
+FILES: Final = (
+    "A model, G-code file or profile named - is read from stdin, once per command; such a profile inherits by name. "
+    "The outputs -o - of slice, draw and profiles new, --picture - and --report - are written to stdout; contours and "
+    "schemas need file names. Patterns such as '*.stl' are expanded where the shell leaves them: for models, G-code, "
+    "profiles check and profiles import."
+)
+ENVIRONMENT: Final[Mapping[str, str]] = {
+    "NO_COLOR": "no colours, even on a terminal",
+    "PRINTER_SLICER_KEY": "key or password for `send` if no --key-file is given",
+    "PRINTER_SLICER_PROFILES": "folders of your own profiles, instead of the platform's; separated as in PATH; empty:"
+    " none",
+    "PRINTER_SLICER_STATE": "folder with the state of prints, needed to resume them; default: the platform's folder",
+    "PRINTER_SLICER_GEOMETRY": "`planar` selects the second, slower geometry engine, for comparison",
+    "PRINTER_SLICER_TRACEBACK": "print a traceback for internal errors",
+}
+EXIT_CODES: Final[Mapping[str, str]] = {
+    "0": "done",
+    "1": "internal error, or not enough memory",
+    "2": "usage: wrong flag, name, setting or file",
+    "3": "the part cannot be sliced",
+    "4": "serial port error",
+    "5": "print failed",
+    "6": "cancelled",
+    "7": "verification failed: the print differs from the job, or a check found errors",
+}
+
+
+def advanced(action: argparse.Action) -> argparse.Action:
+    """Show an option only in `--help-all`."""
+    setattr(action, _MARK, True)
+    return action
+
+
+_MARK: Final = "is_advanced"
+
+
+def is_advanced(action: argparse.Action) -> bool:
+    """Return whether an option is shown only in `--help-all`."""
+    return bool(getattr(action, _MARK, False))
+
+
+class HelpAction(argparse.Action):
+    """Print the help and exit; `everything` selects the complete one."""
+
+    def __init__(self, option_strings: Sequence[str], dest: str, *, everything: bool, **named: Any) -> None:
+        self._everything = everything
+        super().__init__(option_strings, dest=dest, default=argparse.SUPPRESS, nargs=0, **named)
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        """Print and exit."""
+        print(format_help(parser, everything=self._everything), end="")
+        parser.exit()
+
+
+class HelpFormatter(argparse.RawDescriptionHelpFormatter):
+    """Formats an option with its value once, as `-o, --output FILE`, and aligns the explanations."""
+
+    def __init__(self, prog: str, **named: Any) -> None:
+        super().__init__(prog, **{"max_help_position": 26} | named)
+        self._action_max_length = 14  # else argparse makes the column of commands too narrow
+
+    def _format_action_invocation(self, action: argparse.Action) -> str:
+        if not action.option_strings or action.nargs == 0:
+            return super()._format_action_invocation(action)
+        value = self._format_args(action, self._get_default_metavar_for_optional(action))
+        return f"{', '.join(action.option_strings)} {value}"
+
+
+def format_help(parser: argparse.ArgumentParser, *, everything: bool = True) -> str:
+    """Return the help of a parser.
+
+    Args:
+        parser: of a command or of the program; its `examples` and `ending` follow the options.
+        everything: whether to include advanced options and all examples; if not, at most `SHORT_LINES` lines.
+    """
+    examples: list[str] = getattr(parser, "examples", "").splitlines()
+    ending: str = getattr(parser, "ending", "")
+
+    def text_with(count: int, is_shown: Callable[[argparse.Action], bool]) -> str:
+        """Return the help with this many examples."""
+        formatter = parser._get_formatter()  # noqa: SLF001 - argparse has no other way to format part of a parser
+        formatter.add_usage(parser.format_usage().removeprefix("usage: ").strip().replace("%", "%%"), [], [])
+        formatter.add_text(parser.description)
+        for group in parser._action_groups:  # noqa: SLF001
+            formatter.start_section(group.title)
+            formatter.add_text(group.description)
+            formatter.add_arguments([one for one in group._group_actions if is_shown(one)])  # noqa: SLF001
+            formatter.end_section()
+        formatter.add_text(parser.epilog)
+        formatter.add_text("\n".join(["examples:", *examples[:count]]) if examples[:count] else None)
+        formatter.add_text(ending or None)
+        return formatter.format_help()
+
+    complete = text_with(len(examples), lambda _: True) + getattr(parser, "appendix", "")
+    if everything or complete.count("\n") <= SHORT_LINES:
+        return complete
+    lines = text_with(1, lambda one: not is_advanced(one)).count("\n")
+    room = SHORT_LINES - _LINES_BELOW - lines + 1
+    short = text_with(min(max(room, 1), _MOST_EXAMPLES), lambda one: not is_advanced(one))
+    return f"{short}\nAll options: {parser.prog} --help-all\n"
