@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
-__all__ = ["callable_name", "describe_type", "format_duration", "number"]
+from math import floor, log10
+
+__all__ = ["callable_name", "describe_type", "format_duration", "format_significant", "number"]
 
 
 def number(value: float) -> str:
     """Format a number for G-code: at most five decimals, no needless zeros, no exponent."""
     return f"{value:z.5f}".rstrip("0").rstrip(".")
+
+
+def format_significant(value: float) -> str:
+    """Format a number with three significant digits, at most four decimals, and no exponent."""
+    decimals = min(max(2 - floor(log10(abs(value))), 0), 4) if value else 0
+    text = f"{value:.{decimals}f}"
+    return text.rstrip("0").rstrip(".") if decimals else text
 
 
 def format_duration(seconds: float) -> str:

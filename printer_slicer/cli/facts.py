@@ -1,4 +1,4 @@
-"""What people want to know about a sliced part, as values and as sentences."""
+"""Results of slicing and planning a part, as values for JSON and as sentences."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from printer_slicer.roles import Role, roles_with
 from printer_slicer.slicing import find_mesh_faults
 from printer_slicer.stages import Stages
 from printer_slicer.surface import Certificate, find_flats
-from printer_slicer.texts import format_duration
+from printer_slicer.texts import format_duration, format_significant
 
 __all__ = [
     "certificate_facts",
@@ -30,18 +30,19 @@ __all__ = [
     "unkept_sentences",
 ]
 
-_WORTH_SAYING = 0.002  # share of the part
-_WORTH_MENTION = 0.01  # mm²
-_MOST_RUNS = 6  # stretches of equal height shown per plan
+_LOST_SHARE = 0.002  # share of the part from which a loss is reported
+_SMALLEST_AREA = 0.01  # mm² that are reported
+_SMALLEST_LENGTH = 0.01  # mm that are reported
+_MOST_RUNS = 6  # runs of equal layers shown per plan
 _MOST_PLACES = 10
 
 
 def facts_of(stages: Stages, profile: Profile, seconds: float, certificate: Certificate) -> dict[str, Any]:
-    """Everything worth knowing, ready for JSON; places as scaled and turned, before the plate is moved to the bed.
+    """Return the results of slicing for JSON; positions are those after scaling and rotating, not those on the bed.
 
     Args:
         stages: the sliced part.
-        profile: what it was sliced with.
+        profile: used for slicing.
         seconds: modelled time of the moves.
         certificate: of the plan.
     """
@@ -70,7 +71,7 @@ def facts_of(stages: Stages, profile: Profile, seconds: float, certificate: Cert
 
 
 def _adhesion_facts(stages: Stages, profile: Profile) -> dict[str, Any]:
-    """How much of the skirt that was asked for has no room on the bed, and which type of brim has no place."""
+    """Return which part of the requested skirt and brim was left out, for JSON."""
     paths, program, quality = stages.toolpaths, stages.program, profile.quality
     loops = int(((paths.role == Role.SKIRT) & (paths.layer == 0)).sum())
     fed = float(program.filament[(program.role == Role.SKIRT) & (program.layer == 0)].sum())
@@ -85,7 +86,7 @@ def _adhesion_facts(stages: Stages, profile: Profile) -> dict[str, Any]:
 
 
 def _raft_facts(stages: Stages) -> dict[str, Any] | None:
-    """Layer heights of the raft, and the air over it; None without one."""
+    """Return layer heights and gap of the raft, for JSON; None without a raft."""
     plan, printed = stages.sections.plan, stages.program.plan
     n_below = printed.n_layers - plan.n_layers
     if not n_below:
@@ -95,20 +96,20 @@ def _raft_facts(stages: Stages) -> dict[str, Any] | None:
 
 
 def _filled_layers(stages: Stages) -> Int:
-    """The layers of the part's plan that hold beads of the part itself, ascending."""
+    """Return the layers of the part's plan that contain extrusions of the part itself, ascending."""
     program = stages.program
     n_below = program.plan.n_layers - stages.sections.plan.n_layers
     return distinct(program.layer[roles_with(is_part=True)[program.role]]) - n_below
 
 
 def _begins_at(stages: Stages) -> float:
-    """Bottom of the first layer that holds a bead of the part itself, mm over the bed or the raft."""
+    """Return the bottom of the first layer with extrusions of the part itself, mm above the bed or the raft."""
     filled = _filled_layers(stages)
     return round(float(stages.sections.plan.bottom[filled[0]]), 4) if len(filled) else 0.0
 
 
 def _faults(part: Mesh, shift: Float) -> dict[str, Any]:
-    """How many edges are open, flipped or crowded, and where the first ones are."""
+    """Return number and first positions of open, flipped and crowded edges, for JSON."""
     faults = find_mesh_faults(part)
     named = {"open": faults.open_edges, "flipped": faults.flipped_edges, "crowded": faults.crowded_edges}
     return {
@@ -119,59 +120,57 @@ def _faults(part: Mesh, shift: Float) -> dict[str, Any]:
 
 
 def sentences(facts: dict[str, Any]) -> list[str]:
-    """The facts for people: first what was made, then everything that deserves a look.
+    """Format the results of slicing: first what was made, then what needs attention.
 
     Args:
         facts: of `facts_of`.
     """
-    metres, grams = facts["filament_mm"] / 1000, facts["filament_g"]
+    metres, grams = format_significant(facts["filament_mm"] / 1000), format_significant(facts["filament_g"])
     lines = [
         f"{facts['layers']} layers ({runs_text(facts['heights'])})" + _raft_text(facts["raft"]),
-        f"{format_duration(facts['seconds'])} of printing, {metres:.2f} m of filament, {grams} g",
+        f"Print time {format_duration(facts['seconds'])}; filament {metres} m, {grams} g",
     ]
     first = certificate_sentences(facts["certificate"])[0]
     lines += [first, *unkept_sentences(facts["certificate"])]
     if facts["empty_layers"]:
-        many = "1 layer stays" if facts["empty_layers"] == 1 else f"{facts['empty_layers']} layers stay"
-        lines.append(f"{many} empty: the part is narrower than a bead there")
+        many = "1 layer is" if facts["empty_layers"] == 1 else f"{facts['empty_layers']} layers are"
+        lines.append(f"{many} empty: the part is narrower than one extrusion there")
     if facts["begins_at"]:
         lines.append(
-            f"the part begins in the air, at z {facts['begins_at']:g}: nothing of it reaches the bed"
+            f"The part does not touch the bed: its first extrusion starts at z {facts['begins_at']:g}"
         )
     lines += _link_sentences(facts["link"])
     lines += _skirt_sentences(facts)
     if facts["brim_left_out"]:
         where = {"inner": "holes", "ears": "sharp corners"}.get(facts["brim_left_out"], "section")
-        lines.append(f"there is no brim: the first layer has no {where}")
-    if facts["lost_mm3"] > _WORTH_SAYING * facts["volume_mm3"]:
+        lines.append(f"No brim was made: the first layer has no {where}")
+    if facts["lost_mm3"] > _LOST_SHARE * facts["volume_mm3"]:
         lines.append(
-            f"{facts['lost_mm3']} mm3 of the part are too narrow for beads of this width and stay empty"
+            f"{format_significant(facts['lost_mm3'])} mm³ of the part are narrower than one extrusion and stay empty"
         )
     return lines + repair_sentences(facts["repairs"]) + _fault_sentences(facts)
 
 
 def _link_sentences(link: dict[str, Any] | None) -> list[str]:
-    """What it took to stay under the lines per second of the link."""
+    """Format what was changed to stay below the lines per second that the link can carry."""
     if not link or not link["layers"]:
         return []
     layers, rate = link["layers"], f"{link['lines_per_second']:g} lines/s"
     where = (
-        f"layer {layers[0]}" if len(layers) == 1 else f"{len(layers)} layers, {layers[0]} to {layers[-1]},"
+        f"Layer {layers[0]}" if len(layers) == 1 else f"{len(layers)} layers from {layers[0]} to {layers[-1]}"
     )
-    cost = f"{link['merged']} were merged, {link['slowed']} moves slowed down; {link['seconds']:+.1f} s"
+    cost = f"{link['merged']} lines merged, {link['slowed']} moves slowed down, print time {link['seconds']:+.1f} s"
     left = link["waits"]
     still = (
-        [f"{len(left)} of them still have, for nothing there can be slower: macros say too much"]
-        if left
-        else []
+        [f"{len(left)} of these layers still exceed it, because macros send too many lines"] if left else []
     )
-    return [f"{where} had more lines than {rate}: {cost}", *still]
+    return [f"{where} exceeded {rate}: {cost}", *still]
 
 
 def _volume(stages: Stages, certificate: Certificate) -> float:
-    """Mm³ of the part: by its facets; by its sections where bodies overlap or the surface is open.
+    """Return the volume of the part in mm³: from its facets, or from its sections if bodies overlap or it is open.
 
-    Those are all that can make the two differ by more than the layers have wrong.
+    In these two cases only, the volumes differ by more than the volume error of the layers.
     """
     by_facets, heights = stages.part.volume, stages.sections.plan.height
     by_sections = float((stages.sections.solid.area() * heights).sum())
@@ -180,31 +179,31 @@ def _volume(stages: Stages, certificate: Certificate) -> float:
 
 
 def _raft_text(raft: dict[str, Any] | None) -> str:
-    """What the part stands on, for people."""
+    """Format the raft; empty without one."""
     if raft is None:
         return ""
     heights = raft["heights"]
-    return f" on a raft of {sum(heights):g} mm ({len(heights)} layers), {raft['gap_mm']:g} mm over it"
+    return f" on a raft of {sum(heights):g} mm ({len(heights)} layers) with a gap of {raft['gap_mm']:g} mm"
 
 
 def _skirt_sentences(facts: dict[str, Any]) -> list[str]:
-    """What of the skirt or draft shield is missing, for people."""
+    """Format what is missing of the skirt or draft shield."""
     if facts["skirt_left_out"]:
         return [
-            "the skirt does not fit on the bed beside the part and is left out; mind lines that prime there"
+            "The skirt is left out: the bed has no room for it; check that prime lines do not cross the part"
         ]
     lines = []
     if facts["skirt_loops_left_out"]:
-        lines.append(f"the bed has no room for {facts['skirt_loops_left_out']} of the skirt's loops")
-    if facts["skirt_short_mm"] > _WORTH_MENTION:
+        lines.append(f"Skirt loops left out because the bed has no room: {facts['skirt_loops_left_out']}")
+    if facts["skirt_short_mm"] > _SMALLEST_LENGTH:
         lines.append(
-            f"the bed has no room for more of the skirt, which is {facts['skirt_short_mm']:g} mm of filament short"
+            f"The bed has no room for skirt_min_length: the skirt is {facts['skirt_short_mm']:g} mm of filament short"
         )
     return lines
 
 
 def repair_facts(repairs: Repairs) -> list[dict[str, Any]]:
-    """What was put right in a mesh, ready for JSON; lengths and places in mm, the parts as scaled and turned."""
+    """Return the repairs of a mesh for JSON; lengths and positions in mm, after scaling and rotating."""
     return [
         {
             "kind": one.kind,
@@ -218,7 +217,7 @@ def repair_facts(repairs: Repairs) -> list[dict[str, Any]]:
 
 
 def repair_sentences(facts: list[dict[str, Any]]) -> list[str]:
-    """What was put right, for people.
+    """Format the repairs of a mesh.
 
     Args:
         facts: of `repair_facts`.
@@ -226,29 +225,34 @@ def repair_sentences(facts: list[dict[str, Any]]) -> list[str]:
     lines = []
     for fact in facts:
         x, y, z = fact["places"][0]
-        line = f"repaired: {fact['kind']}: {fact['count']}, the first at x {x:g} y {y:g} z {z:g}"
-        line += f"; the widest of {fact['largest_gap_mm']:.3g} mm" if fact["largest_gap_mm"] else ""
+        line = f"repaired: {fact['kind']}: {fact['count']}, first at x {x:g} y {y:g} z {z:g}"
+        line += f"; largest gap {fact['largest_gap_mm']:.3g} mm" if fact["largest_gap_mm"] else ""
         area = fact["area_guessed_mm2"]
-        lines.append(line + (f", {area:.4g} mm2 guessed" if area > _WORTH_MENTION else ""))
+        lines.append(line + (f"; {area:.3g} mm² of surface filled in" if area > _SMALLEST_AREA else ""))
     return lines
 
 
 def _fault_sentences(facts: dict[str, Any]) -> list[str]:
-    """What is wrong with the mesh, and where."""
+    """Format the faults of the mesh with their first positions."""
     meaning = {
-        "open": "the mesh is not closed: {} edges have a facet on one side only",
-        "flipped": "the mesh is not oriented: {} edges lie between facets that face opposite ways",
-        "crowded": "the mesh is not a simple surface: {} edges are shared by more than two facets",
+        "open": "The mesh is not closed: {} edges belong to only one facet",
+        "flipped": "The mesh is not oriented: {} edges lie between facets that face opposite ways",
+        "crowded": "The mesh is not manifold: {} edges are shared by more than two facets",
     }
     lines = []
     for name, fault in facts["faults"].items():
         x, y, z = fault["places"][0]
-        lines.append(f"{meaning[name].format(fault['count'])}, the first at x {x:g} y {y:g} z {z:g}")
+        lines.append(f"{meaning[name].format(fault['count'])}, first at x {x:g} y {y:g} z {z:g}")
     return lines
 
 
 def flats_off(flats: Float, plan: LayerPlan) -> float:
-    """The farthest that one of the flats at these heights (n,) is from the end of a layer, mm."""
+    """Return the largest distance of a flat from the nearest layer end, in mm.
+
+    Args:
+        flats: (n,) heights of the flats, mm.
+        plan: the layers.
+    """
     ends = np.append(plan.top, 0.0)
     return float(np.abs(ends[:, None] - flats).min(axis=0).max()) if len(flats) else 0.0
 
@@ -256,13 +260,13 @@ def flats_off(flats: Float, plan: LayerPlan) -> float:
 def certificate_facts(
     certificate: Certificate, part: Mesh, profile: Profile, shift: Float, seconds: float
 ) -> dict[str, Any]:
-    """What is proven about a plan, ready for JSON.
+    """Return the certificate of a plan for JSON.
 
     Args:
         certificate: of the plan.
-        part: as it was placed.
-        profile: what it was planned with.
-        shift: (3,) mm from the placed part to where it was scaled and turned, in which places are told.
+        part: as placed on the bed.
+        profile: used for planning.
+        shift: (3,) mm from the placed part to its position after scaling and rotating, which positions refer to.
         seconds: modelled time of the moves.
     """
     worst, plan, tolerance = certificate.worst, certificate.plan, profile.quality.tolerance
@@ -303,65 +307,65 @@ def certificate_facts(
 
 
 def _budget_facts(profile: Profile, plan: LayerPlan, seconds: float) -> list[dict[str, Any]]:
-    """The time budget as an unkept rule, where there is one and the moves take longer."""
+    """Return the time budget as a violated rule if the moves take longer."""
     budget = profile.dials.time_budget
     if not 0 < budget < seconds:
         return []
     whole = {"rule": "time_budget", "from": 0.0, "to": round(float(plan.top[-1]), 6)}
-    cause = "the other rules and the heights allowed come first"
+    cause = "the other rules and the allowed heights take precedence"
     return [whole | {"budget_s": budget, "amount_s": round(seconds - budget, 3), "cause": cause}]
 
 
-_WHY = {
-    "facet": "by a sloping facet",
-    "flat": "by a flat that no layer ends on",
-    "edge": "by an edge that is steeper than its facets",
-    "corner": "by a peak or pit that no layer ends on",
-    "top": "by the top of the part",
+_WHERE = {
+    "facet": "on a sloping facet",
+    "flat": "on a flat at which no layer ends",
+    "edge": "at an edge that is steeper than its facets",
+    "corner": "at a peak or pit at which no layer ends",
+    "top": "at the top of the part",
 }
 
 
 def certificate_sentences(facts: dict[str, Any]) -> list[str]:
-    """The certificate for people: the bound first.
+    """Format the certificate: first the bound.
 
     Args:
         facts: of `certificate_facts`.
     """
     worst = facts["worst"]
-    side = {"mid": "wrong", "positive": "too much", "negative": "missing"}[facts["containment"]]
-    proven = f"certified error {facts['max_error_mm']:.4f} mm: nothing {side} is farther from the surface"
-    lines = [f"{proven}; {facts['volume_error_mm3']:.1f} mm3 in all, at most"]
+    side = {"mid": "", "positive": " (excess material only)", "negative": " (missing material only)"}
+    deviation = f"{format_significant(facts['max_error_mm'])} mm{side[facts['containment']]}"
+    volume = f"{format_significant(facts['volume_error_mm3'])} mm³"
+    lines = [f"Surface deviation at most {deviation}; volume error at most {volume}"]
     many = f"{facts['layers']} layers of {facts['thicknesses']} heights"
-    if worst["kind"] in _WHY:
+    if worst["kind"] in _WHERE:
         place = f"x {worst['x']:g} y {worst['y']:g} z {worst['z']:g}"
-        lines.append(f"attained in layer {worst['layer']} at {place}, {_WHY[worst['kind']]}")
+        lines.append(f"Largest deviation in layer {worst['layer']} at {place}, {_WHERE[worst['kind']]}")
     share = 100 * facts["volume_error_share"]
-    lines.append(
-        f"{many}; mean error {facts['mean_error_mm']:.4f} mm, volume error {share:.2f} % of the part"
-    )
-    flats = f"flats over 1 mm2 ({facts['flats']}) by {facts['flat_error_mm']:.4f} mm at most"
-    lines.append(f"top of the part off by {facts['height_error_mm']:.4f} mm, {flats}")
+    mean = f"mean deviation {format_significant(facts['mean_error_mm'])} mm"
+    lines.append(f"{many}; {mean}; volume error {share:.2f} % of the part")
+    flats = f"{facts['flats']} flats over 1 mm² by at most {format_significant(facts['flat_error_mm'])} mm"
+    lines.append(f"Part height off by {format_significant(facts['height_error_mm'])} mm; {flats}")
     thin = facts.get("thin_features", {"area_mm2": 0.0})
-    if thin["area_mm2"] > _WORTH_MENTION:
+    if thin["area_mm2"] > _SMALLEST_AREA:
         lines.append(
-            f"edges and features of {thin['area_mm2']:.2f} mm2, seen from above, are thinner than the layers and come "
-            f"out smaller or not at all, most of them near z {thin['z']:g}"
+            f"Features of {thin['area_mm2']:.2f} mm², seen from above, are thinner than the layers and print smaller "
+            f"or not at all; most of them are near z {thin['z']:g}"
         )
     return lines + unkept_sentences(facts)
 
 
-_BROKEN = {
-    "tolerance": "over the tolerance{wanted} from z {from:g} to {to:g}: {amount_mm:.4f} mm",
-    "flat": "the flat at z {from:g} is missed by {amount_mm:.4f} mm",
-    "max_step": "neighbours at z {from:g} differ by {amount_mm:g} mm, more than max_step",
-    "range height": "from z {from:g} to {to:g} layers differ by {amount_mm:g} mm from the height of their range",
-    "range end": "no layer ends at z {from:g}, the end of a range, by {amount_mm:.4f} mm",
-    "range": "nothing of the range from z {from:g} to {to:g} is in the part",
+_VIOLATED = {
+    "tolerance": "From z {from:g} to {to:g} the deviation of {amount_mm:.4f} mm exceeds the tolerance{wanted}",
+    "flat": "The flat at z {from:g} is {amount_mm:.4f} mm away from the nearest layer end",
+    "max_step": "Neighbouring layers at z {from:g} differ by {amount_mm:g} mm, more than max_step",
+    "range height": "From z {from:g} to {to:g} layers differ by {amount_mm:g} mm from the height of their range",
+    "range end": "The end of a range at z {from:g} is {amount_mm:.4f} mm away from the nearest layer end",
+    "range": "The range from z {from:g} to {to:g} does not contain any of the part",
 }
 
 
 def unkept_sentences(facts: dict[str, Any]) -> list[str]:
-    """The rules that the plan could not keep, for people.
+    """Format the rules that the plan violates.
 
     Args:
         facts: of `certificate_facts`.
@@ -369,21 +373,22 @@ def unkept_sentences(facts: dict[str, Any]) -> list[str]:
     wanted = "" if facts["ranges"] else f" of {facts['tolerance_mm']:g} mm"
     budgets = [one for one in facts["unkept"] if one["rule"] == "time_budget"]
     lines = [
-        f"the time budget of {format_duration(one['budget_s'])} is exceeded by "
+        f"The time budget of {format_duration(one['budget_s'])} is exceeded by "
         f"{format_duration(one['amount_s'])}; {one['cause']}"
         for one in budgets
     ]
     unkept = [one for one in facts["unkept"] if one["rule"] != "time_budget"]
     lines += [
-        f"{_BROKEN[one['rule']].format(wanted=wanted, **one)}; {one['cause']}" for one in unkept[:_MOST_RUNS]
+        f"{_VIOLATED[one['rule']].format(wanted=wanted, **one)}; {one['cause']}"
+        for one in unkept[:_MOST_RUNS]
     ]
     if len(unkept) > _MOST_RUNS:
-        lines.append(f"and {len(unkept) - _MOST_RUNS} more that --json lists")
+        lines.append(f"{len(unkept) - _MOST_RUNS} more violated rules are listed with --json")
     return lines
 
 
 def runs_text(runs: list[tuple[int, float]] | list[list[float]]) -> str:
-    """`75 x 0.4, 225 x 0.1 mm`, shortened when there are many."""
+    """Format runs of equal layers as `75 x 0.4, 225 x 0.1 mm`, shortened if there are many."""
     if len(runs) > _MOST_RUNS:
         heights = [height for _, height in runs]
         return f"{len(set(heights))} heights from {min(heights):g} to {max(heights):g} mm"

@@ -98,7 +98,7 @@ def _tell_profile(
         print(visible(text), file=sys.stderr)
     if not arguments.json:
         data = any(str(getattr(arguments, name, "")) == "-" for name in ("output", "picture"))
-        line = ", ".join(f"{one['name']} ({_origin(one)})" for one in told.values())
+        line = ", ".join(f"{kind} {one['name']} ({_origin(one)})" for kind, one in told.items())
         print(visible(without_stdin(arguments, line)), file=sys.stderr if data else sys.stdout)
 
 

@@ -36,7 +36,7 @@ def test_what_is_told_of_the_part_does_not_depend_on_a_raft(tmp_path: Path) -> N
 def test_people_are_told_what_the_part_stands_on(tmp_path: Path) -> None:
     outcome = typed("slice", BOX, "-o", tmp_path / "b.gcode", *QUICK, *sets(raft_height=0.8))
 
-    assert " on a raft of 0.8 mm (3 layers), 0.16 mm over it" in outcome.out.splitlines()[1]
+    assert " on a raft of 0.8 mm (3 layers) with a gap of 0.16 mm" in outcome.out.splitlines()[1]
 
 
 def test_the_layers_of_a_raft_can_be_drawn_and_rehearsed(tmp_path: Path) -> None:
@@ -53,8 +53,8 @@ def test_the_layers_of_a_raft_can_be_drawn_and_rehearsed(tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ({"bed_x": 28, "bed_y": 28}, "the skirt does not fit on the bed"),
-        ({"bed_x": 33, "bed_y": 33, "skirt_loops": 9}, "the bed has no room for"),
+        ({"bed_x": 28, "bed_y": 28}, "The skirt is left out"),
+        ({"bed_x": 33, "bed_y": 33, "skirt_loops": 9}, "the bed has no room: 6"),
         ({"bed_x": 33, "bed_y": 33, "skirt_min_length": 500}, "mm of filament short"),
     ],
 )
@@ -71,9 +71,9 @@ def test_a_brim_that_has_no_place_is_told(model: str, kind: str, tmp_path: Path)
     outcome = typed("slice", BOX.with_name(model), "-o", tmp_path / "b.gcode", *QUICK, *wanted)
 
     assert outcome.code == 0
-    assert "there is no brim" in outcome.out
+    assert "No brim was made" in outcome.out
     assert (
-        "there is no brim"
+        "No brim was made"
         not in typed("slice", BOX, "-o", tmp_path / "c.gcode", *QUICK, *sets(brim_width=4)).out
     )
 

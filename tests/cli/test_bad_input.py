@@ -173,7 +173,7 @@ def test_a_small_hole_in_the_mesh_is_closed_and_told(tmp_path: Path) -> None:
     outcome = typed("slice", tmp_path / "open.stl", *QUICK)
 
     assert (outcome.code, outcome.err) == (0, "")
-    assert "repaired: holes filled: 1, the first at x" in outcome.out
+    assert "repaired: holes filled: 1, first at x" in outcome.out
 
 
 # Names and settings

@@ -39,7 +39,10 @@ def test_a_file_that_is_right_passes(gcode: Path) -> None:
 
     assert done.code == 0
     machine, first = done.out.splitlines()[:2]
-    assert machine == "marlin_220 (from the file), pla (from the file), standard (from the file)"
+    assert (
+        machine
+        == "printer marlin_220 (from the file), material pla (from the file), quality standard (from the file)"
+    )
     assert first == "box.gcode against box.stl: nothing is beyond its limit"
     assert "shell holds" in done.out
     assert "x +110.000 y +110.000 z +0.000" in done.out

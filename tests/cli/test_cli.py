@@ -208,7 +208,10 @@ def test_slicing_to_stdout_writes_the_gcode_and_nothing_else(tmp_path: Path) -> 
     outcome = typed("slice", BOX, "-o", "-", *QUICK)
 
     assert outcome.code == 0
-    assert outcome.err == "marlin_220 (--printer), pla (--material), standard (--quality)\n"
+    assert (
+        outcome.err
+        == "printer marlin_220 (--printer), material pla (--material), quality standard (--quality)\n"
+    )
     assert outcome.out.encode() == (tmp_path / "box.gcode").read_bytes()
 
 
@@ -289,12 +292,28 @@ def test_a_layer_without_beads_can_be_drawn(tmp_path: Path) -> None:
 # plan
 
 
-def test_plans_are_compared_in_two_tables() -> None:
+def test_plans_are_compared_in_one_table_above_the_certificate() -> None:
     outcome = typed("plan", BOX, *QUICK)
+    table, _, certificate = outcome.out.partition("\n\n")
+
+    assert (outcome.code, outcome.err) == (0, "")
+    assert "Table" not in outcome.out
+    assert re.findall(r"(?m)^  (uniform \S+ mm) +\d+ +\d.*mm .*mm³ ", table) == [
+        "uniform 0.08 mm",
+        "uniform 0.3 mm",
+        "uniform 0.32 mm",
+    ]
+    assert certificate.startswith(
+        "Certificate of the chosen plan (uniform 0.3 mm):\n  Surface deviation at most "
+    )
+
+
+def test_the_tables_of_the_paper_describe_the_part_and_its_plans() -> None:
+    outcome = typed("plan", BOX, *QUICK, "--paper-tables")
 
     assert (outcome.code, outcome.err) == (0, "")
     assert re.search(r"Table 1.*\n.*vertices +36\n.*facets +12\n", outcome.out)
-    assert re.search(r"volume +4000\.0 mm3", outcome.out)
+    assert re.search(r"volume +4000\.0 mm³", outcome.out)
     assert "Table 2" in outcome.out
     for height in (0.08, 0.3, 0.32):
         assert re.search(rf"(?m)^  uniform {height} mm +\d+ +\d", outcome.out)

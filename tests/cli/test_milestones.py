@@ -59,7 +59,7 @@ def test_plans_that_are_compared_are_told_one_by_one(tmp_path: Path) -> None:
     usual = typed("plan", tmp_path / "part.stl", "--compare", *QUICK)
     quiet = typed("plan", tmp_path / "part.stl", "--compare", "-q", *QUICK)
     lines = usual.err.splitlines()
-    plans = usual.out.count(" %", 0, usual.out.index("Certificate")) // 2
+    plans = usual.out.count(" mm³ ", 0, usual.out.index("Certificate"))
 
     assert (usual.code, quiet.code, quiet.err) == (0, 0, "")
     assert len(lines) == plans - 1

@@ -381,7 +381,7 @@ def test_gcode_is_not_changed(
     outcome = typed(command[0], tmp_path / "x.gcode", *command[1:], *flags, *QUICK)
 
     assert outcome.code == 2
-    assert is_message(outcome, f"{flag} has no meaning for G-code")
+    assert is_message(outcome, f"{flag} does not apply to G-code")
 
 
 def test_gcode_is_printed_alone(tmp_path: Path) -> None:
@@ -389,7 +389,7 @@ def test_gcode_is_printed_alone(tmp_path: Path) -> None:
     outcome = typed("dry-run", BOX, tmp_path / "x.gcode", *QUICK)
 
     assert outcome.code == 2
-    assert is_message(outcome, "G-code is printed alone")
+    assert is_message(outcome, "only one G-code file can be printed at a time")
 
 
 def test_values_with_a_minus_sign_stay_with_their_flag() -> None:

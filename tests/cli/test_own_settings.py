@@ -74,11 +74,16 @@ def test_gcode_is_judged_by_the_machine_and_material_it_was_made_for(
     said = typed(command[0], ours, *command[1:])
 
     assert said.code == 0, said.err
-    assert said.out.startswith("prusa_mini (from the file), petg (from the file), standard (from the file)\n")
+    wanted = (
+        "printer prusa_mini (from the file), material petg (from the file), quality standard (from the file)"
+    )
+    assert said.out.splitlines()[0] == wanted
 
 
 def test_who_names_a_machine_has_it(ours: Path) -> None:
-    wanted = "corexy_klipper (--printer), petg (from the file), standard (from the file)"
+    wanted = (
+        "printer corexy_klipper (--printer), material petg (from the file), quality standard (from the file)"
+    )
 
     assert first_line("check", ours, "--printer", "corexy_klipper") == wanted
 
@@ -99,14 +104,18 @@ def test_what_prusaslicer_writes_into_its_gcode_counts(tmp_path: Path) -> None:
     (tmp_path / "theirs.gcode").write_text(PRUSA)
     said = first_line("dry-run", tmp_path / "theirs.gcode")
 
-    assert said == "My i3 (from the file), Prusament PLA (from the file), 0.20mm (from the file)"
+    assert (
+        said
+        == "printer My i3 (from the file), material Prusament PLA (from the file), quality 0.20mm (from the file)"
+    )
 
 
 def test_the_machine_that_cura_names_is_looked_for(tmp_path: Path) -> None:
     (tmp_path / "theirs.gcode").write_text(CURA)
 
     assert (
-        first_line("check", tmp_path / "theirs.gcode") == "creality_ender3_v2 (from the file), pla (default)"
+        first_line("check", tmp_path / "theirs.gcode")
+        == "printer creality_ender3_v2 (from the file), material pla (default)"
     )
 
 
@@ -125,11 +134,11 @@ def test_a_machine_that_no_profile_knows_is_named_beside_the_default(
 ) -> None:
     file = tmp_path / "theirs.gcode"
     file.write_text(head + CURA.partition("V2\n")[2])
-    wanted = "marlin_220 (default: the file names 'Ultimaker S5', which has no profile), pla (default)"
+    wanted = "printer marlin_220 (default: the file names 'Ultimaker S5', which has no profile), material pla (default)"
 
     assert first_line(command[0], file, *command[1:]) == wanted
     named = first_line(command[0], file, *command[1:], "--printer", "prusa_mini")
-    assert named == "prusa_mini (--printer), pla (default)"
+    assert named == "printer prusa_mini (--printer), material pla (default)"
 
 
 def test_a_name_at_the_end_of_a_long_file_counts(tmp_path: Path) -> None:
@@ -149,7 +158,9 @@ def test_json_names_the_machine_that_no_profile_knows(tmp_path: Path) -> None:
 def test_a_file_that_says_nothing_is_judged_by_the_default_and_that_is_said(tmp_path: Path) -> None:
     (tmp_path / "bare.gcode").write_text("G28\nG1 X10 Y10 F3000\n")
 
-    assert first_line("check", tmp_path / "bare.gcode") == "marlin_220 (default), pla (default)"
+    assert (
+        first_line("check", tmp_path / "bare.gcode") == "printer marlin_220 (default), material pla (default)"
+    )
 
 
 def test_a_file_cannot_raise_the_ceilings_it_is_judged_by(ours: Path, tmp_path: Path) -> None:
@@ -157,12 +168,12 @@ def test_a_file_cannot_raise_the_ceilings_it_is_judged_by(ours: Path, tmp_path: 
     (tmp_path / "hot.gcode").write_text(text)
     said = typed("check", tmp_path / "hot.gcode")
 
-    assert said.out.startswith("marlin_220 (default)")
+    assert said.out.startswith("printer marlin_220 (default)")
     assert "the settings in the file are not used: " in said.err
 
 
 def test_every_command_about_parts_says_what_it_works_with(tmp_path: Path) -> None:
-    line = "marlin_220 (default), petg (--material), standard (--quality)"
+    line = "printer marlin_220 (default), material petg (--material), quality standard (--quality)"
     flags = ("--material", "petg", "--quality", "standard")
 
     for command in (

@@ -45,7 +45,7 @@ def test_every_command_tells_what_was_put_right(command: list[str], tmp_path: Pa
     as_json = typed(*said, tmp_path / "open.stl", "--json", *QUICK)
 
     assert (in_words.code, as_json.code) == (0, 0), in_words.err + as_json.err
-    assert "repaired: holes filled: 1, the first at x" in in_words.out
+    assert "repaired: holes filled: 1, first at x" in in_words.out
     documents = [json.loads(line) for line in as_json.out.splitlines()]
     told = [document["repairs"] for document in documents if "repairs" in document]
     assert told
@@ -80,7 +80,7 @@ def test_gaps_that_only_sections_can_close_are_told_and_refused_when_that_is_ask
     facts = json.loads(typed("slice", tmp_path / "cracked.stl", "--json", *QUICK).out)
 
     assert "gaps in contours closed: 28" in told.out
-    assert "the widest of 0.5 mm" in told.out
+    assert "largest gap 0.5 mm" in told.out
     assert facts["repairs"][0]["largest_gap_mm"] == 0.5
     assert facts["repairs"][0]["places"][0][0] == 5.25
     refused(

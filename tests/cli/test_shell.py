@@ -46,7 +46,10 @@ def gcode(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     """The box, sliced out of a pipe into a pipe."""
     done = piped(BOX.read_bytes(), "slice", "-", "-o", "-", *QUICK, cwd=tmp_path_factory.mktemp("pipe"))
     assert done.returncode == 0
-    assert done.stderr == b"marlin_220 (--printer), pla (--material), standard (--quality)\n"
+    assert (
+        done.stderr
+        == b"printer marlin_220 (--printer), material pla (--material), quality standard (--quality)\n"
+    )
     return done.stdout
 
 

@@ -92,7 +92,7 @@ def test_a_dry_run_goes_through_on_other_firmwares(
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["--firmware", "marlyn"], "known are marlin 1.1, marlin 2.0"),
+        (["--firmware", "marlyn"], "choose one of: marlin 1.1, marlin 2.0"),
         (["--faults", "nowhere.toml"], "nowhere.toml: No such file"),
         (["--seed", "3"], "--seed without --faults"),
     ],

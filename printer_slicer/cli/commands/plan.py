@@ -1,4 +1,4 @@
-"""`plan`: layer plans of a part side by side, and the certificate of the chosen one."""
+"""`plan`: compare layer plans of a part, and certify the chosen one."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from printer_slicer.cli.arguments import STRICT, add_layer_options, add_models, add_output, add_settings
+from printer_slicer.cli.help import advanced
 from printer_slicer.cli.output import Milestones, refuse_mixing, stages, write_file
 from printer_slicer.cli.settings import profile_facts, profile_from
-from printer_slicer.texts import format_duration
+from printer_slicer.texts import format_duration, format_significant
 
 if TYPE_CHECKING:
     from printer_slicer.cli.output import Stages
@@ -23,12 +24,12 @@ if TYPE_CHECKING:
 __all__ = ["EXAMPLES", "add_arguments", "run"]
 
 EXAMPLES: Final = """\
-  printer-slicer plan sample_parts/case_study.stl --printer marlin_220_06 --quality case_study
   printer-slicer plan part.stl --picture plan.png --tolerance 0.05
   printer-slicer plan part.stl --compare --heights 0.1:0.3:0.02
+  printer-slicer plan sample_parts/case_study.stl --printer marlin_220_06 --quality case_study --paper-tables
   printer-slicer plan part.stl --time-budget 45m --range 10:12:tolerance=0.03"""
 
-# Every strategy with what tells its variants apart: name in the table -> changes to the profile.
+# Variants of all planners: name in the table -> changes to the profile.
 _VARIANTS: Mapping[str, dict[str, object]] = {
     "area, literal": {"kind": "area", "aligned": False, "guarded": False},
     "area, guarded": {"kind": "area", "aligned": False, "guarded": True},
@@ -51,6 +52,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--compare", action="store_true", help="compare all planners, with the same tolerance and heights"
     )
+    advanced(
+        parser.add_argument(
+            "--paper-tables",
+            action="store_true",
+            help="print the two tables of the paper on adaptive slicing instead: the part, and its plans",
+        )
+    )
     add_settings(parser, strict=STRICT)
     add_models(parser)
     group = parser.add_argument_group("output")
@@ -60,15 +68,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Compare layer plans: the tables of the paper for any part, and what is proven about the chosen plan."""
+    """Compare layer plans of a part, and print the certificate of the chosen one."""
     import numpy as np
 
-    from printer_slicer.cli.facts import (
-        certificate_facts,
-        certificate_sentences,
-        repair_facts,
-        repair_sentences,
-    )
+    from printer_slicer.cli.facts import certificate_facts, repair_facts
     from printer_slicer.cli.models import plate_name, repaired_plate, with_projects
     from printer_slicer.healing import refuse_repaired
     from printer_slicer.model import Repairs
@@ -93,25 +96,40 @@ def run(arguments: argparse.Namespace) -> int:
         repairs = Repairs((*repairs.done, *section_repairs(sections, shift)))
         if arguments.strict:
             refuse_repaired(part.name, repairs)
-        rows = _compare(part, profile, chosen, _told(arguments, report), everything=arguments.compare)
+        rows = _compare(
+            part, profile, chosen, _plan_progress(arguments, report), everything=arguments.compare
+        )
         if arguments.picture:
             report("drawing")
             _draw(part, sections, certificate, profile, arguments)
-    facts = certificate_facts(certificate, part, profile, shift, float(str(rows[-1]["seconds"])))
+    facts = certificate_facts(certificate, part, profile, shift, _seconds(rows, _plan_name(profile)))
     facts |= {"thin_features": _thin(part, chosen)}
     repaired = repair_facts(repairs)
     if arguments.json:
-        told = {"part": table, "plans": rows, "certificate": facts, "layers": _layers(chosen, certificate)}
-        print(json.dumps(told | {"repairs": repaired} | plate.facts() | profile_facts(arguments)))
+        plans = {"part": table, "plans": rows, "certificate": facts, "layers": _layers(chosen, certificate)}
+        print(json.dumps(plans | {"repairs": repaired} | plate.facts() | profile_facts(arguments)))
     elif not arguments.quiet:
-        print(_as_text(plate_name(arguments.models), table, rows))
-        lines = [*certificate_sentences(facts), *repair_sentences(repaired)]
-        print("\n".join([f"\nCertificate of the plan by {chosen.planner!r}", *lines]))
+        name = plate_name(arguments.models)
+        print(_paper_tables(name, table, rows) if arguments.paper_tables else _comparison(name, rows))
+        print("\n".join(_certificate_lines(_plan_name(profile), facts, repaired)))
     return 0
 
 
+def _seconds(rows: list[dict[str, object]], name: str) -> float:
+    """Return the print time of a plan."""
+    return next(float(str(row["seconds"])) for row in rows if row["plan"] == name)
+
+
+def _certificate_lines(plan: str, facts: dict[str, Any], repairs: list[dict[str, Any]]) -> list[str]:
+    """Format the certificate of the chosen plan, and the repairs of the part."""
+    from printer_slicer.cli.facts import certificate_sentences, repair_sentences
+
+    lines = [*certificate_sentences(facts), *repair_sentences(repairs)]
+    return ["", f"Certificate of the chosen plan ({plan}):", *(f"  {line}" for line in lines)]
+
+
 def _layers(plan: LayerPlan, certificate: Certificate) -> dict[str, list[float]]:
-    """Heights of each layer, mm, and what is proven about it."""
+    """Return the heights of each layer in mm, and its bounds of deviation and volume error, for JSON."""
     import numpy as np
 
     layers = {name: getattr(plan, name).tolist() for name in ("bottom", "top", "cut")}
@@ -119,7 +137,7 @@ def _layers(plan: LayerPlan, certificate: Certificate) -> dict[str, list[float]]
 
 
 def _thin(part: Mesh, plan: LayerPlan) -> dict[str, float]:
-    """How much of the part is thinner than the layers, mm² seen from above, and the z where most of it is."""
+    """Return the area of the part that is thinner than the layers, mm² seen from above, and the z with most of it."""
     from printer_slicer.slicing import cut
     from printer_slicer.surface import read_surface, thin_areas
 
@@ -136,7 +154,7 @@ def _draw(
     profile: Profile,
     arguments: argparse.Namespace,
 ) -> None:
-    """Write the picture of the chosen plan."""
+    """Draw the chosen plan."""
     from printer_slicer.cli.models import plate_name
     from printer_slicer.drawing import draw_plan, picture_bytes
     from printer_slicer.surface import find_flats
@@ -153,7 +171,7 @@ def _draw(
 
 
 def _table_1(mesh: Mesh) -> dict[str, object]:
-    """The paper's Table 1: what the file holds."""
+    """Return Table 1 of the paper: facts about the mesh."""
     import numpy as np
 
     levels = np.unique(np.round(mesh.triangles[:, :, 2], 6))
@@ -167,11 +185,11 @@ def _table_1(mesh: Mesh) -> dict[str, object]:
     }
 
 
-_Planning = Callable[[int, int, str], None]
+_Progress = Callable[[int, int, str], None]
 """Called before each plan with the number of finished plans, the number of plans, and the name of the next."""
 
 
-def _told(arguments: argparse.Namespace, report: Stages) -> _Planning:
+def _plan_progress(arguments: argparse.Namespace, report: Stages) -> _Progress:
     """Return a function that reports the next plan: on the progress bar, or without one as a line per plan."""
     quiet = arguments.quiet or arguments.json or arguments.verbose or not arguments.compare
     lines = Milestones("comparing plans", wanted=not (quiet or sys.stderr.isatty()))
@@ -185,9 +203,9 @@ def _told(arguments: argparse.Namespace, report: Stages) -> _Planning:
 
 
 def _compare(
-    part: Mesh, profile: Profile, chosen: LayerPlan, told: _Planning, *, everything: bool
+    part: Mesh, profile: Profile, chosen: LayerPlan, show: _Progress, *, everything: bool
 ) -> list[dict[str, object]]:
-    """The paper's Table 2 and beyond: uniform thin, uniform thick, the chosen plan, and all others if wanted."""
+    """Return a row per plan: uniform ones, all planners if `everything`, and the chosen one."""
     from printer_slicer.cli.facts import flats_off
     from printer_slicer.extrusion import move_seconds
     from printer_slicer.pipeline import plan_part, slice_part
@@ -197,7 +215,7 @@ def _compare(
     flats = find_flats(part)[0]
     jobs = _jobs(profile, everything=everything)
     for done, (name, variant) in enumerate(jobs.items()):
-        told(done, len(jobs), name)
+        show(done, len(jobs), name)
         plan = chosen if variant is profile else plan_part(part, variant)
         program = slice_part(part, variant, plan=plan)
         seconds = float(move_seconds(program, variant).sum())
@@ -222,56 +240,85 @@ def _compare(
 
 
 def _jobs(profile: Profile, *, everything: bool) -> dict[str, Profile]:
-    """Name in the table -> profile: same tolerance and heights for all."""
+    """Return name in the table -> profile; all have the same tolerance and heights."""
     from printer_slicer.profile import profile_with
 
     thin, thick = profile.thinnest, profile.thickest
     kind = profile.quality.planner.__struct_config__.tag
     heights = {thin, thick} if kind != "uniform" else {thin, thick, profile.quality.layer_height}
     jobs = {
-        f"uniform {height:g} mm": profile_with(
+        _uniform_name(height): profile_with(
             profile, {"quality.planner.kind": "uniform", "quality.layer_height": height}
         )
         for height in sorted(heights)
     }
     if kind == "uniform":
-        jobs[f"uniform {profile.quality.layer_height:g} mm"] = profile
+        jobs[_plan_name(profile)] = profile
     if everything:
         for name, changes in _VARIANTS.items():
             jobs[name] = profile_with(
                 profile, {f"quality.planner.{key}": value for key, value in changes.items()}
             )
     if kind != "uniform":
-        jobs[f"{kind} {thin:g} to {thick:g} mm"] = profile
+        jobs[_plan_name(profile)] = profile
     return jobs
 
 
-def _as_text(name: str, table: Mapping[str, Any], rows: list[dict[str, object]]) -> str:
+def _plan_name(profile: Profile) -> str:
+    """Return the name of the chosen plan in the table."""
+    kind = profile.quality.planner.__struct_config__.tag
+    if kind == "uniform":
+        return _uniform_name(profile.quality.layer_height)
+    return f"{kind} {profile.thinnest:g} to {profile.thickest:g} mm"
+
+
+def _uniform_name(height: float) -> str:
+    return f"uniform {height:g} mm"
+
+
+def _comparison(name: str, rows: list[dict[str, object]]) -> str:
+    """Format the comparison of plans as one table."""
+    head = (
+        f"  {'plan':<24}{'layers':>7}{'print time':>14}{'deviation':>13}{'volume error':>15}   layer heights"
+    )
+    return "\n".join([f"{name}: layer plans", head, *map(_comparison_row, rows)])
+
+
+def _comparison_row(row: Mapping[str, Any]) -> str:
+    from printer_slicer.cli.facts import runs_text
+
+    deviation = f"{format_significant(row['max_error_mm'])} mm"
+    volume = f"{format_significant(row['volume_error_mm3'])} mm³"
+    numbers = f"{row['layers']:>7}{format_duration(row['seconds']):>14}{deviation:>13}{volume:>15}"
+    return f"  {row['plan']:<24}{numbers}   {runs_text(row['heights'])}"
+
+
+def _paper_tables(name: str, table: Mapping[str, Any], rows: list[dict[str, object]]) -> str:
+    """Format the two tables of the paper."""
     size, steps = table["size"], table["level_steps"]
     shown = ", ".join(f"{step:g}" for step in steps[:8]) + (", ..." if len(steps) > 8 else "")
     columns = f"{'layers':>8}{'saved':>9}{'time':>14}{'saved':>9}"
-    columns += f"{'error mm':>10}{'mm3':>9}{'top mm':>9}{'flats mm':>10}"
+    columns += f"{'deviation':>11}{'volume':>9}{'top':>9}{'flats':>10}"
     lines = [
         f"Table 1. {name}",
         f"  STL vertices      {table['vertices']}",
         f"  facets            {table['facets']}",
         f"  levels in z       {table['levels']} ({shown} mm, each from the one before)",
         f"  envelope          {' x '.join(f'{length:g}' for length in size)} mm",
-        f"  volume            {table['volume']} mm3",
+        f"  volume            {table['volume']} mm³",
         "",
-        "Table 2. Layer plans; time is modelled for the chosen printer, material and quality; error: no wrong place is",
-        "farther from the surface; mm3: wrongly filled or empty, at most; top, flats: how far the part's top and its",
-        "flats are off",
-        f"  {'plan':<24}{columns}   heights from the bed up",
+        "Table 2. Layer plans. Times are estimates for the printer, material and quality; deviation (mm) and volume",
+        "error (mm³) are upper bounds; top, flats: distance of the part's top and flats from a layer end (mm)",
+        f"  {'plan':<24}{columns}   layer heights from the bed up",
     ]
-    return "\n".join(lines + [_row_text(row) for row in rows])
+    return "\n".join(lines + [_paper_row(row) for row in rows])
 
 
-def _row_text(row: Mapping[str, Any]) -> str:
+def _paper_row(row: Mapping[str, Any]) -> str:
     from printer_slicer.cli.facts import runs_text
 
     layers = f"{row['layers']:>8}{100 * row['layers_saved']:>7.1f} %"
     time = f"{format_duration(row['seconds']):>14}{100 * row['time_saved']:>7.1f} %"
-    error = f"{row['max_error_mm']:>10.3f}{row['volume_error_mm3']:>9.1f}"
+    error = f"{row['max_error_mm']:>11.3f}{row['volume_error_mm3']:>9.1f}"
     ends = f"{row['height_error_mm']:>9.3f}{row['flat_error_mm']:>10.3f}"
     return f"  {row['plan']:<24}{layers}{time}{error}{ends}   {runs_text(row['heights'])}"
