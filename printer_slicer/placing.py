@@ -20,7 +20,10 @@ from printer_slicer.mesh_io.units import SPOKEN
 from printer_slicer.model import Mesh, PlateObject
 from printer_slicer.profile import Printer
 
-__all__ = ["IN_THE_MIDDLE", "Placement", "join", "place", "transform"]
+__all__ = ["COPY_GAP", "IN_THE_MIDDLE", "Placement", "copy_in_grid", "join", "place", "transform"]
+
+COPY_GAP: Final = 8.0
+"""Distance between copies of a part, mm."""
 
 _SLACK: Final = 1e-6  # mm
 _QUARTERS: Final = {0.0: (1.0, 0.0), 90.0: (0.0, 1.0), 180.0: (-1.0, 0.0), 270.0: (0.0, -1.0)}
@@ -220,6 +223,43 @@ def join(meshes: Sequence[Mesh]) -> Mesh:
         items += [item.behind(begin) for item in own]
         begin += mesh.n_facets
     return Mesh(np.concatenate([mesh.triangles for mesh in meshes]), name, tuple(items))
+
+
+def copy_in_grid(mesh: Mesh, copies: int, printer: Printer, gap: float = COPY_GAP) -> Mesh:
+    """Return copies of a part as one mesh, in rows and columns beside each other.
+
+    Args:
+        mesh: the part; it is the front left copy.
+        copies: how many, 1 or more.
+        printer: gives the size of the bed.
+        gap: distance between their bounding boxes, mm.
+
+    Raises:
+        PartError: the bed has no room for so many.
+    """
+    if copies == 1:
+        return mesh
+    low, high = mesh.bounds
+    pitch = (high - low)[:2] + gap
+    room = np.array([printer.bed_x, printer.bed_y])
+    most = np.maximum(np.floor((room + gap + _SLACK) / pitch), 0).astype(np.int64)
+    if copies > most.prod():
+        raise PartError(
+            f"{mesh.name}: {copies} copies of {high[0] - low[0]:.5g} x {high[1] - low[1]:.5g} mm, {gap:g} mm apart, do "
+            f"not fit the bed of {printer.name!r}, {room[0]:g} x {room[1]:g} mm",
+            remedy=f"Print at most {most.prod()} at a time" if most.all() else "Choose a larger printer",
+        )
+    columns = np.arange(1, most[0] + 1)
+    rows = -(-copies // columns)
+    # The grid whose longer side is shortest, and of those the one with the fewest empty places.
+    sides = np.maximum(columns * pitch[0], rows * pitch[1])
+    across = int(columns[np.lexsort((columns * rows, np.where(rows <= most[1], sides, np.inf)))[0]])
+    places = [(number % across, number // across) for number in range(copies)]
+    moved = [np.array([x * pitch[0], y * pitch[1], 0.0]) for x, y in places]
+    joined = join(
+        [Mesh(mesh.triangles + by, mesh.name, tuple(item.moved(by) for item in mesh.objects)) for by in moved]
+    )
+    return Mesh(joined.triangles, f"{copies} copies of {mesh.name}", joined.objects)
 
 
 def _update_envelopes(items: Sequence[PlateObject], triangles: Float) -> tuple[PlateObject, ...]:

@@ -31,9 +31,11 @@ __all__ = [
     "angles",
     "attached",
     "box_of",
+    "copies",
     "factor",
     "factors",
     "height",
+    "infill_share",
     "length",
     "number",
     "patience",
@@ -76,6 +78,11 @@ def length(text: str) -> float:
 def number(text: str) -> float:
     """Any number."""
     return _number(text, "a number, such as 0.02", lambda _: True)
+
+
+def copies(text: str) -> int:
+    """Return a number of copies."""
+    return int(_number(text, "a number of copies from 1 to 1000", lambda value: 1 <= value <= 1000, int))
 
 
 def pixels(text: str) -> int:
@@ -223,6 +230,23 @@ def add_settings(parser: argparse.ArgumentParser, *, strict: str = "") -> argpar
     group.add_argument("--quality", metavar="NAME", help="quality profile: a name or a .toml file")
     if strict:
         _add_setting_options(group, is_advanced=False)
+        group.add_argument(
+            "--supports",
+            metavar="STYLE",
+            nargs="?",
+            action=_SupportsAction,
+            help="not available yet",
+        )
+        advanced(
+            group.add_argument(
+                "--load",
+                metavar="FILE",
+                type=Path,
+                action="append",
+                default=[],
+                help="take profiles from a file of PrusaSlicer, OrcaSlicer or Cura, or a .toml file; may be repeated",
+            )
+        )
     group.add_argument(
         "--set", metavar="KEY=VALUE", action="append", default=[], help="change a setting; may be repeated"
     )
@@ -241,6 +265,16 @@ def add_settings(parser: argparse.ArgumentParser, *, strict: str = "") -> argpar
     return group
 
 
+class _SupportsAction(argparse.Action):
+    """Reject --supports with a remedy."""
+
+    def __call__(self, *_: object) -> None:
+        raise UsageError(
+            "--supports: supports are not available yet",
+            remedy="Rotate the part so that nothing needs support (--rotate), or model supports",
+        )
+
+
 STRICT: Final = "fail if the mesh needs repair"
 _OPTIMAL: Final = " (--planner optimal)"
 
@@ -253,22 +287,46 @@ class SettingOption(NamedTuple):
         metavar: of the value.
         more: text behind the meaning of the setting.
         is_advanced: whether only --help-all shows it, among the options of the layer planner.
+        alias: another name of the option.
+        alone: value of the option if it is given without one; empty: it needs one.
+        meaning: help, if not the meaning of the setting.
     """
 
     setting: str
     metavar: str
     more: str = ""
     is_advanced: bool = True
+    alias: str = ""
+    alone: str = ""
+    meaning: str = ""
 
     @property
     def help(self) -> str:
         """Return the meaning of the setting, from where it is declared, and its choices."""
+        if self.meaning:
+            return self.meaning
         meaning, choices = _meanings()[self.setting]
         return meaning + (f": {choices}" if choices else "") + self.more
 
 
 SETTING_OPTIONS: Final[Mapping[str, SettingOption]] = {
     "--layer-height": SettingOption("quality.layer_height", "MM", is_advanced=False),
+    "--infill": SettingOption(
+        "quality.infill_density",
+        "PERCENT",
+        is_advanced=False,
+        meaning="infill density, such as 20%",
+    ),
+    "--walls": SettingOption(
+        "quality.perimeters", "N", is_advanced=False, alias="--perimeters", meaning="number of perimeters"
+    ),
+    "--brim": SettingOption(
+        "quality.brim_width",
+        "MM",
+        is_advanced=False,
+        alone="5",
+        meaning="brim around the part; without MM 5 mm wide",
+    ),
     "--planner": SettingOption("quality.planner.kind", "NAME"),
     "--tolerance": SettingOption("quality.tolerance", "MM"),
     "--first-layer": SettingOption("quality.first_layer_height", "MM"),
@@ -284,7 +342,16 @@ SETTING_OPTIONS: Final[Mapping[str, SettingOption]] = {
 }
 """Option -> setting, in the order of the help."""
 
-_READERS: Final[Mapping[str, Callable[[str], object]]] = {"--time-budget": seconds}
+
+def infill_share(text: str) -> float:
+    """Return an infill density from 0 to 1: `20%` and `20` are 0.2, as in other slicers."""
+    expected = "a percentage, such as 20%; the pattern is set by --set infill=gyroid"
+    value = _number(text.removesuffix("%"), expected, lambda value: 0 <= value <= _WHOLE_PERCENT)
+    return value / _WHOLE_PERCENT if text.endswith("%") or value > 1 else value
+
+
+_WHOLE_PERCENT: Final = 100
+_READERS: Final[Mapping[str, Callable[[str], object]]] = {"--time-budget": seconds, "--infill": infill_share}
 
 
 @cache
@@ -318,13 +385,16 @@ def _add_setting_options(group: argparse._ArgumentGroup, *, is_advanced: bool) -
     for flag, option in SETTING_OPTIONS.items():
         if option.is_advanced != is_advanced:
             continue
+        optional: dict[str, Any] = {"nargs": "?", "const": option.alone} if option.alone else {}
         action = group.add_argument(
             flag,
+            *([option.alias] if option.alias else []),
             action=_SettingAction,
             option=option,
             metavar=option.metavar,
             dest=f"setting {option.setting}",
             type=_READERS.get(flag, str),
+            **optional,
         )
         if is_advanced:
             advanced(action)
@@ -375,6 +445,7 @@ _USUAL: Final = {
     "as_placed": False,
     "drop": True,
     "fuse": False,
+    "copies": 1,
 }
 """Defaults of the options for models."""
 
@@ -422,6 +493,15 @@ def _add_placement(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--scale", metavar="FACTOR", type=factors, help="2, 50%% or X,Y,Z factors")
     group.add_argument(
         "--rotate", metavar="ANGLES", type=angles, help="degrees about z, or X,Y,Z; after --scale"
+    )
+    advanced(
+        group.add_argument(
+            "--copies",
+            metavar="N",
+            type=copies,
+            default=1,
+            help="print this many of all models, in rows and columns beside each other",
+        )
     )
     where = group.add_mutually_exclusive_group()
     advanced(

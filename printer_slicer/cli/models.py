@@ -18,7 +18,7 @@ from printer_slicer.cli.settings import changes_from
 from printer_slicer.errors import PartError
 from printer_slicer.healing import refuse_repaired, repair
 from printer_slicer.mesh_io import Model, load_model
-from printer_slicer.placing import Placement, join, transform
+from printer_slicer.placing import Placement, copy_in_grid, join, transform
 from printer_slicer.profile import profile_with, settings_of
 
 if TYPE_CHECKING:
@@ -86,7 +86,8 @@ def plate_from(arguments: argparse.Namespace, printer: Printer, report: Stages) 
         _refuse_overlaps(arguments.models, meshes)
         _refuse_collisions(models, meshes)
     warn(arguments, warnings)
-    return join(meshes), Plate(placement, tuple(warnings), tuple(models))
+    mesh = copy_in_grid(join(meshes), arguments.copies, printer)
+    return mesh, Plate(placement, tuple(warnings), tuple(models))
 
 
 def _placement(arguments: argparse.Namespace, units: set[tuple[str, bool]]) -> Placement:

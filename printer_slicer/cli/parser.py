@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Mapping
 from importlib import import_module
 from typing import Any, Final, NoReturn
 
@@ -18,6 +18,7 @@ from printer_slicer.cli.help import (
     advanced,
     format_help,
 )
+from printer_slicer.cli.suggestions import suggest, suggest_command, suggest_option
 from printer_slicer.errors import UsageError
 from printer_slicer.version import VERSION
 
@@ -133,15 +134,18 @@ class _Parser(argparse.ArgumentParser):
         problem = message.removeprefix("argument ").replace("expected one argument", "needs a value")
         if unknown:
             problem = f"{flag}: no such option" if flag else f"{words[0]}: unexpected argument"
-        usage = f"{_suggest(flag, flags)}{self.format_usage().strip()}; see {self.prog} --help"
+        usage = f"{suggest_option(flag, flags) if unknown else ''}{self.format_usage().strip()}; see {self.prog} --help"
         raise UsageError(": ".join(filter(None, (self.prog.partition(" ")[2], problem))), remedy=usage)
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         """Refuse a value that is none of the choices, and suggest the nearest one."""
         if action.choices is not None and value not in action.choices:
             known = list(map(str, action.choices))
-            remedy = f"{_suggest(str(value), known)}choose one of: {', '.join(known)}"
-            raise argparse.ArgumentError(action, f"unknown: {value!r}; {remedy}")
+            listed = f"choose one of: {', '.join(known)}"
+            if isinstance(action, argparse._SubParsersAction):  # noqa: SLF001 - the library has no public name
+                remedy = f"{suggest_command(str(value), known)}{listed[0].upper()}{listed[1:]}"
+                raise UsageError(f"{value!r}: no such command", remedy=remedy)
+            raise argparse.ArgumentError(action, f"unknown: {value!r}; {suggest(str(value), known)}{listed}")
 
     def _print_message(self, message: str, file: Any = None) -> None:
         """Print a message; the caller reports a stdout that cannot be written."""
@@ -150,14 +154,6 @@ class _Parser(argparse.ArgumentParser):
     def format_help(self) -> str:
         """Return the complete help."""
         return format_help(self)
-
-
-def _suggest(word: str, known: Iterable[str]) -> str:
-    """Return a question that names the known word nearest to a word; empty if none is near."""
-    from difflib import get_close_matches
-
-    near = get_close_matches(word, list(known), n=1) if word else []
-    return f"did you mean {near[0]!r}? " if near else ""
 
 
 class CommandParser(_Parser):

@@ -36,8 +36,6 @@ _MACHINE: Final = re.compile(
 )
 """The machine as named by Cura, FlashPrint, and PrusaSlicer and its forks."""
 
-_NAME: Final = re.compile(r'^name = "([^"\n]*)"', re.MULTILINE)
-
 
 def profile_from(
     arguments: argparse.Namespace, *, slices: bool = True, gcode: Path | None = None, tell: bool = True
@@ -59,13 +57,13 @@ def profile_from(
         kind: getattr(arguments, kind, None) for kind in ("printer", "material", "quality")
     }
     folders = named_folders(arguments)
+    own = _loaded(arguments, names) if gcode is None else _own_settings(gcode, folders)
     changes = changes_from(arguments)
-    own = _OwnSettings({}, ()) if gcode is None else _own_settings(gcode, folders)
     try:
-        if gcode is None:
+        if gcode is None and not own.values:
             profile = load_profile(**names, changes=changes, slices=slices, folders=folders)
         else:
-            profile = profile_over(own.values, names, changes, folders)
+            profile = profile_over(own.values, names, changes, folders, slices=slices and gcode is None)
     except ProfileError as error:
         raise _with_flag(error, arguments) from None
     used = {"printer", "material", *own.values, *(("quality",) if slices and gcode is None else ())}
@@ -136,6 +134,7 @@ def changes_from(arguments: argparse.Namespace) -> dict[str, object]:
     Raises:
         UsageError: one that is no setting with a value, or an empty name of a profile.
     """
+    _translate_familiar(arguments)
     changes = _dialled(arguments)
     if getattr(arguments, "baud", None):
         changes["printer.baud"] = arguments.baud
@@ -155,6 +154,41 @@ def changes_from(arguments: argparse.Namespace) -> dict[str, object]:
                 f"--{flag}: the name is empty", remedy="leave it out, or see `printer-slicer profiles`"
             )
     return changes
+
+
+def _translate_familiar(arguments: argparse.Namespace) -> None:
+    """Replace settings of other slicers in --set by settings of this program, and print what they became.
+
+    Raises:
+        UsageError: a setting of another slicer has no counterpart, or a word suggests a setting.
+    """
+    from printer_slicer.profile.keys import is_setting
+
+    pairs = [change.partition("=") for change in arguments.set]
+    if all(is_setting(key.strip()) for key, _, _ in pairs):
+        return
+    from printer_slicer.importing.familiar import familiar_setting, meant_setting
+    from printer_slicer.profile import load_profile
+
+    names = {kind: getattr(arguments, kind, None) for kind in ("printer", "material", "quality")}
+    profile = load_profile(**names, slices=False, folders=named_folders(arguments))
+    result: list[str] = []
+    for change, (key, equals, value) in zip(arguments.set, pairs, strict=True):
+        name = key.strip()
+        found = None if is_setting(name) or not equals else familiar_setting(name, value.strip(), profile)
+        if (
+            found is None
+            and equals
+            and not is_setting(name)
+            and (meant := meant_setting(name, value.strip()))
+        ):
+            raise UsageError(f"--set {change}: no such setting", remedy=f"Did you mean --set {meant}?")
+        own = [change] if found is None else [f"{ours}={made}" for ours, made in found.changes.items()]
+        result += own
+        if found is not None and not arguments.quiet:
+            text = f"printer-slicer: {found.slicer}'s {change} sets {', '.join(own)}"
+            print(visible(text), file=sys.stderr)
+    arguments.set = result
 
 
 def _flavour_of(firmware: str) -> str:
@@ -302,11 +336,45 @@ class _OwnSettings(NamedTuple):
         values: kind -> settings; kinds without settings in the file are missing.
         refused: reasons why settings in the file are not used, one sentence each.
         unknown: name of the machine in the file if no profile has that name, else empty.
+        source: where the settings are from, for messages.
     """
 
     values: Mapping[str, Mapping[str, Any]]
     refused: Sequence[str]
     unknown: str = ""
+    source: str = "from the file"
+
+
+def _loaded(arguments: argparse.Namespace, names: dict[str, Any]) -> _OwnSettings:
+    """Return the settings of the files of --load; `names` gets the .toml files among them.
+
+    Raises:
+        UsageError: a file has no settings, several profiles of one kind, or one that cannot be used.
+    """
+    values: dict[str, Mapping[str, Any]] = {}
+    files: Sequence[Path] = getattr(arguments, "load", ())
+    for path in files:
+        if path.suffix == ".toml":
+            from printer_slicer.profile.reading import kind_of
+
+            kind = kind_of(str(path.absolute()))
+            names[kind] = names[kind] or str(path)
+            continue
+        from printer_slicer.importing import import_profiles
+        from printer_slicer.importing.report import Refused
+
+        found = import_profiles(path)
+        for one in found:
+            if isinstance(one, Refused):
+                raise UsageError(f"--load {path}: {one.problem}", remedy=one.remedy)
+        kinds = [one.kind for one in found]
+        if len(set(kinds)) < len(kinds):
+            raise UsageError(
+                f"--load {path}: has {len(kinds)} profiles",
+                remedy=f"Import those of one printer: printer-slicer profiles import {path} --for NAME",
+            )
+        values |= {one.kind: one.values for one in found if not isinstance(one, Refused)}
+    return _OwnSettings(values, (), source="from --load")
 
 
 def _own_settings(path: Path, folders: Sequence[Path] = ()) -> _OwnSettings:
@@ -386,10 +454,10 @@ def _provenance(
     told: dict[str, dict[str, str]] = {}
     for kind, name in names.items():
         if name:
-            told[kind] = {"name": name, "from": f"--{kind}"}
+            told[kind] = {"name": _selected(kind, name, folders), "from": f"--{kind}"}
         elif kind in own.values:
             said = str(own.values[kind].get("name", ""))
-            told[kind] = {"name": _called(kind, said, folders) or said, "from": "from the file"}
+            told[kind] = {"name": _called(kind, said, folders) or said, "from": own.source}
         else:
             told[kind] = {"name": DEFAULT_NAMES[kind], "from": "default"}
             if kind == "printer" and own.unknown:
@@ -397,13 +465,20 @@ def _provenance(
     return told
 
 
+def _selected(kind: str, name: str, folders: Sequence[Path]) -> str:
+    """Return the name of the profile that a typed name selects; a path as it is typed."""
+    from printer_slicer.profile.reading import path_of
+
+    return name if name.endswith(".toml") or "/" in name else path_of(kind, name, folders).stem
+
+
 def _called(kind: str, name: str, folders: Sequence[Path] = ()) -> str:
     """Return the name that selects the profile with this `name` setting; empty if there is none."""
     from printer_slicer.profile import profile_paths
+    from printer_slicer.profile.finding import display_name
 
     for typed, path in profile_paths(kind, folders).items():
-        found = _NAME.search(path.read_text(encoding="utf-8", errors="replace"))
-        if found and found[1] == name:
+        if display_name(path) == name:
             return typed
     return ""
 

@@ -12,7 +12,7 @@ from printer_slicer.importing.cura_values import Unreadable
 from printer_slicer.importing.ini import Entry
 from printer_slicer.importing.vocabulary import DEFAULTS
 
-__all__ = ["CURA_DEFAULTS", "from_cura"]
+__all__ = ["CURA_DEFAULTS", "CURA_PATTERNS", "CURA_SAME", "CURA_SEAMS", "from_cura"]
 
 _Value = Callable[[str], Any]
 _Place = Callable[[str], str]
@@ -36,7 +36,7 @@ _FLAVOURS: Final = {
     "Cheetah": "marlin2",
     "Marlin": "marlin",
 }
-_PATTERNS: Final = {
+CURA_PATTERNS: Final = {
     "lines": "rectilinear",
     "zigzag": "rectilinear",
     "trihexagon": "stars",
@@ -47,12 +47,12 @@ _PATTERNS: Final = {
     "cross": "crosshatch",
     "cross_3d": "crosshatch",
 }
-_SEAMS: Final = {"sharpest_corner": "aligned", "back": "rear", "shortest": "nearest", "random": "random"}
+CURA_SEAMS: Final = {"sharpest_corner": "aligned", "back": "rear", "shortest": "nearest", "random": "random"}
 _LIGHT: Final = 1e9  # mm/s: what definitions have for limits that nobody knows
 _UNKNOWN: Final = {"x": "500", "y": "500", "z": "10", "e": "60"}
 
 # PrusaSlicer's name -> Cura's, where the value is the same
-_SAME: Final[Mapping[str, str]] = {
+CURA_SAME: Final[Mapping[str, str]] = {
     "max_print_height": "machine_height",
     "nozzle_diameter": "machine_nozzle_size",
     "machine_max_acceleration_x": "machine_max_acceleration_x",
@@ -134,7 +134,7 @@ def from_cura(value: _Value, place: _Place) -> dict[str, Entry]:
         """One setting."""
         entries[name] = Entry(cura, text, place(cura))
 
-    for name, cura in _SAME.items():
+    for name, cura in CURA_SAME.items():
         with suppress(Unreadable):
             put(name, cura, _word(value(cura)))
     for part in (_machine, _material, _print, _round_it):
@@ -233,8 +233,8 @@ def _print(value: _Value, put: _Put) -> None:
     put("fill_density", "infill_sparse_density", f"{float(value('infill_sparse_density')):g}%")
     _overlap(value, put)
     pattern = str(value("infill_pattern"))
-    put("fill_pattern", "infill_pattern", _PATTERNS.get(pattern, pattern))
-    put("seam_position", "z_seam_type", _SEAMS.get(str(value("z_seam_type")), "aligned"))
+    put("fill_pattern", "infill_pattern", CURA_PATTERNS.get(pattern, pattern))
+    put("seam_position", "z_seam_type", CURA_SEAMS.get(str(value("z_seam_type")), "aligned"))
     factor = float(value("initial_layer_line_width_factor")) / 100
     put(
         "first_layer_extrusion_width",

@@ -7,7 +7,7 @@ from typing import Final
 
 from printer_slicer.macros.values import Items, Value
 
-__all__ = ["AT_END", "FACTS", "IN_LAYERS", "known_names", "with_other_names"]
+__all__ = ["AT_END", "FACTS", "IN_LAYERS", "known_names", "own_names", "with_other_names"]
 
 _PRUSASLICER: Final[Mapping[str, str]] = {
     # material
@@ -172,6 +172,11 @@ AT_END: Final = frozenset({"layer_num", "layer_z", "max_layer_z"})
 
 IN_LAYERS: Final = AT_END | {"current_layer_height", "filament_so_far", "seconds_so_far"}
 """What is known besides between layers."""
+
+
+def own_names() -> Mapping[str, str]:
+    """Return PrusaSlicer's name -> the name here, for settings and facts whose values are the same."""
+    return _PRUSASLICER
 
 
 def known_names(macro: str, settings: frozenset[str] = frozenset()) -> frozenset[str]:

@@ -93,14 +93,17 @@ def profile_over(
     names: Mapping[str, str | None],
     changes: Mapping[str, object] | None = None,
     folders: Sequence[Path] = (),
+    *,
+    slices: bool = False,
 ) -> Profile:
-    """Load a profile for printing G-code that has settings of its own.
+    """Load a profile around settings that a file has: G-code, or a file of another slicer.
 
     Args:
         own: kind -> settings of the file, used if `names` has no other profile.
         names: as for `read_sources`.
         changes: as for `load_profile`.
         folders: as for `load_profile`.
+        slices: as for `load_profile`.
 
     Raises:
         ProfileError: naming file, line, key and bound.
@@ -111,7 +114,7 @@ def profile_over(
         else read_chain(kind, names.get(kind) or DEFAULT_NAMES[kind], folders)
         for kind in KINDS
     }
-    return _built(_changed(sources, changes or {}), slices=False)
+    return _built(_changed(sources, changes or {}), slices=slices)
 
 
 def read_sources(

@@ -12,6 +12,7 @@ from printer_slicer.errors import ProfileError
 from printer_slicer.profile.overrides import Override
 from printer_slicer.profile.planners import HeightRange
 from printer_slicer.profile.reading import KINDS, SettingsSource
+from printer_slicer.profile.renamed import current_name
 from printer_slicer.profile.settings import (
     PLANNER_SETTINGS,
     Accelerations,
@@ -21,7 +22,7 @@ from printer_slicer.profile.settings import (
     Speeds,
 )
 
-__all__ = ["ENTRIES", "INNER", "keys_of", "nearest", "resolved"]
+__all__ = ["ENTRIES", "INNER", "is_setting", "keys_of", "nearest", "resolved"]
 
 INNER: Final[Mapping[str, Mapping[str, type[Struct]]]] = {
     "printer": {"speeds": PrinterSpeeds, "accelerations": PrinterAccelerations},
@@ -46,6 +47,19 @@ def keys_of(kind: str, values: Mapping[str, Any]) -> list[str]:
         planner = PLANNER_SETTINGS.get(str(chosen), OptimalPlanner)
         keys += [f"planner.{name}" for name in ("kind", *planner.__struct_fields__)]
     return keys + [f"{table}.{name}" for table, owner in inner.items() for name in owner.__struct_fields__]
+
+
+def is_setting(key: str) -> bool:
+    """Return whether a key is the present or a former name of a setting, with or without its section."""
+    key = current_name(key.removesuffix("+"))
+    section, _, rest = key.partition(".")
+    names = [(kind, name) for kind in KINDS for name in keys_of(kind, {})]
+    names += [
+        ("quality", f"planner.{name}") for one in PLANNER_SETTINGS.values() for name in one.__struct_fields__
+    ]
+    if section in KINDS:
+        return any((section, rest) == one for one in names)
+    return any(key in (name, name.removeprefix("planner.")) for _, name in names)
 
 
 def nearest(key: str, known: Sequence[str]) -> str:

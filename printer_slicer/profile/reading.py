@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import errno
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from difflib import get_close_matches
 from pathlib import Path
@@ -45,6 +45,7 @@ DEFAULT_NAMES: Final[Mapping[str, str]] = {
 
 
 MOST_ANCESTORS: Final = 32
+_MOST_LISTED: Final = 16  # names in a message
 LONGEST_NAME: Final = 200
 LONGEST_PATH: Final = 1000
 """Limits of a file name, bytes, and of a path, characters; systems allow 255 and a few thousand."""
@@ -232,12 +233,32 @@ def path_of(kind: str, name: str, folders: Sequence[Path] = (), seen: tuple[Path
     for path in named:
         if "\0" not in name and (path.is_dir() or path.is_symlink()):
             raise _no_file(path, asked_by)
+    return _called(kind, name, folders, asked_by)
+
+
+def _listed(known: Collection[str]) -> str:
+    """Return the known names, or where they are listed if there are many."""
+    return (
+        f"Known: {', '.join(known)}" if len(known) <= _MOST_LISTED else "`printer-slicer profiles` lists all"
+    )
+
+
+def _called(kind: str, name: str, folders: Sequence[Path], asked_by: str) -> Path:
+    """Return the file of a profile by its display name, its model or words of them.
+
+    Raises:
+        ProfileError: no profile is meant for sure; lists those that may be meant.
+    """
+    from printer_slicer.profile.finding import find_profiles, suggest_profiles  # noqa: PLC0415 - reads all profiles
+
     known = profile_paths(kind, folders)
-    near = get_close_matches(name, known, n=1)
-    hint = f"did you mean {near[0]!r}? " if near else ""
+    matches = find_profiles(kind, name, folders)
+    if matches and matches[0].is_sure and not asked_by:
+        return known[matches[0].name]
     raise ProfileError(
-        f"{asked_by}unknown {kind} {name!r}",
-        remedy=f"{hint}known: {', '.join(known)}; or give the path of a .toml file",
+        f"{asked_by}{'several profiles match' if matches else 'unknown'} {kind} {name!r}",
+        remedy=suggest_profiles(kind, name, folders)
+        or f"{_listed(known)}; the path of a .toml file is accepted too",
     )
 
 
@@ -266,12 +287,17 @@ def kind_of(name: str, folders: Sequence[Path] = ()) -> str:
     """
     if name.endswith(".toml") or "/" in name:
         return _kind_of_file(Path(name), folders)
+    from printer_slicer.profile.finding import find_profiles  # noqa: PLC0415 - reads all profiles
+
     having = [kind for kind in KINDS if name in profile_paths(kind, folders)]
     if len(having) == 1:
         return having[0]
     known = sorted(one for kind in KINDS for one in profile_paths(kind, folders))
     near = get_close_matches(name, known, n=1)
     hint = f"did you mean {near[0]!r}? " if near else ""
+    matches = [(kind, one) for kind in KINDS for one in find_profiles(kind, name, folders)[:1] if one.is_sure]
+    if not having and len(matches) == 1:
+        return matches[0][0]
     if having:
         raise ProfileError(f"{name!r} is {' and '.join(having)}", remedy=f"say which: {having[0]} {name}")
     raise ProfileError(f"unknown profile {name!r}", remedy=f"{hint}`printer-slicer profiles` lists all")

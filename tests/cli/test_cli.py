@@ -463,7 +463,7 @@ def test_showing_an_unknown_profile_lists_the_known_ones() -> None:
     outcome = typed("profiles", "printer", "nobody")
 
     assert outcome.code == 2
-    assert is_message(outcome, "nobody", "marlin_220")
+    assert is_message(outcome, "nobody", "`printer-slicer profiles` lists all")
 
 
 def test_ports_are_listed() -> None:

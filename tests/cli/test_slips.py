@@ -16,11 +16,11 @@ from printer_slicer.errors import UsageError
 @pytest.mark.parametrize(
     ("line", "told"),
     [
-        ("slice --prnter x part.stl", "slice: --prnter: no such option\n  did you mean '--printer'?"),
-        ("slice part.stl --prnter=x", "slice: --prnter: no such option\n  did you mean '--printer'?"),
-        ("slcie", "COMMAND: unknown: 'slcie'; did you mean 'slice'? choose one of: slice, print"),
-        ("profiles lst", "profiles: ACTION: unknown: 'lst'; did you mean 'list'?"),
-        ("slice part.stl --units mmm", "slice: --units: unknown: 'mmm'; did you mean 'mm'?"),
+        ("slice --prnter x part.stl", "slice: --prnter: no such option\n  Did you mean '--printer'?"),
+        ("slice part.stl --prnter=x", "slice: --prnter: no such option\n  Did you mean '--printer'?"),
+        ("slcie", "'slcie': no such command\n  Did you mean 'slice'? Choose one of: slice, print"),
+        ("profiles lst", "profiles: ACTION: unknown: 'lst'; Did you mean 'list'?"),
+        ("slice part.stl --units mmm", "slice: --units: unknown: 'mmm'; Did you mean 'mm'?"),
         ("check --link abc x", "check: --link: 'abc': expected a whole number over 0"),
         ("contours x.stl -o x.svg --smooth x", "contours: --smooth: 'x': expected a number, such as 0.02"),
         ("slice part.stl --layer 1.5", "slice: --layer: '1.5': expected a whole number"),
@@ -29,7 +29,7 @@ from printer_slicer.errors import UsageError
         ("ports x", "ports: x: unexpected argument"),
         (
             "profiles import x --foldr y",
-            "profiles import: --foldr: no such option\n  did you mean '--folder'?",
+            "profiles import: --foldr: no such option\n  Did you mean '--folder'?",
         ),
     ],
 )

@@ -398,7 +398,7 @@ def test_the_number_of_layers_is_typed(ball: Path) -> None:
 def test_a_time_is_typed_in_hours_minutes_or_seconds(text: str) -> None:
     arguments = build_parser().parse_args(["plan", "part.stl", "--time-budget", text])
 
-    assert vars(arguments)["dial quality.planner.time_budget"] == 5400
+    assert vars(arguments)["setting quality.planner.time_budget"] == 5400
 
 
 def test_more_time_than_the_ball_takes_is_no_error(ball: Path) -> None:
@@ -419,7 +419,7 @@ def test_a_time_of_an_hour_and_a_number_is_not_taken_for_seconds() -> None:
     except SystemExit:
         return
 
-    assert vars(arguments)["dial quality.planner.time_budget"] == 5400
+    assert vars(arguments)["setting quality.planner.time_budget"] == 5400
 
 
 BAD: Final[list[tuple[str, str, str]]] = [

@@ -186,11 +186,12 @@ def test_an_unknown_name_lists_the_known_ones(kind: str) -> None:
     asked[list(KINDS).index(kind)] = "no_such_thing"
     message = refused(*asked)
 
-    assert all(name in message for name in ("no_such_thing", kind, *profile_paths(kind)))
+    names = () if kind == "printer" else profile_paths(kind)  # there are too many printers for a message
+    assert all(name in message for name in ("no_such_thing", kind, *names))
 
 
 def test_a_near_name_is_offered() -> None:
-    assert "did you mean 'marlin_220'" in refused("marlin_22")
+    assert "Did you mean 'marlin_220'" in refused("marlin_22")
 
 
 @pytest.mark.parametrize("text", ["", "# only a comment\n"])

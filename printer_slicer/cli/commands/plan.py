@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from printer_slicer.cli.arguments import STRICT, add_layer_options, add_models, add_output, add_settings
 from printer_slicer.cli.help import advanced
+from printer_slicer.cli.opening import add_open, open_files
 from printer_slicer.cli.output import Milestones, refuse_mixing, stages, write_file
 from printer_slicer.cli.settings import profile_facts, profile_from
 from printer_slicer.texts import format_duration, format_significant
@@ -64,6 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("output")
     group.add_argument("--picture", metavar="FILE", type=Path, help="draw the plan, as .svg or .png")
     add_output(parser, group)
+    add_open(group)
     add_layer_options(parser)
 
 
@@ -168,6 +170,7 @@ def _draw(
         flats=find_flats(part)[0],
     )
     write_file(arguments.picture, picture_bytes(picture, arguments.picture))
+    open_files(arguments, [arguments.picture])
 
 
 def _table_1(mesh: Mesh) -> dict[str, object]:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Final
 from printer_slicer.cli.arguments import add_layer_options, add_models, add_output, add_settings, whole
 from printer_slicer.cli.help import advanced
 from printer_slicer.cli.inputs import MODELS
+from printer_slicer.cli.opening import add_open, open_files
 from printer_slicer.cli.output import refuse_mixing, refuse_same, say, stages, warn, write_file
 from printer_slicer.cli.settings import profile_facts, profile_from
 from printer_slicer.errors import PartError, UsageError
@@ -75,6 +76,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         )
     )
     add_output(parser, group)
+    add_open(group)
     advanced(
         group.add_argument(
             "--timestamp",
@@ -160,6 +162,7 @@ def _slice_plate(arguments: Namespace, profile: Profile, output: Path | None) ->
     warn(arguments, late)
     told = {"unsupported": _unsupported_facts(unsupported), "warnings": [*plate.warnings, *late]}
     _tell(arguments, output, facts_of(stage, profile, seconds, certificate) | plate.facts() | told)
+    open_files(arguments, [output, arguments.picture])
 
 
 def _tell(arguments: Namespace, output: Path, facts: dict[str, Any]) -> None:

@@ -1,0 +1,59 @@
+"""Open written files in the programs that the desktop uses for them."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from printer_slicer.cli.help import advanced
+from printer_slicer.cli.output import warn
+
+__all__ = ["add_open", "open_files"]
+
+
+def add_open(group: argparse._ActionsContainer) -> None:
+    """Add --open."""
+    advanced(
+        group.add_argument(
+            "--open", action="store_true", help="open the written files in the programs for them"
+        )
+    )
+
+
+def open_files(arguments: argparse.Namespace, paths: Sequence[Path | None]) -> None:
+    """Open files if --open asks for it; what cannot be opened is a warning, since the files are written.
+
+    Args:
+        arguments: the command line.
+        paths: the files; None and `-` are not opened.
+    """
+    if not getattr(arguments, "open", False):
+        return
+    for path in paths:
+        if path is not None and str(path) != "-" and (problem := _open(path.absolute())):
+            warn(arguments, [f"--open: {path}: {problem}"])
+
+
+def _open(path: Path) -> str:
+    """Open one file; return what went wrong."""
+    if sys.platform == "win32":
+        os.startfile(path)  # noqa: S606 - this is how Windows opens a file
+        return ""
+    opener = "open" if sys.platform == "darwin" else "xdg-open"
+    if not shutil.which(opener):
+        return f"{opener} is not installed"
+    try:
+        subprocess.Popen(  # noqa: S603 - the path is an argument, not a command line
+            [opener, str(path)],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+    except OSError as error:
+        return str(error.strerror)
+    return ""

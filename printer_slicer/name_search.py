@@ -1,0 +1,45 @@
+"""Compare names as people type them: without maker, nozzle, hyphens or capital letters."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import Final
+
+__all__ = ["ENDS_ALIKE", "match_rank", "name_words"]
+
+_WORD: Final = re.compile(r"[^\W\d_]+|\d+")
+_NOZZLE: Final = re.compile(r",?\s*\(?\b\d+(?:\.\d+)?\s*(?:mm\s*)?nozzle\)?")
+
+_EXACT, ENDS_ALIKE, _CONTAINS, _IN_ORDER = range(4)
+
+
+def name_words(text: str) -> list[str]:
+    """Split a name into lower-case words and numbers: `Ender3 V2` and `Ender-3 v2` are the same.
+
+    The diameter of a nozzle is left out.
+    """
+    return _WORD.findall(_NOZZLE.sub("", text.casefold()))
+
+
+def match_rank(asked: Sequence[str], words: Sequence[str]) -> tuple[int, int] | None:
+    """Rank how well a name matches what was asked for; lower is better, None is no match.
+
+    Args:
+        asked: words that were typed.
+        words: words of the name.
+
+    Returns:
+        How the words match (equal; equal but for words in front, such as the maker: `ENDS_ALIKE`; contained together;
+        contained in the same order), and how many words the name has more.
+    """
+    size, more = len(asked), len(words) - len(asked)
+    if not asked or more < 0:
+        return None
+    if not more:
+        return (_EXACT, 0) if list(words) == list(asked) else None
+    starts = [i for i in range(more + 1) if list(words[i : i + size]) == list(asked)]
+    if starts:
+        return (ENDS_ALIKE if starts[-1] == more else _CONTAINS), more
+    left = iter(words)
+    return (_IN_ORDER, more) if all(word in left for word in asked) else None

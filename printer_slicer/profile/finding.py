@@ -1,0 +1,89 @@
+"""Find profiles by what people call them: the display name, the model, or some words of it, in any spelling."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from printer_slicer.name_search import ENDS_ALIKE, match_rank, name_words
+from printer_slicer.profile.folders import profile_paths
+
+__all__ = ["ProfileMatch", "display_name", "find_profiles", "suggest_profiles"]
+
+_NAME: Final = re.compile(r'^name = "([^"\n]*)"', re.MULTILINE)
+_MODEL: Final = re.compile(r'^model = "([^"\n]*)"', re.MULTILINE)
+_ALIKE: Final = 0.8  # of 1: another spelling this similar is suggested
+_MOST: Final = 5  # profiles in a message
+
+
+class ProfileMatch(NamedTuple):
+    """A profile that a text may mean.
+
+    Attributes:
+        name: the name that selects it.
+        display_name: its `name` setting.
+        is_sure: whether no other profile matches as well.
+    """
+
+    name: str
+    display_name: str
+    is_sure: bool
+
+
+def display_name(path: Path) -> str:
+    """Return the `name` setting in a profile's file; empty if it is inherited."""
+    return _names(path)[1]
+
+
+def find_profiles(kind: str, text: str, folders: Sequence[Path] = ()) -> list[ProfileMatch]:
+    """Return the profiles that a text may mean, the best match first.
+
+    Args:
+        kind: `printer`, `material` or `quality`.
+        text: as typed, such as "Ender 3".
+        folders: searched first.
+    """
+    asked = name_words(text)
+    known = {name: _names(path) for name, path in profile_paths(kind, folders).items()}
+    ranked = []
+    for name, names in known.items():
+        ranks = [rank for one in names if (rank := match_rank(asked, name_words(one)))]
+        ranked += [(min(ranks), name)] if ranks else []
+    ranked.sort()
+    is_sure = len(ranked) == 1 or (
+        bool(ranked) and ranked[0][0][0] <= ENDS_ALIKE and ranked[1][0] > ranked[0][0]
+    )
+    return [
+        ProfileMatch(name, known[name][1] or name, is_sure and i == 0) for i, (_, name) in enumerate(ranked)
+    ]
+
+
+def suggest_profiles(kind: str, text: str, folders: Sequence[Path] = ()) -> str:
+    """Return a question for a message about a name that selects no profile; empty if no profile is similar."""
+    matches = find_profiles(kind, text, folders)
+    if matches:
+        shown = [f"{one.name} ({one.display_name})" for one in matches[:_MOST]]
+        more = " and more" if len(matches) > _MOST else ""
+        return f"Did you mean {', '.join(shown)}{more}?"
+    asked, paths = name_words(text), profile_paths(kind, folders)
+    contained = [
+        (len(words), name)
+        for name, path in paths.items()
+        for words in map(name_words, _names(path))
+        if len(words) > 1 and match_rank(words, asked)
+    ]
+    near = [max(contained)[1]] if contained else get_close_matches(text.lower(), paths, n=1, cutoff=_ALIKE)
+    return f"Did you mean {near[0]!r}?" if near else ""
+
+
+def _names(path: Path) -> tuple[str, str, str]:
+    """Return file name, display name and model of a profile."""
+    try:
+        text = path.read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        text = ""
+    shown, model = _NAME.search(text), _MODEL.search(text)
+    return path.stem, shown[1] if shown else "", model[1] if model else ""
