@@ -52,7 +52,7 @@ def gcode_of(  # noqa: PLR0913 - all options have defaults
         facts,
         comments=pictures,
         labels=labels,
-        flavour=strategies.checked_flavour,
+        dialect=strategies.checked_flavour,
         made=made,
         name=part.name if part else "",
     )

@@ -126,11 +126,11 @@ def job_of_text(
     Raises:
         UsageError: the text has no commands, or a command that cannot be sent.
     """
-    from printer_slicer.gcode import pieces_of  # noqa: PLC0415 - printing a finished job needs no numpy
+    from printer_slicer.gcode import read_moves_in_pieces  # noqa: PLC0415 - printing a finished job needs no numpy
 
     split = sendable(name, text)
     summary = JobSummary(limits)
-    for piece in pieces_of(split.commands, corner, FLAVOURS[flavour]):
+    for piece in read_moves_in_pieces(split.commands, corner, FLAVOURS[flavour]):
         summary.add(piece)
     return summary.job(name, text, split)
 

@@ -13,7 +13,7 @@ import numpy as np
 from printer_slicer.arrays import Bool, Float, Int, frozen_array
 from printer_slicer.model import LayerPlan
 from printer_slicer.profile import Profile, profile_with
-from printer_slicer.profile.places import heights_of
+from printer_slicer.profile.object_profiles import heights_of
 
 __all__ = ["LayerSettings", "settings_by_layer"]
 

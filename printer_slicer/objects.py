@@ -17,7 +17,7 @@ from printer_slicer.layer_settings import LayerSettings, settings_by_layer
 from printer_slicer.model import LayerPlan, Mesh, PlateObject, Regions, Sections, Toolpaths, Walls
 from printer_slicer.overhangs import graded
 from printer_slicer.profile import Profile
-from printer_slicer.profile.places import for_object, objects_of
+from printer_slicer.profile.object_profiles import for_object, objects_of
 from printer_slicer.slicing import cut
 from printer_slicer.thick_walls import thickened
 

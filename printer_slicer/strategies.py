@@ -14,7 +14,7 @@ import numpy as np
 
 from printer_slicer.errors import StrategyError
 from printer_slicer.firmware import Dialect
-from printer_slicer.gcode import LABEL_WORDS
+from printer_slicer.gcode import LABEL_FORMATS
 from printer_slicer.geometry import Polylines
 from printer_slicer.infill import Infill, InfillTask
 from printer_slicer.model import Heat, LayerPlan, Mesh, Program, ToolChange
@@ -279,10 +279,10 @@ def _check_line(where: str, line: object, *, comment: bool = True) -> None:
 def _wrap_flavour(flavour: Dialect) -> Dialect:
     """Return the flavour with functions that check the lines they return."""
     for name in ("labels", "m486"):
-        if getattr(flavour, name) not in LABEL_WORDS:
+        if getattr(flavour, name) not in LABEL_FORMATS:
             raise StrategyError(
                 f"flavour: {name} = {getattr(flavour, name)!r} is not a kind of object label",
-                remedy=f"Use one of {', '.join(LABEL_WORDS)}",
+                remedy=f"Use one of {', '.join(LABEL_FORMATS)}",
             )
 
     def checked(name: str, *, many: bool) -> Any:

@@ -20,8 +20,8 @@ from printer_slicer.firmware import (
     wire_dialect_name,
 )
 from printer_slicer.gcode.commands import TABLE, Effect
-from printer_slicer.gcode.labels import LABEL_WORDS
-from printer_slicer.gcode.lexer import extended, parse
+from printer_slicer.gcode.labels import LABEL_FORMATS
+from printer_slicer.gcode.lexer import parse, parse_extended
 from printer_slicer.sim.flavours import FLAVOURS as SIMULATED_FLAVOURS
 from printer_slicer.sim.front_end import FRONT_ENDS, KLIPPER, MARLIN_2_1
 from printer_slicer.sim.printer import SimulatedPrinter
@@ -59,11 +59,11 @@ def test_commands_of_each_row_can_be_parsed(name: str) -> None:
     dialect, firmware = FIRMWARES[name].dialect, FIRMWARES[name]
     pause = (
         parse(dialect.pause.encode())[0]
-        or extended(dialect.pause.encode())[0]
+        or parse_extended(dialect.pause.encode())[0]
         or dialect.pause.upper().encode()
     )
 
-    assert {dialect.labels, dialect.m486} <= set(LABEL_WORDS)
+    assert {dialect.labels, dialect.m486} <= set(LABEL_FORMATS)
     assert TABLE[pause].effect & Effect.WAITS_FOR_PERSON
     assert b"0.150" in firmware.baby_step_command(0.15)
     assert firmware.cancel_object_command is None or b"left_one" in firmware.cancel_object_command("left_one")

@@ -1,7 +1,7 @@
-"""The table of firmwares; each has a file of its own.
+"""The supported firmwares, one module each.
 
-Plain Python without arrays or settings, so that the host imports it without the slicer. The simulated printer has
-tables of its own, so that tests can compare the two.
+This package does not load numpy or the settings, so the host can import it without the slicer. The simulated printer
+has tables of its own, so that tests can compare the two.
 """
 
 from __future__ import annotations
@@ -47,19 +47,19 @@ FIRMWARES: Final[Mapping[str, Firmware]] = {
     "smoothie": SMOOTHIE,
     "prusa": PRUSA,
 }
-"""By the names that `printer.flavour` may have, which are those of `Flavour`."""
+"""Firmwares by flavour, as in `printer.flavour`."""
 
 FLAVOURS: Final[Mapping[str, Dialect]] = {name: firmware.dialect for name, firmware in FIRMWARES.items()}
-"""The G-code of each."""
+"""G-code dialects by flavour."""
 
 DEFAULT_WIRE_DIALECT: Final = "marlin"
-"""Of a printer that does not name its firmware. It is safe for every firmware that checks line numbers."""
+"""Wire dialect of a printer that does not name its firmware; safe for every firmware that checks line numbers."""
 
 # Marlin 2 comes last, because its pattern fits every name.
 WIRE_DIALECTS: Final[Mapping[str, WireDialect]] = {
     name: dialect for firmware in [*FIRMWARES.values()][::-1] for name, dialect in firmware.wire.items()
 }
-"""By the names that `Streamer(dialect=...)` takes. The first whose pattern is found in the reply to M115 applies."""
+"""Wire dialects by name, as in `Streamer(dialect=...)`; the first whose pattern matches the reply to M115 applies."""
 
 
 def wire_dialect_name(m115_name: str) -> str:
@@ -71,11 +71,11 @@ def get_wire_dialect(name: str) -> WireDialect:
     """Return the wire dialect with this name.
 
     Raises:
-        UsageError: there is none.
+        UsageError: there is no such dialect.
     """
     if name not in WIRE_DIALECTS:
         raise UsageError(
-            f"unknown wire dialect {name!r}", remedy=f"choose one of: {', '.join(WIRE_DIALECTS)}"
+            f"unknown wire dialect {name!r}", remedy=f"Choose one of: {', '.join(WIRE_DIALECTS)}"
         )
     return WIRE_DIALECTS[name]
 

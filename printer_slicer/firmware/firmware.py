@@ -1,4 +1,4 @@
-"""What is known about a firmware: the G-code that it takes, how it reads it, how lines are sent to it, how it moves."""
+"""Properties of a firmware: its G-code, its serial protocol, and how it moves."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ __all__ = [
     "MARLIN_NUMBERS",
     "MARLIN_RESEND",
     "STRTOD_NUMBERS",
+    "CommandMeaning",
     "CountingRule",
     "Dialect",
     "Firmware",
-    "Meaning",
     "NumberReading",
     "SetsAccelerations",
     "SetsLimits",
@@ -36,7 +36,7 @@ CountingRule: TypeAlias = Literal["together", "either", "apart"]
 
 
 class NumberReading(NamedTuple):
-    """What a firmware does with `X`, with `Xnan` and with `X1.2.3`, as a message says it."""
+    """How a firmware reads `X`, `Xnan` and `X1.2.3`, as phrases for messages."""
 
     bare: str
     not_a_number: str
@@ -51,20 +51,20 @@ STRTOD_NUMBERS: Final = NumberReading(
     "reads it as NaN or infinity and loses its position",
     "reads only the valid part at its start",
 )
-"""Of firmwares that read numbers by C's `strtod`."""
+"""For firmwares that read numbers with C's `strtod`."""
 
 
 @dataclass(frozen=True, slots=True)
 class SetsLimits:
-    """A command that sets limits of the motion.
+    """A command that sets motion limits.
 
     Attributes:
-        like: Marlin's command for them: M201, M203 or M205.
-        letters: its letters -> those of `like`; others are ignored. None: the same letters.
+        marlin_command: Marlin's command for these limits: M201, M203 or M205.
+        letters: its letters -> letters of `marlin_command`; others are ignored. None: the same letters.
         scale: its unit in mm and s.
     """
 
-    like: str
+    marlin_command: str
     letters: Mapping[str, str] | None = None
     scale: float = 1.0
 
@@ -74,7 +74,7 @@ class SetsAccelerations:
     """A command that sets accelerations, mm/s².
 
     Attributes:
-        sets: words of the command -> which of `printing`, `travel` and `retract` get the least of their numbers.
+        sets: words of the command -> which of `printing`, `travel` and `retract` get the smallest of their numbers.
     """
 
     sets: Mapping[tuple[str, ...], tuple[str, ...]]
@@ -82,40 +82,40 @@ class SetsAccelerations:
 
 @dataclass(frozen=True, slots=True)
 class SetsRetraction:
-    """A command that sets what G10 and G11 do.
+    """A command that sets up firmware retraction (G10 and G11).
 
     Attributes:
-        words: for mm back, mm/s back, mm/s forward and mm more forward.
+        words: words for length (mm), retraction speed, deretraction speed (mm/s) and extra length (mm).
     """
 
     words: tuple[str, str, str, str]
 
 
-Meaning: TypeAlias = SetsLimits | SetsAccelerations | SetsRetraction | None
-"""What a command sets; None: nothing that matters for moves."""
+CommandMeaning: TypeAlias = SetsLimits | SetsAccelerations | SetsRetraction | None
+"""What a command sets; None: nothing that affects moves."""
 
 
 @dataclass(frozen=True, slots=True)
 class Dialect:
-    """The G-code of a firmware, as it is written and as it is read. Functions give whole lines.
+    """How a firmware writes and reads G-code. The functions return whole lines.
 
     Attributes:
-        limits: formats the motion limits of the profile, so that the machine moves as the time model says.
-        acceleration: formats the acceleration of printing, mm/s²; of all moves, where the firmware has only one.
-        pause: waits for a person, where the profile has no pause G-code of its own.
-        pressure_advance: formats pressure advance, s; None where no command takes seconds.
-        retraction: formats what G10 and G11 do; None where a file cannot set it.
-        progress: formats percent done and minutes left; None where no display shows it.
-        labels: format of object labels where the profile says `auto`, a key of `LABEL_WORDS`.
-        m486: format of object labels where the profile says `m486`, a key of `LABEL_WORDS`.
+        limits: formats the motion limits of the profile, so that the machine matches the time estimate.
+        acceleration: formats the printing acceleration, mm/s²; with a single acceleration, that of all moves.
+        pause: command that waits for a person, used if the profile has no pause G-code.
+        pressure_advance: formats pressure advance, s; None: no command takes seconds.
+        retraction: formats the settings of G10 and G11; None: a file cannot set them.
+        progress: formats percentage and remaining minutes; None: no display shows them.
+        labels: format of object labels for `labels = auto`, a key of `LABEL_FORMATS`.
+        m486: format of object labels for `labels = m486`, a key of `LABEL_FORMATS`.
         counting: the rule by which G90, G91, M82 and M83 are read.
         home_offset: when M206 moves the origin.
         machine_coordinates: `G53 G1 ...` moves in machine coordinates; elsewhere it depends on the build.
         tool_temperatures: M568, and G10 with a tool, set the temperature of that tool.
-        extended_commands: has commands of words, such as SET_VELOCITY_LIMIT, and ignores those it does not know.
+        extended_commands: has named commands, such as SET_VELOCITY_LIMIT, and ignores those it does not know.
         any_case: accepts commands and words in lower case.
-        numbers: what it does with words without a valid number.
-        reads: commands that set something else than in Marlin 2, and what.
+        numbers: how it reads words without a valid number.
+        commands: commands that differ from Marlin 2, and what they set.
     """
 
     limits: Callable[[Printer], list[str]]
@@ -133,7 +133,7 @@ class Dialect:
     extended_commands: bool = False
     any_case: bool = False
     numbers: NumberReading = MARLIN_NUMBERS
-    reads: Mapping[str, Meaning] = field(default_factory=dict)
+    commands: Mapping[str, CommandMeaning] = field(default_factory=dict)
 
 
 def axes_line(code: str, printer: Printer, limit: str, scale: float = 1.0) -> str:
@@ -149,7 +149,7 @@ def jerk_line(code: str, printer: Printer, scale: float = 1.0) -> str:
 
 
 def marlin_limits(printer: Printer, corner: str = "") -> list[str]:
-    """Format M201, M203, M204, all in mm and s, and a line about corners; empty: M205 with the jerk of each axis."""
+    """Format M201, M203, M204 and the line `corner`, by default M205 with the jerk of each axis. Units are mm and s."""
     print_, retract = number(printer.acceleration), number(printer.retract_acceleration)
     return [
         f"{axes_line('M201', printer, 'max_acceleration')} ; mm/s^2",
@@ -160,7 +160,7 @@ def marlin_limits(printer: Printer, corner: str = "") -> list[str]:
 
 
 def retraction_lines(printer: Printer) -> list[str]:
-    """Format M207 and M208 for G10 and G11, without lift: the moves lift. F in mm/min."""
+    """Format M207 and M208 for G10 and G11, without lift, since the moves lift. F is in mm/min."""
     back, forward = number(printer.retract_speed * 60), number(printer.deretract_speed * 60)
     return [
         f"M207 S{number(printer.retract_length)} F{back} Z0",
@@ -173,23 +173,23 @@ MARLIN_RESEND: Final = ("Error:checksum mismatch, Last Line: 6", "Resend: 7", "o
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WireDialect:
-    """How one kind of firmware reads lines from the wire.
+    """The serial protocol of one kind of firmware.
 
     Attributes:
-        title: its name for people.
-        m115_pattern: regular expression of the firmware name in its reply to M115.
-        resend_request: the lines with which it asks for line 7 again, for tests and documents.
-        checksum: at the end of each line; a CRC finds damage that an exclusive or misses.
-        checks_line_numbers: it refuses a line whose number is not the next. Without that a lost line leaves no trace.
-        unnumbered_lines: what it does with a line without number. The tail of a line whose beginning was lost looks
-            like one, so where these are executed at most two lines may be in flight on a bad cable.
-        reports_last_line: M110 alone makes it say the number of the last line.
-        ok_when_read: it sends the ok when it has read a line; the answer to M105 comes later, when it is executed.
-        max_line_bytes: bytes of a line, without its line break.
-        queue_size: commands it reads ahead. One place is kept free for M112 where it does not look at bytes as they
-            arrive.
-        max_lines_in_flight: where that does no harm.
-        advice: what the user should know before streaming; empty if nothing.
+        title: its name in messages.
+        m115_pattern: regular expression that matches the firmware name in its reply to M115.
+        resend_request: the lines with which it requests line 7 again, for tests and documentation.
+        checksum: the checksum at the end of each line; a CRC finds errors that XOR misses.
+        checks_line_numbers: it rejects a line whose number is not the next one. Without that, lost lines go unnoticed.
+        unnumbered_lines: how it treats lines without a number. The rest of a line whose start was lost looks like one,
+            so if these are executed, at most two lines may be in flight on a bad cable.
+        reports_last_line: it answers M110 alone with the number of the last line.
+        ok_when_read: it sends ok when it has read a line; the answer to M105 follows when the line is executed.
+        max_line_bytes: maximum length of a line, without its line break.
+        queue_size: number of commands that it reads ahead. One place is kept free for M112 unless it handles M112 as
+            soon as it arrives.
+        max_lines_in_flight: maximum number of lines that are sent without an acknowledgement.
+        advice: advice for the user before streaming; empty if there is none.
     """
 
     title: str
@@ -217,19 +217,18 @@ class Firmware:
 
     Attributes:
         title: its name in messages.
-        dialect: its G-code.
-        wire: name -> how lines are sent to it; several where its versions read them differently.
-        planner_blocks: number of moves it plans ahead.
-        has_single_acceleration: printing and travelling share one acceleration.
-        halts_out_of_bounds: a move beyond the machine ends the print; others stop at the end of the axis and go on.
+        dialect: its G-code dialect.
+        wire: its wire dialects by name; several if its versions differ.
+        planner_blocks: number of moves that it plans ahead.
+        has_single_acceleration: printing and travel moves share one acceleration.
+        halts_out_of_bounds: a move beyond the machine ends the print; other firmwares clip it and continue.
         allows_unhomed_moves: it moves before homing.
         has_quick_stop: it has M410, which discards the planned moves.
-        resume_command: ends a pause that the printer began by itself; M108 where it waits in the middle of a command.
+        resume_command: ends a pause that the printer started; M108 ends a wait within a command.
         baby_step_command: formats the command that shifts the nozzle by mm during a print.
-        set_z_command: formats the command that sets the current z, mm, without homing; None: G92 does.
-        cancel_object_command: formats the command that cancels the object of this name; None: the host leaves out
-            its commands.
-        prusaslicer_name: its name in the setting `gcode_flavor` of PrusaSlicer and its relatives; empty if it has none.
+        set_z_command: formats the command that sets the current z, mm, without homing; None: G92.
+        cancel_object_command: formats the command that cancels an object by name; None: the host skips its commands.
+        prusaslicer_name: its value of `gcode_flavor` in PrusaSlicer and its relatives; empty if there is none.
     """
 
     title: str

@@ -2,8 +2,8 @@
 
 Sources: Klipper's documents, "G-Codes": SET_VELOCITY_LIMIT, SET_PRESSURE_ADVANCE, SET_RETRACTION
 ([firmware_retraction]), M73 ([display_status]), PAUSE and RESUME ([pause_resume]), SET_GCODE_OFFSET,
-SET_KINEMATIC_POSITION ([force_move]), EXCLUDE_OBJECT; "Kinematics"; gcode.py (it turns a line into capitals before it
-reads it) and gcode_move.py. It has no M206.
+SET_KINEMATIC_POSITION ([force_move]), EXCLUDE_OBJECT; "Kinematics"; gcode.py (it converts lines to
+upper case) and gcode_move.py. It has no M206.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 __all__ = ["KLIPPER"]
 
 _ADVICE: Final = (
-    "Klipper checks neither number nor checksum of a line: a damaged one is executed as it arrives, and it plans better"
-    " from a file. Upload the job to it instead, if you can"
+    "Klipper ignores line numbers and checksums, so it executes damaged lines. If you can, upload the file to Klipper"
+    " and print it from there"
 )
 _REJECTS: Final = "rejects the whole line"
 
@@ -66,7 +66,7 @@ KLIPPER: Final = Firmware(
         extended_commands=True,
         any_case=True,
         numbers=NumberReading(_REJECTS, "ignores the word", _REJECTS),
-        reads={
+        commands={
             "SET_RETRACTION": SetsRetraction(
                 ("RETRACT_LENGTH", "RETRACT_SPEED", "UNRETRACT_SPEED", "UNRETRACT_EXTRA_LENGTH")
             ),

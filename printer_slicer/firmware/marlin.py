@@ -25,7 +25,7 @@ __all__ = ["MARLIN"]
 
 
 def _limits(printer: Printer) -> list[str]:
-    """Format the motion limits, with jerk or junction deviation as the profile has it."""
+    """Format the motion limits, with jerk or junction deviation as in the profile."""
     jerk = printer.corner == "jerk"
     return marlin_limits(printer, "" if jerk else f"M205 J{number(printer.junction_deviation)} ; mm")
 

@@ -1,6 +1,6 @@
-"""Marlin 1.1: jerk instead of junction deviation, progress without the time left, relative E after G91.
+"""Marlin 1.1: jerk instead of junction deviation, progress without remaining time, relative E after G91.
 
-Sources: marlinfw.org, "G-code index" (which version brought what); Marlin 1.1's sources: M204 and M205,
+Sources: marlinfw.org, "G-code index" (which version added which command); Marlin 1.1's sources: M204 and M205,
 Marlin_main.cpp (M82 and G91), BLOCK_BUFFER_SIZE of Configuration_adv.h.
 """
 

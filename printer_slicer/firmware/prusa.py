@@ -1,4 +1,4 @@
-"""Prusa's own firmware, MK3 and later: the limits of Marlin 1.1, progress for both of its modes.
+"""Prusa's firmware for MK3 and later: the limits of Marlin 1.1, progress for normal and silent mode.
 
 Sources: Prusa-Firmware's list of commands (M73 P R for the normal mode, Q S for the silent one, M201 to M205, M207,
 M208, M601, M602, M900; G90: "E axis is left intact"), its cmdqueue.cpp and `code_value`, BLOCK_BUFFER_SIZE of

@@ -1,10 +1,10 @@
-"""Repetier-Firmware: accelerations by M201 (printing) and M202 (travelling), jerk by M207; M203 to M206 are others.
+"""Repetier-Firmware: M201 sets printing acceleration, M202 travel acceleration, M207 jerk; M203 to M206 differ too.
 
-Retraction lengths and the greatest speeds are part of its EEPROM, which M206 writes; M233 (pressure advance) counts in
-units of its own.
+Retraction lengths and maximum speeds are stored in its EEPROM, which M206 writes. M233 (pressure advance) uses units of
+its own.
 
 Sources: the list of commands in Repetier-Firmware's sources (Repetier.ino, version 1), gcode.cpp (`GCode::parseAscii`
-takes letters of either case, `parseFloatValue`), PRINTLINE_CACHE_SIZE of Configuration.h; its documentation of G-codes;
+accepts upper and lower case, `parseFloatValue`), PRINTLINE_CACHE_SIZE of Configuration.h; its documentation of G-codes;
 Repetier-Server's manual on `@pause`, which the host obeys.
 """
 
@@ -48,7 +48,7 @@ REPETIER: Final = Firmware(
         home_offset="never",
         any_case=True,
         numbers=STRTOD_NUMBERS,
-        reads={
+        commands={
             "M201": SetsAccelerations({("X", "Y"): ("printing",)}),
             "M202": SetsAccelerations({("X", "Y"): ("travel",)}),
             "M203": None,

@@ -1,4 +1,4 @@
-"""RepRapFirmware of Duet boards: speeds and jerks in mm/min, pressure advance by M572.
+"""RepRapFirmware of Duet boards: speeds and jerks in mm/min, pressure advance with M572.
 
 Sources: Duet3D's G-code dictionary: "Line numbers and checksums", G10, G53, M24, M73, M201, M203, M204, M207, M226,
 M290, M566, M568, M572, M595 (a ring of 40 moves on the Duet 2; later boards have more); `StringParser.cpp` (letters of
@@ -34,7 +34,7 @@ _MINUTE: Final = 60.0
 
 
 def _limits(printer: Printer) -> list[str]:
-    """Format the motion limits. M201 E holds for moves of the extruder alone."""
+    """Format the motion limits. M201 E applies to moves of the extruder alone."""
     print_, travel = number(printer.acceleration), number(printer.travel_acceleration)
     return [
         f"{axes_line('M201', printer, 'max_acceleration')} ; mm/s^2",
@@ -68,7 +68,10 @@ REPRAPFIRMWARE: Final = Firmware(
         tool_temperatures=True,
         any_case=True,
         numbers=NumberReading(_REJECTS, _REJECTS, "reads only the valid part at its start"),
-        reads={"M203": SetsLimits("M203", scale=1 / _MINUTE), "M566": SetsLimits("M205", scale=1 / _MINUTE)},
+        commands={
+            "M203": SetsLimits("M203", scale=1 / _MINUTE),
+            "M566": SetsLimits("M205", scale=1 / _MINUTE),
+        },
     ),
     wire={
         "reprapfirmware": WireDialect(

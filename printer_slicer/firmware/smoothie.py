@@ -1,6 +1,6 @@
-"""Smoothieware: one acceleration (M204 S), junction deviation by M205 X, limits of the extruder apart.
+"""Smoothieware: one acceleration (M204 S), junction deviation with M205 X, separate limits of the extruder.
 
-Sources: smoothieware.org, "Supported G-codes", and the comments in what M503 answers; its sources: GcodeDispatch.cpp,
+Sources: smoothieware.org, "Supported G-codes", and the comments in the reply to M503; its sources: GcodeDispatch.cpp,
 `Gcode::get_value`, Endstops.cpp (M206 in mm even after G20, applied at the next homing), planner_queue_size.
 """
 
@@ -26,7 +26,7 @@ __all__ = ["SMOOTHIE"]
 
 
 def _limits(printer: Printer) -> list[str]:
-    """Format the motion limits. Accelerations of single axes are part of its configuration."""
+    """Format the motion limits. Accelerations of single axes are set in its configuration."""
     speeds = " ".join(f"{axis.upper()}{number(getattr(printer, f'max_speed_{axis}'))}" for axis in "xyz")
     return [
         f"M203 {speeds} ; mm/s",
@@ -47,7 +47,7 @@ SMOOTHIE: Final = Firmware(
         home_offset="when homed",
         machine_coordinates=True,
         numbers=STRTOD_NUMBERS,
-        reads={
+        commands={
             "M204": SetsAccelerations({("S",): ("printing", "travel"), ("E",): ("retract",)}),
             "M205": SetsLimits("M205", {"X": "J"}),
         },

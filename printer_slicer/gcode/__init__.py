@@ -1,7 +1,6 @@
-"""G-code: program -> text in `writer`, text -> moves in `reader`.
+"""Write programs as G-code (`writer`) and read the moves of G-code (`reader`).
 
-Names are imported when they are first used: `lexer`, `commands` and `state` are plain Python, and whoever needs only
-them does not wait for numpy.
+Names are imported on first use: `lexer`, `commands` and `state` are plain Python and must not load numpy.
 """
 
 from __future__ import annotations
@@ -11,27 +10,27 @@ from typing import TYPE_CHECKING, Final
 from printer_slicer.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from printer_slicer.gcode.labels import LABEL_WORDS
+    from printer_slicer.gcode.labels import LABEL_FORMATS
     from printer_slicer.gcode.moves import Moves, Timer, changed_limits
-    from printer_slicer.gcode.reader import pieces_of, read_moves
+    from printer_slicer.gcode.reader import read_moves, read_moves_in_pieces
     from printer_slicer.gcode.writer import write_gcode
 
 __all__ = [
-    "LABEL_WORDS",
+    "LABEL_FORMATS",
     "Moves",
     "Timer",
     "changed_limits",
-    "pieces_of",
     "read_moves",
+    "read_moves_in_pieces",
     "write_gcode",
 ]
 
 _HOMES: Final = {
-    "LABEL_WORDS": "labels",
+    "LABEL_FORMATS": "labels",
     "Moves": "moves",
     "Timer": "moves",
     "changed_limits": "moves",
-    "pieces_of": "reader",
+    "read_moves_in_pieces": "reader",
     "read_moves": "reader",
     "write_gcode": "writer",
 }

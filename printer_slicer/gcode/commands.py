@@ -1,7 +1,7 @@
-"""The one table of commands: what each of them does, for all code that follows, sends or judges a program.
+"""The table of G-code commands and their effects, for all code that reads, sends or checks G-code.
 
-Whoever needs a class of commands (those that wait, heat, move, set a mode) asks this table for it, so that no two parts
-of the program can disagree. How a firmware reads a command in its own way is in its row of `firmware`.
+Code that needs a class of commands (those that wait, heat, move or set a mode) takes it from this table, so that all
+parts of the program agree. Differences between firmwares are in `firmware`.
 
 Sources: Marlin's G-code index, Duet3D's G-code dictionary, Klipper's G-Codes, Smoothieware's supported G-codes,
 Prusa-Firmware's list of commands.
@@ -33,25 +33,25 @@ class Effect(Flag):
     """What a command does.
 
     Attributes:
-        MOVES: to the place that its words name.
-        ARC: along an arc.
-        MOVES_UNSEEN: to a place that only the machine knows.
-        HOMES: drives axes to their endstops.
-        SETS_POSITION: renames the place.
+        MOVES: moves to the position in its words.
+        ARC: moves along an arc.
+        MOVES_UNSEEN: moves to a position that only the machine knows.
+        HOMES: homes axes.
+        SETS_POSITION: sets the coordinates of the current position.
         SETS_HOME_OFFSET: moves the origin by a known amount.
-        MOVES_ORIGIN: moves it by an unknown amount.
+        MOVES_ORIGIN: moves the origin by an unknown amount.
         MODE: sets absolute or relative coordinates.
         UNITS: sets inches or mm.
-        RETRACTS: pulls filament back or pushes it forward by the firmware's own length.
+        RETRACTS: retracts or deretracts by the firmware's own length.
         FAN: sets a fan.
         WAITS: is acknowledged after all earlier moves have finished.
-        WAITS_FOR_HEAT: and after heaters have reached their targets.
-        WAITS_FOR_PERSON: and after somebody has come.
-        ENDED_BY_M108: its wait can be ended so.
-        RUNS_MACRO: does what the printer's own macro says.
-        REPEATABLE: does the same twice in a row as once.
-        STICKY: sets what stays until the printer restarts, and says all of it in its words.
-        TAKES_TEXT: has free text behind it.
+        WAITS_FOR_HEAT: is acknowledged after heaters have reached their targets.
+        WAITS_FOR_PERSON: is acknowledged after a person has confirmed it.
+        ENDED_BY_M108: M108 ends its wait.
+        RUNS_MACRO: runs a macro of the printer.
+        REPEATABLE: has the same effect if it is sent twice.
+        STICKY: sets a value that lasts until the printer restarts; its words hold all of it.
+        TAKES_TEXT: takes free text.
     """
 
     NONE = 0
@@ -81,9 +81,9 @@ class CommandRow:
     """One command.
 
     Attributes:
-        effect: what it does.
-        heater: whose target it sets.
-        seconds: that it may take by itself at most, besides the motion before it.
+        effect: its effects.
+        heater: the heater whose target it sets.
+        seconds: maximum time that it takes by itself, after earlier moves have finished.
     """
 
     effect: Effect
@@ -148,16 +148,16 @@ _ROWS: Final[tuple[tuple[str, CommandRow], ...]] = (
 TABLE: Final[Mapping[bytes, CommandRow]] = {
     code: row for codes, row in _ROWS for code in codes.encode().split()
 }
-"""Code, or name in capitals, -> what it does; a command without a row does nothing that matters here."""
+"""Commands by code, or by name in upper case; commands that are not listed have no effect that matters here."""
 
 
 def commands_that(effect: Effect) -> frozenset[bytes]:
-    """Return the codes of the commands that do one of these things."""
+    """Return the codes of the commands that have at least one of these effects."""
     return frozenset(code for code, row in TABLE.items() if row.effect & effect)
 
 
 def names_that(effect: Effect) -> frozenset[str]:
-    """Return the same as text."""
+    """Return the codes of the commands that have at least one of these effects, as text."""
     return frozenset(code.decode() for code in commands_that(effect))
 
 
@@ -168,6 +168,6 @@ def heater_of(code: str) -> HeaterName | None:
 
 
 def takes_text(code: str) -> bool:
-    """Whether free text stands behind a command (M117)."""
+    """Return whether a command takes free text, such as M117."""
     row = TABLE.get(code.encode())
     return row is not None and Effect.TAKES_TEXT in row.effect

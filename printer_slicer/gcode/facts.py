@@ -1,4 +1,4 @@
-"""What macros can speak of: all settings, and facts about the print and its layers."""
+"""Placeholders of macros: all settings, and facts about the print and its layers."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ _MOST_TOOLS = 255
 def print_facts(
     program: Program, profile: Profile, seconds: float = 0.0, names: tuple[str, ...] = (), name: str = ""
 ) -> dict[str, Value]:
-    """Settings of printer, material and quality, each as `section.name` and as `name`, and facts about the print.
+    """Return the settings, each as `section.name` and as `name`, and facts about the print.
 
-    All of them stand under PrusaSlicer's names, too, and those of other slicers.
+    Names of PrusaSlicer and other slicers are included.
 
     Args:
         program: the moves.
-        profile: what they were made with.
-        seconds: modelled time of the moves.
-        names: of the things on the plate, where there are several.
-        name: of the file that was sliced, without its suffix.
+        profile: the profile that the program was sliced with.
+        seconds: estimated time of the moves.
+        names: names of the objects, if there are several.
+        name: name of the sliced file, without suffix.
     """
     known = _settings(profile)
     printer, material = profile.printer, profile.material
@@ -71,7 +71,7 @@ def print_facts(
 
 
 def _places(profile: Profile, low: Float, high: Float) -> dict[str, Value]:
-    """Corners and sizes of the bed and of the first layer, which reaches from `low` to `high`."""
+    """Return corners and sizes of the bed and of the first layer, whose corners are `low` and `high`."""
     (left, front), (right, back) = profile.printer.corners
     first = {"min": _list(low), "max": _list(high), "size": _list(high - low)}
     bed = {"min": (left, front), "max": (right, back), "size": (right - left, back - front)}
@@ -83,7 +83,7 @@ def _places(profile: Profile, low: Float, high: Float) -> dict[str, Value]:
 
 
 def _of_extruders(profile: Profile, objects: int) -> dict[str, Value]:
-    """What PrusaSlicer's macros ask of extruders, wipe tower and objects."""
+    """Return PrusaSlicer's placeholders about extruders, wipe tower and objects."""
     tools = {extruder.tool for extruder in profile.extruders}
     return {
         "num_objects": max(objects, 1),
@@ -117,13 +117,13 @@ def _settings(profile: Profile) -> dict[str, Value]:
 
 
 def layer_facts(program: Program, layer: int, filament: float, seconds: float) -> Mapping[str, Value]:
-    """What is known besides when a layer begins.
+    """Return the further facts at the start of a layer.
 
     Args:
         program: the moves.
         layer: its index, from 0.
-        filament: mm fed before it.
-        seconds: modelled time of the moves before it.
+        filament: filament extruded before it, mm.
+        seconds: estimated time of the moves before it.
     """
     plan = program.plan
     top = round(float(plan.top[layer]), _DIGITS)
@@ -138,7 +138,7 @@ def layer_facts(program: Program, layer: int, filament: float, seconds: float) -
 
 
 def end_facts(program: Program, profile: Profile) -> Mapping[str, Value]:
-    """What is known besides when all is printed; `layer_z` is where PrusaSlicer's nozzle stands then, lifted."""
+    """Return the further facts at the end of the print; `layer_z` includes the lift, as in PrusaSlicer."""
     top = float(program.plan.top[-1])
     return {
         "layer_num": program.plan.n_layers - 1,

@@ -1,8 +1,8 @@
-"""Where the moves of one thing on the plate begin and end, so that it can be given up while the others are printed.
+"""Label the moves of each object, so that one object can be cancelled while the others are printed.
 
-A printer that gives a thing up passes over everything between the two marks. So both stand where the filament is pulled
-back and the nozzle lifted, or both where it is not; behind each the first row says x, y, z and speed anew, and where E
-counts from the beginning, what it stands at.
+A printer that cancels an object skips everything between its start and stop labels. So both labels stand where the
+filament is retracted and the nozzle lifted, or both where it is not. The first row after each label repeats x, y, z and
+speed; with absolute extrusion, G92 sets E.
 
 Sources: OctoPrint's Cancel Objects and PrusaSlicer (`; printing object`); Duet3D's and Marlin's M486; Klipper's
 [exclude_object].
@@ -19,35 +19,35 @@ import numpy as np
 
 from printer_slicer.arrays import Float, Int, run_starts
 from printer_slicer.firmware import Dialect
-from printer_slicer.gcode.rows import E_DECIMALS, MoveText
+from printer_slicer.gcode.move_text import E_DECIMALS, MoveText
 from printer_slicer.model import Labels, Program
 from printer_slicer.profile import Profile
 from printer_slicer.roles import Role
 from printer_slicer.texts import number
 
 __all__ = [
-    "LABEL_WORDS",
-    "LabelWords",
+    "LABEL_FORMATS",
+    "LabelFormat",
     "Marking",
     "ObjectMark",
-    "definitions",
-    "for_all",
-    "fresh_rows",
-    "marking",
-    "marks_of",
-    "start_notes",
-    "stop_notes",
+    "choose_marking",
+    "find_full_rows",
+    "find_marks",
+    "format_definitions",
+    "format_starts",
+    "format_stops",
+    "place_outside_objects",
 ]
 
 
 @dataclass(frozen=True, slots=True)
-class LabelWords:
-    """How things are named.
+class LabelFormat:
+    """A format of object labels.
 
     Attributes:
-        define: all of them, before the first move: names and boxes (O, 2, 2) from above.
-        start: number, name, and whether it is the first time.
-        stop: number and name.
+        define: formats the definitions before the first move, from names and bounding boxes (O, 2, 2) in x and y.
+        start: formats a start label, from number, name, and whether it is the object's first.
+        stop: formats a stop label, from number and name.
     """
 
     define: Callable[[tuple[str, ...], Float], list[str]]
@@ -56,7 +56,7 @@ class LabelWords:
 
 
 def _klipper_definitions(names: tuple[str, ...], boxes: Float) -> list[str]:
-    """Without outlines: with them lines would be longer than some hosts send."""
+    """Format EXCLUDE_OBJECT_DEFINE without outlines: with them, lines are too long for some hosts."""
     middles = boxes.mean(axis=1).tolist()
     return [
         f"EXCLUDE_OBJECT_DEFINE NAME={name} CENTER={number(round(x, 1))},{number(round(y, 1))}"
@@ -64,23 +64,23 @@ def _klipper_definitions(names: tuple[str, ...], boxes: Float) -> list[str]:
     ]
 
 
-LABEL_WORDS: Final[Mapping[str, LabelWords]] = {
-    "octoprint": LabelWords(
+LABEL_FORMATS: Final[Mapping[str, LabelFormat]] = {
+    "octoprint": LabelFormat(
         define=lambda _names, _boxes: [],
         start=lambda index, name, _new: [f"; printing object {name} id:{index} copy 0"],
         stop=lambda index, name: [f"; stop printing object {name} id:{index} copy 0"],
     ),
-    "m486": LabelWords(
+    "m486": LabelFormat(
         define=lambda names, _boxes: [f"M486 T{len(names)}"],
         start=lambda index, name, new: [f"M486 S{index}", *([f"M486 A{name}"] if new else [])],
         stop=lambda _index, _name: ["M486 S-1"],
     ),
-    "m486_quoted": LabelWords(
+    "m486_quoted": LabelFormat(
         define=lambda names, _boxes: [f"M486 T{len(names)}"],
         start=lambda index, name, new: [f"M486 S{index}" + (f' A"{name}"' if new else "")],
         stop=lambda _index, _name: ["M486 S-1"],
     ),
-    "exclude_object": LabelWords(
+    "exclude_object": LabelFormat(
         define=_klipper_definitions,
         start=lambda _index, name, _new: [f"EXCLUDE_OBJECT_START NAME={name}"],
         stop=lambda _index, name: [f"EXCLUDE_OBJECT_END NAME={name}"],
@@ -88,28 +88,28 @@ LABEL_WORDS: Final[Mapping[str, LabelWords]] = {
 }
 
 
-Marking = tuple[Labels, LabelWords]
-"""What is marked, and how."""
+Marking = tuple[Labels, LabelFormat]
+"""Labelled objects and the label format."""
 
 
-def marking(profile: Profile, dialect: Dialect, labels: Labels | None) -> Marking | None:
-    """How a file marks the things on the plate; None where there is but one, or nobody wants to know."""
+def choose_marking(profile: Profile, dialect: Dialect, labels: Labels | None) -> Marking | None:
+    """Choose how a file labels its objects; None for a single object or `labels = none`."""
     asked = profile.printer.labels
     if labels is None or asked == "none":
         return None
-    return labels, LABEL_WORDS[{"auto": dialect.labels, "m486": dialect.m486}.get(asked, asked)]
+    return labels, LABEL_FORMATS[{"auto": dialect.labels, "m486": dialect.m486}.get(asked, asked)]
 
 
-def definitions(marks: Marking | None) -> list[str]:
-    """What stands before the first move."""
+def format_definitions(marks: Marking | None) -> list[str]:
+    """Format the definitions before the first move."""
     return marks[1].define(marks[0].names, marks[0].boxes) if marks else []
 
 
 @dataclass(frozen=True, slots=True)
 class ObjectMark:
-    """Before move `index` thing `stop` ends and thing `start` begins; -1: none.
+    """A place before move `index` where object `stop` ends and object `start` starts; -1: none.
 
-    The beads of the one end before move `after`, those of the other begin with move `until`.
+    Extrusions of the first end before move `after`; those of the second start with move `until`.
     """
 
     index: int
@@ -119,8 +119,8 @@ class ObjectMark:
     until: int
 
 
-def marks_of(program: Program, labels: Labels) -> list[ObjectMark]:
-    """All changes from thing to thing, and at every layer."""
+def find_marks(program: Program, labels: Labels) -> list[ObjectMark]:
+    """Find all changes between objects; every layer starts its objects again."""
     beads = np.flatnonzero(program.role != Role.TRAVEL)
     item, layer = labels.object_id[beads], program.layer[beads]
     new = (np.diff(item, prepend=-1) != 0) | (run_starts(layer) & (item >= 0))
@@ -140,7 +140,7 @@ def marks_of(program: Program, labels: Labels) -> list[ObjectMark]:
 
 
 def _between(program: Program, end: int, begin: int) -> int:
-    """The move of a gap (from `end`, to before `begin`) before which a mark stands: behind retraction and lift."""
+    """Return the move between `end` and `begin` before which a label stands: after retraction and lift."""
     pulled = np.flatnonzero(program.filament[end:begin] < 0)
     if not len(pulled):
         return end
@@ -151,20 +151,20 @@ def _between(program: Program, end: int, begin: int) -> int:
 
 
 def _lifts(program: Program, move: int) -> bool:
-    """Whether a move only goes up."""
+    """Whether a move only lifts the nozzle."""
     way = program.xyz[move] - program.xyz[move - 1]
     return bool(way[2] > 0 and (way[:2] == 0).all() and program.filament[move] == 0)
 
 
-def fresh_rows(marks: list[ObjectMark]) -> Int:
-    """The moves whose rows must say everything."""
+def find_full_rows(marks: list[ObjectMark]) -> Int:
+    """Return the moves whose rows must repeat all words."""
     return np.array(sorted({mark.index for mark in marks}), np.int64)
 
 
-def stop_notes(
+def format_stops(
     marks: list[ObjectMark], marked: Marking, rows: MoveText, *, relative: bool
 ) -> Iterator[tuple[int, list[str]]]:
-    """Where things end; where E counts from the beginning, what it stands at behind a thing given up."""
+    """Yield stop labels; with absolute extrusion, G92 sets E for printers that have skipped the object."""
     labels, words = marked
     for mark in marks:
         if mark.stop < 0:
@@ -175,8 +175,8 @@ def stop_notes(
         yield mark.index, lines
 
 
-def start_notes(marks: list[ObjectMark], marked: Marking) -> Iterator[tuple[int, list[str]]]:
-    """Where things begin."""
+def format_starts(marks: list[ObjectMark], marked: Marking) -> Iterator[tuple[int, list[str]]]:
+    """Yield start labels."""
     labels, words = marked
     seen: set[int] = set()
     for mark in marks:
@@ -185,12 +185,12 @@ def start_notes(marks: list[ObjectMark], marked: Marking) -> Iterator[tuple[int,
             seen.add(mark.start)
 
 
-def for_all(
-    notes: Iterator[tuple[int, list[str]]], marks: list[ObjectMark]
+def place_outside_objects(
+    insertions: Iterator[tuple[int, list[str]]], marks: list[ObjectMark]
 ) -> Iterator[tuple[int, list[str]]]:
-    """Notes that concern everything, put between the marks of two things: they hold if either is given up."""
+    """Move lines that concern the whole plate between two objects, so that they apply if either is cancelled."""
     ends = [mark.after for mark in marks]
-    for index, lines in notes:
+    for index, lines in insertions:
         nth = bisect_right(ends, index) - 1
-        held = nth >= 0 and index <= marks[nth].until
-        yield marks[nth].index if held else index, lines
+        is_between = nth >= 0 and index <= marks[nth].until
+        yield marks[nth].index if is_between else index, lines

@@ -1,9 +1,8 @@
-"""Take a line of G-code apart: line number, checksum and comment off, then code, words and settings, ignoring case.
+"""Split lines of G-code into line number, checksum, comment, code and words, ignoring case.
 
-Three readings, all from the same patterns: `parse` gives the last number of each letter, as firmware reads a command;
-`extended` reads a command of words, such as Klipper's; `read_commands` gives all numbers of each letter, and every
-command that some firmware may find in the line. Plain Python and nothing else, so that the host can use it without
-loading numpy.
+Three functions share the same patterns. `parse` returns the last number of each letter, as firmware reads a command.
+`parse_extended` reads extended commands, such as Klipper's. `read_commands` returns all numbers of each letter and
+every command that some firmware may find in the line. This module does not load numpy, so the host can use it.
 """
 
 from __future__ import annotations
@@ -19,11 +18,11 @@ from printer_slicer.gcode.commands import takes_text
 __all__ = [
     "LintCommand",
     "code_and_rest",
-    "extended",
     "is_macro",
     "letters",
     "number_and_command",
     "parse",
+    "parse_extended",
     "read_commands",
     "strip",
 ]
@@ -55,9 +54,9 @@ _EXPONENT: Final = re.compile(r"[0-9]E[-+]?[0-9]|0X[0-9A-F]")
 
 
 def strip(line: bytes) -> bytes:
-    """Return the command of a line: no comment, no blanks around it, no number or checksum of its own.
+    """Return the command of a line without comment, surrounding blanks, line number and checksum.
 
-    Empty when nothing is left, and for M110, which would set another line number behind the host's back.
+    Empty if nothing is left, and for M110, which would change the host's line numbers.
     """
     if b";" in line:
         line = line[: line.index(b";")]
@@ -72,7 +71,7 @@ def strip(line: bytes) -> bytes:
 
 
 def number_and_command(line: bytes) -> tuple[int | None, bytes]:
-    """Return the line number, None without one, and the command of a line without comment; the checksum goes."""
+    """Return the line number (None if there is none) and the command, without checksum, of a line without comment."""
     found = _NUMBERED.match(line)
     if found is None:
         return None, line
@@ -104,13 +103,13 @@ def letters(command: bytes) -> frozenset[bytes]:
 
 
 def code_and_rest(line: bytes) -> tuple[bytes, bytes]:
-    """Cut a line behind its code: `b"g01"` and `b" x1"`, in the case in which they are written; both empty without."""
+    """Split a line after its code: `b"g01"` and `b" x1"`, in the original case; both empty without a code."""
     found = _CODE.match(line.upper())
     return (line[: found.end()], line[found.end() :]) if found else (b"", b"")
 
 
-def extended(command: bytes) -> tuple[bytes, dict[bytes, float]]:
-    """Return the name of a command of words, such as SET_PIN, in capitals, and the numbers of its NAME=number."""
+def parse_extended(command: bytes) -> tuple[bytes, dict[bytes, float]]:
+    """Return the name of an extended command, such as SET_PIN, in upper case, and its parameters NAME=number."""
     command = command.upper()
     found = _NAME.match(command)
     if not found:
@@ -119,22 +118,22 @@ def extended(command: bytes) -> tuple[bytes, dict[bytes, float]]:
 
 
 def is_macro(command: bytes) -> bool:
-    """Whether a command is a macro of the printer, with unknown effects."""
+    """Return whether a command is a macro of the printer, with unknown effects."""
     command = command.upper()
     return not _CODE.match(command) and _SETS_ONLY.match(command) is None
 
 
 @dataclass(frozen=True, slots=True)
 class LintCommand:
-    """One command of a line, with everything that may be read out of it.
+    """One command of a line, with all its possible readings.
 
     Attributes:
-        code: letter and number, `M104`; of a command of words its name, `SET_PIN`; "" for anything else.
-        text: the line it stands in, capitals.
-        words: letter -> all its numbers, none for a letter alone.
-        settings: NAME -> number, of NAME=number.
-        further: whether it is not the first of its line.
-        rest: the text after the code up to the next command, without quoted and bracketed texts.
+        code: letter and number, `M104`; name of an extended command, `SET_PIN`; "" for anything else.
+        text: the line of the command, in upper case.
+        words: letter -> all its numbers; an empty list for a letter alone.
+        settings: parameters NAME=number of an extended command.
+        further: whether another command precedes it in the line.
+        rest: text after the code up to the next command, without quoted and bracketed texts.
     """
 
     code: str
@@ -145,27 +144,27 @@ class LintCommand:
     rest: str = ""
 
     def most(self, letters: str) -> float | None:
-        """The largest number behind any of the letters, None without one."""
+        """Return the largest number of any of the letters; None if there is none."""
         values = [value for letter in letters for value in self.words.get(letter, ())]
         return max(values, default=None)
 
     @property
     def vague(self) -> bool:
-        """Whether its numbers may be read in more ways than one: expressions, exponents, hexadecimals."""
+        """Whether its numbers are ambiguous: expressions, exponents, hexadecimals."""
         return _is_vague(self.text)
 
 
 @lru_cache(maxsize=8)
 def _is_vague(text: str) -> bool:
-    """Whether a line is; asked once for a line, however many commands stand in it."""
+    """Return whether the numbers of a line are ambiguous; cached for lines with several commands."""
     return "{" in text or _EXPONENT.search(text) is not None
 
 
 def read_commands(line: bytes) -> Iterator[LintCommand]:
     """Yield the commands that firmware may find in a line.
 
-    More suspicious than `parse`: some firmwares execute a second command in the same line, and differ in which number
-    of a letter that comes twice they take.
+    Finds more than `parse`: some firmwares execute a second command in the same line, and firmwares differ in which
+    number of a repeated letter they use.
     """
     text = number_and_command(line.strip())[1].decode("latin-1").upper()
     match = _SUSPECTED_CODE.match(text)

@@ -23,7 +23,7 @@ _IN_LAYERS: Final = frozenset({"before_layer_gcode", "layer_gcode", "pause_gcode
 
 
 def macro_faults(printer: Printer) -> Iterator[Conflict]:
-    """Yield the first error of each macro; values depend on part, material and quality and are not computed."""
+    """Yield the first error of each macro; values are not computed, as they depend on part, material and quality."""
     nothing = _no_moves()
     profile = alone(printer)
     known = set(print_facts(nothing, profile))

@@ -1,4 +1,4 @@
-"""What a file makes the machine do: its moves, and the time they take."""
+"""The moves of a G-code file, and the time they take."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ class Moves:
     Attributes:
         end: (K, 3) position at the end of each move, mm.
         delta: (K, 4) x, y, z, e of each move, mm.
-        speed: (K,) as the file asks, mm/s.
-        acceleration: (K,) as the file set it by then, mm/s²; nan where it did not.
-        line: (K,) index of the command that made it.
-        tool: (K,) number of the tool in use.
-        stop: (K,) whether the machine stands still after it.
-        dwell_seconds: asked for with G4.
-        changes: changes of the machine's limits: (first move they hold for, kind, axis -> value).
-        rested: whether the machine stands still before the first, where these are a piece of more.
+        speed: (K,) requested speed, mm/s.
+        acceleration: (K,) acceleration set by the file, mm/s²; nan if the file has not set one.
+        line: (K,) index of the command of each move.
+        tool: (K,) number of the active tool.
+        stop: (K,) whether the machine stands still after the move.
+        dwell_seconds: total time of G4.
+        changes: changes of the machine's limits: (first move they apply to, kind, axis -> value).
+        starts_at_rest: whether the machine stands still before the first move of this piece.
     """
 
     end: Float
@@ -40,25 +40,25 @@ class Moves:
     stop: Bool
     dwell_seconds: float
     changes: tuple[tuple[int, str, Mapping[str, float]], ...] = ()
-    rested: bool = False
+    starts_at_rest: bool = False
 
     def seconds(self, limits: MotionLimits) -> float:
-        """Time for all moves and dwells; homing and heating are not counted."""
+        """Return the time of all moves and dwells, s, without homing and heating."""
         timer = Timer(limits)
         timer.add(self)
         return timer.seconds()
 
     def heights(self) -> list[float]:
-        """z at which plastic is laid while moving in x or y, mm, in order of the first time."""
+        """Return the z values of extrusions that move in x or y, mm, in order of first use."""
         lays = (self.delta[:, 3] > 0) & (self.delta[:, :2] != 0).any(axis=1)
         return list(dict.fromkeys(np.round(self.end[lays, 2], 4).tolist()))
 
 
 class Timer:
-    """Time of moves that come piece by piece, and of dwells; homing and heating are not counted.
+    """Adds up the time of moves that come in pieces, with dwells, without homing and heating.
 
     Args:
-        limits: of the machine before the first piece.
+        limits: limits of the machine before the first piece.
     """
 
     def __init__(self, limits: MotionLimits) -> None:
@@ -67,9 +67,9 @@ class Timer:
         self._dwells = 0.0
 
     def add(self, moves: Moves) -> None:
-        """The next piece. MotionLimits change rarely, and then the machine mostly stands: from rest to rest."""
+        """Add the next piece; where limits change, the machine is assumed to stand still."""
         self._dwells += moves.dwell_seconds
-        if moves.rested:
+        if moves.starts_at_rest:
             self._watch.rest()
         begin = 0
         for first, kind, values in moves.changes:
@@ -80,11 +80,11 @@ class Timer:
         self._run(moves, begin, len(moves.speed))
 
     def seconds(self) -> float:
-        """Of all pieces, the machine being at rest behind the last."""
+        """Return the time of all pieces, s; the machine comes to rest after the last one."""
         return self._dwells + self._watch.rest()
 
     def _run(self, moves: Moves, first: int, last: int) -> None:
-        """Some of the moves, all within the same limits."""
+        """Add moves that share the same limits."""
         if last <= first:
             return
         some, limits = slice(first, last), self._limits
@@ -94,7 +94,7 @@ class Timer:
 
 
 def accelerations(delta: Float, wanted: Float, limits: MotionLimits) -> Float:
-    """(K,) mm/s²: `wanted` (K,), and the machine's own where that is nan; delta (K, 4), mm."""
+    """Return accelerations (K,), mm/s²: `wanted` (K,), or the machine's where that is nan; delta is (K, 4), mm."""
     travels = (delta[:, :3] != 0).any(axis=1)
     laying = np.where(travels, limits.acceleration, limits.retract_acceleration)
     usual = np.where(delta[:, 3] != 0, laying, limits.travel_acceleration)
@@ -102,10 +102,10 @@ def accelerations(delta: Float, wanted: Float, limits: MotionLimits) -> Float:
 
 
 def changed_limits(limits: MotionLimits, kind: str, values: Mapping[str, float]) -> MotionLimits:
-    """The limits after M201, M203 or M205, a change of `Moves.changes`."""
+    """Return the limits after M201, M203 or M205, an entry of `Moves.changes`."""
 
     def merged(axes: Axes) -> Axes:
-        """The limits of all axes, new ones for those that are named."""
+        """Return the limits of all axes, with new values for the named ones."""
         x, y, z, e = (values.get(letter, old) for letter, old in zip("XYZE", axes, strict=True))
         return x, y, z, e
 

@@ -1,7 +1,7 @@
-"""Text -> moves: what a file will make the machine do, all at once or piece by piece.
+"""Read the moves of G-code, all at once or in pieces.
 
-Knows straight lines and arcs, relative and absolute modes, inches, offsets, homing, dwells, changes of acceleration,
-retraction by the firmware, tools, and extrusion by volume (M200). What does not move or wait is passed over.
+Understands lines and arcs, relative and absolute modes, inches, offsets, homing, dwells, accelerations, firmware
+retraction, tools and volumetric extrusion (M200). Commands that neither move nor wait are skipped.
 """
 
 from __future__ import annotations
@@ -14,39 +14,39 @@ import numpy as np
 
 from printer_slicer.firmware import FLAVOURS, Dialect
 from printer_slicer.gcode.commands import Effect, names_that
-from printer_slicer.gcode.lexer import extended, letters, parse
+from printer_slicer.gcode.lexer import letters, parse, parse_extended
+from printer_slicer.gcode.move_actions import Action, ReaderState, build_actions
 from printer_slicer.gcode.moves import Moves
-from printer_slicer.gcode.plain import follow_plain, plain_moves
-from printer_slicer.gcode.reading import Action, ReadingState, actions_of
+from printer_slicer.gcode.plain_moves import follow_plain, read_plain_moves
 from printer_slicer.motion.positioning_mode import PositioningMode
 
-__all__ = ["MoveReader", "pieces_of", "read_moves"]
+__all__ = ["MoveReader", "read_moves", "read_moves_in_pieces"]
 
 _STOPS: Final = names_that(Effect.WAITS)
 _HOMES: Final = names_that(Effect.HOMES)
-_AT_ONCE: Final = 8192  # commands; more do not fit into the processor's cache
-_PIECE: Final = 1 << 15  # commands whose moves are looked at together
+_BATCH: Final = 8192  # commands; more do not fit into the processor's cache
+_PIECE: Final = 1 << 15  # commands in a piece
 
 
 def read_moves(
     commands: Sequence[bytes], home: tuple[float, float] = (0.0, 0.0), dialect: Dialect = FLAVOURS["marlin"]
 ) -> Moves:
-    """The moves of commands without comments, one each, such as `stream` sends them.
+    """Return the moves of commands.
 
     Args:
-        commands: one per entry.
-        home: x and y of the endstops, mm; the machine begins there, and G28 brings it back.
-        dialect: what commands mean that differ from firmware to firmware.
+        commands: without comments, one per entry.
+        home: x and y of the endstops, mm: position at the start and after G28.
+        dialect: how the firmware reads commands.
     """
     reader = MoveReader(home, dialect)
     reader.feed(commands)
     return reader.moves()
 
 
-def pieces_of(
+def read_moves_in_pieces(
     commands: Sequence[bytes], home: tuple[float, float] = (0.0, 0.0), dialect: Dialect = FLAVOURS["marlin"]
 ) -> Iterator[Moves]:
-    """The same piece by piece, so that a long job needs no more memory than a short one."""
+    """Yield the moves of commands in pieces, to bound memory; arguments as for `read_moves`."""
     reader = MoveReader(home, dialect)
     for begin in range(0, len(commands), _PIECE):
         reader.feed(commands[begin : begin + _PIECE])
@@ -54,25 +54,25 @@ def pieces_of(
 
 
 class MoveReader:
-    """Follows commands and gives their moves, as often as it is asked.
+    """Reads commands in any number of steps and returns their moves.
 
     Args:
-        home: x and y of the endstops, mm; the machine begins there, and G28 brings it back.
-        dialect: what commands mean that differ from firmware to firmware.
+        home: x and y of the endstops, mm: position at the start and after G28.
+        dialect: how the firmware reads commands.
     """
 
     def __init__(self, home: tuple[float, float] = (0.0, 0.0), dialect: Dialect = FLAVOURS["marlin"]) -> None:
-        self._actions = actions_of(dialect)
-        self._state = ReadingState(home=(*home, 0.0), counting=PositioningMode(dialect.counting))
+        self._actions = build_actions(dialect)
+        self._state = ReaderState(home=(*home, 0.0), counting=PositioningMode(dialect.counting))
         self._state.position[:3] = self._state.home
         self._count = 0
 
     def feed(self, commands: Sequence[bytes]) -> None:
-        """Follow some more commands."""
-        for begin in range(0, len(commands), _AT_ONCE):
-            some = commands[begin : begin + _AT_ONCE]
-            plain = plain_moves(some)
-            # Runs of plain moves, and what stands between them.
+        """Read more commands."""
+        for begin in range(0, len(commands), _BATCH):
+            some = commands[begin : begin + _BATCH]
+            plain = read_plain_moves(some)
+            # Runs of plain moves, and the commands between them.
             cuts = np.flatnonzero(np.diff(plain.index) != 1) + 1
             done = 0
             for first, last in pairwise([0, *cuts.tolist(), len(plain.index)] if len(plain.index) else []):
@@ -86,13 +86,13 @@ class MoveReader:
             self._follow(some[done:])
 
     def moves(self) -> Moves:
-        """The moves of what was fed since the last time."""
+        """Return the moves of the commands fed since the last call."""
         state = self._state
-        table = state.rows.table()
+        table = state.rows.take()
         stop = np.zeros(len(table), np.bool_)
         stop[state.stops] = True
-        dwell, changes, rested = state.dwell, tuple(state.changes), state.rested
-        state.dwell, state.stops, state.changes, state.rested = 0.0, [], [], False
+        dwell, changes, starts_at_rest = state.dwell, tuple(state.changes), state.starts_at_rest
+        state.dwell, state.stops, state.changes, state.starts_at_rest = 0.0, [], [], False
         return Moves(
             end=table[:, 0:3],
             delta=table[:, 3:7],
@@ -103,11 +103,11 @@ class MoveReader:
             stop=stop,
             dwell_seconds=dwell,
             changes=changes,
-            rested=rested,
+            starts_at_rest=starts_at_rest,
         )
 
     def _follow(self, commands: Sequence[bytes]) -> None:
-        """Commands of any kind, one by one."""
+        """Read commands of any kind one by one."""
         state = self._state
         for index, command in enumerate(commands, self._count):
             code, words = _parse(command, self._actions)
@@ -119,20 +119,20 @@ class MoveReader:
             if len(state.rows):
                 state.stops.append(len(state.rows) - 1)
             else:
-                state.rested = True
+                state.starts_at_rest = True
         self._count += len(commands)
 
 
 def _parse(command: bytes, actions: Mapping[str, Action]) -> tuple[str, dict[str, float]]:
-    """Code and numeric words of a command; of a command of words its name and settings."""
+    """Return code and numeric words of a command, or name and parameters of an extended command."""
     word, values = parse(command)
     if not word:
-        word, values = extended(command)
+        word, values = parse_extended(command)
     code = word.decode()
     if code[:1] == "T" and code[1:].isdigit():
         return "T", {"T": float(code[1:4])}
     if code not in actions:
         return code, {}
-    if code in _HOMES:  # axes are named by letters alone
+    if code in _HOMES:  # axes are letters without numbers
         return code, {letter.decode(): 0.0 for letter in letters(command)}
     return code, {letter.decode(): value for letter, value in values.items()}

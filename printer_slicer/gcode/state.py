@@ -1,10 +1,10 @@
 """Track the state of a machine command by command: units, modes, position, origin, tool, temperatures.
 
-Followed command by command in the order in which the printer gets them. All lengths are mm, whatever unit the program
-counts in. What a command makes unknown (homing, another coordinate system) stays unknown until a command says it
-again, so nothing that is done with it rests on a guess.
+Commands are processed in the order in which the printer receives them. All lengths are mm, whatever unit the program
+uses. A value that a command makes unknown (homing, another coordinate system) stays unknown until a command sets it
+again, so nothing depends on a guess.
 
-logical coordinate = coordinate of the machine + offset (G92, M206), as Marlin and RepRapFirmware have it.
+logical coordinate = machine coordinate + offset (G92, M206), as in Marlin and RepRapFirmware.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class Move(NamedTuple):
 
 
 class HeaterTarget(NamedTuple):
-    """A target that a command sets: of which heater, of which tool (None: the active one), °C."""
+    """A target temperature, °C, with its heater and tool (None: the active one)."""
 
     heater: HeaterName
     tool: int | None
@@ -63,7 +63,7 @@ class HeaterTarget(NamedTuple):
 def heater_target(word: bytes, values: Mapping[bytes, float]) -> HeaterTarget | None:
     """Return the target that a parsed command sets; None if it sets none.
 
-    G10 with a tool does so in RepRapFirmware. R is a target only where the command waits for it.
+    G10 with a tool sets one in RepRapFirmware. R is a target only if the command waits for it.
     """
     row, tool = TABLE.get(word), values.get(b"T")
     if row is None or not values:
@@ -83,7 +83,8 @@ def heater_target(word: bytes, values: Mapping[bytes, float]) -> HeaterTarget | 
 def _full_turn(values: Mapping[bytes, float], delta: Sequence[float]) -> float | None:
     """Return the length of the full circle of an arc, in units of the program; None for an arc without a centre.
 
-    Firmware refuses that: R of 0, R with an end that is the start, neither I nor J (Marlin's G2_G3.cpp).
+    Firmware rejects an arc with R0, with R and no distance between start and end, or without I and J (Marlin's
+    G2_G3.cpp).
     """
     if b"R" in values:
         radius = abs(values[b"R"]) if delta[0] or delta[1] else 0.0
@@ -93,7 +94,7 @@ def _full_turn(values: Mapping[bytes, float], delta: Sequence[float]) -> float |
 
 
 def uses_inches(commands: Iterable[bytes]) -> bool:
-    """Whether one of some commands switches to inches."""
+    """Return whether one of the commands switches to inches."""
     return any(b"20" in command[:6] and parse(command)[0] == _INCHES for command in commands)
 
 
@@ -156,15 +157,15 @@ class MachineState:
         tool_command: the command that selected it; empty if none.
         hotends: tool -> target, °C.
         bed, chamber: targets, °C.
-        fan: of the part, 0 to 255.
-        fans: number -> command that set it last, of other fans.
+        fan: part fan, 0 to 255.
+        fans: other fans: number -> command that set it last.
         shift: logical x, y and z minus those in the current frame, mm; see `frames`.
         frames: number of the frame of x, y, z; it increases when the origin of an axis moves by an unknown amount.
             Positions of two commands are comparable only within the same frame.
     """
 
     __slots__ = (
-        *("_anchored", "_e_told", "_home_offset", "_next_unseen", "_position"),
+        *("_anchored", "_e_known", "_home_offset", "_next_unseen", "_position"),
         *("bed", "chamber", "counting", "fan", "fans", "flavour", "frames", "hotends", "pulled", "retracted"),
         *("shift", "speed", "tool", "tool_command", "unit"),
     )
@@ -180,7 +181,7 @@ class MachineState:
         self.hotends: dict[int, float] = {}
         self.shift, self.frames = (0.0, 0.0, 0.0), (0, 0, 0)
         self._position: list[float | None] = [None, None, None, 0.0]
-        self._e_told = False  # 0 is good enough for lengths, but not a known position
+        self._e_known = False  # 0 is good enough for lengths, but not a known position
         self._home_offset = (0.0, 0.0, 0.0)
         self._anchored = (True, True, True)
         self._next_unseen = False
@@ -196,7 +197,7 @@ class MachineState:
     def place(self) -> Place:
         """Logical position after all motion so far: x, y, z, e, mm; None where unknown."""
         x, y, z, e = self._position
-        return (x, y, z, e if self._e_told else None)
+        return (x, y, z, e if self._e_known else None)
 
     @property
     def position(self) -> tuple[float | None, float | None, float | None]:
@@ -238,19 +239,19 @@ class MachineState:
         )
 
     def relative(self, values: Mapping[bytes, float]) -> bool:
-        """Whether one of the axes in `values` is relative, so that repeating the move would move it again."""
+        """Return whether one of the axes in `values` is relative, so that repeating the move would move it again."""
         return any(self._from_here(axis) for axis, letter in enumerate(_AXES) if letter in values)
 
-    def speak(self, flavour: str) -> None:
+    def set_flavour(self, flavour: str) -> None:
         """Set the flavour once the firmware is known."""
         self.flavour = flavour
         self.counting = self.counting._replace(rule=FLAVOURS[flavour].counting)
 
-    def move_to(self, x: float | None, y: float | None, z: float | None) -> None:
+    def set_stop_position(self, x: float | None, y: float | None, z: float | None) -> None:
         """Set the logical position, mm, at which the machine stopped."""
         self._position[:3] = [x, y, z]
 
-    def lose_place(self) -> None:
+    def forget_position(self) -> None:
         """Mark the position as unknown."""
         self._position[:3] = [None, None, None]
 
@@ -270,7 +271,7 @@ class MachineState:
         elif word in _MODES:
             self.counting = self.counting.after(word.decode())
         elif word in _MOVES_UNSEEN:
-            self.lose_place()
+            self.forget_position()
         elif word in _MOVES_ORIGIN:
             self._lose_origin()
         elif word[:1] == b"T":
@@ -300,7 +301,7 @@ class MachineState:
                 # From an unknown position, the distance from zero is only a guess of the length.
                 delta[axis] = value - (here or 0.0)
                 goal[axis] = value
-        # An arc to the place where it begins has no radius and is refused: nobody knows whether this is one.
+        # Firmware rejects an arc that ends at its start. From an unknown position this cannot be decided.
         doubtful = word in _ARCS and b"R" in values and None in position[:2] and not relative
         if word in _ARCS:
             turn = _full_turn(values, delta)
@@ -308,7 +309,7 @@ class MachineState:
                 return Move((0.0, 0.0, 0.0, 0.0), self.speed)
             delta[:2] = [max(hypot(*delta[:2]), (turn or 0.0) * unit), 0.0]
         self._position = goal
-        self._e_told = (self._e_told or (b"E" in values and not relative_e)) and not doubtful
+        self._e_known = (self._e_known or (b"E" in values and not relative_e)) and not doubtful
         if doubtful:
             self._forget(values)
         if delta[3]:
@@ -351,7 +352,7 @@ class MachineState:
 
     def _lose_origin(self) -> None:
         """Mark the origin as unknown."""
-        self.lose_place()
+        self.forget_position()
         for axis in range(3):
             self._set_origin(axis, 0.0, anchored=False)
 
@@ -373,7 +374,7 @@ class MachineState:
         """G92: rename the current position."""
         if b"E" in values:
             self._position[3] = values[b"E"] * self.unit
-            self._e_told = True
+            self._e_known = True
         for axis, letter in enumerate(_AXES[:3]):
             if letter not in values:
                 continue
@@ -385,7 +386,7 @@ class MachineState:
                 self._shift_origin(axis, new - here)
 
     def _home(self, _word: bytes, _values: Mapping[bytes, float], command: bytes) -> None:
-        """G28: the named axes, or all, are at their endstops, whose position is unknown, and lose the offset of G92."""
+        """G28: the named axes, or all, lose the offset of G92; their position at the endstops is unknown."""
         named = letters(command)
         axes = [axis for axis, letter in enumerate(_AXES[:3]) if letter in named] or [0, 1, 2]
         for axis in axes:

@@ -1,4 +1,4 @@
-"""A program as the text of a file: header, start, moves with what stands between them, end, settings."""
+"""Write a program as a G-code file: header, start G-code, moves with lines between them, end G-code, settings."""
 
 from __future__ import annotations
 
@@ -12,19 +12,25 @@ import numpy as np
 from printer_slicer.arrays import Float, Int
 from printer_slicer.firmware import FLAVOURS, Dialect
 from printer_slicer.gcode.facts import end_facts, print_facts
-from printer_slicer.gcode.labels import ObjectMark, definitions, fresh_rows, marking, marks_of
-from printer_slicer.gcode.notes import (
-    Writing,
-    bead_notes,
-    begins_with,
-    fan_line,
-    macro_of,
-    macros_between,
-    notes_of,
-    retracted_by_firmware,
+from printer_slicer.gcode.inserted_lines import (
+    WriteContext,
+    collect_insertions,
+    find_firmware_retractions,
+    find_timed_macros,
+    format_extrusion_comments,
+    format_fan,
+    format_first_progress,
+    read_macro,
 )
+from printer_slicer.gcode.labels import (
+    ObjectMark,
+    choose_marking,
+    find_full_rows,
+    find_marks,
+    format_definitions,
+)
+from printer_slicer.gcode.move_text import MoveText, format_moves
 from printer_slicer.gcode.reader import read_moves
-from printer_slicer.gcode.rows import MoveText, rows_of
 from printer_slicer.gcode.summary import first_lines, last_lines
 from printer_slicer.macros import Value
 from printer_slicer.model import Labels, Program
@@ -36,15 +42,15 @@ __all__ = ["ProgramFacts", "write_gcode", "write_program"]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ProgramFacts:
-    """What is known of a program besides its moves.
+    """Facts about a program besides its moves.
 
     Attributes:
-        seconds: (K,) modelled time of each move.
-        facts: more to tell at the top.
-        comments: lines that stand behind the first one as they are.
-        labels: which moves lay which of several things.
+        seconds: (K,) estimated time of each move.
+        facts: further facts for the header.
+        comments: lines to insert after the first one.
+        labels: which moves belong to which object.
         made: date in UTC; None: no date.
-        name: of the file that was sliced, without its suffix.
+        name: name of the sliced file, without suffix.
     """
 
     seconds: Float | None = None
@@ -59,76 +65,85 @@ def write_program(
     program: Program,
     profile: Profile,
     dialect: Dialect,
-    told: ProgramFacts,
+    facts: ProgramFacts,
 ) -> bytes:
-    """The whole file; nothing in it depends on when or where it was made, but for the time that `told` may hold.
+    """Return the whole file; the same arguments give the same bytes.
 
     Args:
         program: the moves.
-        profile: what they were made with.
-        dialect: how the printer wants them said.
-        told: what else is known.
+        profile: the profile that the program was sliced with.
+        dialect: G-code dialect of the printer.
+        facts: facts besides the moves.
     """
-    text, total, taken = _file(program, profile, dialect, told)
+    text, total, taken = _format_file(program, profile, dialect, facts)
     if not taken:
         return text
-    # Macros between the moves were timed one by one, from rest to rest; how they meet the moves the file itself tells.
+    # Macros between the moves were timed one by one, from rest to rest. The whole file gives their real time.
     wanted = _seconds_of(text.decode("ascii").split("\n"), profile, dialect)
-    return _file(program, profile, dialect, told, macros=1 + (wanted - total) / taken)[0]
+    return _format_file(program, profile, dialect, facts, macros=1 + (wanted - total) / taken)[0]
 
 
-def _file(
-    program: Program, profile: Profile, dialect: Dialect, told: ProgramFacts, *, macros: float = 1.0
+def _format_file(
+    program: Program, profile: Profile, dialect: Dialect, facts: ProgramFacts, *, macros: float = 1.0
 ) -> tuple[bytes, float, float]:
-    """The text, its modelled time, and how much of that macros between moves take: `macros` times what they seem to."""
-    seconds, labels = told.seconds, told.labels
+    """Return the file, its estimated time, and the part of it that macros between moves take.
+
+    `macros` is a factor for the time of these macros.
+    """
+    seconds, labels = facts.seconds, facts.labels
     each = np.zeros(program.n_moves) if seconds is None else seconds
-    known = print_facts(program, profile, float(each.sum()), labels.names if labels else (), told.name)
+    known = print_facts(program, profile, float(each.sum()), labels.names if labels else (), facts.name)
     shared: dict[str, Value] = {}
-    start = [*_tool(profile, known, shared), *macro_of(profile, "start_gcode").filled(known, shared)]
-    end = macro_of(profile, "end_gcode").filled(known | dict(end_facts(program, profile)), dict(shared))
+    start = [*_select_tool(profile, known, shared), *read_macro(profile, "start_gcode").filled(known, shared)]
+    end = read_macro(profile, "end_gcode").filled(known | dict(end_facts(program, profile)), dict(shared))
     begins, taken = np.concatenate([[0.0], np.cumsum(each)]), np.zeros(1)
     if seconds is not None:
         begins += _seconds_of(start, profile, dialect)
-        begins[-1] += _seconds_of(end, profile, dialect, _goes_on(program, program.n_moves))
-    writing = Writing(program, profile, dialect, known, begins, marking(profile, dialect, labels), shared)
-    spelt = _spelt(writing)
+        begins[-1] += _seconds_of(end, profile, dialect, _approach(program, program.n_moves))
+    context = WriteContext(
+        program, profile, dialect, known, begins, choose_marking(profile, dialect, labels), shared
+    )
+    formatted = _format_moves(context)
     if seconds is not None:
-        taken = macros * _of_macros(writing, spelt.rows)
+        taken = macros * _macro_times(context, formatted.rows)
         begins += taken
     total = None if seconds is None else float(begins[-1])
-    first, *others = first_lines(program, total, told.facts, told.made)
-    before = [first, *told.comments, *others]
-    before += begins_with(writing)
-    before += ["G21 ; mm", "G90", "M83", fan_line(0.0)]
-    before += [*dialect.limits(profile.printer), *_retraction(profile, dialect), *start]
+    first, *others = first_lines(program, total, facts.facts, facts.made)
+    before = [first, *facts.comments, *others]
+    before += format_first_progress(context)
+    before += ["G21 ; mm", "G90", "M83", format_fan(0.0)]
+    before += [*dialect.limits(profile.printer), *_set_retraction(profile, dialect), *start]
     if profile.pressure_advance and dialect.pressure_advance:
         before.append(dialect.pressure_advance(profile.pressure_advance))
-    before += definitions(writing.marking)
+    before += format_definitions(context.marking)
     before += ["G90", "M83" if profile.printer.relative_extrusion else "M82", "G92 E0"]
     after = [*end, *last_lines(program, profile, total)]
-    return b"".join([_lines(before), *_body(writing, spelt), _lines(after)]), total or 0.0, float(taken[-1])
+    return (
+        b"".join([_encode_lines(before), *_body(context, formatted), _encode_lines(after)]),
+        total or 0.0,
+        float(taken[-1]),
+    )
 
 
-def _tool(profile: Profile, known: Mapping[str, Value], shared: dict[str, Value]) -> list[str]:
-    """What selects the tool that prints; start G-code then heats it."""
-    template = macro_of(profile, "tool_gcode")
+def _select_tool(profile: Profile, known: Mapping[str, Value], shared: dict[str, Value]) -> list[str]:
+    """Return the commands that select the tool; the start G-code then heats it."""
+    template = read_macro(profile, "tool_gcode")
     if template.empty:
         return [f"T{profile.printer.tool}"] if profile.printer.tool else []
     return template.filled(known, shared)
 
 
-def _of_macros(writing: Writing, rows: MoveText) -> Float:
-    """(K + 1,) what macros between the moves take until each of these begins, s."""
-    program, taken = writing.program, np.zeros(writing.program.n_moves + 1)
-    for move, lines in macros_between(writing, rows):
-        before = _goes_on(program, move)
-        taken[move] += _seconds_of(lines, writing.profile, writing.dialect, before)
+def _macro_times(context: WriteContext, rows: MoveText) -> Float:
+    """Return the time that macros between the moves take before each move, (K + 1,), s."""
+    program, taken = context.program, np.zeros(context.program.n_moves + 1)
+    for move, lines in find_timed_macros(context, rows):
+        before = _approach(program, move)
+        taken[move] += _seconds_of(lines, context.profile, context.dialect, before)
     return np.asarray(np.cumsum(taken))
 
 
-def _goes_on(program: Program, move: int) -> list[str]:
-    """A move to where so many moves of the program end."""
+def _approach(program: Program, move: int) -> list[str]:
+    """Return a move to the position before `move`."""
     if not move:
         return []
     x, y, z = program.xyz[move - 1]
@@ -138,10 +153,10 @@ def _goes_on(program: Program, move: int) -> list[str]:
 def _seconds_of(
     lines: Sequence[str], profile: Profile, dialect: Dialect, before: Sequence[str] = ()
 ) -> float:
-    """Modelled time of the moves and dwells of a macro that runs behind others."""
+    """Return the estimated time of moves and dwells in a macro that runs after the lines `before`."""
 
     def seconds(texts: Sequence[str]) -> float:
-        """Of all of them, from the endstops on."""
+        """Return the estimated time of lines, from the endstops on."""
         commands = [text.partition(";")[0].strip().encode("ascii", "replace") for text in texts]
         moves = read_moves([text for text in commands if text], profile.printer.corners[0], dialect)
         return moves.seconds(limits_of(profile.printer))
@@ -149,8 +164,8 @@ def _seconds_of(
     return seconds([*before, *lines]) - (seconds(before) if before else 0.0)
 
 
-def _retraction(profile: Profile, dialect: Dialect) -> list[str]:
-    """What the firmware must know to retract as the moves would."""
+def _set_retraction(profile: Profile, dialect: Dialect) -> list[str]:
+    """Return the commands that set up firmware retraction."""
     return (
         dialect.retraction(profile.printer)
         if profile.printer.firmware_retraction and dialect.retraction
@@ -158,44 +173,44 @@ def _retraction(profile: Profile, dialect: Dialect) -> list[str]:
     )
 
 
-def _lines(lines: list[str]) -> bytes:
+def _encode_lines(lines: list[str]) -> bytes:
     return "".join(f"{line}\n" for line in lines).encode("ascii", "replace")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Spelt:
-    """The moves as text, which of them the firmware makes (K,), and where things begin and end."""
+class _FormattedMoves:
+    """The moves as text, those made by firmware retraction (K,), and where objects start and end."""
 
     rows: MoveText
     turns: Int
     marks: list[ObjectMark]
 
 
-def _spelt(writing: Writing) -> _Spelt:
-    program, profile = writing.program, writing.profile
-    turns = retracted_by_firmware(program, profile)
+def _format_moves(context: WriteContext) -> _FormattedMoves:
+    program, profile = context.program, context.profile
+    turns = find_firmware_retractions(program, profile)
     fed = replace(program, filament=np.where(turns != 0, 0.0, program.filament)) if turns.any() else program
-    marks = marks_of(program, writing.marking[0]) if writing.marking else []
-    rows = rows_of(fed, relative=profile.printer.relative_extrusion, fresh=fresh_rows(marks))
-    return _Spelt(rows, turns, marks)
+    marks = find_marks(program, context.marking[0]) if context.marking else []
+    rows = format_moves(fed, relative=profile.printer.relative_extrusion, full=find_full_rows(marks))
+    return _FormattedMoves(rows, turns, marks)
 
 
-def _body(writing: Writing, spelt: _Spelt) -> Iterator[bytes]:
-    """The rows of the moves with comments, events and macros between them."""
-    rows = spelt.rows
-    notes = notes_of(writing, rows, spelt.turns, spelt.marks)
+def _body(context: WriteContext, formatted: _FormattedMoves) -> Iterator[bytes]:
+    """Yield the rows of the moves with the lines between them."""
+    rows = formatted.rows
+    notes = collect_insertions(context, rows, formatted.turns, formatted.marks)
     others = sorted(notes)
-    beads, told = bead_notes(writing.program)
-    texts = [*(_lines(notes[index]) for index in others), *told]
+    beads, comments = format_extrusion_comments(context.program)
+    texts = [*(_encode_lines(notes[index]) for index in others), *comments]
     index = np.concatenate([np.array(others, np.int64), beads])
-    order = np.argsort(index, kind="stable")  # what is told of beads comes last
+    order = np.argsort(index, kind="stable")  # comments of extrusions come last
     places = [0, *rows.start[index[order]].tolist()]
     between = [rows.text[begin:end] for begin, end in pairwise(places)]
     yield from chain.from_iterable(zip(between, map(texts.__getitem__, order.tolist()), strict=True))
     yield rows.text[places[-1] :]
 
 
-def write_gcode(  # noqa: PLR0913 - what else is known of a program
+def write_gcode(  # noqa: PLR0913 - facts about a program
     program: Program,
     profile: Profile,
     seconds: Float | None = None,
@@ -203,7 +218,7 @@ def write_gcode(  # noqa: PLR0913 - what else is known of a program
     *,
     comments: Sequence[str] = (),
     labels: Labels | None = None,
-    flavour: Dialect | None = None,
+    dialect: Dialect | None = None,
     made: datetime | None = None,
     name: str = "",
 ) -> bytes:
@@ -212,18 +227,18 @@ def write_gcode(  # noqa: PLR0913 - what else is known of a program
     Args:
         program: the moves.
         profile: the profile it was sliced with, including the macros.
-        seconds: (K,) modelled time of each move; what needs it is left out if it is not known.
+        seconds: (K,) estimated time of each move; None: unknown, and lines that need it are left out.
         facts: further facts for the header.
         comments: lines to insert after the first one.
         labels: which moves belong to which object.
-        flavour: overrides that of the profile.
+        dialect: G-code dialect; None: that of the profile's flavour.
         made: date in UTC for the first line; None: no date.
-        name: of the file that was sliced, without its suffix, for macros.
+        name: name of the sliced file, without suffix, for macros.
 
     Raises:
         ProfileError: a macro cannot be evaluated.
     """
-    dialect = flavour or FLAVOURS[profile.printer.flavour]
+    dialect = dialect or FLAVOURS[profile.printer.flavour]
     return write_program(
         program, profile, dialect, ProgramFacts(seconds, facts, comments, labels, made, name)
     )

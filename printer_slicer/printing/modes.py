@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 
 from printer_slicer import texts
 from printer_slicer.gcode.commands import Effect, commands_that
-from printer_slicer.gcode.lexer import extended, parse, strip
+from printer_slicer.gcode.lexer import parse, parse_extended, strip
 from printer_slicer.gcode.state import MachineState, ModalState
 
 __all__ = ["SCRIPT", "Modes", "Step", "number"]
@@ -111,7 +111,7 @@ class Modes:
 
     def stop_at(self, stand: ModalState) -> None:
         """Record that the machine stopped during a move."""
-        self.machine.move_to(stand.x, stand.y, stand.z)
+        self.machine.set_stop_position(stand.x, stand.y, stand.z)
         self.stand = self.machine.modal
 
     def follow(self, command: bytes, entry: int = -1) -> None:
@@ -170,7 +170,7 @@ class Modes:
 
     def _set_in_words(self, command: bytes) -> None:
         """Process an extended command, such as Klipper's."""
-        name, _ = extended(command)
+        name, _ = parse_extended(command)
         if name in _STICKY:
             self.sticky[name] = command, False
         elif name in _MESHES:

@@ -278,7 +278,7 @@ def _faults_of_places(profile: Profile, source: SettingsSource, *, slices: bool)
     """Settings of objects and heights that there are not, that cannot differ, or that do not suit the others."""
     if not profile.quality.overrides:
         return
-    from printer_slicer.profile.own_settings import own_faults  # noqa: PLC0415 - few profiles have overrides
+    from printer_slicer.profile.override_checks import own_faults  # noqa: PLC0415 - few profiles have overrides
 
     wrong = list(own_faults(profile.quality))
     for path, problem, remedy in wrong:

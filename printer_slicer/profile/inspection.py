@@ -12,8 +12,8 @@ import msgspec
 from printer_slicer.input_files import read_input
 from printer_slicer.profile.checks import Conflict, conflicts, planner_conflicts
 from printer_slicer.profile.conversion import SettingFault, converted, fault_of
+from printer_slicer.profile.override_checks import COLD, own_faults
 from printer_slicer.profile.overrides import HIGHEST
-from printer_slicer.profile.own_settings import COLD, own_faults
 from printer_slicer.profile.planners import UniformPlanner
 from printer_slicer.profile.profile import Profile
 from printer_slicer.profile.reading import SettingsSource, flatten, read_chain

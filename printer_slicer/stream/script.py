@@ -58,7 +58,7 @@ class Script:
 
     def speak(self, dialect: WireDialect) -> None:
         """The firmware is known now."""
-        self._machine.speak(flavour_of(dialect))
+        self._machine.set_flavour(flavour_of(dialect))
 
     def inject(self, command: bytes) -> None:
         """Give this out next.
@@ -128,7 +128,7 @@ class Script:
         move = self._machine.apply(word, values, command)
         macro = is_macro(command)
         if macro:
-            self._machine.lose_place()
+            self._machine.forget_position()
         return self._patience.allow(b"" if macro else word or b"SET", values, move)
 
     @property

@@ -18,8 +18,8 @@ from programs import FRONT_ENDS, LINES, MORE_LINES, Executor, Line, program_of
 from printer_slicer.firmware import FLAVOURS, WIRE_DIALECTS, flavour_of
 from printer_slicer.gcode import read_moves
 from printer_slicer.gcode.lexer import is_macro, parse, read_commands
+from printer_slicer.gcode.move_actions import ReaderState
 from printer_slicer.gcode.reader import MoveReader
-from printer_slicer.gcode.reading import ReadingState
 from printer_slicer.gcode.state import MachineState, heater_target
 from printer_slicer.inspection.lint.scan import scan
 from printer_slicer.printing.objects import LiveJob
@@ -53,7 +53,7 @@ def programs(flavour: str) -> st.SearchStrategy[list[Line]]:
     )
 
 
-def assert_state_is_that_of(state: MachineState, read: ReadingState, board: Board, flavour: str) -> None:
+def assert_state_is_that_of(state: MachineState, read: ReaderState, board: Board, flavour: str) -> None:
     """All that a command may change, in three models."""
     for axis, (place, offset) in enumerate(zip(state.position, state.offset, strict=True)):
         logical = read.position[axis] + read.offset[axis]

@@ -24,7 +24,7 @@ ALLOWED = (
     "gcode/commands.py",
     "gcode/lexer.py",
     "gcode/state.py",
-    "gcode/reading.py",
+    "gcode/move_actions.py",
     "motion/positioning_mode.py",
 )
 CLASSES = {

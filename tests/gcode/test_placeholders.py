@@ -9,7 +9,7 @@ import pytest
 from printer_slicer.errors import ProfileError
 from printer_slicer.gcode import write_gcode
 from printer_slicer.gcode.facts import print_facts
-from printer_slicer.gcode.notes import macro_of
+from printer_slicer.gcode.inserted_lines import read_macro
 from printer_slicer.model import Program
 from printer_slicer.pipeline import slice_part
 from printer_slicer.profile import Profile, profile_with
@@ -27,7 +27,7 @@ def with_start(text: str, **changes: Any) -> Profile:
 
 
 def filled(program: Program, wanted: Profile) -> list[str]:
-    return macro_of(wanted, "start_gcode").filled(print_facts(program, wanted))
+    return read_macro(wanted, "start_gcode").filled(print_facts(program, wanted))
 
 
 def test_names_become_numbers_without_needless_zeros(program: Program) -> None:

@@ -13,7 +13,7 @@ import pytest
 from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.firmware import FLAVOURS
 from printer_slicer.gcode import write_gcode
-from printer_slicer.gcode.notes import TYPE_NAMES
+from printer_slicer.gcode.inserted_lines import TYPE_NAMES
 from printer_slicer.gcode_text import gcode_of
 from printer_slicer.model import Fan, Heat, LayerPlan, Program
 from printer_slicer.pipeline import slice_part

@@ -274,7 +274,7 @@ def _refuse_unsupported(name: str, found: Sequence[Unsupported]) -> None:
 
 def _unreached(profile: Profile, plan: LayerPlan) -> Iterator[str]:
     """The settings of heights over the part, which change nothing."""
-    from printer_slicer.profile.places import heights_of
+    from printer_slicer.profile.object_profiles import heights_of
 
     top = float(plan.top[-1])
     for low, high, own in heights_of(profile):

@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int
-from printer_slicer.gcode.plain import plain_moves
+from printer_slicer.gcode.plain_moves import read_plain_moves
 from printer_slicer.link_model import LineBatch, line_sizes
 from printer_slicer.motion.rules import MotionLimits
 from printer_slicer.motion.vectorized import find_moving, make_blocks
@@ -43,7 +43,7 @@ class Chunk:
     def __init__(self, commands: Sequence[bytes], first: int) -> None:
         self.first, self.commands = first, commands
         self.texts = b"\n".join(commands).decode("latin-1").split("\n")
-        plain = plain_moves(commands)
+        plain = read_plain_moves(commands)
         self.words = np.full((len(commands), 5), np.nan)
         self.words[plain.index] = plain.words
         self.is_plain = np.zeros(len(commands), np.bool_)

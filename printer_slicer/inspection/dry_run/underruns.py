@@ -18,7 +18,7 @@ import numpy as np
 from printer_slicer.arrays import Float
 from printer_slicer.gcode import Moves, changed_limits
 from printer_slicer.gcode.commands import Effect, commands_that
-from printer_slicer.gcode.lexer import extended, parse
+from printer_slicer.gcode.lexer import parse, parse_extended
 from printer_slicer.gcode.moves import accelerations
 from printer_slicer.link_model import LinkRun, SerialLink, TimedJob, line_sizes
 from printer_slicer.motion.rules import MotionLimits
@@ -145,7 +145,7 @@ def timed_job(commands: Sequence[bytes], moves: Moves, limits: MotionLimits) -> 
 def _stands(command: bytes) -> float | None:
     """Seconds that a command stands still, None if it does not; what it waits for besides is not counted."""
     word, values = parse(command)
-    if (word or extended(command)[0]) not in _STANDS:
+    if (word or parse_extended(command)[0]) not in _STANDS:
         return None
     if word != b"G4":
         return 0.0

@@ -13,7 +13,7 @@ from typing import Final
 from printer_slicer.commands import find_lines, read_text
 from printer_slicer.diagnostics import Diagnostic, Severity
 from printer_slicer.firmware import FLAVOURS, Dialect
-from printer_slicer.gcode import Moves, pieces_of
+from printer_slicer.gcode import Moves, read_moves_in_pieces
 from printer_slicer.gcode.commands import Effect, names_that
 from printer_slicer.gcode.lexer import LintCommand, read_commands
 from printer_slicer.inspection.deposition.marks import marks_of
@@ -66,7 +66,7 @@ def scan(
     """
     if moves is None:
         dialect = FLAVOURS[profile.printer.flavour]
-        moves = pieces_of(commands, profile.printer.corners[0], dialect)
+        moves = read_moves_in_pieces(commands, profile.printer.corners[0], dialect)
     found: dict[_Key, Diagnostic] = {}
     factors: list[tuple[int, float]] = []
     heat, readiness = HeaterRules(profile), Readiness(profile.printer.flavour)
@@ -165,7 +165,7 @@ def lint_text(
     """
     printer = profile.printer
     told = sendable(name, text, streamed=streamed)
-    pieces = pieces_of(told.commands, printer.corners[0], flavour or FLAVOURS[printer.flavour])
+    pieces = read_moves_in_pieces(told.commands, printer.corners[0], flavour or FLAVOURS[printer.flavour])
     summary = JobSummary(limits_of(printer))
     marks = marks_of(told.commands, text, told.marks, told.roles)
     tracker = UnsupportedTracker(printer.corners, pi * profile.material.filament_diameter**2 / 4, marks)

@@ -122,7 +122,7 @@ def _unit(command: LintCommand, printer: Printer) -> float | None:
 
     A firmware ignores commands that only another one has; nearly all read those of Marlin.
     """
-    reads = printer.firmware.dialect.reads
+    reads = printer.firmware.dialect.commands
     if command.code not in reads:
         return None if command.code in _OF_ONE_FIRMWARE else 1.0
     meaning = reads[command.code]

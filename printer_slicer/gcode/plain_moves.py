@@ -1,7 +1,7 @@
-"""The numbers of ordinary moves, `G1 X10.5 Y3 E0.02 F1800`, read from all lines at once.
+"""Read the numbers of plain moves, such as `G1 X10.5 Y3 E0.02 F1800`, from all lines at once.
 
-Nine lines of ten are such moves. Their digits are added up column by column over the whole text; the value is the whole
-number of all digits divided by a power of ten, both exact, so it is the same as Python's `float` gives.
+Nine of ten lines are plain moves. Their digits are added up position by position over the whole text. A value is the
+integer of all its digits divided by a power of ten; both are exact, so it equals the result of Python's `float`.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from printer_slicer.arrays import Bool, Float, Int
-from printer_slicer.gcode.reading import ReadingState, follow_line
+from printer_slicer.gcode.move_actions import ReaderState, follow_line
 
-__all__ = ["LETTERS", "Plain", "follow_plain", "plain_moves"]
+__all__ = ["LETTERS", "PlainMoves", "follow_plain", "read_plain_moves"]
 
 _Text = NDArray[np.uint8]
 _Kinds = NDArray[np.int8]
@@ -25,10 +25,10 @@ _Kinds = NDArray[np.int8]
 LETTERS: Final = "XYZEF"
 """The words of a plain move, in the order of its columns."""
 
-_MOST_DIGITS: Final = 15  # a number of so many is exact as a float
-_MOST: Final = 1e9  # no machine goes there; the careful reader decides what such a number means
+_MAX_DIGITS: Final = 15  # numbers with up to 15 digits are exact as a float
+_MAX_VALUE: Final = 1e9  # larger numbers are left to `lexer.parse`
 _OTHER, _DIGIT, _DOT, _SIGN, _LETTER, _BLANK, _END = range(7)
-_POWERS: Final = 10.0 ** np.arange(_MOST_DIGITS + 2)
+_POWERS: Final = 10.0 ** np.arange(_MAX_DIGITS + 2)
 
 
 def _table() -> _Kinds:
@@ -40,7 +40,7 @@ def _table() -> _Kinds:
 
 
 def _allowed() -> Bool:
-    """[kind, kind behind it]: which neighbours a plain move may have."""
+    """Return which kinds of characters may follow each other in a plain move, [kind, next kind]."""
     allowed = np.zeros((7, 7), np.bool_)
     for before, after in (
         (_DIGIT, (_DIGIT, _DOT, _BLANK, _END)),
@@ -59,22 +59,22 @@ _ALLOWED: Final = _allowed().reshape(-1)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Plain:
+class PlainMoves:
     """The plain moves among some commands.
 
     Attributes:
-        index: (n,) which of the commands they are, ascending.
-        words: (n, 5) the numbers of X, Y, Z, E and F as they are written, nan for those that are not there.
+        index: (n,) indices of these commands, ascending.
+        words: (n, 5) numbers of X, Y, Z, E and F as written; nan for missing words.
     """
 
     index: Int
     words: Float
 
 
-def plain_moves(commands: Sequence[bytes]) -> Plain:
-    """The commands that are G0 or G1, one blank before each word and nothing but numbers in them.
+def read_plain_moves(commands: Sequence[bytes]) -> PlainMoves:
+    """Find G0 and G1 commands with one blank before each word and read their numbers.
 
-    Of a letter that comes twice the last number counts. What is written in any other way is left to others.
+    If a letter occurs twice, its last number counts. Commands written in any other way are skipped.
 
     Args:
         commands: without comments and line breaks.
@@ -83,7 +83,7 @@ def plain_moves(commands: Sequence[bytes]) -> Plain:
     kind = _KINDS[text]
     breaks = np.flatnonzero(kind == _END)
     plain = _begin_as_moves(text, breaks)
-    # "G1" itself is no word: its two characters pass as the end of the line before.
+    # "G1" itself is not a word: treat its two characters as part of the line break before it.
     kind[breaks[:-1][plain] + 1] = kind[breaks[:-1][plain] + 2] = _END
     wrong = np.flatnonzero(~_ALLOWED[kind[:-1].astype(np.int16) * 7 + kind[1:]])
     plain[np.searchsorted(breaks, wrong, side="right") - 1] = False
@@ -95,7 +95,7 @@ def plain_moves(commands: Sequence[bytes]) -> Plain:
     words[line, _COLUMN[text[letter]]] = value
     plain[line[~good]] = False
     index = np.flatnonzero(plain)
-    return Plain(index, words[index])
+    return PlainMoves(index, words[index])
 
 
 _COLUMN: Final = np.zeros(256, np.int64)
@@ -103,7 +103,7 @@ _COLUMN[[ord(letter) for letter in LETTERS]] = np.arange(len(LETTERS))
 
 
 def _begin_as_moves(text: _Text, breaks: Int) -> Bool:
-    """Which lines begin with `G0 ` or `G1 `, and no more than a blank behind it being there."""
+    """Return which lines begin with `G0 ` or `G1 `."""
     first = breaks[:-1]
     last = len(text) - 1
     code = (text[first + 1] == ord("G")) & (np.isin(text[np.minimum(first + 2, last)], (ord("0"), ord("1"))))
@@ -111,7 +111,7 @@ def _begin_as_moves(text: _Text, breaks: Int) -> Bool:
 
 
 def _numbers(text: _Text, kind: _Kinds, start: Int) -> tuple[Float, Bool]:
-    """The numbers that begin at these places, and which of them are good: digits in them, not too many, one dot."""
+    """Return the numbers that begin at some positions, and which are valid: 1 to 15 digits, at most one point."""
     negative = text[start] == ord("-")
     at = start + (kind[start] == _SIGN)
     mantissa = np.zeros(len(at), np.int64)
@@ -120,7 +120,7 @@ def _numbers(text: _Text, kind: _Kinds, start: Int) -> tuple[Float, Bool]:
     dots = np.zeros(len(at), np.int64)
     on = np.arange(len(at))
     place = at
-    for _ in range(_MOST_DIGITS + 2):
+    for _ in range(_MAX_DIGITS + 2):
         here = kind[place]
         more = (here == _DIGIT) | (here == _DOT)
         if not more.all():
@@ -133,23 +133,23 @@ def _numbers(text: _Text, kind: _Kinds, start: Int) -> tuple[Float, Bool]:
         digits[on] += digit
         dots[on] += ~digit
         place = place + 1
-    good = (digits > 0) & (digits <= _MOST_DIGITS) & (dots <= 1)
+    good = (digits > 0) & (digits <= _MAX_DIGITS) & (dots <= 1)
     good[on] = False
     value = np.where(good, mantissa, 0) / _POWERS[np.where(good, decimals, 0)]
-    return np.where(negative, -value, value), good & (value < _MOST)
+    return np.where(negative, -value, value), good & (value < _MAX_VALUE)
 
 
-_FEW: Final = 6  # moves that are sooner done one by one
+_FEW: Final = 6  # fewer moves are faster one by one
 _XYZEF: Final = "XYZEF"
 
 
-def follow_plain(state: ReadingState, words: Float, index: Int) -> None:
-    """Make plain moves that follow each other.
+def follow_plain(state: ReaderState, words: Float, index: Int) -> None:
+    """Apply consecutive plain moves to the state.
 
     Args:
-        state: of the machine; it is changed.
-        words: (n, 5) the numbers of X, Y, Z, E, F, nan where there is none.
-        index: (n,) of the commands.
+        state: changed in place.
+        words: (n, 5) numbers of X, Y, Z, E and F; nan for missing words.
+        index: (n,) indices of the commands.
     """
     if len(index) < _FEW:
         for row, place in zip(words.tolist(), index.tolist(), strict=True):
@@ -165,7 +165,7 @@ def follow_plain(state: ReadingState, words: Float, index: Int) -> None:
         axis=1,
     )
     delta = np.diff(end, axis=0, prepend=start[None])
-    feed = _held(np.where(words[:, 4] > 0, words[:, 4] * state.unit / 60, np.nan), state.feed)
+    feed = _hold_last(np.where(words[:, 4] > 0, words[:, 4] * state.unit / 60, np.nan), state.feed)
     travels = (delta[:, :3] != 0).any(axis=1)
     lays = delta[:, 3] != 0
     acceleration = np.where(lays, np.where(travels, state.printing, state.retract), state.travel)
@@ -178,22 +178,22 @@ def follow_plain(state: ReadingState, words: Float, index: Int) -> None:
     state.feed = float(feed[-1])
 
 
-def _readings(state: ReadingState) -> Sequence[tuple[float, float, bool]]:
-    """Of x, y, z and e: mm in a unit of the text, what is taken off, whether numbers count from where it is."""
+def _readings(state: ReaderState) -> Sequence[tuple[float, float, bool]]:
+    """Return how x, y, z and e are read: unit in mm, offset to subtract, whether relative."""
     head = [(state.unit, offset, state.relative) for offset in state.offset[:3]]
     return [*head, (state.unit_e, state.offset[3], state.relative_e)]
 
 
 def _axis(words: Float, start: float, unit: float, offset: float, *, relative: bool) -> Float:
-    """(n,) where an axis is after each move."""
+    """Return the position of an axis after each move, (n,)."""
     if relative:
         steps = np.where(np.isnan(words), 0.0, words * unit)
         return np.asarray(np.cumsum(np.append(start, steps))[1:])
-    return _held(words * unit - offset, start)
+    return _hold_last(words * unit - offset, start)
 
 
-def _held(values: Float, start: float) -> Float:
-    """(n,) the last value that is a number, `start` before the first."""
+def _hold_last(values: Float, start: float) -> Float:
+    """Replace each nan by the last number before it, or by `start`; (n,)."""
     values = np.append(start, values)
     last = np.maximum.accumulate(np.where(np.isnan(values), 0, np.arange(len(values))))
     return np.asarray(values[last][1:])

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.gcode import read_moves
-from printer_slicer.gcode.plain import LETTERS, plain_moves
+from printer_slicer.gcode.plain_moves import LETTERS, read_plain_moves
 from printer_slicer.gcode.reader import MoveReader, Moves
 
 NUMBERS = st.one_of(
@@ -68,7 +68,7 @@ def test_runs_of_moves_lead_where_single_moves_do(lines: list[str]) -> None:
 @given(st.lists(st.tuples(st.sampled_from(LETTERS), st.floats(-1e5, 1e5)), min_size=1, max_size=5))
 def test_numbers_are_those_that_python_reads(words: list[tuple[str, float]]) -> None:
     written = [(letter, f"{value:.6f}") for letter, value in words]
-    plain = plain_moves([" ".join(["G1", *(letter + number for letter, number in written)]).encode()])
+    plain = read_plain_moves([" ".join(["G1", *(letter + number for letter, number in written)]).encode()])
     last = dict(written)
 
     assert plain.index.tolist() == [0]
@@ -104,11 +104,11 @@ def test_numbers_are_those_that_python_reads(words: list[tuple[str, float]]) -> 
     ],
 )
 def test_what_is_written_in_any_other_way_is_left_alone(line: bytes) -> None:
-    plain = plain_moves([b"G1 X1", line, b"G0 Y2"])
+    plain = read_plain_moves([b"G1 X1", line, b"G0 Y2"])
 
     assert plain.index.tolist() == [0, 2]
     assert plain.words[:, :2].tolist()[1][1] == 2
 
 
 def test_no_commands_have_no_plain_moves() -> None:
-    assert len(plain_moves([]).index) == 0
+    assert len(read_plain_moves([]).index) == 0

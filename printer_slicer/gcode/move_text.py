@@ -1,8 +1,8 @@
-"""Moves as bytes, a column of digits at a time.
+"""Format moves as bytes, one column of characters at a time.
 
-Each word is a number of columns with one character per move: letter, sign, digits, point, digits. What a row does not
-need (leading and trailing zeros, a missing word) is 0 there, and left out when the columns are read across. Rounding is
-numpy's `rint`, ties to even, done once on integers of the last decimal, so sums of E come out exact.
+Each word is a number of columns with one character per move: letter, sign, digits, point, digits. Characters that a row
+does not need (leading and trailing zeros, missing words) are 0 and dropped when the columns are joined to rows. Values
+are rounded once, by numpy's `rint` (ties to even), to integers of the last decimal, so sums of E are exact.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from printer_slicer.arrays import Bool, Int, run_starts
 from printer_slicer.model import Program
 from printer_slicer.roles import Role
 
-__all__ = ["E_DECIMALS", "XY_DECIMALS", "Z_DECIMALS", "MoveText", "rows_of"]
+__all__ = ["E_DECIMALS", "XY_DECIMALS", "Z_DECIMALS", "MoveText", "format_moves"]
 
 XY_DECIMALS, Z_DECIMALS, E_DECIMALS = 3, 4, 5
-_AT_ONCE = 8192  # rows whose matrices fit the processor's cache
+_BATCH = 8192  # rows whose matrices fit the processor's cache
 _ZERO, _ONE, _MINUS, _POINT = (np.uint8(ord(letter)) for letter in "01-.")
 _Letters = NDArray[np.uint8]
 
@@ -29,8 +29,8 @@ class MoveText:
     """The text of all moves.
 
     Attributes:
-        text: all rows one after the other, each ending in a newline.
-        start: (K + 1,) where the row of each move begins in `text`; moves too short to show have an empty row.
+        text: all rows, each ending in a newline.
+        start: (K + 1,) offset of each move's row in `text`; moves too short to show have an empty row.
         fed: (K,) filament written by the end of each move, in units of the last decimal of E.
         feed: (K,) speed of each move as written, mm/min.
     """
@@ -41,13 +41,13 @@ class MoveText:
     feed: Int
 
 
-def rows_of(program: Program, *, relative: bool, fresh: Int | None = None) -> MoveText:
-    """G0 and G1 rows of a program's moves.
+def format_moves(program: Program, *, relative: bool, full: Int | None = None) -> MoveText:
+    """Format the moves of a program as rows of G0 to G3.
 
     Args:
         program: the moves.
-        relative: E words are differences (M83); otherwise they count from 0 (M82).
-        fresh: moves at or behind which a row says x, y, z and speed whether they change or not.
+        relative: relative extrusion (M83); otherwise absolute (M82).
+        full: moves whose row, or the next one, holds x, y, z and speed even if they do not change.
     """
     xyz = np.rint(program.xyz * 10.0 ** np.array([XY_DECIMALS, XY_DECIMALS, Z_DECIMALS])).astype(np.int64)
     fed = np.rint(np.cumsum(program.filament) * 10**E_DECIMALS).astype(np.int64)
@@ -66,7 +66,7 @@ def rows_of(program: Program, *, relative: bool, fresh: Int | None = None) -> Mo
     moved = np.diff(ends, axis=0, prepend=ends[:1] - 1) != 0
     codes: _Letters = np.where(code > 0, code, step != 0).astype(np.uint8)
     arc = codes > 1
-    anew = _first_kept(head, fresh)
+    anew = _first_kept(head, full)
     moved |= anew[:, None]
     columns = [
         (b" X", ends[:, 0], XY_DECIMALS, moved[:, 0]),
@@ -77,8 +77,8 @@ def rows_of(program: Program, *, relative: bool, fresh: Int | None = None) -> Mo
         (b" F", feed, 0, (np.diff(feed, prepend=-1) != 0) | anew),
     ]
     texts, lengths = [], []
-    for first in range(0, len(ends), _AT_ONCE):
-        some = slice(first, first + _AT_ONCE)
+    for first in range(0, len(ends), _BATCH):
+        some = slice(first, first + _BATCH)
         text, length = _block(codes[some], [(w, v[some], d, p[some]) for w, v, d, p in columns])
         texts.append(text)
         lengths.append(length)
@@ -89,7 +89,7 @@ def rows_of(program: Program, *, relative: bool, fresh: Int | None = None) -> Mo
 
 
 def _runs(program: Program, feed: Int) -> tuple[Int, Int]:
-    """First and last move of each row: the chords of an arc are one row, every other move is one by itself."""
+    """Return the first and last move of each row: the chords of an arc share one row."""
     if not program.has_arcs:
         every = np.arange(program.n_moves)
         return every, every
@@ -98,7 +98,7 @@ def _runs(program: Program, feed: Int) -> tuple[Int, Int]:
 
 
 def _arcs(program: Program, xyz: Int, head: Int, last: Int) -> tuple[Int, Int, Int]:
-    """2 or 3 for rows (n,) that are arcs, 0 for others; and how far from their begin the centre lies, in x and y."""
+    """Return 2 or 3 for arcs and 0 for other rows, (n,), and the centre relative to the start in x and y."""
     arc = last > head
     code, off = np.zeros(len(head), np.int64), np.zeros((len(head), 2), np.int64)
     if arc.any():
@@ -106,35 +106,35 @@ def _arcs(program: Program, xyz: Int, head: Int, last: Int) -> tuple[Int, Int, I
         begin = xyz[np.maximum(first - 1, 0), :2]
         centre = program.centre[first]
         off[arc] = np.rint(centre * 10**XY_DECIMALS).astype(np.int64) - begin
-        out, way = program.start[first, :2] - centre, program.xyz[first, :2] - program.start[first, :2]
-        code[arc] = np.where(out[:, 0] * way[:, 1] > out[:, 1] * way[:, 0], 3, 2)
+        out, chord = program.start[first, :2] - centre, program.xyz[first, :2] - program.start[first, :2]
+        code[arc] = np.where(out[:, 0] * chord[:, 1] > out[:, 1] * chord[:, 0], 3, 2)
     return code, off[:, 0], off[:, 1]
 
 
-def _first_kept(kept: Int, fresh: Int | None) -> Bool:
-    """Which of the rows that are kept are the first at or behind a move of `fresh`."""
+def _first_kept(kept: Int, full: Int | None) -> Bool:
+    """Return which of the kept rows are the first at or after a move of `full`."""
     anew = np.zeros(len(kept), np.bool_)
-    if fresh is not None:
-        place = np.searchsorted(kept, fresh)
+    if full is not None:
+        place = np.searchsorted(kept, full)
         anew[place[place < len(kept)]] = True
     return anew
 
 
 def _visible(xyz: Int, fed: Int, pure: Bool) -> Int:
-    """Which moves still change something once rounded; a bead too short to show leaves its filament to the next one."""
+    """Return the moves that change something after rounding; the filament of the others is added to the next move."""
     travels = np.diff(xyz, axis=0, prepend=xyz[:1] - 1).any(axis=1)
     turns = travels | (pure & (np.diff(fed, prepend=0) != 0))
     return np.flatnonzero(turns)
 
 
 def _without_travels(fed: Int, feeds: Bool) -> Int:
-    """E at the end of each row, where rows that feed nothing leave what is owed to the next one that does."""
+    """Return E at the end of each row; filament left over at a travel is added to the next row that extrudes."""
     last = np.maximum.accumulate(np.where(feeds, np.arange(len(fed)), -1))
     return np.where(last >= 0, fed[np.maximum(last, 0)], 0)
 
 
 def _block(code: _Letters, columns: list[tuple[bytes, Int, int, Bool]]) -> tuple[bytes, Int]:
-    """The text of some rows and the length of each; `code` is the number behind the G."""
+    """Return the text of some rows and the length of each; `code` is the number after the G."""
     letters = [np.full(len(code), ord("G"), np.uint8), code + _ZERO]
     for name, value, decimals, present in columns:
         letters += [present * np.uint8(letter) for letter in name]
@@ -147,7 +147,7 @@ def _block(code: _Letters, columns: list[tuple[bytes, Int, int, Bool]]) -> tuple
 
 
 def _number(value: Int, decimals: int) -> list[_Letters]:
-    """Sign, whole digits, point and decimals of numbers (n,), each (n,), 0 where there is none.
+    """Return the characters of numbers: sign, integer digits, point and decimals, each (n,), 0 for no character.
 
     `value` counts units of the last decimal.
     """
@@ -155,18 +155,18 @@ def _number(value: Int, decimals: int) -> list[_Letters]:
     most = int(rest.max(initial=0))
     rest = rest.astype(np.uint32) if most < 1 << 32 else rest.view(np.uint64)
     ten = rest.dtype.type(10)
-    digits: list[_Letters] = []  # from the last one
+    digits: list[_Letters] = []  # the last digit comes first
     while len(digits) <= decimals or most >= 10 ** len(digits):
         tenth = rest // ten
         digits.append((rest - tenth * ten).astype(np.uint8))
         rest = tenth
     shown = np.zeros(len(value), np.bool_)
-    for place in range(decimals):  # without zeros at the end
+    for place in range(decimals):  # drop trailing zeros
         shown |= digits[place] != 0
         digits[place] = (digits[place] + _ZERO) * shown
     point = shown * _POINT
     shown = np.zeros(len(value), np.bool_)
-    for place in range(len(digits) - 1, decimals, -1):  # and without those at the beginning
+    for place in range(len(digits) - 1, decimals, -1):  # and leading zeros
         shown |= digits[place] != 0
         digits[place] = (digits[place] + _ZERO) * shown
     digits[decimals] += _ZERO
@@ -174,9 +174,9 @@ def _number(value: Int, decimals: int) -> list[_Letters]:
 
 
 def _read_across(letters: list[_Letters]) -> bytes:
-    """The rows of a matrix of characters given by its columns, without what is 0.
+    """Join columns of characters to rows, without zeros.
 
-    Columns are put together by eights, for moving single bytes about takes three times as long.
+    Columns are packed by eights: moving single bytes takes three times as long.
     """
     packed = np.zeros((len(letters[0]), -(-len(letters) // 8)), "<u8")
     for at in range(packed.shape[1]):

@@ -11,7 +11,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from printer_slicer.arrays import Float
-from printer_slicer.gcode.rows import rows_of
+from printer_slicer.gcode.move_text import format_moves
 from printer_slicer.model import LayerPlan, Program
 from printer_slicer.roles import Role
 
@@ -40,7 +40,7 @@ def program(
 
 
 def text(made: Program, *, relative: bool = True) -> list[str]:
-    return rows_of(made, relative=relative).text.decode("ascii").splitlines()
+    return format_moves(made, relative=relative).text.decode("ascii").splitlines()
 
 
 def plainly(made: Program, *, relative: bool) -> list[str]:
@@ -160,7 +160,7 @@ def test_rows_know_where_their_text_begins() -> None:
     made = program(
         np.array([(0, 0, 1), (0, 0, 1), (1, 0, 1), (1.0001, 0, 1), (2, 0, 1)]), [0, 0, 0.1, 0.1, 0.1]
     )
-    rows = rows_of(made, relative=True)
+    rows = format_moves(made, relative=True)
 
     pieces = [rows.text[a:b] for a, b in zip(rows.start[:-1], rows.start[1:], strict=True)]
     assert pieces == [b"G0 X0 Y0 Z1 F3000\n", b"", b"G1 X1 E0.1\n", b"", b"G1 X2 E0.2\n"]
@@ -171,7 +171,7 @@ def test_a_speed_that_rounds_to_nothing_is_still_a_speed() -> None:
 
 
 def test_a_program_without_moves_is_empty_text() -> None:
-    rows = rows_of(program(np.zeros((0, 3)), []), relative=True)
+    rows = format_moves(program(np.zeros((0, 3)), []), relative=True)
 
     assert rows.text == b""
     assert rows.start.tolist() == [0]

@@ -1,4 +1,4 @@
-"""What commands do to a machine that is only imagined: where it goes, how fast, under which limits."""
+"""What each command does to the state of the reader: position, speed, acceleration and limits."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from printer_slicer.firmware.firmware import SetsAccelerations, SetsLimits, Sets
 from printer_slicer.motion.arcs import arc_points, centre_by_offset, centre_by_radius
 from printer_slicer.motion.positioning_mode import PositioningMode
 
-__all__ = ["Action", "GrowingTable", "ReadingState", "actions_of", "follow_line"]
+__all__ = ["Action", "MoveBuffer", "ReaderState", "build_actions", "follow_line"]
 
 _COLUMNS: Final = 11
 
 
-class GrowingTable:
-    """A table that grows, row by row and by many rows at once."""
+class MoveBuffer:
+    """Collects rows of moves, one by one or many at once, as tables with 11 columns."""
 
     def __init__(self) -> None:
         self._tables: list[Float] = []
@@ -31,17 +31,17 @@ class GrowingTable:
         return self._in_tables + len(self._rows)
 
     def append(self, row: tuple[float, ...]) -> None:
-        """Put one row behind the others."""
+        """Append one row."""
         self._rows.append(row)
 
     def extend(self, table: Float) -> None:
-        """Put many behind the others, (n, 11)."""
+        """Append a table of rows, (n, 11)."""
         self._settle()
         self._tables.append(table)
         self._in_tables += len(table)
 
-    def table(self) -> Float:
-        """(n, 11) all of them; the rows are forgotten."""
+    def take(self) -> Float:
+        """Return all rows, (n, 11), and empty the buffer."""
         self._settle()
         tables, self._tables, self._in_tables = self._tables, [], 0
         return np.concatenate(tables) if tables else np.zeros((0, _COLUMNS))
@@ -54,18 +54,19 @@ class GrowingTable:
 
 
 @dataclass(slots=True)
-class ReadingState:
-    """Where the machine is and how it reads numbers.
+class ReaderState:
+    """Position and modes of the machine, and the moves read so far.
 
     Attributes:
         offset: program coordinates minus machine coordinates of x, y and z, mm.
         home_offset: the part of it set by M206, which homing keeps.
-        retraction: of G10 and G11: mm back, mm/s back, mm/s forward, mm more forward.
-        retracted: whether G10 was the last of them.
-        changes: of limits, as `Moves` has them.
-        rows: position at the end (3), way (4), speed, acceleration, command, tool of each move.
+        retraction: of G10 and G11: retracted length (mm), retraction speed, deretraction speed (mm/s) and extra
+            length (mm).
+        retracted: whether G10 came last, rather than G11.
+        changes: changes of limits, as in `Moves`.
+        rows: of each move: end position (3), distance in x, y, z, e (4), speed, acceleration, command, tool.
         stops: moves after which the machine stands still.
-        rested: whether it stands still before the first of them.
+        starts_at_rest: whether the machine stands still before the first move.
     """
 
     home: tuple[float, float, float]
@@ -86,32 +87,32 @@ class ReadingState:
     retraction: tuple[float, float, float, float] = (0.0, 25.0, 25.0, 0.0)
     retracted: bool = False
     changes: list[tuple[int, str, dict[str, float]]] = field(default_factory=list)
-    rows: GrowingTable = field(default_factory=GrowingTable)
+    rows: MoveBuffer = field(default_factory=MoveBuffer)
     stops: list[int] = field(default_factory=list)
-    rested: bool = False
+    starts_at_rest: bool = False
 
     @property
     def relative(self) -> bool:
-        """Whether x, y, z count from where they are."""
+        """Whether x, y, z are relative."""
         return self.counting.axes
 
     @property
     def relative_e(self) -> bool:
-        """Whether e counts from where it is."""
+        """Whether e is relative."""
         return self.counting.e
 
     @property
     def unit_e(self) -> float:
-        """Mm of filament that an E of 1 feeds; mm³, or cubic inches, of it where M200 says so."""
+        """Length of filament that E1 feeds, mm; with M200, E counts mm³ or cubic inches."""
         return self.unit**3 / (np.pi * self.diameter**2 / 4) if self.volumetric else self.unit
 
 
-Action = Callable[[ReadingState, Mapping[str, float], int], None]
-"""What a command does, given its numbers and its place among the commands."""
+Action = Callable[[ReaderState, Mapping[str, float], int], None]
+"""Applies a command to the state, given its numbers and its index."""
 
 
-def _goal(state: ReadingState, words: Mapping[str, float]) -> list[float]:
-    """Where the words lead, in machine coordinates."""
+def _goal(state: ReaderState, words: Mapping[str, float]) -> list[float]:
+    """Return the end position that the words ask for, in machine coordinates."""
     goal = list(state.position)
     for axis, letter in enumerate("XYZE"):
         if letter in words:
@@ -123,8 +124,8 @@ def _goal(state: ReadingState, words: Mapping[str, float]) -> list[float]:
     return goal
 
 
-def _move(state: ReadingState, goal: list[float], index: int) -> None:
-    """One straight move."""
+def _move(state: ReaderState, goal: list[float], index: int) -> None:
+    """Append one straight move."""
     delta = [after - before for after, before in zip(goal, state.position, strict=True)]
     if any(delta):
         travels = delta[0] or delta[1] or delta[2]
@@ -135,16 +136,16 @@ def _move(state: ReadingState, goal: list[float], index: int) -> None:
     state.position = goal
 
 
-def follow_line(state: ReadingState, words: Mapping[str, float], index: int) -> None:
-    """G0 and G1: straight to where the words lead."""
+def follow_line(state: ReaderState, words: Mapping[str, float], index: int) -> None:
+    """G0 and G1: move in a straight line."""
     _move(state, _goal(state, words), index)
 
 
 def _arc(clockwise: bool) -> Action:
-    """G2 or G3."""
+    """Return the action of G2 or G3."""
 
-    def run(state: ReadingState, words: Mapping[str, float], index: int) -> None:
-        """An arc as straight moves, around a centre (I and J) or with a radius (R)."""
+    def run(state: ReaderState, words: Mapping[str, float], index: int) -> None:
+        """Append an arc as straight moves; its centre is given by I and J, or its radius by R."""
         x, y, z, e = state.position
         goal = _goal(state, words)
         unit = state.unit
@@ -152,7 +153,7 @@ def _arc(clockwise: bool) -> Action:
             centre = centre_by_radius((x, y), (goal[0], goal[1]), words["R"] * unit, clockwise=clockwise)
         else:
             centre = centre_by_offset((x, y), words.get("I", 0.0) * unit, words.get("J", 0.0) * unit)
-        if centre is not None:  # firmware refuses an arc without one
+        if centre is not None:  # firmware rejects an arc without a centre
             gx, gy, gz, ge = goal
             for point in arc_points((x, y, z, e), (gx, gy, gz, ge), centre, clockwise=clockwise):
                 _move(state, list(point), index)
@@ -160,8 +161,8 @@ def _arc(clockwise: bool) -> Action:
     return run
 
 
-def _set_position(state: ReadingState, words: Mapping[str, float], _index: int) -> None:
-    """G92: the same place under other numbers."""
+def _set_position(state: ReaderState, words: Mapping[str, float], _index: int) -> None:
+    """G92: set the coordinates of the current position."""
     for axis, letter in enumerate("XYZE"):
         if letter in words:
             if letter == "E":
@@ -170,14 +171,14 @@ def _set_position(state: ReadingState, words: Mapping[str, float], _index: int) 
                 state.offset[axis] = words[letter] * state.unit - state.position[axis]
 
 
-def _home(state: ReadingState, words: Mapping[str, float], _index: int) -> None:
-    """G28: the named axes, or all but the extruder, are at their endstops, without the offset of G92."""
+def _home(state: ReaderState, words: Mapping[str, float], _index: int) -> None:
+    """G28: put the named axes, or x, y and z, at their endstops, and drop their offset of G92."""
     named = [axis for axis, letter in enumerate("XYZ") if letter in words]
     for axis in named or range(3):
         state.position[axis], state.offset[axis] = state.home[axis], state.home_offset[axis]
 
 
-def _offset_home(state: ReadingState, words: Mapping[str, float], _index: int) -> None:
+def _offset_home(state: ReaderState, words: Mapping[str, float], _index: int) -> None:
     """M206: move the origin by the change of the home offset."""
     for axis, letter in enumerate("XYZ"):
         if letter in words:
@@ -186,14 +187,14 @@ def _offset_home(state: ReadingState, words: Mapping[str, float], _index: int) -
             state.home_offset[axis] = offset
 
 
-def _offset_next_homing(state: ReadingState, words: Mapping[str, float], _index: int) -> None:
+def _offset_next_homing(state: ReaderState, words: Mapping[str, float], _index: int) -> None:
     """M206 of Smoothieware: applied at the next homing, and in mm even after G20."""
     for axis, letter in enumerate("XYZ"):
         if letter in words:
             state.home_offset[axis] = words[letter]
 
 
-def _move_in_machine_coordinates(state: ReadingState, words: Mapping[str, float], index: int) -> None:
+def _move_in_machine_coordinates(state: ReaderState, words: Mapping[str, float], index: int) -> None:
     """G53 before a move: use machine coordinates."""
     if (move := _MOVES.get(words.get("G", -1.0))) is not None:
         offset, state.offset = state.offset, [0.0, 0.0, 0.0, 0.0]
@@ -201,23 +202,23 @@ def _move_in_machine_coordinates(state: ReadingState, words: Mapping[str, float]
         state.offset = offset
 
 
-def _dwell(state: ReadingState, words: Mapping[str, float], _index: int) -> None:
+def _dwell(state: ReaderState, words: Mapping[str, float], _index: int) -> None:
     """G4: S in seconds, or else P in milliseconds."""
     state.dwell += words["S"] if "S" in words else words.get("P", 0.0) / 1000
 
 
-def _acceleration(state: ReadingState, words: Mapping[str, float], _index: int) -> None:
-    """M204: S sets printing and travel, P, T and R one each."""
+def _acceleration(state: ReaderState, words: Mapping[str, float], _index: int) -> None:
+    """M204: set accelerations: S printing and travel, P printing, T travel, R retraction."""
     state.printing = words.get("P", words.get("S", state.printing))
     state.travel = words.get("T", words.get("S", state.travel))
     state.retract = words.get("R", state.retract)
 
 
 def _setting_limits(meaning: SetsLimits) -> Action:
-    """A command that sets limits."""
+    """Return the action of a command that sets limits."""
 
-    def run(state: ReadingState, words: Mapping[str, float], _index: int) -> None:
-        """The limits that are named hold from the next move on; those of 0 are ignored."""
+    def run(state: ReaderState, words: Mapping[str, float], _index: int) -> None:
+        """Set limits from the next move on; values of 0 are ignored."""
         names = {letter: letter for letter in words} if meaning.letters is None else meaning.letters
         values = {
             letter: value * meaning.scale
@@ -225,16 +226,16 @@ def _setting_limits(meaning: SetsLimits) -> Action:
             if value > 0
             for letter in names.get(word, "")
         }
-        state.changes.append((len(state.rows), meaning.like, values))
+        state.changes.append((len(state.rows), meaning.marlin_command, values))
 
     return run
 
 
 def _setting_accelerations(meaning: SetsAccelerations) -> Action:
-    """A command that sets accelerations."""
+    """Return the action of a command that sets accelerations."""
 
-    def run(state: ReadingState, words: Mapping[str, float], _index: int) -> None:
-        """They hold from the next move on."""
+    def run(state: ReaderState, words: Mapping[str, float], _index: int) -> None:
+        """Set accelerations from the next move on."""
         for names, which in meaning.sets.items():
             values = [words[name] for name in names if words.get(name, 0) > 0]
             for one in which if values else ():
@@ -244,10 +245,10 @@ def _setting_accelerations(meaning: SetsAccelerations) -> Action:
 
 
 def _setting_retraction(meaning: SetsRetraction) -> Action:
-    """A command that sets what G10 and G11 do."""
+    """Return the action of a command that sets lengths and speeds of G10 and G11."""
 
-    def run(state: ReadingState, words: Mapping[str, float], _index: int) -> None:
-        """It holds from the next G10 or G11 on."""
+    def run(state: ReaderState, words: Mapping[str, float], _index: int) -> None:
+        """Set them from the next G10 or G11 on."""
         length, back, forward, extra = (
             words.get(name, value) for name, value in zip(meaning.words, state.retraction, strict=True)
         )
@@ -256,28 +257,28 @@ def _setting_retraction(meaning: SetsRetraction) -> Action:
     return run
 
 
-def _ignore(_state: ReadingState, _words: Mapping[str, float], _index: int) -> None:
-    """Nothing that has to do with moves."""
+def _ignore(_state: ReaderState, _words: Mapping[str, float], _index: int) -> None:
+    """Ignore a command that does not affect moves."""
 
 
-def _retraction(state: ReadingState, words: Mapping[str, float], _index: int) -> None:
-    """M207: S mm, F mm/min, and in RepRapFirmware forward T mm/min and R mm more."""
+def _retraction(state: ReaderState, words: Mapping[str, float], _index: int) -> None:
+    """M207: retract S mm at F mm/min; RepRapFirmware deretracts at T mm/min, with R mm extra."""
     length, back, forward, extra = state.retraction
     back, forward = words.get("F", 60 * back) / 60, words.get("T", 60 * forward) / 60
     state.retraction = words.get("S", length), back, forward, words.get("R", extra)
 
 
-def _deretraction(state: ReadingState, words: Mapping[str, float], _index: int) -> None:
-    """M208: forward F mm/min, and S mm more."""
+def _deretraction(state: ReaderState, words: Mapping[str, float], _index: int) -> None:
+    """M208: deretract at F mm/min, with S mm extra."""
     length, back, forward, extra = state.retraction
     state.retraction = length, back, words.get("F", 60 * forward) / 60, words.get("S", extra)
 
 
 def _firmware_retraction(back: bool) -> Action:
-    """G10 or G11."""
+    """Return the action of G10 or G11."""
 
-    def run(state: ReadingState, words: Mapping[str, float], index: int) -> None:
-        """Turn the extruder, unless it is turned so already; E stays what it was. Letters make it another command."""
+    def run(state: ReaderState, words: Mapping[str, float], index: int) -> None:
+        """Retract or deretract unless that is done already; E keeps its value. With words it is another command."""
         if words or state.retracted == back:
             return
         state.retracted = back
@@ -290,39 +291,39 @@ def _firmware_retraction(back: bool) -> Action:
     return run
 
 
-def _speed_ratio(state: ReadingState, words: Mapping[str, float], _index: int) -> None:
-    """M220: the share of all speeds from now on, in percent."""
+def _speed_ratio(state: ReaderState, words: Mapping[str, float], _index: int) -> None:
+    """M220: set the feed rate percentage."""
     if "S" in words:
         state.speed_ratio = min(max(words["S"], 1.0), 999.0) / 100
 
 
-def _volumetric(state: ReadingState, words: Mapping[str, float], _index: int) -> None:
-    """M200: from now on E counts mm³ of a filament of diameter D; D0 or S0 ends it, S1 goes back to it."""
+def _volumetric(state: ReaderState, words: Mapping[str, float], _index: int) -> None:
+    """M200: let E count mm³ of filament with diameter D; D0 or S0 disables that, S1 enables it again."""
     diameter = words.get("D", 0.0) * state.unit
     state.volumetric = bool(words.get("S", diameter))
     state.diameter = diameter or state.diameter
 
 
-def _tool(state: ReadingState, words: Mapping[str, float], _index: int) -> None:
-    """T0, T1 and so on: another tool from now on."""
+def _tool(state: ReaderState, words: Mapping[str, float], _index: int) -> None:
+    """T0, T1 and so on: select a tool."""
     state.tool = int(words["T"])
 
 
-def _units(mm: float) -> Action:
-    """Numbers are in units of so many mm from now on."""
+def _set_units(mm: float) -> Action:
+    """Return the action of G20 or G21, for units of so many mm."""
 
-    def run(state: ReadingState, _words: Mapping[str, float], _index: int) -> None:
-        """Set this unit."""
+    def run(state: ReaderState, _words: Mapping[str, float], _index: int) -> None:
+        """Set the unit."""
         state.unit = mm
 
     return run
 
 
-def _counts(word: str) -> Action:
-    """Numbers count from the origin, or from where the machine is."""
+def _set_counting(word: str) -> Action:
+    """Return the action of a command that sets absolute or relative mode."""
 
-    def run(state: ReadingState, _words: Mapping[str, float], _index: int) -> None:
-        """As the firmware reads that."""
+    def run(state: ReaderState, _words: Mapping[str, float], _index: int) -> None:
+        """Set the mode by the firmware's rule."""
         state.counting = state.counting.after(word)
 
     return run
@@ -343,14 +344,14 @@ _ACTIONS: Final[Mapping[str, Action]] = {
     "G4": _dwell,
     "G10": _firmware_retraction(back=True),
     "G11": _firmware_retraction(back=False),
-    "G20": _units(25.4),
-    "G21": _units(1.0),
+    "G20": _set_units(25.4),
+    "G21": _set_units(1.0),
     "G28": _home,
-    "G90": _counts("G90"),
-    "G91": _counts("G91"),
+    "G90": _set_counting("G90"),
+    "G91": _set_counting("G91"),
     "G92": _set_position,
-    "M82": _counts("M82"),
-    "M83": _counts("M83"),
+    "M82": _set_counting("M82"),
+    "M83": _set_counting("M83"),
     "M200": _volumetric,
     "M201": _setting_limits(SetsLimits("M201")),
     "M203": _setting_limits(SetsLimits("M203")),
@@ -361,17 +362,17 @@ _ACTIONS: Final[Mapping[str, Action]] = {
     "M220": _speed_ratio,
     "T": _tool,
 }
-"""As Marlin 2 has them."""
+"""The actions in Marlin 2."""
 
 _HOME_OFFSETS: Final = {"at once": _offset_home, "when homed": _offset_next_homing, "never": _ignore}
 
 
-def actions_of(dialect: Dialect) -> dict[str, Action]:
-    """Command -> what it does, as a dialect reads it."""
+def build_actions(dialect: Dialect) -> dict[str, Action]:
+    """Return the actions of a dialect, by command."""
     actions = {**_ACTIONS, "M206": _HOME_OFFSETS[dialect.home_offset]}
     if dialect.machine_coordinates:
         actions["G53"] = _move_in_machine_coordinates
-    for code, meaning in dialect.reads.items():
+    for code, meaning in dialect.commands.items():
         match meaning:
             case SetsLimits():
                 actions[code] = _setting_limits(meaning)

@@ -1,0 +1,399 @@
+"""Lines between the moves: layer changes, macros, fans, heaters, progress, and comments for G-code viewers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from heapq import merge
+from itertools import chain
+from math import ceil
+from typing import Final
+
+import numpy as np
+
+from printer_slicer.arrays import Bool, Float, Int, distinct, unique_inverse, run_starts
+from printer_slicer.errors import ProfileError
+from printer_slicer.firmware import Dialect
+from printer_slicer.gcode.commands import Effect, commands_that
+from printer_slicer.gcode.facts import layer_facts
+from printer_slicer.gcode.labels import (
+    Marking,
+    ObjectMark,
+    format_starts,
+    format_stops,
+    place_outside_objects,
+)
+from printer_slicer.gcode.lexer import parse
+from printer_slicer.gcode.move_text import E_DECIMALS, XY_DECIMALS, Z_DECIMALS, MoveText
+from printer_slicer.gcode.state import uses_inches
+from printer_slicer.macros import Template, Value, read_template
+from printer_slicer.model import Acceleration, Event, Fan, Heat, PressureAdvance, Program, ToolChange
+from printer_slicer.profile import Profile
+from printer_slicer.roles import ROLES, Role
+from printer_slicer.texts import number
+
+__all__ = [
+    "TYPE_NAMES",
+    "WriteContext",
+    "collect_insertions",
+    "find_firmware_retractions",
+    "find_timed_macros",
+    "format_extrusion_comments",
+    "format_fan",
+    "format_first_progress",
+    "read_macro",
+]
+
+# The role names of PrusaSlicer's and OrcaSlicer's viewers.
+TYPE_NAMES: Final[dict[Role, str]] = {role: ROLES[role].type_comment for role in Role if role != Role.TRAVEL}
+_MOVING: Final = commands_that(Effect.MOVES | Effect.HOMES)
+_MODES: Final = commands_that(Effect.UNITS | Effect.MODE | Effect.SETS_POSITION)
+_TAKING_TIME: Final = _MOVING | {b"G4"}
+_HAIR: Final = 1e-9  # keeps rounding from making the last percent 99
+_PROGRESS_INTERVAL: Final = 5.0  # s: minimum time between updates of the percentage
+_Insertion = tuple[int, list[str]]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WriteContext:
+    """The inputs from which the parts of a file are written.
+
+    Attributes:
+        program: the moves.
+        profile: the profile that the program was sliced with.
+        dialect: G-code dialect of the printer.
+        known: placeholders of macros and their values.
+        begins: (K + 1,) estimated start time of each move, s, counted from the start G-code; the last entry is the end
+            of the print. Zeros if unknown.
+        marking: labelled objects and the label format; None: no labels.
+        shared: global variables of macros after the start G-code.
+    """
+
+    program: Program
+    profile: Profile
+    dialect: Dialect
+    known: dict[str, Value]
+    begins: Float
+    marking: Marking | None = None
+    shared: Mapping[str, Value] = field(default_factory=dict)
+
+
+def read_macro(profile: Profile, name: str) -> Template:
+    """Read a macro of the printer.
+
+    Raises:
+        ProfileError: the macro has a syntax error.
+    """
+    printer = profile.printer
+    return read_template(getattr(printer, name), f"printer {printer.name!r}: {name}")
+
+
+def collect_insertions(
+    context: WriteContext, rows: MoveText, turns: Int, marks: list[ObjectMark]
+) -> dict[int, list[str]]:
+    """Collect the lines before each move and after the last one, except those of `format_extrusion_comments`.
+
+    Args:
+        context: inputs of the file.
+        rows: the moves as text.
+        turns: (K,) moves made by firmware retraction; see `find_firmware_retractions`.
+        marks: where objects start and end.
+
+    Raises:
+        ProfileError: a macro cannot be evaluated, or a pause lies above the part.
+    """
+    notes: dict[int, list[str]] = {}
+    relative, marking = context.profile.printer.relative_extrusion, context.marking
+    layers, arrivals = _macros(context, rows)
+    sources = (
+        format_stops(marks, marking, rows, relative=relative) if marking else (),
+        _repeat_changes(context, marks),
+        place_outside_objects(iter(layers), marks),
+        place_outside_objects(_events(context), marks),
+        format_starts(marks, marking) if marking else (),
+        arrivals,
+        _progress(context),
+        _retractions(turns),
+    )
+    for source in sources:
+        for index, lines in source:
+            notes.setdefault(index, []).extend(lines)
+    return notes
+
+
+def _macros(context: WriteContext, rows: MoveText) -> tuple[list[_Insertion], list[_Insertion]]:
+    """Return layer changes and arrivals; their macros run in print order, because they share global variables."""
+    shared = dict(context.shared)
+    found: tuple[list[_Insertion], list[_Insertion]] = [], []
+    layers = ((found[0], note) for note in _layer_changes(context, rows, shared))
+    arrivals = ((found[1], note) for note in _arrivals(context, rows, shared))
+    for notes, note in merge(layers, arrivals, key=lambda one: one[1][0]):
+        notes.append(note)
+    return found
+
+
+def _layer_changes(context: WriteContext, rows: MoveText, shared: dict[str, Value]) -> Iterator[_Insertion]:
+    """Yield the comments and the macro of every layer change."""
+    program, template = context.program, read_macro(context.profile, "before_layer_gcode")
+    height = _layer_heights(program)
+    for move in np.flatnonzero(run_starts(program.layer)).tolist():
+        layer = int(program.layer[move])
+        yield (
+            move,
+            [
+                ";LAYER_CHANGE",
+                f";Z:{number(float(program.plan.top[layer]))}",
+                f";HEIGHT:{number(float(height[layer]))}",
+                ";BEFORE_LAYER_CHANGE",
+                f";{number(float(program.plan.top[layer]))}",
+                *_in_layer(template, context, rows, move, layer, shared),
+            ],
+        )
+
+
+def _arrivals(context: WriteContext, rows: MoveText, shared: dict[str, Value]) -> Iterator[_Insertion]:
+    """Yield pauses and the macro of each layer, after the nozzle has reached the layer's height."""
+    program = context.program
+    template = read_macro(context.profile, "layer_gcode")
+    pauses = _pauses(context)
+    if template.empty and not pauses:
+        return
+    pause = read_macro(context.profile, "pause_gcode")
+    if pause.empty:
+        pause = read_template(context.dialect.pause, "pause")
+    high = program.xyz[:, 2] >= program.z_top - 1e-6
+    arrived = np.flatnonzero(high)
+    arrived = arrived[run_starts(program.layer[arrived])]
+    for layer, place in zip(program.layer[arrived].tolist(), arrived.tolist(), strict=True):
+        lines = _in_layer(pause, context, rows, place + 1, layer, shared) if layer in pauses else []
+        yield place + 1, lines + _in_layer(template, context, rows, place + 1, layer, shared)
+
+
+def find_timed_macros(context: WriteContext, rows: MoveText) -> Iterator[_Insertion]:
+    """Yield the layer and pause macros that take time: with moves, homing or dwells."""
+    names = "before_layer_gcode", "layer_gcode"
+    if (
+        all(read_macro(context.profile, name).empty for name in names)
+        and not context.profile.quality.pause_at
+    ):
+        return
+    for move, lines in chain(*_macros(context, rows)):
+        if not _TAKING_TIME.isdisjoint(_codes_of(lines)):
+            yield move, lines
+
+
+def _codes_of(lines: list[str]) -> set[bytes]:
+    """Return the codes of commands."""
+    return {parse(line.encode())[0] for line in lines}
+
+
+def _pauses(context: WriteContext) -> set[int]:
+    """Return the layers before which the print pauses.
+
+    Raises:
+        ProfileError: a pause lies above the part.
+    """
+    program, tops = context.program, context.program.plan.top
+    layers = distinct(program.layer)
+    pauses = set()
+    for z in context.profile.quality.pause_at:
+        later = layers[tops[layers] > z + 1e-6]
+        if not len(later):
+            raise ProfileError(
+                f"quality.pause_at: {z:g} mm is above the top of the part at {tops[-1]:g} mm",
+                remedy="Choose a height below the last layer",
+            )
+        pauses.add(int(later[0]))
+    return pauses
+
+
+def _in_layer(  # noqa: PLR0917 - position and inputs
+    template: Template, context: WriteContext, rows: MoveText, move: int, layer: int, shared: dict[str, Value]
+) -> list[str]:
+    """Evaluate a macro that runs before a move, followed by lines that restore the printer's state."""
+    if template.empty:
+        return []
+    filament = float(rows.fed[move - 1]) / 10**E_DECIMALS if move else 0.0
+    facts = layer_facts(context.program, layer, filament, float(context.begins[move]))
+    lines = template.filled(context.known | dict(facts), shared)
+    return lines + _restore_state(lines, context, rows, move)
+
+
+def _restore_state(lines: list[str], context: WriteContext, rows: MoveText, move: int) -> list[str]:
+    """Return commands that restore modes, position and speed if a macro may have changed them.
+
+    Each row holds only the words that differ from the row before, so it depends on the state after that row.
+    """
+    codes = _codes_of(lines)
+    if not codes & (_MOVING | _MODES):
+        return []
+    printer = context.profile.printer
+    back = ["G21"] if uses_inches(line.encode() for line in lines) else []
+    back += ["G90", "M83" if printer.relative_extrusion else "M82"]
+    fed = rows.fed[move - 1] if move else 0
+    back += [] if printer.relative_extrusion else [f"G92 E{number(fed / 10**E_DECIMALS)}"]
+    if move and codes & _MOVING:
+        x, y, z = context.program.xyz[move - 1]
+        travel = round(context.profile.speeds.travel * 60)
+        back += [f"G0 X{x:z.{XY_DECIMALS}f} Y{y:z.{XY_DECIMALS}f} F{travel}", f"G0 Z{z:z.{Z_DECIMALS}f}"]
+        back += [f"G1 F{rows.feed[move - 1]}"]
+    return back
+
+
+def _repeat_changes(context: WriteContext, marks: list[ObjectMark]) -> Iterator[_Insertion]:
+    """Yield, after each object, the last changes within it, so that they apply too if the object is cancelled."""
+    changes = [event for event in context.program.events if isinstance(event, Fan | Acceleration)]
+    start = 0
+    for mark in marks:
+        if mark.stop >= 0:
+            within = {type(event): event for event in changes if start < event.index < mark.after}
+            yield (
+                mark.index,
+                [line for event in within.values() for line in _format_event(event, context)],
+            )
+        start = mark.until
+
+
+def _events(context: WriteContext) -> Iterator[_Insertion]:
+    """Yield the lines of fans, heaters, accelerations and other events."""
+    for event in context.program.events:
+        yield event.index, _format_event(event, context)
+
+
+def format_fan(ratio: float) -> str:
+    """Format M106 for a fan speed from 0 to 1, or M107 for off; S counts to 255 in all firmwares."""
+    return f"M106 S{round(ratio * 255)}" if ratio > 0 else "M107"
+
+
+def _format_nozzle(temperature: float, tool: int | None) -> str:
+    """Format M104 (heat without waiting) for a tool; None: the active tool."""
+    return f"M104{'' if tool is None else f' T{tool}'} S{number(temperature)}"
+
+
+def _format_event(event: Event, context: WriteContext) -> list[str]:
+    """Format an event as lines."""
+    dialect, extruders = context.dialect, context.profile.extruders
+    match event:
+        case Fan():
+            return [format_fan(event.ratio)]
+        case Heat():
+            tool = extruders[event.tool].tool if len(extruders) > 1 else None
+            nozzle = [_format_nozzle(event.nozzle, tool)] if event.nozzle is not None else []
+            return nozzle + ([f"M140 S{number(event.bed)}"] if event.bed is not None else [])
+        case Acceleration():
+            return [dialect.acceleration(event.value)]
+        case PressureAdvance():
+            return [dialect.pressure_advance(event.seconds)] if dialect.pressure_advance is not None else []
+        case ToolChange():
+            return [f"T{extruders[event.tool].tool}"]
+
+
+def format_first_progress(context: WriteContext) -> list[str]:
+    """Format the progress before the first move."""
+    format_progress, total = context.dialect.progress, float(context.begins[-1])
+    if not (context.profile.printer.progress and format_progress and total > 0):
+        return []
+    return [format_progress(0, ceil(total / 60 - _HAIR))]
+
+
+def _progress(context: WriteContext) -> Iterator[_Insertion]:
+    """Yield percentage and remaining minutes wherever one of them has changed."""
+    begins, format_progress = context.begins, context.dialect.progress
+    shown = format_first_progress(context)
+    if not (shown and format_progress):
+        return
+    total = float(begins[-1])
+    step = max(ceil(100 * _PROGRESS_INTERVAL / total), 1)
+    percent = np.floor(100 * begins / total + _HAIR).astype(np.int64)
+    percent = np.where(percent < 100, percent // step * step, 100)
+    minutes = np.ceil((total - begins) / 60 - _HAIR).astype(np.int64)
+    changed = (np.diff(percent, prepend=0) != 0) | (np.diff(minutes, prepend=minutes[0]) != 0)
+    for move in np.flatnonzero(changed).tolist():
+        line = format_progress(int(percent[move]), int(minutes[move]))
+        if line not in shown:  # some dialects have no remaining minutes
+            yield move, [line]
+        shown = [line]
+
+
+def _retractions(turns: Int) -> Iterator[_Insertion]:
+    """Yield G10 and G11, which replace moves of the extruder alone."""
+    for move in np.flatnonzero(turns).tolist():
+        yield move, ["G10" if turns[move] < 0 else "G11"]
+
+
+def find_firmware_retractions(program: Program, profile: Profile) -> Int:
+    """Return -1 for moves that G10 replaces, 1 for those that G11 replaces, 0 for all others, (K,).
+
+    The firmware has one retraction length. If lengths differ, or retractions and deretractions do not alternate, all
+    are 0 and stay E words.
+    """
+    none = np.zeros(program.n_moves, np.int64)
+    if not profile.printer.firmware_retraction:
+        return none
+    fed = program.filament
+    alone = (program.role == Role.TRAVEL) & (fed != 0)
+    signs = np.sign(fed[alone]).astype(np.int64)
+    printer = profile.printer
+    length = np.where(signs < 0, printer.retract_length, printer.retract_length + printer.deretract_extra)
+    equal = np.abs(np.abs(fed[alone]) - length) < 1e-6
+    stands = (program.xyz == program.start).all(axis=1)[alone]
+    turns = np.where(np.arange(len(signs)) % 2 == 0, -1, 1)
+    if not (equal.all() and stands.all() and (signs == turns).all()):
+        return none
+    none[alone] = signs
+    return none
+
+
+def format_extrusion_comments(program: Program) -> tuple[Int, list[bytes]]:
+    """Format comments where role, width or height of extrusions changes.
+
+    Returns:
+        Moves (n,) before which the comments stand, and n comments. Extrusions of variable width change at every
+        point, so equal comments are formatted once.
+    """
+    beads = np.flatnonzero(program.role != Role.TRAVEL)
+    role, width, thick = program.role[beads], program.width[beads], _shown_heights(program, beads)
+    new_role = np.diff(role, prepend=-1) != 0
+    new_width = np.diff(width, prepend=-1.0) != 0
+    of_layer, first_of_layer = program.layer[beads], _layer_heights(program)
+    begins = np.diff(of_layer, prepend=-1) > 0
+    usual = np.where(begins, first_of_layer[of_layer], np.append(0.0, thick[:-1]))
+    new_height = thick != usual  # layer changes have comments of their own
+    changed = np.flatnonzero(new_role | new_width | new_height)
+    heights, height = _number_distinct(thick[changed], new_height[changed])
+    roles, kind = _number_distinct(role[changed].astype(np.float64), new_role[changed])
+    widths, wide = _number_distinct(width[changed], new_width[changed])
+    every = (height * (len(roles) + 1) + kind) * (len(widths) + 1) + wide
+    keys, alike = unique_inverse(every)
+    example = np.zeros(len(keys), np.int64)
+    example[alike] = np.arange(len(changed))
+    texts = []
+    for h, r, w in zip(*(some[example].tolist() for some in (height, kind, wide)), strict=True):
+        lines = [f";HEIGHT:{number(heights[h - 1])}\n"] if h else []
+        lines += [f";TYPE:{TYPE_NAMES[Role(int(roles[r - 1]))]}\n"] if r else []
+        lines += [f";WIDTH:{number(widths[w - 1])}\n"] if w else []
+        texts.append("".join(lines).encode("ascii"))
+    return beads[changed], [texts[one] for one in alike.tolist()]
+
+
+def _number_distinct(values: Float, chosen: Bool) -> tuple[list[float], Int]:
+    """Return the distinct values among the chosen ones, and the number of each value (n,), from 1; 0: not chosen."""
+    different, which = unique_inverse(values[chosen])
+    result = np.zeros(len(values), np.int64)
+    result[chosen] = which + 1
+    return different.tolist(), result
+
+
+def _layer_heights(program: Program) -> Float:
+    """Return the height of the first extrusion of each layer, (L,); above a raft gap it is below the layer height."""
+    height = program.plan.height
+    beads = np.flatnonzero(program.role != Role.TRAVEL)
+    first = beads[run_starts(program.layer[beads])]
+    height[program.layer[first]] = _shown_heights(program, first)
+    return height
+
+
+def _shown_heights(program: Program, beads: Int) -> Float:
+    """Return heights of extrusions for comments, (n,); those that rise have the height of their layer."""
+    climbs = np.abs(program.xyz[beads, 2] - program.start[beads, 2]) > 1e-9
+    return np.where(climbs, program.plan.height[program.layer[beads]], program.height[beads])
