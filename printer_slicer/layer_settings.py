@@ -13,7 +13,7 @@ import numpy as np
 from printer_slicer.arrays import Bool, Float, Int, frozen_array
 from printer_slicer.model import LayerPlan
 from printer_slicer.profile import Profile, profile_with
-from printer_slicer.profile.object_profiles import heights_of
+from printer_slicer.profile.object_profiles import override_heights
 
 __all__ = ["LayerSettings", "settings_by_layer"]
 
@@ -52,7 +52,7 @@ class LayerSettings:
 
 def settings_by_layer(profile: Profile, plan: LayerPlan) -> LayerSettings:
     """Apply the overrides for height ranges to each layer; overrides for objects are ignored."""
-    heights = heights_of(profile)
+    heights = override_heights(profile)
     if not heights:
         return LayerSettings((profile,), np.zeros(plan.n_layers, np.int64))
     middle = (plan.bottom + plan.top) / 2

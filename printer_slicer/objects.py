@@ -17,7 +17,7 @@ from printer_slicer.layer_settings import LayerSettings, settings_by_layer
 from printer_slicer.model import LayerPlan, Mesh, PlateObject, Regions, Sections, Toolpaths, Walls
 from printer_slicer.overhangs import graded
 from printer_slicer.profile import Profile
-from printer_slicer.profile.object_profiles import for_object, objects_of
+from printer_slicer.profile.object_profiles import override_objects, profile_for_object
 from printer_slicer.slicing import cut
 from printer_slicer.thick_walls import thickened
 
@@ -51,27 +51,29 @@ def split_objects(part: Mesh, plan: LayerPlan | Sequence[LayerPlan], profile: Pr
             remedy="Give one plan for all, or one for each object",
         )
     called = _names_of(part)
-    named = objects_of(profile)
+    named = override_objects(profile)
     _check_names(named, called)
     _require_known_facets(part)
-    own = [for_object(profile, tuple(name for name in named if name in names)) for names in called]
+    own = [profile_for_object(profile, tuple(name for name in named if name in names)) for names in called]
     return [_extract_objects(part, [item]) for item in part.objects] or [part], list(plan), own
 
 
 def _group_by_settings(part: Mesh, profile: Profile) -> list[tuple[Mesh, Profile]]:
     """Return groups of objects with the same settings, each with its profile."""
-    named = objects_of(profile)
+    named = override_objects(profile)
     if not named:
         return [(part, profile)]
     called = _names_of(part)
     _check_names(named, called)
     if len(called) == 1:
-        return [(part, for_object(profile, called[0]))]
+        return [(part, profile_for_object(profile, called[0]))]
     _require_known_facets(part)
     own: dict[tuple[str, ...], list[PlateObject]] = {}
     for item, names in zip(part.objects, called, strict=True):
         own.setdefault(tuple(name for name in named if name in names), []).append(item)
-    return [(_extract_objects(part, items), for_object(profile, names)) for names, items in own.items()]
+    return [
+        (_extract_objects(part, items), profile_for_object(profile, names)) for names, items in own.items()
+    ]
 
 
 def _require_known_facets(part: Mesh) -> None:

@@ -106,9 +106,9 @@ def _names(kind: str) -> _Completer:
     def known(prefix: str) -> _Words:
         """Those that begin so."""
         from printer_slicer.profile import profile_paths
-        from printer_slicer.profile.inspection import headline
+        from printer_slicer.profile.inspection import read_headline
 
-        names = {name: headline(path) for name, path in profile_paths(kind).items()}
+        names = {name: read_headline(path) for name, path in profile_paths(kind).items()}
         return _beginning(names, prefix) | dict.fromkeys(_paths(prefix, (".toml",)), "")
 
     return known

@@ -241,9 +241,9 @@ def _insist_on_heights(rule: str) -> None:
     Raises:
         UsageError: it does not.
     """
-    from printer_slicer.profile.overrides import HIGHEST, has_heights
+    from printer_slicer.profile.overrides import HIGHEST, has_height_range
 
-    if not has_heights(rule):
+    if not has_height_range(rule):
         raise UsageError(
             f"--range {rule}: expected LOW:HIGH:KEY=VALUE",
             remedy=f"two heights in mm, as 5:10:perimeters=4, or up to the top 5:{HIGHEST:g}:perimeters=4; objects are"
@@ -389,7 +389,7 @@ def _own_settings(path: Path, folders: Sequence[Path] = ()) -> _OwnSettings:
     Raises:
         UsageError: it is a pipe.
     """
-    from printer_slicer.profile.gcode_settings import is_own_gcode, settings_in_gcode
+    from printer_slicer.profile.gcode_settings import is_printer_slicer_gcode, settings_in_gcode
 
     if path.is_fifo():  # what is read of it here, nobody would judge
         raise UsageError(
@@ -397,7 +397,7 @@ def _own_settings(path: Path, folders: Sequence[Path] = ()) -> _OwnSettings:
             remedy="pipe it into stdin and name -, or write it to a file",
         )
     try:
-        found = _OwnSettings(settings_in_gcode(path), ()) if is_own_gcode(path) else _foreign(path)
+        found = _OwnSettings(settings_in_gcode(path), ()) if is_printer_slicer_gcode(path) else _foreign(path)
     except (OSError, ValueError):  # an invalid file name
         return _OwnSettings({}, ())
     except ProfileError as error:
@@ -497,9 +497,9 @@ def own_folder(named: Sequence[Path], what: str, remedy: str) -> Path:
     Raises:
         UsageError: there is none.
     """
-    from printer_slicer.profile.folders import own_folders
+    from printer_slicer.profile.folders import user_folders
 
-    folders = [*named, *own_folders()]
+    folders = [*named, *user_folders()]
     if not folders:
         raise UsageError(f"{what}: there is no folder of your own", remedy=remedy)
     return folders[0]

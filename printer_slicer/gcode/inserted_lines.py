@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.arrays import Bool, Float, Int, distinct, unique_inverse, run_starts
+from printer_slicer.arrays import Bool, Float, Int, distinct, run_starts, unique_inverse
 from printer_slicer.errors import ProfileError
 from printer_slicer.firmware import Dialect
 from printer_slicer.gcode.commands import Effect, commands_that

@@ -13,7 +13,7 @@ from printer_slicer.macros import read_template
 from printer_slicer.model import LayerPlan, Program
 from printer_slicer.profile import Printer
 from printer_slicer.profile.checks import Conflict
-from printer_slicer.profile.inspection import alone
+from printer_slicer.profile.inspection import profile_of_printer
 from printer_slicer.profile.planners import PLANNER_SETTINGS
 
 __all__ = ["macro_faults"]
@@ -25,7 +25,7 @@ _IN_LAYERS: Final = frozenset({"before_layer_gcode", "layer_gcode", "pause_gcode
 def macro_faults(printer: Printer) -> Iterator[Conflict]:
     """Yield the first error of each macro; values are not computed, as they depend on part, material and quality."""
     nothing = _no_moves()
-    profile = alone(printer)
+    profile = profile_of_printer(printer)
     known = set(print_facts(nothing, profile))
     # Which planner settings exist depends on the quality.
     of_planners = {name for kind in PLANNER_SETTINGS.values() for name in kind.__struct_fields__}

@@ -10,7 +10,7 @@ from printer_slicer.gcode.commands import TABLE
 from printer_slicer.importing.presets import Preset
 from printer_slicer.importing.report import Imported
 from printer_slicer.macros import read_template
-from printer_slicer.profile.faults import fault_in
+from printer_slicer.profile.faults import find_value_fault
 
 __all__ = ["CEILINGS", "Ceilings", "check_safe"]
 
@@ -46,7 +46,7 @@ def check_safe(made: Imported, preset: Preset, ceilings: Ceilings) -> None:
     Raises:
         ProfileError: with place, value and remedy.
     """
-    fault = fault_in(made.kind, made.values)
+    fault = find_value_fault(made.kind, made.values)
     if fault:
         key, problem = fault
         raise ProfileError(f"{_where(made, preset, key)}: {problem}{_given(made, key)}", remedy=_MACHINE)

@@ -19,7 +19,7 @@ from printer_slicer.importing.presets import Preset
 from printer_slicer.importing.report import Imported, Taken
 from printer_slicer.importing.unpacking import text_of
 from printer_slicer.importing.vocabulary import DEFAULTS
-from printer_slicer.profile.gcode_settings import is_own_gcode, settings_in_gcode
+from printer_slicer.profile.gcode_settings import is_printer_slicer_gcode, settings_in_gcode
 from printer_slicer.profile.reading import flatten
 
 __all__ = ["Found", "presets_in"]
@@ -72,7 +72,7 @@ def presets_in(path: Path, folders: Sequence[Path] = (), cura: Mapping[str, str]
         changes = {key: Entry(key, text, f"--cura {key}={text}") for key, text in cura.items()}
         if path.name.endswith((".inst.cfg", ".curaprofile")):
             return _cura_profile(path, folders, changes)
-        if path.suffix.lower() in _GCODE and is_own_gcode(path):
+        if path.suffix.lower() in _GCODE and is_printer_slicer_gcode(path):
             return [_own_profile(kind, part, path) for kind, part in settings_in_gcode(path).items()]
         return _presets_in(path, folders, changes)
     except OSError as error:

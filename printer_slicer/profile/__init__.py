@@ -1,4 +1,4 @@
-"""The settings: what they are (`settings`), where they come from (`files`), what they mean together (`checks`)."""
+"""Settings of printers, materials and qualities: definitions (`settings`), loading (`files`), checks (`checks`)."""
 
 from printer_slicer.profile.files import (
     load_profile,

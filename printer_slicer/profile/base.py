@@ -1,4 +1,4 @@
-"""What all settings are made of: a meaning, a unit, bounds; and groups in which a misspelt key is an error."""
+"""Base class of all groups of settings, and the metadata of a setting: meaning, unit, bounds."""
 
 from __future__ import annotations
 
@@ -16,10 +16,17 @@ EACH_HEIGHT = (HEIGHT,)
 
 
 def meta(meaning: str, unit: str = "", *, own: tuple[str, ...] = (), **bounds: Any) -> Meta:
-    """The meaning, the unit and the bounds of one setting; `own`: whether objects and heights may have another."""
+    """Return the metadata of one setting.
+
+    Args:
+        meaning: a phrase that stands alone, for help and documents.
+        unit: its unit.
+        own: whether it can be overridden for objects and for height ranges.
+        bounds: bounds of its value, as in `msgspec.Meta`.
+    """
     shown = {"unit": unit} if unit else None
     return Meta(description=meaning, extra={"unit": unit, "own": own}, extra_json_schema=shown, **bounds)
 
 
 class Settings(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Base of all groups of settings: frozen, and a misspelt key is an error."""
+    """Base class of all groups of settings; instances are frozen, and unknown keys are an error."""

@@ -1,4 +1,4 @@
-"""What settings must satisfy together, beyond the bounds of each."""
+"""Find conflicts between settings that are valid by themselves."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ LARGEST_THUMBNAIL = 1024  # px
 
 
 class Conflict(NamedTuple):
-    """Two settings that contradict each other.
+    """A conflict between settings.
 
     Attributes:
-        key: the one to change first, `section.name`.
-        problem: what is wrong with it, with the values.
+        key: the setting to change first, `section.name`.
+        problem: the conflict, with the values.
         remedy: what to do.
     """
 
@@ -30,7 +30,7 @@ class Conflict(NamedTuple):
 
 
 def conflicts(profile: Profile) -> Iterator[Conflict]:
-    """Settings of a profile that contradict each other."""
+    """Yield the conflicts between the settings of a profile."""
     yield from _layers(profile)
     yield from _planner(profile)
     yield from _widths(profile)
@@ -40,97 +40,101 @@ def conflicts(profile: Profile) -> Iterator[Conflict]:
     yield from _thumbnails(profile)
 
 
-def _varies(profile: Profile) -> bool:
+def _has_variable_layers(profile: Profile) -> bool:
     return profile.quality.planner.__struct_config__.tag != "uniform"
 
 
 def _layers(profile: Profile) -> Iterator[Conflict]:
-    """Every layer height that a planner may use lies within the printer's limits and on its z steps."""
+    """Check that all layer heights lie within the printer's limits and are multiples of its z step."""
     printer = profile.printer
     if printer.min_layer > printer.max_layer:
-        over = f"{printer.min_layer:g} mm is over printer.max_layer, {printer.max_layer:g} mm"
-        yield Conflict("printer.min_layer", over, "lower one or raise the other")
+        over = f"{printer.min_layer:g} mm is more than printer.max_layer ({printer.max_layer:g} mm)"
+        yield Conflict("printer.min_layer", over, "Lower printer.min_layer, or raise printer.max_layer")
     if profile.thinnest > profile.thickest:
-        over = f"{profile.thinnest:g} mm is over the thickest layer, {profile.thickest:g} mm"
-        yield Conflict("quality.thinnest_layer", over, "lower it, or raise quality.thickest_layer")
+        over = f"{profile.thinnest:g} mm is more than the maximum layer height ({profile.thickest:g} mm)"
+        yield Conflict("quality.thinnest_layer", over, "Lower it, or raise quality.thickest_layer")
     for name, height in _heights(profile):
         if not printer.min_layer - 1e-9 <= height <= printer.max_layer + 1e-9:
             yield Conflict(
                 f"quality.{name}",
-                f"{height:g} mm, but printer {printer.name!r} prints layers of "
+                f"{height:g} mm is outside the layer heights of printer {printer.name!r}, "
                 f"{printer.min_layer:g} to {printer.max_layer:g} mm",
-                f"choose a height in that range, or a printer that prints {height:g} mm",
+                f"Choose a height in that range, or a printer that supports {height:g} mm",
             )
         steps = height / printer.z_step
         if abs(steps - round(steps)) > 1e-6:
             lower = floor(steps) * printer.z_step
             yield Conflict(
                 f"quality.{name}",
-                f"{height:g} mm is no multiple of printer.z_step {printer.z_step:g} mm",
-                f"take {lower:g} or {lower + printer.z_step:g}",
+                f"{height:g} mm is not a multiple of printer.z_step ({printer.z_step:g} mm)",
+                f"Use {lower:g} or {lower + printer.z_step:g}",
             )
 
 
 def _heights(profile: Profile) -> Iterator[tuple[str, float]]:
-    """All layer heights that the quality names, each with its key."""
+    """Yield all layer heights in the quality, with their keys."""
     quality = profile.quality
     for name in ("layer_height", "first_layer_height", "thinnest_layer", "thickest_layer"):
         height = getattr(quality, name)
-        if height and not (_varies(profile) and name == "layer_height"):
+        if height and not (_has_variable_layers(profile) and name == "layer_height"):
             yield name, height
     yield from (("layer_heights", height) for height in quality.layer_heights)
     if isinstance(quality.planner, OptimalPlanner):
-        for stretch in quality.planner.ranges:
-            if stretch.layer_height:
-                yield "planner.ranges", stretch.layer_height
+        for one in quality.planner.ranges:
+            if one.layer_height:
+                yield "planner.ranges", one.layer_height
 
 
 def _planner(profile: Profile) -> Iterator[Conflict]:
-    """What the settings of a planner must satisfy together."""
+    """Check the settings of the planner against each other and the printer."""
     quality, printer = profile.quality, profile.printer
     steps = quality.layer_step / printer.z_step
     if abs(steps - round(steps)) > 1e-6:
-        no_multiple = f"{quality.layer_step:g} mm is no multiple of printer.z_step {printer.z_step:g} mm"
-        yield Conflict("quality.layer_step", no_multiple, f"take {max(floor(steps), 1) * printer.z_step:g}")
+        no_multiple = f"{quality.layer_step:g} mm is not a multiple of printer.z_step ({printer.z_step:g} mm)"
+        yield Conflict("quality.layer_step", no_multiple, f"Use {max(floor(steps), 1) * printer.z_step:g}")
     if printer.z_full_step:
         within = printer.z_full_step / printer.z_step
         if abs(within - round(within)) > 1e-6:
-            no_multiple = f"{printer.z_full_step:g} mm is no multiple of printer.z_step {printer.z_step:g} mm"
+            no_multiple = (
+                f"{printer.z_full_step:g} mm is not a multiple of printer.z_step ({printer.z_step:g} mm)"
+            )
             yield Conflict(
-                "printer.z_full_step", no_multiple, "mend one of them: motors divide full steps evenly"
+                "printer.z_full_step",
+                no_multiple,
+                "Correct one of them: a full step is a whole number of microsteps",
             )
     yield from planner_conflicts(quality)
 
 
 def planner_conflicts(quality: Quality) -> Iterator[Conflict]:
-    """Settings of a quality's planner that contradict each other, on any printer."""
+    """Yield the conflicts between the settings of a quality's planner."""
     planner = quality.planner
     if not isinstance(planner, OptimalPlanner):
         return
     if planner.max_layers and planner.time_budget:
-        both = "and quality.planner.time_budget both say how much the least volume error may cost"
-        yield Conflict("quality.planner.max_layers", both, "set one of them to 0")
-    for stretch in planner.ranges:
-        if stretch.high <= stretch.low:
-            turned = f"a range from {stretch.low:g} to {stretch.high:g} mm is empty"
-            yield Conflict("quality.planner.ranges", turned, "name the lower end first")
+        both = "cannot be combined with quality.planner.time_budget"
+        yield Conflict("quality.planner.max_layers", both, "Set one of them to 0")
+    for one in planner.ranges:
+        if one.high <= one.low:
+            turned = f"the height range from {one.low:g} to {one.high:g} mm is empty"
+            yield Conflict("quality.planner.ranges", turned, "Write the lower end first")
     forced = sorted((one for one in planner.ranges if one.layer_height), key=lambda one: one.low)
     for lower, upper in pairwise(forced):
         if upper.low < lower.high and upper.layer_height != lower.layer_height:
-            both = f"between {upper.low:g} and {min(lower.high, upper.high):g} mm two layer heights are asked for"
-            yield Conflict("quality.planner.ranges", both, "let one range end where the other begins")
+            both = f"two layer heights apply between {upper.low:g} and {min(lower.high, upper.high):g} mm"
+            yield Conflict("quality.planner.ranges", both, "End one range where the other one starts")
 
 
 def _widths(profile: Profile) -> Iterator[Conflict]:
-    """Beads are at least as wide as high, and the nozzle can press them flat."""
+    """Check that extrusions are at least as wide as high, and suit the nozzle."""
     nozzle = profile.printer.nozzle_diameter
     uniform = max(profile.quality.layer_height, profile.quality.first_layer_height)
-    highest = profile.thickest if _varies(profile) else uniform
+    highest = profile.thickest if _has_variable_layers(profile) else uniform
     if highest > HIGHEST_BEAD * nozzle + 1e-9:
         yield Conflict(
             "printer.nozzle_diameter",
-            f"{nozzle:g} mm lays beads of {HIGHEST_BEAD * nozzle:g} mm at most, but layers are {highest:g} mm high",
-            "lower quality.thickest_layer or quality.layer_height, or take a wider nozzle",
+            f"{nozzle:g} mm allows layers up to {HIGHEST_BEAD * nozzle:g} mm, but layers are {highest:g} mm high",
+            "Lower quality.thickest_layer or quality.layer_height, or use a larger nozzle",
         )
     widths = {
         "extrusion_width": profile.extrusion_width,
@@ -142,26 +146,26 @@ def _widths(profile: Profile) -> Iterator[Conflict]:
         if width < highest:
             yield Conflict(
                 f"quality.{name}",
-                f"{width:g} mm is under the layer height {highest:g} mm",
-                "a bead is at least as wide as high: widen it or take thinner layers",
+                f"{width:g} mm is less than the layer height ({highest:g} mm)",
+                "Increase the extrusion width, or use thinner layers",
             )
         if not 0.6 * nozzle <= width <= 2.5 * nozzle:
             yield Conflict(
                 f"quality.{name}",
                 f"{width:g} mm does not suit a nozzle of {nozzle:g} mm",
-                f"choose {0.6 * nozzle:g} to {2.5 * nozzle:g} mm",
+                f"Choose {0.6 * nozzle:g} to {2.5 * nozzle:g} mm",
             )
     narrowest, widest = profile.bead_widths
     if not narrowest <= profile.extrusion_width <= widest:
         yield Conflict(
             "quality.min_bead_width" if narrowest > profile.extrusion_width else "quality.max_bead_width",
-            f"beads of {narrowest:g} to {widest:g} mm, but the usual one is {profile.extrusion_width:g} mm wide",
-            "the usual width lies between both",
+            f"the extrusion width of {profile.extrusion_width:g} mm is outside {narrowest:g} to {widest:g} mm",
+            "Choose minimum and maximum so that the extrusion width lies between them",
         )
 
 
 def _raft(profile: Profile) -> Iterator[Conflict]:
-    """A raft takes whole z steps, and the part stands on it instead of holding on by a brim."""
+    """Check that raft heights are multiples of the z step, and that a raft has no brim."""
     quality, step = profile.quality, profile.printer.z_step
     if not quality.raft_height:
         return
@@ -169,19 +173,19 @@ def _raft(profile: Profile) -> Iterator[Conflict]:
         wanted = getattr(quality, name)
         steps = wanted / step
         if abs(steps - round(steps)) > 1e-6:
-            no_multiple = f"{wanted:g} mm is no multiple of printer.z_step {step:g} mm"
+            no_multiple = f"{wanted:g} mm is not a multiple of printer.z_step ({step:g} mm)"
             yield Conflict(
                 f"quality.{name}",
                 no_multiple,
-                f"take {floor(steps) * step:g} or {(floor(steps) + 1) * step:g}",
+                f"Use {floor(steps) * step:g} or {(floor(steps) + 1) * step:g}",
             )
     if quality.brim_width:
-        both = f"{quality.brim_width:g} mm, but the part stands on a raft"
-        yield Conflict("quality.brim_width", both, "set quality.brim_width or quality.raft_height to 0")
+        both = f"a brim of {quality.brim_width:g} mm cannot be combined with a raft"
+        yield Conflict("quality.brim_width", both, "Set quality.brim_width or quality.raft_height to 0")
 
 
 def _heat(profile: Profile) -> Iterator[Conflict]:
-    """The machine stands the temperatures of the material."""
+    """Check that the printer allows the temperatures of the material."""
     printer, material = profile.printer, profile.material
     for heater, limit in (("nozzle", printer.max_nozzle_temperature), ("bed", printer.max_bed_temperature)):
         for name in (f"{heater}_temperature", f"first_layer_{heater}_temperature"):
@@ -189,28 +193,28 @@ def _heat(profile: Profile) -> Iterator[Conflict]:
             if wanted > limit:
                 yield Conflict(
                     f"material.{name}",
-                    f"{wanted:g} °C, but printer {printer.name!r} allows {limit:g} °C",
-                    "choose another material or printer",
+                    f"{wanted:g} °C is more than printer {printer.name!r} allows ({limit:g} °C)",
+                    "Choose another material or printer",
                 )
 
 
 def _thumbnails(profile: Profile) -> Iterator[Conflict]:
-    """Pictures are small: they are read from the file in one piece."""
+    """Check that thumbnails are small, because programs read them in one piece."""
     for one in profile.printer.thumbnails:
         if max(int(side) for side in one.partition("/")[0].split("x")) > LARGEST_THUMBNAIL:
-            large = f"{one} is over {LARGEST_THUMBNAIL} px"
-            yield Conflict("printer.thumbnails", large, f"choose {LARGEST_THUMBNAIL} px or less")
+            large = f"{one} is larger than {LARGEST_THUMBNAIL} px"
+            yield Conflict("printer.thumbnails", large, f"Choose {LARGEST_THUMBNAIL} px or less")
 
 
 def _firmware(profile: Profile) -> Iterator[Conflict]:
-    """The firmware can do what is asked of it."""
+    """Check that the firmware supports the settings."""
     printer, dialect = profile.printer, profile.printer.firmware.dialect
     if printer.firmware_retraction and dialect.retraction is None:
-        unable = f"printer.flavour {printer.flavour} cannot be told how far to retract"
-        yield Conflict("printer.firmware_retraction", unable, "set it to false")
+        unable = f"flavour {printer.flavour} has no command to set the retraction length"
+        yield Conflict("printer.firmware_retraction", unable, "Set it to false")
     if printer.firmware_retraction and printer.wipe_distance:
-        both = f"{printer.wipe_distance:g} mm, but the firmware pulls back while the nozzle stands"
-        yield Conflict("printer.wipe_distance", both, "set it to 0, or printer.firmware_retraction to false")
+        both = "a wipe cannot be combined with firmware retraction"
+        yield Conflict("printer.wipe_distance", both, "Set it to 0, or printer.firmware_retraction to false")
     if profile.material.pressure_advance and dialect.pressure_advance is None:
-        unable = f"printer.flavour {printer.flavour} has no command for it"
-        yield Conflict("material.pressure_advance", unable, "set it to 0")
+        unable = f"flavour {printer.flavour} has no command for pressure advance"
+        yield Conflict("material.pressure_advance", unable, "Set it to 0")

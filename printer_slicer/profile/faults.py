@@ -1,4 +1,4 @@
-"""What is wrong with one part of a profile that does not come from a file of ours."""
+"""Check settings that do not come from a profile file, such as imported ones."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from printer_slicer.profile.checks import conflicts
 from printer_slicer.profile.profile import Profile
 from printer_slicer.profile.reading import KINDS
 
-__all__ = ["fault_in", "faults_together"]
+__all__ = ["find_value_conflicts", "find_value_fault"]
 
 
-def fault_in(kind: str, values: Mapping[str, Any]) -> tuple[str, str] | None:
-    """The setting that is out of its bounds or of the wrong type, and what is wrong; None: all are good.
+def find_value_fault(kind: str, values: Mapping[str, Any]) -> tuple[str, str] | None:
+    """Return a setting with a wrong type or value and the problem; None if all settings are valid.
 
     Args:
         kind: `printer`, `material` or `quality`.
-        values: the settings that are set, nested as in a file.
+        values: the settings, nested as in a file.
     """
     try:
         msgspec.convert(values, KINDS[kind], strict=True)
@@ -29,13 +29,13 @@ def fault_in(kind: str, values: Mapping[str, Any]) -> tuple[str, str] | None:
     return None
 
 
-def faults_together(
+def find_value_conflicts(
     printer: Mapping[str, Any], material: Mapping[str, Any], quality: Mapping[str, Any]
 ) -> list[tuple[str, str, str]]:
-    """What three parts, each good for itself, contradict each other in: (key, problem, remedy).
+    """Return the conflicts between valid settings of three profiles: (key, problem, remedy).
 
     Args:
-        printer: the settings that are set, nested as in a file.
+        printer: its settings, nested as in a file.
         material: likewise.
         quality: likewise.
     """

@@ -1,7 +1,8 @@
-"""Profiles from TOML files: found by name, inherited, changed from the command line, checked.
+"""Load profiles from TOML files, apply changes, and check them.
 
 A profile has three parts, one file each: `printers/NAME.toml`, `materials/NAME.toml`, `qualities/NAME.toml`. A file may
-say `inherits = "OTHER"`; its own keys win. Changes such as `quality.perimeters = 3` come last and obey the same bounds.
+contain `inherits = "OTHER"`; its own keys take precedence. Changes such as `quality.perimeters = 3` are applied last,
+with the same bounds.
 """
 
 from __future__ import annotations
@@ -16,8 +17,8 @@ import msgspec
 
 from printer_slicer.errors import ProfileError
 from printer_slicer.profile.checks import conflicts
-from printer_slicer.profile.conversion import SettingFault, converted
-from printer_slicer.profile.keys import resolved
+from printer_slicer.profile.conversion import SettingFault, convert_section
+from printer_slicer.profile.keys import resolve_key
 from printer_slicer.profile.lists import LISTS, list_as_text, list_from_text
 from printer_slicer.profile.profile import Profile
 from printer_slicer.profile.reading import (
@@ -25,15 +26,15 @@ from printer_slicer.profile.reading import (
     KINDS,
     SettingsSource,
     flatten,
-    laid_over,
-    merged,
+    merge_tables,
+    overlay,
     read_chain,
 )
 from printer_slicer.profile.renamed import current_names, warn_of
 from printer_slicer.texts import describe_type
 
 __all__ = [
-    "faults_together",
+    "find_conflicts",
     "load_profile",
     "profile_from",
     "profile_over",
@@ -56,32 +57,32 @@ def load_profile(
     slices: bool = True,
     folders: Sequence[Path] = (),
 ) -> Profile:
-    """The profile made of three parts and some changes.
+    """Load printer, material and quality, and apply changes.
 
     Args:
-        printer: name of a profile or path of a TOML file; None takes the default, as for the other two.
+        printer: name of a profile or path of a TOML file; None: the default.
         material: likewise.
         quality: likewise.
-        changes: `section.key` or, where it is unique, `key` -> value; text is converted to the setting's type. A
-            `layer_height` without a setting of a planner means uniform layers. With a + behind the key, as in
-            `overrides+`, rules come behind those of the file instead of in their place.
-        slices: whether parts are sliced with it, so that printer, material and quality must suit each other.
-        folders: of profiles, looked into before the person's own and the shipped ones.
+        changes: `section.key`, or `key` if it is unique, -> value; text is converted to the setting's type. A
+            `layer_height` without a planner setting selects uniform layers. A key that ends with +, such as
+            `overrides+`, appends rules to those of the file instead of replacing them.
+        slices: whether parts are sliced with the profile; if so, conflicts between the three parts are errors.
+        folders: folders of profiles that are searched before the user's and the shipped ones.
 
     Raises:
-        ProfileError: naming file, line, key and bound.
+        ProfileError: a setting is invalid; names file, line, key and bound.
     """
     names = {"printer": printer, "material": material, "quality": quality}
     if changes is not None and not isinstance(changes, Mapping):
         raise ProfileError(
-            f"changes are a table of names and values, not {describe_type(changes)}",
-            remedy='write changes={"layer_height": 0.2}',
+            f"changes must be a mapping of names to values, not {describe_type(changes)}",
+            remedy='Write it like this: changes={"layer_height": 0.2}',
         )
-    return _built(read_sources(names, _meant(changes or {}), folders), slices=slices)
+    return _build(read_sources(names, _choose_planner(changes or {}), folders), slices=slices)
 
 
-def _meant(changes: Mapping[str, object]) -> Mapping[str, object]:
-    """The same changes, with uniform layers where a layer height is named and nothing of a planner."""
+def _choose_planner(changes: Mapping[str, object]) -> Mapping[str, object]:
+    """Return the changes, with the uniform planner added for a layer height without a planner setting."""
     named = {key.removeprefix("quality.") for key in changes}
     if "layer_height" not in named or any(key.startswith("planner.") for key in named):
         return changes
@@ -99,14 +100,14 @@ def profile_over(
     """Load a profile around settings that a file has: G-code, or a file of another slicer.
 
     Args:
-        own: kind -> settings of the file, used if `names` has no other profile.
+        own: kind -> settings in the file, used unless `names` has a profile of this kind.
         names: as for `read_sources`.
         changes: as for `load_profile`.
         folders: as for `load_profile`.
         slices: as for `load_profile`.
 
     Raises:
-        ProfileError: naming file, line, key and bound.
+        ProfileError: a setting is invalid; names file, line, key and bound.
     """
     sources = {
         kind: SettingsSource(dict(own[kind]), {}, f"{kind} of the file")
@@ -114,43 +115,45 @@ def profile_over(
         else read_chain(kind, names.get(kind) or DEFAULT_NAMES[kind], folders)
         for kind in KINDS
     }
-    return _built(_changed(sources, changes or {}), slices=slices)
+    return _build(_apply_changes(sources, changes or {}), slices=slices)
 
 
 def read_sources(
     names: Mapping[str, str | None], changes: Mapping[str, object] | None = None, folders: Sequence[Path] = ()
 ) -> dict[str, SettingsSource]:
-    """The three parts as they are read, with changes; None in `names` is the default.
+    """Read printer, material and quality, and apply changes; None in `names` is the default.
 
     Raises:
-        ProfileError: a file or a key that there is not.
+        ProfileError: a file or a key does not exist.
     """
     sources = {kind: read_chain(kind, names.get(kind) or DEFAULT_NAMES[kind], folders) for kind in KINDS}
-    return _changed(sources, changes or {})
+    return _apply_changes(sources, changes or {})
 
 
-def _changed(sources: dict[str, SettingsSource], changes: Mapping[str, object]) -> dict[str, SettingsSource]:
-    """The sources with all changes applied; the planner's kind first, since the other planner settings hang on it."""
-    for key, value in sorted(changes.items(), key=_turn):
-        _change(sources, key, value)
+def _apply_changes(
+    sources: dict[str, SettingsSource], changes: Mapping[str, object]
+) -> dict[str, SettingsSource]:
+    """Apply all changes; the planner's kind comes first, since it determines the other planner settings."""
+    for key, value in sorted(changes.items(), key=_order):
+        _apply_change(sources, key, value)
     return sources
 
 
-def _turn(change: tuple[str, object]) -> int:
-    """When it is applied: the planner's kind first, what is added last."""
+def _order(change: tuple[str, object]) -> int:
+    """Return the sort key of a change: the planner's kind first, appended rules last."""
     key = change[0]
     return -1 if key.endswith("planner.kind") else int(key.endswith("+"))
 
 
 def profile_with(profile: Profile, changes: Mapping[str, object]) -> Profile:
-    """The same profile with some settings changed; bounds are checked, unlike by the structs' constructors.
+    """Return a copy of a profile with some settings changed and all bounds checked.
 
     Args:
-        profile: stays as it is.
+        profile: the profile, which is not changed.
         changes: as for `load_profile`.
 
     Raises:
-        ProfileError: a change that is out of bounds, or of a setting that there is not.
+        ProfileError: a setting does not exist, or a value is out of bounds.
     """
     return _with(profile, changes)
 
@@ -162,37 +165,37 @@ def _with(profile: Profile, changes: Mapping[str, object], *, slices: bool = Tru
         )
         for kind in KINDS
     }
-    return _built(_changed(sources, changes), slices=slices)
+    return _build(_apply_changes(sources, changes), slices=slices)
 
 
 def settings_of(profile: Profile) -> dict[str, dict[str, Any]]:
-    """All settings of the three parts as JSON can hold them; `profile_from` makes a profile of them again."""
+    """Return all settings as values for JSON, which `profile_from` converts back to a profile."""
     return {kind: msgspec.to_builtins(getattr(profile, kind)) for kind in KINDS}
 
 
 def profile_from(values: Mapping[str, Mapping[str, Any]]) -> Profile:
-    """The profile whose `settings_of` these are; whether its parts suit each other is not asked again.
+    """Convert the result of `settings_of` back to a profile, without checks for conflicts.
 
     Raises:
-        ProfileError: they are of another version of this program.
+        ProfileError: the settings belong to another version of this program.
     """
     sources = {
-        kind: SettingsSource(current_names(values.get(kind, {})), {}, f"the kept {kind}") for kind in KINDS
+        kind: SettingsSource(current_names(values.get(kind, {})), {}, f"the stored {kind}") for kind in KINDS
     }
-    return _built(sources, slices=False)
+    return _build(sources, slices=False)
 
 
 def settings_text(profile: Profile) -> Iterator[tuple[str, object]]:
-    """All settings, flat: (`section.key`, value) in the order they are declared."""
+    """Yield all settings as (`section.key`, value), in the order of their definition."""
     for kind in KINDS:
         for path, value in flatten(msgspec.to_builtins(getattr(profile, kind))):
             yield f"{kind}.{path}", value
 
 
-def _change(sources: dict[str, SettingsSource], key: str, value: object) -> None:
+def _apply_change(sources: dict[str, SettingsSource], key: str, value: object) -> None:
     """Apply one change in place."""
     adds = key.endswith("+")
-    kind, path = resolved(sources, warn_of(key.removesuffix("+")))
+    kind, path = resolve_key(sources, warn_of(key.removesuffix("+")))
     typed = value
     value = list_from_text(path, value) if path in LISTS and isinstance(value, str) else _plain(value)
     if isinstance(value, str) and value.endswith("%"):
@@ -203,13 +206,13 @@ def _change(sources: dict[str, SettingsSource], key: str, value: object) -> None
         change = {table: change}
     source = sources[kind]
     if tables and not isinstance(source.values.get(tables[0], {}), dict):
-        return  # the file has a plain value where a table belongs, which the conversion will refuse by name
+        return  # the file has a plain value instead of a table; the conversion reports it
     if adds and isinstance(value, list):
-        sources[kind] = laid_over(source, SettingsSource(change, _places_of(path, value), source.file))
+        sources[kind] = overlay(source, SettingsSource(change, _places_of(path, value), source.file))
         return
     places = {one: place for one, place in source.places.items() if not one.startswith(f"{path}[")}
     places[path] = f"{key}={typed}"
-    sources[kind] = SettingsSource(merged(source.values, change), places, source.file)
+    sources[kind] = SettingsSource(merge_tables(source.values, change), places, source.file)
 
 
 def _places_of(path: str, rules: Sequence[Any]) -> dict[str, str]:
@@ -233,7 +236,7 @@ def _share(kind: str, path: str, text: str) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """Numbers and arrays of numpy as Python's own, typed numbers with a digit before the point and one behind it."""
+    """Convert numpy values to Python's, and numbers such as `.5` or `5.` to a form with digits on both sides."""
     if isinstance(value, list | tuple):
         return [_plain(item) for item in value]
     if isinstance(value, str):
@@ -246,41 +249,43 @@ def _plain(value: Any) -> Any:
     return value.tolist() if hasattr(value, "tolist") else value
 
 
-def _built(sources: Mapping[str, SettingsSource], *, slices: bool = True) -> Profile:
-    """The checked profile."""
-    profile = Profile(**{kind: converted(kind, source) for kind, source in sources.items()})
-    for fault in _faults(profile, sources, slices=slices):
+def _build(sources: Mapping[str, SettingsSource], *, slices: bool = True) -> Profile:
+    """Convert and check a profile."""
+    profile = Profile(**{kind: convert_section(kind, source) for kind, source in sources.items()})
+    for fault in _find_conflicts(profile, sources, slices=slices):
         raise fault.error()
     return profile
 
 
-def faults_together(sources: Mapping[str, SettingsSource]) -> list[SettingFault]:
-    """Everything in which three parts, each good by itself, do not suit each other.
+def find_conflicts(sources: Mapping[str, SettingsSource]) -> list[SettingFault]:
+    """Return the conflicts between printer, material and quality.
 
     Raises:
-        ProfileError: one is not good by itself.
+        ProfileError: one of them is invalid by itself.
     """
-    profile = Profile(**{kind: converted(kind, source) for kind, source in sources.items()})
-    return list(_faults(profile, sources, slices=True))
+    profile = Profile(**{kind: convert_section(kind, source) for kind, source in sources.items()})
+    return list(_find_conflicts(profile, sources, slices=True))
 
 
-def _faults(
+def _find_conflicts(
     profile: Profile, sources: Mapping[str, SettingsSource], *, slices: bool
 ) -> Iterator[SettingFault]:
-    """What does not suit each other, and what is wrong with settings of objects and heights."""
+    """Yield conflicts between the three parts, and errors in overrides."""
     for key, problem, remedy in conflicts(profile) if slices else ():
         kind, _, path = key.partition(".")
         yield SettingFault(sources[kind].place(path), path, f"{key}: {problem}", remedy)
-    yield from _faults_of_places(profile, sources["quality"], slices=slices)
+    yield from _find_override_faults(profile, sources["quality"], slices=slices)
 
 
-def _faults_of_places(profile: Profile, source: SettingsSource, *, slices: bool) -> Iterator[SettingFault]:
-    """Settings of objects and heights that there are not, that cannot differ, or that do not suit the others."""
+def _find_override_faults(
+    profile: Profile, source: SettingsSource, *, slices: bool
+) -> Iterator[SettingFault]:
+    """Yield errors in overrides, and conflicts of overrides with other settings."""
     if not profile.quality.overrides:
         return
-    from printer_slicer.profile.override_checks import own_faults  # noqa: PLC0415 - few profiles have overrides
+    from printer_slicer.profile.override_checks import find_override_faults  # noqa: PLC0415 - few profiles have overrides
 
-    wrong = list(own_faults(profile.quality))
+    wrong = list(find_override_faults(profile.quality))
     for path, problem, remedy in wrong:
         yield SettingFault(source.place(path), path, f"quality.overrides: {problem}", remedy)
     for i, one in enumerate(() if wrong else profile.quality.overrides):
@@ -289,5 +294,5 @@ def _faults_of_places(profile: Profile, source: SettingsSource, *, slices: bool)
             _with(profile, changed, slices=slices)
         except ProfileError as error:
             problem = str(error.args[0]).partition(": ")[2] or error.args[0]
-            told = f"quality.overrides: {one.where()}: {problem}"
-            yield SettingFault(source.place(path), path, told, error.remedy)
+            message = f"quality.overrides: {one.where()}: {problem}"
+            yield SettingFault(source.place(path), path, message, error.remedy)

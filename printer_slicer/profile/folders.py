@@ -1,8 +1,8 @@
-"""Where profiles lie: folders that are named, the person's own, those that are shipped; the first that has a name wins.
+"""Find profiles in named folders, in the user's folders and among the shipped profiles, in this order.
 
-Each folder holds `printers/NAME.toml`, `materials/NAME.toml` and `qualities/NAME.toml`. The person's own folder is the
-platform's one for configuration; the environment variable PRINTER_SLICER_PROFILES puts others in its place, separated
-as in PATH, and none where it is empty.
+Each folder contains `printers/NAME.toml`, `materials/NAME.toml` and `qualities/NAME.toml`. The user's folder is the
+platform's configuration folder. The environment variable PRINTER_SLICER_PROFILES replaces it with other folders,
+separated as in PATH; an empty value means none.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ __all__ = [
     "FOLDERS",
     "SCHEMAS",
     "VARIABLE",
-    "own_folders",
     "profile_paths",
     "profile_root",
-    "searched",
+    "search_folders",
+    "user_folders",
 ]
 
 FOLDERS: Final[Mapping[str, str]] = {"printer": "printers", "material": "materials", "quality": "qualities"}
@@ -28,7 +28,7 @@ VARIABLE: Final = "PRINTER_SLICER_PROFILES"
 
 
 def profile_root() -> Path:
-    """The folder of the shipped profiles: beside the package in a checkout, inside it when installed."""
+    """Return the folder of the shipped profiles: beside the package in a checkout, inside it when installed."""
     package = Path(__file__).resolve().parent.parent
     beside = package.parent / "profiles"
     return (
@@ -36,27 +36,27 @@ def profile_root() -> Path:
     )
 
 
-def own_folders() -> list[Path]:
-    """The folders of this person, which need not exist; the first is the one that new profiles are put into."""
+def user_folders() -> list[Path]:
+    """Return the user's folders, which need not exist; new profiles are stored in the first one."""
     given = os.environ.get(VARIABLE)
     if given is not None:
         return [Path(folder) for folder in given.split(os.pathsep) if folder]
-    from platformdirs import user_config_path  # noqa: PLC0415 - slow, and not needed where the variable is set
+    from platformdirs import user_config_path  # noqa: PLC0415 - slow, and not needed if the variable is set
 
     return [user_config_path("printer_slicer", appauthor=False)]
 
 
-def searched(folders: Sequence[Path] = ()) -> list[Path]:
-    """All folders in the order in which a name is looked for, those named first."""
-    return [*folders, *own_folders(), profile_root()]
+def search_folders(folders: Sequence[Path] = ()) -> list[Path]:
+    """Return all folders in search order, starting with the given ones."""
+    return [*folders, *user_folders(), profile_root()]
 
 
 def profile_paths(kind: str, folders: Sequence[Path] = ()) -> dict[str, Path]:
-    """The profiles of one kind (`printer`, `material`, `quality`): name -> file, by name.
+    """Return the profiles of one kind (`printer`, `material`, `quality`): name -> file, sorted by name.
 
-    `folders` are looked into before the person's own and the shipped ones.
+    `folders` are searched before the user's folders and the shipped profiles.
     """
     found: dict[str, Path] = {}
-    for folder in reversed(searched(folders)):
+    for folder in reversed(search_folders(folders)):
         found |= {path.stem: path for path in (folder / FOLDERS[kind]).glob("*.toml") if path.is_file()}
     return dict(sorted(found.items()))

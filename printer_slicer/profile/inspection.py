@@ -1,4 +1,4 @@
-"""Looking at profiles: where each value comes from, how two differ, everything that is wrong with a file."""
+"""Inspect profiles: the origin of each value, differences between two profiles, all errors in a file."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ import msgspec
 
 from printer_slicer.input_files import read_input
 from printer_slicer.profile.checks import Conflict, conflicts, planner_conflicts
-from printer_slicer.profile.conversion import SettingFault, converted, fault_of
-from printer_slicer.profile.override_checks import COLD, own_faults
+from printer_slicer.profile.conversion import SettingFault, convert_section, find_first_fault
+from printer_slicer.profile.override_checks import NEUTRAL_MATERIAL, find_override_faults
 from printer_slicer.profile.overrides import HIGHEST
 from printer_slicer.profile.planners import UniformPlanner
 from printer_slicer.profile.profile import Profile
@@ -20,32 +20,40 @@ from printer_slicer.profile.reading import SettingsSource, flatten, read_chain
 from printer_slicer.profile.settings import Printer, Quality
 from printer_slicer.toml_text import MOST_BYTES
 
-__all__ = ["DEFAULT", "SettingOrigin", "alone", "differences", "faults_of", "headline", "settings_told"]
+__all__ = [
+    "DEFAULT",
+    "SettingOrigin",
+    "differences",
+    "find_faults",
+    "profile_of_printer",
+    "read_headline",
+    "settings_with_origins",
+]
 
 DEFAULT: Final = "default"
-"""The place of what is set nowhere."""
+"""Origin of settings that no file sets."""
 
 
 class SettingOrigin(NamedTuple):
-    """A setting as it is used, and where that value was set: a file with the line, what was typed, or `DEFAULT`."""
+    """The value of a setting and its origin: file and line, the option that was typed, or `DEFAULT`."""
 
     value: object
     place: str
 
 
-def settings_told(kind: str, source: SettingsSource) -> dict[str, SettingOrigin]:
-    """All settings of one part of a profile as it is used: key -> value and place.
+def settings_with_origins(kind: str, source: SettingsSource) -> dict[str, SettingOrigin]:
+    """Return all settings of one part of a profile: key -> value and origin.
 
     Raises:
-        ProfileError: it has a fault of its own.
+        ProfileError: a setting is invalid.
     """
-    values = flatten(msgspec.to_builtins(converted(kind, source)))
+    values = flatten(msgspec.to_builtins(convert_section(kind, source)))
     return {key: SettingOrigin(value, source.known_place(key) or DEFAULT) for key, value in values}
 
 
 def differences(kind: str, one: SettingsSource, other: SettingsSource) -> dict[str, tuple[object, object]]:
-    """The settings in which two parts of the same kind differ; None for what one of them does not have."""
-    left, right = settings_told(kind, one), settings_told(kind, other)
+    """Return the settings in which two parts of the same kind differ; None: the part lacks the setting."""
+    left, right = settings_with_origins(kind, one), settings_with_origins(kind, other)
     pairs = {
         key: (left[key].value if key in left else None, right[key].value if key in right else None)
         for key in [*left, *(key for key in right if key not in left)]
@@ -53,71 +61,73 @@ def differences(kind: str, one: SettingsSource, other: SettingsSource) -> dict[s
     return {key: pair for key, pair in pairs.items() if pair[0] != pair[1]}
 
 
-def faults_of(
+def find_faults(
     kind: str,
     name: str,
     folders: Sequence[Path] = (),
     of_macros: Callable[[Printer], Iterable[Conflict]] = lambda _: (),
 ) -> list[SettingFault]:
-    """Everything that is wrong with one part of a profile by itself; empty where nothing is.
+    """Find all errors in one part of a profile.
 
     Args:
         kind: `printer`, `material` or `quality`.
-        name: of the profile, or its file.
+        name: name of the profile, or its file.
         folders: further folders of profiles.
         of_macros: finds errors in the macros of a printer; default: macros are not checked.
 
     Raises:
-        ProfileError: the file, or one that it inherits from, cannot be read at all.
+        ProfileError: the file, or one that it inherits from, cannot be read.
     """
     source = read_chain(kind, name, folders)
-    found, mended = _faults_and_rest(kind, source)
-    if fault_of(kind, mended):
+    found, repaired = _find_faults_and_rest(kind, source)
+    if find_first_fault(kind, repaired):
         return found
-    part = converted(kind, mended)
+    part = convert_section(kind, repaired)
     own = [] if found else list(planner_conflicts(part) if kind == "quality" else ())
-    own += conflicts(alone(part)) if kind == "printer" and not found else ()
+    own += conflicts(profile_of_printer(part)) if kind == "printer" and not found else ()
     own += of_macros(part) if kind == "printer" else ()
     for key, problem, remedy in own:
         section, _, path = key.partition(".")
         if section == kind:
             found.append(SettingFault(source.place(path), path, f"{key}: {problem}", remedy))
-    return [*found, *_of_places(part, source, found)] if kind == "quality" else found
+    return [*found, *_find_override_faults(part, source, found)] if kind == "quality" else found
 
 
-def _of_places(
+def _find_override_faults(
     quality: Quality, source: SettingsSource, found: Sequence[SettingFault]
 ) -> Iterator[SettingFault]:
-    """What is wrong with overrides beyond types and bounds, but for where those are for that is faulty already."""
-    told = {fault.path.partition("].")[0] + "]" for fault in found if not _is_of_set(fault.path)}
-    for path, problem, remedy in own_faults(quality):
-        if _is_of_set(path) or path not in told:
+    """Yield the errors in overrides beyond types and bounds, except where an error was reported already."""
+    reported = {fault.path.partition("].")[0] + "]" for fault in found if not _is_of_set(fault.path)}
+    for path, problem, remedy in find_override_faults(quality):
+        if _is_of_set(path) or path not in reported:
             yield SettingFault(source.place(path), path, f"quality.overrides: {problem}", remedy)
 
 
 def _is_of_set(path: str) -> bool:
-    """Whether it is one of the settings of an override."""
+    """Return whether a path is one of the settings of an override."""
     return "].set" in path
 
 
-def _faults_and_rest(kind: str, source: SettingsSource) -> tuple[list[SettingFault], SettingsSource]:
-    """One fault after the other, each mended before it is looked again; and what is left then."""
+def _find_faults_and_rest(kind: str, source: SettingsSource) -> tuple[list[SettingFault], SettingsSource]:
+    """Find faults one by one, repairing each to find the next; return them and the repaired settings."""
     found: list[SettingFault] = []
     replaced: set[str] = set()
-    while fault := fault_of(kind, source):
+    while fault := find_first_fault(kind, source):
         path = fault.path
         again = any(path == one.path for one in found)
         if not again:
             found.append(fault)
         if not path or path in replaced:
             break
-        # Without its kind a table cannot be looked at.
+        # A table without its kind cannot be checked.
         keys = _keys(path.removesuffix(".kind"))
-        if again or _entry(source.values, keys) is None:  # what must be there: anything will do
+        if again or _entry(source.values, keys) is None:  # required settings get any valid value
             replaced.add(path)
-            source = source._replace(values=_mended(source.values, keys, _STAND_INS.get(str(keys[-1]), 100)))
+            source = source._replace(
+                values=_replace_value(source.values, keys, _STAND_INS.get(str(keys[-1]), 100))
+            )
         else:
-            source = source._replace(values=_mended(source.values, keys, None))
+            source = source._replace(values=_replace_value(source.values, keys, None))
     return found, source
 
 
@@ -125,14 +135,14 @@ _STAND_INS: Final[Mapping[str, object]] = {"name": "?", "set": {}, "low": 0, "hi
 
 
 def _keys(path: str) -> list[str | int]:
-    """The keys and numbers that a path goes by; a value of a list or a mapping goes with all of it."""
+    """Split a path into keys and list indices."""
     return [
         int(one) if one.isdecimal() else one for one in re.findall(r"[^.\[\]]+", path.replace("[...]", ""))
     ]
 
 
 def _entry(values: Any, keys: Sequence[str | int]) -> Any:
-    """What stands there; None: nothing."""
+    """Return the value at a path; None: no value."""
     for key in keys:
         fits = isinstance(values, list | tuple) if isinstance(key, int) else isinstance(values, Mapping)
         if not fits or (isinstance(key, str) and key not in values):
@@ -141,26 +151,26 @@ def _entry(values: Any, keys: Sequence[str | int]) -> Any:
     return values
 
 
-def _mended(values: Any, keys: Sequence[str | int], stand_in: object) -> Any:
-    """The same with something else in one place; None takes it out, with its list if it is an item."""
+def _replace_value(values: Any, keys: Sequence[str | int], stand_in: object) -> Any:
+    """Return a copy with another value at a path; None removes the value, or the whole list of an item."""
     key, *rest = keys
     if isinstance(key, int):
-        return [_mended(one, rest, stand_in) if i == key else one for i, one in enumerate(values)]
+        return [_replace_value(one, rest, stand_in) if i == key else one for i, one in enumerate(values)]
     if rest and not (len(rest) == 1 and isinstance(rest[0], int)):
-        return {**values, key: _mended(values[key], rest, stand_in)}
+        return {**values, key: _replace_value(values[key], rest, stand_in)}
     if stand_in is None:
         return {name: value for name, value in values.items() if name != key}
     return {**values, key: stand_in}
 
 
-def alone(printer: Printer) -> Profile:
-    """A printer with a material and a quality that ask nothing of it."""
+def profile_of_printer(printer: Printer) -> Profile:
+    """Return the profile of a printer with a material and a quality that never conflict with it."""
     thin = Quality(name="", planner=UniformPlanner(), layer_height=printer.min_layer)
-    return Profile(printer=printer, material=COLD, quality=thin)
+    return Profile(printer=printer, material=NEUTRAL_MATERIAL, quality=thin)
 
 
-def headline(path: Path) -> str:
-    """What the first comment of a file says it is for: its first sentence, as far as it stands in the first line."""
+def read_headline(path: Path) -> str:
+    """Return the first sentence of the first comment in a file; only the first line of the comment is read."""
     try:
         text = read_input(path, MOST_BYTES).decode("utf-8-sig")
     except (OSError, UnicodeDecodeError):

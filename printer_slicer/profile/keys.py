@@ -1,4 +1,4 @@
-"""Which settings there are, by their dotted names, and which one somebody may have meant."""
+"""Look up settings by dotted key, and suggest keys for misspelt ones."""
 
 from __future__ import annotations
 
@@ -22,23 +22,23 @@ from printer_slicer.profile.settings import (
     Speeds,
 )
 
-__all__ = ["ENTRIES", "INNER", "is_setting", "keys_of", "nearest", "resolved"]
+__all__ = ["ENTRIES", "INNER", "find_nearest_key", "is_setting", "keys_of", "resolve_key"]
 
 INNER: Final[Mapping[str, Mapping[str, type[Struct]]]] = {
     "printer": {"speeds": PrinterSpeeds, "accelerations": PrinterAccelerations},
     "material": {},
     "quality": {"speeds": Speeds, "accelerations": Accelerations},
 }
-"""The tables of each section. A key without a section refers to the quality: `speeds.travel`."""
+"""Tables within each section. Their keys without a section refer to the quality: `speeds.travel`."""
 
 ENTRIES: Final[Mapping[str, type[Struct]]] = {"overrides": Override, "planner.ranges": HeightRange}
-"""Settings that are lists of tables: what these may hold."""
-_ALIKE: Final = 0.75  # of 1, from where on a name is near
-_SHORT: Final = 2  # letters, of which nobody can tell what they begin
+"""Settings that are lists of tables, and the type of these tables."""
+_ALIKE: Final = 0.75  # minimum similarity of a suggestion, 0 to 1
+_SHORT: Final = 2  # prefixes of up to two letters give no suggestion
 
 
 def keys_of(kind: str, values: Mapping[str, Any]) -> list[str]:
-    """All keys that may be set in a section as it stands: the planner's own settings depend on its kind."""
+    """Return all keys of a section; those of the planner depend on its kind in `values`."""
     inner = INNER[kind]
     keys = [name for name in KINDS[kind].__struct_fields__ if name not in ("planner", *inner)]
     if kind == "quality":
@@ -62,30 +62,30 @@ def is_setting(key: str) -> bool:
     return any(key in (name, name.removeprefix("planner.")) for _, name in names)
 
 
-def nearest(key: str, known: Sequence[str]) -> str:
-    """The name that is most like a key, of the same group if there is such a group; empty where none is near."""
+def find_nearest_key(key: str, known: Sequence[str]) -> str:
+    """Return the name most similar to a key, of the same group if that exists; empty if none is similar."""
     table, _, leaf = key.rpartition(".")
-    known = sorted(known, key=len, reverse=True)  # of names that end alike the shortest is offered
+    known = sorted(known, key=len, reverse=True)  # of names with the same ending, suggest the shortest
     same = [one for one in known if one.rpartition(".")[0] == table]
     leaves, all_leaves = ({one.rpartition(".")[2]: one for one in among} for among in (same, known))
     if leaf in all_leaves:
         return all_leaves[leaf]
     for among in (leaves, all_leaves):
         near = get_close_matches(leaf, among, n=1, cutoff=_ALIKE)
-        begun = [one for one in among if one.startswith(leaf) and len(leaf) > _SHORT]
-        if near or len(begun) == 1:
-            return among[near[0] if near else begun[0]]
+        longer = [one for one in among if one.startswith(leaf) and len(leaf) > _SHORT]
+        if near or len(longer) == 1:
+            return among[near[0] if near else longer[0]]
     near = [] if same else get_close_matches(key, known, n=1, cutoff=_ALIKE)
     return near[0] if near else ""
 
 
-def resolved(sources: Mapping[str, SettingsSource], key: str) -> tuple[str, str]:
-    """Which section and key a change means: `quality.perimeters`, or `perimeters` where only one section has it.
+def resolve_key(sources: Mapping[str, SettingsSource], key: str) -> tuple[str, str]:
+    """Return section and key of a change: `quality.perimeters`, or `perimeters` if only one section has it.
 
-    Settings of the chosen planner may be named alone, too: `smooth` for `quality.planner.smooth`.
+    Settings of the chosen planner may be named alone too: `smooth` for `quality.planner.smooth`.
 
     Raises:
-        ProfileError: none has it, or several have.
+        ProfileError: no section has the key, or several have it.
     """
     known = [(kind, path) for kind, source in sources.items() for path in keys_of(kind, source.values)]
     exact = [(kind, path) for kind, path in known if f"{kind}.{path}" == key]
@@ -97,20 +97,22 @@ def resolved(sources: Mapping[str, SettingsSource], key: str) -> tuple[str, str]
         return matches[0]
     if matches:
         choices = ", ".join(f"{kind}.{path}" for kind, path in matches)
-        raise ProfileError(f"{key}: more than one section has this key", remedy=f"say which: {choices}")
+        raise ProfileError(
+            f"{key}: more than one section has this setting", remedy=f"Choose one of: {choices}"
+        )
     leaf = key.rpartition(".")[2]
     having = [kind for kind, struct in PLANNER_SETTINGS.items() if leaf in struct.__struct_fields__]
     if having and key in (leaf, f"planner.{leaf}", f"quality.planner.{leaf}"):
         raise ProfileError(
             f"{key}: the chosen planner has no such setting",
-            remedy=f"it belongs to: {', '.join(f'--planner {kind}' for kind in having)}",
+            remedy=f"Use it with {' or '.join(f'--planner {kind}' for kind in having)}",
         )
     group = [path for _, path in known if path.startswith(f"{key.removeprefix('quality.')}.")]
     if group:
-        raise ProfileError(f"{key}: is a group of settings", remedy=f"name one: {', '.join(group)}")
+        raise ProfileError(f"{key}: this is a group of settings", remedy=f"Choose one of: {', '.join(group)}")
     names = sorted({f"{kind}.{path}" for kind, path in known} | {path for _, path in known})
-    near = nearest(key, names)
-    hint = f"did you mean {near!r}? " if near else ""
+    near = find_nearest_key(key, names)
+    hint = f"Did you mean {near!r}? " if near else ""
     raise ProfileError(
-        f"{key}: no such setting", remedy=f"{hint}`printer-slicer profiles settings` lists all"
+        f"{key}: no such setting", remedy=f"{hint}`printer-slicer profiles settings` lists all settings"
     )

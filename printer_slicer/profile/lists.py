@@ -1,4 +1,4 @@
-"""Settings that are lists, as people type them: `0.1, 0.2, 0.3` and `10:20:tolerance=0.05; 30:31:layer_height=0.1`."""
+"""Settings that are lists, as text: `0.1, 0.2, 0.3` and `10:20:tolerance=0.05; 30:31:layer_height=0.1`."""
 
 from __future__ import annotations
 
@@ -9,31 +9,31 @@ from typing import Any, Final, NamedTuple
 from printer_slicer.errors import ProfileError
 from printer_slicer.profile import overrides
 
-__all__ = ["LISTS", "added", "list_as_text", "list_from_text"]
+__all__ = ["LISTS", "list_as_text", "list_from_text", "merge_lists"]
 
 _RANGE_KEYS = ("tolerance", "layer_height")
 
 
 def list_from_text(key: str, text: str) -> list[Any]:
-    """The list that the text of a setting stands for; empty text is an empty list.
+    """Parse the text of a setting as a list; empty text is an empty list.
 
     Args:
         key: one of `LISTS`.
-        text: as in the heading of this module.
+        text: such as `0.1, 0.2, 0.3`.
 
     Raises:
-        ProfileError: it cannot be read so.
+        ProfileError: the text is not a list of this kind.
     """
     separator, read, example = LISTS[key]
     items = [item for item in text.split(separator) if item.strip()]
     with suppress(ValueError):
         if items or not text.strip():
             return [read(item) for item in items]
-    raise ProfileError(f"{key}: {text!r} cannot be read as a list", remedy=f"write it like this: {example}")
+    raise ProfileError(f"{key}: {text!r} is not a valid list", remedy=f"Write it like this: {example}")
 
 
 def _range(text: str) -> dict[str, float]:
-    """LOW:HIGH:KEY=VALUE[:KEY=VALUE] as a table."""
+    """Parse LOW:HIGH:KEY=VALUE[:KEY=VALUE] as a table."""
     low, high, *rules = (part.strip() for part in text.split(":"))
     table = {"low": float(low), "high": float(high)}
     for rule in rules:
@@ -47,7 +47,7 @@ def _range(text: str) -> dict[str, float]:
 
 
 class _List(NamedTuple):
-    """How the text of a list is read: what stands between items, what reads one, and an example."""
+    """The text format of a list: separator, function that reads an item, example."""
 
     separator: str
     read: Callable[[str], Any]
@@ -58,36 +58,36 @@ LISTS: Final[Mapping[str, _List]] = {
     "layer_heights": _List(",", float, "0.1, 0.2, 0.3"),
     "pause_at": _List(",", float, "4, 12.5"),
     "thumbnails": _List(",", str.strip, "32x32, 300x300/QOI"),
-    "overrides": _List(";", overrides.from_text, "lid:infill_density=0.4; 5:10:perimeters=4"),
+    "overrides": _List(";", overrides.parse_override, "lid:infill_density=0.4; 5:10:perimeters=4"),
     "planner.ranges": _List(";", _range, "10:20:tolerance=0.05; 30:31:layer_height=0.1"),
 }
-"""The settings that are lists."""
+"""Settings that are lists, with their text formats."""
 
 
-def added(key: str, old: Sequence[Any], new: Sequence[Any]) -> list[Any]:
-    """A list over another: rules of places add up, and later ones win; other lists stand for themselves.
+def merge_lists(key: str, old: Sequence[Any], new: Sequence[Any]) -> list[Any]:
+    """Merge two lists: rules for objects and height ranges add up, and later ones win; other lists are replaced.
 
     Args:
         key: one of `LISTS`.
-        old: what is there.
-        new: what comes over it; where that is empty, nothing is left.
+        old: the lower list.
+        new: the upper list; an empty one removes all rules.
     """
     if not new or key not in ("overrides", "planner.ranges"):
         return list(new)
     if key == "overrides":
         return [*old, *new]
-    left = [piece for one in old for piece in _left_of(one, new)]
+    left = [piece for one in old for piece in _remaining_ranges(one, new)]
     return [*left, *new]
 
 
-def _left_of(old: Any, new: Sequence[Any]) -> Iterator[Any]:
-    """What a range still rules where later ones rule the same: itself, where they do not reach into it."""
+def _remaining_ranges(old: Any, new: Sequence[Any]) -> Iterator[Any]:
+    """Return the parts of a range that later ranges do not override."""
     try:
         rules = {key: old[key] for key in _RANGE_KEYS if old.get(key)}
         holes = {key: [(one["low"], one["high"]) for one in new if one.get(key)] for key in rules}
         whole = all(high <= old["low"] or low >= old["high"] for key in holes for low, high in holes[key])
-        pieces = {key: _without(old["low"], old["high"], holes[key]) for key in rules}
-    except (AttributeError, KeyError, TypeError):  # no range, which will be refused by name
+        pieces = {key: _subtract_ranges(old["low"], old["high"], holes[key]) for key in rules}
+    except (AttributeError, KeyError, TypeError):  # not a range; the conversion reports it
         whole = True
     if whole:
         yield old
@@ -96,20 +96,22 @@ def _left_of(old: Any, new: Sequence[Any]) -> Iterator[Any]:
         yield from ({"low": low, "high": high, key: value} for low, high in pieces[key])
 
 
-def _without(low: float, high: float, holes: Sequence[tuple[float, float]]) -> Iterator[tuple[float, float]]:
-    """What is left of a stretch."""
-    for begin, end in sorted(holes):
-        if low < min(begin, high):
-            yield low, min(begin, high)
+def _subtract_ranges(
+    low: float, high: float, holes: Sequence[tuple[float, float]]
+) -> Iterator[tuple[float, float]]:
+    """Yield the parts of a range outside other ranges."""
+    for start, end in sorted(holes):
+        if low < min(start, high):
+            yield low, min(start, high)
         low = max(low, end)
     if low < high:
         yield low, high
 
 
 def list_as_text(values: Sequence[Any]) -> str:
-    """The text that `list_from_text` reads back."""
+    """Format a list as text for `list_from_text`."""
     if values and isinstance(values[0], Mapping) and "set" in values[0]:
-        return overrides.as_text(values)
+        return overrides.format_overrides(values)
     if values and isinstance(values[0], Mapping):
         return "; ".join(_range_text(item) for item in values)
     return ", ".join(value if isinstance(value, str) else f"{value:.10g}" for value in values)

@@ -1,4 +1,4 @@
-"""Which settings hold for an object and at a height: the profile with the overrides that apply there."""
+"""Profiles of single objects: the profile with the overrides that apply to an object."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ from collections.abc import Collection, Mapping
 from printer_slicer.profile.files import profile_with
 from printer_slicer.profile.profile import Profile
 
-__all__ = ["for_object", "heights_of", "objects_of"]
+__all__ = ["override_heights", "override_objects", "profile_for_object"]
 
 
-def objects_of(profile: Profile) -> tuple[str, ...]:
-    """The objects that have settings of their own, as they were named; each once."""
+def override_objects(profile: Profile) -> tuple[str, ...]:
+    """Return the names of the objects that have overrides, each once."""
     return tuple(dict.fromkeys(one.object for one in profile.quality.overrides if one.object))
 
 
-def for_object(profile: Profile, names: Collection[str]) -> Profile:
-    """The profile of one object: its own settings, and those of heights, its own last.
+def profile_for_object(profile: Profile, names: Collection[str]) -> Profile:
+    """Return the profile of one object: its overrides are applied, and those for height ranges are kept.
 
     Args:
-        profile: of the plate.
-        names: what the object is called.
+        profile: profile of the plate.
+        names: names of the object.
     """
     general = [one for one in profile.quality.overrides if not one.object]
     own = [one for one in profile.quality.overrides if one.object in names]
@@ -30,6 +30,6 @@ def for_object(profile: Profile, names: Collection[str]) -> Profile:
     return profile_with(profile, {**changes, "quality.overrides": left})
 
 
-def heights_of(profile: Profile) -> tuple[tuple[float, float, Mapping[str, object]], ...]:
-    """The settings of heights: from, to (mm), and the changes, later ones winning; those of objects are left out."""
+def override_heights(profile: Profile) -> tuple[tuple[float, float, Mapping[str, object]], ...]:
+    """Return the overrides for height ranges of all objects: low, high (mm) and changes; later ones win."""
     return tuple((one.low, one.high, one.set) for one in profile.quality.overrides if not one.object)

@@ -1,4 +1,4 @@
-"""Settings that some objects, or some heights, have of their own: as they are written, and as they are typed."""
+"""Overrides: settings for single objects or height ranges, as tables and as text."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Annotated, Any, Final
 from printer_slicer.profile.base import Settings, meta
 from printer_slicer.profile.renamed import warn_of
 
-__all__ = ["HIGHEST", "Override", "as_text", "from_text", "has_heights"]
+__all__ = ["HIGHEST", "Override", "format_overrides", "has_height_range", "parse_override"]
 
 HIGHEST: Final = 10000.0  # mm
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
@@ -19,7 +19,7 @@ _TYPED = re.compile(
 
 
 class Override(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Settings of one object, of the layers between two heights, or of these layers of that object."""
+    """Settings for one object, for a height range, or for a height range of one object."""
 
     object: Annotated[str, meta("name of the object in the input file; empty: all objects")] = ""
     low: Annotated[
@@ -32,20 +32,20 @@ class Override(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def is_everywhere(self) -> bool:
-        """Whether it is for all heights."""
+        """Whether it applies to all heights."""
         return self.low == 0 and self.high == HIGHEST
 
     def where(self) -> str:
-        """The object and the heights, as they are typed."""
+        """Return the object and the height range as text."""
         heights = "" if self.is_everywhere else f"{self.low:.10g}:{self.high:.10g}"
         return ":".join(part for part in (self.object, heights) if part)
 
 
-def from_text(text: str) -> dict[str, Any]:
-    """OBJECT:KEY=VALUE, LOW:HIGH:KEY=VALUE or OBJECT:LOW:HIGH:KEY=VALUE as a table.
+def parse_override(text: str) -> dict[str, Any]:
+    """Parse OBJECT:KEY=VALUE, LOW:HIGH:KEY=VALUE or OBJECT:LOW:HIGH:KEY=VALUE as a table.
 
     Raises:
-        ValueError: it is none of these.
+        ValueError: the text has none of these forms.
     """
     found = _TYPED.fullmatch(text.strip())
     if not found or not (found["object"] or found["low"]):
@@ -58,19 +58,19 @@ def from_text(text: str) -> dict[str, Any]:
     return table
 
 
-def has_heights(text: str) -> bool:
-    """Whether a rule begins with two heights."""
+def has_height_range(text: str) -> bool:
+    """Return whether a rule starts with a height range."""
     return bool(re.match(rf"\s*{_NUMBER}:{_NUMBER}:", text))
 
 
-def as_text(tables: Sequence[Mapping[str, Any]]) -> str:
-    """The text that `from_text` reads back, one piece for each setting."""
-    return "; ".join(_pieces(tables))
+def format_overrides(tables: Sequence[Mapping[str, Any]]) -> str:
+    """Format overrides as text for `parse_override`, one rule for each setting."""
+    return "; ".join(_format_rules(tables))
 
 
-def _pieces(tables: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+def _format_rules(tables: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     for table in tables:
         where = Override(**{**table, "set": {}}).where()
         for key, value in table["set"].items():
-            told = str(value).lower() if isinstance(value, bool) else value
-            yield f"{where}:{key}={told}"
+            shown = str(value).lower() if isinstance(value, bool) else value
+            yield f"{where}:{key}={shown}"

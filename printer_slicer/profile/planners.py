@@ -1,4 +1,4 @@
-"""The settings of every planner, each a group of its own."""
+"""Settings of the planners, one group each."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ __all__ = [
 class UniformPlanner(
     Settings, frozen=True, forbid_unknown_fields=True, kw_only=True, tag="uniform", tag_field="kind"
 ):
-    """All layers equally high, as `layer_height` says."""
+    """Uniform layers of `layer_height`."""
 
 
 class AreaPlanner(
     Settings, frozen=True, forbid_unknown_fields=True, kw_only=True, tag="area", tag_field="kind"
 ):
-    """The area test of the paper: thick where the area of the section does not change, thin elsewhere."""
+    """The paper's area test: thick layers where the area of the section is constant, thin layers elsewhere."""
 
     tolerance: Annotated[
         float, meta("sections whose areas differ by less than this count as equal", "mm²", ge=0, le=1000)
@@ -52,7 +52,7 @@ class AreaPlanner(
 class CuspPlanner(
     Settings, frozen=True, forbid_unknown_fields=True, kw_only=True, tag="cusp", tag_field="kind"
 ):
-    """From the bed up, each layer as thick as the steepest facet in it allows; nothing looks ahead further."""
+    """From the bed up, each layer as thick as the facets in it allow, without looking further ahead."""
 
     metric: Annotated[
         Literal["cusp", "triangle", "wasserfall", "topography"],
@@ -63,13 +63,13 @@ class CuspPlanner(
 class StepwisePlanner(
     Settings, frozen=True, forbid_unknown_fields=True, kw_only=True, tag="stepwise", tag_field="kind"
 ):
-    """Slabs of the thickest layer, each divided evenly as far as the cusp height asks."""
+    """Slabs of the maximum layer height, each divided evenly until its layers meet the cusp height."""
 
 
 class GeneticPlanner(
     Settings, frozen=True, forbid_unknown_fields=True, kw_only=True, tag="genetic", tag_field="kind"
 ):
-    """Random search for few layers under the cusp height."""
+    """Random search for the fewest layers within the cusp height."""
 
     seed: Annotated[int, meta("random seed; the same seed gives the same plan", ge=0, le=1000000)] = 0
     population: Annotated[int, meta("number of plans in a generation", ge=4, le=10000)] = 60
@@ -77,7 +77,7 @@ class GeneticPlanner(
 
 
 class HeightRange(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """A stretch of z with rules of its own; layers end at both of its ends."""
+    """A height range with rules of its own; layers end at both of its ends."""
 
     low: Annotated[float, meta("lower end of the range, measured from the bed", "mm", ge=0, le=10000)]
     high: Annotated[float, meta("upper end of the range, measured from the bed", "mm", gt=0, le=10000)]
@@ -92,7 +92,7 @@ class HeightRange(Settings, frozen=True, forbid_unknown_fields=True, kw_only=Tru
 class OptimalPlanner(
     Settings, frozen=True, forbid_unknown_fields=True, kw_only=True, tag="optimal", tag_field="kind"
 ):
-    """The best of all plans whose certified error is within the tolerance."""
+    """The best of all layer plans whose certified deviation is within the tolerance."""
 
     objective: Annotated[
         Literal["balanced", "time", "layers", "volume"],

@@ -1,4 +1,4 @@
-"""The three owners of settings together, and what follows from several settings at once."""
+"""The profile (printer, material and quality), and values derived from several settings."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ __all__ = [
     "resolve_speeds",
 ]
 
-HIGHEST_BEAD = 0.8  # nozzle diameters; higher beads are not pressed onto the layer below
+HIGHEST_BEAD = 0.8  # nozzle diameters; higher extrusions are not pressed onto the layer below
 
 
 class Extruder(NamedTuple):
-    """One of the machine's extruders, and what is in it.
+    """An extruder and its material.
 
     Attributes:
-        tool: its number on the machine, as in T0.
+        tool: tool number, as in T0.
         nozzle_diameter: mm.
-        material: the filament.
+        material: the loaded filament.
     """
 
     tool: int
@@ -45,7 +45,7 @@ class Extruder(NamedTuple):
 
 
 class Profile(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Everything that decides how a part becomes G-code."""
+    """All settings that determine how a part becomes G-code."""
 
     printer: Printer
     material: Material
@@ -53,13 +53,13 @@ class Profile(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def dials(self) -> OptimalPlanner:
-        """The dials of the planner `optimal`; as they usually are where another planner is chosen."""
+        """Settings of the planner `optimal`; their defaults if another planner is chosen."""
         planner = self.quality.planner
         return planner if isinstance(planner, OptimalPlanner) else OptimalPlanner()
 
     @property
     def extruders(self) -> tuple[Extruder, ...]:
-        """Those that print; paths and moves name one by its place in this tuple. Profiles have one so far."""
+        """The extruders that print; paths and moves refer to them by index. Profiles have one so far."""
         return (Extruder(self.printer.tool, self.printer.nozzle_diameter, self.material),)
 
     @property
@@ -80,7 +80,7 @@ class Profile(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def max_flow(self) -> float:
-        """Flow limit of hotend and material, mm³/s."""
+        """Maximum flow of hotend and material, mm³/s."""
         return resolve_flow(self.printer, self.material)
 
     @property
@@ -90,7 +90,7 @@ class Profile(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def resolved(self) -> Profile:
-        """Return the profile with all values that quality and material leave to the printer."""
+        """The profile with the printer's values filled in where quality and material leave them open."""
         return replace(
             self,
             material=replace(self.material, max_flow=self.max_flow, pressure_advance=self.pressure_advance),
@@ -99,29 +99,29 @@ class Profile(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def extrusion_width(self) -> float:
-        """Width of a bead, mm, with the default filled in."""
+        """Extrusion width, mm, with the default filled in."""
         return self.quality.extrusion_width or 1.125 * self.printer.nozzle_diameter
 
     @property
     def width_on_bed(self) -> float:
-        """Width of a bead on the bed, mm, with the default filled in."""
+        """Extrusion width on the bed, mm, with the default filled in."""
         return self.quality.first_layer_width or self.extrusion_width
 
     @property
     def width_of_first_layer(self) -> float:
-        """Width of a bead in the part's first layer, mm: that on the bed, unless there is a raft between."""
+        """Extrusion width of the part's first layer, mm: the one on the bed, unless there is a raft."""
         return self.extrusion_width if self.quality.raft_height else self.width_on_bed
 
     @property
     def bead_widths(self) -> tuple[float, float]:
-        """Narrowest and widest bead in narrow places, mm, with the defaults filled in."""
+        """Minimum and maximum extrusion width in thin walls, mm, with the defaults filled in."""
         quality, nozzle, width = self.quality, self.printer.nozzle_diameter, self.extrusion_width
         narrowest = quality.min_bead_width or min(0.85 * nozzle, width)
         return narrowest, quality.max_bead_width or max(1.65 * nozzle, width)
 
     @property
     def highest_bead(self) -> float:
-        """Highest bead that the nozzle presses down and that is no higher than wide, mm."""
+        """Maximum height of an extrusion, mm: the nozzle can press it down, and it is not higher than wide."""
         return min(HIGHEST_BEAD * self.printer.nozzle_diameter, self.extrusion_width)
 
     @property
@@ -131,17 +131,17 @@ class Profile(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def thinnest(self) -> float:
-        """Thinnest layer a planner may choose, mm."""
+        """Minimum layer height that a planner may choose, mm."""
         return min(self.quality.layer_heights, default=self.quality.thinnest_layer or self.printer.min_layer)
 
     @property
     def thickest(self) -> float:
-        """Thickest layer a planner may choose, mm."""
+        """Maximum layer height that a planner may choose, mm."""
         return max(self.quality.layer_heights, default=self.quality.thickest_layer or self.printer.max_layer)
 
 
 USUAL_FLOW: Final = 12.0
-"""Flow limit of a standard 0.4 mm hotend for PLA, mm³/s, if neither printer nor material sets one."""
+"""Maximum flow of a standard 0.4 mm hotend with PLA, mm³/s, if neither printer nor material sets one."""
 
 _SCALED: Final = (
     "external_perimeter",
@@ -159,8 +159,8 @@ _AS_THEY_ARE: Final = ("bridge", "internal_bridge", "small_perimeter", "travel",
 def resolve_speeds(printer: Printer, quality: Quality) -> Speeds:
     """Return the speeds of a quality, mm/s, with zeros replaced by the printer's values.
 
-    Only `small_perimeter` may stay 0: such perimeters are as fast as others. Zeros of the printer that refer to
-    another of its speeds are replaced too. Values from the printer are limited by the speed of its axes.
+    Only `small_perimeter` may stay 0, for no limit. Zeros of the printer that refer to another of its speeds are
+    replaced too. Values from the printer are limited by the maximum speed of its axes.
     """
     own, wanted = printer.speeds, quality.speeds
     fastest = max(printer.max_speed_x, printer.max_speed_y)
@@ -184,7 +184,7 @@ def resolve_speeds(printer: Printer, quality: Quality) -> Speeds:
 def resolve_accelerations(printer: Printer, quality: Quality) -> Accelerations:
     """Return the accelerations of a quality with zeros replaced, mm/s²: at most `printer.acceleration`.
 
-    `first_layer` may stay 0: then the first layer has the accelerations of the others.
+    `first_layer` may stay 0: then the first layer has the accelerations of the other layers.
     """
     own, wanted, most = printer.accelerations, quality.accelerations, printer.acceleration
     filled = {
@@ -199,7 +199,7 @@ def resolve_accelerations(printer: Printer, quality: Quality) -> Accelerations:
 
 
 def resolve_flow(printer: Printer, material: Material) -> float:
-    """Return the flow limit of hotend and material, mm³/s."""
+    """Return the maximum flow of hotend and material, mm³/s."""
     hotend = printer.hotend_max_flow
     if not material.max_flow:
         return hotend or USUAL_FLOW

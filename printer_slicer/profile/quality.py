@@ -1,4 +1,4 @@
-"""Settings of quality: how the part shall come out, and how fast."""
+"""Settings of a quality: layers, perimeters, infill, adhesion, speeds."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["Quality"]
 
 
 class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """How the part shall come out."""
+    """Settings of a quality, which are independent of printer and material."""
 
     name: Annotated[str, meta("display name of this quality")]
     planner: Planner = field(default_factory=OptimalPlanner)
@@ -74,7 +74,7 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     link_tolerance: Annotated[
         float,
         meta(
-            "maximum deviation when moves too short for the serial connection are merged",
+            "maximum deviation when moves too short for the serial connection are merge_tables",
             "mm",
             ge=0,
             le=0.2,

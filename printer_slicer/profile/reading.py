@@ -1,4 +1,4 @@
-"""One part of a profile from its TOML file, over the one it inherits from; every key with the place it was set at."""
+"""Read one part of a profile from TOML files, with inheritance and the origin of every key."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ import msgspec
 
 from printer_slicer.errors import ProfileError
 from printer_slicer.input_files import read_input
-from printer_slicer.profile.folders import FOLDERS, profile_paths, searched
-from printer_slicer.profile.lists import LISTS, added, list_as_text, list_from_text
+from printer_slicer.profile.folders import FOLDERS, profile_paths, search_folders
+from printer_slicer.profile.lists import LISTS, list_as_text, list_from_text, merge_lists
 from printer_slicer.profile.renamed import current_name, current_names, overridden, warn_of
 from printer_slicer.profile.settings import Material, Printer, Quality
 from printer_slicer.toml_text import MOST_BYTES, TomlError, key_lines, parse_toml
@@ -26,8 +26,8 @@ __all__ = [
     "SettingsSource",
     "flatten",
     "kind_of",
-    "laid_over",
-    "merged",
+    "merge_tables",
+    "overlay",
     "path_of",
     "read_chain",
 ]
@@ -44,17 +44,17 @@ DEFAULT_NAMES: Final[Mapping[str, str]] = {
 }
 
 
-MOST_ANCESTORS: Final = 32
+MAX_ANCESTORS: Final = 32
 _MOST_LISTED: Final = 16  # names in a message
-LONGEST_NAME: Final = 200
-LONGEST_PATH: Final = 1000
-"""Limits of a file name, bytes, and of a path, characters; systems allow 255 and a few thousand."""
+MAX_NAME_BYTES: Final = 200
+MAX_PATH: Final = 1000
+"""Maximum length of a file name in bytes, and of a path in characters; systems allow 255 and a few thousand."""
 
 
 class SettingsSource(NamedTuple):
-    """Settings of one kind as read, the place each key came from, and the place of what is missing.
+    """Settings of one kind, the place where each key was set, and the file for keys that were not set.
 
-    A place is a file with a line, or what was typed.
+    A place is a file with a line, or the option that was typed.
     """
 
     values: dict[str, Any]
@@ -62,13 +62,13 @@ class SettingsSource(NamedTuple):
     file: str
 
     def place(self, path: str) -> str:
-        """Where a key, or a table that holds it or is held by it, was set."""
+        """Return where a key, or its table, was set."""
         return self.known_place(path) or self.file
 
     def known_place(self, path: str) -> str:
-        """The same; empty where it was set nowhere."""
+        """Return where a key, or its table, was set; empty if it was not set."""
         path = path.replace("[...]", "")
-        while "[" in path:  # an entry of a list was set where the list was, if nothing is known of itself
+        while "[" in path:  # an entry of a list without a place of its own has that of the list
             if path in self.places:
                 return self.places[path]
             path = path.removesuffix("]").rpartition("[" if path.endswith("]") else ".")[0]
@@ -81,24 +81,24 @@ class SettingsSource(NamedTuple):
 def read_chain(
     kind: str, name: str, folders: Sequence[Path] = (), seen: tuple[Path, ...] = ()
 ) -> SettingsSource:
-    """The settings of a file over those of the file it inherits from.
+    """Read the settings of a file and of the files that it inherits from.
 
     Args:
         kind: `printer`, `material` or `quality`.
-        name: of a profile, or the path of a TOML file, which begins beside the file that says it.
-        folders: looked into first.
+        name: name of a profile, or path of a TOML file, relative to the file that inherits from it.
+        folders: folders that are searched first.
         seen: the files that inherit from it, the nearest last.
 
     Raises:
-        ProfileError: no such file, one that cannot be read, or that inherits from itself.
+        ProfileError: a file does not exist, cannot be read, or inherits from itself.
     """
     path = path_of(kind, name, folders, seen)
     if path in seen:
-        way = " -> ".join(one.name for one in (*seen[seen.index(path) :], path))
-        raise ProfileError(f"{path}: inherits from itself by way of {way}", remedy="break the circle")
-    if len(seen) > MOST_ANCESTORS:
+        cycle = " -> ".join(one.name for one in (*seen[seen.index(path) :], path))
+        raise ProfileError(f"{path}: inherits from itself: {cycle}", remedy="Remove one of these `inherits`")
+    if len(seen) > MAX_ANCESTORS:
         raise ProfileError(
-            f"{seen[0]}: more than {MOST_ANCESTORS} levels of inheritance", remedy="inherit from fewer files"
+            f"{seen[0]}: more than {MAX_ANCESTORS} levels of inheritance", remedy="Inherit from fewer files"
         )
     text, values = _read(path)
     lines = {current_name(key): line for key, line in key_lines(text).items()}
@@ -111,7 +111,7 @@ def read_chain(
     if parent is not None and not isinstance(parent, str):
         raise ProfileError(
             f"{path}:{lines.get('inherits', 1)}: inherits: expected the name of a profile, got {parent!r}",
-            remedy=f'such as inherits = "{DEFAULT_NAMES[kind]}"',
+            remedy=f'Write it like this: inherits = "{DEFAULT_NAMES[kind]}"',
         )
     base = read_chain(kind, parent, folders, (*seen, path)) if parent else SettingsSource({}, {}, str(path))
     places = {
@@ -119,12 +119,12 @@ def read_chain(
         for key in [*_leaves(values), *(one for one in lines if "[" in one)]
     }
     if kind == "quality":
-        _mean_uniform(base, values)
-    return laid_over(base, SettingsSource(_with_lists(values), places, str(path)))
+        _choose_uniform_planner(base, values)
+    return overlay(base, SettingsSource(_parse_lists(values), places, str(path)))
 
 
-def _mean_uniform(base: SettingsSource, values: dict[str, Any]) -> None:
-    """Choose uniform layers where a quality sets a layer height and leaves the planner to what it inherits.
+def _choose_uniform_planner(base: SettingsSource, values: dict[str, Any]) -> None:
+    """Choose uniform layers if a quality sets a layer height and inherits the planner.
 
     Other planners choose the heights themselves, so the height would be ignored.
     """
@@ -133,9 +133,9 @@ def _mean_uniform(base: SettingsSource, values: dict[str, Any]) -> None:
         values["planner"] = {"kind": "uniform"}
 
 
-def laid_over(base: SettingsSource, over: SettingsSource) -> SettingsSource:
-    """Settings over others, with their places; rules of objects and heights add up."""
-    values = merged(base.values, over.values, adds=True)
+def overlay(base: SettingsSource, over: SettingsSource) -> SettingsSource:
+    """Overlay settings on others, with their places; rules for objects and height ranges add up."""
+    values = merge_tables(base.values, over.values, adds=True)
     places = dict(base.places)
     for key, place in over.places.items():
         found = re.match(r"(.+?)\[(\d+)\](.*)", key)
@@ -145,19 +145,19 @@ def laid_over(base: SettingsSource, over: SettingsSource) -> SettingsSource:
 
 
 def _length(values: Mapping[str, Any], path: str) -> int:
-    """How many items a list has; 0 where there is none."""
+    """Return the length of a list; 0 if there is none."""
     found: Any = values
     for key in path.split("."):
         found = found.get(key) if isinstance(found, Mapping) else None
     return len(found) if isinstance(found, list) else 0
 
 
-def _with_lists(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """The same with lists where a file has the text of one; what cannot be read so is refused with all else."""
+def _parse_lists(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Replace the text of lists by lists; the conversion reports text that is not a list."""
     result = dict(values)
     for key, value in values.items():
         if isinstance(value, dict):
-            result[key] = _with_lists(value, f"{prefix}{key}.")
+            result[key] = _parse_lists(value, f"{prefix}{key}.")
         elif isinstance(value, str) and prefix + key in LISTS:
             with suppress(ProfileError):
                 result[key] = list_from_text(prefix + key, value)
@@ -165,66 +165,68 @@ def _with_lists(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 
 
 def _leaves(values: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
-    """The dotted keys of all that is no table."""
+    """Yield the dotted keys of all values that are not tables."""
     for key, value in values.items():
         yield from _leaves(value, f"{prefix}{key}.") if isinstance(value, dict) else (prefix + key,)
 
 
 def _line(lines: Mapping[str, int], key: str) -> int:
-    """The line of a key, or of the table that holds it."""
+    """Return the line of a key, or of its table."""
     while key not in lines and "." in key:
         key = key.rpartition(".")[0]
     return lines.get(key, 1)
 
 
 def _read(path: Path) -> tuple[str, dict[str, Any]]:
-    """A TOML file, as text and as it is meant."""
+    """Read a TOML file; return its text and its values."""
     try:
         text = read_input(path, MOST_BYTES).decode("utf-8-sig").replace("\r\n", "\n")
         return text, parse_toml(text)
     except TomlError as error:
         raise ProfileError(
             f"{path}:{error.line}: not valid TOML: {error.reason}",
-            remedy="correct this line",
+            remedy="Correct this line",
         ) from None
     except UnicodeDecodeError as error:
         raise ProfileError(
-            f"{path}: not valid TOML: {error}", remedy="save the file in the encoding UTF-8"
+            f"{path}: not valid TOML: {error}", remedy="Save the file with UTF-8 encoding"
         ) from None
     except OSError as error:
         if error.errno == errno.EFBIG:
             raise ProfileError(
-                f"{path}: over {MOST_BYTES >> 20} MiB, too large for a profile", remedy="check the path"
+                f"{path}: larger than {MOST_BYTES >> 20} MiB, too large for a profile",
+                remedy="Check the path",
             ) from None
         raise ProfileError(
-            f"{path}: cannot be read: {error.strerror}", remedy="check the file's permissions"
+            f"{path}: cannot be read: {error.strerror}", remedy="Check the file's permissions"
         ) from None
 
 
 def path_of(kind: str, name: str, folders: Sequence[Path] = (), seen: tuple[Path, ...] = ()) -> Path:
-    """The file of a profile, by name or by path.
+    """Return the file of a profile, by name or by path.
 
-    A profile that inherits from its own name means the next one of that name: a person's own `pla` the shipped one.
+    A profile that inherits from its own name inherits from the next one of that name, such as a user's `pla` from the
+    shipped `pla`.
 
     Raises:
-        ProfileError: there is none.
+        ProfileError: there is no such profile.
     """
     asked_by = f"{seen[-1]}: inherits: " if seen else ""
-    if len(name) > LONGEST_PATH or any(
-        len(part.encode("utf-8", "replace")) > LONGEST_NAME for part in Path(name).parts
+    if len(name) > MAX_PATH or any(
+        len(part.encode("utf-8", "replace")) > MAX_NAME_BYTES for part in Path(name).parts
     ):
         raise ProfileError(
-            f"{asked_by}{kind} {name[:60]!r}...: too long for a file name", remedy="check the name"
+            f"{asked_by}{kind} {name[:60]!r}...: too long for a file name", remedy="Check the name"
         )
     if name.endswith(".toml") or "/" in name:
         path = (seen[-1].parent if seen else Path()) / name
         if not path.is_file():
             raise _no_file(path, asked_by, f"{kind} ")
         return path
-    named = [folder / FOLDERS[kind] / f"{name}.toml" for folder in searched(folders)]
+    named = [folder / FOLDERS[kind] / f"{name}.toml" for folder in search_folders(folders)]
     try:
         files = [path for path in named if path.is_file()]
-    except ValueError:  # a name that no file can have
+    except ValueError:  # not a valid file name
         files = []
     if seen and seen[-1] in files:
         files = files[files.index(seen[-1]) + 1 :] or [seen[-1]]
@@ -263,27 +265,27 @@ def _called(kind: str, name: str, folders: Sequence[Path], asked_by: str) -> Pat
 
 
 def _no_file(path: Path, asked_by: str = "", kind: str = "") -> ProfileError:
-    """Why a path is no profile."""
+    """Explain why a path is not a profile."""
     problem = f"no such {kind}profile"
     if path.is_dir():
-        problem = "is a folder, no profile"
+        problem = "is a folder, not a profile"
     elif path.exists():
         problem = "is a pipe or a device, not a file"
     elif path.is_symlink():
-        problem = "is a link to a file that there is not"
+        problem = "is a link to a missing file"
     return ProfileError(
         f"{asked_by}{path}: {problem}",
-        remedy="check the path, or name one that `printer-slicer profiles` lists",
+        remedy="Check the path, or choose a profile that `printer-slicer profiles` lists",
     )
 
 
 def kind_of(name: str, folders: Sequence[Path] = ()) -> str:
-    """Whether a name or a file is a printer, a material or a quality.
+    """Return the kind of a profile: `printer`, `material` or `quality`.
 
-    A file is what its folder says, else what it inherits from, else what most of its keys belong to.
+    The kind of a file follows from its folder, else from the profile that it inherits from, else from its keys.
 
     Raises:
-        ProfileError: several kinds have it, or none.
+        ProfileError: the profile is unknown, or its kind is ambiguous.
     """
     if name.endswith(".toml") or "/" in name:
         return _kind_of_file(Path(name), folders)
@@ -294,13 +296,18 @@ def kind_of(name: str, folders: Sequence[Path] = ()) -> str:
         return having[0]
     known = sorted(one for kind in KINDS for one in profile_paths(kind, folders))
     near = get_close_matches(name, known, n=1)
-    hint = f"did you mean {near[0]!r}? " if near else ""
+    hint = f"Did you mean {near[0]!r}? " if near else ""
     matches = [(kind, one) for kind in KINDS for one in find_profiles(kind, name, folders)[:1] if one.is_sure]
     if not having and len(matches) == 1:
         return matches[0][0]
     if having:
-        raise ProfileError(f"{name!r} is {' and '.join(having)}", remedy=f"say which: {having[0]} {name}")
-    raise ProfileError(f"unknown profile {name!r}", remedy=f"{hint}`printer-slicer profiles` lists all")
+        raise ProfileError(
+            f"{name!r} is the name of a {' and of a '.join(having)}",
+            remedy=f"Write the kind before the name: {having[0]} {name}",
+        )
+    raise ProfileError(
+        f"unknown profile {name!r}", remedy=f"{hint}`printer-slicer profiles` lists all profiles"
+    )
 
 
 def _kind_of_file(path: Path, folders: Sequence[Path]) -> str:
@@ -320,21 +327,21 @@ def _kind_of_file(path: Path, folders: Sequence[Path]) -> str:
     if list(counts.values()).count(counts[best]) == 1:
         return best
     raise ProfileError(
-        f"{path}: is it a printer, a material or a quality?",
-        remedy=f"put it into a folder {', '.join(FOLDERS.values())}, or say it: printer {path}",
+        f"{path}: cannot tell whether this is a printer, a material or a quality",
+        remedy=f"Write the kind before the path (printer {path}), or move it to a folder {', '.join(FOLDERS.values())}",
     )
 
 
-def merged(
+def merge_tables(
     base: Mapping[str, Any], over: Mapping[str, Any], *, adds: bool = False, prefix: str = ""
 ) -> dict[str, Any]:
-    """`over` on top of `base`, table by table; a table of another `kind` replaces the whole table.
+    """Merge `over` into `base`, table by table; a table of another `kind` replaces the whole table.
 
     Args:
-        base: what is there.
-        over: what comes over it.
-        adds: whether rules of objects and heights come behind those that are there, instead of in their place.
-        prefix: the table that both are, with a point.
+        base: the lower values.
+        over: the upper values, which take precedence.
+        adds: whether rules for objects and height ranges are appended instead of replaced.
+        prefix: the dotted key of the tables, with a trailing point.
     """
     result = dict(base)
     for key, value in over.items():
@@ -344,16 +351,16 @@ def merged(
             and isinstance(old, dict)
             and value.get("kind", old.get("kind")) == old.get("kind")
         ):
-            result[key] = merged(old, value, adds=adds, prefix=f"{prefix}{key}.")
+            result[key] = merge_tables(old, value, adds=adds, prefix=f"{prefix}{key}.")
         elif adds and isinstance(value, list) and isinstance(old, list | tuple):
-            result[key] = added(prefix + key, old, value)
+            result[key] = merge_lists(prefix + key, old, value)
         else:
             result[key] = value
     return result
 
 
 def flatten(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, object]]:
-    """Settings with dotted keys; lists as the text that stands for them."""
+    """Yield settings with dotted keys; lists as text."""
     for key, value in values.items():
         if isinstance(value, dict):
             yield from flatten(value, f"{prefix}{key}.")

@@ -1,4 +1,4 @@
-"""JSON Schema of the three kinds of profile files, for editors that complete and check TOML as it is typed."""
+"""JSON Schema of the three kinds of profile files, for editors that complete and check TOML."""
 
 from __future__ import annotations
 
@@ -21,21 +21,19 @@ _DRAFT: Final = "https://json-schema.org/draft/2020-12/schema"
 
 
 def schema_of(kind: str) -> dict[str, Any]:
-    """The schema of a file of one kind: `printer`, `material` or `quality`.
+    """Return the schema of a file of one kind: `printer`, `material` or `quality`.
 
-    Of a file that inherits nothing is required.
+    No setting is required in a file that inherits from another one.
     """
     own, definitions = _components(kind)
-    parent = {"type": "string", "description": f"the {kind} that this one is like, by name or path"}
+    parent = {"type": "string", "description": f"the {kind} profile to inherit from, by name or path"}
     own["properties"] = {"inherits": parent, **own["properties"]}
     alone: dict[str, Any] = {"required": own.pop("required")}
     if kind == "quality":
         alone["properties"] = {"planner": {"required": ["kind"]}}
         definitions["Override"] |= _override(own, definitions)
     for group in (own, *definitions.values()):
-        if not {"low", "set"} & set(
-            group.get("required", ())
-        ):  # what is listed is not inherited item by item
+        if not {"low", "set"} & set(group.get("required", ())):  # items of lists are not inherited one by one
             group.pop("required", None)
     own |= {
         "title": f"{kind} profile of printer_slicer",
@@ -46,9 +44,9 @@ def schema_of(kind: str) -> dict[str, Any]:
 
 
 def _components(kind: str) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The schema of a kind, and those of the groups in it; lists may be the text that stands for them."""
+    """Return the schema of a kind and of its groups; lists may also be text."""
     _, parts = msgspec.json.schema_components([KINDS[kind]], ref_template="#/$defs/{name}")
-    definitions = {name: _told(part) for name, part in parts.items()}
+    definitions = {name: _add_units(part) for name, part in parts.items()}
     for name, group in definitions.items():
         prefix = "planner." if name == "OptimalPlanner" else ""
         for key, value in group["properties"].items():
@@ -59,7 +57,7 @@ def _components(kind: str) -> tuple[dict[str, Any], dict[str, Any]]:
 
 
 def _override(quality: Mapping[str, Any], groups: Mapping[str, Any]) -> dict[str, Any]:
-    """What the schema of an override tells beyond its types: for what it is, and which settings it may hold."""
+    """Return the rules of an override beyond its types: its object or height range, and the allowed settings."""
     kinds = {"quality": quality, "material": _components("material")[0]}
     known: dict[str, Any] = {}
     own: dict[str, set[str]] = {OBJECT: set(), HEIGHT: set()}
@@ -79,7 +77,7 @@ def _override(quality: Mapping[str, Any], groups: Mapping[str, Any]) -> dict[str
     ]
     setting = {
         "type": "object",
-        "description": "setting -> value",
+        "description": "settings and their values",
         "properties": known,
         "additionalProperties": False,
     }
@@ -90,13 +88,15 @@ def _override(quality: Mapping[str, Any], groups: Mapping[str, Any]) -> dict[str
     }
 
 
-def _told(part: Any) -> Any:
-    """A part of a schema in which descriptions tell units, and none are empty."""
+def _add_units(part: Any) -> Any:
+    """Return a part of a schema with units in the descriptions and without empty descriptions."""
     if isinstance(part, list):
-        return [_told(item) for item in part]
+        return [_add_units(item) for item in part]
     if not isinstance(part, Mapping):
         return part
-    plain = {key: _told(value) for key, value in part.items() if not (key == "description" and value == "")}
+    plain = {
+        key: _add_units(value) for key, value in part.items() if not (key == "description" and value == "")
+    }
     unit = plain.pop("unit", "")
     if unit and isinstance(plain.get("description"), str):
         plain["description"] += f" [{unit}]"
@@ -104,16 +104,16 @@ def _told(part: Any) -> Any:
 
 
 def schema_name(kind: str) -> str:
-    """The name of its file."""
+    """Return the name of the schema file."""
     return f"{kind}.schema.json"
 
 
 def schema_text(kind: str) -> str:
-    """The text of its file."""
+    """Return the text of the schema file."""
     return json.dumps(schema_of(kind), indent=1, ensure_ascii=False) + "\n"
 
 
 def directive(kind: str, folder: Path | None = None) -> str:
-    """The line that tells an editor where the schema is: beside the folders of profiles, or in `folder`."""
+    """Return the line with the schema for editors: beside the folders of profiles, or in `folder`."""
     where = f"../{SCHEMAS}" if folder is None else folder.absolute().as_uri()
     return f"#:schema {where}/{schema_name(kind)}"

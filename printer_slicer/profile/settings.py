@@ -1,7 +1,7 @@
-"""Every setting, written once: name, type, bounds, unit, default, meaning.
+"""All settings of printers and materials: name, type, bounds, unit, default and meaning.
 
-Three owners: the printer, the material, the quality. Help texts, tables and error messages are made from these lines.
-The constructors do not check bounds; `printer_slicer.profile.load_profile` and `profile_with` do.
+Help texts, tables and error messages are generated from these definitions. The constructors do not check bounds;
+`printer_slicer.profile.load_profile` and `profile_with` do.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ __all__ = [
 
 
 class Printer(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """What the machine is and what it can do."""
+    """Settings of a printer: dimensions, limits, firmware and macros."""
 
     name: Annotated[str, meta("display name of this printer")]
     model: Annotated[str, meta("model name sent to print servers; empty: the printer's name")] = ""
@@ -202,7 +202,7 @@ class Printer(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     link_lines_per_second: Annotated[
         float,
         meta(
-            "maximum rate of G-code lines over the serial connection; denser moves are merged, then slowed down; "
+            "maximum rate of G-code lines over the serial connection; denser moves are merge_tables, then slowed down; "
             "0: no limit",
             "1/s",
             ge=0,
@@ -248,19 +248,19 @@ class Printer(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def firmware(self) -> Firmware:
-        """What this printer's firmware does in its own way."""
+        """Properties of the printer's firmware."""
         return FIRMWARES[self.flavour]
 
     @property
     def corners(self) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Front left and back right corner of the bed, mm."""
+        """Front left and rear right corner of the bed, mm."""
         x, y = (-self.bed_x / 2, -self.bed_y / 2) if self.origin == "centre" else (0.0, 0.0)
         left, front = x + self.bed_left, y + self.bed_front
         return (left, front), (left + self.bed_x, front + self.bed_y)
 
 
 class Material(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """What is printed with, and how it wants to be treated."""
+    """Settings of a material: temperatures, flow and cooling."""
 
     name: Annotated[str, meta("display name of this material")]
     type: Annotated[

@@ -1,4 +1,4 @@
-"""Speeds and accelerations of each role: those of a printer, and those of a quality."""
+"""Speeds and accelerations by role, of printers and of qualities."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ __all__ = ["Accelerations", "PrinterAccelerations", "PrinterSpeeds", "Speeds"]
 
 
 class PrinterSpeeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Usual speed of each role on a printer, for layers of about 0.2 mm."""
+    """Default speeds of a printer by role, for layers of about 0.2 mm."""
 
     external_perimeter: Annotated[float, meta("speed of external perimeters", "mm/s", gt=0, le=1000)] = 35
     perimeter: Annotated[float, meta("speed of perimeters, except external ones", "mm/s", gt=0, le=1000)] = 50
@@ -85,7 +85,7 @@ class PrinterSpeeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=T
 
 
 class PrinterAccelerations(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Usual acceleration of each role on a printer; `printer.acceleration` limits all of them."""
+    """Default accelerations of a printer by role; `printer.acceleration` limits all of them."""
 
     default: Annotated[
         float,
@@ -128,9 +128,9 @@ class PrinterAccelerations(Settings, frozen=True, forbid_unknown_fields=True, kw
 
 
 class Speeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Speed of each role; 0: the printer's speed times `ratio`.
+    """Speeds of a quality by role; 0: the printer's speed times `ratio`.
 
-    The flow limits of material and hotend may lower any of them.
+    The maximum flow of material and hotend may lower all of them.
     """
 
     ratio: Annotated[
@@ -315,7 +315,7 @@ class Speeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class Accelerations(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Acceleration of each role; 0: `default`, or the printer's if that is 0 too.
+    """Accelerations of a quality by role; 0: `default`, or the printer's if that is 0 too.
 
     `printer.acceleration` limits all of them.
     """

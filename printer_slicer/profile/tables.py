@@ -1,4 +1,4 @@
-"""The settings as rows of a table: made from where they are written, for help, documents and errors."""
+"""All settings as rows of a table, for help, documents and messages."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ _SIGNS: Final[Mapping[str, str]] = {"ge": ">=", "gt": ">", "le": "<=", "lt": "<"
 class SettingRow(NamedTuple):
     """One setting.
 
-    `bounds` are those of a number, or the words of which it is one; `default` is as it is typed; `own` says whether
-    objects or heights may have another value.
+    `bounds` are the bounds of a number, or the choices; `default` is the text of the default; `own` holds whether the
+    setting can be overridden for objects and height ranges.
     """
 
     key: str
@@ -34,18 +34,18 @@ class SettingRow(NamedTuple):
 
     @property
     def choices(self) -> str:
-        """The words of which it is one, with commas between them; empty for other settings."""
+        """The choices, separated by commas; empty for settings without choices."""
         return self.bounds.replace(" |", ",") if self.type == "literal" else ""
 
 
 def settings_table() -> Iterator[SettingRow]:
-    """One row per setting, in the order in which they are declared; keys as `quality.planner[optimal].ranges`."""
+    """Yield one row per setting in the order of definition, with keys such as `quality.planner[optimal].ranges`."""
     for kind, struct in KINDS.items():
         yield from rows_of(struct, kind)
 
 
 def rows_of(struct: type[msgspec.Struct], prefix: str) -> Iterator[SettingRow]:
-    """The rows of one group of settings and of those in it."""
+    """Yield the rows of a group of settings and its subgroups."""
     info = inspect.type_info(struct)
     assert isinstance(info, inspect.StructType)
     for entry in info.fields:
@@ -92,7 +92,7 @@ def _default(entry: inspect.Field) -> str:
 
 
 def choices_of(struct: type[msgspec.Struct], path: str) -> str:
-    """The words of which a setting is one, with commas between them; nothing for other settings."""
+    """Return the choices of a setting, separated by commas; empty for settings without choices."""
     rows = {re.sub(r"\[\w+\]", "", row.key): row for row in rows_of(struct, "")}
     row = rows.get(path)
     return row.choices if row else ""

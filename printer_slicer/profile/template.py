@@ -1,4 +1,4 @@
-"""A new profile: a file that inherits, and lists what one may change with meaning, unit, bounds and value."""
+"""Write a new profile that inherits from another one and lists all settings as comments."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import msgspec
 
-from printer_slicer.profile.conversion import converted
+from printer_slicer.profile.conversion import convert_section
 from printer_slicer.profile.reading import SettingsSource
 from printer_slicer.profile.tables import SettingRow, rows_of
 
@@ -18,34 +18,34 @@ _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f]")
 
 
 def new_profile(kind: str, name: str, parent: str, source: SettingsSource, directive: str) -> str:
-    """The text of a file that inherits from `parent` and changes nothing but the name.
+    """Return the text of a profile that inherits from `parent` and changes only the name.
 
     Args:
         kind: `printer`, `material` or `quality`.
-        name: what people shall call it.
-        parent: name or path of the profile that it is like.
-        source: that profile, whose values are shown.
-        directive: the line that tells an editor where the schema is.
+        name: display name.
+        parent: name or path of the parent profile.
+        source: the parent profile, whose values are shown.
+        directive: the line with the schema for editors.
     """
-    told = converted(kind, source)
+    values = convert_section(kind, source)
     lines = [
         directive,
-        f"# {name}: what it is for, in a line that `printer-slicer profiles` shows.",
+        f"# {name}: write here what it is for; `printer-slicer profiles` shows this line.",
         f"inherits = {toml_value(parent)}",
         f"name = {toml_value(name)}",
         "",
-        "# Everything that may be set, with the value that it has now. Take the # away from what you change.",
-        f"# printer-slicer profiles check FILE looks it over; profiles diff {parent} FILE shows what is different.",
+        "# All settings with their current values. Remove the # from the settings that you change.",
+        f"# `printer-slicer profiles check FILE` checks this file; `profiles diff {parent} FILE` shows the changes.",
     ]
-    return "\n".join([*lines, *_settings(told)]) + "\n"
+    return "\n".join([*lines, *_settings(values)]) + "\n"
 
 
-def _settings(told: msgspec.Struct) -> Iterator[str]:
-    """Commented lines for every setting of a group, those of tables last."""
-    rows = {row.key: row for row in rows_of(type(told), "") if "." not in row.key and "[" not in row.key}
+def _settings(values: msgspec.Struct) -> Iterator[str]:
+    """Yield commented lines for every setting of a group, tables last."""
+    rows = {row.key: row for row in rows_of(type(values), "") if "." not in row.key and "[" not in row.key}
     tables = []
-    for key in told.__struct_fields__:
-        value = getattr(told, key)
+    for key in values.__struct_fields__:
+        value = getattr(values, key)
         if isinstance(value, msgspec.Struct):
             tables.append((key, value))
         elif key != "name":
@@ -53,7 +53,7 @@ def _settings(told: msgspec.Struct) -> Iterator[str]:
     for key, value in tables:
         yield from ("", f"# [{key}]")
         if kind := value.__struct_config__.tag:
-            yield f"# kind = {toml_value(kind)} # another one has other settings: see `profiles settings planner`"
+            yield f"# kind = {toml_value(kind)} # other kinds have other settings: see `profiles settings planner`"
         for row in rows_of(type(value), ""):
             yield from _setting(row, getattr(value, row.key))
 
@@ -67,7 +67,7 @@ def _setting(row: SettingRow, value: object) -> Iterator[str]:
 
 
 def toml_value(value: object) -> str:
-    """A value as TOML writes it; texts of several lines stay so."""
+    """Format a value as TOML; text of several lines stays on several lines."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, dict):
@@ -87,5 +87,5 @@ def _key(key: str) -> str:
 
 
 def _quoted(text: str) -> str:
-    """A text on one line."""
+    """Format text on one line."""
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

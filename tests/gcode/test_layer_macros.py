@@ -205,7 +205,7 @@ def test_a_pause_is_what_the_flavour_or_the_printer_says() -> None:
 
 
 def test_a_pause_above_the_part_is_refused() -> None:
-    with pytest.raises(ProfileError, match=r"quality\.pause_at: 2 mm, but the part ends at 2 mm"):
+    with pytest.raises(ProfileError, match=r"quality\.pause_at: 2 mm is above the top of the part at 2 mm"):
         lines_with(pause_at="1, 2")
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from printer_slicer.errors import ProfileError
 from printer_slicer.profile import load_profile, profile_paths
-from printer_slicer.profile.folders import VARIABLE, own_folders, profile_root, searched
+from printer_slicer.profile.folders import VARIABLE, profile_root, search_folders, user_folders
 from printer_slicer.profile.reading import kind_of, path_of
 
 
@@ -83,7 +83,7 @@ def test_a_circle_of_names_is_told_as_it_goes_round(own: Path) -> None:
 def test_several_folders_stand_in_the_variable_as_in_path(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(VARIABLE, os.pathsep.join(["one", "two"]))
 
-    assert searched([Path("zero")]) == [Path("zero"), Path("one"), Path("two"), profile_root()]
+    assert search_folders([Path("zero")]) == [Path("zero"), Path("one"), Path("two"), profile_root()]
 
 
 def test_without_the_variable_it_is_the_platforms_folder(
@@ -91,14 +91,14 @@ def test_without_the_variable_it_is_the_platforms_folder(
 ) -> None:
     monkeypatch.delenv(VARIABLE)
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
-    (folder,) = own_folders()
+    (folder,) = user_folders()
 
     assert folder.name == "printer_slicer"
     assert folder.is_absolute()
 
 
 def test_an_empty_variable_means_no_folder() -> None:
-    assert own_folders() == []
+    assert user_folders() == []
 
 
 # Which kind a name or a file is

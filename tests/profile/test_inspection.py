@@ -11,7 +11,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.profile import KINDS, profile_paths
-from printer_slicer.profile.inspection import DEFAULT, differences, faults_of, headline, settings_told
+from printer_slicer.profile.inspection import (
+    DEFAULT,
+    differences,
+    find_faults,
+    read_headline,
+    settings_with_origins,
+)
 from printer_slicer.profile.keys import keys_of, nearest
 from printer_slicer.profile.reading import SettingsSource, read_chain
 from printer_slicer.profile.template import new_profile, toml_value
@@ -31,7 +37,7 @@ def written(folder: Path, text: str, name: str = "mine.toml") -> str:
 
 def test_every_value_tells_file_and_line_or_that_it_is_a_default(tmp_path: Path) -> None:
     path = written(tmp_path, 'inherits = "fine"\n\n[speeds]\n# slow\ntravel = 80\n')
-    told = settings_told("quality", read_chain("quality", path))
+    told = settings_with_origins("quality", read_chain("quality", path))
     fine = profile_paths("quality")["fine"]
 
     assert told["speeds.travel"] == (80, f"{path}:5")
@@ -46,7 +52,7 @@ def test_every_value_tells_file_and_line_or_that_it_is_a_default(tmp_path: Path)
 
 @pytest.mark.parametrize("name", profile_paths("printer"))
 def test_the_line_told_is_the_one_that_sets_the_key(name: str) -> None:
-    for key, (_, place) in settings_told("printer", read_chain("printer", name)).items():
+    for key, (_, place) in settings_with_origins("printer", read_chain("printer", name)).items():
         if place != DEFAULT:
             file, _, line = place.rpartition(":")
             assert (
@@ -85,7 +91,7 @@ def test_all_faults_of_a_file_are_told_with_their_lines(tmp_path: Path) -> None:
         'inherits = "standard"\nperimetres = 3\ninfill_density = 2\n\n[speeds]\ntravel = "fast"\ntravl = 3\n\n'
         '[planner]\nkind = "cosp"\n',
     )
-    faults = faults_of("quality", path)
+    faults = find_faults("quality", path)
 
     assert sorted(fault.place for fault in faults) == [f"{path}:{line}" for line in (10, 2, 3, 6, 7)]
     assert {fault.path for fault in faults} == {
@@ -125,7 +131,7 @@ def test_all_faults_of_objects_and_heights_are_told_with_their_lines(tmp_path: P
     path = written(tmp_path, OWN)
     faults = {
         (int(fault.place.rpartition(":")[2]), fault.path): (fault.problem, fault.remedy)
-        for fault in faults_of("quality", path)
+        for fault in find_faults("quality", path)
     }
 
     assert set(faults) == {
@@ -154,13 +160,13 @@ def test_each_line_of_the_chain_is_told_of_what_adds_up(tmp_path: Path) -> None:
         tmp_path, f'inherits = "{parent}"\n\n\n\n[[overrides]]\nlow = 3\nset = {{ ironing = 2 }}\n'
     )
 
-    assert [fault.place for fault in faults_of("quality", child)] == [f"{parent}:4", f"{child}:7"]
+    assert [fault.place for fault in find_faults("quality", child)] == [f"{parent}:4", f"{child}:7"]
 
 
 def test_ranges_that_contradict_each_other_are_told(tmp_path: Path) -> None:
     text = 'inherits = "adaptive"\n[planner]\nkind = "optimal"\nranges = "3:1:tolerance=0.1"\n'
 
-    assert [fault.place[-2:] for fault in faults_of("quality", written(tmp_path, text))] == [":4"]
+    assert [fault.place[-2:] for fault in find_faults("quality", written(tmp_path, text))] == [":4"]
 
 
 @pytest.mark.parametrize(
@@ -201,14 +207,14 @@ def test_messages_are_in_words_of_people(
     tmp_path: Path, kind: str, text: str, problem: str, remedy: str
 ) -> None:
     parent = {"printer": "marlin_220", "quality": "standard"}[kind]
-    (fault,) = faults_of(kind, written(tmp_path, f'inherits = "{parent}"\n{text}\n'))
+    (fault,) = find_faults(kind, written(tmp_path, f'inherits = "{parent}"\n{text}\n'))
 
     assert problem in fault.problem
     assert remedy in fault.remedy
 
 
 def test_what_is_missing_is_told_beside_what_is_wrong(tmp_path: Path) -> None:
-    faults = faults_of("printer", written(tmp_path, 'bed_x = 200\nflavour = "grbl"\n'))
+    faults = find_faults("printer", written(tmp_path, 'bed_x = 200\nflavour = "grbl"\n'))
 
     assert {fault.path for fault in faults} == {"name", "bed_y", "bed_z", "flavour"}
 
@@ -217,7 +223,7 @@ def test_a_fault_of_the_parent_is_told_in_its_file(tmp_path: Path) -> None:
     parent = written(tmp_path, 'inherits = "pla"\ndensity = -1\n', "parent.toml")
     child = written(tmp_path, f'inherits = "{parent}"\nfan_ratio = 3\n')
 
-    assert sorted(fault.place for fault in faults_of("material", child)) == [f"{child}:2", f"{parent}:2"]
+    assert sorted(fault.place for fault in find_faults("material", child)) == [f"{child}:2", f"{parent}:2"]
 
 
 def test_a_printer_that_contradicts_itself_is_told(tmp_path: Path) -> None:
@@ -225,18 +231,18 @@ def test_a_printer_that_contradicts_itself_is_told(tmp_path: Path) -> None:
         tmp_path, 'inherits = "marlin_220"\nmin_layer = 0.3\nmax_layer = 0.2\nz_full_step = 0.0033\n'
     )
 
-    assert [fault.path for fault in faults_of("printer", path)] == ["min_layer", "z_full_step"]
+    assert [fault.path for fault in find_faults("printer", path)] == ["min_layer", "z_full_step"]
 
 
 def test_a_key_of_another_kind_is_told_where_it_belongs(tmp_path: Path) -> None:
-    (fault,) = faults_of("material", written(tmp_path, 'inherits = "pla"\nbed_x = 200\n'))
+    (fault,) = find_faults("material", written(tmp_path, 'inherits = "pla"\nbed_x = 200\n'))
 
     assert fault.remedy == "it belongs into a printer profile"
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_nothing_is_wrong_with_what_is_shipped(kind: str) -> None:
-    assert {name: faults_of(kind, name) for name in profile_paths(kind)} == {
+    assert {name: find_faults(kind, name) for name in profile_paths(kind)} == {
         name: [] for name in profile_paths(kind)
     }
 
@@ -250,7 +256,7 @@ def test_a_new_profile_changes_nothing_but_the_name(tmp_path: Path, kind: str) -
     path = written(tmp_path, new_profile(kind, "mine", PARENTS[kind], parent, "#:schema x"))
 
     assert set(differences(kind, parent, read_chain(kind, path))) == {"name"}
-    assert faults_of(kind, path) == []
+    assert find_faults(kind, path) == []
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -268,8 +274,8 @@ def test_a_new_profile_lists_all_that_may_be_changed_as_it_is_now(tmp_path: Path
                 inside and line != '"""'
             )
     values = tomllib.loads("\n".join(settings))
-    told = settings_told(kind, SettingsSource({**values, "name": "mine"}, {}, "new"))
-    was = settings_told(kind, parent)
+    told = settings_with_origins(kind, SettingsSource({**values, "name": "mine"}, {}, "new"))
+    was = settings_with_origins(kind, parent)
 
     assert {key: one.value for key, one in told.items() if key != "name"} == {
         key: one.value for key, one in was.items() if key != "name"
@@ -329,4 +335,4 @@ def test_lines_of_keys_are_found_through_texts_lists_and_tables() -> None:
 def test_the_headline_is_the_first_sentence_of_the_first_comment(
     tmp_path: Path, text: str, told: str
 ) -> None:
-    assert headline(Path(written(tmp_path, text))) == told
+    assert read_headline(Path(written(tmp_path, text))) == told

@@ -12,7 +12,7 @@ import pytest
 
 from printer_slicer.errors import ProfileError
 from printer_slicer.profile import KINDS, load_profile, profile_paths
-from printer_slicer.profile.document import own_markdown, settings_markdown
+from printer_slicer.profile.document import overrides_markdown, settings_markdown
 from printer_slicer.profile.schema import directive, schema_name, schema_of, schema_text
 from printer_slicer.profile.tables import settings_table
 
@@ -45,7 +45,7 @@ def test_the_document_tells_every_setting_with_its_meaning() -> None:
 def test_the_table_of_settings_that_may_differ_is_the_one_of_the_code() -> None:
     text = (ROOT / "docs" / "profiles.md").read_text(encoding="utf-8")
 
-    assert text.partition("<!-- own settings -->\n")[2].partition("<!-- end -->")[0] == own_markdown()
+    assert text.partition("<!-- own settings -->\n")[2].partition("<!-- end -->")[0] == overrides_markdown()
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -14,7 +14,7 @@ from parts import box, step_pyramid
 from printer_slicer import dry_run, job_from, job_of, load_profile
 from printer_slicer.errors import ProfileError
 from printer_slicer.profile import DEFAULT_NAMES, KINDS, Profile, profile_paths, settings_text
-from printer_slicer.profile.inspection import headline
+from printer_slicer.profile.inspection import read_headline
 
 PART = step_pyramid([8, 5], [1.24, 0.86])
 WITHOUT_STEPS = step_pyramid([8], [2.1])
@@ -61,7 +61,7 @@ def test_every_file_begins_with_what_it_is_for(kind: str) -> None:
 
         assert directive == f"#:schema ../schema/{kind}.schema.json"
         assert 20 < len(comment) <= 130, path
-        assert 10 < len(headline(path)) < 130, path
+        assert 10 < len(read_headline(path)) < 130, path
 
 
 @pytest.mark.parametrize("name", sorted(set(PRINTERS) - set(GENERIC)))

@@ -99,7 +99,7 @@ def _document(arguments: argparse.Namespace, value: object) -> None:
 def _list(arguments: argparse.Namespace) -> int:
     from printer_slicer.profile import DEFAULT_NAMES, KINDS, profile_paths
     from printer_slicer.profile.folders import profile_root
-    from printer_slicer.profile.inspection import headline
+    from printer_slicer.profile.inspection import read_headline
 
     wanted = [name.removesuffix("s") for name in arguments.names] or list(KINDS)
     for name in wanted:
@@ -117,7 +117,7 @@ def _list(arguments: argparse.Namespace) -> int:
         for name, path in paths.items():
             shown = name + (" (default)" if name == DEFAULT_NAMES[kind] else "")
             own = "" if path.is_relative_to(shipped) else f" [{path}]"
-            say(arguments, f"  {shown:<26}{headline(path)}{own}")
+            say(arguments, f"  {shown:<26}{read_headline(path)}{own}")
     return 0
 
 
@@ -133,15 +133,15 @@ def _one(arguments: argparse.Namespace, words: Sequence[str]) -> tuple[str, str]
 
 
 def _show(arguments: argparse.Namespace) -> int:
-    from printer_slicer.profile.inspection import settings_told
+    from printer_slicer.profile.inspection import settings_with_origins
     from printer_slicer.profile.reading import read_chain
 
     if arguments.names:
         kind, name = _one(arguments, arguments.names)
-        parts = {"": settings_told(kind, read_chain(kind, name, arguments.profiles))}
+        parts = {"": settings_with_origins(kind, read_chain(kind, name, arguments.profiles))}
     else:
         sources = _sources(arguments)
-        parts = {f"{kind}.": settings_told(kind, source) for kind, source in sources.items()}
+        parts = {f"{kind}.": settings_with_origins(kind, source) for kind, source in sources.items()}
     told = {f"{prefix}{key}": one for prefix, part in parts.items() for key, one in part.items()}
     if arguments.json:
         _document(arguments, {key: {"value": one.value, "from": one.place} for key, one in told.items()})
@@ -238,7 +238,7 @@ def _root_of_new(arguments: argparse.Namespace, kind: str, name: str) -> Path:
 
 def _check(arguments: argparse.Namespace) -> int:
     from printer_slicer.gcode.macro_faults import macro_faults
-    from printer_slicer.profile.inspection import faults_of
+    from printer_slicer.profile.inspection import find_faults
 
     if not arguments.names:
         _refuse("profiles check: which file?", "profiles check FILE")
@@ -252,7 +252,7 @@ def _check(arguments: argparse.Namespace) -> int:
             checked[own] = name
             found += [
                 (f"{one.place}: {one.problem}", one.remedy)
-                for one in faults_of(own, name, arguments.profiles, macro_faults)
+                for one in find_faults(own, name, arguments.profiles, macro_faults)
             ]
         except ProfileError as error:
             found.append((error.args[0], error.remedy))
@@ -263,14 +263,14 @@ def _check(arguments: argparse.Namespace) -> int:
 
 def _together(arguments: argparse.Namespace, checked: Mapping[str, str]) -> list[tuple[str, str]]:
     """Whether parts that are named together suit each other."""
-    from printer_slicer.profile.files import faults_together, read_sources
+    from printer_slicer.profile.files import find_conflicts, read_sources
 
     flags = {kind: getattr(arguments, kind) for kind in _KINDS if getattr(arguments, kind)}
     names = {**flags, **checked}
     if len(names) < 2 and not arguments.set:
         return []
     try:
-        faults = faults_together(read_sources(names, changes_from(arguments), arguments.profiles))
+        faults = find_conflicts(read_sources(names, changes_from(arguments), arguments.profiles))
     except ProfileError as error:
         return [(error.args[0], error.remedy)]
     return [(f"{one.place}: {one.problem}", one.remedy) for one in faults]
@@ -290,7 +290,7 @@ def _told(arguments: argparse.Namespace, found: Sequence[tuple[str, str]], words
 
 
 def _path(arguments: argparse.Namespace) -> int:
-    from printer_slicer.profile.folders import own_folders, profile_root
+    from printer_slicer.profile.folders import profile_root, user_folders
     from printer_slicer.profile.reading import path_of
 
     if arguments.names:
@@ -301,7 +301,7 @@ def _path(arguments: argparse.Namespace) -> int:
         else:
             say(arguments, str(path))
         return 0
-    folders = {"named": arguments.profiles, "own": own_folders(), "shipped": [profile_root()]}
+    folders = {"named": arguments.profiles, "own": user_folders(), "shipped": [profile_root()]}
     if arguments.json:
         _document(arguments, {what: [str(path) for path in paths] for what, paths in folders.items()})
         return 0

@@ -282,11 +282,11 @@ def _short(text: str) -> str:
 
 def _contradictions(made: Sequence[Any]) -> Iterator[str]:
     """What the three parts of one profile contradict each other in."""
-    from printer_slicer.profile.faults import faults_together
+    from printer_slicer.profile.faults import find_value_conflicts
 
     parts = {one.kind: one.values for one in made}
     if len(made) == len(parts) == 3:
-        for key, problem, remedy in faults_together(**parts):
+        for key, problem, remedy in find_value_conflicts(**parts):
             yield f"look at  {key}: {problem}: {remedy}"
 
 

@@ -274,10 +274,10 @@ def _refuse_unsupported(name: str, found: Sequence[Unsupported]) -> None:
 
 def _unreached(profile: Profile, plan: LayerPlan) -> Iterator[str]:
     """The settings of heights over the part, which change nothing."""
-    from printer_slicer.profile.object_profiles import heights_of
+    from printer_slicer.profile.object_profiles import override_heights
 
     top = float(plan.top[-1])
-    for low, high, own in heights_of(profile):
+    for low, high, own in override_heights(profile):
         if low >= top:
             shall = f"where {', '.join(own)} shall differ"
             yield f"nothing is between {low:g} and {high:g} mm, {shall}: all is {top:g} mm high"
