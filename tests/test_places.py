@@ -303,21 +303,25 @@ def attempt(text: str, **changes: object) -> Profile:
 @pytest.mark.parametrize(
     ("text", "told", "remedy"),
     [
-        ("lid:perimetres=3", "lid:perimetres: no such setting", "did you mean 'perimeters'?"),
-        ("lid:extrusion_width=0.5", "quality.extrusion_width is the same for all objects", "perimeters"),
-        ("lid:nozzle_temperature=200", "is the same for all objects", "perimeters"),
-        ("1:2:elephant_foot=0.2", "is the same for all heights", "perimeters"),
-        ("lid:1:2:nozzle_temperature=200", "is the same for all objects and heights", "perimeters"),
+        ("lid:perimetres=3", "lid:perimetres: no such setting", "Did you mean 'perimeters'?"),
+        ("lid:extrusion_width=0.5", "quality.extrusion_width cannot be overridden for objects", "perimeters"),
+        ("lid:nozzle_temperature=200", "cannot be overridden for objects", "perimeters"),
+        ("1:2:elephant_foot=0.2", "cannot be overridden for height ranges", "perimeters"),
+        (
+            "lid:1:2:nozzle_temperature=200",
+            "cannot be overridden for objects and height ranges",
+            "perimeters",
+        ),
         (
             "lid:perimeters=many",
-            "lid:perimeters: quality.perimeters: expected a whole number; it is 'many'",
-            "unit and bounds",
+            "lid:perimeters: quality.perimeters: expected a whole number; got 'many'",
+            "units and bounds",
         ),
-        ("lid:perimeters=101", "<= 100", "unit and bounds"),
-        ("2:1:perimeters=3", "from 2 to 1 mm is nothing", "lower end first"),
-        ("1:2:nozzle_temperature=400", "allows 260", "choose"),
-        ("perimeters=3", "cannot be read", "lid:infill_density=0.4"),
-        ("1:2:max_bead_width=0.2", "beads of", "between both"),
+        ("lid:perimeters=101", "<= 100", "units and bounds"),
+        ("2:1:perimeters=3", "from 2 to 1 mm is empty", "lower end first"),
+        ("1:2:nozzle_temperature=400", "allows (260", "Choose"),
+        ("perimeters=3", "is not a valid list", "lid:infill_density=0.4"),
+        ("1:2:max_bead_width=0.2", "is outside", "lies between them"),
     ],
 )
 def test_overrides_that_make_no_sense_are_refused(text: str, told: str, remedy: str) -> None:

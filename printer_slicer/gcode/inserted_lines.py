@@ -215,7 +215,7 @@ def _in_layer(  # noqa: PLR0917 - position and inputs
         return []
     filament = float(rows.fed[move - 1]) / 10**E_DECIMALS if move else 0.0
     facts = layer_facts(context.program, layer, filament, float(context.begins[move]))
-    lines = template.filled(context.known | dict(facts), shared)
+    lines = template.render(context.known | dict(facts), shared)
     return lines + _restore_state(lines, context, rows, move)
 
 

@@ -94,8 +94,8 @@ def _format_file(
     each = np.zeros(program.n_moves) if seconds is None else seconds
     known = print_facts(program, profile, float(each.sum()), labels.names if labels else (), facts.name)
     shared: dict[str, Value] = {}
-    start = [*_select_tool(profile, known, shared), *read_macro(profile, "start_gcode").filled(known, shared)]
-    end = read_macro(profile, "end_gcode").filled(known | dict(end_facts(program, profile)), dict(shared))
+    start = [*_select_tool(profile, known, shared), *read_macro(profile, "start_gcode").render(known, shared)]
+    end = read_macro(profile, "end_gcode").render(known | dict(end_facts(program, profile)), dict(shared))
     begins, taken = np.concatenate([[0.0], np.cumsum(each)]), np.zeros(1)
     if seconds is not None:
         begins += _seconds_of(start, profile, dialect)
@@ -130,7 +130,7 @@ def _select_tool(profile: Profile, known: Mapping[str, Value], shared: dict[str,
     template = read_macro(profile, "tool_gcode")
     if template.empty:
         return [f"T{profile.printer.tool}"] if profile.printer.tool else []
-    return template.filled(known, shared)
+    return template.render(known, shared)
 
 
 def _macro_times(context: WriteContext, rows: MoveText) -> Float:

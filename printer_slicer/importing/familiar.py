@@ -19,7 +19,7 @@ from printer_slicer.importing.orca_names import ORCA, ORCA_DEFAULTS
 from printer_slicer.importing.presets import Preset
 from printer_slicer.importing.qualities import quality_from
 from printer_slicer.importing.vocabulary import DEFAULTS, kind_of_setting
-from printer_slicer.macros.names import own_names, with_other_names
+from printer_slicer.macros.names import own_names, add_other_names
 from printer_slicer.profile import Profile, settings_text
 
 __all__ = ["FamiliarSetting", "familiar_setting", "is_familiar", "meant_setting"]
@@ -196,7 +196,7 @@ def _converted(kind: str, name: str, text: str, profile: Profile, *, is_orca: bo
     if convert is None:
         return {}
     plain: dict[str, Any] = {key.partition(".")[2]: value for key, value in settings_text(profile)}
-    around = with_other_names({**plain, "quality.layer_height": profile.quality.layer_height})
+    around = add_other_names({**plain, "quality.layer_height": profile.quality.layer_height})
     entries = {
         key: Entry(key, str(value[0] if isinstance(value, tuple) else value), "")
         for key, value in around.items()

@@ -20,7 +20,7 @@ from printer_slicer.importing.beds import Bed
 from printer_slicer.importing.conditions import SettingValues
 from printer_slicer.importing.conversion import Conversion
 from printer_slicer.importing.vocabulary import kind_of_setting
-from printer_slicer.macros import UnknownName, Value, escaped, known_names, literal, read_template
+from printer_slicer.macros import UnknownName, Value, escape_braces, known_names, literal, read_template
 from printer_slicer.profile.tables import settings_table
 
 __all__ = ["put_macros"]
@@ -66,7 +66,9 @@ def put_macros(made: Conversion, bed: Bed) -> None:
 def _from_cura(text: str) -> str:
     """A macro of Cura's: there `[` stands for itself, and `{name, extruder}` is a value of an extruder."""
     return _CURA.sub(
-        lambda one: f"{{{one[1]}[{one[2]}]}}" if one[1] else escaped(one[0]) if one[0] == "[" else one[0],
+        lambda one: (
+            f"{{{one[1]}[{one[2]}]}}" if one[1] else escape_braces(one[0]) if one[0] == "[" else one[0]
+        ),
         text,
     )
 

@@ -165,7 +165,7 @@ def _advance(made: Conversion) -> None:
     text = preset.first_macro(name)
     made.used.add(name)
     try:
-        lines = read_template(text, name).filled(SettingValues(preset.together))
+        lines = read_template(text, name).render(SettingValues(preset.together))
     except ProfileError as error:
         why = str(error.args[0]).removeprefix(f"{name}: ").splitlines()[0]
         made.used.discard(name)

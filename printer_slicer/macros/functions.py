@@ -1,4 +1,4 @@
-"""The functions of expressions: one table. Each takes values, vectors as they are, and gives one."""
+"""Functions of the macro language. Each takes values, including vectors, and returns one value."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from printer_slicer.macros.values import (
     Items,
     Pattern,
     Value,
+    describe_kind,
     equal,
-    kind_of,
-    one_of_items,
-    text_of,
-    whole,
+    first_item,
+    format_value,
+    to_whole,
 )
 
-__all__ = ["FUNCTIONS", "Misused", "matches"]
+__all__ = ["FUNCTIONS", "MisusedFunction", "matches"]
 
 _Function = Callable[[Sequence[Value]], Value]
 _MOST_DIGITS: Final = 20
@@ -32,81 +32,83 @@ _PATTERN_BYTES: Final = 1 << 23
 """Memory limit for a pattern; nested repetitions exceed it."""
 
 
-class Misused(Exception):  # noqa: N818 - becomes a fault of the expression once its place is known
-    """A function that cannot work with what it is given."""
+class MisusedFunction(Exception):  # noqa: N818 - becomes a MacroFault once its position is known
+    """A function was called with invalid arguments."""
 
 
 def matches(text: str, pattern: str) -> bool:
-    """Whether a pattern matches a whole text, in linear time.
+    """Return whether a pattern matches a whole text, in linear time.
 
-    The patterns are untrusted, and Python's own engine can take exponential time. RE2 has Perl's syntax without
-    lookaround and backreferences, which no vendor's bundle uses.
+    Patterns are untrusted, and Python's engine can take exponential time. RE2 has Perl's syntax without lookaround and
+    backreferences, which no vendor's profiles use.
 
     Raises:
-        Misused: the pattern cannot be read, or is too long, by itself or for the text.
+        MisusedFunction: the pattern is invalid, or too long by itself or for the text.
     """
     import re2  # noqa: PLC0415 - few macros have a pattern
 
     if len(pattern) > _LONGEST_PATTERN:
-        raise Misused(f"a pattern of {len(pattern)} characters; at most {_LONGEST_PATTERN} are allowed")
+        raise MisusedFunction(
+            f"the pattern has {len(pattern)} characters; at most {_LONGEST_PATTERN} are allowed"
+        )
     if len(text) * len(pattern) > _MOST_STEPS:
-        raise Misused(f"a pattern of {len(pattern)} characters on a text of {len(text)}")
+        raise MisusedFunction(f"a pattern of {len(pattern)} characters is too long for a text of {len(text)}")
     options = re2.Options()
     options.dot_nl, options.log_errors, options.max_mem = True, False, _PATTERN_BYTES
     try:
         return re2.compile(str(pattern), options).fullmatch(text) is not None  # type: ignore[no-untyped-call]
     except (re2.error, UnicodeEncodeError):
-        raise Misused(f"the pattern /{pattern[:80]}/ is invalid") from None
+        raise MisusedFunction(f"the pattern /{pattern[:80]}/ is invalid") from None
 
 
 def _numbers(values: Sequence[Value]) -> list[float]:
-    """Numbers, given one by one or as a list of them."""
+    """Return arguments as numbers, given one by one or as one list."""
     flat: Sequence[Value] = values
     if len(values) == 1 and isinstance(values[0], tuple):
         flat = values[0]
     numbers: list[float] = []
-    for value in map(one_of_items, flat):
+    for value in map(first_item, flat):
         if isinstance(value, (bool, str, tuple)):
-            raise Misused(f"a number was expected, this is {kind_of(value)}")
+            raise MisusedFunction(f"expected a number, got {describe_kind(value)}")
         numbers.append(value)
     return numbers
 
 
 def _of_numbers(least: int, most: int, function: Callable[..., Value]) -> _Function:
-    """A function of so many numbers."""
+    """Wrap a function that takes `least` to `most` numbers."""
 
     def run(values: Sequence[Value]) -> Value:
-        """The function of these values."""
+        """Check the arguments and call the function."""
         numbers = _numbers(values)
         if not least <= len(numbers) <= most:
             wanted = f"{least}" if least == most else f"{least} or more" if most > 3 else f"{least} or {most}"
-            raise Misused(f"takes {wanted}, got {len(numbers)}")
+            raise MisusedFunction(f"expected {wanted} arguments, got {len(numbers)}")
         return function(*numbers)
 
     return run
 
 
 def _of_values(count: int, function: Callable[..., Value], kinds: type = object) -> _Function:
-    """A function of so many values, all of one kind."""
+    """Wrap a function that takes `count` values, all of one type."""
 
     def run(values: Sequence[Value]) -> Value:
-        """The function of these values."""
+        """Check the arguments and call the function."""
         if len(values) != count:
-            raise Misused(f"takes {count}, got {len(values)}")
-        values = [one_of_items(one) for one in values] if kinds is str else values
+            raise MisusedFunction(f"expected {count} arguments, got {len(values)}")
+        values = [first_item(one) for one in values] if kinds is str else values
         for value in values:
             if not isinstance(value, kinds):
-                raise Misused(f"a text was expected, this is {kind_of(value)}")
+                raise MisusedFunction(f"expected a text, got {describe_kind(value)}")
         return function(*values)
 
     return run
 
 
 def _least_or_most(choose: Callable[[tuple[float, ...]], float]) -> Callable[..., Value]:
-    """Among fractions a whole number is a fraction, too, which matters to a division by it."""
+    """Wrap `min` or `max`: the result is a whole number only if all values are, which matters for divisions."""
 
     def run(*values: float) -> float:
-        """The least or the greatest."""
+        """Return the smallest or largest value."""
         found = choose(values)
         return found if all(isinstance(one, int) for one in values) else float(found)
 
@@ -114,48 +116,48 @@ def _least_or_most(choose: Callable[[tuple[float, ...]], float]) -> Callable[...
 
 
 def _rounded(value: float, digits: float | None = None) -> float:
-    """The nearest number with so many decimals; of two the one farther from zero."""
+    """Round to so many decimals; halves are rounded away from zero."""
     scale = 10.0 ** _count(digits or 0)
-    found = copysign(whole(abs(value) * scale + 0.5) / scale, value)
+    found = copysign(to_whole(abs(value) * scale + 0.5) / scale, value)
     return int(found) if digits is None else found
 
 
 def _count(digits: float, most: int = _MOST_DIGITS) -> int:
-    if not equal(digits, whole(digits)) or not 0 <= digits <= most:
-        raise Misused(f"{digits:g} is no number of digits; take 0 to {most}")
-    return whole(digits)
+    if not equal(digits, to_whole(digits)) or not 0 <= digits <= most:
+        raise MisusedFunction(f"{digits:g} is not a valid number of digits; use 0 to {most}")
+    return to_whole(digits)
 
 
 def _digits(fill: str) -> Callable[..., str]:
-    """A number of so many characters, with so many decimals."""
+    """Return a function that formats a number with a width and a number of decimals."""
     return lambda value, width, decimals=0: f"{value:{fill}{_count(width, _WIDEST)}.{_count(decimals)}f}"
 
 
 def _root(value: float) -> float:
     if value < -NEARLY:
-        raise Misused(f"{value:g} has no square root")
+        raise MisusedFunction(f"{value:g} has no square root")
     return sqrt(max(value, 0.0))
 
 
 def _size(value: Value) -> int:
     if not isinstance(value, (str, tuple)):
-        raise Misused(f"{kind_of(value)} has no size")
+        raise MisusedFunction(f"{describe_kind(value)} has no size")
     return len(value)
 
 
 def _cut(value: float) -> int:
-    """The whole number next towards zero."""
-    return whole(value, up=value < 0)
+    """Round to a whole number towards zero."""
+    return to_whole(value, up=value < 0)
 
 
 def _random(values: Sequence[Value]) -> Value:
-    """A number between two, both included; the same for the same seed, which comes last."""
+    """Return a random number between two limits, both included; the seed comes last."""
     *limits, seed = values
     numbers = _numbers(limits)
     if len(numbers) != 2 or numbers[0] > numbers[1]:
-        raise Misused("takes the least and the greatest number")
+        raise MisusedFunction("expected the smallest and the largest number")
     low, high = numbers
-    from hashlib import sha256  # noqa: PLC0415 - few macros ask for chance
+    from hashlib import sha256  # noqa: PLC0415 - few macros use random numbers
 
     share = int.from_bytes(sha256(f"{low} {high} {seed}".encode()).digest()[:6], "big") / 2**48
     if isinstance(low, int) and isinstance(high, int):
@@ -164,19 +166,19 @@ def _random(values: Sequence[Value]) -> Value:
 
 
 def _repeated(values: Sequence[Value]) -> Value:
-    """A list of the same value so many times."""
-    count, value = map(one_of_items, values) if len(values) == 2 else ("", "")
+    """Return a list that repeats a value."""
+    count, value = map(first_item, values) if len(values) == 2 else ("", "")
     if isinstance(count, (bool, str, tuple)) or not 0 <= count <= MOST_TEXT or isinstance(value, tuple):
-        raise Misused(f"takes a number up to {MOST_TEXT} and a value")
+        raise MisusedFunction(f"expected a count up to {MOST_TEXT} and a value")
     return Items([value] * int(count))
 
 
 def _interpolated(values: Sequence[Value]) -> Value:
-    """What a table of points (x, y) says at a place; behind its ends the first or last y."""
+    """Interpolate a table of points (x, y) at x; beyond its ends, return the first or last y."""
     points = [_numbers([one]) for one in values[1:]]
-    x = _numbers([one_of_items(values[0])])[0] if values else 0.0
+    x = _numbers([first_item(values[0])])[0] if values else 0.0
     if not points or any(len(one) != 2 for one in points) or any(a[0] >= b[0] for a, b in pairwise(points)):
-        raise Misused("takes a place and points (x, y) in the order of x")
+        raise MisusedFunction("expected x and points (x, y) sorted by x")
     if x <= points[0][0]:
         return float(points[0][1])
     for (x0, y0), (x1, y1) in pairwise(points):
@@ -186,10 +188,10 @@ def _interpolated(values: Sequence[Value]) -> Value:
 
 
 def _one_of(values: Sequence[Value]) -> Value:
-    """Whether a text is one of some texts, or matches one of some patterns."""
-    texts = [one_of_items(value) for value in values]
+    """Return whether a text equals one of the texts or matches one of the patterns."""
+    texts = [first_item(value) for value in values]
     if len(texts) < 2 or not all(isinstance(one, str) for one in texts):
-        raise Misused("takes texts and patterns")
+        raise MisusedFunction("expected texts or patterns")
     text, *others = map(str, texts)
     kinds = values[1:]
     return any(
@@ -203,8 +205,8 @@ FUNCTIONS: Final[Mapping[str, _Function]] = {
     "max": _of_numbers(1, 1000, _least_or_most(max)),
     "abs": _of_numbers(1, 1, abs),
     "round": _of_numbers(1, 2, _rounded),
-    "floor": _of_numbers(1, 1, whole),
-    "ceil": _of_numbers(1, 1, lambda value: whole(value, up=True)),
+    "floor": _of_numbers(1, 1, to_whole),
+    "ceil": _of_numbers(1, 1, lambda value: to_whole(value, up=True)),
     "int": _of_numbers(1, 1, _cut),
     "sqrt": _of_numbers(1, 1, _root),
     "digits": _of_numbers(2, 3, _digits(">")),
@@ -213,7 +215,7 @@ FUNCTIONS: Final[Mapping[str, _Function]] = {
     "padded": _of_numbers(2, 2, lambda value, digits: f"{_cut(value):0{_count(digits)}d}"),
     "random": _random,
     "interpolate_table": _interpolated,
-    "text": _of_values(1, text_of),
+    "text": _of_values(1, format_value),
     "size": _of_values(1, _size),
     "empty": _of_values(1, lambda value: _size(value) == 0),
     "is_nil": _of_values(1, lambda _: False),  # every setting has a value here

@@ -1,4 +1,4 @@
-"""Names of other slicers for what macros can speak of: PrusaSlicer's, OrcaSlicer's and BambuStudio's, Cura's."""
+"""Placeholder names of macros, with the names of PrusaSlicer, OrcaSlicer, BambuStudio and Cura."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Final
 
 from printer_slicer.macros.values import Items, Value
 
-__all__ = ["AT_END", "FACTS", "IN_LAYERS", "known_names", "own_names", "with_other_names"]
+__all__ = ["AT_END", "FACTS", "IN_LAYERS", "add_other_names", "known_names", "own_names"]
 
 _PRUSASLICER: Final[Mapping[str, str]] = {
     # material
@@ -98,7 +98,7 @@ _WHOLE: Final = frozenset(
         "current_extruder",
     }
 )
-"""Names of whole numbers: they divide to whole numbers."""
+"""Placeholders that are whole numbers; divisions of whole numbers give whole numbers."""
 
 _OTHERS: Final[Mapping[str, str]] = {
     # OrcaSlicer, BambuStudio
@@ -149,7 +149,7 @@ _OTHERS: Final[Mapping[str, str]] = {
     "retraction_hop": "retract_lift",
     "initial_extruder_nr": "initial_tool",
 }
-"""What slicers call what PrusaSlicer calls otherwise."""
+"""Names of other slicers -> PrusaSlicer's names."""
 
 
 def _words(text: str) -> frozenset[str]:
@@ -165,13 +165,13 @@ FACTS: Final = _words("""
     num_printing_extruders is_extruder_used print_time normal_print_time
     has_wipe_tower has_single_extruder_multi_material_priming total_toolchanges input_filename input_filename_base
     """)
-"""What every macro can speak of besides settings."""
+"""Placeholders of every macro besides settings."""
 
 AT_END: Final = frozenset({"layer_num", "layer_z", "max_layer_z"})
-"""What is known besides in end G-code."""
+"""Further placeholders of end G-code."""
 
 IN_LAYERS: Final = AT_END | {"current_layer_height", "filament_so_far", "seconds_so_far"}
-"""What is known besides between layers."""
+"""Further placeholders of layer and pause G-code."""
 
 
 def own_names() -> Mapping[str, str]:
@@ -180,10 +180,10 @@ def own_names() -> Mapping[str, str]:
 
 
 def known_names(macro: str, settings: frozenset[str] = frozenset()) -> frozenset[str]:
-    """All names that mean something in a macro.
+    """Return all placeholder names of a macro.
 
     Args:
-        macro: which, such as `layer_gcode`.
+        macro: its setting, such as `layer_gcode`.
         settings: names of settings.
     """
     more = AT_END if macro == "end_gcode" else frozenset()
@@ -192,11 +192,11 @@ def known_names(macro: str, settings: frozenset[str] = frozenset()) -> frozenset
     return settings | FACTS | more | _PRUSASLICER.keys() | _OTHERS.keys()
 
 
-def with_other_names(known: Mapping[str, Value]) -> dict[str, Value]:
-    """The same values also under the names of other slicers, as vectors of one item; those keep their meaning there.
+def add_other_names(known: Mapping[str, Value]) -> dict[str, Value]:
+    """Add the names of other slicers to placeholders, as vectors of one item.
 
     Args:
-        known: settings and facts under the names here; what is not there has no other name either.
+        known: settings and facts under the names of this program.
     """
     found = dict(known)
     for theirs, ours in _PRUSASLICER.items():

@@ -1,15 +1,15 @@
-"""Expressions of the macro language: text -> tokens -> trees. PrusaSlicer's placeholder language and a little more.
+"""Parse expressions of the macro language: PrusaSlicer's placeholder language with a few extensions.
 
-Binding, from loose to tight:
+Operators by precedence, lowest first:
 
 condition ? yes : no
 or  ||
 and  &&
 not  !
-==  !=  <>  <  <=  >  >=  =~  !~     one of them, not in a chain; a pattern stands between slashes
+==  !=  <>  <  <=  >  >=  =~  !~     no chains; patterns are written between slashes
 +  -
 *  /  %
--  +                                 in front
+-  +                                 unary
 name[index]  function(...)  (...)  (list, of, values)
 
 Source: PrusaSlicer's documentation, "Macros", and its tests of the placeholder parser.
@@ -22,7 +22,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from printer_slicer.macros.values import MacroFault, Pattern, Scalar, kept
+from printer_slicer.macros.values import MacroFault, Pattern, Scalar, check_range
 
 __all__ = [
     "Binary",
@@ -41,9 +41,9 @@ __all__ = [
 ]
 
 _MOST_TOKENS: Final = 200
-"""In one expression: what is read and evaluated by functions that call themselves stays shallow."""
+"""Maximum number of tokens in an expression; it limits the depth of recursive functions."""
 _DEEPEST: Final = 30
-_MOST_SIGNS: Final = 10  # in front of one thing
+_MOST_SIGNS: Final = 10  # in front of one operand
 _COMPARISONS: Final = ("==", "!=", "<", "<=", ">", ">=", "=~", "!~")
 _LEVELS: Final = (("or",), ("and",), ("not",), _COMPARISONS, ("+", "-"), ("*", "/", "%"))
 _NOT, _COMPARING = 2, 3
@@ -70,10 +70,10 @@ class Token(NamedTuple):
     """One token.
 
     Attributes:
-        kind: `float`, `int`, `name`, `text`, `pattern`, `sign` (words of the language, too) or `end`.
-        text: as written; of a text or pattern what is between its marks.
-        at: where it begins.
-        behind: where it ends.
+        kind: `float`, `int`, `name`, `text`, `pattern`, `sign` (including keywords) or `end`.
+        text: the token as written; for a text or pattern, without its quotes or slashes.
+        at: start position.
+        behind: end position.
     """
 
     kind: str
@@ -84,7 +84,7 @@ class Token(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Literal:
-    """A value as it is written."""
+    """A literal value."""
 
     value: Scalar
     at: int
@@ -100,7 +100,7 @@ class Name:
 
 @dataclass(frozen=True, slots=True)
 class Unary:
-    """`-` or `not` in front of something."""
+    """A unary operator, `-` or `not`, and its operand."""
 
     sign: str
     one: Node
@@ -109,7 +109,7 @@ class Unary:
 
 @dataclass(frozen=True, slots=True)
 class Binary:
-    """A sign between two things."""
+    """A binary operator and its operands."""
 
     sign: str
     left: Node
@@ -119,7 +119,7 @@ class Binary:
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """One of two things."""
+    """A conditional expression, `condition ? yes : no`."""
 
     condition: Node
     yes: Node
@@ -138,7 +138,7 @@ class Index:
 
 @dataclass(frozen=True, slots=True)
 class Vector:
-    """A list as it is written."""
+    """A literal list."""
 
     items: tuple[Node, ...]
     at: int
@@ -146,7 +146,7 @@ class Vector:
 
 @dataclass(frozen=True, slots=True)
 class Call:
-    """A function of some things."""
+    """A function call."""
 
     name: str
     arguments: tuple[Node, ...]
@@ -157,7 +157,7 @@ Node = Literal | Name | Unary | Binary | Choice | Index | Vector | Call
 
 
 def names_in(node: Node) -> Iterator[Name | Call]:
-    """All names and calls of functions in a tree."""
+    """Yield all names and function calls in a tree."""
     inner: tuple[Node, ...] = ()
     match node:
         case Name() | Call():
@@ -178,10 +178,10 @@ def names_in(node: Node) -> Iterator[Name | Call]:
 
 
 def parse_expression(text: str) -> Node:
-    """The tree of a text that is one expression, in which `=` compares.
+    """Parse a text that is one expression, in which `=` compares.
 
     Raises:
-        Fault: it is none.
+        MacroFault: the text is not an expression.
     """
     reader = ExpressionReader(text, 0, equals="==")
     tree = reader.expression()
@@ -191,7 +191,7 @@ def parse_expression(text: str) -> Node:
 
 
 class ExpressionReader:
-    """Reads expressions from a place on, by descending through the levels of binding; `equals` is what `=` means."""
+    """A recursive-descent parser that starts at a position of a text; `equals` is the meaning of `=`."""
 
     def __init__(self, text: str, at: int, *, equals: str = "=") -> None:
         self._text, self._same = text, {**_SAME, "=": equals}
@@ -199,10 +199,10 @@ class ExpressionReader:
         self.next = self._token(at, value_wanted=True)
 
     def _token(self, at: int, *, value_wanted: bool) -> Token:
-        """The token from here on; where a value is wanted a slash begins a pattern.
+        """Read the token at a position; if a value is expected, a slash starts a pattern.
 
         Raises:
-            Fault: a character that means nothing, or a text that does not end.
+            MacroFault: an unexpected character, or an unterminated text.
         """
         found = _PATTERN.match(self._text, at) if value_wanted else None
         if found:
@@ -221,17 +221,15 @@ class ExpressionReader:
         return Token(kind, text, begin, match.end())
 
     def _misread(self, at: int) -> MacroFault:
-        """Why no token begins here."""
+        """Explain why there is no token here."""
         while self._text[at].isspace():
             at += 1
         if self._text[at] in "\"'":
-            return MacroFault(at, "a text that does not end", f"close it with {self._text[at]}")
-        return MacroFault(
-            at, f"{self._text[at]!r} means nothing here", "write {{ and }} for braces themselves"
-        )
+            return MacroFault(at, "unterminated text", f"Close it with {self._text[at]}")
+        return MacroFault(at, f"unexpected {self._text[at]!r}", "Write {{ and }} for literal braces")
 
-    def taken(self, *texts: str) -> Token | None:
-        """The next token, read, if it is one of these signs or words."""
+    def accept(self, *texts: str) -> Token | None:
+        """Read and return the next token if it is one of these operators or keywords."""
         token = self.next
         if token.kind != "sign" or token.text not in texts:
             return None
@@ -242,46 +240,50 @@ class ExpressionReader:
         token = self.next
         self._count += 1
         if self._count > _MOST_TOKENS:
-            raise MacroFault(self._begin, f"an expression of more than {_MOST_TOKENS} words", "use several")
+            raise MacroFault(
+                self._begin, f"the expression has more than {_MOST_TOKENS} words", "Split it into several"
+            )
         ends_value = token.kind != "sign" or token.text in (")", "]")
         self.next = self._token(token.behind, value_wanted=not ends_value)
         return token
 
-    def taken_name(self) -> Token | None:
-        """The next token, read, if it is a name."""
+    def accept_name(self) -> Token | None:
+        """Read and return the next token if it is a name."""
         return self._read() if self.next.kind == "name" else None
 
     def expect(self, text: str) -> None:
-        """Read a sign that must be there."""
-        if self.taken(text) is None:
+        """Read a required operator or keyword."""
+        if self.accept(text) is None:
             raise self.unexpected(text)
 
     def unexpected(self, wanted: str) -> MacroFault:
-        """What is wrong where something else had to stand."""
+        """Return the fault of an unexpected token."""
         token = self.next
         if token.kind == "sign" and token.text == "=":
             return MacroFault(
-                token.at, "= is no comparison", "write ==, or {local name = value} for a variable"
+                token.at, "= is not a comparison", "Write ==, or {local name = value} for a variable"
             )
         here = "the end of the expression" if token.kind == "end" else repr(token.text)
-        return MacroFault(token.at, f"{here} where {wanted} was expected")
+        return MacroFault(token.at, f"expected {wanted}, got {here}")
 
     def expression(self) -> Node:
-        """A whole expression.
+        """Parse a whole expression.
 
         Raises:
-            Fault: there is none.
+            MacroFault: there is no valid expression.
         """
         self._begin, self._count = self.next.at, 0
         return self._choice()
 
     def _choice(self) -> Node:
-        """`condition ? yes : no`, or anything that binds tighter."""
+        """Parse `condition ? yes : no`, or an expression of higher precedence."""
         self._depth += 1
         if self._depth > _DEEPEST:
-            raise MacroFault(self.next.at, f"nested deeper than {_DEEPEST} times", "use a simpler expression")
+            raise MacroFault(
+                self.next.at, f"nested deeper than {_DEEPEST} levels", "Use a simpler expression"
+            )
         tree = self._level(0)
-        mark = self.taken("?")
+        mark = self.accept("?")
         if mark is not None:
             yes = self._choice()
             self.expect(":")
@@ -290,77 +292,79 @@ class ExpressionReader:
         return tree
 
     def _level(self, height: int) -> Node:
-        """What the signs of one level, or of tighter ones, hold together."""
+        """Parse the operators of one level of precedence."""
         if height == len(_LEVELS):
             return self._signed(self._indexed, "-", "+")
         if height == _NOT:
             return self._signed(lambda: self._level(_COMPARING), "not")
         left = self._level(height + 1)
-        while (sign := self.taken(*_LEVELS[height])) is not None:
+        while (sign := self.accept(*_LEVELS[height])) is not None:
             left = Binary(sign.text, left, self._level(height + 1), sign.at)
             if height == _COMPARING and self.next.text in _COMPARISONS and self.next.kind == "sign":
-                raise MacroFault(self.next.at, "comparisons do not make chains", "write a < b and b < c")
+                raise MacroFault(
+                    self.next.at, "chains of comparisons are not allowed", "Write a < b and b < c"
+                )
         return left
 
     def _signed(self, what: Callable[[], Node], *texts: str) -> Node:
-        """Any number of these signs, then what stands behind them."""
+        """Parse any number of unary operators and their operand."""
         signs: list[Token] = []
-        while (sign := self.taken(*texts)) is not None:
+        while (sign := self.accept(*texts)) is not None:
             signs.append(sign)
             if len(signs) > _MOST_SIGNS:
-                raise MacroFault(sign.at, f"more than {_MOST_SIGNS} signs in front of one thing")
+                raise MacroFault(sign.at, f"more than {_MOST_SIGNS} signs in front of a value")
         tree = what()
         for sign in reversed(signs):
             tree = tree if sign.text == "+" else Unary(sign.text, tree, sign.at)
         return tree
 
     def _indexed(self) -> Node:
-        """Something and the indices behind it."""
+        """Parse a value and its indices."""
         tree = self._atom()
-        while (mark := self.taken("[")) is not None:
+        while (mark := self.accept("[")) is not None:
             tree = Index(tree, self._choice(), mark.at)
             self.expect("]")
         return tree
 
     def _atom(self) -> Node:
-        """A number, a text, a pattern, a name, a call, or something in parentheses."""
+        """Parse a number, a text, a pattern, a name, a call, or an expression in parentheses."""
         token = self.next
         match token.kind:
             case "float":
-                return Literal(kept(float(self._read().text), token.at), token.at)
+                return Literal(check_range(float(self._read().text), token.at), token.at)
             case "int":
                 value = int(token.text) if len(token.text) < 20 else float(token.text)
                 self._read()
-                return Literal(kept(value, token.at), token.at)
+                return Literal(check_range(value, token.at), token.at)
             case "text":
                 return Literal(self._read().text, token.at)
             case "pattern":
                 return Literal(Pattern(self._read().text), token.at)
             case "name":
                 return self._named(self._read())
-        if self.taken("("):
+        if self.accept("("):
             return self._parenthesised(token)
         raise self.unexpected("a value")
 
     def _parenthesised(self, token: Token) -> Node:
-        """What follows a parenthesis: one thing, or a list."""
+        """Parse the rest of an expression or list in parentheses."""
         items = self._rest(")")
         return items[0] if len(items) == 1 else Vector(tuple(items), token.at)
 
     def _rest(self, end: str) -> list[Node]:
-        """Things between commas up to a sign."""
+        """Parse items separated by commas up to a closing sign."""
         items: list[Node] = []
-        if not self.taken(end):
+        if not self.accept(end):
             items.append(self._choice())
-            while self.taken(","):
+            while self.accept(","):
                 items.append(self._choice())
             self.expect(end)
         return items
 
     def _named(self, token: Token) -> Node:
-        """What begins with a name that was just read."""
+        """Parse what starts with a name that was just read."""
         if token.text in ("true", "false"):
             return Literal(token.text == "true", token.at)
-        if self.taken("("):
+        if self.accept("("):
             return Call(token.text, tuple(self._rest(")")), token.at)
         return Name(token.text, token.at)

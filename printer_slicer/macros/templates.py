@@ -1,18 +1,18 @@
-"""A macro: lines with expressions in braces, and blocks that are there or not. PrusaSlicer's placeholder language.
+"""Macros: lines of G-code with expressions in braces and conditional blocks, as in PrusaSlicer.
 
     {name} {a + b}          the value of an expression
     [name] [name[0]]        the value of a name
     {if a} ... {elsif b} ... {else} ... {endif}
-                            over lines or within one; a line that holds nothing but these disappears
+                            over several lines or within one; a line with nothing else is removed
     {local x = 1} {global x = 1} {x = 2} {x[0] = 2}
-                            variables of this macro, of all macros of a print; no text comes out
+                            variables of this macro, or of all macros of a print; no output
     {if a then x = 1; else x = 2; endif}
-                            several of these between the same braces
-    {{ }}                   braces themselves (not known to PrusaSlicer)
+                            several of these in the same braces
+    {{ }}                   literal braces (an extension of PrusaSlicer's language)
 
-Behind a semicolon a name that means nothing stays as it is written: it is in a remark. Nothing here calls Python's own
-evaluation. What a template may cost is bounded: its length, words in an expression, nesting of expressions and of
-blocks, texts and lists, characters that come out. There are no loops.
+After a semicolon, unknown names stay as they are, because they belong to a comment. Python's `eval` is never used. All
+costs are limited: length of a macro, tokens of an expression, nesting of expressions and blocks, texts and lists, and
+characters of output. There are no loops.
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ from typing import Final, Never
 from printer_slicer.errors import ProfileError
 from printer_slicer.macros.evaluation import check_known, evaluate, is_true, value_or_list
 from printer_slicer.macros.syntax import ExpressionReader, Index, Literal, Name, Node, Token, names_in
-from printer_slicer.macros.values import Items, MacroFault, UnknownName, Value, text_of
+from printer_slicer.macros.values import Items, MacroFault, UnknownName, Value, format_value
 
-__all__ = ["Template", "escaped", "read_template"]
+__all__ = ["Template", "escape_braces", "read_template"]
 
 _LONGEST: Final = 300_000
 _DEEPEST: Final = 20
 _MOST_CHARACTERS: Final = 1_000_000
 _LONGEST_PREFIX: Final = 500  # characters of a line before a block that are repeated for each branch
-_SHOWN: Final = 100  # characters of a line, around the place that is wrong
+_SHOWN: Final = 100  # characters of a line in a message, around the error
 _MARKS: Final = ("if", "elsif", "else", "endif")
 _BRACE: Final = re.compile(r"[{\[}\n]")
 _SQUARE: Final = re.compile(r"\[\s*([A-Za-z_]\w*)\s*(?:\[\s*(\w+)\s*\]\s*)?\]", re.ASCII)
@@ -52,7 +52,7 @@ class _Mark:
 
 @dataclass(frozen=True, slots=True)
 class _Show:
-    """An expression whose value stands in the text; `source` is what stays of it in a remark."""
+    """An expression whose value is inserted; in a comment, unknown names leave `source`."""
 
     tree: Node
     source: str
@@ -61,7 +61,7 @@ class _Show:
 
 @dataclass(frozen=True, slots=True)
 class _Assign:
-    """A variable that gets a value: `local`, `global` or, where it exists, neither."""
+    """An assignment to a variable: `local`, `global`, or neither for an existing variable."""
 
     scope: str
     name: Token
@@ -71,7 +71,7 @@ class _Assign:
 
 @dataclass(frozen=True, slots=True)
 class _Block:
-    """Branches, of which the first whose condition holds is there; `else` has the condition None."""
+    """The branches of an `if`; the first one whose condition is true is used. `else` has the condition None."""
 
     branches: tuple[tuple[_Mark, tuple[_Piece, ...]], ...]
 
@@ -82,10 +82,10 @@ _Flat = str | _Show | _Assign | _Mark
 
 @dataclass(frozen=True, slots=True)
 class Template:
-    """A macro that was read.
+    """A parsed macro.
 
     Attributes:
-        place: says in errors which setting it is.
+        place: name of its setting, for errors.
         source: its text.
         pieces: text, expressions, assignments, blocks.
     """
@@ -96,58 +96,60 @@ class Template:
 
     @property
     def empty(self) -> bool:
-        """Whether nothing can come out."""
+        """Whether it never gives output."""
         return not any(not isinstance(piece, str) or piece.strip() for piece in self.pieces)
 
-    def filled(self, known: Mapping[str, Value], shared: dict[str, Value] | None = None) -> list[str]:
-        """The lines that come out, without empty ones at both ends.
+    def render(self, known: Mapping[str, Value], shared: dict[str, Value] | None = None) -> list[str]:
+        """Evaluate the macro and return its lines, without empty lines at both ends.
 
         Args:
-            known: what names stand for; see `check`.
-            shared: global variables, which are added and changed.
+            known: values by name; see `check`.
+            shared: global variables, changed in place.
 
         Raises:
-            ProfileError: naming setting, line and column.
+            ProfileError: the macro cannot be evaluated; names setting, line and column.
         """
         text, size = [], 0
-        filling = _Filling(known, {} if shared is None else shared)
+        filling = _Renderer(known, {} if shared is None else shared)
         try:
             for part in filling.parts(self.pieces):
                 size += len(part)
                 if size > _MOST_CHARACTERS:
                     raise ProfileError(
-                        f"{self.place}: more than {_MOST_CHARACTERS} characters come out",
-                        remedy="look for lists and texts that it says over and over",
+                        f"{self.place}: the result is longer than {_MOST_CHARACTERS} characters",
+                        remedy="Shorten lists and texts that it repeats",
                     )
                 text.append(part)
         except MacroFault as fault:
-            _refuse(fault, self.place, self.source)
+            _raise_error(fault, self.place, self.source)
         return "".join(text).strip("\n").splitlines()
 
     def possible_lines(self, known: Mapping[str, Value], unknown: str = "0") -> list[str]:
-        """The lines of every branch that may be taken; what the macro itself says decides which may not.
+        """Return the lines of every branch that may be used.
+
+        Conditions that depend only on the macro itself are evaluated; all others may be true or false.
 
         Args:
-            known: values that stand in the lines and decide nothing.
-            unknown: stands where there is no value.
+            known: values to insert; they do not decide conditions.
+            unknown: text to insert for unknown values.
         """
-        survey = _Survey(known, {}, unknown=unknown)
+        survey = _BranchRenderer(known, {}, unknown=unknown)
         return "".join(survey.parts(self.pieces)).splitlines()
 
     def check(self, known: Collection[str]) -> None:
-        """Check that every name and function exists, also in blocks that are left out.
+        """Check that every name and function exists, also in unused blocks.
 
         Raises:
-            ProfileError: one is unknown; naming setting, line and column.
+            ProfileError: a name or function is unknown; names setting, line and column.
         """
         for fault in self.faults(known):
-            _refuse(fault, self.place, self.source)
+            _raise_error(fault, self.place, self.source)
 
     def faults(self, known: Collection[str]) -> Iterator[MacroFault]:
-        """Every name and function that does not exist, but for names in remarks."""
-        variables = {piece.name.text for piece in _all(self.pieces) if isinstance(piece, _Assign)}
+        """Yield every unknown name and function, except names in comments."""
+        variables = {piece.name.text for piece in _walk(self.pieces) if isinstance(piece, _Assign)}
         there = {*known, *variables}
-        for piece in _all(self.pieces):
+        for piece in _walk(self.pieces):
             trees = (
                 [piece.tree, *([piece.index] if piece.index else [])]
                 if isinstance(piece, _Assign)
@@ -165,23 +167,23 @@ class Template:
                     yield fault
 
     def line_of(self, fault: MacroFault) -> int:
-        """The line of a fault, from 1."""
+        """Return the line of a fault, from 1."""
         return self.source.count("\n", 0, fault.at) + 1
 
 
-def _all(pieces: tuple[_Piece, ...]) -> Iterator[_Show | _Assign | _Block]:
-    """All pieces but texts, those in blocks behind their block."""
+def _walk(pieces: tuple[_Piece, ...]) -> Iterator[_Show | _Assign | _Block]:
+    """Yield all pieces except texts, including those in blocks."""
     for piece in pieces:
         if not isinstance(piece, str):
             yield piece
         if isinstance(piece, _Block):
             for _, inner in piece.branches:
-                yield from _all(inner)
+                yield from _walk(inner)
 
 
 @dataclass(slots=True)
-class _Filling:
-    """Fills in a template: what is known, and the variables so far."""
+class _Renderer:
+    """Evaluates a macro with known values and its variables."""
 
     known: Mapping[str, Value]
     shared: dict[str, Value]
@@ -189,11 +191,11 @@ class _Filling:
 
     @property
     def names(self) -> Mapping[str, Value]:
-        """What names stand for now."""
+        """All current values by name."""
         return ChainMap(self.own, self.shared, self.known)  # type: ignore[arg-type]
 
     def parts(self, pieces: tuple[_Piece, ...]) -> Iterator[str]:
-        """The texts that come out, one after the other."""
+        """Yield the parts of the output."""
         for piece in pieces:
             match piece:
                 case str():
@@ -206,7 +208,7 @@ class _Filling:
                     yield from self.block(piece)
 
     def shown(self, piece: _Show) -> str:
-        """The value of an expression as text."""
+        """Return the value of an expression as text."""
         try:
             value = value_or_list(piece.tree, self.names)
         except UnknownName:
@@ -214,49 +216,49 @@ class _Filling:
                 return piece.source
             raise
         if isinstance(value, tuple) and sum(len(str(one)) for one in value) > _MOST_CHARACTERS:
-            raise MacroFault(piece.tree.at, f"a list of more than {_MOST_CHARACTERS} characters")
-        return text_of(value)
+            raise MacroFault(piece.tree.at, f"the list is longer than {_MOST_CHARACTERS} characters")
+        return format_value(value)
 
     def block(self, block: _Block) -> Iterator[str]:
-        """The branch that is there."""
+        """Yield the output of the branch whose condition is true."""
         for mark, pieces in block.branches:
             if mark.condition is None or is_true(mark.condition, self.names):
                 yield from self.parts(pieces)
                 return
 
     def assign(self, piece: _Assign) -> None:
-        """Give a variable its value."""
+        """Assign a value to a variable."""
         name, value = piece.name.text, value_or_list(piece.tree, self.names)
         where = {"local": self.own, "global": self.shared}.get(piece.scope)
         if where is None:
             where = self.own if name in self.own else self.shared
             if name not in where:
                 raise MacroFault(
-                    piece.name.at, f"there is no variable {name}", f"write {{local {name} = ...}}"
+                    piece.name.at, f"no variable {name}", f"Define it with {{local {name} = ...}}"
                 )
         if piece.index is not None:
             value = self._replaced(where[name], piece.index, value)
         where[name] = value
 
     def _replaced(self, values: Value, at: Node, value: Value) -> Items:
-        """A list with another item in one place."""
+        """Return a list with one item replaced."""
         index = evaluate(at, self.names)
         if not isinstance(values, tuple) or isinstance(value, tuple) or not isinstance(index, int):
-            raise MacroFault(at.at, "only an item of a list can be given a value, by a whole number")
+            raise MacroFault(at.at, "only an item of a list, with a whole number as index, can be assigned")
         if not 0 <= index < len(values):
-            raise MacroFault(at.at, f"there is no item {index} in a list of {len(values)}, counted from 0")
+            raise MacroFault(at.at, f"no item {index} in a list of {len(values)}; items count from 0")
         return Items([*values[:index], value, *values[index + 1 :]])
 
 
 @dataclass(slots=True)
-class _Survey(_Filling):
-    """Gives the lines of every branch that may be taken.
+class _BranchRenderer(_Renderer):
+    """Returns the lines of every branch that may be used.
 
     Attributes:
-        unknown: stands where there is no value.
-        sure: variables whose value hangs on nothing but the macro; they decide conditions.
-        line: what the line has so far; it stands before each branch of a block.
-        open: how many branches around may be taken or not.
+        unknown: text to insert for unknown values.
+        sure: variables whose value depends only on the macro; they decide conditions.
+        line: the current line so far, repeated before each branch of a block.
+        open: number of enclosing branches that may be unused.
     """
 
     unknown: str = "0"
@@ -265,29 +267,29 @@ class _Survey(_Filling):
     open: int = 0
 
     def parts(self, pieces: tuple[_Piece, ...]) -> Iterator[str]:
-        """The texts of all branches."""
-        for text in _Filling.parts(self, pieces):
+        """Yield the output of all branches."""
+        for text in _Renderer.parts(self, pieces):
             self.line = (self.line + text).rpartition("\n")[2][:_LONGEST_PREFIX]
             yield text
 
     def shown(self, piece: _Show) -> str:
-        """The value of an expression as text."""
+        """Return the value of an expression as text."""
         try:
-            return _Filling.shown(self, piece)
+            return _Renderer.shown(self, piece)
         except MacroFault:
             return self.unknown
 
     def assign(self, piece: _Assign) -> None:
-        """Give a variable its value, which is sure where it hangs on nothing unsure."""
+        """Assign a value to a variable, and to `sure` if it depends only on the macro."""
         with suppress(MacroFault):
-            _Filling.assign(self, piece)
+            _Renderer.assign(self, piece)
         self.sure.pop(piece.name.text, None)
         with suppress(MacroFault):
             if not (self.open or piece.index):
                 self.sure[piece.name.text] = value_or_list(piece.tree, self.sure)
 
     def block(self, block: _Block) -> Iterator[str]:
-        """The branches that may be taken, each with the begin of its line, all but the last with an end of it."""
+        """Yield the branches that may be used, each on a line of its own with the start of the current line."""
         begin, number = self.line, 0
         for mark, pieces in block.branches:
             taken = self._taken(mark)
@@ -302,7 +304,7 @@ class _Survey(_Filling):
                 return
 
     def _taken(self, mark: _Mark) -> bool | None:
-        """Whether a branch is taken if none before it is; None: that hangs on the print."""
+        """Return whether a branch is used if no earlier one is; None: that depends on the print."""
         try:
             return mark.condition is None or is_true(mark.condition, self.sure)
         except MacroFault:
@@ -310,33 +312,33 @@ class _Survey(_Filling):
 
 
 def read_template(text: str, place: str) -> Template:
-    """The template that a macro is.
+    """Parse a macro.
 
     Args:
         text: the macro.
-        place: which setting holds it, for errors.
+        place: name of its setting, for errors.
 
     Raises:
-        ProfileError: naming setting, line and column of what cannot be read.
+        ProfileError: the macro has a syntax error; names setting, line and column.
     """
     source = text.replace("\r\n", "\n")
     try:
-        flat = _without_marks_alone(_flat(source))
-        pieces, _ = _nested(flat, 0, [])
+        flat = _drop_silent_lines(_split_pieces(source))
+        pieces, _ = _nest_blocks(flat, 0, [])
     except MacroFault as fault:
-        _refuse(fault, place, source)
+        _raise_error(fault, place, source)
     return Template(place, source, pieces)
 
 
-def escaped(text: str) -> str:
-    """A macro that comes out as this text: braces and square brackets stand for themselves."""
+def escape_braces(text: str) -> str:
+    """Escape braces and square brackets, so that a macro gives the text unchanged."""
     return re.sub(r"[{\[]", lambda one: f'{{"{one[0]}"}}', text)
 
 
-def _flat(source: str) -> Iterator[_Flat]:
-    """Text, values, assignments and marks one after the other; every line of text is a piece of its own."""
+def _split_pieces(source: str) -> Iterator[_Flat]:
+    """Yield text, values, assignments and marks in order; every line of text is a separate piece."""
     if len(source) > _LONGEST:
-        raise MacroFault(0, f"a macro of more than {_LONGEST} characters", "put less into it")
+        raise MacroFault(0, f"the macro is longer than {_LONGEST} characters", "Shorten it")
     place, doubled, remark = 0, False, False
     while place < len(source):
         found = _BRACE.search(source, place)
@@ -351,7 +353,7 @@ def _flat(source: str) -> Iterator[_Flat]:
             yield sign
             doubled = remark = False
         elif sign == "{" and not source.startswith("{{", end):
-            pieces, place = _braced(source, end, remark=remark)
+            pieces, place = _parse_braces(source, end, remark=remark)
             yield from pieces
         elif square:
             tree: Node = Name(square[1], end + 1)
@@ -367,19 +369,17 @@ def _flat(source: str) -> Iterator[_Flat]:
             place += pair
 
 
-def _braced(source: str, begin: int, *, remark: bool) -> tuple[list[_Flat], int]:
-    """What stands between the braces that begin here, and the place behind them."""
+def _parse_braces(source: str, begin: int, *, remark: bool) -> tuple[list[_Flat], int]:
+    """Parse the braces that start here; return their pieces and the position after them."""
     reader = ExpressionReader(source, begin + 1)
     found: list[Node | _Mark | _Assign] = []
     if reader.next.kind == "end" and reader.next.text:
-        raise MacroFault(
-            begin + 1, "nothing between the braces", "write {name}, or {{}} for braces themselves"
-        )
+        raise MacroFault(begin + 1, "nothing between the braces", "Write {name}, or {{}} for literal braces")
     while reader.next.kind != "end":
-        if not reader.taken(";"):
+        if not reader.accept(";"):
             found.append(_statement(reader))
     if not reader.next.text:
-        raise MacroFault(begin, "a brace without its partner", "write {name}, or {{ for a brace itself")
+        raise MacroFault(begin, "unmatched brace", "Write {name}, or {{ for a literal brace")
     end = reader.next.behind
     if found and isinstance(found[0], _Mark):
         found[0] = _Mark(found[0].word, found[0].condition, begin)
@@ -390,16 +390,16 @@ def _braced(source: str, begin: int, *, remark: bool) -> tuple[list[_Flat], int]
 
 
 def _statement(reader: ExpressionReader) -> Node | _Mark | _Assign:
-    """One mark, assignment or expression, and that it ends there."""
-    if mark := reader.taken("else", "endif"):
+    """Parse one mark, assignment or expression."""
+    if mark := reader.accept("else", "endif"):
         return _Mark(mark.text, None, mark.at)
-    if mark := reader.taken("if", "elsif"):
+    if mark := reader.accept("if", "elsif"):
         if reader.next.kind == "end":
             raise MacroFault(
-                reader.next.at, f"{mark.text} without a condition", f"write {{{mark.text} a > b}}"
+                reader.next.at, f"{mark.text} without a condition", f"Write {{{mark.text} a > b}}"
             )
         found: Node | _Mark | _Assign = _Mark(mark.text, reader.expression(), mark.at)
-        if reader.taken("then"):
+        if reader.accept("then"):
             return found
     else:
         found = _assignment_or_value(reader)
@@ -409,9 +409,9 @@ def _statement(reader: ExpressionReader) -> Node | _Mark | _Assign:
 
 
 def _assignment_or_value(reader: ExpressionReader) -> Node | _Assign:
-    """`local x = 1`, `global x = 1`, `x = 1`, `x[0] = 1`, or an expression."""
-    if scope := reader.taken("local", "global"):
-        name = reader.taken_name()
+    """Parse `local x = 1`, `global x = 1`, `x = 1`, `x[0] = 1`, or an expression."""
+    if scope := reader.accept("local", "global"):
+        name = reader.accept_name()
         if name is None:
             raise reader.unexpected("the name of a variable")
         reader.expect("=")
@@ -419,13 +419,13 @@ def _assignment_or_value(reader: ExpressionReader) -> Node | _Assign:
     first = reader.next
     tree = reader.expression()
     target, index = (tree.of, tree.index) if isinstance(tree, Index) else (tree, None)
-    if isinstance(target, Name) and reader.taken("="):
+    if isinstance(target, Name) and reader.accept("="):
         return _Assign("", first, index, reader.expression())
     return tree
 
 
-def _without_marks_alone(flat: Iterator[_Flat]) -> list[_Flat]:
-    """The pieces without the blanks and ends of lines that hold nothing but marks and assignments."""
+def _drop_silent_lines(flat: Iterator[_Flat]) -> list[_Flat]:
+    """Return the pieces without blanks and line breaks of lines that hold only marks and assignments."""
     kept: list[_Flat] = []
     line: list[_Flat] = []
     for piece in (*flat, ""):
@@ -440,8 +440,8 @@ def _without_marks_alone(flat: Iterator[_Flat]) -> list[_Flat]:
     return kept
 
 
-def _nested(flat: list[_Flat], place: int, open_marks: list[_Mark]) -> tuple[tuple[_Piece, ...], int]:
-    """The pieces up to a mark that ends the block they are in, or to the end of the macro; and where that is."""
+def _nest_blocks(flat: list[_Flat], place: int, open_marks: list[_Mark]) -> tuple[tuple[_Piece, ...], int]:
+    """Return the pieces up to the end of their block or of the macro, and the position of that end."""
     pieces: list[_Piece] = []
     while place < len(flat):
         piece = flat[place]
@@ -450,7 +450,7 @@ def _nested(flat: list[_Flat], place: int, open_marks: list[_Mark]) -> tuple[tup
             place += 1
         elif piece.word == "if":
             if len(open_marks) == _DEEPEST:
-                raise MacroFault(piece.at, f"blocks nested deeper than {_DEEPEST} times")
+                raise MacroFault(piece.at, f"blocks are nested deeper than {_DEEPEST} levels")
             block, place = _block(flat, place, [*open_marks, piece])
             pieces.append(block)
         elif not open_marks:
@@ -461,24 +461,24 @@ def _nested(flat: list[_Flat], place: int, open_marks: list[_Mark]) -> tuple[tup
 
 
 def _block(flat: list[_Flat], place: int, open_marks: list[_Mark]) -> tuple[_Block, int]:
-    """A whole block that begins here, and the place behind its end."""
+    """Return the block that starts here, and the position after its end."""
     first = mark = open_marks[-1]
     branches: list[tuple[_Mark, tuple[_Piece, ...]]] = []
     while mark.word != "endif":
-        pieces, place = _nested(flat, place + 1, open_marks)
+        pieces, place = _nest_blocks(flat, place + 1, open_marks)
         branches.append((mark, pieces))
         if place == len(flat):
-            raise MacroFault(first.at, "{if ...} without {endif}", "end the block with {endif}")
+            raise MacroFault(first.at, "{if ...} without {endif}", "End the block with {endif}")
         following = flat[place]
         assert isinstance(following, _Mark)
         if mark.word == "else" and following.word != "endif":
-            raise MacroFault(following.at, f"{{{following.word}}} behind {{else}}")
+            raise MacroFault(following.at, f"{{{following.word}}} after {{else}}")
         mark = following
     return _Block(tuple(branches)), place + 1
 
 
-def _refuse(fault: MacroFault, place: str, source: str) -> Never:
-    """Raise with the line and a mark under the place that is wrong."""
+def _raise_error(fault: MacroFault, place: str, source: str) -> Never:
+    """Raise an error that shows the line with a mark under the position."""
     at = min(fault.at, len(source))
     start = source.rfind("\n", 0, at) + 1
     line = source[start:].partition("\n")[0]

@@ -1,4 +1,4 @@
-"""Values of expressions: whole numbers, fractions, true and false, texts, lists of these; and what can be wrong."""
+"""Values of the macro language: whole numbers, fractions, booleans, texts, lists of these; and its errors."""
 
 from __future__ import annotations
 
@@ -16,45 +16,45 @@ __all__ = [
     "Scalar",
     "UnknownName",
     "Value",
+    "check_range",
+    "describe_kind",
     "equal",
-    "kept",
-    "kind_of",
+    "first_item",
+    "format_value",
     "literal",
-    "one_of_items",
-    "text_of",
-    "whole",
+    "to_whole",
 ]
 
 Scalar = int | float | bool | str
 Value = Scalar | tuple[Scalar, ...]
 
 NEARLY = 1e-9
-"""Numbers closer than this are equal, so that 0.1 + 0.2 == 0.3 and int(0.6 / 0.2) is 3."""
+"""Numbers closer than this are equal, so that 0.1 + 0.2 == 0.3 is true and int(0.6 / 0.2) is 3."""
 
 MOST = 1e15
-"""No number may be larger: beyond, not every whole number has a value of its own."""
+"""Maximum absolute value of numbers; floats beyond it cannot represent every whole number."""
 
 MOST_TEXT = 10_000
-"""Characters of a text, and items of a list, that an expression may make."""
+"""Maximum number of characters in a text and of items in a list."""
 
 
 class Items(tuple[Scalar, ...]):
-    """A vector as PrusaSlicer has them, one item per extruder.
+    """A vector as in PrusaSlicer, with one item per extruder.
 
-    Where a single value is wanted it stands for its first item, and so does an index behind its end.
+    Its first item is used where a single value is expected, and for an index beyond its end.
     """
 
     __slots__ = ()
 
 
 class Pattern(str):
-    """A regular expression, as it stands between slashes."""
+    """A regular expression, as written between slashes."""
 
     __slots__ = ()
 
 
 class MacroFault(Exception):  # noqa: N818 - becomes a ProfileError once line and setting are known
-    """Something wrong at a place (characters from the begin) of a macro."""
+    """An error at a position of a macro, in characters from its start."""
 
     def __init__(self, at: int, problem: str, remedy: str = "") -> None:
         super().__init__(problem)
@@ -62,68 +62,68 @@ class MacroFault(Exception):  # noqa: N818 - becomes a ProfileError once line an
 
 
 class UnknownName(MacroFault):
-    """A name that stands for nothing."""
+    """An unknown name in a macro."""
 
     def __init__(self, name: str, at: int, remedy: str) -> None:
         super().__init__(at, f"unknown placeholder {{{name}}}", remedy)
         self.name = name
 
 
-def text_of(value: Value) -> str:
-    """A value as it stands in G-code."""
+def format_value(value: Value) -> str:
+    """Format a value for G-code."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):
         return value
     if isinstance(value, Items):
-        return text_of(one_of_items(value))
+        return format_value(first_item(value))
     if isinstance(value, tuple):
-        return ", ".join(text_of(item) for item in value)
+        return ", ".join(format_value(item) for item in value)
     return str(value) if isinstance(value, int) else number(value)
 
 
 def literal(value: Value) -> str:
-    """A value as it is written in an expression."""
+    """Format a value as a literal of the macro language."""
     if isinstance(value, tuple):
         return literal(value[0]) if len(value) == 1 else f"({', '.join(map(literal, value))})"
     if isinstance(value, str):
         escaped = value.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n")
         return f'"{escaped}"'
-    return f"{value:.10f}".rstrip("0") if isinstance(value, float) else text_of(value)
+    return f"{value:.10f}".rstrip("0") if isinstance(value, float) else format_value(value)
 
 
-def one_of_items(value: Value) -> Value:
-    """What stands where a single value is wanted: the first item of a vector, an empty text if it has none."""
+def first_item(value: Value) -> Value:
+    """Return a single value: the first item of a vector, or an empty text if the vector is empty."""
     if isinstance(value, Items):
         return value[0] if value else ""
     return value
 
 
-def kind_of(value: Value) -> str:
-    """What people call this kind of value."""
+def describe_kind(value: Value) -> str:
+    """Describe the type of a value for messages."""
     if isinstance(value, bool):
-        return "yes or no"
+        return "a boolean"
     if isinstance(value, str):
         return "a text"
     return "a list" if isinstance(value, tuple) else "a number"
 
 
 def equal(one: float, other: float) -> bool:
-    """Whether two numbers are the same but for rounding."""
+    """Return whether two numbers are equal within rounding."""
     return abs(one - other) <= NEARLY
 
 
-def whole(value: float, *, up: bool = False) -> int:
-    """The next whole number below, or above; a number that is nearly whole is that."""
+def to_whole(value: float, *, up: bool = False) -> int:
+    """Round down, or up, to a whole number; a number within rounding of a whole number becomes that number."""
     return ceil(value - NEARLY) if up else floor(value + NEARLY)
 
 
-def kept(value: float, at: int) -> float:
-    """A number that stayed within bounds.
+def check_range(value: float, at: int) -> float:
+    """Return a number after a check of its size.
 
     Raises:
-        Fault: it is too large.
+        MacroFault: it is too large.
     """
     if not (isfinite(value) and abs(value) <= MOST):
-        raise MacroFault(at, f"the result is beyond {MOST:g}")
+        raise MacroFault(at, f"the result is larger than {MOST:g}")
     return value

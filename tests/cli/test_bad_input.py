@@ -190,8 +190,8 @@ def test_a_profile_file_that_is_not_there_is_refused(flag: str) -> None:
 
 
 BAD_SETTINGS = [
-    ("infil_density=0.2", ["infil_density", "did you mean 'infill_density'"]),
-    ("quality.perimetres=3", ["perimetres", "did you mean 'quality.perimeters'"]),
+    ("infil_density=0.2", ["infil_density", "Did you mean 'infill_density'"]),
+    ("quality.perimetres=3", ["perimetres", "Did you mean 'quality.perimeters'"]),
     ("infill_density=2", ["quality.infill_density", "<= 1"]),
     ("infill_density=-0.1", ["quality.infill_density", ">= 0"]),
     ("speeds.travel=-1", ["quality.speeds.travel", ">= 0"]),

@@ -129,7 +129,7 @@ def test_check_tells_all_faults_of_all_files(tmp_path: Path) -> None:
     two.write_text('inherits = "pla"\ndensity = = 3\n')
     outcome = failed("check", one, two)
 
-    assert f"{one}:2: quality.perimetres: no such setting\n  did you mean 'perimeters'?" in outcome.err
+    assert f"{one}:2: quality.perimetres: no such setting\n  Did you mean 'perimeters'?" in outcome.err
     assert f"{one}:3: quality.infill_density: expected a number <= 1; it is 2" in outcome.err
     assert f"{two}:2: not valid TOML" in outcome.err
     found = json.loads(typed("profiles", "check", one, "--json").out)
@@ -190,7 +190,7 @@ def test_profiles_of_a_folder_are_used_by_other_commands(tmp_path: Path) -> None
     [
         (["printer"], "profiles printer: which one?", "profiles printer NAME"),
         (["show", "a", "b", "c"], "profiles show: which one?", "profiles show NAME"),
-        (["show", "standart"], "unknown profile 'standart'", "did you mean 'standard'?"),
+        (["show", "standart"], "unknown profile 'standart'", "Did you mean 'standard'?"),
         (["diff", "standard"], "profiles diff: which two?", "profiles diff NAME OTHER"),
         (
             ["diff", "standard", "pla"],

@@ -160,7 +160,7 @@ def test_a_profile_may_come_from_stdin(arguments: list[object], said: str, tmp_p
 def test_what_is_wrong_with_a_profile_from_stdin_is_told_by_its_lines(tmp_path: Path) -> None:
     done = piped(PROFILE + b"perimetres = 3\n", "profiles", "check", "-", cwd=tmp_path)
     used = piped(PROFILE + b"perimetres = 3\n", "slice", BOX, "-o", "-", "--quality", "-", cwd=tmp_path)
-    told = "stdin.toml:4: quality.perimetres: no such setting\n  did you mean 'perimeters'?\n"
+    told = "stdin.toml:4: quality.perimetres: no such setting\n  Did you mean 'perimeters'?\n"
 
     assert (done.returncode, done.stderr.decode()) == (2, told)
     assert (used.returncode, used.stderr.decode()) == (2, f"printer-slicer: {told}")

@@ -134,7 +134,7 @@ def test_the_examples_of_the_document_are_true(macro: str, expected: str) -> Non
         "tops": (0.2, 0.4, 0.6),
     }
 
-    assert read_template(macro, "example").filled(known) == [expected]
+    assert read_template(macro, "example").render(known) == [expected]
 
 
 def test_the_document_names_every_fact_and_every_function() -> None:

@@ -27,7 +27,7 @@ def with_start(text: str, **changes: Any) -> Profile:
 
 
 def filled(program: Program, wanted: Profile) -> list[str]:
-    return read_macro(wanted, "start_gcode").filled(print_facts(program, wanted))
+    return read_macro(wanted, "start_gcode").render(print_facts(program, wanted))
 
 
 def test_names_become_numbers_without_needless_zeros(program: Program) -> None:

@@ -18,7 +18,7 @@ from printer_slicer.cli import main
 from printer_slicer.errors import ProfileError
 from printer_slicer.importing import Imported, Refused, import_profiles, profile_text
 from printer_slicer.macros import read_template
-from printer_slicer.macros.functions import Misused, matches
+from printer_slicer.macros.functions import MisusedFunction, matches
 from printer_slicer.profile.faults import fault_in
 from tests.importing.files import FLAT, ini
 from tests.importing.test_bundle import BUNDLE
@@ -172,7 +172,7 @@ def test_no_pattern_takes_for_ever(pattern: str, tmp_path: Path) -> None:
         encoding="utf-8",
     )
     check(path)
-    with suppress(Misused):
+    with suppress(MisusedFunction):
         assert matches("a" * 50_000, pattern) is (pattern in (".*a" * 30, "(a|aa)+$", "(a|a)*" * 500))
 
 

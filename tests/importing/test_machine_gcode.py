@@ -136,7 +136,7 @@ def test_ceilings_hold_for_what_a_macro_reckons(tmp_path: Path) -> None:
 def test_any_text_is_filled_in_or_an_error_that_says_where(text: str) -> None:
     try:
         macro = read_template(text, "here")
-        macro.filled({})
+        macro.render({})
     except ProfileError as error:
         assert str(error).startswith("here: line ")  # noqa: PT017 - most texts are filled in
     else:

@@ -18,7 +18,7 @@ from printer_slicer.profile.inspection import (
     read_headline,
     settings_with_origins,
 )
-from printer_slicer.profile.keys import keys_of, nearest
+from printer_slicer.profile.keys import find_nearest_key, keys_of
 from printer_slicer.profile.reading import SettingsSource, read_chain
 from printer_slicer.profile.template import new_profile, toml_value
 from printer_slicer.toml_text import key_lines
@@ -148,8 +148,8 @@ def test_all_faults_of_objects_and_heights_are_told_with_their_lines(tmp_path: P
         (19, "overrides[4].set.perimeters"),
         (20, "overrides[4].set.quality.infill"),
     }
-    assert faults[14, "overrides[3].hihg"][1] == "did you mean 'high'?"
-    assert "did you mean 'grid'?" in faults[20, "overrides[4].set.quality.infill"][1]
+    assert faults[14, "overrides[3].hihg"][1] == "Did you mean 'high'?"
+    assert "Did you mean 'grid'?" in faults[20, "overrides[4].set.quality.infill"][1]
 
 
 def test_each_line_of_the_chain_is_told_of_what_adds_up(tmp_path: Path) -> None:
@@ -184,23 +184,28 @@ def test_ranges_that_contradict_each_other_are_told(tmp_path: Path) -> None:
 def test_only_names_that_are_near_are_offered(key: str, near: str) -> None:
     known = [f"{kind}.{one}" for kind in KINDS for one in keys_of(kind, {})]
 
-    assert nearest(key, [*known, *(one.partition(".")[2] for one in known)]) == near
+    assert find_nearest_key(key, [*known, *(one.partition(".")[2] for one in known)]) == near
 
 
 @pytest.mark.parametrize(
     ("kind", "text", "problem", "remedy"),
     [
-        ("quality", 'infill = "gridd"', "quality.infill: there is no 'gridd'", "did you mean 'grid'?"),
-        ("printer", 'thumbnails = ["0x0"]', "expected text such as 32x32, 300x300/QOI; it is '0x0'", "tells"),
-        ("printer", "bed_x = 1979-05-27", "printer.bed_x: expected a number; it is 1979-05-27", "tells"),
-        ("printer", "probe = 7", "printer.probe: expected true or false; it is 7", "tells"),
+        ("quality", 'infill = "gridd"', "quality.infill: unknown value 'gridd'", "Did you mean 'grid'?"),
+        (
+            "printer",
+            'thumbnails = ["0x0"]',
+            "expected text such as 32x32, 300x300/QOI; got '0x0'",
+            "lists types",
+        ),
+        ("printer", "bed_x = 1979-05-27", "printer.bed_x: expected a number; got 1979-05-27", "lists types"),
+        ("printer", "probe = 7", "printer.probe: expected true or false; got 7", "lists types"),
         (
             "quality",
             'overrides = "lid"',
-            "'lid' cannot be read as a list",
+            "'lid' is not a valid list",
             'overrides = "lid:infill_density=0.4',
         ),
-        ("quality", 'planner = "cusp"', "expected a table; it is 'cusp'", "planner = { kind"),
+        ("quality", 'planner = "cusp"', "expected a table; got 'cusp'", "planner = { kind"),
     ],
 )
 def test_messages_are_in_words_of_people(
@@ -237,7 +242,7 @@ def test_a_printer_that_contradicts_itself_is_told(tmp_path: Path) -> None:
 def test_a_key_of_another_kind_is_told_where_it_belongs(tmp_path: Path) -> None:
     (fault,) = find_faults("material", written(tmp_path, 'inherits = "pla"\nbed_x = 200\n'))
 
-    assert fault.remedy == "it belongs into a printer profile"
+    assert fault.remedy == "Move it to a printer profile"
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -263,13 +268,13 @@ def test_a_new_profile_changes_nothing_but_the_name(tmp_path: Path, kind: str) -
 def test_a_new_profile_lists_all_that_may_be_changed_as_it_is_now(tmp_path: Path, kind: str) -> None:
     parent = read_chain(kind, PARENTS[kind])
     text = new_profile(kind, "mine", PARENTS[kind], parent, "#:schema x")
-    listed = text.partition("is different.\n")[2]
+    listed = text.partition("shows the changes.\n")[2]
     bare = re.sub(r"(?m)^# (?!.*\.\.\.)", "", listed)
     # Meanings go, settings stay: these have a sign of equality behind their key, or go over several lines.
     settings, inside = [], False
     for line in bare.splitlines():
         if inside or re.match(r"\w+ = |\[\w+\]$", line):
-            settings.append(line.partition(" # another one")[0] if line.startswith("kind") else line)
+            settings.append(line.partition(" # other kinds")[0] if line.startswith("kind") else line)
             inside = (not inside and line.endswith('"""') and line.count('"""') == 1) or (
                 inside and line != '"""'
             )

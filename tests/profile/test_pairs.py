@@ -104,7 +104,7 @@ def test_few_pairs_make_no_sense_and_these_say_why(printer: str) -> None:
     for (material, quality), error in refused.items():
         if material == "pla":
             assert quality in {"case_study", "fine"}
-            assert "prints layers of" in str(error)
+            assert "outside the layer heights of printer" in str(error)
         else:
             assert "temperature" in str(error)
             assert "allows" in str(error)

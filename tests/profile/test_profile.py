@@ -218,7 +218,7 @@ def test_a_profile_without_what_it_must_have_names_file_and_key(write: Write, te
         ("external_perimeter_first = 2", "quality.external_perimeter_first", "true or false"),
         ("name = 3", "quality.name", "text"),
         ("infill_density = nan", "quality.infill_density", "0"),
-        ("infill_density = 2020-01-01", "quality.infill_density", "a number; it is 2020-01-01"),
+        ("infill_density = 2020-01-01", "quality.infill_density", "a number; got 2020-01-01"),
         ('planner = "area"', "quality.planner", "a table"),
         ("speeds = 3", "quality.speeds", "a table"),
     ],
@@ -293,7 +293,7 @@ def test_a_file_that_cannot_be_read_names_it(tmp_path: Path) -> None:
 
     with pytest.raises(ProfileError, match=r"mine\.toml: cannot be read: .+ error") as refused:
         load_profile(str(path))
-    assert refused.value.remedy == "check the file's permissions"
+    assert refused.value.remedy == "Check the file's permissions"
 
 
 def test_a_circle_of_files_is_named(write: Write, tmp_path: Path) -> None:

@@ -314,7 +314,7 @@ def _without_own(values: Mapping[str, Any]) -> dict[str, Any]:
 
 def _notes(one: Imported, others: Mapping[str, Mapping[str, Any]]) -> Iterator[ImportNote]:
     """What is refused in the macros of one profile."""
-    from printer_slicer.macros import with_other_names
+    from printer_slicer.macros import add_other_names
     from printer_slicer.profile import profile_from
     from printer_slicer.profile.reading import flatten
 
@@ -328,7 +328,7 @@ def _notes(one: Imported, others: Mapping[str, Mapping[str, Any]]) -> Iterator[I
             if isinstance(value, (bool, int, float, str)):
                 names[f"{kind}.{key}"] = value
                 names.setdefault(key, value)
-    known = with_other_names(names)
+    known = add_other_names(names)
     for name in _MACROS:
         commands = list(_commands(str(one.values.get(name, "")), known))
         yield from _refused(commands, profile, f"{one.source}: {name}")
