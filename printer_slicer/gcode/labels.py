@@ -152,8 +152,8 @@ def _between(program: Program, end: int, begin: int) -> int:
 
 def _lifts(program: Program, move: int) -> bool:
     """Whether a move only lifts the nozzle."""
-    way = program.xyz[move] - program.xyz[move - 1]
-    return bool(way[2] > 0 and (way[:2] == 0).all() and program.filament[move] == 0)
+    step = program.xyz[move] - program.xyz[move - 1]
+    return bool(step[2] > 0 and (step[:2] == 0).all() and program.filament[move] == 0)
 
 
 def find_full_rows(marks: list[ObjectMark]) -> Int:

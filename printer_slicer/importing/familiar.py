@@ -19,7 +19,7 @@ from printer_slicer.importing.orca_names import ORCA, ORCA_DEFAULTS
 from printer_slicer.importing.presets import Preset
 from printer_slicer.importing.qualities import quality_from
 from printer_slicer.importing.vocabulary import DEFAULTS, kind_of_setting
-from printer_slicer.macros.names import own_names, add_other_names
+from printer_slicer.macros.names import add_other_names, own_names
 from printer_slicer.profile import Profile, settings_text
 
 __all__ = ["FamiliarSetting", "familiar_setting", "is_familiar", "meant_setting"]

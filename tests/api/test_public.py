@@ -217,7 +217,7 @@ def test_what_has_no_picture_is_refused() -> None:
         (lambda: ps.slice_stages(ps.Mesh(np.zeros((0, 3, 3))), PROFILE), "has no facets"),
         (lambda: ps.slice_stages(ps.Mesh(np.full((4, 3, 3), np.nan)), PROFILE), "is not a finite number"),
         (lambda: ps.slice_stages(ps.Mesh(np.full((4, 3, 3), np.inf)), PROFILE), "is not a finite number"),
-        (lambda: ps.load_profile(changes=["pla"]), "a table of names and values"),  # type: ignore[arg-type]
+        (lambda: ps.load_profile(changes=["pla"]), "a mapping of names to values"),  # type: ignore[arg-type]
         (lambda: ps.LayerPlan.from_tops(np.ones((2, 2))), "tops of layers must be a list of numbers"),
         (lambda: ps.LayerPlan.from_tops("ab"), "tops of layers must be a list of numbers"),  # type: ignore[arg-type]
     ],

@@ -251,7 +251,7 @@ REFUSED: dict[str, tuple[dict[str, Any], str, str]] = {
     ),
     "layers that are too thick": (
         {"planner": plan_of([0.2, 3.8])},
-        "layer 2 is 3.8 mm high (top 4 mm), but 'Marlin bed-slinger 220, 0.4 mm nozzle' outside the layer heights of printer 0.08",
+        "layer 2 is 3.8 mm high (top 4 mm), but 'Marlin bed-slinger 220, 0.4 mm nozzle' prints layers of 0.08",
         "max_layer",
     ),
     "layers that go down": (

@@ -44,7 +44,7 @@ def test_a_height_under_the_bed_is_refused_as_a_height() -> None:
     outcome = typed("slice", BOX, "-o", "-", "--range", "-5:5:perimeters=4")
 
     assert outcome.code == 2
-    assert is_message(outcome, "-5:5:perimeters=4", "it is -5")
+    assert is_message(outcome, "-5:5:perimeters=4", "got -5")
 
 
 @pytest.mark.parametrize("heights", ["0:inf", "5:", ":5", "box:5:6", "low:high"])
@@ -88,8 +88,8 @@ def test_a_folder_or_a_link_that_leads_nowhere_is_no_profile(tmp_path: Path) -> 
     (tmp_path / "materials" / "dir.toml").mkdir(parents=True)
     (tmp_path / "materials" / "link.toml").symlink_to("nowhere")
     for name, problem in (
-        ("dir", "is a folder, no profile"),
-        ("link", "is a link to a file that there is not"),
+        ("dir", "is a folder, not a profile"),
+        ("link", "is a link to a missing file"),
     ):
         path = tmp_path / "materials" / f"{name}.toml"
         by_name = typed("slice", BOX, "--profiles", tmp_path, "--material", name)
@@ -106,7 +106,7 @@ def test_a_group_of_settings_is_told_from_a_setting(group: str) -> None:
 
     assert outcome.code == 2
     assert is_message(
-        outcome, f"--set {group}: is a group of settings", f"name one: {group.rpartition('.')[2]}."
+        outcome, f"--set {group}: this is a group of settings", f"Choose one of: {group.rpartition('.')[2]}."
     )
 
 

@@ -19,7 +19,7 @@ from printer_slicer.errors import ProfileError
 from printer_slicer.importing import Imported, Refused, import_profiles, profile_text
 from printer_slicer.macros import read_template
 from printer_slicer.macros.functions import MisusedFunction, matches
-from printer_slicer.profile.faults import fault_in
+from printer_slicer.profile.faults import find_value_fault
 from tests.importing.files import FLAT, ini
 from tests.importing.test_bundle import BUNDLE
 from tests.importing.test_cura import EXPRESSIONS, LITERALS
@@ -97,7 +97,7 @@ def check(path: Path) -> int:
             assert one.remedy
             continue
         assert isinstance(one, Imported)
-        assert fault_in(one.kind, tomllib.loads(profile_text(one))) is None
+        assert find_value_fault(one.kind, tomllib.loads(profile_text(one))) is None
         for name, value in one.values.items():
             if name.endswith("_gcode"):
                 readable(one, name, value)

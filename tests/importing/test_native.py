@@ -99,9 +99,9 @@ def test_macros_in_the_old_form_of_the_language_are_imported_sliced_and_printed(
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        (b"\n; settings\n", b"\n", "without the settings at its end"),
-        (b"; printer.bed_x = ", b"; printer.bed_q = ", "of another version"),
-        (b"; printer.bed_x = ", b"; printer.bed_x = wide", "of another version"),
+        (b"\n; settings\n", b"\n", "settings at the end of the file are missing"),
+        (b"; printer.bed_x = ", b"; printer.bed_q = ", "to another version"),
+        (b"; printer.bed_x = ", b"; printer.bed_x = wide", "to another version"),
     ],
 )
 def test_settings_that_are_not_all_there_are_refused(
