@@ -1,1 +1,1 @@
-"""One truth about time: `rules` move by move in plain Python, `whole` over arrays. Import the module you need."""
+"""The motion model of firmware: `rules` computes single moves in plain Python, `vectorized` whole arrays."""

@@ -1,4 +1,4 @@
-"""Arcs as firmware makes them: chords of a circle, so that simulated and modelled times agree."""
+"""Split arcs (G2, G3) into chords as firmware does, so that simulated and modelled times agree."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ __all__ = [
 LONGEST_CHORD: Final = 1.0
 SHORTEST_CHORD: Final = 0.1
 CHORDS_PER_TURN: Final = 72
-"""An arc becomes chords of a 72nd of a turn, but within 0.1 and 1 mm: Marlin's defaults."""
+"""Chords per turn; chords are limited to 0.1 to 1 mm. These are Marlin's defaults."""
 
 Place = tuple[float, float]
 """x, y, mm."""
 
 
 def centre_by_offset(start: Place, i: float, j: float) -> Place | None:
-    """Centre that lies (i, j) mm from the start; None when both are 0."""
+    """Return the centre at (i, j) mm from the start; None if both are 0."""
     return (start[0] + i, start[1] + j) if i or j else None
 
 
 def centre_by_radius(start: Place, goal: Place, radius: float, *, clockwise: bool) -> Place | None:
-    """Centre of the arc of `radius` mm from start to goal; a negative radius takes the longer way round.
+    """Return the centre of the arc of `radius` mm from start to goal; a negative radius selects the longer arc.
 
-    None when start and goal are the same place or the radius is 0.
+    None if start and goal are equal or the radius is 0.
     """
     dx, dy = goal[0] - start[0], goal[1] - start[1]
     chord = hypot(dx, dy)
@@ -47,7 +47,7 @@ def centre_by_radius(start: Place, goal: Place, radius: float, *, clockwise: boo
 
 
 def arc_points(start: Axes, goal: Axes, centre: Place, *, clockwise: bool) -> Iterator[Axes]:
-    """Ends of the chords; a start that is also the end makes a full circle."""
+    """Yield the end points of the chords; equal start and goal make a full circle."""
     ax, ay = start[0] - centre[0], start[1] - centre[1]
     radius = hypot(ax, ay)
     begin = atan2(ay, ax)

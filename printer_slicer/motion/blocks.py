@@ -1,7 +1,7 @@
-"""One move by itself: the limits of the machine, the speed of a corner, the time of a ramp.
+"""Single moves: limits of the machine, corner speeds, times of speed ramps.
 
-The door to this file is `motion.rules`. Corner speeds are a property of the firmware, see `MotionLimits.corner`.
-They are found as squares, because under constant acceleration v² changes by 2·a·d over a distance d.
+Import these names from `motion.rules`. Corner speeds depend on the firmware, see `MotionLimits.corner`. They are
+computed as squares, because under constant acceleration v² changes by 2·a·d over a distance d.
 """
 
 from __future__ import annotations
@@ -30,42 +30,43 @@ Axes = tuple[float, float, float, float]
 """One number for each of x, y, z, e."""
 
 SLOWEST: Final = 0.05
-"""mm/s; a slower feed rate, or none at all, is raised to this, or the machine would never arrive."""
+"""mm/s; lower or missing feed rates are raised to this, so that every move ends."""
 
 SHORTEST: Final = 1e-6
-"""mm; less than a step of any machine, so it is floating-point dust and no motion."""
+"""mm; shorter moves are rounding errors, because this is less than a motor step of any machine."""
 
 STRAIGHT: Final = 0.999999
-"""Cosine of the turn above which junction deviation sees no corner (0.08°)."""
+"""Cosine of the turn above which junction deviation detects no corner (0.08°)."""
 
 SMALL_LENGTH: Final = 1.0
 SMALL_TURN: Final = 0.7071067811865476
-"""Blocks shorter than 1 mm that turn by less than 45° (cosine above this) are taken for pieces of a curve."""
+"""Blocks shorter than 1 mm that turn by less than 45° (cosine above this) are treated as parts of a curve."""
 
 SQUARE: Final = sqrt(2) - 1
-"""What makes the deviation formula give the square corner velocity at 90°."""
+"""Factor with which the deviation formula gives the square corner velocity at 90°."""
 
 
 @dataclass(frozen=True, slots=True)
 class MotionLimits:
-    """What the machine may do.
+    """Motion limits of a machine.
 
     Attributes:
         max_speed: x, y, z, e, mm/s.
         max_acceleration: x, y, z, e, mm/s².
-        acceleration: moves that print: the extruder turns together with x, y or z, mm/s².
-        travel_acceleration: moves without the extruder, mm/s².
-        retract_acceleration: moves of the extruder alone, mm/s².
-        corner: how the firmware finds the speed of a corner: Marlin's junction deviation, the older jerk per
-            axis, or Klipper's square corner velocity.
+        acceleration: of moves of the extruder together with x, y or z, mm/s².
+        travel_acceleration: of moves without the extruder, mm/s².
+        retract_acceleration: of moves of the extruder alone, mm/s².
+        corner: rule for corner speeds: Marlin's junction deviation, the older jerk per axis, or Klipper's square corner
+            velocity.
         junction_deviation: mm, for "junction_deviation".
-        jerk: x, y, z, e, mm/s: largest jump in speed of each axis, for "jerk". With "square_corner" only that
-            of e counts (Klipper's `instantaneous_corner_velocity`), and 0 means that there is no such limit.
+        jerk: x, y, z, e, mm/s: maximum jump in speed of each axis, for "jerk". With "square_corner" only e is used
+            (Klipper's `instantaneous_corner_velocity`); 0 means no limit.
         square_corner_velocity: mm/s, for "square_corner".
-        minimum_cruise_ratio: share of a ramp up and down that must be cruise, 0 to below 1 (Klipper).
-        planner_blocks: how many moves the firmware looks ahead.
-        min_segment_seconds: shorter moves are slowed down until they take this long at their cruise speed; 0: never.
-            Marlin does so (M205 B) while its queue is less than half full, here it holds for all moves.
+        minimum_cruise_ratio: fraction of an acceleration and braking distance that must be cruise, 0 to below 1
+            (Klipper).
+        planner_blocks: number of moves in the firmware's look-ahead queue.
+        min_segment_seconds: moves that take less time at cruise speed are slowed down to this; 0: never. Marlin does so
+            (M205 B) while its queue is less than half full; here it applies to all moves.
     """
 
     max_speed: Axes
@@ -90,7 +91,7 @@ class Block(NamedTuple):
         unit: travel of x, y, z, e per mm of length.
         speed: cruise speed, mm/s along the length.
         acceleration: mm/s² along the length.
-        share: the part of the wanted acceleration that the axes allow, above 0 to 1.
+        share: ratio of the acceleration to the requested one, above 0 to 1.
     """
 
     length: float
@@ -101,13 +102,13 @@ class Block(NamedTuple):
 
 
 def make_block(limits: MotionLimits, delta: Axes, speed: float) -> Block | None:
-    """Block that moves by `delta`, or None when nothing moves.
+    """Build the block of a move by `delta`; None if nothing moves.
 
     Args:
-        limits: of the machine, in force when the move is read.
+        limits: limits of the machine when the move is read.
         delta: x, y, z, e, mm.
-        speed: wanted, mm/s along x, y, z; along e when only e moves. An axis that would be too fast or
-            accelerate too hard slows the whole move down in proportion.
+        speed: requested speed, mm/s along x, y, z; along e if only e moves. If an axis exceeds its limits, the whole
+            move is slowed down in proportion.
     """
     x, y, z, e = delta
     length = sqrt(x * x + y * y + z * z)
@@ -138,16 +139,16 @@ def make_block(limits: MotionLimits, delta: Axes, speed: float) -> Block | None:
 
 
 def corner_speed(limits: MotionLimits, before: Block, after: Block) -> float:
-    """Highest speed at which one block may turn into the next, mm/s; never above either cruise speed.
+    """Return the maximum speed at the corner between two blocks, mm/s; at most both cruise speeds.
 
-    Moves of the extruder alone: with "junction_deviation" and "jerk" the formula simply counts e as one more
-    axis, as Marlin does; with "square_corner" the machine stops before and after them, as Klipper does.
+    For moves of the extruder alone, "junction_deviation" and "jerk" treat e as one more axis, as Marlin does. With
+    "square_corner" the machine stops before and after them, as Klipper does.
     """
     return sqrt(corner_square(limits, before, after))
 
 
 def corner_square(limits: MotionLimits, before: Block, after: Block) -> float:
-    """Square of `corner_speed`, (mm/s)²."""
+    """Return the square of `corner_speed`, (mm/s)²."""
     slower = before.speed if before.speed < after.speed else after.speed
     if limits.corner == "junction_deviation":
         return min(_deviation_square(limits, before, after), slower * slower)
@@ -158,12 +159,12 @@ def corner_square(limits: MotionLimits, before: Block, after: Block) -> float:
 
 
 def _deviation_square(limits: MotionLimits, before: Block, after: Block) -> float:
-    """Squared corner speed by junction deviation.
+    """Return the squared corner speed by junction deviation.
 
-    The corner is replaced by an arc that leaves it by the deviation δ and is run through at the acceleration
-    a: v² = a·δ·sin(θ/2) / (1 - sin(θ/2)), θ the angle between the two lines (180° = straight on). Directions
-    are unit vectors in x, y, z and e; a is what the axes allow along the bisector. Short pieces of a curve
-    turn so little that the arc would be larger than they are; there the radius is length / turn instead.
+    The corner is replaced by an arc at the deviation δ, traversed with the acceleration a:
+    v² = a·δ·sin(θ/2) / (1 - sin(θ/2)), where θ is the angle between the two lines (180° = straight on). Directions are
+    unit vectors in x, y, z and e; a is what the axes allow along the bisector. For short segments of a curve this arc
+    would be longer than the segments, so the radius is length / turn instead.
 
     Source: S. K. Jeon, "Improving Grbl: Cornering Algorithm", 2011; Marlin's options JUNCTION_DEVIATION_MM
     and JD_HANDLE_SMALL_SEGMENTS (on by default).
@@ -192,9 +193,9 @@ def _deviation_square(limits: MotionLimits, before: Block, after: Block) -> floa
 
 
 def _jerk_speed(jerk: Axes, before: Axes, after: Axes, speed: float) -> float:
-    """Corner speed by jerk, at most `speed`: no axis may jump by more than its limit.
+    """Return the corner speed by jerk, at most `speed`: no axis may change its speed abruptly by more than its limit.
 
-    An axis that turns back stops in between, so the larger of its two jumps counts and not their sum.
+    An axis that reverses stops in between, so the larger of its two jumps counts, not their sum.
 
     Source: Marlin's option CLASSIC_JERK.
     """
@@ -206,12 +207,11 @@ def _jerk_speed(jerk: Axes, before: Axes, after: Axes, speed: float) -> float:
 
 
 def _square_corner_square(limits: MotionLimits, before: Block, after: Block, slower: float) -> float:
-    """Squared corner speed by square corner velocity, at most that of the slower block.
+    """Return the squared corner speed by square corner velocity, at most that of the slower block.
 
-    Junction deviation in x, y, z, with δ = v₉₀²·(√2 - 1) / a, so that a corner of 90° is taken at v₉₀
-    whatever the acceleration is; where an axis held the acceleration back, less in proportion. The arc must
-    also leave room on both sides: its radius is at most tan(θ/2) times half the length of either block. A
-    change of the extruder's rate is limited by its own jump in speed.
+    This is junction deviation in x, y, z with δ = v₉₀²·(√2 - 1) / a, so that a 90° corner is taken at v₉₀ for every
+    acceleration; it is reduced in proportion if an axis limits the acceleration. The arc must also fit: its radius is
+    at most tan(θ/2) times half the length of either block. The extruder has a limit for its own jump in speed.
 
     Source: Klipper documentation, "Kinematics: Look-ahead", and its option `instantaneous_corner_velocity`.
     """

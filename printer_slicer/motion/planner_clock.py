@@ -1,7 +1,7 @@
-"""When the planner of a firmware runs short: moves go in when they arrive, and without them the machine waits.
+"""Simulate the planner queue of a firmware over time, to find buffer underruns.
 
-The host's own account of a planner, for what it expects of a link and for what it saw of one. How long a move takes is
-decided by `rules.Lookahead` when the move before it ends, as in a firmware. Plain Python, no clock: moments are given.
+The host uses it to predict underruns of a serial link and to detect past ones. The time of a move is computed by
+`rules.Lookahead` when the move before it ends, as in a firmware. Plain Python without a clock: the caller passes times.
 """
 
 from __future__ import annotations
@@ -20,23 +20,23 @@ if TYPE_CHECKING:
 __all__ = ["PlannerClock", "PlannerState"]
 
 _FIRST_MOVE_DELAY: Final = 0.1
-"""s that a standing machine waits for more moves; Marlin's BLOCK_DELAY_FOR_1ST_MOVE."""
+"""s; delay before a machine at rest starts, to wait for more moves (Marlin's BLOCK_DELAY_FOR_1ST_MOVE)."""
 
 _ENOUGH: Final = 3
-"""Moves that make it start at once."""
+"""Number of queued moves at which it starts at once."""
 
 _LONGEST: Final = 2.0
-"""s; a machine that stood still for longer was not waiting for the link."""
+"""s; a longer stop is not an underrun of the link."""
 
 
 class PlannerState(NamedTuple):
-    """A planner whose machine moves.
+    """The state of a planner while the machine moves.
 
     Attributes:
-        queue: blocks that wait, each with the squared speed of the corner before it.
+        queue: waiting blocks, each with the squared speed of the corner before it.
         last: the block pushed last.
         square: squared speed at the end of the running block, (mm/s)².
-        ends: s, when that ends.
+        ends: time at which the running block ends, s.
     """
 
     queue: tuple[tuple[Block, float], ...]
@@ -46,17 +46,17 @@ class PlannerState(NamedTuple):
 
 
 class PlannerClock:
-    """A ring of blocks, one place of which stays empty, and the machine that takes them out.
+    """A planner queue (a ring buffer with one empty place) and the machine that executes its blocks.
 
     Args:
-        limits: of the machine, with the number of blocks.
-        on_begin: called with the label of each move and when it begins, s.
+        limits: motion limits of the machine, including the number of blocks.
+        on_begin: called with the label of each move and its start time, s.
 
     Attributes:
-        stalls, stalled_seconds: how often and how long it stood still only because no move had come.
-        moving_seconds: of all moves. Where the planner runs short it brakes, for it must be able to stop behind the
-            last move it knows: then moves take longer, long before the machine stands still.
-        ends: when the running move ends, or the standing machine will start, s; infinite when it stands.
+        stalls, stalled_seconds: number and total time of underruns, when the machine stopped for lack of moves.
+        moving_seconds: total time of all moves. A short queue makes moves slower long before the machine stops, because
+            it must be able to stop after the last known move.
+        ends: time at which the running move ends, or the machine at rest will start, s; infinite if it rests.
     """
 
     def __init__(
@@ -70,11 +70,11 @@ class PlannerClock:
         self._on_begin = on_begin
         self._labels: deque[int] = deque()
         self._running = False
-        self._meant = True  # the machine stands because it was told to
+        self._meant = True  # the machine rests on command
         self._dry_since = -inf
 
     def full(self, now: float) -> bool:
-        """Whether a move that comes at `now`, s, has to wait for its place."""
+        """Return whether the queue is full at time `now`, s."""
         self._advance(now)
         return len(self._labels) >= self._places
 
@@ -83,7 +83,7 @@ class PlannerClock:
         self._lookahead.limits = limits
 
     def push(self, block: Block, now: float, label: int = 0) -> float:
-        """Bring a move at `now`, s; the moment at which it has a place, which is when its ok is sent."""
+        """Add a move at time `now`, s; return the time at which it gets a place in the queue and ok is sent."""
         self._advance(now)
         while len(self._labels) >= self._places:
             now = self.ends
@@ -102,7 +102,7 @@ class PlannerClock:
         return now
 
     def stand_still(self, now: float) -> float:
-        """Something waits until all moves are made: the moment at which they are, not before `now`, s."""
+        """Wait until all moves are done, from time `now`, s; return the time at which they are."""
         self._advance(now)
         while self.ends != inf:
             now = max(now, self.ends)
@@ -112,11 +112,11 @@ class PlannerClock:
 
     @property
     def labels(self) -> tuple[int, ...]:
-        """The labels of the running move and of those that wait."""
+        """The labels of the running and the waiting moves."""
         return tuple(self._labels)
 
     def state(self, now: float) -> PlannerState | None:
-        """What is being made and what waits at `now`, s; None while the machine stands."""
+        """Return the state at time `now`, s; None while the machine rests."""
         self._advance(now)
         if not self._running:
             return None
@@ -124,12 +124,12 @@ class PlannerClock:
         return PlannerState(tuple(queue), last, square, self.ends)
 
     def skip_to(self, state: PlannerState, labels: Sequence[int], seconds: float) -> None:
-        """Go on from a later state.
+        """Continue from a later state.
 
         Args:
-            state: then; the machine did not stand in between.
-            labels: of the running move and of those that wait then.
-            seconds: of all moves that have begun in between.
+            state: the later state; the machine must not have rested in between.
+            labels: labels of the running and the waiting moves.
+            seconds: total time of all moves that started in between.
         """
         self._lookahead.skip_to(state.queue, state.last, state.square)
         self._labels = deque(labels)
@@ -137,7 +137,7 @@ class PlannerClock:
         self.moving_seconds += seconds
 
     def _advance(self, now: float) -> None:
-        """Everything that begins until `now`."""
+        """Start all moves that begin up to time `now`, s."""
         while self.ends <= now:
             at = self.ends
             if self._running:

@@ -1,8 +1,8 @@
-"""Whether numbers of commands count from where the machine is: G90, G91, M82 and M83, which firmwares read differently.
+"""Absolute and relative positioning: G90, G91, M82 and M83, which firmwares interpret differently.
 
-together  G90 and G91 set x, y, z and e; M82 and M83 set e until the next of them (Marlin 2, Smoothie)
-either    e counts from where it is after G91, and after M83 (Marlin 1.1, Klipper, Repetier)
-apart     G90 and G91 set x, y and z, M82 and M83 set e (Prusa, RepRapFirmware)
+together  G90 and G91 set x, y, z and e; M82 and M83 set e until the next of these commands (Marlin 2, Smoothie)
+either    e is relative after G91 and after M83 (Marlin 1.1, Klipper, Repetier)
+apart     G90 and G91 set x, y and z; M82 and M83 set e (Prusa, RepRapFirmware)
 
 Sources: Marlin's G-code index, M82 and M83, and its gcode.h; Marlin 1.1's Marlin_main.cpp; Prusa-Firmware's list of
 commands, G90: "E axis is left intact"; Klipper's G-Codes; Duet3D's G-code dictionary; Repetier's gcode documentation.
@@ -19,13 +19,13 @@ __all__ = ["PositioningMode"]
 
 
 class PositioningMode(NamedTuple):
-    """How numbers are read.
+    """The current positioning mode.
 
     Attributes:
-        rule: of the firmware.
-        axes: x, y, z count from where they are (G91).
-        extruder: what M82 or M83 has said, or G90 or G91 where they speak of e too; to be said again where the
-            firmware has forgotten it.
+        rule: rule of the firmware, see above.
+        axes: whether x, y, z are relative (G91).
+        extruder: whether e is relative by M82 or M83, or by G90 or G91 if these set e, too. It must be sent again if
+            the firmware has forgotten it.
     """
 
     rule: CountingRule = "together"
@@ -34,11 +34,11 @@ class PositioningMode(NamedTuple):
 
     @property
     def e(self) -> bool:
-        """Whether e counts from where it is."""
+        """Whether e is relative."""
         return self.extruder or (self.rule == "either" and self.axes)
 
     def after(self, word: str) -> PositioningMode:
-        """How numbers are read after a command; as before, if it does not speak of that."""
+        """Return the mode after a command; unchanged if the command does not set it."""
         if word in {"M82", "M83"}:
             return self._replace(extruder=word == "M83")
         if word not in {"G90", "G91"}:

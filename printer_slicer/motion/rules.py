@@ -1,14 +1,14 @@
-"""One truth about time, move by move: limits, corner speeds, ramps and the look-ahead of a planner.
+"""The motion model for single moves: limits, corner speeds, speed ramps and the look-ahead of a planner.
 
-Plain Python without arrays, clock or I/O, so that the simulated printer and the deadlines of the host can use
-it; `motion.vectorized` gives the same answers over arrays.
+Plain Python without arrays, clock or I/O, so that the simulated printer and the timeouts of the host can use it.
+`motion.vectorized` computes the same over arrays.
 
-The machine moves in straight lines, the blocks. Within a block its speed is a trapezoid: constant
-acceleration up to the cruise speed, cruise, constant deceleration. At a corner the speed keeps its size and
-jumps in direction. Planning is done with squares of speeds, where constant acceleration is a straight line.
+The machine moves in straight lines, the blocks. The speed within a block is a trapezoid: constant acceleration up to
+the cruise speed, cruise, constant deceleration. At a corner the speed keeps its magnitude and changes direction. The
+computation uses squared speeds, which are linear in distance under constant acceleration.
 
-Left out on purpose: firmware with jerk per axis starts its first move at the jerk speed instead of zero, and
-stops in the same way; here the machine starts and ends at zero.
+Simplification: firmware with jerk per axis starts its first move at the jerk speed and stops from it; here the machine
+starts and ends at zero.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ __all__ = [
 ]
 
 SAME: Final = 1 - 1e-9
-"""Squared speeds closer than this are equal; rounding shall not decide whether a block can also brake."""
+"""Squared speeds closer than this ratio are equal, so that rounding does not decide whether a block can also brake."""
 
 
 class _Queued(NamedTuple):
@@ -65,14 +65,13 @@ class _Queued(NamedTuple):
 
 
 class Lookahead:
-    """The planner of a firmware: a queue of a few blocks, always planned so that the last one ends at rest.
+    """The planner of a firmware: a queue of a few blocks, always planned such that the last one ends at rest.
 
-    A block that leaves the queue keeps the exit speed that was planned at that moment; what arrives later can
-    only change the blocks behind it. So a queue that runs short, or blocks too short for the machine to brake
-    within the queue, make the machine slower than `plan`.
+    A block that leaves the queue keeps its planned exit speed; later blocks cannot change it. So a short queue, or
+    blocks too short for the machine to brake within the queue, make the machine slower than `plan`.
 
     Attributes:
-        limits: used for the corners of blocks pushed from now on; may be replaced at any time.
+        limits: limits for the corners of blocks pushed from now on; may be replaced at any time.
         exit_speed: mm/s at the end of the block popped last.
     """
 
@@ -84,7 +83,7 @@ class Lookahead:
         self._queue: deque[_Queued] = deque()
         self._last: Block | None = None
         self._square = 0.0  # of exit_speed
-        self._smooth = 0.0  # the same on the virtual, gentler machine of `minimum_cruise_ratio`
+        self._smooth = 0.0  # the same for the virtual machine of `minimum_cruise_ratio`
         self._top = inf
 
     def __len__(self) -> int:
@@ -96,26 +95,26 @@ class Lookahead:
         return len(self._queue) >= self.limits.planner_blocks
 
     def push(self, block: Block) -> None:
-        """Queue a block behind the others. Who models a real planner pops one first while it is `full`."""
+        """Add a block to the queue. To model a real planner, pop a block first while it is `full`."""
         corner = 0.0 if self._last is None else corner_square(self.limits, self._last, block)
         self._last = block
         self._queue.append(_Queued(block, corner, 2.0 * block.acceleration * block.length))
 
     def stop(self) -> None:
-        """Let the machine come to rest after what is queued: the next block pushed starts at 0."""
+        """Make the machine stop after the queued blocks: the next block pushed starts at speed 0."""
         self._last = None
 
     def planned(self) -> tuple[list[tuple[Block, float]], Block | None, float]:
-        """What is queued.
+        """Return the state of the queue.
 
         Returns:
-            Each block that waits with the squared speed of the corner before it; the last block pushed; the square of
+            Each waiting block with the squared speed of the corner before it; the last block pushed; the square of
             `exit_speed`.
         """
         return [(queued.block, queued.corner) for queued in self._queue], self._last, self._square
 
     def skip_to(self, queue: Iterable[tuple[Block, float]], last: Block | None, square: float) -> None:
-        """Go on with other blocks than before, as `planned` gives them. Without `minimum_cruise_ratio` only."""
+        """Continue from another state, as returned by `planned`; not supported with `minimum_cruise_ratio`."""
         self._queue = deque(
             _Queued(block, corner, 2.0 * block.acceleration * block.length) for block, corner in queue
         )
@@ -124,10 +123,10 @@ class Lookahead:
         self.exit_speed = sqrt(square)
 
     def pop(self) -> float:
-        """Take the oldest block from the queue, its exit speed fixed as planned now.
+        """Remove the oldest block from the queue; its exit speed is fixed as planned now.
 
         Returns:
-            Seconds that it takes; 0 when nothing is queued and the machine stands still.
+            Time of the block, s; 0 if the queue is empty and the machine rests.
         """
         if not self._queue:
             self.stop()
@@ -146,11 +145,11 @@ class Lookahead:
         return ramp_time(block.length, entry, cruise, self.exit_speed, block.acceleration)
 
     def _reachable(self, scale: float, skip: int = 0) -> float:
-        """Highest squared speed at the start of queued block `skip` that lets every later corner be kept.
+        """Return the maximum squared speed at the start of queued block `skip` that allows all later corners.
 
-        The backward pass of a planner, read from the front: a corner further on allows its own squared speed
-        plus what is shed on the way. It ends as soon as the way alone allows more than the best found, which
-        is after a block or two unless they are very short.
+        This is the backward pass of a planner, run from the front: a later corner allows its own squared speed plus
+        the braking on the way. It ends when the braking distance alone allows more than the best found, mostly after
+        one or two blocks.
         """
         best, way = inf, 0.0
         for _, corner, gain in islice(self._queue, skip, None) if skip else self._queue:
@@ -162,7 +161,7 @@ class Lookahead:
         return min(best, way)
 
     def _next_top(self, gain: float) -> float:
-        """Squared cruise limit of the block just taken, see `_smoothed_tops`."""
+        """Return the squared cruise limit of the block just removed, see `_smoothed_tops`."""
         scale = 1.0 - self.limits.minimum_cruise_ratio
         gain *= scale
         entry = self._smooth
@@ -172,7 +171,7 @@ class Lookahead:
         return self._top if _climbs(exit_, entry, gain) else _peak(entry, exit_, gain)
 
     def _summit(self, entry: float, scale: float) -> float:
-        """Squared speed at which the ramp that the virtual machine is on will end."""
+        """Return the squared speed at which the current acceleration of the virtual machine will end."""
         for index, queued in enumerate(self._queue, start=1):
             gain = scale * queued.gain
             exit_ = min(self._reachable(scale, index), entry + gain)
@@ -183,7 +182,7 @@ class Lookahead:
 
 
 def plan(blocks: Iterable[Block], limits: MotionLimits) -> list[float]:
-    """Seconds of each block, for a machine that starts and ends at rest and looks ahead without end."""
+    """Return the time of each block, s, for a machine with unlimited look-ahead that starts and ends at rest."""
     queue = list(blocks)
     if not queue:
         return []
@@ -206,7 +205,7 @@ def plan(blocks: Iterable[Block], limits: MotionLimits) -> list[float]:
 
 
 def _squares(corners: list[float], gains: list[float]) -> list[float]:
-    """Highest squared speeds at the start of each block, and 0 at the end of the last."""
+    """Return the maximum squared speeds at the start of each block, and 0 at the end of the last."""
     squares = [*corners, 0.0]
     for i in range(len(gains) - 1, -1, -1):
         squares[i] = min(squares[i], squares[i + 1] + gains[i])
@@ -216,12 +215,12 @@ def _squares(corners: list[float], gains: list[float]) -> list[float]:
 
 
 def _smoothed_tops(corners: list[float], gains: list[float]) -> list[float]:
-    """Squared cruise limit of each block that leaves the minimum share of cruise.
+    """Return the squared cruise limit of each block that leaves the minimum fraction of cruise.
 
-    A virtual machine with less acceleration, (1 - ratio)·a, runs the same corners; `gains` are its gains.
-    Each of its ramps up and down, over as many blocks as it takes, has a summit. The real machine may not go
-    faster there but ramps with its own acceleration, so it cruises for the rest. A block on which the virtual
-    machine only accelerates belongs to the ramp it climbs, one on which it only brakes to the ramp before.
+    A virtual machine with the lower acceleration (1 - ratio)·a takes the same corners; `gains` are its gains. Each
+    acceleration and braking, over one or more blocks, has a peak speed. The real machine is limited to it but
+    accelerates faster, so it cruises the rest. A block on which the virtual machine only accelerates belongs to the
+    peak after it, one on which it only brakes to the peak before it.
 
     Source: Klipper documentation, "Kinematics: Minimum cruise ratio".
     """
@@ -243,17 +242,17 @@ def _smoothed_tops(corners: list[float], gains: list[float]) -> list[float]:
 
 
 def _climbs(low: float, high: float, gain: float) -> bool:
-    """Whether a block of this gain can do no more than get from one squared speed to the other."""
+    """Return whether the whole gain of a block is needed to get from one squared speed to the other."""
     return high >= (low + gain) * SAME
 
 
 def _peak(entry: float, exit_: float, gain: float) -> float:
-    """Squared speed where accelerating from one end meets braking for the other."""
+    """Return the squared speed where acceleration from the start meets braking for the end."""
     return 0.5 * (entry + exit_ + gain)
 
 
 def limits_of(printer: Printer) -> MotionLimits:
-    """What the firmware of this printer obeys: speeds mm/s, accelerations mm/s²."""
+    """Return the motion limits of a printer: speeds mm/s, accelerations mm/s²."""
     one = printer.firmware.has_single_acceleration
     return MotionLimits(
         max_speed=(printer.max_speed_x, printer.max_speed_y, printer.max_speed_z, printer.max_speed_e),

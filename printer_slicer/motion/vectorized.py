@@ -1,7 +1,7 @@
-"""Time of all moves at once: what `rules.plan` says block by block, over arrays.
+"""Move times over arrays: the same as `rules.plan`, but vectorized with numpy.
 
-Formulas, their order of operations and their sources are those of `motion.blocks` and `motion.rules`, so the
-two agree to rounding; read them there. Letters in shapes: K moves, B moves that are not zero.
+The formulas, their order of operations and their sources are those of `motion.blocks` and `motion.rules`, so results
+agree up to rounding. Letters in shapes: K moves, B blocks (moves that are not zero).
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class Blocks:
     share: Float
 
     def part(self, which: slice) -> Blocks:
-        """Pick some of the blocks."""
+        """Return a slice of the blocks."""
         return Blocks(
             self.length[which],
             self.unit[:, which],
@@ -65,37 +65,37 @@ def durations(
     stop_after: Bool | None = None,
     acceleration: Float | None = None,
 ) -> Float:
-    """Seconds that each move takes on a machine that looks ahead without end.
+    """Return the time of each move on a machine with unlimited look-ahead.
 
-    A firmware looks ahead `limits.planner_blocks` moves and is slower where moves are very short; for that,
-    run `rules.Lookahead`.
+    A firmware looks ahead only `limits.planner_blocks` moves and is slower for very short moves; `rules.Lookahead`
+    models that.
 
     Args:
-        delta: (K, 4) travel in x, y, z, e, mm. Moves that go nowhere take no time and make no corner.
-        speed: (K,) wanted, mm/s along x, y, z; along e where only e moves.
-        limits: of the machine.
-        stop_after: (K,) whether the machine comes to rest after the move; always after the last.
-        acceleration: (K,) wanted, mm/s², in place of the three accelerations of `limits`.
+        delta: (K, 4) travel in x, y, z, e, mm. Zero moves take no time and make no corner.
+        speed: (K,) requested speed, mm/s along x, y, z; along e if only e moves.
+        limits: motion limits of the machine.
+        stop_after: (K,) whether the machine stops after the move; it always stops after the last.
+        acceleration: (K,) requested acceleration, mm/s², instead of the three accelerations of `limits`.
 
     Returns:
         (K,) s.
     """
     seconds = np.zeros(len(delta))
-    course = plan_speeds(delta, speed, limits, stop_after=stop_after, acceleration=acceleration)
-    seconds[course.moving] = course.times(slice(None))
+    planned = plan_speeds(delta, speed, limits, stop_after=stop_after, acceleration=acceleration)
+    seconds[planned.moving] = planned.times(slice(None))
     return seconds
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SpeedProfile:
-    """How fast the machine is at every corner of B moves.
+    """Planned speeds at the corners of B blocks.
 
     Attributes:
-        moving: (B,) which of the moves go anywhere.
-        blocks: they.
-        corners: (B,) highest squared speed at the beginning of each, what comes before and behind left aside.
-        squares: (B + 1,) squared speed at the beginning of each, and at the end of the last.
-        smoothed: how much of it is left to cruise; None where the firmware does not ask for that.
+        moving: (B,) indices of the moves that are not zero.
+        blocks: these moves as blocks.
+        corners: (B,) maximum squared speed at the start of each block, by the corner alone.
+        squares: (B + 1,) planned squared speed at the start of each block, and at the end of the last.
+        smoothed: cruise limits for `minimum_cruise_ratio`; None if the firmware has none.
     """
 
     moving: Int
@@ -105,16 +105,16 @@ class SpeedProfile:
     smoothed: Smoothed | None
 
     def times(self, which: slice) -> Float:
-        """Seconds that some of the blocks take, one after the other."""
+        """Return the times of a slice of the blocks, s."""
         first, last, _ = which.indices(len(self.moving))
         tops = self.smoothed.tops[which] if self.smoothed else np.full(last - first, np.inf)
         return ramp_times(self.blocks.part(which), self.squares[first : last + 1], tops)
 
-    def certain(self) -> int:
-        """The last block before which all is as it is, whatever moves come behind; 0 if there is none.
+    def count_final(self) -> int:
+        """Return the number of leading blocks whose times cannot change, whatever moves follow.
 
-        From there the machine can stop before the end, however slowly it brakes; and where it smooths speeds, a climb
-        ends there, and no fall goes on.
+        After them the machine can stop before the last block, however slowly it brakes. With `minimum_cruise_ratio` an
+        acceleration must also end there, and no braking may continue.
         """
         smoothed = self.smoothed
         gains = _gains(self.blocks) if smoothed is None else smoothed.gains
@@ -131,13 +131,13 @@ class SpeedProfile:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Smoothed:
-    """What `rules._smoothed_tops` reckons, for all blocks.
+    """Cruise limits for `minimum_cruise_ratio`, see `rules._smoothed_tops`.
 
     Attributes:
-        gains: (B,) growth of the squared speed over each block, as much as is left of it.
-        squares: (B + 1,) squared speeds that follow.
-        climbs, falls: (B,) whether the machine only speeds up, or only brakes.
-        tops: (B,) highest squared speed.
+        gains: (B,) gain of the squared speed over each block on the virtual machine.
+        squares: (B + 1,) squared speeds of the virtual machine.
+        climbs, falls: (B,) whether the virtual machine only accelerates, or only brakes.
+        tops: (B,) maximum squared speed.
     """
 
     gains: Float
@@ -156,15 +156,15 @@ def plan_speeds(
     acceleration: Float | None = None,
     entry: tuple[float, float] = (0.0, 0.0),
 ) -> SpeedProfile:
-    """How fast the machine is at the corners of moves.
+    """Plan the speeds at the corners of moves.
 
     Args:
-        delta: (K, 4) as `durations` has it, like what follows.
+        delta: (K, 4); this and the following as in `durations`.
         speed: (K,).
-        limits: of the machine.
+        limits: motion limits of the machine.
         stop_after: (K,) or None.
         acceleration: (K,) or None.
-        entry: squared speed before the first move that goes anywhere, and the smoothed one.
+        entry: squared speed before the first block, and that of the virtual machine of `minimum_cruise_ratio`.
     """
     columns = np.ascontiguousarray(delta.T, dtype=np.float64)
     moving, length = find_moving(columns)
@@ -185,7 +185,7 @@ def plan_speeds(
 
 
 def _gains(blocks: Blocks) -> Float:
-    """(B,) how much the squared speed can grow over each block."""
+    """Return (B,) the maximum change of the squared speed over each block."""
     return 2.0 * blocks.acceleration * blocks.length
 
 
@@ -201,7 +201,7 @@ def find_moving(delta: Float) -> tuple[Int, Float]:
 def make_blocks(
     delta: Float, length: Float, speed: Float, wanted: Float | None, limits: MotionLimits
 ) -> Blocks:
-    """Blocks within the limits of every axis; delta (4, B), the rest (B,)."""
+    """Build blocks within the limits of every axis; delta (4, B), the rest (B,)."""
     x, y, z, e = delta
     head_moves = np.sqrt(x * x + y * y + z * z) >= SHORTEST
     unit = np.where(head_moves, delta, 0.0) / length
@@ -222,7 +222,7 @@ def make_blocks(
 
 
 def _limit(value: Float, part: Float, top: float) -> Float:
-    """`value` lowered so that its `part` is at most `top`."""
+    """Lower `value` such that `part * value` is at most `top`."""
     over = np.flatnonzero(part * value > top)
     if len(over) == 0:
         return value
@@ -232,7 +232,7 @@ def _limit(value: Float, part: Float, top: float) -> Float:
 
 
 def corner_squares(limits: MotionLimits, before: Blocks, after: Blocks) -> Float:
-    """Squared corner speeds, (B - 1,) from blocks of that many."""
+    """Return (B - 1,) the squared corner speeds between consecutive blocks."""
     slower: Float = np.minimum(before.speed, after.speed)
     squares: Float
     if limits.corner == "junction_deviation":
@@ -265,7 +265,7 @@ def _deviation_squares(limits: MotionLimits, before: Blocks, after: Blocks) -> F
 
 
 def _column_norms(unit: Float) -> Float:
-    """Lengths of the columns of (4, B)."""
+    """Return (B,) the lengths of the columns of (4, B)."""
     x, y, z, e = unit
     sizes: Float = np.sqrt(x * x + y * y + z * z + e * e)
     return sizes
@@ -301,7 +301,7 @@ def _square_corner_squares(limits: MotionLimits, before: Blocks, after: Blocks, 
 
 
 def _squares(corners: Float, gains: Float, entry: float) -> Float:
-    """(B + 1,) highest squared speeds at the start of each block, and 0 at the end of the last."""
+    """Return (B + 1,) the maximum squared speeds at the start of each block, and 0 at the end of the last."""
     if not len(gains):
         return np.array([entry])
     braking = running_least(corners[::-1], gains[::-1])[::-1]
@@ -309,12 +309,11 @@ def _squares(corners: Float, gains: Float, entry: float) -> Float:
 
 
 def running_least(limit: Float, gain: Float, first: float = 0.0) -> Float:
-    """All y[i] = min(limit[i], y[i - 1] + gain[i]), from y[-1] = `first`.
+    """Compute y[i] = min(limit[i], y[i - 1] + gain[i]) for all i, starting from y[-1] = `first`.
 
-    With sums P of the gains this is a running minimum of limit - P, plus P; but after a million moves P has
-    lost the digits of a slow corner. So the recurrence itself is run over about √B rows of √B moves abreast:
-    first for what each row makes of any y it is given, min(bound, y + way), then, the y at the start of every
-    row known, once more for the values.
+    With the cumulative sums P of the gains this is P plus a running minimum of limit - P, but after a million moves P
+    has too few digits for a slow corner. So the recurrence is run on about √B rows of √B moves in parallel: first to
+    express the end of each row as min(bound, y + way) of its start y, then, with known starts, for the values.
     """
     n_rows = max(1, int(np.sqrt(len(limit))))
     width = -(-len(limit) // n_rows)
@@ -336,14 +335,14 @@ def running_least(limit: Float, gain: Float, first: float = 0.0) -> Float:
 
 
 def _smooth(corners: Float, gains: Float, entry: float) -> Smoothed:
-    """Squared cruise limits that leave the minimum share of cruise, see `rules._smoothed_tops`."""
+    """Return squared cruise limits that leave the minimum fraction of cruise, see `rules._smoothed_tops`."""
     squares = _squares(corners, gains, entry)
     before, behind = squares[:-1], squares[1:]
     n_blocks, index = len(gains), np.arange(len(gains))
     climbs = behind >= (before + gains) * SAME
     falls = ~climbs & (before >= (behind + gains) * SAME)
     tops: Float = np.where(climbs | falls, np.inf, 0.5 * (before + behind + gains))
-    # A climb ends at a block that also brakes, or at the corner from which the next block only brakes.
+    # An acceleration ends in a block that also brakes, or at the corner before a block that only brakes.
     summits = np.append(np.where(falls, before, tops), 0.0)
     end = np.minimum.accumulate(np.where(climbs, n_blocks, index)[::-1])[::-1]
     tops[climbs] = summits[end[climbs]]
@@ -352,7 +351,7 @@ def _smooth(corners: Float, gains: Float, entry: float) -> Smoothed:
 
 
 def ramp_times(blocks: Blocks, squares: Float, tops: Float) -> Float:
-    """(B,) seconds, see `blocks.ramp_time`; squares (B + 1,), tops (B,)."""
+    """Return (B,) the times of blocks, s, see `blocks.ramp_time`; squares (B + 1,), tops (B,)."""
     length, acceleration = blocks.length, blocks.acceleration
     entry = np.sqrt(np.minimum(squares[:-1], tops))
     exit_ = np.sqrt(np.minimum(squares[1:], tops))
@@ -371,7 +370,7 @@ def ramp_times(blocks: Blocks, squares: Float, tops: Float) -> Float:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RequestedMoves:
-    """Moves as they were asked for: delta (K, 4) in mm, speed (K,), acceleration (K,), whether it stops after (K,)."""
+    """Requested moves: delta (K, 4), mm; speed (K,); acceleration (K,); whether the machine stops afterwards (K,)."""
 
     delta: Float
     speed: Float
@@ -379,13 +378,13 @@ class RequestedMoves:
     stop: Bool
 
     def part(self, which: slice) -> RequestedMoves:
-        """Some of them."""
+        """Return a slice of the moves."""
         return RequestedMoves(
             self.delta[which], self.speed[which], self.acceleration[which], self.stop[which]
         )
 
     def then(self, others: RequestedMoves) -> RequestedMoves:
-        """These and others behind them."""
+        """Return these moves followed by others."""
         return RequestedMoves(
             np.concatenate([self.delta, others.delta]),
             np.concatenate([self.speed, others.speed]),
@@ -395,13 +394,13 @@ class RequestedMoves:
 
 
 class Stopwatch:
-    """Adds up the time of moves that come in pieces, on a machine that looks ahead without end.
+    """Adds up the time of moves that arrive in blocks, on a machine with unlimited look-ahead.
 
-    What a move takes depends on what comes behind it, but not on everything: from where the machine could stop before
-    the last move it knows, all before is certain. Its time is added up and the moves are forgotten; the others wait.
+    The time of a move depends on later moves only up to the point where the machine could stop before the last known
+    move. Times before that point are final: they are added and their moves dropped. The other moves are kept.
 
     Args:
-        limits: of the machine; may be replaced while it rests.
+        limits: motion limits of the machine; may be replaced while it rests.
     """
 
     def __init__(self, limits: MotionLimits) -> None:
@@ -412,30 +411,30 @@ class Stopwatch:
 
     @property
     def waiting(self) -> int:
-        """How many moves take a time that is not certain yet."""
+        """Number of moves whose time is not final yet."""
         return len(self._waiting.speed) if self._waiting else 0
 
     def add(self, moves: RequestedMoves) -> None:
-        """Some more moves."""
+        """Add more moves."""
         moves = self._waiting.then(moves) if self._waiting else moves
-        course = self._course(moves)
-        known = course.certain()
+        planned = self._plan(moves)
+        known = planned.count_final()
         if known:
-            self._seconds += float(course.times(slice(known)).sum())
-            smooth = course.smoothed.squares[known] if course.smoothed else 0.0
-            self._entry = float(course.squares[known]), float(smooth)
-            moves = moves.part(np.s_[int(course.moving[known]) :])
+            self._seconds += float(planned.times(slice(known)).sum())
+            smooth = planned.smoothed.squares[known] if planned.smoothed else 0.0
+            self._entry = float(planned.squares[known]), float(smooth)
+            moves = moves.part(np.s_[int(planned.moving[known]) :])
         self._waiting = moves
 
     def rest(self) -> float:
-        """Come to rest behind the last move; seconds of all moves so far."""
+        """Stop after the last move; return the total time of all moves so far, s."""
         if self._waiting:
-            self._seconds += float(self._course(self._waiting).times(slice(None)).sum())
+            self._seconds += float(self._plan(self._waiting).times(slice(None)).sum())
         self._waiting, self._entry = None, (0.0, 0.0)
         return self._seconds
 
-    def _course(self, moves: RequestedMoves) -> SpeedProfile:
-        """What moves behind those whose time is known come to, if none came behind them."""
+    def _plan(self, moves: RequestedMoves) -> SpeedProfile:
+        """Plan the speeds of the moves that are not final, as if no more moves followed."""
         return plan_speeds(
             moves.delta,
             moves.speed,
@@ -447,24 +446,24 @@ class Stopwatch:
 
 
 FLOW_WINDOW = 0.2
-"""mm³; the rounding of E in less of it says more than the flow."""
+"""mm³; over smaller volumes the rounding of E distorts the flow."""
 
-_DUST = 1e-7  # mm³, of sums
+_DUST = 1e-7  # mm³, rounding error of sums
 
 
 def volumetric_flow(volume: Float, seconds: Float) -> Float:
-    """(n,) mm³/s of moves that lay plastic one after the other: of each with as many before it as lay 0.2 mm³.
+    """Return (n,) the flow of consecutive extrusions, mm³/s, averaged over each and the moves before it up to 0.2 mm³.
 
-    A curve is many short moves; together they are as fast as a long one. 0 where so much has not been laid yet.
+    So the many short moves of a curve get the same flow as one long move. The flow is 0 until 0.2 mm³ are extruded.
 
     Args:
-        volume: (n,) mm³ of each, above 0.
-        seconds: (n,) that each takes.
+        volume: (n,) mm³ of each extrusion, above 0.
+        seconds: (n,) time of each.
     """
     if not len(volume):
         return np.zeros(0)
     laid, spent = np.cumsum(volume), np.cumsum(seconds)
-    # The last move from which on enough is laid up to each.
+    # The last move from which enough volume is extruded up to each move.
     begin = np.searchsorted(laid - volume, laid - FLOW_WINDOW + _DUST, side="right") - 1
     enough = laid >= FLOW_WINDOW - _DUST
     begin = np.maximum(begin, 0)

@@ -1,8 +1,8 @@
-"""A planner that knows a few moves ahead, over arrays: what `rules.Lookahead` says block by block while it is full.
+"""A firmware planner with limited look-ahead, over arrays: the same times as `rules.Lookahead` with a full queue.
 
-A block's exit speed is fixed when it begins. It is the highest from which the machine can keep every later corner it
-knows of, and stop behind the last block it knows; and no higher than the block can reach. The first is a minimum over
-the next few blocks, found for all blocks at once by one pass for each place of the planner; the second is
+The exit speed of a block is fixed when the block starts. It is the highest speed from which the machine can still take
+every known corner and stop after the last known block, limited to what the block can reach. The first condition is a
+minimum over the next few blocks, computed for all blocks at once in one pass per queue place. The second is
 `vectorized.running_least`.
 """
 
@@ -17,32 +17,32 @@ __all__ = ["lookahead_seconds"]
 
 
 def lookahead_seconds(blocks: Blocks, corners: Float, seen: int, entry: float) -> tuple[Float, Float]:
-    """Seconds of each block that begins while the planner knows `seen` blocks behind it.
+    """Return the time of each block that starts while the planner knows `seen` blocks after it.
 
     Args:
-        blocks: B of them, following each other without a stop.
-        corners: (B,) squared speed allowed at the start of each; that of the first does not matter.
-        seen: known behind a block that begins.
+        blocks: B blocks without a stop in between.
+        corners: (B,) squared speed allowed at the start of each; the first is ignored.
+        seen: number of known blocks after the one that starts.
         entry: squared speed at the start of the first.
 
     Returns:
-        (B - seen,) s, and squared speeds at the end of these blocks, (mm/s)²; none where there are fewer blocks.
+        (B - seen,) s, and squared speeds at the end of these blocks, (mm/s)²; empty if there are fewer blocks.
     """
     count = len(corners) - seen
     if count <= 0:
         return np.zeros(0), np.zeros(0)
     gains = 2.0 * blocks.acceleration * blocks.length
     reach = _reachable(corners, gains, seen, count)
-    # The first may begin at any speed: one step from 0 to there is put in front.
+    # The first block may start at any speed, so one step from 0 to that speed is put in front.
     squares = running_least(np.append(entry, reach), np.append(entry, gains[:count]))
     seconds = ramp_times(blocks.part(np.s_[:count]), squares, np.full(count, np.inf))
     return seconds, squares[1:]
 
 
 def _reachable(corners: Float, gains: Float, seen: int, count: int) -> Float:
-    """(count,) see `rules.Lookahead`: best exit that lets the next `seen` corners be kept, and a stop behind them."""
+    """Return (count,) the highest squared exit speeds that allow the next `seen` corners, and a stop after them."""
     best, way = np.full(count, np.inf), np.zeros(count)
-    # Blocks whose way alone allows more than the best found are done; after a few steps nearly all are.
+    # A block is done when its braking distance alone allows more than the best found; soon nearly all are.
     on = np.arange(count)
     for step in range(1, seen + 1):
         ahead = on + step

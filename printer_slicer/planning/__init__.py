@@ -1,4 +1,4 @@
-"""Mesh -> LayerPlan. One strategy a file; this table is the whole list."""
+"""Layer planners (Mesh -> LayerPlan), one module each, and the table of them."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ PLANNERS: Final[Mapping[str, Planner]] = {
 
 
 def plan_layers(mesh: Mesh, profile: Profile) -> LayerPlan:
-    """The layer plan of the strategy that the profile names.
+    """Plan layers with the planner that the profile selects.
 
     Args:
         mesh: the part, standing on z = 0.
-        profile: `quality.planner` says which strategy, and how.
+        profile: `quality.planner` selects the planner and its settings.
 
     Raises:
         PlanError: the part is thinner than the thinnest layer.

@@ -1,16 +1,16 @@
-"""The paper's planner: thick layers where the area of the section does not change, thin ones elsewhere.
+"""The planner of the paper: thick layers where the area of the section is constant, thin layers elsewhere.
 
-Source: "Speeding up algorithm for building the STL model using 3D printing", steps 4.1 to 4.9. Two variants mend what
-the literal steps get wrong, and both are off unless asked for:
+Source: "Speeding up algorithm for building the STL model using 3D printing", steps 4.1 to 4.9. Two variants correct
+errors of the literal algorithm; both are off by default:
 
-    literal   from each plane look one thin layer ahead; equal areas allow one thick layer, else a thin one follows
-    guarded   the same, but every plane up to the end of the thick layer must have the same area
-    aligned   the part is divided at its z levels; a region of constant area gets thick layers, the others thin ones,
-              and each region ends exactly at its level
+    literal   compare the areas one thin layer apart; if they are equal, add a thick layer, else a thin one
+    guarded   the same, but every plane up to the top of the thick layer must have the same area
+    aligned   divide the part at its z levels; regions of constant area get thick layers, the others thin ones, and
+              each region ends exactly at its level
 
-Guarantee: none on distance. Equal areas do not mean equal contours: a sheared prism is printed with thick layers, and
-the literal variant may jump over a feature between two planes or rise over the part by almost a thick layer. Cost: one
-pass over the facets for all planes.
+Guarantee: none on distance. Equal areas do not imply equal contours: a sheared prism gets thick layers. The literal
+variant may skip a feature between two planes, or extend above the part by almost a thick layer. Cost: one pass over
+the facets for all planes.
 """
 
 from __future__ import annotations
@@ -26,17 +26,15 @@ from printer_slicer.surface.flats import find_flats
 
 __all__ = ["plan_area"]
 
-_ROUNDING = (
-    1e-4  # mm; coordinates in STL files have 24 bits, so a level may lie this far from where it was drawn
-)
+_ROUNDING = 1e-4  # mm; rounding error of coordinates in STL files, which have 24 bits
 
 
 def plan_area(mesh: Mesh, profile: Profile) -> LayerPlan:
-    """Layers of `quality.thickest_layer` where the area stays the same, of `quality.thinnest_layer` elsewhere.
+    """Plan layers of `quality.thickest_layer` where the area is constant, and of `quality.thinnest_layer` elsewhere.
 
     Args:
         mesh: the part, standing on z = 0.
-        profile: `quality.planner` holds tolerance and variant.
+        profile: `quality.planner` has tolerance and variant.
 
     Raises:
         PlanError: the part is thinner than the thinnest layer.
@@ -54,15 +52,15 @@ def plan_area(mesh: Mesh, profile: Profile) -> LayerPlan:
 
 
 def _are_equal(a: Float, b: Float, settings: AreaPlanner) -> Bool:
-    """Where two areas count as the same."""
+    """Return where two areas are equal within the tolerance."""
     return np.asarray(np.abs(a - b) <= settings.tolerance + settings.relative_tolerance * np.maximum(a, b))
 
 
 def _plan_literal(mesh: Mesh, steps: ZSteps, thin: int, thick: int, settings: AreaPlanner) -> Int:
-    """Heights by the paper's march from plane to plane, in steps."""
+    """Return layer heights by the paper's algorithm, in z steps."""
     first = min(steps.first or thin, steps.part)
     pitch = int(np.gcd.reduce([first, thin, thick]))
-    # Every plane the march can reach is a multiple of the pitch, so all areas come from one pass over the facets.
+    # All reachable planes are multiples of the pitch, so all areas are computed in one pass over the facets.
     planes = np.asarray(
         np.arange(steps.part // pitch + thick // pitch + 2) * (pitch * steps.size), np.float64
     )
@@ -78,7 +76,7 @@ def _plan_literal(mesh: Mesh, steps: ZSteps, thin: int, thick: int, settings: Ar
 
 
 def _snap_to_levels(planes: Float, mesh: Mesh) -> Float:
-    """The planes, those within rounding of a level of the part exactly on it: there they cut what is below."""
+    """Move planes that are within rounding of a z level of the part onto it; there they cut the part below it."""
     level = np.unique(mesh.triangles[:, :, 2])
     above = np.minimum(np.searchsorted(level, planes), len(level) - 1)
     below = np.maximum(above - 1, 0)
@@ -87,7 +85,7 @@ def _snap_to_levels(planes: Float, mesh: Mesh) -> Float:
 
 
 def _plan_aligned(mesh: Mesh, steps: ZSteps, thin: int, thick: int, settings: AreaPlanner) -> Int:
-    """Heights region by region between the z levels of the part, in steps."""
+    """Return layer heights, region by region between z levels of the part, in z steps."""
     level, constant = _constant_intervals(mesh, steps, thick, settings)
     constant = _drop_short(level, constant, thick)
     bottom, rest = steps.begin()
@@ -102,11 +100,11 @@ def _plan_aligned(mesh: Mesh, steps: ZSteps, thin: int, thick: int, settings: Ar
 
 
 def _constant_intervals(mesh: Mesh, steps: ZSteps, thick: int, settings: AreaPlanner) -> tuple[Int, Bool]:
-    """The z levels of the part in steps, and whether the area is constant from each to the next.
+    """Return the z levels of the part in steps, and whether the area is constant from each level to the next.
 
-    Between two neighbouring levels no corner lies, so the area is a quadratic in z there: three equal values make it
-    constant everywhere between them. Only stretches near a pair of equal areas half a thick layer apart are looked at:
-    no run of constant area with room for a thick layer is without such a pair.
+    Between neighbouring levels the area is a quadratic in z, so it is constant if three values are equal. Only
+    intervals near two equal areas half a thick layer apart are tested; every constant run with room for a thick layer
+    contains such a pair.
     """
     at = np.clip(np.rint(mesh.triangles[:, :, 2] / steps.size), 0, steps.part).astype(np.int64).ravel()
     level = np.flatnonzero(np.bincount(np.append(at, [0, steps.part])))
@@ -121,7 +119,7 @@ def _constant_intervals(mesh: Mesh, steps: ZSteps, thick: int, settings: AreaPla
     np.add.at(marks, last, -1)
     near = np.cumsum(marks)[:-1] > 0
     low, high = level[:-1][near] * steps.size, level[1:][near] * steps.size
-    # Half a step inside the stretch: levels are rounded to steps, and the planes must not touch the next stretch.
+    # Half a step inside the interval, because levels are rounded to steps and planes must not touch the next one.
     margin = np.minimum(steps.size / 2, (high - low) / 4)
     planes = np.stack([low + margin, (low + high) / 2, high - margin], axis=1)
     area = section_areas(mesh.triangles, planes.ravel()).reshape(-1, 3)
@@ -133,7 +131,7 @@ def _constant_intervals(mesh: Mesh, steps: ZSteps, thick: int, settings: AreaPla
 
 
 def _drop_short(level: Int, constant: Bool, thick: int) -> Bool:
-    """Only those stretches whose run of constant stretches has room for a thick layer; shorter ones gain nothing."""
+    """Keep only constant runs with room for a thick layer; shorter ones save nothing."""
     run = np.cumsum(np.diff(constant.astype(np.int64), prepend=0) != 0)
     length = np.bincount(run, weights=np.diff(level))
     return np.asarray(constant & (length[run] >= thick))
@@ -142,7 +140,7 @@ def _drop_short(level: Int, constant: Bool, thick: int) -> Bool:
 def _region_ends(
     level: Int, constant: Bool, flats: Int, bottom: int, steps: ZSteps
 ) -> tuple[list[int], list[bool]]:
-    """Where regions over `bottom` end, in steps, and whether each is of constant area; none is thinner than a layer."""
+    """Return the ends of regions above `bottom`, in steps, and whether each has constant area."""
     thick_from = np.concatenate([constant, [False]])
     change = np.flatnonzero(np.diff(constant.astype(np.int64)) != 0) + 1
     wanted = np.unique(np.concatenate([level[change], flats, [steps.part]]))

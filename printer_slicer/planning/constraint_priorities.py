@@ -1,4 +1,4 @@
-"""What the layers of a plan break, rule by rule: no rule is broken for a lesser one, and none for the objective."""
+"""The constraints on layers in order of priority; a constraint is never violated in favour of a lower one."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from printer_slicer.surface import find_flats
 __all__ = ["UNLISTED_FACTOR", "Constraint", "find_underrated", "rank_constraints"]
 
 UNLISTED_FACTOR: Final = 1.1
-"""Times its cost for a layer of a height that is not on the list, where that is free."""
+"""Cost factor for a layer whose height is not on the list, next to an event plane."""
 _ROUNDING: Final = 1e-9  # mm
 
 
 class Constraint(NamedTuple):
-    """A rule.
+    """A constraint on layers.
 
     Attributes:
-        weight: what a unit of it is worth, in the cost of the dearest layer, where rules must be weighed.
-        cost: (A,) how much each layer breaks it, at least 0.
+        weight: cost per unit of violation, as a multiple of the largest layer cost, if constraints must be weighted.
+        cost: (A,) violation by each layer, at least 0.
     """
 
     weight: float
@@ -36,29 +36,30 @@ class Constraint(NamedTuple):
 def rank_constraints(
     mesh: Mesh, candidates: CandidateLayers, steps: ZSteps, profile: Profile
 ) -> list[Constraint]:
-    """The rules that some layers break, the gravest first; evenness apart.
+    """Return the constraints that some layers violate, highest priority first, without those on neighbours.
 
-    Unlisted heights; other heights than ranges have; error over the tolerance; flats and ends of ranges; heights beyond
-    the list's. Where the thinnest layers can be wrong by more than the tolerance, it is error over twice theirs that
-    comes before flats, and what is left of it comes after them. Errors count squared, over the height of the layer.
+    The order is: heights not on the list; heights other than those of ranges; deviation above the tolerance; missed
+    flats and ends of ranges; heights outside the limits of the list. If the thinnest layers can deviate by more than
+    the tolerance, deviation above twice their bound comes before flats, and the rest after them. Deviations are squared
+    and multiplied by the layer height.
 
     Args:
         mesh: the part.
-        candidates: its layers.
-        steps: of the printer.
+        candidates: the candidate layers.
+        steps: z steps of the printer.
         profile: tolerance, ranges, containment and snap tolerance.
     """
     grid, graph = candidates.grid, candidates.graph
     start, end = graph.start, graph.end
     height, tolerance = end - start, _tolerances(candidates, profile)
     share = 0.5 if profile.quality.containment == "mid" else 1.0
-    # The thinnest layers are nowhere wrong by more than this; layers under twice their height can divide everything.
+    # The deviation bound of the thinnest layers; layers below twice their height can divide any interval.
     certain = np.float64(share * steps.allowed[0] * steps.size)
     mm: Float = np.asarray(grid.unit * height, np.float64)
     possible: Float = np.asarray(np.where(tolerance < certain, 2 * certain, tolerance), np.float64)
     most: Float = np.asarray(share * mm)
     over, beyond = _excess(candidates.bound, tolerance, most), _excess(candidates.bound, possible, most)
-    chosen = (start > 0) | (steps.first == 0)  # not the first layer, where that is set
+    chosen = (start > 0) | (steps.first == 0)  # without a fixed first layer
     other = np.zeros(len(start))
     for stretch in profile.dials.ranges:
         if stretch.layer_height:
@@ -66,7 +67,7 @@ def rank_constraints(
             other += inside & (height != grid.units(stretch.layer_height))
     units = height * grid.steps
     outside = ((units < steps.allowed[0]) | (units > steps.allowed[-1])) & chosen
-    levels = [
+    constraints = [
         Constraint(1e14, np.asarray(~candidates.free, np.float64)),
         Constraint(1e12, other),
         Constraint(1e13, mm * beyond**2),
@@ -74,13 +75,13 @@ def rank_constraints(
         Constraint(1e6, mm * over**2),
         Constraint(1e4, np.asarray(outside, np.float64)),
     ]
-    return [level for level in levels if level.cost.any()]
+    return [constraint for constraint in constraints if constraint.cost.any()]
 
 
 def _excess(bound: Float, limit: Float, most: Float) -> Float:
-    """(A,) mm by which bounds are over their limit, to a nanometre: 32-bit files must not decide between plans.
+    """Return (A,) the excess of bounds over their limit, mm, rounded to 1 nm to hide rounding in 32-bit files.
 
-    A layer that can be wrong by no more than the limit, by its height alone, is not, rounding or not.
+    The excess is 0 for layers so thin that they cannot exceed the limit.
     """
     over, gap = np.zeros(len(bound)), bound - limit
     some = np.flatnonzero((gap > 0) & (most > limit + _ROUNDING))
@@ -90,20 +91,20 @@ def _excess(bound: Float, limit: Float, most: Float) -> Float:
 
 
 def find_underrated(candidates: CandidateLayers, profile: Profile, layers: Int, bounds: Float) -> Bool:
-    """(L,) whether a layer's exact bound breaks the tolerance that its arc seems to keep.
+    """Return (L,) whether the exact bound of a layer exceeds the tolerance although its tabulated bound does not.
 
     Args:
-        candidates: the layers that there are.
-        profile: what they were found with.
-        layers: (L,) arcs of a plan.
-        bounds: (L,) mm, exact.
+        candidates: the candidate layers.
+        profile: gives the tolerance.
+        layers: (L,) the layers of a plan.
+        bounds: (L,) their exact bounds, mm.
     """
     tolerance = _tolerances(candidates, profile)[layers] + 2 * _ROUNDING
     return np.asarray((candidates.bound[layers] <= tolerance) & (bounds > tolerance))
 
 
 def _tolerances(candidates: CandidateLayers, profile: Profile) -> Float:
-    """(A,) mm, the tolerance of every layer."""
+    """Return (A,) the tolerance of every layer, mm."""
     if not any(stretch.tolerance for stretch in profile.dials.ranges):
         return np.broadcast_to(np.float64(profile.quality.tolerance), candidates.graph.start.shape)
     start, end = (
@@ -113,13 +114,13 @@ def _tolerances(candidates: CandidateLayers, profile: Profile) -> Float:
 
 
 def _missed_planes(mesh: Mesh, candidates: CandidateLayers, profile: Profile) -> Float:
-    """(A,) the flats and borders of ranges that lie within a layer, large flats twice."""
+    """Return (A,) the weighted number of flats and range ends inside each layer; the largest flats count twice."""
     grid = candidates.grid
     flats, areas = find_flats(mesh)
     borders = range_borders(profile, mesh.height)
     place = np.concatenate([flats, borders]) / grid.unit
     weight = np.concatenate([1 + areas / max(areas.sum(initial=0.0), 1e-9), np.full(len(borders), 2.0)])
-    # A contained flat belongs to the node over it or under it, whichever leaves the layer on its side.
+    # With containment a flat snaps to the node above or below it, depending on the side of the layer.
     least = 0.5 if profile.quality.containment == "mid" else 1.0
     snap = max(profile.dials.snap_tolerance / grid.unit, least)
     lowest, highest = np.ceil(place - snap - 1e-6), np.floor(place + snap + 1e-6)
@@ -129,4 +130,4 @@ def _missed_planes(mesh: Mesh, candidates: CandidateLayers, profile: Profile) ->
         for nodes in (lowest, highest)
     )
     within = np.append(0.0, ended[:-1])[candidates.graph.end] - started[candidates.graph.start]
-    return np.where(within > 1e-9, within, 0.0)  # sums leave their rounding behind
+    return np.where(within > 1e-9, within, 0.0)  # removes rounding errors of the sums

@@ -1,7 +1,7 @@
-"""Greedy adaptive layers: from the bed up, each as thick as the steepest facet in it allows.
+"""Greedy adaptive layers: from the bed up, each layer is as thick as the flattest facet in it allows.
 
-A layer of height t over a facet whose unit normal has the vertical part n = |n_z| leaves a stair. Four rules say how
-thick it may be (s = sqrt(1 - n²) is the horizontal part of the normal):
+A layer of height t leaves a stair step on a facet whose unit normal has the vertical component n = |n_z|. Four metrics
+limit t (s = sqrt(1 - n²) is the horizontal component of the normal):
 
     metric      bound on                      t at most                              layers end on flats
     cusp        height of the stair, t n      c / n                                  yes
@@ -9,23 +9,23 @@ thick it may be (s = sqrt(1 - n²) is the horizontal part of the normal):
     wasserfall  stair and bulge of the bead   d / (0.184 + 0.5 n)                    yes
     topography  width of the stair, t n / s   w s / n                                no, and flats do not count
 
-`quality.tolerance` is the cusp metric's c: what a layer is off by is half of its cusp height when it is cut in the
-middle, so c = 2 tolerance (c = tolerance where `quality.containment` is one-sided). The other metrics get the d or w
-with which all four allow the same height on a slope of 45 degrees: t45 = c sqrt(2), d = t45 / 1.44 (triangle),
-d = t45 (0.184 + 0.5 / sqrt(2)) (wasserfall), w = t45 (topography). On other slopes they allow a cusp height of at most
-c (triangle), 1.11 c (wasserfall, near flats), 1.41 c (topography, near walls).
+The limit c of the cusp metric follows from `quality.tolerance`: a layer cut in its middle deviates by half its cusp
+height, so c = 2 tolerance (c = tolerance if `quality.containment` is one-sided). The limits d and w of the other
+metrics are chosen such that all four allow the same height on a slope of 45 degrees: t45 = c sqrt(2), d = t45 / 1.44
+(triangle), d = t45 (0.184 + 0.5 / sqrt(2)) (wasserfall), w = t45 (topography). On other slopes they allow a cusp height
+of at most c (triangle), 1.11 c (wasserfall, near flats), 1.41 c (topography, near walls).
 
 Sources: cusp: Dolenc and Mäkelä, Slicing procedures for layered manufacturing techniques, 1994. triangle: the rule of
 PrusaSlicer's adaptive layers. wasserfall: Wasserfall, Hendrich and Zhang, Adaptive slicing for the FDM process
 revisited, 2017, as in Slic3r, with its option to match horizontal surfaces. topography: CuraEngine's adaptive layers,
-which look no higher than the middle of a layer, where it is cut. The last three are the rules only: neither
-PrusaSlicer's resampling of the heights nor Cura's greatest change between neighbours is done, and the top is met.
+which consider facets only up to the middle of a layer, where it is cut. Only the metrics of these programs are
+implemented, without PrusaSlicer's resampling of the heights and Cura's limit on changes between neighbours.
 
-Guarantee: with cusp, each facet's cusp height is within c in every layer that is thicker than the thinnest, unless no
-layers within c end on the next flat; with triangle and wasserfall within what is said above. Topography guarantees
-none: a slope that begins in the upper half of a layer is not seen. No metric sees edges, peaks or features thinner than
-a layer, no metric minimises anything but the next layer, and flats nearer to each other than the thinnest layer are not
-all met. Cost: one pass over the facets, one over the z steps.
+Guarantee: with cusp, the cusp height of each facet is at most c in every layer thicker than the thinnest, unless no
+layers within c end on the next flat; with triangle and wasserfall it is within the limits above. Topography guarantees
+nothing, because it misses slopes that begin in the upper half of a layer. All metrics ignore edges, peaks and features
+thinner than a layer, and optimize only the next layer. Not all flats closer together than the thinnest layer are met.
+Cost: one pass over the facets, one over the z steps.
 """
 
 from __future__ import annotations
@@ -45,19 +45,21 @@ from printer_slicer.profile import CuspPlanner, Profile
 
 __all__ = ["METRICS", "Metric", "height_limit", "plan_cusp"]
 
-_BULGE: Final = 0.184  # share of a bead's height by which its rounded side errs on a wall
+_BULGE: Final = (
+    0.184  # deviation of the rounded side of an extrusion on a vertical wall, as a fraction of its height
+)
 _TRIANGLE: Final = 1.44
 _DIAGONAL: Final = sqrt(0.5)  # |n_z| of a slope of 45 degrees
 
 
 class Metric(NamedTuple):
-    """One rule for the height of a layer.
+    """A metric that limits the height of layers.
 
     Attributes:
-        limit: greatest height for |n_z| (n,) and the height allowed at 45 degrees, mm.
+        limit: (|n_z| (n,), height allowed at 45 degrees) -> maximum layer height (n,), mm.
         ends_on_flats: whether layers end on flats.
         sees_flats: whether flats inside a layer count as facets with |n_z| = 1.
-        seen: the share of a layer, from its bottom, whose facets decide.
+        seen: fraction of a layer, from its bottom, whose facets are considered.
     """
 
     limit: Callable[[Float, float], Float]
@@ -97,23 +99,23 @@ METRICS: Final[Mapping[str, Metric]] = {
 
 
 def height_limit(metric: str, slope: Float, profile: Profile) -> Float:
-    """The greatest layer height (n,) that a metric allows over facets with |n_z| = `slope` (n,), mm.
+    """Return (n,) the maximum layer height that a metric allows on facets with |n_z| = `slope` (n,), mm.
 
     Args:
         metric: a key of `METRICS`.
         slope: 0 for a wall, 1 for a flat.
-        profile: `quality.tolerance` and `quality.containment` decide.
+        profile: gives `quality.tolerance` and `quality.containment`.
     """
     diagonal = cusp_height(profile) / _DIAGONAL
     return METRICS[metric].limit(np.maximum(slope, 1e-12), diagonal)
 
 
 def plan_cusp(mesh: Mesh, profile: Profile) -> LayerPlan:
-    """Layers as thick as the steepest facet in each allows, found from the bed up.
+    """Plan layers from the bed up, each as thick as the flattest facet in it allows.
 
     Args:
         mesh: the part, standing on z = 0.
-        profile: `quality.planner` holds the metric, `quality.tolerance` the error allowed.
+        profile: `quality.planner` has the metric, `quality.tolerance` the allowed deviation.
 
     Raises:
         PlanError: the part is thinner than the thinnest layer.

@@ -1,9 +1,9 @@
-"""The heights at which layers may end, and which layers a plan may have between them.
+"""The grid of heights at which layers may end, and the candidate layers between them.
 
-Heights are counted in units, a whole number of the printer's z steps; a unit is divided into an even number of cells,
-so that the middle of every layer is a border between cells. A height from the list may be anywhere; any other one only
-where the layer touches an event plane (a flat, a peak, the part's top, the end of a range). That leaves a fraction of
-what the printer could print, and all that a plan needs.
+Heights are counted in units of a whole number of the printer's z steps. A unit is divided into an even number of cells,
+so that the middle of every layer is a cell border. Layers of an allowed height may be anywhere. Layers of other heights
+are candidates only if they touch an event plane (a flat, a peak, the top of the part, the end of a range). This keeps
+the number of candidates small without losing useful plans.
 """
 
 from __future__ import annotations
@@ -32,19 +32,19 @@ __all__ = [
 ]
 
 FINEST: Final = 0.0025
-"""mm; heights need not be told apart more finely to end on an event plane."""
+"""mm; a grid finer than this is not needed to meet event planes."""
 
 
 @dataclass(frozen=True, slots=True)
 class HeightGrid:
-    """The heights at which layers may end.
+    """The grid of heights at which layers may end.
 
     Attributes:
-        unit: mm.
-        steps: z steps in a unit.
-        n: units in the part, to the nearest.
-        rest: z steps that the part is higher than n units; the last layer has them too.
-        lowest, highest: heights that the printer can print, in units.
+        unit: size of a unit, mm.
+        steps: z steps per unit.
+        n: height of the part in units, rounded.
+        rest: z steps by which the part is higher than n units; they are added to the last layer.
+        lowest, highest: minimum and maximum layer height of the printer, in units.
     """
 
     unit: float
@@ -56,17 +56,17 @@ class HeightGrid:
 
     @property
     def cells(self) -> int:
-        """Cells in a unit: an even number, each no larger than 0.0025 mm."""
+        """Number of cells per unit: even, each cell at most 0.0025 mm."""
         return 2 * max(int(np.ceil(self.unit / (2 * FINEST) - 1e-6)), 1)
 
     @property
     def cell(self) -> float:
-        """mm."""
+        """Size of a cell, mm."""
         return self.unit / self.cells
 
     @classmethod
     def of(cls, steps: ZSteps, more: Sequence[float] = ()) -> HeightGrid:
-        """The coarsest grid with all allowed heights, and `more` in mm, that is fine enough for event planes."""
+        """Build the coarsest grid that has all allowed heights and `more`, mm, and is fine enough for event planes."""
         wanted = [steps.of(height) for height in more]
         common = gcd(*steps.allowed.tolist(), *wanted, steps.first)
         fits = [
@@ -78,28 +78,28 @@ class HeightGrid:
         return cls(steps.size * size, size, n, steps.part - n * size, low, high)
 
     def nearest(self, z: Float) -> Int:
-        """The nodes nearest to heights in mm."""
+        """Return the nodes nearest to heights in mm."""
         return np.rint(np.asarray(z) / self.unit).astype(np.int64).clip(0, self.n)
 
     def steps_of(self, heights: Int) -> Int:
-        """The heights in z steps of the layers of a plan with these in units."""
+        """Convert the layer heights of a plan from units to z steps."""
         steps = heights * self.steps
         steps[-1] += self.rest
         return np.asarray(steps)
 
     def units(self, height: float) -> int:
-        """The nearest number of units to a height in mm."""
+        """Convert a height in mm to units, rounded."""
         return round(height / self.unit)
 
 
 class HeightRow(NamedTuple):
-    """All layers of one height that a plan may have.
+    """All candidate layers of one height.
 
     Attributes:
-        height: units.
-        end: (n,) where each ends, in units, ascending.
+        height: layer height, units.
+        end: (n,) top of each layer, units, ascending.
         listed: (n,) whether the height is allowed there.
-        free: (n,) whether it is, or the layer touches an event plane.
+        free: (n,) whether the height is allowed there, or the layer touches an event plane.
     """
 
     height: int
@@ -109,20 +109,20 @@ class HeightRow(NamedTuple):
 
 
 def range_borders(profile: Profile, height: float) -> Float:
-    """(n,) mm, where ranges begin and end within a part of this height."""
+    """Return (n,) the ends of height ranges within a part of this height, mm."""
     ends = [z for stretch in profile.dials.ranges for z in (stretch.low, stretch.high)]
     return np.array([z for z in ends if 0 < z < height], np.float64)
 
 
 def overlaps_range(stretch: HeightRange, grid: HeightGrid, start: Int, end: Int) -> Bool:
-    """Whether layers between two nodes reach into a range."""
+    """Return whether layers between two nodes overlap a range."""
     return np.asarray((end > grid.units(stretch.low)) & (start < grid.units(stretch.high)))
 
 
 def event_planes(mesh: Mesh, profile: Profile) -> Float:
-    """(n,) mm, where layers may have any height: flats, level ridges, peaks and pits, ends of ranges.
+    """Return (n,) mm, heights next to which layers may have any height: flats, ridges, peaks, pits, ends of ranges.
 
-    Flats that lean by a hair are no events of the surface, but shall be met all the same.
+    Nearly horizontal flats are no events of the surface, so they are added.
     """
     events = read_surface(mesh).contacts.events()
     return np.concatenate([events, find_flats(mesh)[0], range_borders(profile, mesh.height)])
@@ -131,19 +131,19 @@ def event_planes(mesh: Mesh, profile: Profile) -> Float:
 def list_layers(
     planes: Float, grid: HeightGrid, steps: ZSteps, profile: Profile, *, everywhere: bool
 ) -> list[HeightRow]:
-    """The layers that a plan may have, from the lowest height up.
+    """List the candidate layers, from the smallest height up.
 
     Args:
         planes: (n,) mm, the event planes.
-        grid: heights and ends.
-        steps: of the printer: allowed heights, first layer.
-        profile: tells the ranges.
-        everywhere: layers of every height that the printer can print, as a last resort.
+        grid: the grid of heights.
+        steps: allowed heights and first layer.
+        profile: gives the height ranges.
+        everywhere: allow every height that the printer can print, as a last resort.
     """
     first = steps.first // grid.steps
     event = np.zeros(grid.n + 1, np.bool_)
     event[grid.nearest(planes)] = True
-    event[0], event[-1] = bool(first), True  # a first layer of its own is as free as one that meets a flat
+    event[0], event[-1] = bool(first), True  # above a fixed first layer any height is allowed, as at a flat
     allowed = set((steps.allowed // grid.steps).tolist())
     rows = []
     for height in range(grid.lowest, min(grid.highest, grid.n) + 1):

@@ -1,13 +1,13 @@
-"""Model the printing time of layers before slicing, for planners that weigh time.
+"""Estimate the print time of layers before slicing, for planners that weigh time.
 
-A layer is made of perimeters, solid and sparse infill (solid where the surface lies within the shell thickness above or
-below), top skins, bridges, travels, and the step up to it. The
-slicer's own motion model (`line_timing`) times the contours of the part and rows of lines of typical lengths, at the
-speeds, accelerations and limits of the profile and the flow that hotend and material allow at that layer height. A
-layer takes at least the minimum layer time as far as the minimum speed allows. The first layer has its own speeds.
+A layer consists of perimeters, solid infill (within the shell thickness of a surface), internal infill, top solid
+infill, bridges, travels, and the move up to it. The motion model of the slicer (`line_timing`) times the contours of
+the part and rows of lines of typical lengths. It uses the speeds, accelerations and limits of the profile, and the flow
+that hotend and material allow at that layer height. The minimum layer time applies as far as the minimum speed allows.
+The first layer has its own speeds.
 
-How many travels and retractions there are is counted from whole programs of eight parts. The minutes that are shown to
-people come from the program itself; docs/layer-planning.md compares both.
+The number of travels and retractions is a fit to sliced programs of eight parts. Print times shown to the user come
+from the program itself; docs/layer-planning.md compares both.
 """
 
 from __future__ import annotations
@@ -33,41 +33,45 @@ from printer_slicer.surface import Surface
 
 __all__ = ["LayerTimes"]
 
-_TRAVELS: Final = (3.5, 0.03, 0.25)  # per contour of a layer, solid line, sparse line
-_TRAVEL: Final = 0.15  # of the section's extent, on average
-_RETRACTIONS: Final = 0.75  # for each contour but the first
+_TRAVELS: Final = (
+    3.5,
+    0.03,
+    0.25,
+)  # travels per contour, per line of solid infill, per line of internal infill
+_TRAVEL: Final = 0.15  # mean length of a travel, as a fraction of the section's extent
+_RETRACTIONS: Final = 0.75  # retractions per contour after the first
 _ON_BED: Final = 1e-6  # mm
 
 
 class _Paces(NamedTuple):
-    """Times of lines, on the first layer or above it.
+    """Times of lines, in the first layer or above it.
 
     Attributes:
-        outer, inner: (P,) s, a perimeter along every contour.
-        rows: lines of solid infill, sparse infill, top skin, bridges, bridges over sparse infill.
+        external, inner: (P,) s, one perimeter along every contour.
+        rows: lines of solid infill, internal infill, top solid infill, bridges, internal bridges.
         flow: flow limit, mm³/s.
     """
 
-    outer: LineTimes
+    external: LineTimes
     inner: LineTimes
     rows: list[RowTimes]
     flow: float
 
 
 class LayerTimes:
-    """The modelled time of layers of one part that are cut at some of the heights `z`.
+    """The modelled time of the layers of one part.
 
     Args:
-        surface: of the part.
+        surface: surface of the part.
         profile: speeds, accelerations, widths, shells, limits.
-        z: (n,) mm, ascending.
+        z: (n,) possible cut heights, mm, ascending.
     """
 
     def __init__(self, surface: Surface, profile: Profile, z: Float) -> None:
         self._profile, self._z = profile, z
         self._at = at = measure_sections(surface, profile)
         self._chord = np.clip(np.pi * at.area / np.maximum(at.length, 1e-9), 0.3, 500.0)
-        self._sparse_spacing = profile.extrusion_width / max(profile.quality.infill_density, 0.01)
+        self._infill_spacing = profile.extrusion_width / max(profile.quality.infill_density, 0.01)
         place = np.interp(z, at.z, np.arange(len(at.z)))
         self._below = np.minimum(place.astype(np.int64), max(len(at.z) - 2, 0))
         self._share = place - self._below
@@ -76,7 +80,7 @@ class LayerTimes:
         self._known: dict[tuple[float, bool], Float] = {}
 
     def seconds(self, which: Int, height: float) -> Float:
-        """(m,) s, for layers of `height` mm that are cut at the heights `z[which]`."""
+        """Return (m,) s for layers of `height` mm that are cut at the heights `z[which]`."""
         found = self._interpolated(self._layer(height, self._above), which)
         on_bed = self._z.take(which) <= height / 2 + _ON_BED
         if on_bed.any():
@@ -84,19 +88,19 @@ class LayerTimes:
         return found
 
     def per_mm3(self, height: float) -> float:
-        """Return the time per mm³ of plastic in this part, s, in layers of `height` mm above the first."""
+        """Return the time per mm³ of extruded material, s, in layers of `height` mm above the first."""
         laid, _ = self._lines(height, self._above)
         gap = float(bead.spacing(self._profile.extrusion_width, height))
         return float(self._layer(height, self._above).sum() / max(laid.sum() * gap * height, 1e-9))
 
     def _interpolated(self, values: Float, which: Int) -> Float:
-        """(m,) values (L,) of the levels, interpolated at the heights `z[which]`."""
+        """Interpolate values (L,) of the levels at the heights `z[which]`, (m,)."""
         below, share = self._below.take(which), self._share.take(which)
         low = values.take(below)
         return np.asarray(low + share * (values.take(np.minimum(below + 1, len(values) - 1)) - low))
 
     def _layer(self, height: float, paces: _Paces) -> Float:
-        """(L,) s, of a layer at each level."""
+        """Return (L,) s of a layer at each level."""
         known = self._known.get((height, paces is self._on_bed))
         if known is None:
             known = self._known[height, paces is self._on_bed] = self._timed(height, paces)
@@ -111,19 +115,19 @@ class LayerTimes:
         return np.asarray(np.clip(material.min_layer_time, quick, np.maximum(slowest, quick)))
 
     def _lines(self, height: float, paces: _Paces) -> tuple[Float, Float]:
-        """(L,) mm of all extrusions of a layer at each level, and (L,) s to print them."""
+        """Return (L,) mm of all extrusions of a layer at each level, and (L,) s to print them."""
         quality, at, chord = self._profile.quality, self._at, self._chord
         gap = float(bead.spacing(self._profile.extrusion_width, height))
         fastest = paces.flow / (gap * height * self._profile.material.flow_ratio)
-        outer, inner = min(quality.perimeters, 1), max(quality.perimeters - 1, 0)
+        external, inner = min(quality.perimeters, 1), max(quality.perimeters - 1, 0)
         kinds = self._kinds(height, gap, first=paces is self._on_bed)
-        laying = at.at_levels(outer * paces.outer.at(fastest) + inner * paces.inner.at(fastest))
+        laying = at.at_levels(external * paces.external.at(fastest) + inner * paces.inner.at(fastest))
         for kind, rows in zip(kinds, paces.rows, strict=True):
             laying += kind * rows.per_mm(chord, fastest)
-        return (outer + inner) * at.length + sum(kinds), laying
+        return (external + inner) * at.length + sum(kinds), laying
 
     def _kinds(self, height: float, gap: float, *, first: bool) -> tuple[Float, ...]:
-        """(L,) mm of solid infill, sparse infill, top skin, bridges and bridges over sparse infill in a layer."""
+        """Return (L,) mm of solid, internal and top solid infill, bridges and internal bridges in a layer."""
         at, nozzle = self._at, self._profile.printer.nozzle_diameter
         density = self._profile.quality.infill_density / gap
         if first:
@@ -144,28 +148,28 @@ class LayerTimes:
         slowest = flow / (float(bead.spacing(width, thickest)) * thickest * profile.material.flow_ratio)
 
         def motion(name: str, like: str = "") -> LineMotion:
-            """Speed and acceleration of a role; `like` names the one whose acceleration it has."""
+            """Return speed and acceleration of a role; `like` names the role that gives the acceleration."""
             speed, acceleration = getattr(speeds, name), getattr(hard, like or name)
             if not first:
                 return LineMotion(speed, acceleration)
             most = speeds.first_layer if name.endswith("perimeter") else speeds.first_layer_infill
             return LineMotion(min(speed, most), hard.first_layer or acceleration)
 
-        outer, inner = (
+        external, inner = (
             time_contours(at.contours, motion(name), slowest, limits)
             for name in ("external_perimeter", "perimeter")
         )
         rows = (
             (width, motion("solid_infill")),
-            (self._sparse_spacing, motion("internal_infill")),
+            (self._infill_spacing, motion("internal_infill")),
             (width, motion("top_solid_infill")),
             (width, motion("bridge")),
             (width, motion("internal_bridge", "bridge")),
         )
-        return _Paces(outer, inner, [time_rows(link, one, slowest, limits) for link, one in rows], flow)
+        return _Paces(external, inner, [time_rows(link, one, slowest, limits) for link, one in rows], flow)
 
     def _travels(self) -> Float:
-        """(L,) s of travels and retractions in a layer at each level."""
+        """Return (L,) s of travels and retractions in a layer at each level."""
         printer, at = self._profile.printer, self._at
         limits = limits_of(printer)
         way = time_moves(_TRAVEL * at.extent, self._profile.speeds.travel, limits.travel_acceleration)
@@ -175,7 +179,7 @@ class LayerTimes:
         )
         hop = float(time_moves(printer.z_hop, printer.max_speed_z, printer.max_acceleration_z))
         area = at.solid(self._profile.quality.layer_height)
-        solid, sparse = area / self._profile.extrusion_width, (at.inside - area) / self._sparse_spacing
-        by_loop, by_solid, by_sparse = _TRAVELS
-        count = by_loop * at.loops + (by_solid * solid + by_sparse * sparse) / self._chord
+        solid, infill = area / self._profile.extrusion_width, (at.inside - area) / self._infill_spacing
+        by_loop, by_solid, by_infill = _TRAVELS
+        count = by_loop * at.loops + (by_solid * solid + by_infill * infill) / self._chord
         return np.asarray(count * way + _RETRACTIONS * np.maximum(at.loops - 1, 0) * (pulled + 2 * hop))

@@ -1,25 +1,25 @@
-"""The best of all plans: the shortest path over the heights at which layers may end.
+"""The optimal planner: the shortest path in a graph of heights at which layers may end.
 
-Every layer that a plan may have between two heights of the z grid is an arc with a cost; the cheapest chain of arcs
-from the bed to the top of the part is the plan. In this order of weight:
+Every candidate layer between two heights of the grid is an arc with a cost. The cheapest path from the bed to the top
+of the part is the plan. The constraints and the objective, highest priority first:
 
-    list        only allowed heights; other ones only next to an event plane (a flat, a peak, the part's top, the end of
-                a range), where they cost a tenth more
-    ranges      stretches of z with a layer height of their own have it
-    tolerance   the certified error of every layer (see `surface`) is within the tolerance
+    list        allowed heights only; other heights only next to an event plane (a flat, a peak, the top of the part,
+                the end of a range), where they cost 10% more
+    ranges      height ranges with their own layer height use it
+    tolerance   the certified deviation of every layer (see `surface`) is within the tolerance
     flats       layers end on every flat, within the snap tolerance
-    range       heights outside of the list's range only to meet a flat or the tolerance
-    evenness    neighbours differ by no more than the greatest step, or are smooth (see `smoothness`)
-    objective   seconds and volume error at their price, seconds, layers, or volume error
+    limits      heights outside the limits of the list only to meet a flat or the tolerance
+    evenness    neighbours differ by at most `max_step`, or are smooth (see `smoothness`)
+    objective   time plus priced volume error, time, number of layers, or volume error
 
-What cannot be had is broken as little as possible, see `levels`; `unkept` tells where and why. Guarantee: no other
-chain of the arcs is better by that order; within `max_layers` none has less volume error by these rules, but with
-`max_step` too, and within a time budget, none at the same price on what is limited. The arcs' bounds err upward where
-contacts begin close to each other, by much less than a z step. Cost: heights of the list x ends; reading the surface is
-linear in facets.
+Constraints that cannot be met are violated as little as possible (see `constraint_priorities`); `violations` reports
+where and why. Guarantee: no other path is better in this order. With `max_layers` no path has less volume error; with
+`max_step` in addition, or with a time budget, the plan is optimal for some price on the limited quantity. The
+deviation bounds of arcs are slightly too high where contacts begin close together, by much less than a z step. Cost:
+number of heights times number of ends; reading the surface is linear in the number of facets.
 
 Sources: dynamic programming over layer ends after Alexa, Hildebrand and Lefebvre, "Optimal discrete slicing", 2017, and
-Mao, Kwok, Chen and Wang, 2019; the certified bound, events and the order above are this project's.
+Mao, Kwok, Chen and Wang, 2019. The certified bound, the events and the priorities are this project's.
 """
 
 from __future__ import annotations
@@ -55,12 +55,14 @@ from printer_slicer.surface import layer_bounds, read_surface
 
 __all__ = ["plan_optimal"]
 
-# Tables take coordinates just below a border for being on it: where the exact bound of a layer in a plan turns out to
-# break the tolerance, it is put into the table and a plan is looked for again, this many times at most.
+# Tabulated bounds treat coordinates just below a cell border as on it. If the exact bound of a layer in the plan
+# exceeds the tolerance, it replaces the tabulated one and the search is repeated, at most this many times.
 _ROUNDS: Final = 20
-_MOST_ARCS: Final = 50_000_000  # of about 70 bytes
-_DIGITS: Final = 9  # of the dearest layer's cost
-_LAYER: Final = 1e-6  # of the dearest layer: of plans that cost the same, the one of fewer layers
+_MOST_ARCS: Final = 50_000_000  # memory limit; an arc takes about 70 bytes
+_DIGITS: Final = 9  # decimals of costs, relative to the largest layer cost
+_LAYER: Final = (
+    1e-6  # added per layer, relative to the largest cost, so that on ties the plan with fewer layers wins
+)
 _FACTORS: Final = (
     1.0,
     1.25,
@@ -73,51 +75,50 @@ _FACTORS: Final = (
     0.6,
     0.4,
     0.2,
-)  # factors of the price, in the order of trial
-_BEATEN: Final = 1e-4  # relative difference of time or volume error; less is rounding
-_JUMP: Final = 0.5  # typical layers that avoiding a large step next to a flat is worth
-_TIE: Final = 1e-4  # mm³ that a layer must be worth where the volume error alone counts
+)  # price factors, in the order in which they are tried
+_BEATEN: Final = 1e-4  # smallest relative difference of time or volume error that is not rounding
+_STEP_PENALTY: Final = 0.5  # penalty for a large step next to a flat, in median layer costs
+_TIE: Final = 1e-4  # mm³ added per layer if the objective is the volume error alone
 
 
 def plan_optimal(mesh: Mesh, profile: Profile) -> LayerPlan:
-    """The plan of least cost within the tolerance.
+    """Plan the layers of least cost within the tolerance.
 
     Args:
         mesh: the part, standing on z = 0.
-        profile: `quality.planner` holds the objective and the dials, `quality` tolerance and allowed heights.
+        profile: `quality.planner` has the objective and other settings, `quality` the tolerance and allowed heights.
 
     Raises:
-        PlanError: the part is thinner than the thinnest layer, or cannot have so few layers.
+        PlanError: the part is thinner than the thinnest layer, or `max_layers` is too small.
     """
     steps = ZSteps(mesh, profile)
     first, rest = steps.begin()
-    if rest < steps.lowest or first != steps.first:  # too low for a choice
+    if rest < steps.lowest or first != steps.first:  # too low for any choice
         heights = np.array([first, rest] if rest and first else [first or rest], np.int64)
         return steps.plan(heights, "optimal")
     for everywhere in (False, True):
         plan = _search_plan(mesh, profile, steps, everywhere=everywhere)
         if plan is not None:
             return plan
-    # No layers that the printer can print have this sum: the last one rises over the part.
+    # No printable heights add up to the height of the part, so the last layer extends above it.
     above = fill_with_layers(rest, steps.lowest, steps.lowest, steps.highest)
     return steps.plan(np.append([first] if first else [], above).astype(np.int64), "optimal")
 
 
 def _search_plan(mesh: Mesh, profile: Profile, steps: ZSteps, *, everywhere: bool) -> LayerPlan | None:
-    """The best plan of the layers that the list allows, or of all that the printer can print; None without one."""
+    """Find the best plan of allowed layers, or with `everywhere` of all printable ones; None if there is none."""
     surface = read_surface(mesh)
     grid = HeightGrid.of(steps, [stretch.layer_height for stretch in profile.dials.ranges])
     if grid.n * len(steps.allowed) > _MOST_ARCS:
         raise PlanError(
-            f"{mesh.name}: {grid.n} heights at which layers may end, and {len(steps.allowed)} heights of layers, are"
-            " too many to choose from",
-            remedy="a coarser layer_step, a list of heights, or a coarser printer.z_step",
+            f"{mesh.name}: {grid.n} possible layer tops and {len(steps.allowed)} layer heights are too many",
+            remedy="Set a coarser layer_step, a list of layer_heights, or a coarser printer.z_step",
         )
     candidates = CandidateLayers.for_part(mesh, grid, steps, profile, everywhere=everywhere)
-    even = neighbour_limits(mesh, grid, steps, profile)
+    neighbours = neighbour_limits(mesh, grid, steps, profile)
     for _ in range(_ROUNDS):
         layers = _Search(
-            mesh, candidates, profile, rank_constraints(mesh, candidates, steps, profile), even
+            mesh, candidates, profile, rank_constraints(mesh, candidates, steps, profile), neighbours
         ).best()
         if layers is None:
             return None
@@ -131,26 +132,26 @@ def _search_plan(mesh: Mesh, profile: Profile, steps: ZSteps, *, everywhere: boo
 
 
 class _Search:
-    """The objective of one plan, over the layers that its part may have and what they break."""
+    """The search for one plan among the candidate layers, given constraints and objective."""
 
     def __init__(
         self,
         mesh: Mesh,
         candidates: CandidateLayers,
         profile: Profile,
-        levels: list[Constraint],
-        even: NeighbourLimits | None,
+        constraints: list[Constraint],
+        neighbours: NeighbourLimits | None,
     ) -> None:
-        self._settings, self._even = profile.dials, even
-        self._odd, self._jump = UNLISTED_FACTOR, _JUMP
+        self._settings, self._neighbours = profile.dials, neighbours
+        self._unlisted_factor, self._step_penalty = UNLISTED_FACTOR, _STEP_PENALTY
         self._mesh, self._thickest = mesh, profile.thickest
-        self._candidates, self._levels = candidates, levels
-        # Any plan of these keeps the rules as well as they can be kept.
-        self._kept = optimal_arcs(candidates.graph, [level.cost for level in levels])
+        self._candidates, self._constraints = candidates, constraints
+        # Every plan of these layers violates the constraints as little as possible.
+        self._kept = optimal_arcs(candidates.graph, [constraint.cost for constraint in constraints])
         self._graph = candidates.graph.of(self._kept)
 
     def best(self) -> Int | None:
-        """The layers of the best plan; None where none reaches the top."""
+        """Return the layers of the best plan; None if no plan reaches the top."""
         settings = self._settings
         if len(self._kept) == 0:
             return None
@@ -163,39 +164,40 @@ class _Search:
         return self._search(self._objective())
 
     def _balanced(self) -> Int | None:
-        """Find the plan with the lowest cost of time and volume error, not beaten by a uniform plan in both.
+        """Find the plan with the lowest cost of time and volume error that no uniform plan beats in both.
 
-        No plan that keeps the rules can beat it, because that would cost less. A uniform plan that misses flats, or has
-        a large step or a height outside the list at its end, can. In that case large steps next to flats and heights
-        outside the list become free. If that does not help, the price is raised, then lowered, until none is better.
+        No plan within the constraints can beat it, because that would cost less. A uniform plan can, if it misses flats
+        or ends with a large step or a height outside the list. In that case large steps next to flats and heights
+        outside the list become free. If that does not help, the price is raised, then lowered, until no uniform plan is
+        better.
         """
         candidates, settings = self._candidates, self._settings
         price = settings.error_price or settings.error_price_ratio * candidates.per_mm3
 
-        def searched(factor: float) -> Int | None:
+        def search(factor: float) -> Int | None:
             return self._search(candidates.seconds + price * factor * candidates.volume)
 
-        first = found = searched(1.0)
-        self._odd, self._jump = 1.0, 0.0
+        first = found = search(1.0)
+        self._unlisted_factor, self._step_penalty = 1.0, 0.0
         factors = iter(_FACTORS)
         while found is not None and self._is_beaten(found):
             factor = next(factors, None)
             if factor is None:
                 return first
-            found = searched(factor)
+            found = search(factor)
         return found
 
     def _is_beaten(self, layers: Int) -> bool:
-        """Whether a uniform plan is as fast and as accurate as this one, and better in one of them."""
+        """Return whether a uniform plan is at least as fast and accurate, and better in one of the two."""
         mine = np.array([self._candidates.seconds[layers].sum(), self._candidates.volume[layers].sum()])
         slack = _BEATEN * mine
         theirs = self._candidates.uniform
         return bool(((theirs <= mine + 1e-9).all(axis=1) & (theirs < mine - slack - 1e-9).any(axis=1)).any())
 
     def _objective(self) -> Float:
-        """Cost of every layer, rules apart."""
+        """Return the cost of every layer, without constraints."""
         candidates, kind = self._candidates, self._settings.objective
-        # No plan can be wrong by more than all shadows times the thickest layer.
+        # Upper bound of the volume error of any plan: all shadows times the thickest layer.
         surface = read_surface(self._mesh)
         most = (surface.up.area.sum() + surface.down.area.sum()) * self._thickest + 1e-9
         if kind == "time":
@@ -208,43 +210,49 @@ class _Search:
         return candidates.volume + _TIE
 
     def _cost(self, objective: Float) -> Float:
-        """(A,) an objective, rounded so that the dust of sums does not decide between equal plans."""
+        """Return (A,) the objective, rounded so that rounding errors do not decide between equal plans."""
         worth = _largest_cost(objective)
         cost = np.round(objective / worth, _DIGITS) * worth + _LAYER * worth
-        cost[~self._candidates.listed] *= self._odd
+        cost[~self._candidates.listed] *= self._unlisted_factor
         return np.asarray(cost)
 
     def _search(self, objective: Float) -> Int | None:
-        """The layers of the plan that is best by the rules, then by an objective."""
+        """Return the layers of the plan that is best by the constraints, then by an objective."""
         found = self._cheapest(self._graph, self._cost(objective)[self._kept], _largest_cost(objective))
         return None if found is None else self._kept[found]
 
     def _cheapest(self, graph: ArcGraph, cost: Float, worth: float) -> Int | None:
         """Find the cheapest plan with as few disallowed neighbours as possible."""
-        even, height = self._even, graph.height
-        if even is None or not len(height) or even.holds_between(int(height.min()), int(height.max())):
+        neighbours, height = self._neighbours, graph.height
+        if (
+            neighbours is None
+            or not len(height)
+            or neighbours.allow_all_between(int(height.min()), int(height.max()))
+        ):
             return cheapest_path(graph, cost)
         most_layers = graph.n / float(height.min()) + 1
-        return cheapest_with_neighbours(graph, cost, even, worth * most_layers, self._jump * median(cost))
+        return cheapest_with_neighbours(
+            graph, cost, neighbours, worth * most_layers, self._step_penalty * median(cost)
+        )
 
     def _few(self, most: int) -> Int | None:
-        """The least volume error with at most so many layers; with a greatest step, at some price on layers.
+        """Minimize the volume error with at most `most` layers; with `max_step`, by a price on layers.
 
         Raises:
-            PlanError: so few do not reach the top.
+            PlanError: so few layers do not reach the top.
         """
         loss, graph, kept = self._candidates.volume + _TIE, self._graph, self._kept
         worth, cost = _largest_cost(loss), self._cost(loss)
         fewest = cheapest_path(graph, np.ones(len(kept)))
         if fewest is None or len(fewest) > most:
-            # So few cannot keep the rules: these are weighed against each other, all of them against the objective.
+            # So few layers cannot meet the constraints, so these become weighted costs.
             graph, kept = self._candidates.graph, np.arange(len(loss))
-            cost += worth * np.sum([level.weight * level.cost for level in self._levels], axis=0)
+            cost += worth * np.sum([one.weight * one.cost for one in self._constraints], axis=0)
             fewest = cheapest_path(graph, np.ones(len(kept)))
         if fewest is None or len(fewest) > most:
             raise PlanError(
                 f"{self._mesh.name}: no plan of {most} layers reaches the top with the heights allowed",
-                remedy=f"set max_layers to {0 if fewest is None else len(fewest)} or more, or allow thicker layers",
+                remedy=f"Set max_layers to {0 if fewest is None else len(fewest)} or more, or allow thicker layers",
             )
         if self._settings.max_step:
             found: Int | None = cheapest_within_budget(
@@ -259,7 +267,7 @@ class _Search:
         return None if found is None else kept[found]
 
     def _quick(self, budget: float) -> Int | None:
-        """The least volume error, at some price on time, within the budget, or else the least time; rules first."""
+        """Minimize the volume error within the time budget, by a price on time; if impossible, minimize time."""
         seconds, loss, graph = (
             self._candidates.seconds[self._kept],
             self._candidates.volume + _TIE,
@@ -281,5 +289,5 @@ class _Search:
 
 
 def _largest_cost(objective: Float) -> float:
-    """What the dearest layer costs."""
+    """Return the largest cost of a layer, or 1 if all are 0."""
     return float(objective.max(initial=0.0)) or 1.0

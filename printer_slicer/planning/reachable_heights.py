@@ -1,12 +1,12 @@
-"""Layers that end exactly where they must: stretches of z between event planes, filled with the heights allowed.
+"""Layers that end exactly on event planes: which heights can reach the next plane with allowed layer heights.
 
-An event plane is a height at which a layer shall end: a flat of the part, its top. Between two of them a planner
-chooses among `ZSteps.allowed`, no thicker than the surface permits; where the list does not lead to the plane exactly,
-the last layer below it may have another height, then the last two.
+An event plane is a height at which a layer should end: a flat, or the top of the part. Between two planes a planner
+chooses among `ZSteps.allowed`, no thicker than the surface permits. If these heights do not add up to the distance, the
+last layer below the plane may have another height, then the last two.
 
-Which heights lead on is found from each plane downward. Where a layer of height h may stand on step z, and its top
-leads on, z leads on: one look at a window of bits for each step of z. A planner that walks upward and takes only
-heights that lead on never gets stuck under a plane.
+Reachability is computed downward from each plane: step z is reachable if a layer of an allowed height on z ends on a
+reachable step. That takes one bit mask per step. A planner that goes upward through reachable steps never gets stuck
+below a plane.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ __all__ = ["event_planes", "is_fillable", "next_plane", "reachable_layers", "sta
 
 
 def event_planes(mesh: Mesh, steps: ZSteps, bottom: int) -> list[int]:
-    """The flats that layers can end on, and the top of the part: ascending, in z steps, all over `bottom`.
+    """Return the flats on which layers can end, and the top of the part, above `bottom`: z steps, ascending.
 
-    Of flats too near to each other for the machine's layers, the larger ones are kept.
+    Of flats too close together for the printer's layers, the larger ones are kept.
     """
     planes = [bottom, steps.part]
     heights, areas = find_flats(mesh)
-    # Areas are sums over facets in any order: rounded, so that dust does not decide between equal ones.
+    # Areas are rounded, so that rounding errors do not decide between equal ones.
     by_area = np.lexsort((heights, -np.round(areas, 2)))
     for plane in nearest_step(heights[by_area], steps.size).tolist():
         place = bisect_left(planes, plane)
@@ -45,31 +45,31 @@ def event_planes(mesh: Mesh, steps: ZSteps, bottom: int) -> list[int]:
 
 
 def is_fillable(total: int, steps: ZSteps) -> bool:
-    """Whether layers within the machine's limits, or none at all, have this sum in z steps."""
+    """Return whether layers within the printer's limits, or no layers, can have this total height in z steps."""
     return -(-total // steps.highest) * steps.lowest <= total
 
 
 def next_plane(planes: Sequence[int], steps: ZSteps) -> Int:
-    """(part + 1,) the first event plane over each z step; over the last one, the top of the part."""
+    """Return (part + 1,) the first event plane above each z step; above the last one the top of the part."""
     place = np.searchsorted(planes, np.arange(steps.part + 1), side="right")
     return np.append(planes, steps.part)[place].astype(np.int64)
 
 
 def reachable_layers(limit: Int, planes: Sequence[int], bottom: int, steps: ZSteps) -> Int:
-    """The thickest layer on each z step from which all event planes can be met; 0 where there is none.
+    """Return the thickest layer on each z step from whose top all event planes can be met; 0 if there is none.
 
-    Where no layers within the limit meet the next plane, those are taken that exceed it by the fewest steps, and they
-    stand right below the plane.
+    If no layers within the limit meet the next plane, the limit is exceeded by as few steps as possible, right below
+    the plane.
 
     Args:
-        limit: (part,) the thickest layer that the surface permits on each step, at least the thinnest one allowed.
-        planes: where layers must end, ascending, in steps; the last one is the top.
-        bottom: where the first layer of all begins.
-        steps: of the printer.
+        limit: (part,) maximum layer height on each step, at least the thinnest allowed one.
+        planes: heights at which layers must end, ascending, in steps; the last one is the top.
+        bottom: bottom of the first layer, in steps.
+        steps: z steps of the printer.
 
     Returns:
-        (part,) heights in z steps. A walk from `bottom` that takes them one after the other meets every plane exactly,
-        unless no layers within the machine's limits have the sum asked for; then it rises over the last one.
+        (part,) heights in z steps. Layers of these heights, stacked from `bottom`, meet every plane exactly. If no
+        layers within the printer's limits can, the last one extends above the plane.
     """
     limits = np.minimum(limit, steps.highest).tolist()
     masks = _masks(steps)
@@ -80,9 +80,9 @@ def reachable_layers(limit: Int, planes: Sequence[int], bottom: int, steps: ZSte
 
 
 def stack_layers(ways: Int, limit: Int, planes: Sequence[int], bottom: int, steps: ZSteps) -> Int:
-    """Heights (n,) in z steps of the layers from `bottom` up, as `reachable_layers` has them.
+    """Stack layers from `bottom` up with the heights of `reachable_layers`; return their heights (n,) in z steps.
 
-    Where the last layer below a plane is thinner than the one before, both get half of their sum if they may.
+    If the last layer below a plane is thinner than the one before, both get half of their sum, if that is allowed.
     """
     heights: list[int] = []
     here, way = bottom, ways.tolist()
@@ -101,7 +101,7 @@ def stack_layers(ways: Int, limit: Int, planes: Sequence[int], bottom: int, step
 
 
 def _masks(steps: ZSteps) -> list[int]:
-    """For each limit in steps the allowed heights up to it, as bits."""
+    """Return for each limit in steps the allowed heights up to it, as a bit mask."""
     masks, allowed = [0], set(steps.allowed.tolist())
     for height in range(1, steps.highest + 1):
         masks.append(masks[-1] | ((height in allowed) << height))
@@ -109,10 +109,10 @@ def _masks(steps: ZSteps) -> list[int]:
 
 
 def _fill_interval(limits: list[int], masks: list[int], steps: ZSteps) -> list[int]:
-    """What `reachable_layers` gives, for one stretch between two planes.
+    """Compute `reachable_layers` for one interval between two planes.
 
-    The first that works of: allowed heights only; the last layer free between thinnest and thickest; the last two; the
-    last two free within the machine's limits; the same four with the limit exceeded by one step, by two, by three, ...
+    Tries in this order: allowed heights only; the last layer free between thinnest and thickest; the last two layers
+    free; the last two free within the printer's limits; the same four with the limit exceeded by one step, two, ...
     """
     total, thin, thick = len(limits), int(steps.allowed[0]), int(steps.allowed[-1])
     extra = 0
@@ -138,7 +138,7 @@ def _fill_interval(limits: list[int], masks: list[int], steps: ZSteps) -> list[i
 
 
 def _free_ends(limits: list[int], low: int, high: int, count: int) -> dict[int, int]:
-    """Layers of any height from `low` to `high` by where they begin: up to `count` of them end the stretch."""
+    """Return layers of any height from `low` to `high` by their bottom, if up to `count` of them end the interval."""
     end = len(limits)
     last = {
         end - height: height
@@ -148,7 +148,7 @@ def _free_ends(limits: list[int], low: int, high: int, count: int) -> dict[int, 
     free = dict(last)
     for here in range(max(end - 2 * high, 0), max(end - 2 * low + 1, 0)) if count > 1 else ():
         half = (end - here + 1) // 2
-        # Two equal ones if they may be; else the thickest that leaves one.
+        # Two equal layers if possible, otherwise the thickest that leaves room for one more.
         for height in (half, *range(min(high, limits[here]), low - 1, -1)):
             if here not in free and low <= height <= min(high, limits[here]) and here + height in last:
                 free[here] = height
@@ -156,14 +156,14 @@ def _free_ends(limits: list[int], low: int, high: int, count: int) -> dict[int, 
 
 
 def _downward(limits: list[int], relaxed: list[int], masks: list[int], free: dict[int, int]) -> list[int]:
-    """For each step of a stretch the height of a layer that leads on; 0 where there is none.
+    """Return for each step of an interval a layer height from whose top the plane can be reached; 0 if there is none.
 
-    A free one that ends the stretch, else the thickest allowed one within the limit, else the one least beyond it, else
-    the first of two free ones.
+    Prefers a free layer that ends the interval, then the thickest allowed one within the limit, then the one that
+    exceeds it least, then the first of two free ones.
     """
     end = len(limits)
     ways = [0] * end
-    leads, full = 1, (1 << masks[-1].bit_length()) - 1  # bit i: i steps higher leads on
+    leads, full = 1, (1 << masks[-1].bit_length()) - 1  # bit i: the plane can be reached from i steps higher
     for here in range(end - 1, -1, -1):
         leads = (leads << 1) & full
         hits = leads & masks[relaxed[here]]

@@ -1,10 +1,11 @@
-"""The cheapest way from the bed to the top of the part, one layer after the other.
+"""Shortest paths through candidate layers, from the bed to the top of the part.
 
-Nodes 0 to n are heights; an arc is a layer from one node to another, and has a cost. Arcs are at least some units long,
-so as many neighbouring nodes do not depend on each other and are settled at once. Sources: the shortest path in an
-acyclic graph (Bellman's recursion); for a budget the Lagrangian dual of the constrained shortest path, whose best price
-is found by intersecting the two nearest plans, and whose gap tells which arcs a better plan may use at all (Handler and
-Zang, "A dual algorithm for the constrained shortest path problem", 1980).
+Nodes 0 to n are heights; an arc is a layer from one node to another and has a cost. Every arc has a minimum length, so
+that many neighbouring nodes do not depend on each other and are computed at once.
+
+Sources: shortest path in an acyclic graph (Bellman's recursion). For a budget: the Lagrangian dual of the constrained
+shortest path. Its best price is found by intersecting the two nearest plans, and its gap limits the arcs that a better
+plan can use (Handler and Zang, "A dual algorithm for the constrained shortest path problem", 1980).
 """
 
 from __future__ import annotations
@@ -30,20 +31,20 @@ __all__ = [
 ]
 
 Search = Callable[[Float], Int | None]
-"""Cost of every arc -> the arcs of the plan that is best by it, from the bed up; None where none reaches the top."""
+"""Function: cost of every arc -> the arcs of the cheapest plan, from the bed up; None if none reaches the top."""
 
-_PRICES: Final = 60  # tried at most; a dozen is usual
-_ALIKE: Final = 1e-9  # of a total: plans that differ by less at one level are compared by the next
-_SAME: Final = 1e-12  # of a total: sums in another order differ by as much
+_PRICES: Final = 60  # maximum number of prices to try; a dozen is usual
+_ALIKE: Final = 1e-9  # relative difference of totals below which plans are equal at a priority
+_SAME: Final = 1e-12  # relative rounding error of sums in another order
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ArcGraph:
-    """CandidateLayers by where they end.
+    """Arcs, sorted by the node at which they end.
 
     Attributes:
         begin: (n + 2,) arcs begin[k] to begin[k + 1] end at node k.
-        start: (A,) the node at which each begins, under the one at which it ends.
+        start: (A,) the node at which each arc starts.
     """
 
     begin: Int
@@ -64,7 +65,7 @@ class ArcGraph:
         return np.repeat(np.arange(self.n + 1), np.diff(self.begin))
 
     def of(self, kept: Int) -> ArcGraph:
-        """Only these arcs, ascending."""
+        """Return the graph with only these arcs, given ascending."""
         return ArcGraph(np.searchsorted(kept, self.begin), self.start[kept])
 
     @property
@@ -74,11 +75,11 @@ class ArcGraph:
 
 
 def cheapest_path(graph: ArcGraph, cost: Float) -> Int | None:
-    """The arcs of the cheapest plan, from the bed up; None where no plan reaches the top.
+    """Find the arcs of the cheapest plan, from the bed up; None if no plan reaches the top.
 
     Args:
-        graph: the layers that there are.
-        cost: (A,) of each; infinite ones are not taken.
+        graph: the candidate layers.
+        cost: (A,) cost of each; those of infinite cost are not used.
     """
     best = _costs_from_bed(graph, cost)
     if not np.isfinite(best[-1]):
@@ -91,19 +92,19 @@ def cheapest_path(graph: ArcGraph, cost: Float) -> Int | None:
 
 
 def _arc_to(graph: ArcGraph, node: int, best: Float, cost: Float) -> int:
-    """The arc by which a node is reached at least cost, where (n + 1,) the nodes below it are at `best`."""
+    """Return the last arc of the cheapest path to a node, given the costs `best` (n + 1,) of the nodes below."""
     a, b = graph.begin[node : node + 2].tolist()
     return int(a + (best[graph.start[a:b]] + cost[a:b]).argmin())
 
 
 def _costs_through(graph: ArcGraph, cost: Float) -> tuple[Float, float]:
-    """(A,) the cost of the cheapest plan through each arc, and of the cheapest plan of all."""
+    """Return (A,) the cost of the cheapest plan through each arc, and the cost of the cheapest plan."""
     up, down = _costs_from_bed(graph, cost), _costs_from_bed(*_reverse(graph, cost))[::-1]
     return up[graph.start] + cost + down[graph.end], float(up[-1])
 
 
 def _costs_from_bed(graph: ArcGraph, cost: Float) -> Float:
-    """(n + 1,) the cost of the cheapest way to each node, infinite where there is none."""
+    """Return (n + 1,) the cost of the cheapest path from the bed to each node; infinite if there is none."""
     best = np.full(graph.n + 1, np.inf)
     best[0] = 0.0
     if len(graph.start) == 0:
@@ -120,14 +121,14 @@ def _costs_from_bed(graph: ArcGraph, cost: Float) -> Float:
 
 
 def optimal_arcs(graph: ArcGraph, levels: Sequence[Float]) -> Int:
-    """The arcs of all plans that cost least by the first level, of these by the second, and so on.
+    """Find the arcs of all plans that are cheapest by the first cost, among these by the second, and so on.
 
     Args:
-        graph: the layers that there are.
-        levels: (A,) each, what an arc costs at that level, at least 0.
+        graph: the candidate layers.
+        levels: (A,) each, the cost of an arc at each priority, at least 0.
 
     Returns:
-        (K,) arcs, ascending; none where no plan reaches the top. Any way through them to the top is such a plan.
+        (K,) arcs, ascending; none if no plan reaches the top. Every path through them to the top is optimal.
     """
     kept = np.arange(len(graph.start))
     free = np.flatnonzero(~np.any([level > 0 for level in levels], axis=0)) if levels else kept
@@ -146,9 +147,9 @@ class NeighbourLimits:
     """Which layer heights may be neighbours.
 
     Attributes:
-        least, most: (H + 1,) for each height in units up to the highest, the least and the highest neighbour, in units.
-        spared: (n + 1,) nodes beside which uneven neighbours cost less: where these are the two layers that meet there,
-            or where one of them begins or ends there.
+        least, most: (H + 1,) for each height in units, the smallest and the largest allowed neighbour, in units.
+        spared: (n + 1,) nodes next to which a forbidden pair has a reduced penalty: the two layers meet at the node, or
+            one of them starts or ends there.
     """
 
     least: Int
@@ -159,8 +160,8 @@ class NeighbourLimits:
         for name, kind in (("least", np.int64), ("most", np.int64), ("spared", np.bool_)):
             object.__setattr__(self, name, frozen_array(getattr(self, name), kind, (-1,)))
 
-    def holds_between(self, lowest: int, highest: int) -> bool:
-        """Whether all heights between two may be neighbours."""
+    def allow_all_between(self, lowest: int, highest: int) -> bool:
+        """Return whether all heights between two may be neighbours."""
         return bool(self.least[highest] <= lowest and self.most[lowest] >= highest)
 
     @classmethod
@@ -171,69 +172,69 @@ class NeighbourLimits:
 
 
 def cheapest_with_neighbours(
-    graph: ArcGraph, cost: Float, even: NeighbourLimits, fine: float, lesser: float = 0.0
+    graph: ArcGraph, cost: Float, limits: NeighbourLimits, penalty: float, reduced: float = 0.0
 ) -> Int | None:
     """Find the cheapest path where neighbours that are not allowed cost a penalty.
 
     Args:
-        graph: the layers that there are.
-        cost: (A,) of each.
-        even: allowed neighbours.
-        fine: penalty per pair that is not allowed.
-        lesser: penalty per such pair at a spared node.
+        graph: the candidate layers.
+        cost: (A,) cost of each.
+        limits: allowed neighbours.
+        penalty: cost per pair of layers that is not allowed.
+        reduced: cost per such pair at a spared node.
     """
     n, height = graph.n, graph.height
     if len(height) == 0:
         return None
     low, rows = int(height.min()), int(np.ptp(height)) + 1
-    windows = _Windows(even.least[low : low + rows] - low, even.most[low : low + rows] - low)
-    # reach[k, r]: cheapest way to node k from which a layer of height low + r may go on; the bed allows any.
+    windows = _Windows(limits.least[low : low + rows] - low, limits.most[low : low + rows] - low)
+    # reach[k, r]: cheapest path to node k on which a layer of height low + r may follow; the bed allows any.
     reach, anyhow = np.full((n + 1, rows), np.inf), np.full(n + 1, np.inf)
     reach[0] = anyhow[0] = 0.0
     row, end, start = height - low, graph.end, graph.start
-    to_spared, from_spared = even.spared[end], even.spared[start]
+    to_spared, from_spared = limits.spared[end], limits.spared[start]
     for k in range(1, n + 1, low):
         nodes = slice(k, min(k + low, n + 1))
         arcs = slice(int(graph.begin[nodes.start]), int(graph.begin[nodes.stop]))
         before = reach[start[arcs], row[arcs]]
         up = np.flatnonzero(to_spared[arcs])
         if len(up):
-            before[up] = np.minimum(before[up], anyhow[start[arcs][up]] + lesser)
+            before[up] = np.minimum(before[up], anyhow[start[arcs][up]] + reduced)
         total = np.full((nodes.stop - k, rows), np.inf)
         total[end[arcs] - k, row[arcs]] = value = before + cost[arcs]
         anyhow[nodes] = total.min(axis=1)
-        best = anyhow[nodes] + np.where(even.spared[nodes], lesser, fine)
+        best = anyhow[nodes] + np.where(limits.spared[nodes], reduced, penalty)
         down = np.flatnonzero(from_spared[arcs])
         if len(down):
-            np.minimum.at(best, end[arcs][down] - k, value[down] + lesser)
+            np.minimum.at(best, end[arcs][down] - k, value[down] + reduced)
         reach[nodes] = np.minimum(windows.least_of(total), best[:, None])
     if not np.isfinite(anyhow[n]):
         return None
-    return _trace_path(graph, cost, even, (fine, lesser), (reach, anyhow))
+    return _trace_path(graph, cost, limits, (penalty, reduced), (reach, anyhow))
 
 
 def _trace_path(
     graph: ArcGraph,
     cost: Float,
-    even: NeighbourLimits,
-    fines: tuple[float, float],
+    limits: NeighbourLimits,
+    penalties: tuple[float, float],
     settled: tuple[Float, Float],
 ) -> Int:
     """Return the arcs of the path found by `cheapest_with_neighbours`, from the bed up."""
-    (fine, lesser), (reach, anyhow) = fines, settled
+    (penalty, reduced), (reach, anyhow) = penalties, settled
     low, chain, k, above = int(graph.height.min()), list[int](), graph.n, 0
     while k > 0:
         a, b = graph.begin[k : k + 2].tolist()
         start = graph.start[a:b]
         height = k - start
         value = reach[start, height - low]
-        if even.spared[k]:
-            value = np.minimum(value, anyhow[start] + lesser)
+        if limits.spared[k]:
+            value = np.minimum(value, anyhow[start] + reduced)
         value = value + cost[a:b]
         if above:
-            meets = (height >= even.least[above]) & (height <= even.most[above])
-            spared = even.spared[start] | even.spared[k] | even.spared[k + above]
-            value = value + np.where(meets, 0.0, np.where(spared, lesser, fine))
+            meets = (height >= limits.least[above]) & (height <= limits.most[above])
+            spared = limits.spared[start] | limits.spared[k] | limits.spared[k + above]
+            value = value + np.where(meets, 0.0, np.where(spared, reduced, penalty))
         found = int(value.argmin())
         chain.append(a + found)
         above = int(height[found])
@@ -242,10 +243,10 @@ def _trace_path(
 
 
 class _Windows:
-    """Minimum over a window of columns for each column, from runs of 1, 2, 4, ... columns.
+    """Range minimum over a window of columns for each column (sparse table of runs of 1, 2, 4, ... columns).
 
     Args:
-        first, last: (R,) of each window; what lies outside of the columns is left out.
+        first, last: (R,) columns of each window; columns that do not exist are ignored.
     """
 
     def __init__(self, first: Int, last: Int) -> None:
@@ -258,7 +259,7 @@ class _Windows:
         self._runs: Float = np.zeros((0, 0))  # reused; entries beyond the columns stay infinite
 
     def least_of(self, values: Float) -> Float:
-        """(m, R) for values (m, R)."""
+        """Return (m, R) the minimum of each window for values (m, R)."""
         rows, columns = values.shape
         if rows > len(self._runs):
             self._runs = np.full((rows, columns * (len(self._steps) + 1)), np.inf)
@@ -274,16 +275,16 @@ class _Windows:
 def cheapest_within_budget(
     search: Search, loss: Float, spent: Float, budget: float, thrifty: Int
 ) -> tuple[Int, float]:
-    """The best plan of least loss at some price on what is spent, and that price, that keeps to a budget.
+    """Minimize a loss within a budget, by a price on what is spent; return the plan and the price.
 
-    Where plans between two prices exist that no price finds, the next one under the budget is given.
+    Some plans are optimal for no price. If the best one is among them, the next plan below the budget is returned.
 
     Args:
-        search: finds the best plan.
-        loss: (A,) what shall be least.
-        spent: (A,) what is limited.
-        budget: the limit of its sum.
-        thrifty: the arcs of a plan that keeps to it.
+        search: finds the cheapest plan.
+        loss: (A,) the quantity to minimize.
+        spent: (A,) the limited quantity.
+        budget: limit of its sum.
+        thrifty: the arcs of any plan within the budget.
     """
     found, price = search(loss), 0.0
     for _ in range(_PRICES):
@@ -304,12 +305,12 @@ def cheapest_within_budget(
 
 
 def cheapest_with_max_layers(graph: ArcGraph, cost: Float, most: int) -> Int | None:
-    """The cheapest plan of at most `most` layers; None where that many do not reach the top.
+    """Find the cheapest plan of at most `most` layers; None if so few do not reach the top.
 
     Args:
-        graph: the layers that there are.
-        cost: (A,) of each.
-        most: layers.
+        graph: the candidate layers.
+        cost: (A,) cost of each.
+        most: maximum number of layers.
     """
     one = np.where(np.isfinite(cost), 1.0, np.inf)
     fewest = cheapest_path(graph, one)
@@ -318,7 +319,7 @@ def cheapest_with_max_layers(graph: ArcGraph, cost: Float, most: int) -> Int | N
     few, price = cheapest_within_budget(
         lambda charged: cheapest_path(graph, charged), cost, np.ones_like(cost), most, fewest
     )
-    # With this price on every layer: what the best plan can cost at most, and what any plan costs at least.
+    # With this price per layer: an upper bound of the best plan's cost, and a lower bound of any plan's cost.
     through, least = _costs_through(graph, cost + price)
     spare = float(cost[few].sum()) + price * most - least
     rounding = _SAME * (abs(least) + abs(spare))
@@ -330,7 +331,7 @@ def cheapest_with_max_layers(graph: ArcGraph, cost: Float, most: int) -> Int | N
 
 
 def _reverse(graph: ArcGraph, cost: Float) -> tuple[ArcGraph, Float]:
-    """The same arcs from the top of the part down."""
+    """Reverse the graph: arcs from the top of the part down."""
     end = graph.n - graph.start
     order = np.argsort(end, kind="stable")
     begin = np.append(0, np.cumsum(np.bincount(end, minlength=graph.n + 1)))
@@ -338,7 +339,7 @@ def _reverse(graph: ArcGraph, cost: Float) -> tuple[ArcGraph, Float]:
 
 
 def _subgraph(graph: ArcGraph, kept: Int) -> ArcGraph:
-    """Some arcs, and only the nodes that they touch."""
+    """Return the subgraph of some arcs, with only the nodes that they touch."""
     start, end = graph.start[kept], graph.end[kept]
     touched: Bool = np.zeros(graph.n + 1, np.bool_)
     touched[[0, graph.n]] = touched[start] = touched[end] = True
@@ -348,7 +349,7 @@ def _subgraph(graph: ArcGraph, kept: Int) -> ArcGraph:
 
 
 def _cheapest_by_count(graph: ArcGraph, cost: Float, most: int) -> Int | None:
-    """The cheapest plan of at most `most` layers, by one table for every number of them."""
+    """Find the cheapest plan of at most `most` layers, with one cost table per number of layers."""
     reached = np.flatnonzero(np.diff(graph.begin))
     tables = [np.full(graph.n + 1, np.inf)]
     tables[0][0] = 0.0

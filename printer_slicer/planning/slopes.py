@@ -1,14 +1,14 @@
-"""How steeply the surface leans over any stretch of z: the largest |n_z| of the facets there, looked up in a table.
+"""A table of the largest |n_z| of the facets in any z interval.
 
-|n_z| is the vertical part of a facet's unit normal: 0 for a wall, 1 for a flat. The z axis is divided into steps, and
-every step holds the largest |n_z| of the facets that pass through it. Flats have no extent along z: they stand between
-two steps, and only a layer that has them strictly inside sees them.
+|n_z| is the vertical component of a facet's unit normal: 0 for a wall, 1 for a flat. The z axis is divided into steps,
+and each step has the largest |n_z| of the facets that cross it. Flats have no extent along z: they lie between two
+steps, and count only for layers that contain them strictly inside.
 
-The table is the sparse table of range-maximum queries: level p holds the largest of 2^p neighbours. Cost: one pass
-over the facets, and levels * log(levels) for the table; a query costs two look-ups.
+It is a sparse table for range-maximum queries: level p has the maximum of 2^p neighbours. Cost: one pass over the
+facets, and steps * log(steps) for the table; a query takes two look-ups.
 
-What it leaves out: edges and corners may lean farther towards the vertical than the facets beside them, and peaks are
-not seen at all. `printer_slicer.surface` counts them.
+The table ignores edges and peaks, where the surface may have a larger |n_z| than the facets beside them.
+`printer_slicer.surface` includes these.
 """
 
 from __future__ import annotations
@@ -26,41 +26,39 @@ from printer_slicer.surface.covers import painted
 
 __all__ = ["Slopes", "cusp_height", "nearest_step", "thickest_within"]
 
-_LEVEL: Final = 1e-3  # rise over run under which a facet is a flat
-_ROUNDING: Final = (
-    1e-4  # mm; coordinates in STL files have 24 bits, so corners lie this far from where they were drawn
-)
-_BLOCK: Final = 1 << 15  # facets looked at together: their columns stay in the cache
-_SLACK: Final = 1e-4  # steps; a limit that is a whole number of steps must not lose one to rounding
+_LEVEL: Final = 1e-3  # rise over run below which a facet is a flat
+_ROUNDING: Final = 1e-4  # mm; rounding error of coordinates in STL files, which have 24 bits
+_BLOCK: Final = 1 << 15  # facets per block, which fit the CPU cache
+_SLACK: Final = 1e-4  # steps; keeps a limit of a whole number of steps from losing one to rounding
 
 
 def cusp_height(profile: Profile) -> float:
-    """The cusp height t |n_z| that `quality.tolerance` allows a layer of height t, mm.
+    """Return the maximum cusp height t |n_z| of a layer of height t that `quality.tolerance` allows, mm.
 
-    A layer that is cut in its middle is off by half of its cusp height at most; one that holds all (or nothing but)
-    what the part covers between its bottom and its top is off by all of it.
+    A layer that is cut in its middle deviates by at most half its cusp height, a layer with one-sided containment by
+    the whole.
     """
     quality = profile.quality
     return quality.tolerance * (2 if quality.containment == "mid" else 1)
 
 
 def nearest_step(z: Float, size: float) -> Int:
-    """The z step nearest to each height in mm; halves are rounded down, with the dust of sums counted as a half."""
+    """Return the z step nearest to each height in mm; halves, within rounding errors, are rounded down."""
     return np.floor(np.asarray(z) / size + 0.499).astype(np.int64)
 
 
 class Slopes:
-    """The largest |n_z| of all facets over any interval of z.
+    """The largest |n_z| of all facets in any z interval.
 
     Args:
         mesh: the part, standing on z = 0.
-        steps: of the printer; intervals are given in its z steps.
-        flats: whether horizontal facets count; without them a plan does not see them.
+        steps: z steps of the printer, the unit of intervals.
+        flats: whether horizontal facets count.
     """
 
     def __init__(self, mesh: Mesh, steps: ZSteps, *, flats: bool = True) -> None:
         self._steps, self._top = steps, mesh.height
-        # Places are half steps: 2k is the node at step k, where flats are; 2k + 1 is all between steps k and k + 1.
+        # Places are half steps: 2k is the node at step k, where flats are; 2k + 1 is the interval between k and k + 1.
         width = 2 * steps.part + 1
         self._table = np.zeros((width.bit_length(), width))
         for begin in range(0, mesh.n_facets, _BLOCK):
@@ -74,20 +72,20 @@ class Slopes:
             np.maximum(below[:-half], below[half:], out=self._table[level, :-half])
 
     def _places(self, low: Float, high: Float, flat: Bool) -> tuple[Int, Int]:
-        """First and last place (n,) of facets between two heights in mm."""
+        """Return the first and last place (n,) of facets between two heights in mm."""
         size, part = self._steps.size, self._steps.part
         margin = min(_ROUNDING / size, 0.1)
         first = 2 * np.floor(low / size + margin).astype(np.int64) + 1
         last = 2 * np.ceil(high / size - margin).astype(np.int64) - 1
         first, last = np.clip(first, 1, 2 * part - 1), np.clip(last, 1, 2 * part - 1)
-        # The part's top need not be on a step, and is the end of the last layer all the same.
+        # The top of the part need not be on a step, but it is the top of the last layer.
         over = (low + high) / 2 > min((part - 0.502) * size, self._top - _ROUNDING)
         node = 2 * np.clip(np.where(over, part, nearest_step((low + high) / 2, size)), 0, part)
         at_node = flat | (first > last)
         return np.where(at_node, node, first), np.where(at_node, node, last)
 
     def largest(self, bottom: Int, top: Int) -> Float:
-        """The largest |n_z| strictly between z steps `bottom` (n,) and `top` (n,); 0 where there is no facet."""
+        """Return the largest |n_z| strictly between z steps `bottom` (n,) and `top` (n,); 0 if there is no facet."""
         places = self._table.shape[1]
         first = 2 * np.asarray(bottom, np.int64) + 1
         length = np.minimum(2 * np.asarray(top, np.int64), places - 1) - first
@@ -102,18 +100,18 @@ class Slopes:
 def thickest_within(
     slopes: Slopes, steps: ZSteps, limit: Callable[[Float], Float], *, seen: float = 1.0
 ) -> Int:
-    """(part,) the thickest layer in z steps that may begin at each step; the thinnest allowed one always may.
+    """Return (part,) the thickest layer, in z steps, that may start at each step; the thinnest is always allowed.
 
     Args:
-        slopes: of the part.
-        steps: of the printer.
-        limit: the greatest layer height in mm for each |n_z|; must not grow with it.
-        seen: the share of a layer, from its bottom, whose facets decide.
+        slopes: table of the part.
+        steps: z steps of the printer.
+        limit: maximum layer height in mm as a function of |n_z|; must not increase.
+        seen: fraction of a layer, from its bottom, whose facets are considered.
     """
     bottom = np.arange(steps.part)
     low = np.full(steps.part, steps.allowed[0], np.int64)
     high = np.full(steps.part, max(steps.highest, int(steps.allowed[0])), np.int64)
-    # A thicker layer sees more facets and may only be thinner for it: what fits is found by halving.
+    # A thicker layer contains more facets, so its limit is not larger: bisection finds the thickest that fits.
     while (low < high).any():
         middle = (low + high + 1) // 2
         window = np.ceil(middle * seen).astype(np.int64)
@@ -123,7 +121,7 @@ def thickest_within(
 
 
 def _facets(triangles: Float) -> tuple[Float, Float, Float, Bool]:
-    """|n_z| (n,), lowest and highest z (n,) in mm, and which facets are flats (n,)."""
+    """Return |n_z| (n,), lowest and highest z (n,), mm, and which facets are flats (n,)."""
     ax, ay, az, bx, by, bz, cx, cy, cz = np.ascontiguousarray(triangles.reshape(-1, 9).T)
     low, high = np.minimum(np.minimum(az, bz), cz), np.maximum(np.maximum(az, bz), cz)
     bx, by, bz, cx, cy, cz = bx - ax, by - ay, bz - az, cx - ax, cy - ay, cz - az

@@ -1,20 +1,20 @@
-"""Stepwise uniform refinement: slabs of the thickest layer, each divided evenly as far as its steepest facet asks.
+"""Stepwise uniform refinement: slabs of the thickest layer, each divided evenly as its flattest facet requires.
 
 Source: Sabourin, Houser and Bohn, Adaptive slicing using stepwise uniform refinement, 1996. The part is divided at its
-flats, each stretch between them into slabs of the thickest layer, and each slab into the fewest equal layers whose cusp
-height t |n_z| is within the limit for the steepest facet anywhere in the slab. What does not go evenly into z steps
-makes layers of one slab differ by one step. `quality.tolerance` bounds half of the cusp height, for layers that are cut
-in the middle, or all of it where `quality.containment` is one-sided.
+flats, each interval between them into slabs of the thickest layer height. Each slab is divided into the fewest equal
+layers whose cusp height t |n_z| is within the limit for every facet in the slab. If a slab is not divisible into whole
+z steps, its layers differ by one step. `quality.tolerance` limits half of the cusp height for layers that are cut in
+the middle, or all of it if `quality.containment` is one-sided.
 
-A list of heights may hold no even division. Then the slab gets different heights from the list; if they do not fill it
-either, it is made as much thicker as the next lower height of the list asks. Below a flat and the top, the last slab is
-what is left, and its last two layers may have any height within the machine's limits.
+If the list of heights has no even division, the slab gets different heights from the list. If these do not fill it, the
+slab is made thicker, as far as the next smaller height on the list requires. The last slab below a flat or the top is
+the remainder; its last two layers may have any height within the printer's limits.
 
-Guarantee: each facet's cusp height is within the limit in every layer that is thicker than the thinnest, unless no such
-layers fill the last slab below a flat. The whole slab is looked at before it is divided, so no steep start is missed.
-It does not see edges and peaks, and it is not the fewest layers: one steep facet makes its whole slab thin, and only
-whole parts of a slab are used (with 0.08 to 0.32 mm: 0.32, 0.16, 0.11, 0.08). Flats nearer to each other than the
-thinnest layer are not all met. Cost: one pass over the facets, one over the slabs.
+Guarantee: the cusp height of each facet is within the limit in every layer thicker than the thinnest, unless no such
+layers fill the last slab below a flat. The whole slab is examined before it is divided, so no slope is missed. Edges
+and peaks are ignored. The number of layers is not minimal: one flat facet makes its whole slab thin, and only whole
+fractions of a slab are used (with 0.08 to 0.32 mm: 0.32, 0.16, 0.11, 0.08). Not all flats closer together than the
+thinnest layer are met. Cost: one pass over the facets, one over the slabs.
 """
 
 from __future__ import annotations
@@ -38,16 +38,16 @@ from printer_slicer.profile import Profile
 
 __all__ = ["plan_stepwise"]
 
-_SLACK = 1e-4  # steps; a limit that is a whole number of steps must not lose one to rounding
+_SLACK = 1e-4  # steps; keeps a limit of a whole number of steps from losing one to rounding
 _Cap = Callable[[int, int], int]
 
 
 def plan_stepwise(mesh: Mesh, profile: Profile) -> LayerPlan:
-    """Slabs of the thickest layer, each in as many equal layers as its steepest facet asks for.
+    """Plan slabs of the thickest layer height, each divided into equal layers as its flattest facet requires.
 
     Args:
         mesh: the part, standing on z = 0.
-        profile: `quality.tolerance` is the error allowed.
+        profile: `quality.tolerance` is the allowed deviation.
 
     Raises:
         PlanError: the part is thinner than the thinnest layer.
@@ -58,7 +58,7 @@ def plan_stepwise(mesh: Mesh, profile: Profile) -> LayerPlan:
     slopes, cusp = Slopes(mesh, steps), cusp_height(profile) / steps.size
 
     def cap(bottom: int, top: int) -> int:
-        """The thickest layer between two z steps, in steps; the thinnest allowed one always may be."""
+        """Return the thickest allowed layer between two z steps, in steps; at least the thinnest one."""
         slope = float(slopes.largest(np.array([bottom]), np.array([top]))[0])
         return max(int(min(cusp / max(slope, 1e-12), steps.highest) + _SLACK), int(steps.allowed[0]))
 
@@ -72,7 +72,7 @@ def plan_stepwise(mesh: Mesh, profile: Profile) -> LayerPlan:
 
 
 def _slab(here: int, end: int, cap: _Cap, steps: ZSteps) -> list[int]:
-    """Heights in steps of the layers of the next slab over `here`; what it leaves under `end` can be filled."""
+    """Return layer heights, in steps, of the next slab above `here`; the rest below `end` can be filled."""
     thick = int(steps.allowed[-1])
     if not _leaves_room(here + thick, end, steps):
         return _last(end - here, cap(here, end), steps)
@@ -82,12 +82,12 @@ def _slab(here: int, end: int, cap: _Cap, steps: ZSteps) -> list[int]:
 
 
 def _leaves_room(top: int, end: int, steps: ZSteps) -> bool:
-    """Whether what is between the top of a slab and the next plane can be filled with layers."""
+    """Return whether layers can fill the space between the top of a slab and the next plane."""
     return top <= end and is_fillable(end - top, steps)
 
 
 def _even(total: int, limit: int, steps: ZSteps) -> list[int]:
-    """The fewest equal layers within the limit; nothing if their height is not allowed."""
+    """Divide a slab into the fewest equal layers within the limit; empty if their height is not allowed."""
     allowed = set(steps.allowed.tolist())
     for count in range(-(-total // limit), total // int(steps.allowed[0]) + 1):
         low, more = divmod(total, count)
@@ -97,19 +97,19 @@ def _even(total: int, limit: int, steps: ZSteps) -> list[int]:
 
 
 def _listed(total: int, limit: int, steps: ZSteps) -> list[int]:
-    """Allowed heights within the limit that fill the slab, the thickest first; nothing if there are none."""
+    """Fill a slab with allowed heights within the limit, the thickest first; empty if that is impossible."""
     heights = _filled(total, limit, steps).tolist()
     return heights if max(heights) <= limit and set(heights) <= set(steps.allowed.tolist()) else []
 
 
 def _filled(total: int, limit: int, steps: ZSteps) -> Int:
-    """Layers under a plane that `total` z steps are left to, the same limit everywhere."""
+    """Return layers that fill `total` z steps below a plane, with the same limit everywhere."""
     limits = np.full(total, limit, np.int64)
     return stack_layers(reachable_layers(limits, [total], 0, steps), limits, [total], 0, steps)
 
 
 def _longer(here: int, end: int, cap: _Cap, steps: ZSteps) -> list[int]:
-    """A slab a little thicker than the thickest layer: so many layers of one allowed height that they reach its top."""
+    """Return a slab slightly thicker than the thickest layer: enough layers of one allowed height to reach its top."""
     thick = int(steps.allowed[-1])
     for height in steps.allowed[::-1].tolist():
         total = -(-thick // height) * height

@@ -1,6 +1,6 @@
-"""All layers equally high.
+"""Uniform layers.
 
-Guarantee: the part is covered, and its top is met within the z step. Cost: none.
+Guarantee: the layers cover the part, and the last one ends within a z step of its top. Cost: none.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ __all__ = ["plan_uniform"]
 
 
 def plan_uniform(mesh: Mesh, profile: Profile) -> LayerPlan:
-    """Layers of `quality.layer_height` after a first one of `quality.first_layer_height`; the last fits the part.
+    """Plan layers of `quality.layer_height` above one of `quality.first_layer_height`; the last one fits the part.
 
     Args:
         mesh: the part, standing on z = 0.
-        profile: the settings named above and the printer's limits.
+        profile: the settings named above, and the printer's limits.
 
     Raises:
         PlanError: the part is thinner than the thinnest layer.

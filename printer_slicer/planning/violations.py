@@ -1,4 +1,4 @@
-"""The rules that a plan could not keep, where, by how much, and what stood in the way: one list for all of them."""
+"""List the constraints that a plan violates: where, by how much, and why."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from printer_slicer.surface import Certificate, find_flats
 __all__ = ["PlanViolation", "find_violations"]
 
 _ROUNDING: Final = 1e-6  # mm
-_UNDIVIDED: Final = "the heights allowed do not divide what lies between flats more finely"
-_UNLED: Final = "no heights allowed lead to it within the tolerance"
-_BLIND: Final = ("uniform", "area")  # planners that promise neither a tolerance nor flats
+_UNDIVIDED: Final = "the allowed heights do not divide the space between flats more finely"
+_UNREACHED: Final = "no allowed heights add up to it within the tolerance"
+_BLIND: Final = ("uniform", "area")  # planners that guarantee neither tolerance nor flats
 
 
 @dataclass(frozen=True, slots=True)
 class PlanViolation:
-    """A rule that a plan does not keep.
+    """A constraint that a plan violates.
 
     Attributes:
         rule: "tolerance", "flat", "max_step", "range height", "range end" or "range".
-        low, high: mm, the stretch of z; equal for a plane.
-        amount: mm: the certified error, how far a flat or an end is off, how far neighbours or heights differ.
-        cause: what stands in the way, as the rest of a sentence.
+        low, high: z interval, mm; equal for a plane.
+        amount: mm: the certified deviation, the distance to a flat or range end, or the difference of heights.
+        cause: the reason, as the rest of a sentence.
     """
 
     rule: Literal["tolerance", "flat", "max_step", "range height", "range end", "range"]
@@ -42,25 +42,25 @@ class PlanViolation:
 
 
 def find_violations(mesh: Mesh, certificate: Certificate, profile: Profile) -> list[PlanViolation]:
-    """Every rule of the profile that a plan does not keep, by rule and then from the bed up.
+    """Find all constraints of the profile that a plan violates, sorted by constraint, then from the bed up.
 
     Args:
-        mesh: the part as it was placed.
-        certificate: of the plan.
-        profile: what it was planned with.
+        mesh: the placed part.
+        certificate: certificate of the plan.
+        profile: the profile it was planned with.
     """
     plan = _Plan(mesh, certificate, profile)
     blind = certificate.plan.planner in _BLIND
     rules = (
-        [plan.uneven(), plan.ranges()]
+        [plan.large_steps(), plan.ranges()]
         if blind
-        else [plan.bounds(), plan.flats(), plan.uneven(), plan.ranges()]
+        else [plan.bounds(), plan.flats(), plan.large_steps(), plan.ranges()]
     )
-    return [unkept for found in rules for unkept in found]
+    return [violation for found in rules for violation in found]
 
 
 class _Plan:
-    """A plan beside what was asked of it."""
+    """Compares a plan with the settings it was made with."""
 
     def __init__(self, mesh: Mesh, certificate: Certificate, profile: Profile) -> None:
         self._settings = profile.dials
@@ -70,11 +70,11 @@ class _Plan:
         self._share, self._near = share, share * max(profile.printer.z_step, FINEST) + _ROUNDING
 
     def bounds(self) -> Iterator[PlanViolation]:
-        """Layers whose certified error is over the tolerance."""
+        """Yield layers whose certified deviation exceeds the tolerance."""
         plan, bound = self._plan, self._certificate.bound
         over = bound > layer_tolerances(self._profile, plan.bottom, plan.top) + _ROUNDING
         causes = [self._why_thick(i) if over[i] else "" for i in range(plan.n_layers)]
-        # Thinnest layers, and those between them that meet flats, are one stretch.
+        # Thinnest layers, and layers between them that meet flats, form one run.
         kinds = ["thin" if cause in (self._thinnest, _UNDIVIDED) else cause for cause in causes]
         for first, end in _runs(over, kinds):
             low, high = float(plan.bottom[first]), float(plan.top[end - 1])
@@ -83,12 +83,10 @@ class _Plan:
         missing = self._certificate.missing
         if missing > self._profile.quality.tolerance + _ROUNDING:
             top = float(plan.top[-1])
-            yield PlanViolation(
-                "tolerance", top, top + missing, missing, "no layer that can be printed fits there"
-            )
+            yield PlanViolation("tolerance", top, top + missing, missing, "no printable layer fits there")
 
     def flats(self) -> Iterator[PlanViolation]:
-        """Flats that no layer ends on."""
+        """Yield flats on which no layer ends."""
         ends, flats = np.append(0.0, self._plan.top), find_flats(self._mesh)[0]
         off = np.abs(ends[:, None] - flats).min(axis=0) if len(flats) else np.zeros(0)
         missed = off > max(self._settings.snap_tolerance, self._near, FINEST) + _ROUNDING
@@ -98,21 +96,21 @@ class _Plan:
             thinnest = self._profile.printer.min_layer
             near = abs(other - z) < thinnest - self._near
             there = "the first layer" if 0 < other == self._first else f"z {other:g}"
-            between = f"it is nearer to {there} than the thinnest layer of the printer, {thinnest:g} mm"
+            between = f"it is closer to {there} than the thinnest layer of the printer, {thinnest:g} mm"
             yield PlanViolation("flat", z, z, far, between if near else self._why_there(z, z))
 
-    def uneven(self) -> Iterator[PlanViolation]:
-        """Neighbours that differ by more than the greatest step."""
+    def large_steps(self) -> Iterator[PlanViolation]:
+        """Yield neighbouring layers whose heights differ by more than `max_step`."""
         most, height = self._settings.max_step, self._plan.height
         change = np.abs(np.diff(height))
         for i in np.flatnonzero(change > most + _ROUNDING).tolist() if most else ():
             z = float(self._plan.top[i])
             yield PlanViolation(
-                "max_step", z, z, float(change[i]), "flats, tolerance and allowed heights come first"
+                "max_step", z, z, float(change[i]), "flats, tolerance and allowed heights have priority"
             )
 
     def ranges(self) -> Iterator[PlanViolation]:
-        """Stretches of z whose own height or ends were not kept, or that the part does not reach."""
+        """Yield height ranges whose layer height or ends are not met, or that are above the part."""
         plan, top = self._plan, self._mesh.height
         for stretch in self._settings.ranges:
             if stretch.low >= top:
@@ -121,8 +119,8 @@ class _Plan:
             for z in (stretch.low, stretch.high):
                 off = float(np.abs(np.append(0.0, plan.top) - z).min())
                 if 0 < z < top and off > self._near:
-                    asked = f"layers of {stretch.layer_height:g} mm do not lead to it"
-                    why = self._why_first(z, z) or (asked if stretch.layer_height else _UNLED)
+                    asked = f"layers of {stretch.layer_height:g} mm do not add up to it"
+                    why = self._why_first(z, z) or (asked if stretch.layer_height else _UNREACHED)
                     yield PlanViolation("range end", z, z, off, why)
             other = np.abs(plan.height - stretch.layer_height) > _ROUNDING
             other &= self._inside(stretch) & (stretch.layer_height > 0)
@@ -133,20 +131,20 @@ class _Plan:
                 yield PlanViolation("range height", low, high, far, causes[first])
 
     def _inside(self, stretch: HeightRange) -> Bool:
-        """(L,) layers that reach into a range."""
+        """Return (L,) which layers overlap a range."""
         plan = self._plan
         return np.asarray((plan.top > stretch.low + self._near) & (plan.bottom < stretch.high - self._near))
 
     @property
     def _thinnest(self) -> str:
-        """What the thinnest layers can do."""
+        """The cause if even the thinnest layers exceed the tolerance."""
         thinnest = self._profile.thinnest
         return (
-            f"with layers of {thinnest:g} mm, the thinnest allowed, it can be {self._share * thinnest:g} mm"
+            f"layers of {thinnest:g} mm, the thinnest allowed, can deviate by {self._share * thinnest:g} mm"
         )
 
     def _why_thick(self, layer: int) -> str:
-        """What keeps a layer from being thin enough."""
+        """Return why a layer is not thin enough."""
         plan = self._plan
         if plan.height[layer] <= self._profile.thinnest + _ROUNDING:
             return self._thinnest
@@ -154,18 +152,18 @@ class _Plan:
         if asked:
             return asked
         if plan.planner != "optimal":
-            return f"planner {plan.planner!r} measures the error of a layer in another way"
+            return f"planner {plan.planner!r} measures the deviation of a layer in another way"
         return _UNDIVIDED
 
     def _why_other(self, layer: int, stretch: HeightRange) -> str:
-        """What keeps a layer from the height of its range."""
+        """Return why a layer does not have the height of its range."""
         first = self._why_first(float(self._plan.bottom[layer]), float(self._plan.top[layer]))
         few = self._settings.max_layers
         cause = f"layers of {stretch.layer_height:g} mm do not end where the part or the range does"
         return first or (f"no more than {few} layers are allowed" if few else cause)
 
     def _why_first(self, low: float, high: float) -> str:
-        """Whether a stretch of z lies within a first layer that is set."""
+        """Return the cause if a z interval lies within a fixed first layer, otherwise an empty string."""
         inside = self._first and low < self._first - _ROUNDING and high <= self._first + _ROUNDING
         return f"the first layer is set to {self._first:g} mm" if inside else ""
 
@@ -173,22 +171,22 @@ class _Plan:
         self,
         low: float,
         high: float,
-        otherwise: str = _UNLED,
+        otherwise: str = _UNREACHED,
     ) -> str:
-        """What was asked for that decides over a stretch of z."""
+        """Return the setting that determines the layers in a z interval, as a cause."""
         if first := self._why_first(low, high):
             return first
         for stretch in self._settings.ranges:
             if stretch.layer_height and low < stretch.high - _ROUNDING and high > stretch.low + _ROUNDING:
                 asked = f"{stretch.layer_height:g} mm"
-                return f"the range from {stretch.low:g} to {stretch.high:g} asks for layers of {asked}"
+                return f"the range from {stretch.low:g} to {stretch.high:g} sets layers of {asked}"
         if self._settings.max_layers:
             return f"no more than {self._settings.max_layers} layers are allowed"
         return otherwise
 
 
 def _runs(which: Bool, causes: list[str]) -> Iterator[tuple[int, int]]:
-    """(first, end) of each stretch of neighbouring layers of one cause."""
+    """Yield (first, end) of each run of selected layers with the same cause."""
     first = 0
     for i in range(1, len(which) + 1):
         if i == len(which) or which[i] != which[first] or causes[i] != causes[first]:

@@ -1,4 +1,4 @@
-"""Heights as whole numbers of z steps, so that sums of layer heights are exact."""
+"""Layer heights as whole numbers of the printer's z steps, so that sums of heights are exact."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from printer_slicer.profile import Profile
 
 __all__ = ["ZSteps", "fill_with_layers", "layer_tolerances"]
 
-_LIST_STEP = 0.01  # mm between allowed heights, where neither the profile nor the printer asks for more
-_BORDER = 6e-3  # mm; layers end this near to the ends of ranges
-_NEARLY = 1e-2  # of a step; 32-bit coordinates hold heights no better
+_LIST_STEP = 0.01  # mm between allowed heights, if neither the profile nor the printer sets more
+_BORDER = 6e-3  # mm; layers end within this distance of the ends of ranges
+_NEARLY = 1e-2  # of a step; precision of heights in 32-bit coordinates
 
 
 def layer_tolerances(profile: Profile, bottom: Float, top: Float) -> Float:
-    """(...) mm, the tolerance of layers between two heights: the quality's, or that of the ranges they reach into.
+    """Return the tolerance of layers, mm: that of the quality, or that of the height ranges which they overlap.
 
     Args:
         profile: tolerance and ranges.
-        bottom: mm.
+        bottom: (...) mm.
         top: mm, of the same shape.
     """
     inside, tolerance = np.zeros(bottom.shape, np.bool_), np.full(bottom.shape, np.inf)
@@ -39,11 +39,11 @@ class ZSteps:
     """Converts between mm and the z steps of the printer.
 
     Attributes:
-        size: mm in one step.
-        lowest, highest: the printer's limits, in steps.
-        part: height of the part rounded up to a whole step, in steps.
-        first: the first layer's height in steps, 0 where the planner may choose.
-        allowed: (n,) ascending, the heights that a planner may choose, in steps.
+        size: mm per step.
+        lowest, highest: minimum and maximum layer height of the printer, in steps.
+        part: height of the part in whole steps.
+        first: height of the first layer in steps; 0 if the planner may choose it.
+        allowed: (n,) layer heights that a planner may choose, in steps, ascending.
     """
 
     def __init__(self, mesh: Mesh, profile: Profile) -> None:
@@ -75,7 +75,7 @@ class ZSteps:
         return np.arange(thin, thick + 1, max(self.of(step), 1), dtype=np.int64)
 
     def _full_steps(self, thin: int, thick: int, full: float) -> Int:
-        """Whole numbers of full steps of the motor from `thin` to `thick`; the nearest to it where there are none."""
+        """Return the multiples of a full motor step from `thin` to `thick`; only `thin` if there are none."""
         most = int(np.floor(thick * self.size / full + _NEARLY))
         least = min(int(np.ceil(thin * self.size / full - _NEARLY)), most)
         heights = np.unique(np.round(np.arange(least, most + 1) * full / self.size)).astype(np.int64)
@@ -83,20 +83,20 @@ class ZSteps:
         return within if len(within) else np.array([thin], np.int64)
 
     def _whole(self, height: float) -> int:
-        """ZSteps in the part; it may rise over the last one by half of one, or not at all, as it is contained."""
+        """Return the height of the part in whole steps, rounded to nearest, up or down as containment requires."""
         steps = height / self.size
         if self._containment == "mid":
             return round(steps)
         return int(np.ceil(steps - _NEARLY) if self._containment == "positive" else np.floor(steps + _NEARLY))
 
     def of(self, height: float) -> int:
-        """The nearest number of steps to a height in mm."""
+        """Convert a height in mm to steps, rounded."""
         return round(height / self.size)
 
     def begin(self) -> tuple[int, int]:
-        """First layer and what is left above it, where the profile fixes the first layer; (0, part) where not.
+        """Return the height of a fixed first layer and the rest above it; (0, part) if the planner may choose it.
 
-        A part that would leave less than the thinnest layer above is one layer, or two equal ones.
+        If less than the thinnest layer would be left above, the part is one layer, or two equal ones.
         """
         rest = self.part - self.first
         if not self.first or rest >= self.lowest:
@@ -107,21 +107,21 @@ class ZSteps:
         return max(self.part - upper, self.lowest), upper
 
     def plan(self, heights: Int, planner: str) -> LayerPlan:
-        """The plan of layers with these heights in steps."""
+        """Build the plan of layers with these heights in steps."""
         top = np.round(np.cumsum(heights) * self.size, 7)
         bottom = np.concatenate([[0.0], top[:-1]])
-        # A last layer that rises over the part by steps is cut in the middle of the material it does contain.
+        # A last layer that extends above the part by steps is cut in the middle of the part's material in it.
         over = float(top[-1]) - self._height > self.size
         cut = (bottom + (np.minimum(top, max(self._height, float(bottom[-1]))) if over else top)) / 2
         return LayerPlan(top, cut, planner, self._containment)
 
 
 def fill_with_layers(total: int, step: int, lowest: int, highest: int) -> Int:
-    """Layer heights that fill `total` exactly with layers of `step`, all in z steps.
+    """Fill `total` exactly with layers of height `step`; all in z steps.
 
-    What is left over becomes one layer at the end. If it is too thin for the printer, it is shared with as few of the
-    last layers as it takes, in one layer more or as many as there were. Only where no such layers exist (a total under
-    `lowest`, or a narrow range) the last one rises over the total.
+    The remainder becomes the last layer. If it is too thin for the printer, it is divided among as few of the last
+    layers as possible, with or without an additional layer. If that is impossible (a total below `lowest`, or a narrow
+    range of heights), the last layer extends above the total.
     """
     if total <= 0:
         return np.zeros(0, np.int64)
@@ -137,5 +137,5 @@ def fill_with_layers(total: int, step: int, lowest: int, highest: int) -> Int:
 
 
 def _split_evenly(amount: int, layers: int) -> list[int]:
-    """`amount` in whole parts that differ by one at most, the larger ones first."""
+    """Split `amount` into whole parts that differ by at most one, the larger ones first."""
     return [(amount + layers - 1 - i) // layers for i in range(layers)]

@@ -42,7 +42,7 @@ def test_a_tolerance_under_half_of_the_thinnest_layer_tells_what_that_layer_can_
     for unkept in (*many, last):
         assert unkept.rule == "tolerance"
         assert 0.02 < unkept.amount <= 0.04 + 1e-9
-        assert unkept.cause == "with layers of 0.08 mm, the thinnest allowed, it can be 0.04 mm"
+        assert unkept.cause == "layers of 0.08 mm, the thinnest allowed, can deviate by 0.04 mm"
 
 
 def test_contained_layers_can_be_wrong_by_their_whole_height() -> None:
@@ -50,7 +50,7 @@ def test_contained_layers_can_be_wrong_by_their_whole_height() -> None:
 
     assert found
     assert {unkept.cause for unkept in found} == {
-        "with layers of 0.08 mm, the thinnest allowed, it can be 0.08 mm"
+        "layers of 0.08 mm, the thinnest allowed, can deviate by 0.08 mm"
     }
 
 
@@ -67,7 +67,7 @@ def test_of_two_flats_too_near_to_each_other_one_is_missed_and_the_other_one_is_
 
     assert unkept.rule == "flat"
     assert (unkept.low, unkept.amount) == (pytest.approx(1.03), pytest.approx(0.03))
-    assert "nearer to z 1 than the thinnest layer" in unkept.cause
+    assert "closer to z 1 than the thinnest layer" in unkept.cause
 
 
 def test_a_flat_within_the_first_layer_is_missed_because_of_it() -> None:
@@ -123,7 +123,7 @@ def test_planners_that_measure_errors_in_another_way_say_so() -> None:
     found = judged(sphere(4), wanted)
     thick = {one.cause for one in found if "thinnest" not in one.cause}
 
-    assert thick == {"planner 'cusp' measures the error of a layer in another way"}
+    assert thick == {"planner 'cusp' measures the deviation of a layer in another way"}
 
 
 @given(
