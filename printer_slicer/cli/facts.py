@@ -27,7 +27,7 @@ __all__ = [
     "repair_sentences",
     "runs_text",
     "sentences",
-    "unkept_sentences",
+    "violation_sentences",
 ]
 
 _LOST_SHARE = 0.002  # share of the part from which a loss is reported
@@ -131,7 +131,7 @@ def sentences(facts: dict[str, Any]) -> list[str]:
         f"Print time {format_duration(facts['seconds'])}; filament {metres} m, {grams} g",
     ]
     first = certificate_sentences(facts["certificate"])[0]
-    lines += [first, *unkept_sentences(facts["certificate"])]
+    lines += [first, *violation_sentences(facts["certificate"])]
     if facts["empty_layers"]:
         many = "1 layer is" if facts["empty_layers"] == 1 else f"{facts['empty_layers']} layers are"
         lines.append(f"{many} empty: the part is narrower than one extrusion there")
@@ -276,13 +276,13 @@ def certificate_facts(
         "planner": plan.planner,
         "containment": plan.containment,
         "layers": plan.n_layers,
-        "thicknesses": len(set(plan.height.tolist())),
+        "distinct_heights": len(set(plan.height.tolist())),
         "tolerance_mm": tolerance,
         "ranges": len(profile.dials.ranges),
         "max_error_mm": round(certificate.max_error, 6),
         "mean_error_mm": round(certificate.mean_error, 6),
         "volume_error_mm3": round(certificate.volume_error, 3),
-        "volume_error_share": round(certificate.volume_error / max(part.volume, 1e-9), 6),
+        "volume_error_ratio": round(certificate.volume_error / max(part.volume, 1e-9), 6),
         "height_error_mm": round(certificate.overshoot - certificate.missing, 6),
         "flats": len(flats),
         "flat_error_mm": round(flats_off(flats, plan), 6),
@@ -292,15 +292,15 @@ def certificate_facts(
             {"from": round(low, 6), "to": round(high, 6), "bound_mm": round(bound, 6)}
             for low, high, bound in certificate.over(layer_tolerances(profile, plan.bottom, plan.top))
         ],
-        "unkept": [
+        "violations": [
             {
-                "rule": unkept.rule,
-                "from": round(unkept.low, 6),
-                "to": round(unkept.high, 6),
-                "amount_mm": round(unkept.amount, 6),
-                "cause": unkept.cause,
+                "rule": violation.rule,
+                "from": round(violation.low, 6),
+                "to": round(violation.high, 6),
+                "amount_mm": round(violation.amount, 6),
+                "cause": violation.cause,
             }
-            for unkept in find_violations(part, certificate, profile)
+            for violation in find_violations(part, certificate, profile)
         ]
         + _budget_facts(profile, plan, seconds),
     }
@@ -336,11 +336,11 @@ def certificate_sentences(facts: dict[str, Any]) -> list[str]:
     deviation = f"{format_significant(facts['max_error_mm'])} mm{side[facts['containment']]}"
     volume = f"{format_significant(facts['volume_error_mm3'])} mm³"
     lines = [f"Surface deviation at most {deviation}; volume error at most {volume}"]
-    many = f"{facts['layers']} layers of {facts['thicknesses']} heights"
+    many = f"{facts['layers']} layers of {facts['distinct_heights']} heights"
     if worst["kind"] in _WHERE:
         place = f"x {worst['x']:g} y {worst['y']:g} z {worst['z']:g}"
         lines.append(f"Largest deviation in layer {worst['layer']} at {place}, {_WHERE[worst['kind']]}")
-    share = 100 * facts["volume_error_share"]
+    share = 100 * facts["volume_error_ratio"]
     mean = f"mean deviation {format_significant(facts['mean_error_mm'])} mm"
     lines.append(f"{many}; {mean}; volume error {share:.2f} % of the part")
     flats = f"{facts['flats']} flats over 1 mm² by at most {format_significant(facts['flat_error_mm'])} mm"
@@ -351,7 +351,7 @@ def certificate_sentences(facts: dict[str, Any]) -> list[str]:
             f"Features of {thin['area_mm2']:.2f} mm², seen from above, are thinner than the layers and print smaller "
             f"or not at all; most of them are near z {thin['z']:g}"
         )
-    return lines + unkept_sentences(facts)
+    return lines + violation_sentences(facts)
 
 
 _VIOLATED = {
@@ -364,26 +364,26 @@ _VIOLATED = {
 }
 
 
-def unkept_sentences(facts: dict[str, Any]) -> list[str]:
+def violation_sentences(facts: dict[str, Any]) -> list[str]:
     """Format the rules that the plan violates.
 
     Args:
         facts: of `certificate_facts`.
     """
     wanted = "" if facts["ranges"] else f" of {facts['tolerance_mm']:g} mm"
-    budgets = [one for one in facts["unkept"] if one["rule"] == "time_budget"]
+    budgets = [one for one in facts["violations"] if one["rule"] == "time_budget"]
     lines = [
         f"The time budget of {format_duration(one['budget_s'])} is exceeded by "
         f"{format_duration(one['amount_s'])}; {one['cause']}"
         for one in budgets
     ]
-    unkept = [one for one in facts["unkept"] if one["rule"] != "time_budget"]
+    violations = [one for one in facts["violations"] if one["rule"] != "time_budget"]
     lines += [
         f"{_VIOLATED[one['rule']].format(wanted=wanted, **one)}; {one['cause']}"
-        for one in unkept[:_MOST_RUNS]
+        for one in violations[:_MOST_RUNS]
     ]
-    if len(unkept) > _MOST_RUNS:
-        lines.append(f"{len(unkept) - _MOST_RUNS} more violated rules are listed with --json")
+    if len(violations) > _MOST_RUNS:
+        lines.append(f"{len(violations) - _MOST_RUNS} more violated rules are listed with --json")
     return lines
 
 

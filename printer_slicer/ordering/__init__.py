@@ -1,8 +1,8 @@
-"""Toolpaths -> Toolpaths: what is printed when, from which end, and where loops begin.
+"""Order paths for printing: sequence, direction and start points of loops (Toolpaths -> Toolpaths).
 
-Skirt, brim and the loops of a raft first; then island by island. Within an island an outer perimeter and the inner ones
-behind it follow each other, before infill or after it; bridges come before what leans on them, top skins last. What may
-be printed in any order is printed in the one with the shortest ways.
+Skirt, brim and raft loops come first, then island by island. Within an island, each external perimeter is printed
+together with its inner perimeters, before or after the infill. Bridges come before extrusions that rest on them, top
+solid infill last. Paths without a fixed order are sorted for short travels.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ __all__ = ["apply_spiral_settings", "order"]
 
 
 def order(paths: Toolpaths, sections: Sections, profile: Profile) -> Toolpaths:
-    """The same paths in printing order; open ones may be turned around, loops begin at their seam.
+    """Return the paths in printing order; open paths may be reversed, and loops start at their seam.
 
     Raises:
-        PartError: a spiral is asked for, and a layer does not have one outline.
+        PartError: spiral mode is on, and a layer does not have exactly one outline.
     """
     if paths.n_paths == 0:
         return paths
@@ -51,7 +51,7 @@ def _order_paths(paths: Toolpaths, sections: Sections, profile: Profile) -> Tool
 
 
 def _find_islands(paths: Toolpaths, solid: Areas) -> Int:
-    """(M,) for each path the outer ring of its layer that it lies in; paths outside all of them share one island."""
+    """Return (M,) the island of each path, an outer ring of its layer; paths outside all islands share one."""
     island = np.zeros(paths.n_paths, np.int64)
     outlines = solid.select(solid.ring_area() > 0)
     many = np.flatnonzero(np.diff(outlines.layer_start) > 1)
@@ -63,7 +63,7 @@ def _find_islands(paths: Toolpaths, solid: Areas) -> Int:
 
 
 def _apply_order(paths: Toolpaths, units: Units, taken: Int, turned: Bool) -> Toolpaths:
-    """The paths of units `taken` (U,), those that are `turned` (U,) from their end to their beginning."""
+    """Return the paths of the units `taken` (U,) in this order; those `turned` (U,) are reversed."""
     size = np.diff(units.start)[taken]
     around = np.repeat(turned, size)
     step = consecutive(np.zeros_like(size), size)
@@ -75,7 +75,7 @@ def _apply_order(paths: Toolpaths, units: Units, taken: Int, turned: Bool) -> To
     first = paths.start[path][owner]
     point = first + np.where(back, n_points[owner] - 1 - at, at)
     some = paths.of_points(point, np.append(0, np.cumsum(n_points)), path)
-    # What holds from a point to the next holds from the next to it in a path that is turned around.
+    # `support_ratio` belongs to the segment after a point; in reversed paths that is the segment before it.
     return replace(
         some, support_ratio=paths.support_ratio.take(np.where(back, np.maximum(point - 1, first), point))
     )

@@ -1,11 +1,11 @@
-"""Seams above each other: one place on each loop, so that corners hide them and they do not wander from layer to layer.
+"""Align seams: choose one seam position on each loop, hidden in corners and continuous from layer to layer.
 
-Each loop has some candidates. What a candidate costs is told per mm of height (a flat place costs more than a corner,
-an inward corner least of all), what lies between the candidates of a loop and of the one below it in mm of sideways
-step, so that layers of other heights have their seams at the same places. The cheapest choice for all layers together
-is found exactly, by messages from the top layer down and choices from the bottom layer up.
+Each loop has some candidate positions. The cost of a candidate is proportional to the layer height: flat positions cost
+most, concave corners least. The cost between candidates of a loop and of the loop below is their horizontal distance.
+So the result does not depend on the layer height. The minimum over all layers is found exactly by dynamic programming,
+with costs passed from the top layer down and choices made from the bottom layer up.
 
-Source: Viterbi 1967, "Error bounds for convolutional codes", on the trees that loops above each other form.
+Source: Viterbi 1967, "Error bounds for convolutional codes", applied to trees of stacked loops.
 """
 
 from __future__ import annotations
@@ -22,26 +22,26 @@ from printer_slicer.ordering.loops import Loops
 
 __all__ = ["align_seams"]
 
-_CANDIDATES = 14  # places on a loop, evenly spread; a corner stands for the places around it
-_ARM = 0.8  # mm on both sides of a place over which its corner is measured: longer than what a tessellation turns by
-_DULL, _SHARP = np.radians(20), np.radians(90)  # turns that are no corner, and those that are nothing but one
-_CONVEX = 0.5  # of what a flat place costs: what an outward corner costs; an inward one costs nothing
-_PULL = 0.15  # of it: how much more the places opposite the wanted side cost where corners do not decide
-_STRONG_PULL = 3.0  # the same where a direction was asked for
-_PER_HEIGHT = 2.0  # mm of sideways step that a flat place costs per mm of height
-_FARTHEST = 6.0  # mm of sideways step; for more the seam begins anew
-_BETWEEN = 4.0  # mm that the boxes around a loop and the one below may differ by
-_TRACKED = 1.5  # mm that a seam on a flat place moves so that it lies over the one below
+_CANDIDATES = 14  # candidates per loop, evenly spaced; a corner replaces the one in its section
+_ARM = 0.8  # mm on both sides over which a corner is measured; longer than segments of tessellated curves
+_DULL, _SHARP = np.radians(20), np.radians(90)  # turning angles of no corner and of a full corner
+_CONVEX = 0.5  # cost of a convex corner relative to a flat position; a concave one costs nothing
+_PULL = 0.15  # relative additional cost of positions opposite the preferred side
+_STRONG_PULL = 3.0  # the same if the user set a direction
+_PER_HEIGHT = 2.0  # cost of a flat position in mm of horizontal distance per mm of layer height
+_FARTHEST = 6.0  # mm; maximum cost of a horizontal distance, beyond which the seam starts anew
+_BETWEEN = 4.0  # mm by which the bounding boxes of stacked loops may differ
+_TRACKED = 1.5  # mm by which a seam on a flat position may move to lie above the one below
 
 
 def align_seams(paths: Toolpaths, loops: Loops, toward: Float, *, strongly: bool) -> Float:
-    """(R,) where loops, by ascending layer, begin.
+    """Return (R,) the seam positions of loops, mm along each loop.
 
     Args:
-        paths: all of them.
-        loops: those that are asked for.
-        toward: (2,) unit vector to the side where seams lie if corners do not decide.
-        strongly: whether that side goes before corners.
+        paths: all paths.
+        loops: the loops, sorted by layer.
+        toward: (2,) unit vector to the preferred side.
+        strongly: whether the preferred side is more important than corners.
     """
     if not loops.n_loops:
         return np.zeros(0)
@@ -62,13 +62,13 @@ def align_seams(paths: Toolpaths, loops: Loops, toward: Float, *, strongly: bool
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Candidates:
-    """Places that may become seams: C for each of R loops.
+    """Candidate seam positions, C for each of R loops.
 
     Attributes:
         along: (R, C) mm from the loop's first point.
         xy: (R, C, 2) mm.
-        cost: (R, C) mm of sideways step that they are worth.
-        corner: (R, C) which are corners.
+        cost: (R, C) cost in mm of horizontal distance.
+        corner: (R, C) whether the candidate is a corner.
     """
 
     along: Float
@@ -78,7 +78,7 @@ class _Candidates:
 
     @classmethod
     def of(cls, paths: Toolpaths, loops: Loops, toward: Float, *, strongly: bool) -> _Candidates:
-        """Evenly spread places from the one farthest on the wanted side on, or the best corners beside them."""
+        """Build candidates: evenly spaced from the point farthest on the preferred side, or the sharpest corners."""
         n, owner = loops.n_loops, np.repeat(np.arange(loops.n_loops), np.diff(loops.start))
         ahead = loops.xy @ toward
         top = np.maximum.reduceat(ahead, loops.start[:-1])
@@ -92,7 +92,7 @@ class _Candidates:
         cost, corner = np.ones((n, _CANDIDATES)), np.zeros((n, _CANDIDATES), np.bool_)
         at = _corner_costs(loops, owner)
         sharp = np.flatnonzero(at < 1.0)
-        # The last one written is the sharpest.
+        # Sorted such that the sharpest corner is written last.
         sharp = sharp[np.argsort(-at[sharp], kind="stable")]
         cell = owner[sharp], section[sharp].astype(np.int64)
         along[cell], cost[cell], corner[cell] = loops.reach[sharp], at[sharp], True
@@ -107,7 +107,7 @@ class _Candidates:
         return cls(along, xy, cost * (_PER_HEIGHT * height)[:, None], corner)
 
     def cheapest(self, loops: Loops, below: Int) -> Int:
-        """(R,) one candidate for each loop, so that all of them together cost least."""
+        """Return (R,) the candidate of each loop with the lowest total cost."""
         total = self.cost.copy()
         layers = list(_by_layer(loops.layer))
         for some in reversed(layers):
@@ -125,7 +125,7 @@ class _Candidates:
         return chosen
 
     def _steps(self, lower: Int, upper: Int) -> Float:
-        """(Q, C, C) what it costs to step from the candidates of lower loops to those of upper ones."""
+        """Return (Q, C, C) the costs between candidates of lower and upper loops."""
         return self._far(self.xy[lower][:, :, None] - self.xy[upper][:, None, :])
 
     @staticmethod
@@ -135,19 +135,19 @@ class _Candidates:
 
 
 def _by_layer(layer: Int) -> Iterator[Int]:
-    """The loops of each layer, from the bottom up."""
+    """Yield the loops of each layer, from the bottom up."""
     starts = np.flatnonzero(np.diff(layer)) + 1
     yield from np.split(np.arange(len(layer)), starts)
 
 
 def _first_of(owner: Int, hit: Bool) -> Int:
-    """(R,) for each owner the first that is hit; every one has some."""
+    """Return (R,) the first hit of each owner; each has at least one."""
     hits = np.flatnonzero(hit)
     return np.asarray(hits[np.searchsorted(owner[hits], np.arange(int(owner[-1]) + 1))])
 
 
 def _corner_costs(loops: Loops, owner: Int) -> Float:
-    """(N,) what each point costs as a seam: 1 where the loop is flat."""
+    """Return (N,) the relative cost of each point as a seam: 1 on flat parts, 0 in concave corners."""
     arm = np.minimum(_ARM, loops.length / 6)[owner]
     before = loops.xy - loops.at(owner, loops.reach - arm)
     after = loops.at(owner, loops.reach + arm) - loops.xy
@@ -157,7 +157,7 @@ def _corner_costs(loops: Loops, owner: Int) -> Float:
 
 
 def _find_loops_below(loops: Loops) -> Int:
-    """(R,) the loop of the layer below that has most nearly the same box around it; -1 where none is like it."""
+    """Return (R,) the loop of the layer below with the most similar bounding box; -1 if there is none."""
     low, high = boxes(loops.xy, loops.start, np.arange(loops.n_loops), loops.n_loops)
     middle = Boxes((low + high) / 2, (low + high) / 2, loops.layer)
     under = Boxes(middle.low, middle.high, loops.layer + 1)

@@ -1,7 +1,7 @@
-"""Long infill lines broken where the nozzle passes them: it need not go to one end and come back from the other.
+"""Split infill lines where the nozzle passes them, to shorten travels.
 
-Printed from the break to one end and from the other end to the break, a line takes the way from end to end instead of
-the ways to one end and from the other. It is broken where it turns, which is at a wall: nothing ends over air.
+A split line is printed from the split point to one end, then from the other end to the split point. The only travel in
+between leads from end to end. Lines are split where they turn, which is at a wall, so that no end is unsupported.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from printer_slicer.roles import Phase, roles_with
 
 __all__ = ["split_lines"]
 
-_LEAST = 4.0  # mm that a break must save
+_LEAST = 4.0  # mm that a split must save
 
 
 def split_lines(paths: Toolpaths) -> Toolpaths:
-    """Paths in printing order, some open ones in two pieces."""
+    """Split some open paths in two; paths must be in printing order."""
     begin, last = paths.start[:-1], paths.start[1:] - 1
     may = (
         ~paths.closed
@@ -37,7 +37,7 @@ def split_lines(paths: Toolpaths) -> Toolpaths:
 
 
 def _find_breaks(paths: Toolpaths, line: Int) -> tuple[Int, Float]:
-    """For each open line (n,) the inner point where it is best broken, and mm that this saves."""
+    """Return the best inner split point of each open line (n,), and the travel that it saves, mm."""
     begin, last = paths.start[:-1], paths.start[1:] - 1
     ends = np.where(paths.closed, begin, last)
     size = last[line] - begin[line] - 1
@@ -51,7 +51,7 @@ def _find_breaks(paths: Toolpaths, line: Int) -> tuple[Int, Float]:
 
 
 def _select_breaks(line: Int, saved: Float) -> Bool:
-    """(n,) lines that are worth it, of neighbours the one that saves more: the other one's ways change with it."""
+    """Return (n,) which lines to split; of two consecutive lines only the one that saves more."""
     worth = np.where(saved > _LEAST, saved, 0.0)
     before = np.append(0.0, np.where(np.diff(line) == 1, worth[:-1], 0.0))
     after = np.append(np.where(np.diff(line) == 1, worth[1:], 0.0), 0.0)
@@ -59,7 +59,7 @@ def _select_breaks(line: Int, saved: Float) -> Bool:
 
 
 def _split(paths: Toolpaths, line: Int, at: Int) -> Toolpaths:
-    """Lines (n,) in two pieces: from the point `at` (n,) to the end, then from the begin to that point."""
+    """Split lines (n,) in two: from the point `at` (n,) to the end, then from the start to that point."""
     n = paths.n_paths
     count = np.ones(n, np.int64)
     count[line] = 2

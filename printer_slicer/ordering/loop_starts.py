@@ -1,4 +1,4 @@
-"""Loops that may begin anywhere begin where the nozzle comes from, and leave it where it was."""
+"""Start loops without a fixed seam close to where the nozzle comes from."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["start_near_nozzle", "start_near_seams"]
 
 
 def start_near_seams(paths: Toolpaths, island: Int, profile: Profile) -> Toolpaths:
-    """The same paths; free loops begin at their point nearest to the seam of the longest outer loop of their island."""
+    """Start free loops at their point nearest to the seam of the longest external loop of their island."""
     outer = external_loops(paths)
     loops = Loops.of(paths, _free_loops(paths, profile))
     if not len(outer) or not loops.n_loops:
@@ -33,7 +33,7 @@ def start_near_seams(paths: Toolpaths, island: Int, profile: Profile) -> Toolpat
 
 
 def start_near_nozzle(paths: Toolpaths, profile: Profile) -> Toolpaths:
-    """Paths in printing order; free loops begin at their point nearest to the end of the path before."""
+    """Start free loops at their point nearest to the end of the previous path; paths must be in printing order."""
     loops = Loops.of(paths, _free_loops(paths, profile))
     if not loops.n_loops:
         return paths
@@ -49,5 +49,5 @@ def start_near_nozzle(paths: Toolpaths, profile: Profile) -> Toolpaths:
 
 
 def _free_loops(paths: Toolpaths, profile: Profile) -> Int:
-    """Loops that are no perimeters, and with seams wherever it is nearest those too."""
+    """Return loops that may start anywhere: all but perimeters, and with `seam = nearest` also these."""
     return np.flatnonzero(paths.closed & ((profile.quality.seam == "nearest") | ~is_perimeter(paths.role)))

@@ -1,7 +1,6 @@
-"""Closed paths, and places along them.
+"""Closed paths (loops), and positions along them.
 
-A place on a loop is told by how far along the loop it lies, in mm from its first point; any such number will do, for
-after the whole length comes the first point again.
+A position on a loop is given in mm along it from its first point; values wrap around at the length of the loop.
 """
 
 from __future__ import annotations
@@ -16,22 +15,22 @@ from printer_slicer.model import Toolpaths
 
 __all__ = ["Loops", "argmin_by_group", "close_loops", "start_at"]
 
-_SAME = 2e-3  # mm; a place no farther from a point of its loop is that point
+_SAME = 2e-3  # mm; a position this close to a point of its loop is that point
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Loops:
-    """Some closed paths.
+    """A selection of closed paths.
 
     Attributes:
-        path: (R,) which paths they are.
+        path: (R,) indices of the paths.
         xy: (N, 2) mm, their points.
-        start: (R + 1,) where each begins.
-        point: (N,) which points of the paths they are.
-        layer: (R,)
-        reach: (N,) mm from the first point of its loop to each.
-        length: (R,) mm.
-        following: (N,) the point after each.
+        start: (R + 1,) index of the first point of each loop.
+        point: (N,) indices of the points in the paths.
+        layer: (R,) layer of each loop.
+        reach: (N,) mm along the loop from its first point to each point.
+        length: (R,) length of each loop, mm.
+        following: (N,) index of the next point.
     """
 
     path: Int
@@ -56,7 +55,7 @@ class Loops:
 
     @classmethod
     def of(cls, paths: Toolpaths, chosen: Int) -> Loops:
-        """The paths `chosen` (R,), all of which are closed."""
+        """Select the paths `chosen` (R,), which must be closed."""
         size = np.diff(paths.start)[chosen]
         point = consecutive(paths.start[chosen], size)
         start = np.append(0, np.cumsum(size))
@@ -68,7 +67,7 @@ class Loops:
         return len(self.path)
 
     def side(self, loop: Int, along: Float) -> tuple[Int, Float]:
-        """On which side places (Q,) on loops (Q,) lie, by the point at which it begins, and how far from that, mm."""
+        """Return the segment of each position (Q,) on loops (Q,): its start point, and the distance from it, mm."""
         length = self.length[loop]
         within = np.where(length > 0, np.mod(along, np.maximum(length, 1e-12)), 0.0)
         mark = self._mark[self.start[loop]] + within
@@ -77,7 +76,7 @@ class Loops:
         return point, np.maximum(mark - self._mark[point], 0.0)
 
     def at(self, loop: Int, along: Float) -> Float:
-        """(Q, 2) the places (Q,) on loops (Q,)."""
+        """Return (Q, 2) the points at positions (Q,) on loops (Q,), mm."""
         point, beyond = self.side(loop, along)
         ends = self.following[point]
         way = self.xy.take(ends, axis=0) - self.xy.take(point, axis=0)
@@ -86,7 +85,7 @@ class Loops:
         return self.xy.take(point, axis=0) + way * share[:, None]
 
     def nearest_point(self, loop: Int, goal: Float) -> Float:
-        """(Q,) where on loops (Q,) the point of theirs lies that is nearest to a goal (Q, 2)."""
+        """Return (Q,) the position of the vertex of each loop (Q,) nearest to a goal (Q, 2)."""
         size = np.diff(self.start)[loop]
         point = consecutive(self.start[loop], size)
         gap = self.xy.take(point, axis=0) - np.repeat(goal, size, axis=0)
@@ -94,7 +93,7 @@ class Loops:
         return np.asarray(self.reach[point[chosen]])
 
     def nearest(self, loop: Int, goal: Float) -> tuple[Float, Float]:
-        """For each loop (Q,) the place (Q,) nearest to a goal (Q, 2), and how far from it that is, mm."""
+        """Return the position (Q,) on each loop (Q,) nearest to a goal (Q, 2), and its distance (Q,), mm."""
         size = np.diff(self.start)[loop]
         point = consecutive(self.start[loop], size)
         begin = self.xy.take(point, axis=0)
@@ -106,7 +105,7 @@ class Loops:
 
 
 def argmin_by_group(values: Float, size: Int) -> tuple[Int, Float]:
-    """(Q,) the first least one of values that stand in groups of `size` (Q,), and the values (Q,) themselves."""
+    """Return (Q,) the index of the first minimum in each group of `size` (Q,) values, and (Q,) the minima."""
     if not len(size):
         return np.zeros(0, np.int64), np.zeros(0)
     least = np.minimum.reduceat(values, np.cumsum(size) - size)
@@ -116,7 +115,7 @@ def argmin_by_group(values: Float, size: Int) -> tuple[Int, Float]:
 
 
 def close_loops(paths: Toolpaths) -> Toolpaths:
-    """The same paths; open ones that end where they begin, and may be printed in any order, are loops."""
+    """Close open paths that end at their start point, unless they belong to a chain."""
     begin, last = paths.start[:-1], paths.start[1:] - 1
     returns = np.hypot(*(paths.xy[begin] - paths.xy[last]).T) < _SAME
     returns &= ~paths.closed & (paths.chain_id < 0) & (last - begin > 2)
@@ -128,14 +127,14 @@ def close_loops(paths: Toolpaths) -> Toolpaths:
 
 
 def start_at(paths: Toolpaths, loops: Loops, along: Float) -> Toolpaths:
-    """The same paths, loops beginning at the places `along` (R,); between two points a new one is put in."""
+    """Start loops at the positions `along` (R,), with a new point there if necessary."""
     point, beyond = loops.side(np.arange(loops.n_loops), along)
     ends = loops.following[point]
     size = np.hypot(*(loops.xy[ends] - loops.xy[point]).T)
     near_end = (size - beyond < _SAME) & (beyond >= _SAME)
     new = (beyond >= _SAME) & ~near_end
     first = np.where(near_end, ends, point)
-    # Where a point is put in, the loop begins with it, and goes on with the end of the side it lies on.
+    # With a new point the loop starts there and continues with the end of that segment.
     share = np.where(new, beyond / np.maximum(size, 1e-12), 0.0)
     place = loops.xy[point] * (1 - share[:, None]) + loops.xy[ends] * share[:, None]
     whole, other = loops.point[point], loops.point[ends]
@@ -147,7 +146,7 @@ def start_at(paths: Toolpaths, loops: Loops, along: Float) -> Toolpaths:
 def _rotate(
     paths: Toolpaths, path: Int, head: Int, new: np.ndarray, given: tuple[Float, Float, Float]
 ) -> Toolpaths:
-    """Loops `path` (R,) beginning with their point `head` (R,), or with a new one before that."""
+    """Rotate loops `path` (R,) to start with their point `head` (R,), or with a `new` one before it."""
     size = np.diff(paths.start)
     turn = np.zeros(paths.n_paths, np.int64)
     turn[path] = head - paths.start[path]

@@ -1,4 +1,4 @@
-"""The order of units: islands one after the other, the nearest next, then made shorter."""
+"""Order units island by island, by nearest neighbour, then shorten the tour."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from printer_slicer.ordering.units import Units
 
 __all__ = ["route_units"]
 
-_SMALL_CHOICE = 20_000  # units; beyond, trying every one at every step takes minutes
+_SMALL_CHOICE = 20_000  # units; nearest neighbour is quadratic, and takes minutes for more
 
 
 def route_units(units: Units) -> tuple[Int, Bool]:
-    """(U,) the units in the order of printing, and which of these (U,) are turned around."""
+    """Return (U,) the units in printing order, and (U,) which of these are reversed."""
     taken, turned = _nearest_first(units)
     taken, turned = _reorder_islands(units, taken, turned)
     step = _number_runs(units.layer[taken], units.island[taken], units.step[taken])
@@ -25,7 +25,7 @@ def route_units(units: Units) -> tuple[Int, Bool]:
 
 
 def _number_runs(*columns: Int) -> Int:
-    """The number of the stretch of equal values that each is in."""
+    """Return the number of the run of equal values that each item is in."""
     new = np.zeros(len(columns[0]), np.bool_)
     for column in columns:
         new[1:] |= np.diff(column) != 0
@@ -38,14 +38,14 @@ def _entry_and_exit(units: Units, taken: Int, turned: Bool) -> tuple[Float, Floa
 
 
 def _shorten(units: Units, taken: Int, turned: Bool, group: Int) -> tuple[Int, Bool]:
-    """The same units, moved about within their groups."""
+    """Shorten the tour by moving units within their groups."""
     begin, end = _entry_and_exit(units, taken, turned)
     order, around = shorten_tour(begin, end, units.free[taken], group)
     return taken[order], turned[order] ^ around
 
 
 def _reorder_islands(units: Units, taken: Int, turned: Bool) -> tuple[Int, Bool]:
-    """The islands of each layer in a shorter order, each as it is."""
+    """Reorder the islands of each layer for a shorter tour; the order within islands is kept."""
     island = _number_runs(units.layer[taken], units.island[taken])
     first = np.flatnonzero(np.diff(island, prepend=-1))
     last = np.append(first[1:], len(taken)) - 1
@@ -61,7 +61,7 @@ def _reorder_islands(units: Units, taken: Int, turned: Bool) -> tuple[Int, Bool]
 
 
 def _nearest_first(units: Units) -> tuple[Int, Bool]:
-    """Island by island, step by step, always on to the nearest unit."""
+    """Order units by nearest neighbour, island by island and step by step."""
     nozzle = _Nozzle(units)
     key = np.stack([units.layer, units.island, units.step])
     starts = np.flatnonzero(np.append(True, (np.diff(key, axis=1) != 0).any(axis=0)))
@@ -84,18 +84,18 @@ def _nearest_first(units: Units) -> tuple[Int, Bool]:
 
 
 class _Nozzle:
-    """Where the nozzle is, and what it has visited."""
+    """The position of the nozzle, and the units it has visited."""
 
     def __init__(self, units: Units) -> None:
         self.taken: list[int] = []
         self.turned: list[bool] = []
         self._units = units
         self._x, self._y = 0.0, 0.0
-        # A unit that cannot be turned around has no way in at its end.
+        # A unit that cannot be reversed cannot be entered at its end.
         self._end = np.where(units.free[:, None], units.end, np.inf)
 
     def visit(self, first: int, last: int) -> None:
-        """Take the units from `first` up to `last`, always the nearest next."""
+        """Visit the units from `first` up to `last` by nearest neighbour."""
         n = last - first
         if n == 1 or n > _SMALL_CHOICE:
             for unit in range(first, last):
@@ -129,12 +129,12 @@ class _Nozzle:
         self._x, self._y = (bx, by) if turned else (ex, ey)
 
     def nearest_islands(self, islands: dict[int, list[tuple[int, int]]]) -> Iterator[int]:
-        """The islands of one layer, each time the one that begins nearest to where the nozzle then is."""
+        """Yield the islands of one layer, each time the one that starts nearest to the nozzle."""
         if len(islands) < 2:
             yield from islands
             return
         places = list(islands)
-        # Where its first step begins.
+        # The units of the first step of each island.
         heads = [islands[place][0] for place in places]
         begin = np.concatenate([self._units.begin[first:last] for first, last in heads])
         size = np.array([last - first for first, last in heads])

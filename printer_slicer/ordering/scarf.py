@@ -1,7 +1,7 @@
-"""Scarf joints: a loop begins low and thin, and its end lies over its begin in a slope, so that no seam stands out.
+"""Scarf seams: start and end of a loop overlap in a slope, which hides the seam.
 
-On the first stretch of the loop the nozzle climbs from the layer below up to the top of the layer, and the bead grows
-with it. Once around, the same stretch is laid again at the top of the layer, with what is missing there.
+On the first section of the loop the nozzle rises from the layer below to the top of the layer, and the flow increases
+with it. After a full turn the same section is printed again at the top of the layer, with the rest of the flow.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ __all__ = ["add_scarfs"]
 
 
 def add_scarfs(paths: Toolpaths, profile: Profile) -> Toolpaths:
-    """Paths in printing order; outer perimeters long enough for it end in a slope. The first layer stays as it is."""
+    """Add scarf seams to external perimeters that are long enough, except in the first layer."""
     quality = profile.quality
     if not quality.scarf_length:
         return paths
@@ -33,7 +33,7 @@ def add_scarfs(paths: Toolpaths, profile: Profile) -> Toolpaths:
 
 
 def _add_slopes(paths: Toolpaths, loops: Loops, length: float, begin: float) -> Toolpaths:
-    """The loops as open paths that go on for `length` mm over their begin, where the bead is `begin` of its height."""
+    """Open the loops and overlap them by `length` mm; extrusions start at the fraction `begin` of their height."""
     size = np.diff(paths.start)
     within = np.bincount(
         np.repeat(np.arange(loops.n_loops), np.diff(loops.start))[(loops.reach > 0) & (loops.reach < length)],
@@ -49,7 +49,7 @@ def _add_slopes(paths: Toolpaths, loops: Loops, length: float, begin: float) -> 
     some = paths.of_points(source, start, np.arange(paths.n_paths))
     n = size[loops.path]
     first = start[loops.path]
-    # Where the slope ends a point is put in, once on the way up and once at the end of the loop.
+    # Add a point at the end of the slope, once on the way up and once at the end of the loop.
     xy, width, carried = some.xy.copy(), some.width.copy(), some.support_ratio.copy()
     for at in (first + within + 1, first + n + within + 3):
         xy[at], carried[at] = crest_xy, paths.support_ratio[loops.point[crest]]
@@ -60,7 +60,7 @@ def _add_slopes(paths: Toolpaths, loops: Loops, length: float, begin: float) -> 
     share[point], rise[point] = _slope(
         along, loops.length[owner], paths.height[loops.path][owner], length, begin
     )
-    # The end of the round stands twice: with the whole bead before it, and with what is missing after it.
+    # The end of the turn occurs twice: with full flow before it, and with the remaining flow after it.
     share[first + n + 2] = 1.0 - begin
     closed = paths.closed.copy()
     closed[loops.path] = False
@@ -72,7 +72,7 @@ def _add_slopes(paths: Toolpaths, loops: Loops, length: float, begin: float) -> 
 def _scarf_points(
     paths: Toolpaths, loops: Loops, within: Int, count: Int, length: float
 ) -> tuple[Int, Float]:
-    """The point of the paths that each new point stands for, and for those of the loops how far along it lies, mm."""
+    """Return the source point of each new point, and for the loops its position along the loop, mm."""
     size = np.diff(paths.start)
     owner = np.repeat(np.arange(paths.n_paths), count)
     step = consecutive(np.zeros_like(count), count)
@@ -93,7 +93,7 @@ def _scarf_points(
 
 
 def _slope(along: Float, around: Float, height: Float, length: float, begin: float) -> tuple[Float, Float]:
-    """Share of the bead and mm from the top of the layer, at places along loops that are `around` mm long."""
+    """Return flow ratio and z offset, mm, at positions along loops of length `around`, mm."""
     climbed = begin + (1.0 - begin) * np.clip(along / length, 0.0, 1.0)
     left = (1.0 - begin) * (1.0 - np.clip((along - around) / length, 0.0, 1.0))
     again = along > around

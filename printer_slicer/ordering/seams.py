@@ -1,4 +1,4 @@
-"""Toolpaths -> Toolpaths: every perimeter that is a loop begins at its seam."""
+"""Place seams: set the start point of every external perimeter loop."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ _SEED = 20_181
 
 
 def external_loops(paths: Toolpaths) -> Int:
-    """The outer perimeters that are loops."""
+    """Return the external perimeters that are loops."""
     return np.flatnonzero(paths.closed & (paths.role == Role.EXTERNAL_PERIMETER))
 
 
 def place_seams(paths: Toolpaths, profile: Profile) -> Toolpaths:
-    """The same paths; outer perimeters begin where the profile wants their seams."""
+    """Start external perimeters at the seam position that the profile sets."""
     loops = Loops.of(paths, external_loops(paths))
     rule = profile.quality.seam
     if rule == "nearest" or not loops.n_loops:
@@ -31,7 +31,7 @@ def place_seams(paths: Toolpaths, profile: Profile) -> Toolpaths:
 
 
 def _seam_positions(paths: Toolpaths, loops: Loops, rule: str, angle_deg: float) -> Float:
-    """(R,) where loops begin."""
+    """Return (R,) the seam positions of loops, mm along each loop."""
     if rule == "rear":
         return _rear_positions(loops)
     if rule == "random":
@@ -42,7 +42,7 @@ def _seam_positions(paths: Toolpaths, loops: Loops, rule: str, angle_deg: float)
 
 
 def _rear_positions(loops: Loops) -> Float:
-    """The point farthest back; of several the rightmost."""
+    """Return the position of the rearmost point of each loop; of several the rightmost."""
     owner = np.repeat(np.arange(loops.n_loops), np.diff(loops.start))
     ranked = np.lexsort((loops.xy[:, 0], np.round(loops.xy[:, 1], 3), owner))
     return loops.reach[ranked[loops.start[1:] - 1]]

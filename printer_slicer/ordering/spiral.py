@@ -1,8 +1,8 @@
-"""A spiral: the outlines of all layers above the bottom as one bead that climbs without a break.
+"""Spiral mode (vase): print the outlines of all layers above the bottom as one continuous rising extrusion.
 
-On its way around a layer the nozzle climbs from the bottom of the layer to its top, and goes over from the outline
-below to its own. The bead reaches down to the turn below, whatever the heights of the two layers are: it begins with
-nothing on the first turn, and a last turn at the top ends with nothing.
+Within a layer the nozzle rises from the bottom to the top of the layer and blends from the outline below to that of the
+layer. The extrusion fills the height down to the turn below, for any layer heights: its height starts at 0 on the first
+turn, and falls to 0 on an additional last turn at the top.
 """
 
 from __future__ import annotations
@@ -30,41 +30,39 @@ _SETTINGS: Final = {
     "quality.seam": "aligned",
 }
 
-_BLENDED = (
-    3.0  # bead widths that the outline below may lie beside a place; farther off the way is not smoothed
-)
+_BLENDED = 3.0  # maximum distance of the outline below for blending, in extrusion widths
 
 
 def apply_spiral_settings(profile: Profile) -> Profile:
-    """The same profile; where it asks for a spiral, with the settings that a spiral is made with."""
+    """Apply the settings that spiral mode requires, if the profile uses it."""
     return profile_with(profile, _SETTINGS) if profile.quality.spiral else profile
 
 
 def select_spiral_paths(paths: Toolpaths, profile: Profile) -> Toolpaths:
-    """The paths without those that a spiral has no room for: above the bottom only outer loops are left.
+    """Keep only external loops above the bottom.
 
     Raises:
-        PartError: a layer above the bottom has no outline, or several.
+        PartError: a layer above the bottom does not have exactly one outline.
     """
     first = _first_turn(paths, profile)
     outer = paths.closed & (paths.role == Role.EXTERNAL_PERIMETER) & (paths.layer >= first)
     n_loops = np.bincount(paths.layer[outer], minlength=paths.plan.n_layers)[first:]
     wrong = np.flatnonzero(n_loops != 1)
-    # The tip of a part may be too thin for any bead; there the spiral ends.
+    # The tip of a part may be too thin for an extrusion; the spiral ends there.
     last = int(np.flatnonzero(n_loops)[-1]) if n_loops.any() else -1
     wrong = wrong[wrong <= last]
     if last < 0 or len(wrong):
         z = float(paths.plan.top[first + int(wrong[0])]) if len(wrong) else float(paths.plan.top[-1])
         count = int(n_loops[wrong[0]]) if len(wrong) else 0
         raise PartError(
-            f"a spiral needs one outline on every layer above the bottom; at z {z:g} mm there are {count}",
-            remedy="print it without quality.spiral, or a part without holes and branches",
+            f"spiral mode needs one outline on every layer above the bottom; at z {z:g} mm there are {count}",
+            remedy="Turn off quality.spiral, or choose a part without holes and branches",
         )
     return paths.take(np.flatnonzero(outer | (paths.layer < first)))
 
 
 def make_spiral(paths: Toolpaths, profile: Profile) -> Toolpaths:
-    """Paths in printing order, those above the bottom as one bead that climbs; all of them are outer loops."""
+    """Join the external loops above the bottom into one rising extrusion; paths must be in printing order."""
     first = _first_turn(paths, profile)
     chosen = np.flatnonzero(paths.layer >= first)
     if not len(chosen):
@@ -78,7 +76,7 @@ def make_spiral(paths: Toolpaths, profile: Profile) -> Toolpaths:
 
 
 def _first_turn(paths: Toolpaths, profile: Profile) -> int:
-    """The first layer that is not part of the bottom; never the one on the bed or raft, which has to stick."""
+    """Return the first layer above the bottom; never the one on the bed or raft, which must adhere."""
     base = int(paths.layer[paths.role == Role.RAFT].max(initial=-1)) + 1
     bottom = paths.plan.bottom
     over = np.searchsorted(
@@ -88,7 +86,7 @@ def _first_turn(paths: Toolpaths, profile: Profile) -> int:
 
 
 def _align_starts(paths: Toolpaths, chosen: Int) -> Toolpaths:
-    """Every turn begins at its place nearest to where the turn below does."""
+    """Start every turn at its position nearest to the start of the turn below."""
     loops = Loops.of(paths, chosen)
     along = np.zeros(loops.n_loops)
     place = loops.xy[loops.start[0]][None]
@@ -99,7 +97,7 @@ def _align_starts(paths: Toolpaths, chosen: Int) -> Toolpaths:
 
 
 def _climbing_turns(paths: Toolpaths, loops: Loops, base: Loops, profile: Profile) -> Toolpaths:
-    """The loops (R,) as open paths that climb, and one more turn at the top."""
+    """Convert the loops (R,) to open rising paths, and add one more turn at the top."""
     n = np.append(np.diff(loops.start), np.diff(loops.start)[-1])
     turn = np.repeat(np.arange(len(n)), n + 1)
     step = consecutive(np.zeros_like(n), n + 1)
@@ -130,10 +128,9 @@ def _climbing_turns(paths: Toolpaths, loops: Loops, base: Loops, profile: Profil
 
 
 def _join_turns(xy: Float, size: Int, reach: float) -> Float:
-    """The points of turns of `size` (R,) points; each begins where the one below ends, if that is within `reach`.
+    """Start each turn of `size` (R,) points at the end of the turn below, if that is within `reach`, mm.
 
-    The outline below has a place nearest to the begin of a turn, but on a side that goes on past it that is not where
-    its own turn ended.
+    The nearest position on the outline below may differ from the end of its turn.
     """
     end = np.cumsum(size)
     begin, before = end[:-1], end[:-1] - 1
@@ -143,7 +140,7 @@ def _join_turns(xy: Float, size: Int, reach: float) -> Float:
 
 
 def _blend_outlines(loops: Loops, base: Loops, way: tuple[Int, Int, Float], reach: float) -> Float:
-    """(n, 2) places on the way from the turn below to their own: by turn, point of the loops, and share round."""
+    """Blend points from the outline below to their own: (n, 2), by turn, loop point and fraction of the turn."""
     turn, point, share = way
     xy = loops.xy[point].copy()
     for index in range(loops.n_loops):

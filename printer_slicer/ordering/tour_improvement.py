@@ -1,8 +1,8 @@
-"""Shorter ways: units that are visited one after the other change places or are turned around.
+"""Shorten a tour of units with two ends by local changes: reversing sequences and moving single units.
 
-Source: Croes 1958, "A method for solving traveling-salesman problems" (2-opt); Or 1976 (Or-opt), for units with two
-ends. All units of all layers stand in one row; what is tried are changes within some places of the row, all of them at
-once, and the best of those that do not touch each other are made together.
+Source: Croes 1958, "A method for solving traveling-salesman problems" (2-opt); Or 1976 (Or-opt). The units of all
+layers form one row. All changes within a limited reach are evaluated at once, and the best non-overlapping ones are
+applied together.
 """
 
 from __future__ import annotations
@@ -18,31 +18,31 @@ __all__ = ["shorten_tour"]
 _REACH = 24
 _LEAST = 0.01  # mm that a change must save
 _ROUNDS = 60
-_AT_ONCE = 1 << 12  # rows whose changes are compared at once
+_AT_ONCE = 1 << 12  # places evaluated at once
 _TURN, _LATER, _LATER_TURNED, _EARLIER, _EARLIER_TURNED = range(5)
 
 
 def shorten_tour(begin: Float, end: Float, free: Bool, group: Int) -> tuple[Int, Bool]:
-    """A shorter order of units that are visited in a row.
+    """Shorten a tour.
 
     Args:
-        begin: (U, 2) mm, where each begins, in the order in which they are visited now.
-        end: (U, 2) where each ends.
-        free: (U,) which may be turned around.
-        group: (U,) ascending; units only change places with those of their group.
+        begin: (U, 2) mm, start of each unit, in the current order.
+        end: (U, 2) mm, end of each unit.
+        free: (U,) which units may be reversed.
+        group: (U,) ascending; units stay within their group.
 
     Returns:
-        (U,) the units in their new order, and which of these (U,) are turned around.
+        (U,) the units in their new order, and (U,) which of these are reversed.
     """
     row = _Row(np.arange(len(begin)), np.zeros(len(begin), np.bool_), _pad(begin), _pad(end), free, group)
-    # One of a kind can do no more than turn around.
+    # A unit alone in its group can only be reversed.
     alone = np.bincount(group, minlength=1)[group] == 1 if len(group) else np.zeros(0, np.bool_)
     active = np.flatnonzero(~alone | free)
     last = np.searchsorted(group, group, side="right") - 1
     for _ in range(_ROUNDS):
         if not len(active):
             break
-        # Those with few places before them side by side: what is compared is as wide as the widest asks for.
+        # Sort by the number of places ahead, because the arrays of a block are as wide as its widest one.
         active = active[np.argsort(np.minimum(last[active] - active, _REACH), kind="stable")]
         changes = [
             _best_changes(row, active[first : first + _AT_ONCE]) for first in range(0, len(active), _AT_ONCE)
@@ -57,14 +57,14 @@ def shorten_tour(begin: Float, end: Float, free: Bool, group: Int) -> tuple[Int,
 
 
 def _pad(points: Float) -> Float:
-    """With one more before the first and one after the last, to which no way leads: it is nowhere."""
+    """Add a dummy point (nan) before the first and after the last; travels to it have length 0."""
     nowhere = np.full((1, 2), np.nan)
     return np.concatenate([nowhere, points, nowhere])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Row:
-    """Units as they stand; of begin and end, one more at each side."""
+    """Units in their current order; `begin` and `end` have a dummy point on each side."""
 
     unit: Int
     turned: Bool
@@ -74,7 +74,7 @@ class _Row:
     group: Int
 
     def changed(self, place: Int, span: Int, kind: Int) -> _Row:
-        """The row after changes of `kind` (C,) from `place` (C,) over `span` (C,) more places."""
+        """Apply changes of `kind` (C,) from `place` (C,) over `span` (C,) more places."""
         source, turn = np.arange(len(self.unit)), np.zeros(len(self.unit), np.bool_)
         for i, k, what in zip(place.tolist(), span.tolist(), kind.tolist(), strict=True):
             j = i + k
@@ -99,9 +99,9 @@ class _Row:
 
 
 def _best_changes(row: _Row, place: Int) -> tuple[Int, Int, Int, Float]:
-    """The change that saves most from each place (A,) on: the place, how far it reaches, its kind, mm saved."""
+    """Return the best change from each place (A,): place, span, kind, and mm saved."""
     n, reach = len(row.group), min(_REACH, len(row.group))
-    # Only as wide as the largest group asks for.
+    # The arrays are only as wide as the largest group needs.
     last = np.searchsorted(row.group, row.group[place], side="right") - 1
     width = int(min(reach, (last - place).max(initial=0) + 1))
     ahead = place[:, None] + np.arange(width)
@@ -118,8 +118,8 @@ def _best_changes(row: _Row, place: Int) -> tuple[Int, Int, Int, Float]:
 
 
 def _savings(row: _Row, i: Int, j: Int) -> list[Float]:
-    """For each kind of change from places `i` (A, 1) to `j` (A, W) how many mm it saves."""
-    i, j = i + 1, j + 1  # of what is padded
+    """Return for each kind of change from places `i` (A, 1) to `j` (A, W) the travel that it saves, mm."""
+    i, j = i + 1, j + 1  # indices in the padded arrays
     bx, by, ex, ey = (np.ascontiguousarray(column) for of in (row.begin, row.end) for column in of.T)
     b_i, e_i, b_j, e_j = ((x[at], y[at]) for at in (i, j) for x, y in ((bx, by), (ex, ey)))
     before_i, after_j = (ex[i - 1], ey[i - 1]), (bx[j + 1], by[j + 1])
@@ -139,7 +139,7 @@ def _savings(row: _Row, i: Int, j: Int) -> list[Float]:
 
 
 def _distances(one: tuple[Float, Float], other: tuple[Float, Float]) -> Float:
-    """Mm between places; 0 to what is nowhere."""
+    """Return distances between points, mm; 0 to dummy points."""
     x, y = one[0] - other[0], one[1] - other[1]
     x *= x
     y *= y
@@ -148,7 +148,7 @@ def _distances(one: tuple[Float, Float], other: tuple[Float, Float]) -> Float:
 
 
 def _select_changes(place: Int, span: Int, saved: Float, n: int) -> Int:
-    """Changes that save something and do not touch each other, the best first."""
+    """Select changes that save something and do not overlap, the best first."""
     better = np.flatnonzero(saved > _LEAST)
     better = better[np.argsort(-saved[better], kind="stable")]
     taken = bytearray(n + 2)
@@ -163,11 +163,11 @@ def _select_changes(place: Int, span: Int, saved: Float, n: int) -> Int:
 
 
 def _nearby_places(place: Int, span: Int, group: Int) -> Int:
-    """The places from which a change may reach what has just been changed, or whose neighbours have."""
+    """Return the places whose changes must be evaluated again after changes nearby."""
     first = np.maximum(place - _REACH, 0)
     last = np.minimum(place + span + 2, len(group))
     near = consecutive(first, last - first)
-    # A change in a group alters the way to the one before and the one after, and those of its own.
+    # A change affects the units of its group, and the units right before and after it.
     owner = np.repeat(np.arange(len(place)), last - first)
     beside = (near >= place[owner] - 1) | (group[near] == group[place[owner]])
     return distinct(near[beside])

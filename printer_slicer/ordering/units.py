@@ -1,4 +1,4 @@
-"""What is printed without anything in between: a cluster of perimeters, a sweep of lines, or a path by itself."""
+"""Group paths into units that are printed without interruption: wall clusters, chains, and single paths."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ _DEEPER = 1e-3  # mm
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Units:
-    """Units by layer, island and step.
+    """Units of paths, sorted by layer, island and step.
 
     Attributes:
-        path: (M,) all paths, in the order in which units hold them.
-        start: (U + 1,) unit `i` holds `path[start[i]:start[i + 1]]`.
+        path: (M,) indices of all paths, unit by unit.
+        start: (U + 1,) unit `i` has the paths `path[start[i]:start[i + 1]]`.
         layer: (U,) ascending.
-        island: (U,) ascending within a layer; -1 for what goes around everything.
+        island: (U,) ascending within a layer; -1 for skirt, brim and raft loops.
         step: (U,) ascending within an island.
-        begin: (U, 2) mm.
-        end: (U, 2) mm.
-        free: (U,) which may be printed from their end to their beginning.
+        begin: (U, 2) start point, mm.
+        end: (U, 2) end point, mm.
+        free: (U,) which units may be reversed.
     """
 
     path: Int
@@ -48,17 +48,17 @@ class Units:
 
 
 def inner_loops(paths: Toolpaths) -> Int:
-    """The inner perimeters that are loops and one layer high."""
+    """Return the inner perimeters that are loops and one layer high."""
     return np.flatnonzero(paths.closed & (paths.role == Role.PERIMETER) & ~_is_combined(paths))
 
 
 def group_units(paths: Toolpaths, island: Int, clusters: WallClusters, profile: Profile) -> Units:
-    """The units of paths that lie in islands (M,)."""
+    """Group paths that lie in islands (M,) into units."""
     n = paths.n_paths
     around = roles_with(is_around=True)[paths.role] & (paths.closed | (paths.role != Role.RAFT))
     place = np.where(around, -1, island)
     step = np.where(around, np.arange(n), _assign_steps(paths, infill_first=profile.quality.infill_first))
-    # Paths of one number are one unit: their own, that of a cluster, that of a sweep.
+    # Paths with the same number form a unit: their own number, or that of a cluster or a chain.
     number, turn = np.arange(n), np.arange(n)
     number[clusters.path], turn[clusters.path] = clusters.cluster, clusters.turn
     place[clusters.path], step[clusters.path] = place[clusters.cluster], step[clusters.cluster]
@@ -82,7 +82,7 @@ def group_units(paths: Toolpaths, island: Int, clusters: WallClusters, profile: 
 
 
 def _assign_steps(paths: Toolpaths, *, infill_first: bool) -> Int:
-    """(M,) what comes before what within an island."""
+    """Return (M,) the step of each path, which gives the order within an island."""
     walls, fill = (3, 1) if infill_first else (0, 3)
     step = {
         Phase.BASE: 0,
@@ -93,9 +93,9 @@ def _assign_steps(paths: Toolpaths, *, infill_first: bool) -> Int:
         Phase.IRONING: 8,
     }
     of = np.array([step[row.phase] for row in ROLES])[paths.role]
-    # What reaches down through several layers is laid into the gap that they leave: between beads that hold it.
+    # Combined perimeters fill the gap of several layers, so they come after the perimeters around it.
     of[_is_combined(paths)] = walls + 2
-    # A bead beside the perimeters is as good as infill once they are there.
+    # Open perimeters are printed like infill, after the loops.
     of[(paths.role == Role.PERIMETER) & ~paths.closed] = walls + 2 if infill_first else fill + 2
     return of
 

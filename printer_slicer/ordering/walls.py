@@ -1,8 +1,8 @@
-"""Perimeters that belong together: an outer loop with the inner ones behind it.
+"""Cluster perimeters: an external loop with the inner loops behind it.
 
-Inner loops begin near the seam of their outer one, so that the nozzle need not cross the part in between. Where an
-inner loop lies directly between two outer ones, a thin wall, all of them are one cluster: no outer perimeter is laid
-before the inner ones that it leans on.
+Inner loops start near the seam of their external loop, to avoid travels across the part. If an inner loop lies directly
+between two external loops, in a thin wall, all of them form one cluster, so that no external perimeter is printed
+before the inner ones that support it.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ from printer_slicer.profile import Profile
 
 __all__ = ["WallClusters", "cluster_walls"]
 
-_SAMPLES = 6  # places on an inner loop from which its outer loops are looked for
-_BESIDE = 1.7  # bead widths from loop to loop that touch each other
-_STAGGER = 1.5  # mm between the seam of an inner loop and that of its outer one, along the loop
+_SAMPLES = 6  # points on an inner loop from which external loops are searched
+_BESIDE = 1.7  # maximum distance of loops that touch, in extrusion widths
+_STAGGER = 1.5  # mm along the loop between the seams of an inner and its external loop
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WallClusters:
-    """Which loops are printed together.
+    """Clusters of loops that are printed together.
 
     Attributes:
-        path: (R,) the loops.
-        cluster: (R,) the same number for those of one cluster: an outer loop of it.
-        turn: (R,) their order within the cluster.
+        path: (R,) indices of the loops.
+        cluster: (R,) index of an external loop of the cluster, the same for all its loops.
+        turn: (R,) printing order within the cluster.
     """
 
     path: Int
@@ -42,7 +42,7 @@ class WallClusters:
 
 
 def cluster_walls(paths: Toolpaths, inner: Int, profile: Profile) -> tuple[Toolpaths, WallClusters]:
-    """Inner loops `inner` (I,) of the paths put to their outer ones, whose seams are known, and begun near these."""
+    """Assign inner loops `inner` (I,) to external loops, and start them near the seams of these."""
     outer = Loops.of(paths, external_loops(paths))
     loops = Loops.of(paths, inner)
     owner, gap, touching = _assign_owners(loops, outer, profile)
@@ -61,9 +61,9 @@ def cluster_walls(paths: Toolpaths, inner: Int, profile: Profile) -> tuple[Toolp
 
 
 def _order_loops(cluster: Int, owner: Int, far: Float, is_outer: Bool, *, outside_in: bool) -> Int:
-    """(R,) the order of loops: those of one kind owner by owner, those of the other kind back again.
+    """Return (R,) the order of loops: those of one kind owner by owner, then those of the other kind in reverse.
 
-    Outer loops that own no inner one are at the far end of the way.
+    External loops without inner loops come in between.
     """
     late = is_outer ^ outside_in
     lone = ~np.isin(owner, owner[~is_outer])
@@ -75,7 +75,7 @@ def _order_loops(cluster: Int, owner: Int, far: Float, is_outer: Bool, *, outsid
 
 
 def _assign_owners(loops: Loops, outer: Loops, profile: Profile) -> tuple[Int, Float, tuple[Int, Int]]:
-    """(I,) the outer loop nearest to each inner one, -1 for none, how far it is, and pairs that one touches both of."""
+    """Return (I,) the nearest external loop of each inner one (-1: none), its distance, and pairs that one touches."""
     owner, gap = np.full(loops.n_loops, -1, np.int64), np.zeros(loops.n_loops)
     none = np.zeros(0, np.int64), np.zeros(0, np.int64)
     if not loops.n_loops or not outer.n_loops:
@@ -91,7 +91,7 @@ def _assign_owners(loops: Loops, outer: Loops, profile: Profile) -> tuple[Int, F
 
 
 def _distances(loops: Loops, outer: Loops, reach: float) -> tuple[Int, Int, Float]:
-    """Inner loops, outer loops within reach, and mm between them, seen from some places of the inner ones."""
+    """Return pairs of inner and external loops within reach, and their distance, mm, measured at sample points."""
     loop = np.repeat(np.arange(loops.n_loops), _SAMPLES)
     share = (np.arange(len(loop)) % _SAMPLES) / _SAMPLES
     place = loops.at(loop, share * loops.length[loop])
@@ -108,7 +108,7 @@ def _distances(loops: Loops, outer: Loops, reach: float) -> tuple[Int, Int, Floa
 
 
 def _connected_labels(n: int, pairs: tuple[Int, Int]) -> Int:
-    """(n,) the lowest number that each is joined with, directly or through others."""
+    """Return (n,) the label of the connected component of each item, its lowest index."""
     label = np.arange(n)
     one, other = pairs
     while True:

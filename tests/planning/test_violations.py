@@ -39,42 +39,42 @@ def test_a_plan_that_keeps_everything_has_nothing_to_tell() -> None:
 def test_a_tolerance_under_half_of_the_thinnest_layer_tells_what_that_layer_can_do() -> None:
     (*many, last) = judged(sphere(4), optimal(tolerance=0.02, min_layer=0.08))
 
-    for unkept in (*many, last):
-        assert unkept.rule == "tolerance"
-        assert 0.02 < unkept.amount <= 0.04 + 1e-9
-        assert unkept.cause == "layers of 0.08 mm, the thinnest allowed, can deviate by 0.04 mm"
+    for violation in (*many, last):
+        assert violation.rule == "tolerance"
+        assert 0.02 < violation.amount <= 0.04 + 1e-9
+        assert violation.cause == "layers of 0.08 mm, the thinnest allowed, can deviate by 0.04 mm"
 
 
 def test_contained_layers_can_be_wrong_by_their_whole_height() -> None:
     found = judged(sphere(4), optimal(tolerance=0.05, min_layer=0.08, containment="positive"))
 
     assert found
-    assert {unkept.cause for unkept in found} == {
+    assert {violation.cause for violation in found} == {
         "layers of 0.08 mm, the thinnest allowed, can deviate by 0.08 mm"
     }
 
 
 def test_a_first_layer_that_is_too_thick_is_the_cause_and_nothing_else() -> None:
-    (unkept,) = judged(sphere(4), optimal(tolerance=0.06, first_layer_height=0.3))
+    (violation,) = judged(sphere(4), optimal(tolerance=0.06, first_layer_height=0.3))
 
-    assert (unkept.rule, unkept.low, unkept.high) == ("tolerance", 0.0, 0.3)
-    assert unkept.cause == "the first layer is set to 0.3 mm"
+    assert (violation.rule, violation.low, violation.high) == ("tolerance", 0.0, 0.3)
+    assert violation.cause == "the first layer is set to 0.3 mm"
 
 
 def test_of_two_flats_too_near_to_each_other_one_is_missed_and_the_other_one_is_named() -> None:
     mesh = step_pyramid([30, 20, 10], [1.0, 0.03, 1.0])
-    (unkept,) = judged(mesh, optimal(tolerance=0.12, min_layer=0.08))
+    (violation,) = judged(mesh, optimal(tolerance=0.12, min_layer=0.08))
 
-    assert unkept.rule == "flat"
-    assert (unkept.low, unkept.amount) == (pytest.approx(1.03), pytest.approx(0.03))
-    assert "closer to z 1 than the thinnest layer" in unkept.cause
+    assert violation.rule == "flat"
+    assert (violation.low, violation.amount) == (pytest.approx(1.03), pytest.approx(0.03))
+    assert "closer to z 1 than the thinnest layer" in violation.cause
 
 
 def test_a_flat_within_the_first_layer_is_missed_because_of_it() -> None:
-    (unkept,) = judged(step_pyramid([30, 20], [0.15, 3.0]), optimal(tolerance=0.3, first_layer_height=0.3))
+    (violation,) = judged(step_pyramid([30, 20], [0.15, 3.0]), optimal(tolerance=0.3, first_layer_height=0.3))
 
-    assert unkept.rule == "flat"
-    assert unkept.cause == "the first layer is set to 0.3 mm"
+    assert violation.rule == "flat"
+    assert violation.cause == "the first layer is set to 0.3 mm"
 
 
 def test_few_layers_are_the_cause_of_what_more_of_them_would_mend() -> None:
@@ -82,16 +82,16 @@ def test_few_layers_are_the_cause_of_what_more_of_them_would_mend() -> None:
     found = judged(mesh, optimal(tolerance=0.06, planner__max_layers=27))
 
     assert found
-    assert {unkept.cause for unkept in found} == {"no more than 27 layers are allowed"}
+    assert {violation.cause for violation in found} == {"no more than 27 layers are allowed"}
     assert judged(mesh, optimal(tolerance=0.06, planner__max_layers=200)) == []
 
 
 def test_a_range_that_the_part_does_not_reach_is_told() -> None:
     stretch = HeightRange(low=40, high=41, tolerance=0.1)
-    (unkept,) = judged(box((9, 9, 5)), optimal(planner__ranges=(stretch,)))
+    (violation,) = judged(box((9, 9, 5)), optimal(planner__ranges=(stretch,)))
 
-    assert (unkept.rule, unkept.low, unkept.high) == ("range", 40, 41)
-    assert unkept.cause == "the part is 5 mm high"
+    assert (violation.rule, violation.low, violation.high) == ("range", 40, 41)
+    assert violation.cause == "the part is 5 mm high"
 
 
 def test_a_range_height_that_does_not_divide_the_range_is_told_with_z() -> None:
@@ -99,8 +99,8 @@ def test_a_range_height_that_does_not_divide_the_range_is_told_with_z() -> None:
     found = judged(box((9, 9, 5)), optimal(planner__ranges=(stretch,)))
 
     assert found
-    assert {unkept.rule for unkept in found} <= {"range height", "range end"}
-    assert all(unkept.low >= 1 - NEAR and unkept.high <= 2 + NEAR for unkept in found)
+    assert {violation.rule for violation in found} <= {"range height", "range end"}
+    assert all(violation.low >= 1 - NEAR and violation.high <= 2 + NEAR for violation in found)
 
 
 def test_every_uneven_pair_that_flats_ask_for_is_told() -> None:
