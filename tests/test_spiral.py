@@ -109,18 +109,18 @@ def test_a_spiral_stands_on_a_raft_and_on_its_own_bottom() -> None:
 
 
 def test_a_part_with_a_hole_is_refused_with_the_place() -> None:
-    with pytest.raises(PartError, match=r"a spiral needs one outline.*at z .* mm there are 2") as caught:
+    with pytest.raises(PartError, match=r"spiral mode needs one outline.*at z .* mm there are 2") as caught:
         slice_stages(box_with_hole((20, 20, 3)), spiral())
     assert "quality.spiral" in str(caught.value)
 
 
 def test_two_parts_are_refused() -> None:
-    with pytest.raises(PartError, match="a spiral needs one outline"):
+    with pytest.raises(PartError, match="spiral mode needs one outline"):
         slice_stages(two_boxes(), spiral())
 
 
 def test_a_part_lower_than_the_bottom_is_refused() -> None:
-    with pytest.raises(PartError, match="a spiral needs one outline"):
+    with pytest.raises(PartError, match="spiral mode needs one outline"):
         slice_stages(box((10, 10, 0.4)), spiral())
 
 
