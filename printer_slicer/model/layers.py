@@ -253,11 +253,11 @@ class Regions(SvgRepr):
     def __repr__(self) -> str:
         names = ("bottom_skin", "bridge", "internal_bridge", "top_skin", "solid", "sparse")
         volumes = {name: float(getattr(self, name).area() @ self.plan.height) for name in names}
-        told = ", ".join(f"{name} {volume:.4g}" for name, volume in volumes.items() if volume)
-        return f"<Regions: {self.plan.n_layers} layers, mm3: {told or 'nothing'}>"
+        text = ", ".join(f"{name} {volume:.4g}" for name, volume in volumes.items() if volume)
+        return f"<Regions: {self.plan.n_layers} layers, mm3: {text or 'nothing'}>"
 
     def on_plan(self, plan: LayerPlan) -> Regions:
-        """The same regions on the layers of another plan that have the same tops."""
+        """Return the regions on the layers of another plan, matched by their tops."""
         if plan is self.plan:
             return self
         layer = plan.find_tops(self.plan.top)
@@ -265,7 +265,7 @@ class Regions(SvgRepr):
         return replace(self, plan=plan, **areas)
 
     def of_layers(self, here: Bool) -> Regions:
-        """The regions of some layers (L,); nothing on the others."""
+        """Return the regions of some layers (L,); the others become empty."""
         return Regions(
             self.plan,
             **{name: getattr(self, name).of_layers(here) for name in _REGIONS},
@@ -275,7 +275,7 @@ class Regions(SvgRepr):
 
     @classmethod
     def joined(cls, parts: Sequence[Regions]) -> Regions:
-        """The regions of several objects side by side."""
+        """Combine the regions of several objects."""
         plan = LayerPlan.union([part.plan for part in parts])
         parts = [part.on_plan(plan) for part in parts]
         first = parts[0]

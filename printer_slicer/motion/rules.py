@@ -91,7 +91,7 @@ class Lookahead:
 
     @property
     def full(self) -> bool:
-        """Whether the planner has no place for another block."""
+        """Whether the queue is full."""
         return len(self._queue) >= self.limits.planner_blocks
 
     def push(self, block: Block) -> None:

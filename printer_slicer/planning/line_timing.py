@@ -54,7 +54,7 @@ class LineTimes:
     at_fast: Float
 
     def at(self, speed: float) -> Float:
-        """(n,) s at a speed, mm/s, clamped to the limits."""
+        """Return (n,) s at a speed, mm/s, clamped to the limits."""
         if self.fast <= self.slow:
             return self.at_fast
         speed = min(max(speed, self.slow), self.fast)
@@ -100,7 +100,7 @@ class RowTimes:
     times: LineTimes
 
     def per_mm(self, length: Float, speed: float) -> Float:
-        """(n,) s per mm of lines of lengths (n,), mm."""
+        """Return (n,) s per mm of lines of lengths (n,), mm."""
         rate = self.times.at(speed) / self.length
         share = np.interp(np.log(length), np.log(self.length), np.log(rate / rate[0]))
         return np.asarray(np.exp(share) * rate[0])

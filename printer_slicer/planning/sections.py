@@ -42,11 +42,11 @@ class Shadows:
         return cls(z, up, down - down[0])
 
     def up_between(self, low: Float, high: Float) -> Float:
-        """(m,) mm² facing up between two heights."""
+        """Return (m,) mm² facing up between two heights."""
         return np.asarray(np.interp(high, self.z, self.up) - np.interp(low, self.z, self.up))
 
     def down_between(self, low: Float, high: Float) -> Float:
-        """(m,) mm² facing down between two heights."""
+        """Return (m,) mm² facing down between two heights."""
         return np.asarray(np.interp(high, self.z, self.down) - np.interp(low, self.z, self.down))
 
 
@@ -79,11 +79,11 @@ class SectionSums:
     shell: tuple[float, float]
 
     def at_levels(self, values: Float) -> Float:
-        """(L,) values (P,) of the planes, interpolated."""
+        """Return (L,) values (P,) of the planes, interpolated."""
         return np.interp(self.z, self.planes, values)
 
     def solid(self, height: float) -> Float:
-        """(L,) mm² of solid infill in layers of `height` mm: the area near enough to a top or bottom surface."""
+        """Return (L,) mm² of solid infill in layers of `height` mm: the area near enough to a top or bottom surface."""
         z, (top, bottom) = self.z, self.shell
         near = self.shadows.up_between(z, z + height / 2 + top)
         near += self.shadows.down_between(z - height / 2 - bottom, z)
@@ -92,7 +92,7 @@ class SectionSums:
         return np.asarray(np.minimum(near * np.sqrt(self.inside / np.maximum(self.area, 1e-9)), self.inside))
 
     def skins(self, height: float, solid: Float) -> tuple[Float, Float, Float]:
-        """(L,) mm² of top, bridge and internal bridge infill in layers of `height` mm."""
+        """Return (L,) mm² of top, bridge and internal bridge infill in layers of `height` mm."""
         begins = self.z + self.shell[0]
         sparse_below = np.interp(self.z - height, self.z, self.inside - solid)
         left, areas = solid, []
@@ -130,7 +130,7 @@ def measure_sections(surface: Surface, profile: Profile) -> SectionSums:
 
 
 def _levels(surface: Surface, profile: Profile, most: int) -> Float:
-    """(n,) mm, up to `most` evenly spaced heights, and one in the first layer."""
+    """Return (n,) mm, up to `most` evenly spaced heights, and one in the first layer."""
     n = int(np.clip(surface.height / _CLOSEST, 1, most))
     z: Float = (np.arange(n, dtype=np.float64) + 0.5) * (surface.height / n)
     on_bed = (profile.quality.first_layer_height or profile.thinnest) / 2
@@ -138,7 +138,7 @@ def _levels(surface: Surface, profile: Profile, most: int) -> Float:
 
 
 def _extents(contours: Areas) -> Float:
-    """(P,) mm, see `SectionSums`; 0 where there are no contours."""
+    """Return (P,) mm, see `SectionSums`; 0 where there are no contours."""
     xy, n = contours.xy, contours.n_layers
     after = xy.take(next_in_ring(contours.ring_start), axis=0)
     weight = np.hypot(*(after - xy).T)

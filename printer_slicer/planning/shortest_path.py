@@ -144,7 +144,7 @@ def optimal_arcs(graph: ArcGraph, levels: Sequence[Float]) -> Int:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NeighbourLimits:
-    """Which layer heights may be neighbours.
+    """Limits for the heights of neighbouring layers.
 
     Attributes:
         least, most: (H + 1,) for each height in units, the smallest and the largest allowed neighbour, in units.

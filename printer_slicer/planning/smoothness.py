@@ -46,7 +46,7 @@ def neighbour_limits(mesh: Mesh, grid: HeightGrid, steps: ZSteps, profile: Profi
 
 
 def _least_neighbours(height: Int, grid: HeightGrid, steps: ZSteps, spare: float) -> Int:
-    """(H,) the thinnest allowed neighbour of each height from 0 up, in units; ascending."""
+    """Return (H,) the thinnest allowed neighbour of each height from 0 up, in units; ascending."""
     change = np.floor(np.maximum(SMOOTH_STEP / grid.unit, SMOOTH_STEP_RATIO * height) - spare + _DUST)
     # Consecutive heights of the list may always be neighbours.
     allowed = steps.allowed // grid.steps
@@ -56,7 +56,7 @@ def _least_neighbours(height: Int, grid: HeightGrid, steps: ZSteps, spare: float
 
 
 def _spared_nodes(mesh: Mesh, grid: HeightGrid, steps: ZSteps, profile: Profile) -> Bool:
-    """(n + 1,) the nodes next to which large steps cost less."""
+    """Return (n + 1,) the nodes next to which large steps cost less."""
     free = np.zeros(grid.n + 1, np.bool_)
     free[0], free[-1] = bool(steps.first), True
     planes = np.concatenate([find_flats(mesh)[0], range_borders(profile, mesh.height)]) / grid.unit
