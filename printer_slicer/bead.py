@@ -1,4 +1,4 @@
-"""One bead of plastic: a rectangle with half-circles at its sides.
+"""Cross-section of an extruded bead: a rectangle with half-circles at its sides.
 
 Width `w` and height `h` in mm. The cross-section is (w - h)·h + π·(h/2)², which equals spacing·h when neighbouring
 beads lie `w - h·(1 - π/4)` apart: then they touch without a gap and without overlap in volume.
@@ -23,33 +23,33 @@ __all__ = [
 ]
 
 Float = NDArray[np.float64]
-_ROUNDING = 1 - pi / 4  # share of the height that the round sides take away from the spacing
+_ROUNDING = 1 - pi / 4  # share of the height by which the round sides reduce the spacing
 
 
 def spacing(width: Float | float, height: Float | float) -> Float:
-    """Distance between the centres of neighbouring beads, mm; same shape as the arguments broadcast to."""
+    """Return the distance between the centre lines of neighbouring beads, mm, in the shape of the arguments."""
     return np.asarray(width - np.asarray(height) * _ROUNDING, dtype=np.float64)
 
 
 def width_for_spacing(spacing: Float | float, height: Float | float) -> Float:
-    """Width whose spacing is `spacing`, mm: the inverse of `spacing`."""
+    """Return the width, mm, of a bead with this spacing; the inverse of `spacing`."""
     return np.asarray(spacing + np.asarray(height) * _ROUNDING, dtype=np.float64)
 
 
 def side_loss(height: Float | float) -> Float:
-    """How much farther a bead reaches on each side than a rectangle of its height and cross-section, mm."""
+    """Return how far a bead extends on each side beyond a rectangle of its height and cross-section, mm."""
     return np.asarray(np.asarray(height) * _ROUNDING / 2, dtype=np.float64)
 
 
 def cross_section(width: Float | float, height: Float | float) -> Float:
-    """Cross-section of a bead, mm². Needs width >= height; the profile's bounds see to that."""
+    """Return the cross-section of a bead, mm²; width >= height is required, and ensured by the profile."""
     return spacing(width, height) * height
 
 
 def width_for_section(section: Float | float, height: Float | float) -> Float:
-    """Width of a bead with this cross-section, mm²: the inverse of `cross_section`.
+    """Return the width, mm, of a bead with a cross-section in mm²; the inverse of `cross_section`.
 
-    What is too little to be pressed flat at this height stays a round thread, as wide as it is high.
+    A cross-section too small to be pressed flat at this height stays round, as wide as high.
     """
     section, height = np.asarray(section, dtype=np.float64), np.asarray(height, dtype=np.float64)
     thread = np.sqrt(4 * section / pi)
@@ -57,12 +57,12 @@ def width_for_section(section: Float | float, height: Float | float) -> Float:
 
 
 def filament_per_mm(width: Float | float, height: Float | float, filament_diameter: Float | float) -> Float:
-    """Filament to feed for each mm of path, mm/mm."""
+    """Return the filament to feed per mm of path, mm/mm."""
     return np.asarray(cross_section(width, height) / (pi * filament_diameter**2 / 4), dtype=np.float64)
 
 
 def layer_widths(n_layers: int, first: float, usual: float) -> Float:
-    """(n_layers,) extrusion width of each layer, mm: one for the first, one for all others."""
+    """Return the extrusion width (n_layers,) of each layer, mm: one for the first layer, one for all others."""
     widths = np.full(n_layers, usual, dtype=np.float64)
     widths[:1] = first
     return widths

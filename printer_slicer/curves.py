@@ -1,9 +1,9 @@
-"""Toolpaths -> Toolpaths: the same ways said in fewer words, as arcs or as longer lines.
+"""Replace runs of short moves by arcs or by longer lines.
 
-Stretches grow by joining neighbours, all over the stack at once, as long as no point and no line is farther from the
-circle, or from the line, than the tolerance. A circle goes through both ends of a stretch, so one number is left to be
-found, by least squares. The points of an arc are then those of the chords that firmware makes of it: what is timed,
-drawn and measured is what the machine does.
+Ranges of moves grow by joining neighbours, in the whole stack at once, as long as no point and no move deviates from
+the arc or line by more than the tolerance. An arc passes through both ends of its range, so only one number is fitted,
+by least squares. The points of an arc are those of the chords that the firmware makes of it, so that timing, drawing
+and measuring see what the machine does.
 
 Source: for a circle through two points, P. D. Thomas and Y. T. Chan 1989, "A simple approach for the estimation of
 circular arc center and its radius"; chords as in `motion.arcs`.
@@ -21,25 +21,25 @@ from printer_slicer.model import Toolpaths
 from printer_slicer.motion.arcs import CHORDS_PER_TURN, LONGEST_CHORD, SHORTEST_CHORD
 from printer_slicer.profile import Profile
 
-__all__ = ["PathLines", "curved", "merged", "stretches"]
+__all__ = ["PathLines", "fit_arcs", "fitted_ranges", "merge_moves"]
 
 _SAME_WIDTH = 0.002  # mm
 _ROUNDS = 40
 
 Fits = Callable[[Int, Int], Bool]
-"""Whether stretches of lines, from `first` (T,) up to `stop` (T,), may be one."""
+"""Tests whether ranges of moves, from `first` (T,) up to `stop` (T,), may be joined."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PathLines:
-    """The lines of all paths.
+    """The straight moves of all paths.
 
     Attributes:
-        begin: (S,) point at which each begins.
-        end: (S,) point at which it ends.
-        xy: (S, 2) mm, of its begin.
-        way: (S, 2) mm.
-        apart: (S,) whether it cannot be one arc with the line before it.
+        begin: (S,) index of the first point.
+        end: (S,) index of the last point.
+        xy: (S, 2) mm, position of the first point.
+        way: (S, 2) mm, vector to the last point.
+        apart: (S,) whether the move cannot be joined with the previous one.
     """
 
     begin: Int
@@ -50,7 +50,7 @@ class PathLines:
 
     @classmethod
     def of(cls, paths: Toolpaths) -> PathLines:
-        """Path by path; loops end with the line to their first point."""
+        """Return the moves path by path; loops end with the move to their first point."""
         begin, end = paths.ends_of_beads
         owner = np.repeat(np.arange(paths.n_paths), paths.beads_of_each)
         way = paths.xy[end] - paths.xy[begin]
@@ -67,8 +67,8 @@ class PathLines:
         return cls(begin, end, paths.xy[begin], way, apart)
 
 
-def stretches(line: PathLines, fits: Fits) -> tuple[Int, Int]:
-    """All lines in stretches (T,), from `first` up to `stop`, none of which can be joined with the next one."""
+def fitted_ranges(line: PathLines, fits: Fits) -> tuple[Int, Int]:
+    """Join moves into ranges (T,), from `first` up to `stop`, until none can be joined with the next one."""
     first = np.arange(len(line.begin))
     stop = first + 1
     idle = 0  # rounds in which nothing was joined
@@ -81,9 +81,9 @@ def stretches(line: PathLines, fits: Fits) -> tuple[Int, Int]:
 
 
 def _joined(line: PathLines, first: Int, stop: Int, fits: Fits, *, odd: bool) -> tuple[Int, Int, bool]:
-    """Stretches of lines (T,), some of them joined with the next one; and whether any were.
+    """Join some ranges (T,) with their successors; also return whether any were joined.
 
-    Of each two neighbours one is asked, every other time the other one.
+    Every second range is tested, alternating between odd and even ones.
     """
     may = np.flatnonzero(np.append(~line.apart[first[1:]], False))
     run = np.cumsum(np.append(True, np.diff(may) > 1)) if len(may) else may
@@ -100,14 +100,14 @@ def _joined(line: PathLines, first: Int, stop: Int, fits: Fits, *, odd: bool) ->
     return first[kept], stop[kept], len(good) > 0
 
 
-_LEAST = 3  # lines in an arc: fewer are no curve
-# Mm, radius of an arc. Of smaller ones firmware makes chords so short that they use up the moves that it plans ahead.
+_LEAST = 3  # moves in an arc
+# Radius of an arc, mm. Firmware divides smaller arcs into chords so short that they fill its look-ahead queue.
 _SMALLEST, _LARGEST = 2.5, 500.0
 _WIDEST_TURN = np.radians(160)  # of an arc
 
 
-def curved(paths: Toolpaths, profile: Profile) -> Toolpaths:
-    """The paths with arcs where `quality.arc_tolerance` allows; beads whose width changes stay lines."""
+def fit_arcs(paths: Toolpaths, profile: Profile) -> Toolpaths:
+    """Replace moves by arcs where `quality.arc_tolerance` allows; moves with changing width stay lines."""
     tolerance = profile.quality.arc_tolerance
     if not tolerance or not paths.n_paths:
         return paths
@@ -116,13 +116,13 @@ def curved(paths: Toolpaths, profile: Profile) -> Toolpaths:
     def fits(first: Int, stop: Int) -> Bool:
         return _on_a_circle(line, first, stop, tolerance)
 
-    first, stop = stretches(line, fits)
+    first, stop = fitted_ranges(line, fits)
     arc = np.flatnonzero(stop - first >= _LEAST)
     return _with_arcs(paths, line, first[arc], stop[arc]) if len(arc) else paths
 
 
 def _on_a_circle(line: PathLines, first: Int, stop: Int, tolerance: float) -> Bool:
-    """(T,) whether lines `first` up to `stop` lie on a circle."""
+    """Return whether the moves of ranges (T,) lie on a circle."""
     centre, radius = _circles(line, first, stop)
     size = stop - first
     owner, lines = np.repeat(np.arange(len(first)), size), consecutive(first, size)
@@ -130,7 +130,7 @@ def _on_a_circle(line: PathLines, first: Int, stop: Int, tolerance: float) -> Bo
     out = begin - centre[owner]
     off = np.abs(np.hypot(*out.T) - radius[owner])
     length = np.hypot(*way.T)
-    # In the middle of a line the circle is farther out.
+    # The circle is farther out in the middle of a move.
     off = np.maximum(off, np.abs(np.hypot(*(out + way / 2).T) - radius[owner]))
     half = np.minimum(length / 2, radius[owner])
     side = out[:, 0] * way[:, 1] - out[:, 1] * way[:, 0]
@@ -144,7 +144,7 @@ def _on_a_circle(line: PathLines, first: Int, stop: Int, tolerance: float) -> Bo
 
 
 def _circles(line: PathLines, first: Int, stop: Int) -> tuple[Float, Float]:
-    """Centre (T, 2) and radius (T,) of the circle through both ends of each stretch that fits its points best."""
+    """Return centre (T, 2) and radius (T,) of the best fitting circle through both ends of each range."""
     begin, last = line.xy[first], line.xy[stop - 1] + line.way[stop - 1]
     middle, chord = (begin + last) / 2, last - begin
     length = np.maximum(np.hypot(*chord.T), 1e-9)
@@ -165,7 +165,7 @@ def _circles(line: PathLines, first: Int, stop: Int) -> tuple[Float, Float]:
 
 
 def _with_arcs(paths: Toolpaths, line: PathLines, first: Int, stop: Int) -> Toolpaths:
-    """The paths with the points of arcs in the place of those of lines `first` up to `stop` (A,)."""
+    """Replace the points of ranges (A,) by points of arcs."""
     centre, radius = _circles(line, first, stop)
     begin, last = line.xy[first], line.xy[stop - 1] + line.way[stop - 1]
     out, home = begin - centre, last - centre
@@ -175,7 +175,7 @@ def _with_arcs(paths: Toolpaths, line: PathLines, first: Int, stop: Int) -> Tool
     sweep = np.where(side > 0, sweep, sweep - 2 * np.pi)
     chord = np.clip(radius * 2 * np.pi / CHORDS_PER_TURN, SHORTEST_CHORD, LONGEST_CHORD)
     pieces = np.maximum(np.ceil(radius * np.abs(sweep) / chord - 1e-9).astype(np.int64), 1)
-    # Each point is followed by what its line has become: itself, or if an arc begins there the ends of its chords.
+    # Each point stays one point, or becomes the ends of the chords if an arc begins there.
     count = np.ones(len(paths.xy), np.int64)
     inner = consecutive(first + 1, stop - first - 1)
     count[line.begin[inner]] = 0
@@ -196,18 +196,18 @@ def _with_arcs(paths: Toolpaths, line: PathLines, first: Int, stop: Int) -> Tool
     return replace(some, xy=xy, centre=centres)
 
 
-def merged(paths: Toolpaths, chosen: Bool, tolerance: float) -> Toolpaths:
-    """The paths; lines of those `chosen` (M,) are joined where nothing is moved by more than `tolerance` mm."""
+def merge_moves(paths: Toolpaths, chosen: Bool, tolerance: float) -> Toolpaths:
+    """Merge moves of the chosen paths (M,) where the path changes by at most `tolerance` mm."""
     line = PathLines.of(paths)
     owner = np.searchsorted(paths.start, line.begin, side="right") - 1
     arc = np.isfinite(paths.centre[line.begin, 0])
-    # Neither a chord of an arc nor what follows it is joined with what stands before.
+    # Chords of an arc, and moves after them, are not joined with the previous move.
     line = replace(line, apart=line.apart | ~chosen[owner] | arc | np.append(False, arc[:-1]))
 
     def fits(first: Int, stop: Int) -> Bool:
         return _on_a_line(line, first, stop, tolerance)
 
-    first, stop = stretches(line, fits)
+    first, stop = fitted_ranges(line, fits)
     kept = np.ones(len(paths.xy), np.bool_)
     kept[line.begin[consecutive(first + 1, stop - first - 1)]] = False
     return paths.of_points(
@@ -216,7 +216,7 @@ def merged(paths: Toolpaths, chosen: Bool, tolerance: float) -> Toolpaths:
 
 
 def _on_a_line(line: PathLines, first: Int, stop: Int, tolerance: float) -> Bool:
-    """(T,) whether all points of lines `first` up to `stop` lie near to the one from begin to end, and in turn."""
+    """Return whether the points of ranges (T,) lie near the line from begin to end, in ascending order."""
     size = stop - first
     begin, last = line.xy[first], line.xy[stop - 1] + line.way[stop - 1]
     chord = last - begin

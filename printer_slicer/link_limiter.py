@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, distinct, run_starts
-from printer_slicer.curves import merged
+from printer_slicer.curves import merge_moves
 from printer_slicer.extrusion import extrude
-from printer_slicer.extrusion.rows import rows_of
+from printer_slicer.extrusion.move_rows import move_rows
 from printer_slicer.extrusion.timing import move_seconds
 from printer_slicer.link_model import lateness
 from printer_slicer.model import Program, Sections, Toolpaths, Travels
@@ -97,7 +97,7 @@ def limit_link(
     if not rate or not busy.any():
         return *moves, LinkReport(rate) if rate else None
     dense = _crowded_paths(toolpaths, travels, busy, profile)
-    toolpaths = merged(toolpaths, dense, profile.quality.link_tolerance)
+    toolpaths = merge_moves(toolpaths, dense, profile.quality.link_tolerance)
     travels = travel(toolpaths, printed, profile)
     slower, report = _paced(extrude(toolpaths, travels, profile, profiles), program, busy, profile)
     return toolpaths, travels, slower, report
@@ -106,7 +106,7 @@ def limit_link(
 def _crowded_paths(paths: Toolpaths, travels: Travels, busy: Bool, profile: Profile) -> Bool:
     """(M,) the paths that moves `busy` (K,) belong to."""
     found = np.zeros(paths.n_paths, np.bool_)
-    found[rows_of(paths, travels, profile).path[busy]] = True
+    found[move_rows(paths, travels, profile).path[busy]] = True
     return found
 
 

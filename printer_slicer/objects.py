@@ -9,17 +9,17 @@ from difflib import get_close_matches
 import numpy as np
 
 from printer_slicer.arrays import Int
+from printer_slicer.combine_perimeters import combine_perimeters
 from printer_slicer.compensation import compensate
 from printer_slicer.errors import PartError, UsageError
 from printer_slicer.geometry import Areas, difference, union
 from printer_slicer.infill import Infill, infill_paths
 from printer_slicer.layer_settings import LayerSettings, settings_by_layer
 from printer_slicer.model import LayerPlan, Mesh, PlateObject, Regions, Sections, Toolpaths, Walls
-from printer_slicer.overhangs import graded
+from printer_slicer.overhangs import grade_overhangs
 from printer_slicer.profile import Profile
 from printer_slicer.profile.object_profiles import override_objects, profile_for_object
 from printer_slicer.slicing import cut
-from printer_slicer.thick_walls import thickened
 
 __all__ = ["cut_objects", "object_paths", "split_objects", "stack_sections"]
 
@@ -195,7 +195,9 @@ def object_paths(
     """
     paths, numbered = list[Toolpaths](), [usual]
     for sections, walls, regions, profile in zip(*stages, profiles, strict=True):
-        perimeters, groups = thickened(graded(walls.paths, sections), sections, regions, profile)
+        perimeters, groups = combine_perimeters(
+            grade_overhangs(walls.paths, sections), sections, regions, profile
+        )
         of_layer = _profile_indices(numbered, settings_by_layer(profile, sections.plan))
         infill = infill_paths(regions, profile, groups, custom_infill)
         paths += [perimeters.with_settings(of_layer), infill.with_settings(of_layer)]

@@ -1,7 +1,7 @@
-"""Toolpaths -> Toolpaths: how much of each perimeter's bead lies over the layer below.
+"""Grade overhangs: compute how much of each perimeter's width lies over the layer below.
 
-A bead whose centre line runs at the depth d inside the section of the layer below has the share 1/2 + d / width of its
-width over it. The sections themselves are compared, so the step from layer to layer is what it is at any layer height.
+If the centre line runs at depth d inside the section of the layer below, the share 1/2 + d / width is supported. The
+sections themselves are compared, so the result is exact for any layer height.
 """
 
 from __future__ import annotations
@@ -17,21 +17,23 @@ from printer_slicer.geometry.depth import near_outlines
 from printer_slicer.geometry.planes import spread
 from printer_slicer.model import Sections, Toolpaths
 
-__all__ = ["graded"]
+__all__ = ["grade_overhangs"]
 
-_CARRIED = 0.9  # of a bead: walls that stand on each other differ by what contours are simplified
+_CARRIED = (
+    0.9  # share that counts as fully supported; vertical walls differ by the simplification of contours
+)
 _GRADES = (0.02, 0.25, 0.5, 0.75, _CARRIED)
-_STEP = 1.0  # bead between the places that are looked at
-_SHORTEST = 0.5  # bead: shorter stretches of one grade are not told apart
-_AT_ONCE = 1 << 18  # pieces that are looked at
-_REACH = 1.05  # beads from an outline at which it is known on which side a place is; over a step
+_STEP = 1.0  # extrusion widths between tested positions
+_SHORTEST = 0.5  # extrusion widths; shorter runs of one grade are merged
+_AT_ONCE = 1 << 18  # pieces that are tested at once
+_REACH = 1.05  # extrusion widths from an outline within which depths are computed; more than a step
 
 
-def graded(paths: Toolpaths, sections: Sections) -> Toolpaths:
-    """The same perimeters, with `carried` filled in, and a point wherever that changes from one grade to the next.
+def grade_overhangs(paths: Toolpaths, sections: Sections) -> Toolpaths:
+    """Return the perimeters with their support (`carried`), and with points where it changes its grade.
 
-    Grades are over 90, 75, 50, 25 and 2 % of the bead; within a stretch of one grade `carried` is the mean. Stretches
-    shorter than half a bead is wide belong to the one before.
+    Grades are over 90, 75, 50, 25 and 2 % of the width. Within a run of one grade `carried` is the mean. Runs shorter
+    than half an extrusion width are merged with the previous one.
     """
     if not paths.n_paths:
         return paths
@@ -51,7 +53,7 @@ def graded(paths: Toolpaths, sections: Sections) -> Toolpaths:
 
 
 def _hanging(solid: Areas, below: Areas, width: float) -> Areas:
-    """What of each section is farther out than a bead can reach that still counts as carried."""
+    """Return the parts of each section too far out for an extrusion that still counts as supported."""
     air = difference(solid.select(solid.ring_layer > 0), offset(below, (1 - _CARRIED) * width))
     return air.select(np.abs(air.ring_area()) > 1e-3 * width**2)
 
@@ -61,12 +63,12 @@ class _Pieces:
     """The segments of all paths, some of them cut into equal pieces.
 
     Attributes:
-        point: (K,) where the segment begins; the last point of an open path has a piece of no length.
-        following: (K,) where it ends.
-        step: (K,) which piece of its segment each is.
-        count: (K,) how many that has.
+        point: (K,) first point of the segment; the last point of an open path has a piece of length 0.
+        following: (K,) last point of the segment.
+        step: (K,) index of the piece in its segment.
+        count: (K,) number of pieces of the segment.
         path: (K,) ascending.
-        open: (K,) whether it is to be looked at.
+        open: (K,) whether to test the piece.
     """
 
     point: Int
@@ -77,13 +79,13 @@ class _Pieces:
     open: Bool
 
     def at(self, paths: Toolpaths, ahead: float = 0) -> Float:
-        """(K, 2) where each piece begins, or ends with `ahead` = 1, or in between."""
+        """Return the position (K, 2) of each piece at `ahead`, from 0 (begin) to 1 (end)."""
         share = ((self.step + ahead) / self.count)[:, None]
         begin = paths.xy.take(self.point, axis=0)
         return begin + share * (paths.xy.take(self.following, axis=0) - begin)
 
     def take(self, which: Int) -> _Pieces:
-        """Some of them (n,), ascending."""
+        """Return some of the pieces (n,), ascending."""
         point, following, step, count, path = (
             column.take(which) for column in (self.point, self.following, self.step, self.count, self.path)
         )
@@ -91,7 +93,7 @@ class _Pieces:
 
 
 def _near(paths: Toolpaths, air: Areas, width: float) -> Bool:
-    """(N,) whether the segment that begins at each point passes the box around something that hangs."""
+    """Return whether the segment from each point (N,) crosses the box around an overhang."""
     begin, end = (np.ascontiguousarray(xy.T) for xy in (paths.xy, paths.xy.take(paths.following, axis=0)))
     low, high = np.minimum(begin, end) - width, np.maximum(begin, end) + width
     result = np.zeros(len(paths.xy), np.bool_)
@@ -113,12 +115,12 @@ def _near(paths: Toolpaths, air: Areas, width: float) -> Bool:
 
 
 def _counts(paths: Toolpaths, near: Bool, longest: float) -> Int:
-    """(N,) into how many pieces the segment that begins at each point is cut."""
+    """Return the number of pieces of the segment from each point (N,)."""
     return np.where(near, np.maximum(np.ceil(paths.steps() / longest), 1), 1).astype(np.int64)
 
 
 def _bounds(paths: Toolpaths, count: Int) -> list[int]:
-    """Where to divide the paths so that parts have hardly more than `_AT_ONCE` pieces each."""
+    """Divide the paths into blocks of about `_AT_ONCE` pieces; return the first path of each block, and the end."""
     total = np.cumsum(np.add.reduceat(count, paths.start[:-1]))
     inner = np.searchsorted(total, np.arange(_AT_ONCE, int(total[-1]), _AT_ONCE)) + 1
     return [0, *distinct(inner[inner < paths.n_paths]).tolist(), paths.n_paths]
@@ -132,7 +134,7 @@ def _cut(paths: Toolpaths, near: Bool, count: Int) -> _Pieces:
 
 
 def _carried(paths: Toolpaths, pieces: _Pieces, under: tuple[Areas, Areas], width: float) -> Float:
-    """(K,) share of each piece that is carried, from that at both of its ends; no bead is wider than `width`."""
+    """Return the supported share (K,) of each piece, from both of its ends; no extrusion is wider than `width`."""
     result = np.ones(len(pieces.point))
     chosen = np.flatnonzero(pieces.open)
     looked_at = pieces.take(chosen)
@@ -146,7 +148,7 @@ def _carried(paths: Toolpaths, pieces: _Pieces, under: tuple[Areas, Areas], widt
         return result
     looked_at, layer = pieces.take(chosen), layer.compress(near)
     begin, end = looked_at.at(paths), looked_at.at(paths, 1)
-    # A piece mostly begins where the one before it ends: only the other ends are looked at too.
+    # A piece mostly begins where the previous one ends; only other ends need a test of their own.
     apart = np.append(
         (end[:-1, 0] != begin[1:, 0]) | (end[:-1, 1] != begin[1:, 1]) | (np.diff(chosen) != 1), True
     )
@@ -162,14 +164,14 @@ def _carried(paths: Toolpaths, pieces: _Pieces, under: tuple[Areas, Areas], widt
 
 
 def _one_sided(pieces: _Pieces, some: Int, middle: Float, layer: Int, air: Areas) -> Float:
-    """(n,) 1 for pieces far from everything that hangs, 0 for those far inside it: one tells it of all beside it.
+    """Return 1 for pieces (n,) far from all overhangs and 0 for those far inside one; test one of each connected run.
 
     Args:
-        pieces: all.
-        some: (n,) numbers of these, ascending.
+        pieces: all pieces.
+        some: (n,) indices of the pieces to test, ascending.
         middle: (n, 2) mm.
-        layer: (n,) of each.
-        air: what hangs.
+        layer: (n,).
+        air: overhanging areas.
     """
     begins = np.flatnonzero(
         (np.diff(some, prepend=-2) != 1) | (np.diff(pieces.path.take(some), prepend=-1) != 0)
@@ -180,16 +182,16 @@ def _one_sided(pieces: _Pieces, some: Int, middle: Float, layer: Int, air: Areas
 
 
 def _resolved(under: tuple[Areas, Areas], points: Float, layer: Int, reach: float, last: Int) -> Float:
-    """(P,) depth of points one after the other, cut at +- `reach`; `last` are those that end a chain.
+    """Return the depth (P,) of consecutive points, limited to +- `reach`; `last` are the last points of chains.
 
-    `under` is the section of the layer below, and what of the layer itself hangs over air.
+    `under` is the section of the layer below, and the overhanging areas of the layer itself.
     """
     below, air = under
     depth = depths(below, points, layer, reach)
     chain = np.zeros(len(points), np.int64)
     chain[last[:-1] + 1] = 1
     chain = np.cumsum(chain)
-    # A step is shorter than the reach: who is not known is on the same side as who is known beside it.
+    # A step is shorter than the reach, so an unknown point is on the same side as its known neighbour.
     known = np.flatnonzero(~np.isnan(depth))
     for side in (-1, 0):
         unknown = np.flatnonzero(np.isnan(depth))
@@ -198,13 +200,13 @@ def _resolved(under: tuple[Areas, Areas], points: Float, layer: Int, reach: floa
         source = known[nearest[exists]]
         same = chain[source] == chain[unknown[exists]]
         depth[unknown[exists][same]] = np.copysign(reach, depth[source[same]])
-    # Of what is left, whole chains, one tells the side of all.
+    # The remaining chains are unknown as a whole; one point of each is tested.
     unknown = np.flatnonzero(np.isnan(depth))
     begins = run_starts(chain[unknown])
     probe, which = unknown[begins], np.cumsum(begins) - 1
     order = np.argsort(layer[probe], kind="stable")
     found = np.full(len(probe), -1)
-    # Far from all outlines below, what is not over the layer below hangs over air, which has fewer outlines.
+    # Far from all outlines below, testing the overhanging areas is equivalent, and they have fewer outlines.
     found[order] = rings_around(air, points[probe[order]], layer[probe[order]])
     hangs = (found >= 0) & (np.append(air.ring_area(), 0)[found] > 0)
     depth[unknown] = np.where(hangs[which], -reach, reach)
@@ -212,7 +214,7 @@ def _resolved(under: tuple[Areas, Areas], points: Float, layer: Int, reach: floa
 
 
 def _joined(paths: Toolpaths, pieces: _Pieces, carried: Float, shortest: float) -> Toolpaths:
-    """Paths with the points at which a stretch of one grade begins."""
+    """Return the paths with a point wherever a run of one grade begins."""
     length = paths.steps().take(pieces.point) / pieces.count
     of_piece = np.digitize(carried, _GRADES)
     grade = _without_short(of_piece, pieces.path, length, shortest)
@@ -242,11 +244,11 @@ def _joined(paths: Toolpaths, pieces: _Pieces, carried: Float, shortest: float) 
 
 
 def _without_short(grade: Int, path: Int, length: Float, shortest: float) -> Int:
-    """(K,) grades where stretches shorter than `shortest` have that of the last one before that is longer."""
+    """Return the grades (K,) with runs shorter than `shortest` merged into the previous longer one."""
     begins = np.append(True, (np.diff(grade) != 0) | (np.diff(path) != 0))
     stretch = np.cumsum(begins) - 1
     first = np.flatnonzero(begins)
     long = np.bincount(stretch, length) >= shortest
-    long |= run_starts(path[first])  # the first of a path has none before it
+    long |= run_starts(path[first])  # the first run of a path has no previous one
     source = np.maximum.accumulate(np.where(long, np.arange(len(first)), 0))
     return np.asarray(grade[first][source][stretch])

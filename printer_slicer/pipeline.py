@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Unpack
 
-from printer_slicer.adhesion import on_raft, with_adhesion
-from printer_slicer.curves import curved
+from printer_slicer.adhesion import add_adhesion, place_on_raft
+from printer_slicer.curves import fit_arcs
 from printer_slicer.extrusion import extrude
 from printer_slicer.healing import refuse_repaired, repair
 from printer_slicer.labelling import label_moves
@@ -98,8 +98,8 @@ def slice_planned(
     )
     report("ordering")
     solid = stack_sections(sections)
-    printed = on_raft(solid, profile)
-    toolpaths = curved(order(with_adhesion(paths, solid, printed, profile), printed, profile), profile)
+    printed = place_on_raft(solid, profile)
+    toolpaths = fit_arcs(order(add_adhesion(paths, solid, printed, profile), printed, profile), profile)
     report("travels")
     travels = travel(toolpaths, printed, profile)
     report("extrusion")

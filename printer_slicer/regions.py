@@ -1,15 +1,17 @@
-"""Sections + Walls -> Regions: what is inside the walls, by how far below and above it there is air.
+"""Divide the area inside the perimeters into regions, by the distance to the surfaces above and below.
 
-Shell thicknesses are in mm. On layers of uneven height the layers within reach are a range of z, a different number for
-each layer; their common area comes from a table of intersections over 1, 2, 4, ... layers.
+Shell thicknesses are in mm. With layers of different heights, the layers within a shell thickness are a range of z with
+a different number of layers for each layer. Their common area comes from a table of intersections over 1, 2, 4, ...
+layers.
 
-Where a slope moves the walls inward by more than they are deep, the step between them must be closed too: sparse is
-only what is inside the walls both here and where the skin ends, over and under here. So the shell keeps its thickness
-measured across a slope of any angle t to the bed: a point that is `skin` below (above) one that is `depth` inside the
-face is depth sin t + skin cos t away from it. On steep slopes that leaves strips of skin / tan t beside the walls,
-which alone are depth sin t thick there. Strips are left out where that is enough, a share of the lesser of skin and
-depth that the quality asks for (`slope_shell_ratio`), and where they are narrower than half a bead. With a share of 0
-skins keep their thickness only as measured up and down: across a slope of 45° the shell is depth sin t thick.
+On a slope the perimeters of the next layers move inward. If they move by more than their depth, the step between them
+must be closed. So internal infill is only what is inside the perimeters on this layer and on the layers where the shell
+thickness ends, above and below. The shell then keeps its thickness across a slope of any angle t to the bed: a point
+`thickness` below one that is `depth` inside the face is depth sin t + thickness cos t away from the face. On steep
+slopes this makes solid strips of thickness / tan t beside the perimeters, which alone are depth sin t thick there.
+Strips are left out where the perimeters alone reach the wanted share (`slope_shell_ratio`) of the lesser of thickness
+and depth, and where strips are narrower than half an extrusion. With a share of 0, thickness is only measured
+vertically, and the shell of a 45° slope is depth sin t thick.
 """
 
 from __future__ import annotations
@@ -20,7 +22,7 @@ import numpy as np
 
 from printer_slicer import bead
 from printer_slicer.arrays import Bool, Float, Int
-from printer_slicer.bridges import bridges_over, over_sparse
+from printer_slicer.bridges import find_bridges, find_internal_bridges
 from printer_slicer.geometry import (
     difference,
     intersection,
@@ -37,16 +39,16 @@ from printer_slicer.profile import Profile
 
 __all__ = ["classify"]
 
-_SMALLEST = 1e-6  # mm: heights that differ by less are the same
-_DOT = 5.0  # square beads
-_NARROW = 3.0  # beads: strips of sparse infill that are narrower hold only dots of it
+_SMALLEST = 1e-6  # mm; heights that differ by less are equal
+_DOT = 5.0  # squared extrusion widths
+_NARROW = 3.0  # extrusion widths; narrower strips of internal infill contain only dots
 
 
 def classify(sections: Sections, walls: Walls, profile: Profile) -> Regions:
-    """The inside of the walls, divided by purpose.
+    """Divide the area inside the perimeters into regions.
 
-    A point is solid when, going up (down) from its layer, the inside of the walls ends within `quality.top_thickness`
-    (`quality.bottom_thickness`), or where the area around it is too small for sparse infill. The bed is a surface too.
+    A point becomes solid infill if the part ends within `quality.top_thickness` above or `quality.bottom_thickness`
+    below it, or if the area around it is too small for internal infill. The bed counts as a surface.
     """
     plan, inside, solid = sections.plan, walls.inside, sections.solid
     rules, width = _Rules.of(settings_by_layer(profile, plan)), walls.width
@@ -55,13 +57,13 @@ def classify(sections: Sections, walls: Walls, profile: Profile) -> Regions:
     carrying, sparse = _below(solid), difference(inside, shell)
     if rules.empty.any():
         hollow = _below(sparse.of_layers(rules.empty))
-        # Nothing can stand on what is hollow, sparse infill neither.
+        # Nothing can stand on hollow areas, not even internal infill.
         lid = intersection(shell.of_layers(rules.empty).merge(inside.of_layers(~rules.empty)), hollow)
         carrying, open_below = difference(carrying, hollow), union(open_below, lid)
         sparse = difference(sparse, lid)
     down = _grown(open_below, inside, width, rules.anchor)
     skin, hanging = down.select(down.ring_layer == 0), down.select(down.ring_layer > 0)
-    bridges = bridges_over(
+    bridges = find_bridges(
         offset_open(open_below, width / 4), hanging, carrying, width, (rules.anchor, rules.angle)
     )
     down = skin.merge(bridges.covered())
@@ -73,16 +75,16 @@ def classify(sections: Sections, walls: Walls, profile: Profile) -> Regions:
     bridges = bridges.with_scraps(pieces_of(scraps), width / 4)
     open_to_air = skin.merge(bridges.covered()).merge(up)
     covered = difference(inside, sparse.merge(open_to_air))
-    internal = over_sparse(covered, _below(sparse), width, rules.anchor)
+    internal = find_internal_bridges(covered, _below(sparse), width, rules.anchor)
     bridge, angle = bridges.of_stack()
     return Regions(
         plan,
-        bottom_skin=skin,
+        bottom_solid_infill=skin,
         bridge=bridge,
-        top_skin=up,
-        # A disc on a smaller one is no bridge: threads would end in the air, pressed lines hold on to what is below.
-        solid=union(difference(covered, internal), bridges.loose),
-        sparse=sparse,
+        top_solid_infill=up,
+        # A disc on a smaller one is not bridged: bridge lines would end unsupported. Solid infill bonds below.
+        solid_infill=union(difference(covered, internal), bridges.loose),
+        internal_infill=sparse,
         bridge_angle=angle,
         internal_bridge=internal,
         inside=inside,
@@ -91,10 +93,11 @@ def classify(sections: Sections, walls: Walls, profile: Profile) -> Regions:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Rules:
-    """The settings that regions come from, of each layer (L,): mm, mm², shares, and how many.
+    """Settings of the regions for each layer (L,), in mm, mm², shares and counts.
 
     Attributes:
-        full, empty: whether everything inside is solid, or what is not shell stays empty.
+        full: whether the inside is all solid.
+        empty: whether everything but the shell stays empty.
     """
 
     full: Bool
@@ -109,7 +112,7 @@ class _Rules:
 
     @classmethod
     def of(cls, layered: LayerSettings) -> _Rules:
-        """Those of profiles."""
+        """Return the settings of the profile of each layer."""
         density = layered.values(lambda profile: profile.quality.infill_density)
         return cls(
             density >= 1,
@@ -127,9 +130,9 @@ class _Rules:
 def _exposed(
     sections: Sections, inside: Areas, rules: _Rules
 ) -> tuple[tuple[Areas, Areas], tuple[Areas, Areas]]:
-    """What of the inside has air within the skins above and below it; and what has it right over and under it.
+    """Return the areas near a surface above and below, and those directly at a surface above and below.
 
-    Where everything is solid, what is near air is not asked for: the second pair stands for it.
+    On layers that are all solid, the first pair is not needed and equals the second.
     """
     plan = sections.plan
     top, bottom = rules.top, rules.bottom
@@ -149,7 +152,7 @@ def _exposed(
     )
     missing: list[Areas] = []
     for none, cover in reversed(list(zip(idle, covers, strict=True))):
-        # Where there is no air within the skin, there is none right beside it.
+        # A layer without a surface within the shell thickness has none directly beside it.
         some = ~none if len(missing) < 2 else missing[-2].used
         missing.append(difference(inside.of_layers(some), cover.of_layers(some)))
     above, below = missing[-1], missing[-2]
@@ -157,7 +160,7 @@ def _exposed(
 
 
 def _shell(walls: Walls, near: tuple[Areas, Areas], rules: _Rules) -> Areas:
-    """What of the inside has to be solid to keep surfaces and slopes closed; all of it where that is asked for."""
+    """Return the areas that must be solid to close surfaces and slopes; everything on full layers."""
     if rules.full.all():
         return walls.inside
     shell = offset_open(union(*near), walls.width / 4)
@@ -170,14 +173,14 @@ def _shell(walls: Walls, near: tuple[Areas, Areas], rules: _Rules) -> Areas:
 
 
 def _across_slopes(walls: Walls, rules: _Rules) -> tuple[Areas, Areas]:
-    """What is over and under the walls of the layer where the skin ends, where a slope makes the walls too thin."""
+    """Return the areas above and below the perimeters at the end of the shell thickness, where slopes need them."""
     plan, inside, sloped = walls.plan, walls.inside, rules.slope > 0
     above = _window_above(plan, rules.top)
     below = _window_below(plan, rules.bottom)
     own = np.arange(plan.n_layers)
     highest = np.where(sloped, np.maximum(np.minimum(above[1], plan.n_layers) - 1, own), own)
     lowest = np.where(sloped, np.minimum(np.maximum(below[0], 0), own), own)
-    # A slope goes on through the layers between: what it covers of the inside, it does at the farthest of them.
+    # A slope continues through all layers between, so the farthest layer decides.
     over, under = (
         offset_open(
             _uncovered(inside, at), _needless(walls, rules, skin, np.abs(plan.cut[at] - plan.cut)) / 2
@@ -188,9 +191,9 @@ def _across_slopes(walls: Walls, rules: _Rules) -> tuple[Areas, Areas]:
 
 
 def _without_dots(shell: Areas, width: Float) -> Areas:
-    """The shell without what a bead of few mm would fill, as faceted slopes leave it where solid strips end.
+    """Remove tiny pieces from the shell, as faceted slopes leave them where solid strips end.
 
-    Beside sparse infill such beads hold nothing. Where there is none, the place is too small for it, and solid anyway.
+    Such pieces are useless beside internal infill. Areas too small for internal infill become solid anyway.
     """
     pieces = pieces_of(shell)
     large = pieces.areas.area() >= _DOT * width[pieces.layer] ** 2
@@ -198,18 +201,18 @@ def _without_dots(shell: Areas, width: Float) -> Areas:
 
 
 def _uncovered(inside: Areas, at: Int) -> Areas:
-    """What of each layer's inside is not inside the layer `at` (L,)."""
+    """Return the inside of each layer minus the inside of layer `at` (L,)."""
     other = at != np.arange(inside.n_layers)
     cover = window_intersection(inside, at, at + 1)
     return difference(inside.of_layers(other), cover.of_layers(other))
 
 
 def _needless(walls: Walls, rules: _Rules, skin: Float, apart: Float) -> Float:
-    """(L,) mm: how narrow strips of solid beside the walls can be left out.
+    """Return the width (L,) of solid strips beside the perimeters that can be left out, mm.
 
-    They come from slopes so steep that the walls are thick enough: the strip is skin / tan t wide, the walls are
-    depth sin t thick. Steps that leave more of the inside open than a slope hides under the walls are wider than these.
-    `apart` (L,) is how far from each other the sections lie at both ends of the skin, mm.
+    Such strips come from slopes so steep that the perimeters alone are thick enough: the strip is thickness / tan t
+    wide, the perimeters are depth sin t thick. Real steps are wider than these strips. `apart` (L,) is the distance in
+    mm between the sections at both ends of the shell thickness.
     """
     half = walls.width / 2
     gap = bead.spacing(walls.width, walls.plan.height)
@@ -220,12 +223,12 @@ def _needless(walls: Walls, rules: _Rules, skin: Float, apart: Float) -> Float:
 
 
 def _worth_it(sparse: Areas, width: Float, rules: _Rules) -> tuple[Areas, Areas]:
-    """Sparse areas without scraps, and these: too small or narrow for it, where such ones are not to be sparse."""
+    """Split internal infill into usable areas and scraps that are too small or too narrow for it."""
     as_they_are = rules.empty | (rules.smallest == 0)
     if as_they_are.all():
         return sparse, Areas.empty(sparse.n_layers)
     untouched, sparse = sparse.of_layers(as_they_are), sparse.of_layers(~as_they_are)
-    # Opened, sharp corners are cut off: what is narrower than a bead there stays.
+    # Opening cuts off sharp corners; parts narrower than an extrusion stay there.
     narrow = offset_open(difference(sparse, offset_open(sparse, _NARROW / 2 * width)), width / 3)
     pieces = pieces_of(difference(sparse, narrow))
     large = pieces.areas.area() >= rules.smallest[pieces.layer]
@@ -234,36 +237,36 @@ def _worth_it(sparse: Areas, width: Float, rules: _Rules) -> tuple[Areas, Areas]
 
 
 def _over(scraps: Areas, sparse: Areas) -> Areas:
-    """Those of the scraps of which the larger part lies over sparse infill: solid, they would hang over its cells."""
+    """Return the scraps that lie mostly over internal infill; as solid infill they would be unsupported."""
     pieces = pieces_of(scraps)
     area = intersection(pieces.areas, pieces.beside(sparse)).area()
     return pieces.on_layers(scraps.n_layers, np.flatnonzero(area > pieces.areas.area() / 2))
 
 
 def _narrow(beside: Areas, width: Float) -> Areas:
-    """Pieces in which no two beads fit side by side."""
+    """Return the pieces too narrow for two extrusions side by side."""
     pieces = pieces_of(beside)
     slim = pieces.mean_width() < 2 * width[pieces.layer]
     return pieces.on_layers(beside.n_layers, np.flatnonzero(slim))
 
 
 def _below(solid: Areas) -> Areas:
-    """For each layer the section of the layer below; nothing under the first."""
+    """Return the section below each layer; empty for the first layer."""
     own = np.arange(solid.n_layers)
     return window_intersection(solid, own - 1, own)
 
 
 def _window_above(plan: LayerPlan, thickness: Float) -> tuple[Int, Int]:
-    """For each layer the layers above whose bottom is less than `thickness` (L,) over its top; none for thickness 0."""
+    """Return for each layer the range of layers above it within `thickness` (L,); empty for thickness 0."""
     first = np.arange(plan.n_layers) + 1
     last = np.searchsorted(plan.bottom, plan.top + thickness - _SMALLEST / 2)
-    # Air over the last layer: what lies within reach of the top has a window that leaves the stack.
+    # Layers near the top get a window that extends beyond the stack, because there is air above the last layer.
     near_top = plan.top + thickness - _SMALLEST / 2 > plan.top[-1]
     return first, np.where(near_top & (thickness > 0), plan.n_layers + 1, last).astype(np.int64)
 
 
 def _window_below(plan: LayerPlan, thickness: Float) -> tuple[Int, Int]:
-    """For each layer those below whose top is less than `thickness` (L,) under its bottom; the bed ends the stack."""
+    """Return for each layer the range of layers below it within `thickness` (L,); -1 stands for the bed."""
     last = np.arange(plan.n_layers)
     first = np.searchsorted(plan.top, plan.bottom - thickness + _SMALLEST / 2, side="right")
     near_bed = plan.bottom - thickness + _SMALLEST / 2 < 0
@@ -271,5 +274,5 @@ def _window_below(plan: LayerPlan, thickness: Float) -> tuple[Int, Int]:
 
 
 def _grown(area: Areas, inside: Areas, width: Float, by: Float) -> Areas:
-    """`area` without slivers too narrow for half a bead, grown by `by` (L,) mm so that its lines end on something."""
+    """Drop slivers narrower than half an extrusion, and grow by `by` (L,) mm so that lines end on a support."""
     return intersection(offset(offset_open(area, width / 4), by), inside)

@@ -1,6 +1,6 @@
-"""Why something is extruded, and what follows from it: one row for each role.
+"""Roles of extrusions and their properties, one row for each role.
 
-A new role is a new member of `Role` and its row; nothing else lists roles, and nothing depends on their numbers.
+A new role needs a new member of `Role` and its row; nothing else lists roles or depends on their numbers.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ __all__ = ["ROLES", "Phase", "Role", "RoleRow", "is_perimeter", "roles_with"]
 
 
 class Role(IntEnum):
-    """Why something is extruded; the number is the place of its row in `ROLES`."""
+    """Role of an extrusion; the number is the index of its row in `ROLES`."""
 
     TRAVEL = 0
     SKIRT = 1
@@ -36,7 +36,7 @@ class Role(IntEnum):
 
 
 class Phase(Enum):
-    """When a role is printed within its island; `ordering` says which phase comes first."""
+    """Phase in which a role is printed within its island; `ordering` defines their order."""
 
     BASE = "before the part"
     PERIMETERS = "perimeters"
@@ -48,21 +48,21 @@ class Phase(Enum):
 
 @dataclass(frozen=True, slots=True)
 class RoleRow:
-    """What holds for everything that is extruded for one reason.
+    """Properties of a role.
 
     Attributes:
-        type_comment: after `;TYPE:` in the G-code, as PrusaSlicer's and OrcaSlicer's viewers know it.
-        phase: when it is printed within its island.
-        speed: the setting in `Profile.speeds` that it has above the first layer.
-        acceleration: the setting in `Profile.accelerations`.
-        slowed_in: which round of slowing down a layer that is too quick to cool takes it first, from 0.
-        colour: in drawings.
-        is_part: whether the part consists of it.
-        is_infill: whether it fills what perimeters surround, from one to the other; bridges are not.
+        type_comment: name in `;TYPE:` comments, as viewers of PrusaSlicer and OrcaSlicer know it.
+        phase: phase in which it is printed within its island.
+        speed: setting in `Profile.speeds` that applies above the first layer.
+        acceleration: setting in `Profile.accelerations`.
+        slowed_in: first round, from 0, in which it is slowed down on layers that are too short to cool.
+        colour: in pictures.
+        is_part: whether it belongs to the part.
+        is_infill: whether it fills the area inside the perimeters; bridges do not count.
         is_bridge: whether its lines hang between two ends.
-        is_top: whether it is seen from above.
-        is_around: whether it goes around all objects, or lies beside them, and so belongs to no island; of a raft only
-            its closed paths do.
+        is_top: whether it is visible from above.
+        is_around: whether it surrounds or lies beside all objects, and so belongs to no island; for a raft this holds
+            only for closed paths.
     """
 
     type_comment: str
@@ -93,19 +93,19 @@ _ROWS: Final = {
     Role.EXTERNAL_PERIMETER: RoleRow(
         "External perimeter", Phase.PERIMETERS, "external_perimeter", "external_perimeter", 1, "#d55e00"
     ),
-    # Extrusions of a perimeter of which less than half the width is carried; paths are never of this role.
+    # Moves of a perimeter with less than half of their width supported; whole paths never have this role.
     Role.OVERHANG_PERIMETER: RoleRow(
         "Overhang perimeter", Phase.PERIMETERS, "external_perimeter", "overhang", 2, "#7a1f1f"
     ),
     Role.BRIDGE: RoleRow("Bridge infill", Phase.BRIDGES, "bridge", "bridge", 2, "#56b4e9", is_bridge=True),
     Role.BOTTOM_SOLID_INFILL: RoleRow(
-        "Solid infill", Phase.INFILL, "solid_infill", "solid_infill", 0, "#cc79a7", is_infill=True
+        "Solid infill", Phase.INFILL, "solid_infill", "solid_infill", 0, "#0072b2", is_infill=True
     ),
     Role.INTERNAL_INFILL: RoleRow(
         "Internal infill", Phase.INFILL, "internal_infill", "internal_infill", 0, "#009e73", is_infill=True
     ),
     Role.INTERNAL_BRIDGE: RoleRow(
-        "Bridge infill", Phase.INFILL, "internal_bridge", "bridge", 2, "#a6d8f0", is_bridge=True
+        "Bridge infill", Phase.INFILL, "internal_bridge", "bridge", 2, "#56b4e9", is_bridge=True
     ),
     Role.SOLID_INFILL: RoleRow(
         "Solid infill", Phase.INFILL, "solid_infill", "solid_infill", 0, "#0072b2", is_infill=True
@@ -138,7 +138,7 @@ def roles_with(
     is_around: bool | None = None,
     phase: Phase | None = None,
 ) -> Bool:
-    """(roles,) whether each role has what is asked for: index it with roles (n,) to get their answers (n,)."""
+    """Return which roles (roles,) have the given properties; index the result with roles (n,)."""
     asked = {
         "is_part": is_part,
         "is_infill": is_infill,
@@ -152,5 +152,5 @@ def roles_with(
 
 
 def is_perimeter(role: Int) -> Bool:
-    """(n,) whether roles (n,) of paths are those of perimeters; OVERHANG_PERIMETER is one of single moves only."""
+    """Return whether roles (n,) of paths are perimeters; OVERHANG_PERIMETER occurs only for single moves."""
     return np.asarray((role == Role.EXTERNAL_PERIMETER) | (role == Role.PERIMETER))

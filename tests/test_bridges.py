@@ -155,7 +155,7 @@ def test_what_lies_beside_the_lines_of_a_bridge_is_not_bridged() -> None:
     assert high[1] - low[1] == pytest.approx(room[1] + 2 * ANCHOR, abs=0.01)
     # What is solid anyway, over the perimeters around the room, is bridged too, and no more.
     assert room[0] < high[0] - low[0] < room[0] + 2 * 1.1
-    assert shape(stages.regions.sparse, layer).distance(shape(bridge, layer)) < 1e-3
+    assert shape(stages.regions.internal_infill, layer).distance(shape(bridge, layer)) < 1e-3
 
 
 def test_no_dots_of_sparse_infill_are_laid_beside_bridges() -> None:
@@ -166,8 +166,8 @@ def test_no_dots_of_sparse_infill_are_laid_beside_bridges() -> None:
 
     assert regions.bridge.area()[layer] > 300
     assert regions.internal_bridge.area()[layer] == 0
-    sparse = shape(regions.sparse, layer)
-    useful = shape(offset_open(regions.sparse, 1.4 * 0.45), layer)
+    sparse = shape(regions.internal_infill, layer)
+    useful = shape(offset_open(regions.internal_infill, 1.4 * 0.45), layer)
     assert all(part.intersects(useful) for part in shapely.get_parts(sparse))
     here = np.flatnonzero((paths.layer == layer) & (paths.role == Role.INTERNAL_INFILL))
     assert min(shapely.LineString(paths.path(int(i))).length for i in here) > 3

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from printer_slicer.arrays import Float
 from printer_slicer.commands import split_gcode
-from printer_slicer.curves import curved
+from printer_slicer.curves import fit_arcs
 from printer_slicer.extrusion import move_seconds
 from printer_slicer.firmware import FLAVOURS
 from printer_slicer.gcode import read_moves
@@ -61,7 +61,7 @@ def arcs(paths: Toolpaths) -> int:
 @pytest.mark.parametrize("radius", [3.0, 5.0, 60.0])
 @pytest.mark.parametrize("way", [1, -1])
 def test_a_circle_becomes_three_arcs_about_its_middle(radius: float, way: int) -> None:
-    after = curved(path_of(circle(radius, 120)[::way], closed=True), plain(arc_tolerance=0.05))
+    after = fit_arcs(path_of(circle(radius, 120)[::way], closed=True), plain(arc_tolerance=0.05))
 
     assert 3 <= arcs(after) <= 5
     assert after.centre == pytest.approx(np.zeros((len(after.xy), 2)), abs=1e-3 * radius)
@@ -80,7 +80,7 @@ def test_no_point_is_farther_off_than_the_tolerance(
     xy = np.cumsum(np.column_stack([np.cos(turn), np.sin(turn)]) * rng.uniform(0.05, 1, (n, 1)), axis=0)
     before = path_of(xy, closed=closed and n > 2)
 
-    after = curved(before, plain(arc_tolerance=tolerance))
+    after = fit_arcs(before, plain(arc_tolerance=tolerance))
 
     old, new = line_of(before), line_of(after)
     # The chords that a machine makes of an arc lie inside of it.
@@ -92,14 +92,14 @@ def test_no_point_is_farther_off_than_the_tolerance(
 
 
 def test_circles_so_small_that_their_chords_would_outrun_the_planner_stay_lines() -> None:
-    assert arcs(curved(path_of(circle(1.5, 60), closed=True), plain(arc_tolerance=0.05))) == 0
+    assert arcs(fit_arcs(path_of(circle(1.5, 60), closed=True), plain(arc_tolerance=0.05))) == 0
 
 
 def test_beads_whose_width_changes_and_those_that_hang_stay_lines() -> None:
     xy = circle(5, 60, turn=2.0)
-    wavy = curved(path_of(xy, closed=False, width=np.linspace(0.3, 0.6, 60)), plain(arc_tolerance=0.05))
+    wavy = fit_arcs(path_of(xy, closed=False, width=np.linspace(0.3, 0.6, 60)), plain(arc_tolerance=0.05))
     carried = np.where(np.arange(60) < 30, 1.0, 0.4)
-    hanging = curved(path_of(xy, closed=False, support_ratio=carried), plain(arc_tolerance=0.05))
+    hanging = fit_arcs(path_of(xy, closed=False, support_ratio=carried), plain(arc_tolerance=0.05))
 
     assert arcs(wavy) == 0
     assert arcs(hanging) == 2
@@ -109,7 +109,7 @@ def test_beads_whose_width_changes_and_those_that_hang_stay_lines() -> None:
 def test_corners_and_straight_lines_are_no_arcs() -> None:
     square = np.array([(0, 0), (5, 0), (10, 0), (10, 5), (10, 10), (0, 10)], float)
 
-    assert arcs(curved(path_of(square, closed=True), plain(arc_tolerance=0.1))) == 0
+    assert arcs(fit_arcs(path_of(square, closed=True), plain(arc_tolerance=0.1))) == 0
 
 
 @pytest.mark.parametrize("mesh", [cone(12, 4), sphere(5), box((10, 10, 2))], ids=lambda mesh: mesh.name)

@@ -47,7 +47,7 @@ def density(stages: Stages) -> Float:
     paths, solid = stages.toolpaths, stages.sections.solid
     own = ~np.isin(paths.role, _NOT_SHELL)
     laid = np.bincount(paths.layer[own], (paths.area() * paths.height)[own], solid.n_layers)
-    volume = (solid.area() - stages.regions.sparse.area()) * stages.sections.plan.height
+    volume = (solid.area() - stages.regions.internal_infill.area()) * stages.sections.plan.height
     return np.asarray(laid / volume)
 
 
@@ -56,7 +56,7 @@ def overfilled(stages: Stages, profile: Profile) -> float:
     coverage = coverage_of(
         stack_of(stages.program, profile.material.filament_diameter), stages.sections.solid
     )
-    shell = difference(stages.sections.solid, stages.regions.sparse)
+    shell = difference(stages.sections.solid, stages.regions.internal_infill)
     layers = np.flatnonzero(coverage.fill.overlap).tolist()
     over = [
         shapely.area(shapely.intersection(shape(overlapping(coverage, k), 0), shape(shell, k)))

@@ -207,7 +207,7 @@ def test_what_is_over_the_tolerance_is_marked_and_told() -> None:
     step = layer_boxes(picture)[10]  # the flat at 3.15 lies within the layer from 3.0 to 3.3
     assert len(marks) == len(boxes(picture, "over")) >= 1
     assert any(mark.y <= step.y + 1 and mark.y + mark.height >= step.y + step.height - 1 for mark in marks)
-    assert "max error, above 0.05" in words(picture)
+    assert "max deviation, above 0.05" in words(picture)
     assert "tolerance 0.05" in words(picture)
 
 

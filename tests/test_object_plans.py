@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from printer_slicer.errors import UsageError
-from printer_slicer.extrusion.accelerating import accelerations_of
+from printer_slicer.extrusion.acceleration import move_accelerations
 from printer_slicer.gcode_text import gcode_of
 from printer_slicer.inspection.coverage.model_check import check_gcode
 from printer_slicer.model import Heat, LayerPlan, Mesh, PlateObject
@@ -110,7 +110,7 @@ def test_each_object_has_a_first_layer_of_its_own() -> None:
     program = slice_stages(two_objects(), plain(**changes), plan=PLANS).program
     laid = roles_with(is_part=True)[program.role]
     first = laid & (program.z_top - program.height < 1e-6)
-    accelerations = accelerations_of(program, plain().printer, 0, program.n_moves)
+    accelerations = move_accelerations(program, plain().printer, 0, program.n_moves)
 
     assert sorted(np.unique(program.z_top[first].round(6))) == pytest.approx([0.2, 0.3])
     assert program.speed[first].max() <= 12 < program.speed[laid & ~first].max()

@@ -10,7 +10,7 @@ from hypothesis import given
 
 from printer_slicer.arrays import Float
 from printer_slicer.model import Areas, Fan, LayerPlan, Mesh, Program, Sections, Toolpaths
-from printer_slicer.overhangs import graded
+from printer_slicer.overhangs import grade_overhangs
 from printer_slicer.perimeters import lay_walls
 from printer_slicer.pipeline import slice_part
 from printer_slicer.roles import Role
@@ -45,7 +45,7 @@ def pieces(paths: Toolpaths) -> tuple[Float, Float, Float]:
 def test_a_wall_set_out_over_another_is_carried_by_what_is_left_of_its_bead(shift: float) -> None:
     """The side that stands out by `shift`: its bead has 1 - shift / width over the layer below."""
     paths, sections = beads(Areas.from_rings([[square(20)], [square(20, (shift, 0))]]))
-    after = graded(paths, sections)
+    after = grade_overhangs(paths, sections)
 
     middle, _, carried = pieces(after)
     layer = np.repeat(after.layer, np.diff(after.start))
@@ -57,7 +57,7 @@ def test_a_wall_set_out_over_another_is_carried_by_what_is_left_of_its_bead(shif
 
 def test_walls_that_stand_on_each_other_stay_as_they_are() -> None:
     paths, sections = beads(Areas.from_rings([[square(20)]] * 4))
-    after = graded(paths, sections)
+    after = grade_overhangs(paths, sections)
 
     assert np.array_equal(after.xy, paths.xy)
     assert (after.support_ratio == 1).all()
@@ -66,7 +66,7 @@ def test_walls_that_stand_on_each_other_stay_as_they_are() -> None:
 @given(areas=clean_areas(3))
 def test_paths_keep_their_points_and_their_way(areas: Areas) -> None:
     paths, sections = beads(areas)
-    after = graded(paths, sections)
+    after = grade_overhangs(paths, sections)
 
     assert after.n_paths == paths.n_paths
     for i in range(paths.n_paths):
@@ -81,7 +81,7 @@ def test_paths_keep_their_points_and_their_way(areas: Areas) -> None:
 @given(areas=clean_areas(3))
 def test_what_is_deep_over_the_layer_below_is_carried_and_what_is_far_out_is_not(areas: Areas) -> None:
     paths, sections = beads(areas)
-    after = graded(paths, sections)
+    after = grade_overhangs(paths, sections)
 
     middle, length, carried = pieces(after) if after.n_paths else (np.zeros((0, 2)), np.zeros(0), np.zeros(0))
     layer = np.repeat(after.layer, np.diff(after.start))
@@ -106,7 +106,7 @@ def test_on_uneven_layers_the_share_follows_the_step_of_each() -> None:
     low = box((20, 20, 2.2), (-10, -10, 0)).triangles.copy()
     low[low[:, :, 2] > 0, :2] *= 24.4 / 20
     sections = cut(Mesh(low), plan, 0.0125)
-    after = graded(lay_walls(sections, plain()).paths, sections)
+    after = grade_overhangs(lay_walls(sections, plain()).paths, sections)
 
     step = np.diff(plan.cut, prepend=0.0)
     _, length, carried = pieces(after)

@@ -138,7 +138,7 @@ def test_sparse_density_is_the_share_of_the_sparse_area(pattern: str, density: f
     sparse = stages.program.role == Role.INTERNAL_INFILL
 
     fed = float(stages.program.filament[sparse].sum()) * pi * 1.75**2 / 4
-    room = float(stages.regions.sparse.area() @ stages.program.plan.height)
+    room = float(stages.regions.internal_infill.area() @ stages.program.plan.height)
     assert fed / room == pytest.approx(density, rel=0.06)
 
 

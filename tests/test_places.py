@@ -54,7 +54,7 @@ def volume(
 
 def sparse_share(stages: Stages, z: tuple[float, float], *, right: bool | None = None) -> float:
     """Plastic in the sparse regions between two heights, as a share of their volume."""
-    plan, sparse = stages.regions.plan, stages.regions.sparse
+    plan, sparse = stages.regions.plan, stages.regions.internal_infill
     if right is not None:
         middle = np.add.reduceat(sparse.xy[:, 0], sparse.ring_start[:-1])
         sparse = sparse.select((middle > 0) == right)
@@ -154,7 +154,9 @@ def test_skins_of_heights_are_as_thick_as_they_ask() -> None:
     part = step_pyramid([20, 12], [5, 5])
     stages = sliced(part, top_thickness=0.6, overrides="3:6:top_thickness=1.4")
     solid = (
-        stages.regions.solid.area() + stages.regions.internal_bridge.area() + stages.regions.top_skin.area()
+        stages.regions.solid_infill.area()
+        + stages.regions.internal_bridge.area()
+        + stages.regions.top_solid_infill.area()
     )
     plan = stages.sections.plan
     ring = (solid > 0.3 * (20**2 - 12**2)) & (plan.top <= 5.001) & (plan.bottom > 1)
@@ -168,9 +170,9 @@ def test_sparse_infill_does_not_begin_over_what_is_hollow() -> None:
     first = int(np.searchsorted(plan.bottom, 5 - 1e-6))
 
     assert volume(stages, Role.INTERNAL_INFILL, z=(0, 5)) == 0
-    assert regions.sparse.area()[first] == 0
+    assert regions.internal_infill.area()[first] == 0
     assert regions.bridge.area()[first] > 0.8 * (SIDE - 2) ** 2
-    assert regions.sparse.area()[first + 4] > 0.5 * SIDE**2
+    assert regions.internal_infill.area()[first + 4] > 0.5 * SIDE**2
 
 
 def test_later_heights_win_where_several_overlap() -> None:

@@ -37,7 +37,14 @@ from tests.parts import (
 )
 
 WIDTH = 0.45
-FIELDS = ("bottom_skin", "bridge", "internal_bridge", "top_skin", "solid", "sparse")
+FIELDS = (
+    "bottom_solid_infill",
+    "bridge",
+    "internal_bridge",
+    "top_solid_infill",
+    "solid_infill",
+    "internal_infill",
+)
 engines = pytest.mark.parametrize("engine", list(ENGINES))
 
 
@@ -104,22 +111,22 @@ def test_regions_do_not_overlap_and_cover_the_inside(engine: str, mesh: Mesh, he
 def test_bottom_skins_lie_on_the_bed_and_bridges_do_not(mesh: Mesh, height: float) -> None:
     _, _, regions = classified(mesh, uneven(height), plain())
 
-    assert set(regions.bottom_skin.ring_layer.tolist()) <= {0}
+    assert set(regions.bottom_solid_infill.ring_layer.tolist()) <= {0}
     assert 0 not in regions.bridge.ring_layer
 
 
 def test_the_first_layer_is_bottom_skin_and_the_last_top_skin() -> None:
     _, walls, regions = classified(box(), uneven(10.0), plain())
 
-    assert regions.bottom_skin.area()[0] == pytest.approx(walls.inside.area()[0])
-    assert regions.top_skin.area()[-1] == pytest.approx(walls.inside.area()[-1])
+    assert regions.bottom_solid_infill.area()[0] == pytest.approx(walls.inside.area()[0])
+    assert regions.top_solid_infill.area()[-1] == pytest.approx(walls.inside.area()[-1])
     assert regions.bridge.n_rings == 0
 
 
 def test_a_single_layer_is_bottom_skin_only() -> None:
     _, walls, regions = classified(box((10, 10, 0.2)), LayerPlan.from_tops(np.array([0.2])), plain())
 
-    assert regions.bottom_skin.area() == pytest.approx(walls.inside.area())
+    assert regions.bottom_solid_infill.area() == pytest.approx(walls.inside.area())
     assert sum(areas.area().sum() for areas in regions_of(regions)) == pytest.approx(
         walls.inside.area().sum()
     )
@@ -128,14 +135,14 @@ def test_a_single_layer_is_bottom_skin_only() -> None:
 def test_full_density_leaves_nothing_sparse() -> None:
     _, walls, regions = classified(table(), uneven(6.0), plain(infill_density=1))
 
-    assert regions.sparse.n_rings == 0
+    assert regions.internal_infill.n_rings == 0
     assert sum(areas.area() for areas in regions_of(regions)) == pytest.approx(walls.inside.area(), abs=1e-2)
 
 
 def test_without_skins_everything_is_sparse() -> None:
     _, walls, regions = classified(table(), uneven(6.0), plain(top_thickness=0, bottom_thickness=0))
 
-    assert regions.sparse.area() == pytest.approx(walls.inside.area())
+    assert regions.internal_infill.area() == pytest.approx(walls.inside.area())
     assert all(areas.n_rings == 0 for areas in regions_of(regions)[:-1])
 
 
@@ -146,7 +153,7 @@ def test_skins_of_a_box_are_as_thick_as_asked_for_and_no_thicker_than_the_layers
     plan = LayerPlan.from_tops(np.array([0.3, 0.4, 0.5, 0.8, 1.1, 1.2, 1.5, 1.8, 1.9, 2.0]))
     _, _, regions = classified(box((10, 10, 2)), plan, plain(bottom_thickness=0.6, top_thickness=0.45))
 
-    solid = np.flatnonzero(regions.sparse.area() < 1e-6).tolist()
+    solid = np.flatnonzero(regions.internal_infill.area() < 1e-6).tolist()
     # Bottom: all that begins below 0.6. Top: all that ends above 1.55.
     assert solid == [0, 1, 2, 3, 7, 8, 9]
 
@@ -157,7 +164,7 @@ def test_layers_are_solid_while_air_begins_within_the_thickness(thickness: float
     _, _, regions = classified(box(), plan, plain(bottom_thickness=thickness, top_thickness=thickness))
 
     n_layers = int(np.ceil(thickness / 0.2 - 1e-9))
-    sparse = regions.sparse.area() > 1e-6
+    sparse = regions.internal_infill.area() > 1e-6
     assert sparse.tolist() == [False] * n_layers + [True] * (50 - 2 * n_layers) + [False] * n_layers
 
 
@@ -186,7 +193,7 @@ def check_shell(sections: Sections, walls: Walls, regions: Regions, top: float, 
         low_x, low_y, high_x, high_y = shapely.bounds(inside)
         points = shapely.points(rng.uniform((low_x, low_y), (high_x, high_y), (60, 2)))
         points = points[shapely.contains(inside, points)]
-        sparse = shapely.contains(shape(regions.sparse, layer), points)
+        sparse = shapely.contains(shape(regions.internal_infill, layer), points)
         # Strips beside walls that are thick enough are left out; none of them is wider than the walls are deep.
         core = shapely.contains(shapely.buffer(exact, -WIDTH), points)
         # Skins grow by two beads, bridges by their anchors, to end on something; corners reach farther.
@@ -272,12 +279,13 @@ def test_every_bridge_has_air_below_but_for_its_anchors(mesh: Mesh, height: floa
 def test_every_top_skin_has_air_above_but_for_its_anchors(mesh: Mesh, height: float) -> None:
     sections, _, regions = classified(mesh, uneven(height), plain())
 
-    for layer in np.unique(regions.top_skin.ring_layer).tolist():
+    for layer in np.unique(regions.top_solid_infill.ring_layer).tolist():
         if layer + 1 == regions.plan.n_layers:
             continue
         air = shapely.difference(shape(sections.solid, layer), shape(sections.solid, layer + 1))
         assert (
-            shapely.area(shapely.difference(shape(regions.top_skin, layer), air.buffer(4.1 * WIDTH))) < 1e-3
+            shapely.area(shapely.difference(shape(regions.top_solid_infill, layer), air.buffer(4.1 * WIDTH)))
+            < 1e-3
         )
 
 
@@ -285,9 +293,9 @@ def test_the_steps_of_a_pyramid_have_top_skins() -> None:
     plan = layers(30, 0.2)
     sections, walls, regions = classified(step_pyramid([20, 14, 8], [2.0, 1.6, 2.4]), plan, plain())
 
-    assert sorted(set(regions.top_skin.ring_layer.tolist())) == [9, 17, 29]
+    assert sorted(set(regions.top_solid_infill.ring_layer.tolist())) == [9, 17, 29]
     step = shapely.difference(shape(walls.inside, 9), shape(sections.solid, 10))
-    assert shapely.area(shapely.difference(step, shape(regions.top_skin, 9))) < 1e-3
+    assert shapely.area(shapely.difference(step, shape(regions.top_solid_infill, 9))) < 1e-3
 
 
 def test_walls_that_hardly_lean_have_no_skins_but_first_and_last() -> None:
@@ -296,7 +304,7 @@ def test_walls_that_hardly_lean_have_no_skins_but_first_and_last() -> None:
     plan = layers(20, 0.2)
     _, _, regions = classified(stump, plan, plain())
 
-    assert set(regions.top_skin.ring_layer.tolist()) == {19}
+    assert set(regions.top_solid_infill.ring_layer.tolist()) == {19}
     assert regions.bridge.n_rings == 0
 
 
@@ -370,7 +378,7 @@ def test_slopes_of_every_angle_keep_walls_or_skins_across_them(
     plan = uneven(height, int(degrees))
     for mesh, half in ((frustum(base, top, height), base / 2), (frustum(top, base, height), top / 2)):
         _, _, regions = classified(mesh, plan, wanted)
-        sparse = offset_open(regions.sparse, WIDTH / 4)  # what a bead might be laid in
+        sparse = offset_open(regions.internal_infill, WIDTH / 4)  # what a bead might be laid in
         layer = np.repeat(sparse.ring_layer, np.diff(sparse.ring_start))
         depth = float(depth_of_walls(plan, perimeters).min())
         promised = share * min(thickness, depth) * np.cos(np.arctan(WIDTH / 2 / thickness))
@@ -399,7 +407,7 @@ def test_a_dome_keeps_walls_or_skins_everywhere(thickness: float) -> None:
     wanted = plain(top_thickness=thickness, bottom_thickness=thickness, solid_infill_below_area=0)
     _, _, regions = classified(sphere(8), plan, wanted)
 
-    sparse = offset_open(regions.sparse, WIDTH / 4)
+    sparse = offset_open(regions.internal_infill, WIDTH / 4)
     layer = np.repeat(sparse.ring_layer, np.diff(sparse.ring_start))
     assert len(layer) > 100
     depth = np.minimum(thickness, depth_of_walls(plan, 2)) * np.cos(np.arctan(WIDTH / 2 / thickness))
@@ -416,7 +424,7 @@ def test_walls_that_are_thick_enough_get_no_solid_beside_them() -> None:
     _, walls, regions = classified(frustum(30.0, 30 - 16 / slope, 8.0), plan, plain())
 
     middle = slice(6, 34)
-    assert regions.sparse.area()[middle] == pytest.approx(walls.inside.area()[middle])
+    assert regions.internal_infill.area()[middle] == pytest.approx(walls.inside.area()[middle])
 
 
 # --- too small for sparse infill ---
@@ -430,8 +438,8 @@ def test_small_and_narrow_areas_are_solid() -> None:
     _, _, regions = classified(joined(parts), layers(20, 0.2), plain())
     _, walls, kept = classified(joined(parts), layers(20, 0.2), plain(solid_infill_below_area=0))
 
-    assert regions.sparse.area()[10] == pytest.approx(100, abs=0.5)
-    assert kept.sparse.area()[10] == pytest.approx(walls.inside.area()[10], abs=1e-3)
+    assert regions.internal_infill.area()[10] == pytest.approx(100, abs=0.5)
+    assert kept.internal_infill.area()[10] == pytest.approx(walls.inside.area()[10], abs=1e-3)
 
 
 def test_faceted_slopes_leave_no_solid_dots_beside_the_walls() -> None:
@@ -439,8 +447,8 @@ def test_faceted_slopes_leave_no_solid_dots_beside_the_walls() -> None:
     vase = load_mesh(Path(__file__).parents[1] / "sample_parts" / "vase.stl")
     _, _, regions = classified(vase, layers(300, 0.2), plain(slope_shell_ratio=1))
 
-    pieces = pieces_of(regions.solid)
-    below = regions.sparse.raised(1).for_each(pieces.layer)
+    pieces = pieces_of(regions.solid_infill)
+    below = regions.internal_infill.raised(1).for_each(pieces.layer)
     hanging = intersection(pieces.areas, below).area() > 0.3 * pieces.areas.area()
     assert pieces.count > 200
     assert pieces.areas.area()[hanging].min() >= 5 * WIDTH**2
@@ -453,7 +461,7 @@ def test_the_first_solid_layer_over_sparse_infill_is_an_internal_bridge() -> Non
     plan = LayerPlan.from_tops(np.array([0.3, 0.6, 0.8, 1.0, 1.3, 1.6, 1.8, 2.0]))
     _, walls, regions = classified(box((20, 20, 2)), plan, plain(bottom_thickness=0.3, top_thickness=0.7))
 
-    assert np.flatnonzero(regions.sparse.area() > 1).tolist() == [1, 2, 3, 4]
+    assert np.flatnonzero(regions.internal_infill.area() > 1).tolist() == [1, 2, 3, 4]
     assert set(regions.internal_bridge.ring_layer.tolist()) == {5}
     assert regions.internal_bridge.area()[5] == pytest.approx(walls.inside.area()[5])
 
@@ -481,4 +489,4 @@ def test_what_no_line_can_bridge_is_solid_infill() -> None:
 
     assert regions.bridge.n_rings == 0
     inside = regions.inside.area()[1]
-    assert regions.solid.area()[1] > 0.9 * inside
+    assert regions.solid_infill.area()[1] > 0.9 * inside

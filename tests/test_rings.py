@@ -15,16 +15,16 @@ from printer_slicer.geometry import Areas, difference, intersection, normalize, 
 from printer_slicer.geometry.engine import using_engine
 from printer_slicer.geometry.polygons import STEPS_PER_MM
 from printer_slicer.infill import PATTERNS
-from printer_slicer.infill.resting import carried_layers, rested
-from printer_slicer.infill.sparse import bare_lines, laid_out
-from printer_slicer.infill.thick import groups_of
+from printer_slicer.infill.combined_infill import group_layers
+from printer_slicer.infill.internal_bridges import layers_below_bridges, support_internal_bridges
+from printer_slicer.infill.internal_infill import lay_out_pattern, lines_on_layers
 from printer_slicer.model import LayerPlan, Mesh
 from printer_slicer.perimeters import lay_walls
 from printer_slicer.regions import classify
 from printer_slicer.slicing import cut
 from tests.effort import examples
 from tests.geometry.test_engine import engines, is_clean
-from tests.infill.test_resting import ALONG_A_SIDE, bridged_over
+from tests.infill.test_internal_bridges import ALONG_A_SIDE, bridged_over
 from tests.parts import loft, plain
 from tests.strategies import star_rings
 
@@ -95,9 +95,9 @@ def stages_of(mesh: Mesh) -> list[object]:
     fitted = compensate(sections, USUAL)
     walls = lay_walls(fitted, USUAL)
     regions = classify(fitted, walls, USUAL)
-    groups = groups_of(regions.sparse, plan, USUAL.quality.internal_infill_every)
-    layout = laid_out(regions, groups, PATTERNS[USUAL.quality.infill], USUAL, measured=True)
-    bridged = rested(regions, bare_lines(layout, carried_layers(regions)), USUAL)
+    groups = group_layers(regions.internal_infill, plan, USUAL.quality.internal_infill_every)
+    layout = lay_out_pattern(regions, groups, PATTERNS[USUAL.quality.infill], USUAL, measured=True)
+    bridged = support_internal_bridges(regions, lines_on_layers(layout, layers_below_bridges(regions)), USUAL)
     return [sections, fitted, walls, regions, bridged]
 
 

@@ -151,7 +151,7 @@ def test_layers_of_uneven_height_are_ironed_by_their_own() -> None:
     regions, _ = top_only(Areas.from_rings([[square]] * 3))
     plan = LayerPlan.from_tops(np.array([0.1, 0.4, 0.6]))
     none = Areas.empty(3)
-    uneven = Regions(plan, none, none, regions.top_skin, none, none, np.zeros(0))
+    uneven = Regions(plan, none, none, regions.top_solid_infill, none, none, np.zeros(0))
 
     paths = infill_paths(uneven, plain(ironing=True))
 

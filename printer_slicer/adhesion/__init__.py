@@ -1,26 +1,26 @@
-"""Sections -> Toolpaths: what is printed under and around the part to hold it on the bed and out of the wind."""
+"""Make skirt, brim and raft from sections."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 from printer_slicer.adhesion.brim import brim_paths
-from printer_slicer.adhesion.raft import on_raft, raft_paths
+from printer_slicer.adhesion.raft import place_on_raft, raft_paths
 from printer_slicer.adhesion.skirt import skirt_paths
 from printer_slicer.model import Sections, Toolpaths
 from printer_slicer.profile import Profile
 
-__all__ = ["adhesion_paths", "on_raft", "with_adhesion"]
+__all__ = ["add_adhesion", "adhesion_paths", "place_on_raft"]
 
 
 def adhesion_paths(printed: Sections, profile: Profile) -> Toolpaths:
-    """The skirt, then the brim, then the raft; none if not asked for.
+    """Return the paths of skirt, brim and raft, in this order, as far as the profile has them.
 
-    Skirt loops that would leave the bed are left out.
+    Skirt loops that would leave the bed are omitted.
 
     Args:
-        printed: of `on_raft`.
-        profile: what they were made with.
+        printed: result of `place_on_raft`.
+        profile: the profile used for it.
 
     Raises:
         PartError: the brim leaves the bed.
@@ -30,16 +30,16 @@ def adhesion_paths(printed: Sections, profile: Profile) -> Toolpaths:
     return Toolpaths.joined(printed.plan, [skirt, brim, raft_paths(printed, profile)])
 
 
-def with_adhesion(
+def add_adhesion(
     paths: Sequence[Toolpaths], solid: Sections, printed: Sections, profile: Profile
 ) -> Toolpaths:
-    """The paths of all objects on the layers that are printed, and what holds them on the bed.
+    """Join the paths of all objects, lifted onto the raft, with skirt, brim and raft.
 
     Args:
-        paths: of objects that stand on the bed.
+        paths: of objects on the bed.
         solid: their sections.
-        printed: the same on the raft, if there is one.
-        profile: skirt, brim and raft.
+        printed: the sections on the raft; the same without a raft.
+        profile: settings of skirt, brim and raft.
 
     Raises:
         PartError: the brim leaves the bed.

@@ -1,8 +1,8 @@
-"""The brim: loops around the first layer that hold on to it, outside of it, in its holes, or at its corners.
+"""Make the brim: loops around the first layer, outside of it, in its holes, or at its corners.
 
-The outlines of the first layer divide the bed into rooms: the one around everything, and one in each hole. What stands
-in a hole of another body has its outside there, so each room has its own loops, and those of one room never reach
-another. Each room is a layer of the stacks below, and all are worked on at once.
+The outlines of the first layer divide the bed into zones: one around everything, and one in each hole. Bodies that
+stand in a hole of another body have their outside there, so each zone has its own loops, and loops never leave their
+zone. Each zone is one layer of the stacks in this module, so that all are processed at once.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from printer_slicer import bead
-from printer_slicer.adhesion.ears import sharp_corners
-from printer_slicer.adhesion.loops import on_bed, paths_of
+from printer_slicer.adhesion.brim_ears import sharp_corners
+from printer_slicer.adhesion.loops import loop_paths, on_bed
 from printer_slicer.arrays import Bool, Float, Int, lengths
 from printer_slicer.errors import PartError
 from printer_slicer.geometry import (
@@ -32,18 +32,18 @@ from printer_slicer.roles import Role
 
 __all__ = ["brim_paths"]
 
-# Two loops that would come closer than this share of the spacing are left out: they would lie on each other.
+# Loops that would be closer than this share of the spacing are left out, because they would overlap.
 _CLOSEST = 0.6
 _EAR_STEPS = 48  # corners of an ear
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Rooms:
-    """The first layer, room by room: room 0 is around everything, the others are holes.
+class _BrimLimits:
+    """The zones of the first layer; zone 0 is around everything, the others are holes.
 
     Attributes:
-        bodies: what stands in each room, filled up.
-        holes: the area of each hole; nothing in room 0.
+        bodies: the bodies in each zone, without their holes.
+        holes: the area of each hole; empty in zone 0.
     """
 
     bodies: Areas
@@ -51,7 +51,7 @@ class _Rooms:
 
 
 def brim_paths(sections: Sections, profile: Profile) -> Toolpaths:
-    """Loops on the first layer, body by body, from far away to the part; cut where an ear ends.
+    """Return loops on the first layer, body by body, from the outside to the part; mouse ears cut them.
 
     Raises:
         PartError: the brim leaves the bed.
@@ -61,26 +61,26 @@ def brim_paths(sections: Sections, profile: Profile) -> Toolpaths:
     count = int(np.ceil(quality.brim_width / gap - 1e-6))
     first = sections.solid.select(sections.solid.ring_layer == 0)
     if not (count and first.n_rings):
-        return paths_of(plan, [], np.zeros(0, np.int64), Role.BRIM, width)
-    rooms = _rooms(first)
+        return loop_paths(plan, [], np.zeros(0, np.int64), Role.BRIM, width)
+    zones = _find_zones(first)
     out = quality.brim_gap + width / 2 + gap * np.arange(count)
     reach = float(out[-1]) + width / 2
-    within = _limits(rooms, reach, width, quality)
+    within = _limits(zones, reach, width, quality)
     cuts = [
-        _cut(_loops(rooms, float(distance), _CLOSEST * gap / 2, quality), within, width)
+        _cut(_loops(zones, float(distance), _CLOSEST * gap / 2, quality), within, width)
         for distance in out[::-1]
     ]
     lines = [line for some, _, _ in cuts for line in some]
-    room, closed = (np.concatenate([cut[i] for cut in cuts]) for i in (1, 2))
+    zone, closed = (np.concatenate([cut[i] for cut in cuts]) for i in (1, 2))
     if not on_bed(np.concatenate([np.zeros((0, 2)), *lines]), profile, width):
         raise PartError(
             f"a brim of {quality.brim_width:g} mm around the part leaves the bed of {profile.printer.name!r}",
-            remedy="lower quality.brim_width",
+            remedy="Lower quality.brim_width",
         )
-    around = union(offset(rooms.bodies, reach, join="round"), rooms.holes)
+    around = union(offset(zones.bodies, reach, join="round"), zones.holes)
     grounds = within if quality.brim_type == "ears" else around
-    order = _by_body(lines, room, grounds.select(grounds.ring_area() > 0))
-    return paths_of(
+    order = _by_body(lines, zone, grounds.select(grounds.ring_area() > 0))
+    return loop_paths(
         plan,
         [lines[i] for i in order],
         np.zeros(len(order), np.int64),
@@ -90,79 +90,79 @@ def brim_paths(sections: Sections, profile: Profile) -> Toolpaths:
     )
 
 
-def _rooms(first: Areas) -> _Rooms:
+def _find_zones(first: Areas) -> _BrimLimits:
     solid = first.ring_area() > 0
     bodies, holes = first.select(solid), first.select(~solid)
-    # The middle of a side lies on no other ring, even where two touch at a corner.
+    # Test the middle of a side, which lies on no other ring even where two touch at a corner.
     middle = (bodies.xy + bodies.xy[bodies.following])[bodies.ring_start[:-1]] / 2
-    room = rings_around(
+    zone = rings_around(
         Areas(holes.xy, holes.ring_start, holes.ring_layer, first.n_layers), middle, bodies.ring_layer
     )
-    n_rooms = holes.n_rings + 1
-    order = np.argsort(room, kind="stable")
+    n_zones = holes.n_rings + 1
+    order = np.argsort(zone, kind="stable")
     placed = bodies.take(order)
     filled = [ring[::-1] for ring in holes.rings(0)]
-    return _Rooms(
-        Areas(placed.xy, placed.ring_start, room[order] + 1, n_rooms),
+    return _BrimLimits(
+        Areas(placed.xy, placed.ring_start, zone[order] + 1, n_zones),
         Areas.from_rings([[], *([ring] for ring in filled)]),
     )
 
 
-def _loops(rooms: _Rooms, distance: float, near: float, quality: Quality) -> Areas:
-    """The centre lines at one distance from what they go around, room by room."""
+def _loops(zones: _BrimLimits, distance: float, near: float, quality: Quality) -> Areas:
+    """Return the centre lines at one distance from the bodies, zone by zone."""
     kind = quality.brim_type
     if kind == "inner":
-        return offset_open(offset(rooms.holes, -distance, join="round"), near)
-    # Grown a little farther and back: gaps between neighbours that are too narrow for two beads get none.
-    around = offset(offset(rooms.bodies, distance + near, join="round"), -near, join="round")
+        return offset_open(offset(zones.holes, -distance, join="round"), near)
+    # Growing too far and shrinking back closes gaps that are too narrow for two extrusions.
+    around = offset(offset(zones.bodies, distance + near, join="round"), -near, join="round")
     if kind != "both":
         return around
-    free = offset_open(offset(difference(rooms.holes, rooms.bodies), -distance, join="round"), near)
+    free = offset_open(offset(difference(zones.holes, zones.bodies), -distance, join="round"), near)
     return around.select(around.ring_layer == 0).merge(free)
 
 
-def _limits(rooms: _Rooms, reach: float, width: float, quality: Quality) -> Areas:
-    """Where the centre lines of each room may lie, beyond what their distance sees to."""
+def _limits(zones: _BrimLimits, reach: float, width: float, quality: Quality) -> Areas:
+    """Return the limits of the centre lines of each zone, in addition to their distance."""
     clear = quality.brim_gap + width / 2
     if quality.brim_type == "inner":
-        return difference(rooms.holes, offset(rooms.bodies, clear, join="round"))
-    low, high = rooms.bodies.xy.min(axis=0) - 2 * reach, rooms.bodies.xy.max(axis=0) + 2 * reach
+        return difference(zones.holes, offset(zones.bodies, clear, join="round"))
+    low, high = zones.bodies.xy.min(axis=0) - 2 * reach, zones.bodies.xy.max(axis=0) + 2 * reach
     everywhere = np.array([low, (high[0], low[1]), high, (low[0], high[1])])
-    inside = [[everywhere], *([] for _ in range(rooms.bodies.n_layers - 1))]
+    inside = [[everywhere], *([] for _ in range(zones.bodies.n_layers - 1))]
     if quality.brim_type == "both":
-        return union(Areas.from_rings(inside), rooms.holes)
-    free = union(Areas.from_rings(inside), offset(rooms.holes, -clear, join="round"))
+        return union(Areas.from_rings(inside), zones.holes)
+    free = union(Areas.from_rings(inside), offset(zones.holes, -clear, join="round"))
     if quality.brim_type == "outer":
         return free
-    corner, room = sharp_corners(rooms.bodies, quality.brim_ear_angle_deg, quality.brim_ear_scale)
+    corner, zone = sharp_corners(zones.bodies, quality.brim_ear_angle_deg, quality.brim_ear_scale)
     turn = 2 * np.pi * np.arange(_EAR_STEPS) / _EAR_STEPS
     disc = reach * np.column_stack([np.cos(turn), np.sin(turn)])
-    discs = [[disc + at for at in corner[room == k]] for k in range(rooms.bodies.n_layers)]
+    discs = [[disc + at for at in corner[zone == k]] for k in range(zones.bodies.n_layers)]
     return intersection(free, normalize(Areas.from_rings(discs)))
 
 
 def _cut(loops: Areas, within: Areas, width: float) -> tuple[list[Float], Int, Bool]:
-    """The centre lines inside their limits, with room and whether closed; stubs shorter than a bead is wide go."""
+    """Clip centre lines to their limits; return lines, zones and closedness, without stubs shorter than their width."""
     xy, size, ring, closed = clip_outlines(loops, within)
     start = np.append(0, np.cumsum(size))
     kept = np.flatnonzero(closed | (lengths(xy, start, closed=False) >= width))
     return [xy[start[i] : start[i + 1]] for i in kept.tolist()], loops.ring_layer[ring[kept]], closed[kept]
 
 
-def _by_body(lines: list[Float], room: Int, grounds: Areas) -> list[int]:
-    """The order in which lines are laid: those of one ground after each other as they stand, then the nearest ground.
+def _by_body(lines: list[Float], zone: Int, grounds: Areas) -> list[int]:
+    """Return the printing order of lines: all lines of one connected area in sequence, then those of the nearest area.
 
     Args:
         lines: (n, 2) each.
-        room: (M,) of each line.
-        grounds: outer rings around what hangs together, room by room.
+        zone: (M,) zone of each line.
+        grounds: outer rings of connected areas, zone by zone.
     """
     begin = np.array([line[0] for line in lines]).reshape(-1, 2)
-    # Where a line was cut it ends on a border; half-way along it is certainly inside.
+    # A clipped line ends on a border; its middle is certainly inside.
     middle = np.array([line[len(line) // 2 - 1 : len(line) // 2 + 1].mean(axis=0) for line in lines])
-    by_room = np.argsort(room, kind="stable")
+    by_zone = np.argsort(zone, kind="stable")
     ground = np.zeros(len(lines), np.int64)
-    ground[by_room] = rings_around(grounds, middle.reshape(-1, 2)[by_room], room[by_room])
+    ground[by_zone] = rings_around(grounds, middle.reshape(-1, 2)[by_zone], zone[by_zone])
     groups = [np.flatnonzero(ground == one) for one in np.unique(ground).tolist()]
     order: list[int] = []
     here = begin[0] if len(lines) else np.zeros(2)

@@ -1,4 +1,4 @@
-"""What skirt, brim and raft share: rings as paths, and the edge of the bed."""
+"""Helpers of skirt, brim and raft: make paths from rings, and test the edge of the bed."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from printer_slicer.model import LayerPlan, Toolpaths
 from printer_slicer.profile import Profile
 from printer_slicer.roles import Role
 
-__all__ = ["on_bed", "paths_of"]
+__all__ = ["loop_paths", "on_bed"]
 
 
-def paths_of(
+def loop_paths(
     plan: LayerPlan,
     lines: Sequence[Float],
     layer: Int,
@@ -23,7 +23,7 @@ def paths_of(
     *,
     closed: bool | Bool = True,
 ) -> Toolpaths:
-    """Polylines (n, 2) on their layers (M,) as paths of one role, all of one width or each with its own (M,), mm."""
+    """Return polylines (n, 2) on their layers (M,) as paths of one role, with one width or one each (M,), mm."""
     return Toolpaths.gathered(
         plan,
         xy=np.concatenate([np.zeros((0, 2)), *lines]),
@@ -36,7 +36,7 @@ def paths_of(
 
 
 def on_bed(xy: Float, profile: Profile, width: float) -> bool:
-    """Whether beads through these points (N, 2) lie on the bed with their whole width."""
+    """Return whether extrusions through points (N, 2) lie on the bed with their whole width."""
     low, high = profile.printer.corners
     inside = (xy >= np.add(low, width / 2)) & (xy <= np.subtract(high, width / 2))
     return bool(inside.all())

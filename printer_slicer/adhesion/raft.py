@@ -1,8 +1,7 @@
-"""The raft: a platform under the part, with air between them so that they come apart.
+"""Make the raft: a platform under the part, with a gap between them so that they can be separated.
 
-Everything from the plan to the infill is made as if the part stood on the bed. Then it is lifted: the raft's layers
-come before the part's, whose tops lie higher by the raft and the air. Paths keep the height of their beads, so the
-part's first layer is laid over the air as high as it would have been on the bed.
+Everything from the layer plan to the infill is made as if the part stood on the bed. Then the part is lifted by the
+raft and the gap. Paths keep their extrusion height, so the part's first layer is as high as it would be on the bed.
 """
 
 from __future__ import annotations
@@ -13,7 +12,7 @@ from math import ceil, floor
 import numpy as np
 
 from printer_slicer import bead
-from printer_slicer.adhesion.loops import on_bed, paths_of
+from printer_slicer.adhesion.loops import loop_paths, on_bed
 from printer_slicer.arrays import Float
 from printer_slicer.errors import PartError, PlanError
 from printer_slicer.geometry import chain_rows, hatch, offset
@@ -21,25 +20,25 @@ from printer_slicer.model import Areas, Sections, Toolpaths
 from printer_slicer.profile import Profile
 from printer_slicer.roles import Role
 
-__all__ = ["on_raft", "raft_heights", "raft_paths"]
+__all__ = ["place_on_raft", "raft_heights", "raft_paths"]
 
-_BASE_WIDTH = 2.0  # nozzle diameters: wide beads hold on to the bed
-_BASE_HEIGHT = 0.8  # nozzle diameters: thick ones even it out
-_INTERFACE_HEIGHT = 0.5  # nozzle diameters: thin ones make a smooth floor
-_LONGEST_TURN = 3.0  # rows
-_OVERLAP = 0.1  # of a bead that lines reach into the loop around them
+_BASE_WIDTH = 2.0  # nozzle diameters; wide lines adhere to the bed
+_BASE_HEIGHT = 0.8  # nozzle diameters; a thick layer evens out the bed
+_INTERFACE_HEIGHT = 0.5  # nozzle diameters; thin layers make a smooth surface
+_LONGEST_TURN = 3.0  # row spacings
+_OVERLAP = 0.1  # of the spacing, overlap of lines with the loop around them
 _SLACK = 1e-6  # mm
 
 
-def on_raft(sections: Sections, profile: Profile) -> Sections:
-    """All that is printed, layer by layer as the nozzle sees it: the raft's areas, then the sections of the part.
+def place_on_raft(sections: Sections, profile: Profile) -> Sections:
+    """Return the sections on their raft: the areas of the raft, then the lifted sections of the part.
 
-    Without a raft these are the sections themselves. The raft covers the part's first section and `raft_margin` around
-    it; bays and holes less than two margins wide are filled.
+    Without a raft the sections are returned unchanged. The raft covers the part's first section and `raft_margin`
+    around it; bays and holes narrower than two margins are filled.
 
     Raises:
-        PlanError: the raft's height cannot be divided into layers.
-        PartError: part and raft are higher than the printer, leave the bed, or the part does not begin on the bed.
+        PlanError: the height of the raft cannot be divided into layers.
+        PartError: part and raft are too high for the printer, leave the bed, or the part does not begin on the bed.
     """
     quality, printer, plan = profile.quality, profile.printer, sections.plan
     if not quality.raft_height:
@@ -50,21 +49,20 @@ def on_raft(sections: Sections, profile: Profile) -> Sections:
     cut = np.concatenate([np.cumsum(heights) - heights / 2, plan.cut + lifted])
     if top[-1] > printer.bed_z + _SLACK:
         raise PartError(
-            f"on its raft the part reaches up to z {top[-1]:.5g} mm, but {printer.name!r} prints up to "
-            f"{printer.bed_z:g} mm",
-            remedy="lower quality.raft_height, or print without a raft: quality.raft_height=0",
+            f"part and raft are {top[-1]:.5g} mm high, but {printer.name!r} prints up to {printer.bed_z:g} mm",
+            remedy="Lower quality.raft_height, or print without a raft: quality.raft_height=0",
         )
     first = sections.solid.select(sections.solid.ring_layer == 0)
     if not first.n_rings:
         raise PartError(
-            "a raft has nothing to carry: no section of the part is in its first layer",
-            remedy="leave out --no-drop, or print without a raft: quality.raft_height=0",
+            "no raft is possible: the part does not touch the bed",
+            remedy="Leave out --no-drop, or print without a raft: quality.raft_height=0",
         )
     area = _under(first, quality.raft_margin)
     if not on_bed(area.xy, profile, 0.0):
         raise PartError(
             f"a raft {quality.raft_margin:g} mm wider than the part leaves the bed of {printer.name!r}",
-            remedy="lower quality.raft_margin",
+            remedy="Lower quality.raft_margin",
         )
     solid = _stacked(area, sections.solid, len(heights))
     base = np.concatenate([np.cumsum(heights) - heights, plan.base + lifted]) if len(plan.base) else plan.base
@@ -72,13 +70,13 @@ def on_raft(sections: Sections, profile: Profile) -> Sections:
 
 
 def _under(first: Areas, margin: float) -> Areas:
-    """The area of the raft under the first layer's, as a stack of one layer."""
+    """Return the area of the raft below the first layer, as a stack of one layer."""
     one = Areas(first.xy, first.ring_start, first.ring_layer, 1)
     return offset(offset(one, 2 * margin, join="round"), -margin, join="round")
 
 
 def _stacked(area: Areas, solid: Areas, n_below: int) -> Areas:
-    """The same area on the lowest layers, and a stack over them."""
+    """Return a stack with the same area on the lowest layers, and another stack above them."""
     rings = np.tile(np.arange(area.n_rings), n_below)
     below = area.take(rings)
     return Areas(
@@ -90,12 +88,12 @@ def _stacked(area: Areas, solid: Areas, n_below: int) -> Areas:
 
 
 def raft_heights(profile: Profile) -> Float:
-    """(B,) layer heights of the raft, mm: a thick base, then interface layers that are about equally thin.
+    """Return the layer heights (B,) of the raft, mm: a thick base, then thin interface layers of about equal height.
 
-    All are within the printer's limits and whole z steps, and come to `raft_height`.
+    All heights are whole z steps within the printer's limits; their sum is `raft_height`.
 
     Raises:
-        PlanError: there are no such heights.
+        PlanError: no such heights exist.
     """
     printer, step = profile.printer, profile.printer.z_step
     total = round(profile.quality.raft_height / step)
@@ -110,24 +108,24 @@ def raft_heights(profile: Profile) -> Float:
             more = np.arange(count) < rest % count
             return np.round(np.append(base, rest // count + more) * step, 9)
     raise PlanError(
-        f"a raft of {profile.quality.raft_height:g} mm is no base and interface in layers of "
+        f"a raft of {profile.quality.raft_height:g} mm cannot be divided into layers of "
         f"{printer.min_layer:g} to {printer.max_layer:g} mm",
-        remedy=f"choose quality.raft_height from {2 * thinnest * step:g} mm up, 0 for no raft",
+        remedy=f"Set quality.raft_height to at least {2 * thinnest * step:g} mm, or to 0 for no raft",
     )
 
 
 def raft_paths(printed: Sections, profile: Profile) -> Toolpaths:
-    """Loops and lines of the raft; none if not asked for.
+    """Return loops and lines of the raft; nothing without a raft.
 
-    Each layer has a loop around it and lines across those of its neighbours, the last ones across the lines of the
-    part's first layer. The base is laid in wide beads, to `raft_base_density`.
+    Each layer has a loop around it and lines across those of its neighbours; the last lines cross those of the part's
+    first layer. The base has wide lines at `raft_base_density`.
 
     Args:
-        printed: of `on_raft`.
-        profile: what they were made with.
+        printed: result of `place_on_raft`.
+        profile: the profile used for it.
     """
     if not profile.quality.raft_height:
-        return paths_of(printed.plan, [], np.zeros(0, np.int64), Role.RAFT, 0.0)
+        return loop_paths(printed.plan, [], np.zeros(0, np.int64), Role.RAFT, 0.0)
     heights = raft_heights(profile)
     n = len(heights)
     raft = printed.solid.select(printed.solid.ring_layer < n)
@@ -141,7 +139,7 @@ def raft_paths(printed: Sections, profile: Profile) -> Toolpaths:
     lines = hatch(offset(loop, -gap * (1 - _OVERLAP)), angle=angle, spacing=rows, phase=0.5)
     xy, start, layer = chain_rows(lines, max_turn=_LONGEST_TURN * rows)
     loops = [loop.ring(i) for i in range(loop.n_rings)]
-    rings = paths_of(printed.plan, loops, loop.ring_layer, Role.RAFT, width[loop.ring_layer])
+    rings = loop_paths(printed.plan, loops, loop.ring_layer, Role.RAFT, width[loop.ring_layer])
     filling = Toolpaths.gathered(
         printed.plan,
         xy=xy,

@@ -1,4 +1,4 @@
-"""The skirt: loops around everything that is printed, on the first layer or, as a draft shield, on many."""
+"""Make the skirt: loops around all objects, on the first layer or, as a draft shield, on many layers."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from printer_slicer import bead
-from printer_slicer.adhesion.loops import on_bed, paths_of
+from printer_slicer.adhesion.loops import loop_paths, on_bed
 from printer_slicer.arrays import Float, Int
 from printer_slicer.geometry import convex_hull, offset, simplify
 from printer_slicer.model import Areas, Sections, Toolpaths
@@ -18,26 +18,26 @@ __all__ = ["skirt_paths"]
 
 
 def skirt_paths(sections: Sections, brim: Toolpaths, profile: Profile) -> Toolpaths:
-    """Loops around the convex hull of what is printed, from the outside inward; none where they leave the bed.
+    """Return loops around the convex hull of all objects, from the outside inward; loops off the bed are omitted.
 
-    A skirt of one layer goes around that layer and the brim. A draft shield goes around the sections of all layers,
-    those over its own top too: nothing of the part comes nearer to it than the distance, and nothing stands on it.
+    A skirt of one layer surrounds that layer and the brim. A draft shield surrounds the sections of all layers, even
+    above its own height, so that no part of an object is closer to it than the skirt distance.
 
     Args:
-        sections: all that is printed but the brim, with the layers as they are printed.
+        sections: of all objects, on the printed layers.
         brim: of the first layer.
-        profile: with the skirt's loops, distance, height and length.
+        profile: loops, distance, height and length of the skirt.
     """
     quality, plan = profile.quality, sections.plan
     tall = _layers(plan.bottom, quality.skirt_height)
-    # A part that turns on its way up has thousands of corners around it; each would be a move on every layer.
+    # The hull of a twisted part has thousands of corners; each would be a move on every layer.
     coarse = quality.resolution / 2 if tall > 1 else 0.0
     hull = _hull(sections.solid, brim, first_only=tall == 1) if quality.skirt_loops else Areas.empty(1)
     if not hull.n_rings:
-        return paths_of(plan, [], np.zeros(0, np.int64), Role.SKIRT, 0.0)
+        return loop_paths(plan, [], np.zeros(0, np.int64), Role.SKIRT, 0.0)
     hull = simplify(hull, coarse)
     usual = bead.layer_widths(tall, profile.width_on_bed, profile.extrusion_width)
-    # The first bead over the air of a raft is higher than others, up to what the nozzle can press.
+    # The first layer over the gap of a raft is higher than others, up to the highest extrusion of the nozzle.
     high = np.minimum(plan.height[:tall], profile.highest_bead)
     width = np.maximum(usual, high)
     (heights, wide), which = np.unique(np.stack([high, width]), axis=1, return_inverse=True)
@@ -52,29 +52,29 @@ def skirt_paths(sections: Sections, brim: Toolpaths, profile: Profile) -> Toolpa
             break
         loops.append(loop)
     lines, layer = _stacked(loops, which.ravel(), quality.skirt_loops)
-    return replace(paths_of(plan, lines, layer, Role.SKIRT, width[layer]), height=high[layer])
+    return replace(loop_paths(plan, lines, layer, Role.SKIRT, width[layer]), height=high[layer])
 
 
 def _layers(bottom: Float, height: float) -> int:
-    """How many layers the skirt has: those that begin under its height, and the first."""
+    """Return the number of layers of the skirt: those that begin below its height, at least one."""
     return max(int(np.searchsorted(bottom, height - 1e-6)), 1)
 
 
 def _hull(solid: Areas, brim: Toolpaths, *, first_only: bool) -> Areas:
-    """The convex hull of the sections and the beads of the brim."""
+    """Return the convex hull of the sections and the brim."""
     xy = solid.select(solid.ring_layer == 0).xy if first_only else solid.xy
     beads = offset(convex_hull(brim.xy), float(brim.width.max(initial=0.0)) / 2, join="round")
     return convex_hull(np.concatenate([xy, beads.xy]))
 
 
 def _loops_for_length(hull: Areas, sections: Sections, profile: Profile) -> int:
-    """How many loops on the first layer hold `skirt_min_length` of filament, as far as there is room on any bed."""
+    """Return the number of loops on the first layer that use `skirt_min_length` of filament, limited by the bed."""
     quality, printer, height = profile.quality, profile.printer, float(sections.plan.height[0])
     width = max(profile.width_on_bed, height)
     gap = float(bead.spacing(width, height))
     most = int(max(printer.bed_x, printer.bed_y) / gap) + 1
     out = quality.skirt_distance + width / 2 + gap * np.arange(most)
-    # Around a convex area each mm outward adds a circle's share, wherever the corners are.
+    # Each mm outward adds 2π mm to the length around a convex area.
     length = hull.ring_length().sum() + 2 * np.pi * out
     per_mm = bead.filament_per_mm(width, height, profile.material.filament_diameter)
     fed = np.cumsum(length * per_mm * profile.material.flow_ratio * quality.first_layer_flow)
@@ -86,7 +86,7 @@ def _loops_for_length(hull: Areas, sections: Sections, profile: Profile) -> int:
 
 
 def _stacked(loops: list[Areas], which: Int, n_loops: int) -> tuple[list[Float], Int]:
-    """The loops of every layer from the outside inward: all of them on the first, `n_loops` on the others."""
+    """Return the loops of every layer from the outside inward: all on the first layer, `n_loops` on the others."""
     lines: list[Float] = []
     layer: list[int] = []
     for k, variant in enumerate(which.tolist()):

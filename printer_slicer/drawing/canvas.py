@@ -1,6 +1,7 @@
-"""Pictures as lists of plain shapes, and the two ways to write them: SVG text and PNG through Pillow.
+"""Pictures as lists of simple shapes, written as SVG text or as PNG with Pillow.
 
-Places are px from the upper left corner, x to the right, y downward, and count edges of pixels, not their middles.
+Positions are px from the upper left corner, x to the right, y downward. They refer to the edges of pixels, not to their
+centres.
 """
 
 from __future__ import annotations
@@ -41,16 +42,18 @@ __all__ = [
     "Strokes",
     "Text",
     "check_picture",
+    "fit_text",
     "picture_bytes",
     "text_width",
+    "wrap_text",
 ]
 
 Anchor = Literal["start", "middle", "end"]
 
 _CONTROL: Final = re.compile("[^\x20-\x7e\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _FONT: Final = "Helvetica, Arial, 'Liberation Sans', sans-serif"
-_FINE: Final = 10  # SVG coordinates of areas are whole tenths of a px
-_FINER: Final = 3  # PNGs are drawn this many times as large and then reduced: 10 shades on each edge
+_FINE: Final = 10  # SVG coordinates of areas are integers in tenths of a px
+_FINER: Final = 3  # PNGs are drawn this many times larger and then reduced, for smooth edges
 _PIL_ANCHOR: Final = {"start": "ls", "middle": "ms", "end": "rs"}
 _RAISED: Final = {"²": "2", "³": "3"}
 _RAISED_SIZE, _RAISED_BY = 0.62, 0.36  # of the size of the text
@@ -61,9 +64,9 @@ class Fill:
     """An area of one colour.
 
     Attributes:
-        rings: (n, 2) px each. Rings that turn the same way unite; holes turn the other way than what they are cut from.
+        rings: (n, 2) px each. Rings of the same orientation unite; holes have the opposite orientation.
         colour: "#rrggbb".
-        name: what it stands for, for programs that read the SVG; empty: nothing in particular.
+        name: class in the SVG, for programs that read it; may be empty.
     """
 
     rings: tuple[Float, ...]
@@ -79,8 +82,8 @@ class Line:
         points: at least two.
         colour: "#rrggbb".
         width: px.
-        dash: lengths of stroke and gap, px; empty: one stroke.
-        round: whether the ends are round, half the width longer than the line.
+        dash: lengths of dash and gap, px; empty for a solid line.
+        round: whether the ends are round; they extend the line by half its width.
         name: as with `Fill`.
     """
 
@@ -107,7 +110,7 @@ class Box:
 
 @dataclass(frozen=True, slots=True)
 class Text:
-    """One line of text; (x, y) is where its base line begins, has its middle, or ends."""
+    """One line of text; (x, y) is the begin, middle or end of its base line, see `anchor`."""
 
     x: float
     y: float
@@ -120,7 +123,7 @@ class Text:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Strokes:
-    """Lines with round ends and corners in one colour, as many and as wide as need be.
+    """Lines of one colour with round ends and corners.
 
     Attributes:
         lines: (n, 2) px each, at least two points.
@@ -137,7 +140,7 @@ class Strokes:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Raster:
-    """A picture of pixels (h, w, 4), red, green, blue and opacity from 0 to 255, as large as it is told here."""
+    """An image of pixels (h, w, 4), RGBA from 0 to 255, drawn in the given size."""
 
     x: float
     y: float
@@ -152,12 +155,12 @@ _EDGE_WIDTH: Final = 0.5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Picture:
-    """Shapes on white, the first at the back.
+    """Shapes on a white background; later shapes cover earlier ones.
 
     Attributes:
         width, height: px.
-        shapes: what there is to see.
-        title: what it shows, for people who do not see it.
+        shapes: the shapes.
+        title: description for screen readers.
     """
 
     width: int
@@ -166,7 +169,7 @@ class Picture:
     title: str = ""
 
     def svg(self) -> str:
-        """The picture as an SVG document, scaled to whatever place it is put into."""
+        """Return the picture as an SVG document that scales to its container."""
         head = (
             f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {self.width} {self.height}" role="img" '
             f'font-family="{_FONT}">'
@@ -176,26 +179,26 @@ class Picture:
         return "\n".join([head, title, back, *_svg_parts(self.shapes), "</svg>"]) + "\n"
 
     def _repr_svg_(self) -> str:
-        """What notebooks ask for."""
+        """Return the SVG for notebooks."""
         return self.svg()
 
     def __repr__(self) -> str:
         return f"<Picture {self.title!r}, {self.width} x {self.height} px>"
 
     def save(self, path: str | Path) -> None:
-        """Write it, as PNG or SVG by the name.
+        """Write the picture to a .png or .svg file.
 
         Raises:
-            UsageError: the name ends otherwise.
+            UsageError: the name has another suffix.
             OutputError: the file cannot be written.
         """
         where = Path(path)
         save(where, picture_bytes(self, where))
 
     def png(self) -> bytes:
-        """The picture as a PNG file, one px of the picture a pixel.
+        """Return the picture as a PNG file, one pixel per px.
 
-        Letters that Pillow's own font lacks are drawn without their accents, or as empty boxes.
+        Letters missing in Pillow's built-in font are drawn without their accents, or as empty boxes.
         """
         from PIL import Image, ImageDraw  # noqa: PLC0415 - only PNGs need it
 
@@ -222,39 +225,58 @@ class Picture:
 
 
 def text_width(text: str, size: float) -> float:
-    """About how many px a line of text takes; no font that SVG viewers put there takes much more."""
+    """Estimate the width of a line of text in px; fonts of SVG viewers are hardly wider than this."""
     wide = sum(unicodedata.east_asian_width(letter) in "WF" for letter in text)
     return size * (0.58 * (len(text) - wide) + 1.02 * wide)
 
 
+def fit_text(text: str, size: float, room: float) -> str:
+    """Shorten a line of text with an ellipsis until it is at most `room` px wide."""
+    if text_width(text, size) <= room:
+        return text
+    while text and text_width(f"{text}…", size) > room:
+        text = text[:-1]
+    return f"{text.rstrip()}…"
+
+
+def wrap_text(text: str, size: float, room: float, most: int = 2) -> list[str]:
+    """Break a text at spaces into at most `most` lines of at most `room` px; the last line is shortened if needed."""
+    lines: list[str] = []
+    for word in text.split(" "):
+        longer = f"{lines[-1]} {word}" if lines else word
+        if lines and (len(lines) == most or text_width(longer, size) <= room):
+            lines[-1] = longer
+        else:
+            lines.append(word)
+    return [fit_text(line, size, room) for line in lines]
+
+
 def check_picture(path: Path) -> None:
-    """Refuse a file name that says neither SVG nor PNG, before long work begins; `-` is stdout and takes SVG.
+    """Check that a file name ends in .svg or .png; `-` stands for SVG on stdout.
 
     Raises:
-        UsageError: the name ends otherwise.
+        UsageError: the name has another suffix.
     """
     if str(path) == "-" or path.suffix.lower() in {".svg", ".png"}:
         return
-    if path.exists() and not (path.is_file() or path.is_dir()):  # a device or a pipe, which takes SVG
+    if path.exists() and not (path.is_file() or path.is_dir()):  # a device or a pipe gets SVG
         return
-    what = (
-        f"{path.suffix} is not a kind of picture made here" if path.suffix else "no kind of picture is named"
-    )
-    raise UsageError(f"{path}: {what}", remedy="end the name in .svg or .png; - writes SVG to stdout")
+    what = f"pictures in {path.suffix} format are not supported" if path.suffix else "the name has no suffix"
+    raise UsageError(f"{path}: {what}", remedy="Use a name that ends in .svg or .png, or - for SVG on stdout")
 
 
 def picture_bytes(picture: Picture, path: Path) -> bytes:
-    """The picture as the file of this name shall have it: PNG for .png, SVG for .svg and for `-`.
+    """Return the picture in the format of a file name: PNG for .png, SVG for .svg and `-`.
 
     Raises:
-        UsageError: the name ends otherwise.
+        UsageError: the name has another suffix.
     """
     check_picture(path)
     return picture.png() if path.suffix.lower() == ".png" else picture.svg().encode()
 
 
 def _visible(text: str) -> str:
-    """The text without control characters: XML cannot hold them, and one line cannot show them."""
+    """Replace control characters, which XML does not allow."""
     return _CONTROL.sub("\N{REPLACEMENT CHARACTER}", text)
 
 
@@ -267,7 +289,7 @@ _SVG_GROUPS: Final = {
 
 
 def _svg_parts(shapes: Sequence[Shape]) -> Iterator[str]:
-    """One element a line; areas and strokes in whole tenths of a px, in groups that say so."""
+    """Return one element per line; areas and strokes are grouped, with coordinates in tenths of a px."""
     for kind, several in groupby(shapes, type):
         style = _SVG_GROUPS.get(kind)
         if style is not None:
@@ -308,7 +330,7 @@ def _svg_name(name: str) -> str:
 
 
 def _svg_ring(ring: Float) -> str:
-    """A closed outline in tenths of a px: where it begins, then steps from corner to corner."""
+    """Return a closed outline in tenths of a px: its first point, then relative steps."""
     place = np.rint(ring * _FINE).astype(np.int64)
     steps = np.diff(place, axis=0)
     steps = steps[steps.any(axis=1)]
@@ -317,7 +339,7 @@ def _svg_ring(ring: Float) -> str:
 
 
 def _svg_strokes(strokes: Strokes) -> str:
-    """A path for each width that occurs; lengths in tenths of a px."""
+    """Return one path per width, with lengths in tenths of a px."""
     ways: dict[str, list[str]] = {}
     for points, width in zip(strokes.lines, strokes.widths, strict=True):
         place = np.rint(points * _FINE).astype(np.int64)
@@ -345,7 +367,7 @@ def _svg_line(line: Line) -> str:
 
 
 def _fine(points: Float) -> Float:
-    """Where Pillow, which counts middles of pixels, has these points on the enlarged picture."""
+    """Return the coordinates of points on the enlarged picture; Pillow counts the centres of pixels."""
     return points * _FINER - 0.5
 
 
@@ -362,7 +384,7 @@ def _paint_fill(image: Image, pen: ImageDraw, fill: Fill) -> None:
 
 
 def _paint_with_holes(image: Image, colour: str, rings: list[tuple[Float, float]]) -> None:
-    """Rings from the largest to the smallest, each put on or cut out, painted at once through a mask."""
+    """Paint rings through a mask; from the largest to the smallest, each is added or cut out."""
     from PIL import Image as images  # noqa: N813, PLC0415 - only PNGs need it
     from PIL import ImageDraw  # noqa: PLC0415
 
@@ -380,7 +402,7 @@ def _paint_with_holes(image: Image, colour: str, rings: list[tuple[Float, float]
 
 
 def _turned_area(ring: Float) -> float:
-    """Area of a ring, px², negative if it turns the other way round."""
+    """Return the signed area of a ring, px²."""
     x, y = (ring - ring[0]).T
     return float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
 
@@ -399,7 +421,7 @@ def _paint_line(pen: ImageDraw, line: Line) -> None:
 
 
 def _dashes(points: Float, dash: tuple[float, float]) -> Iterator[Float]:
-    """The strokes of a dashed line; each straight piece of the line begins anew."""
+    """Return the dashes of a line; the pattern restarts on each straight piece."""
     stroke, gap = dash
     for a, b in pairwise(points):
         length = float(np.hypot(*(b - a)))
@@ -426,14 +448,14 @@ def _paint_raster(image: Image, raster: Raster) -> None:
 
 
 def _paint_text(pen: ImageDraw, text: Text) -> None:
-    """Pillow's own font has no raised figures: they are drawn small and high."""
+    """Paint text; superscripts are missing in Pillow's built-in font, so they are drawn small and raised."""
     pieces = [piece for piece in re.split("([²³])", _visible(text.text)) if piece]
     fonts = [_font(text.size * (_RAISED_SIZE if piece in _RAISED else 1)) for piece in pieces]
     shown = [_RAISED.get(piece) or _plain(piece) for piece in pieces]
     widths = [font.getlength(piece) for font, piece in zip(fonts, shown, strict=True)]
     x, y = text.x * _FINER, text.y * _FINER
     x -= sum(widths) * {"start": 0.0, "middle": 0.5, "end": 1.0}[text.anchor]
-    # The font comes in one weight; bold letters get an outline of their own colour.
+    # The font has one weight; bold letters get an outline in their own colour.
     stroke = text.size * _FINER / 55 if text.bold else 0.0
     for piece, letters, font, width in zip(pieces, shown, fonts, widths, strict=True):
         up = text.size * _FINER * _RAISED_BY if piece in _RAISED else 0.0
@@ -449,7 +471,7 @@ def _font(size: float) -> FreeTypeFont | BitmapFont:
 
 
 def _plain(text: str) -> str:
-    """Letters without their accents, which Pillow's own font lacks."""
+    """Remove accents, which Pillow's built-in font lacks."""
     return "".join(
         letter for letter in unicodedata.normalize("NFKD", text) if not unicodedata.combining(letter)
     )

@@ -1,8 +1,8 @@
-"""Colours that tell layer heights and roles apart, also for people who see fewer colours.
+"""Colours of layer heights and roles, suitable for colour-blind people.
 
-Heights run along viridis (van der Walt and Smith, 2015; the table is in the public domain, CC0): equal steps look
-equal, and lightness only ever rises, so it reads the same with any kind of colour blindness and in grey. Single colours
-are from the set of Okabe and Ito, "Color universal design", 2008, and greys.
+Heights use viridis (van der Walt and Smith, 2015; the table is in the public domain, CC0). Equal steps look equal and
+lightness increases steadily, so the scale also works in grey. Other colours are greys and the set of Okabe and Ito,
+"Color universal design", 2008.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from printer_slicer.roles import ROLES, Role
 
 __all__ = ["CALM", "ROLE_COLOURS", "WARNING", "height_colours", "mixed", "shaded"]
 
-CALM: Final = "#5b8fb0"  # where there is nothing to tell apart
+CALM: Final = "#5b8fb0"  # for pictures with a single colour
 WARNING: Final = "#d55e00"
 ROLE_COLOURS: Final[dict[Role, str]] = {role: ROLES[role].colour for role in Role if role != Role.TRAVEL}
-# Every sixteenth of viridis; straight lines between them stay within 6 of its 255 steps.
+# Every sixteenth of viridis; linear interpolation stays within 6 of its 255 steps.
 _VIRIDIS: Final = (
     *("#440154", "#48186a", "#472d7b", "#424086", "#3b528b", "#33638d", "#2c728e", "#26828e", "#21918c"),
     *("#1f9f88", "#27ad81", "#3dbc74", "#5cc863", "#81d34d", "#aadc32", "#d5e21a", "#fde725"),
 )
-# The ends are left out: the darkest cannot be shaded any more, the lightest is lost on white. Few heights need less.
+# The ends of the scale are unused: the darkest colours cannot be shaded, the lightest vanish on white.
 _MIDDLE, _REACH, _REACH_OF_TWO, _MANY = 0.53, 0.37, 0.29, 6
 
 
@@ -38,7 +38,7 @@ def _name(numbers: Float) -> str:
 
 
 def height_colours(heights: Float) -> list[str]:
-    """The colour of each layer: dark for thin, light for thick ones; one calm colour if all are equally thick.
+    """Return the colour of each layer: dark for thin, light for thick layers; a single colour if all are equal.
 
     Args:
         heights: (L,) mm.
@@ -46,7 +46,7 @@ def height_colours(heights: Float) -> list[str]:
     values, which = np.unique(heights, return_inverse=True)
     if len(values) < 2:
         return [CALM] * len(heights)
-    # Half by the height itself, half by its rank: two heights that are nearly equal still look different.
+    # Mix height and rank, so that nearly equal heights still look different.
     share = (values - values[0]) / (values[-1] - values[0]) / 2 + np.linspace(0, 0.5, len(values))
     reach = float(np.interp(len(values), [2, _MANY], [_REACH_OF_TWO, _REACH]))
     place = (_MIDDLE + reach * (2 * share - 1)) * (len(_VIRIDIS) - 1)
@@ -57,10 +57,10 @@ def height_colours(heights: Float) -> list[str]:
 
 
 def shaded(colour: str, light: float) -> str:
-    """The colour in less light: 1 as it is, 0 black."""
+    """Darken a colour: `light` 1 keeps it, 0 makes it black."""
     return _name(_numbers(colour) * light)
 
 
 def mixed(colour: str, other: str, share: float) -> str:
-    """The colour with a share of another one, 0 to 1."""
+    """Mix a colour with a share, 0 to 1, of another one."""
     return _name(_numbers(colour) * (1 - share) + _numbers(other) * share)

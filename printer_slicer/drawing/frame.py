@@ -1,4 +1,4 @@
-"""Where things stand in a picture: panels, and round numbers along axes."""
+"""Panels and axes of pictures."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["Panel", "ZAxis", "marks"]
 
 @dataclass(frozen=True, slots=True)
 class Panel:
-    """A part of the picture, px."""
+    """A rectangle of the picture, px."""
 
     left: float
     right: float
@@ -22,23 +22,23 @@ class Panel:
 
     @property
     def width(self) -> float:
-        """From left to right, px."""
+        """Return the width, px."""
         return self.right - self.left
 
     @property
     def height(self) -> float:
-        """From top to bottom, px."""
+        """Return the height, px."""
         return self.bottom - self.top
 
 
 @dataclass(frozen=True, slots=True)
 class ZAxis:
-    """Height over the bed as height in the picture.
+    """A z axis.
 
     Attributes:
-        floor: px, where z = 0 is.
+        floor: px, position of z = 0.
         scale: px per mm.
-        total: mm, where the last layer ends.
+        total: mm, top of the last layer.
     """
 
     floor: float
@@ -46,16 +46,16 @@ class ZAxis:
     total: float
 
     def y(self, z: float) -> float:
-        """Where z, mm, is in the picture, px."""
+        """Return the position of z, mm, in the picture, px."""
         return self.floor - self.scale * z
 
     def rows(self, z: Float) -> Float:
-        """Where many z, mm, are in the picture, px."""
+        """Return the positions of several z, mm, in the picture, px."""
         return self.floor - self.scale * z
 
 
 def marks(end: float, count: int) -> Float:
-    """Round numbers from 0 to `end`, at most `count` + 1 of them."""
+    """Return round numbers from 0 to `end` for an axis, at most `count` + 1 of them."""
     raw = end / count
     power = 10.0 ** np.floor(np.log10(raw))
     step = power * min(m for m in (1, 2, 5, 10) if m * power >= raw * (1 - 1e-12))

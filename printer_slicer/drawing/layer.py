@@ -1,4 +1,4 @@
-"""The beads of one layer from above."""
+"""Draw one layer of a program from above."""
 
 from __future__ import annotations
 
@@ -19,27 +19,30 @@ _SIZE: Final = 800  # px, the longer side of what is drawn
 _BORDER: Final = 2.0  # mm around it
 _HEAD, _ROW = 34, 26  # px for the title, and for each row of the legend
 _LETTERS: Final = 15  # px
-_SEEN: Final = 0.92  # of a bead's width is drawn, so that neighbours stay apart
+_SEEN: Final = 0.92  # share of the extrusion width that is drawn, so that neighbours stay apart
 _OTHER: Final = "#4477aa"
 
 
 def draw_layer(program: Program, layer: int) -> str:
-    """The beads of one layer as an SVG document; see `layer_picture`."""
+    """Draw one layer as an SVG document; see `layer_picture`."""
     return layer_picture(program, layer).svg()
 
 
 def layer_picture(program: Program, layer: int) -> Picture:
-    """The beads of one layer from above, as wide as they are laid, in the colour of their role; travels dotted.
+    """Draw the extrusions of one layer with their width and the colour of their role; travels are dotted.
 
     Raises:
-        ValueError: the program has no such layer.
+        ValueError: the program has no layer with this index.
     """
     if not 0 <= layer < program.plan.n_layers:
         raise ValueError(f"layer {layer} is not in the program, which has {program.plan.n_layers} layers")
     title = f"layer {layer + 1} of {program.plan.n_layers}, z {program.plan.top[layer]:g} mm"
     member = program.layer == layer
     if not member.any():
-        return Picture(400, 40, (Text(8, 24, f"{title}: no plastic", _LETTERS),), title)
+        note = f"{title}: no extrusion"
+        return Picture(
+            max(400, round(text_width(note, _LETTERS)) + 16), 40, (Text(8, 24, note, _LETTERS),), title
+        )
     start, end = program.start[member][:, :2], program.xyz[member][:, :2]
     role, width = program.role[member], program.width[member]
     beads = role != Role.TRAVEL
@@ -49,7 +52,7 @@ def layer_picture(program: Program, layer: int) -> Picture:
     wide = max(float(high[0] - low[0]) * scale, text_width(title, _LETTERS) + 16)
     legend, foot = _legend(role, wide)
     tall = _HEAD + foot + float(high[1] - low[1]) * scale
-    # y grows away from the viewer on the bed, downward in the picture.
+    # y points up on the bed and down in the picture.
     flip, shift = np.array([scale, -scale]), np.array([-low[0] * scale, _HEAD + foot + high[1] * scale])
     lines = _moves(start * flip + shift, end * flip + shift, role, width * scale)
     shapes = [*lines, Text(8, 24, title, _LETTERS), *legend]
@@ -57,7 +60,7 @@ def layer_picture(program: Program, layer: int) -> Picture:
 
 
 def _moves(start: Float, end: Float, role: Int, width: Float) -> Iterator[Shape]:
-    """A line for each move, px."""
+    """Draw a line for each move."""
     pairs = np.stack([start, end], axis=1)
     for points, why, wide in zip(pairs, role.tolist(), width.tolist(), strict=True):
         colour = ROLE_COLOURS.get(Role(why), _OTHER)
@@ -68,12 +71,12 @@ def _moves(start: Float, end: Float, role: Int, width: Float) -> Iterator[Shape]
 
 
 def _legend(role: Int, wide: float) -> tuple[list[Shape], float]:
-    """The roles that are there, in rows under the title, and how high that is, px."""
+    """Return the legend of the roles in rows under the title, and its height, px."""
     shapes: list[Shape] = []
     x, y = 8.0, float(_HEAD)
     roles = [Role(number) for number in np.unique(role).tolist() if number != Role.TRAVEL]
-    for one in roles:
-        name = ROLES[one].type_comment
+    entries = {ROLES[one].type_comment: one for one in roles}
+    for name, one in entries.items():
         needs = 40 + text_width(name, _LETTERS)
         if x + needs > wide and x > 8:
             x, y = 8.0, y + _ROW

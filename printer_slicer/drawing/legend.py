@@ -1,49 +1,78 @@
-"""Which layer heights there are, and how many layers of each."""
+"""Legend of a layer plan: ranges of layer heights with their colours and layer counts."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
-from printer_slicer.drawing.canvas import Box, Shape, Text
+from printer_slicer.drawing.canvas import Box, Shape, Text, fit_text
 from printer_slicer.drawing.frame import Panel
 from printer_slicer.model import LayerPlan
 
-__all__ = ["draw_legend", "legend_height"]
+__all__ = ["LEGEND_HEIGHT", "HeightStep", "draw_legend", "height_steps"]
 
-_MOST, _IN_A_ROW = 12, 6  # entries of one height each
-_MERGED, _MERGED_IN_A_ROW = 10, 5  # entries of several heights each, where there are more
-_ROW, _SIZE, _SWATCH, _STRIPES = 37, 22, 40, 4
+LEGEND_HEIGHT: Final = 37
+"""px."""
+
+_MOST_STEPS: Final = 5
+_SIZE, _SWATCH, _STRIPES = 22, 40, 4
 _DARK: Final = "#1f2430"
 
 
-def legend_height(plan: LayerPlan) -> float:
-    """How much height the legend of a plan takes, px."""
-    count = len(np.unique(plan.height))
-    return _ROW * (-(-count // _IN_A_ROW) if count <= _MOST else _MERGED // _MERGED_IN_A_ROW)
+class HeightStep(NamedTuple):
+    """A range of layer heights.
+
+    Attributes:
+        low, high: mm, the lowest and the greatest height in it.
+        n_layers: how many layers have such a height.
+        layers: indices of layers, one for each of up to four heights in it.
+    """
+
+    low: float
+    high: float
+    n_layers: int
+    layers: list[int]
+
+    @property
+    def label(self) -> str:
+        """The number of layers and their heights."""
+        heights = f"{self.low:.3g}" if self.low == self.high else f"{self.low:.3g} to {self.high:.3g}"
+        return f"{self.n_layers} x {heights} mm"
+
+
+def height_steps(plan: LayerPlan) -> list[HeightStep]:
+    """Divide the layer heights of a plan into at most five ranges, in ascending order."""
+    heights, first, counts = np.unique(plan.height, return_index=True, return_counts=True)
+    if not len(heights):
+        return []
+    step = np.arange(len(heights))
+    if len(heights) > _MOST_STEPS:
+        edges = np.linspace(heights[0], heights[-1], _MOST_STEPS + 1)[1:-1]
+        step = np.searchsorted(edges, heights, side="right")
+    result = []
+    for number in np.unique(step).tolist():
+        own = np.flatnonzero(step == number)
+        shown = own[np.linspace(0, len(own) - 1, min(len(own), _STRIPES)).round().astype(int)]
+        low, high = float(heights[own[0]]), float(heights[own[-1]])
+        result.append(HeightStep(low, high, int(counts[own].sum()), first[shown].tolist()))
+    return result
 
 
 def draw_legend(plan: LayerPlan, colours: Sequence[str], panel: Panel) -> Iterator[Shape]:
-    """The layer heights with their colours and numbers of layers, neighbours together where there are many.
+    """Draw at most five ranges of layer heights in a row.
 
     Args:
         plan: the layers.
         colours: one per layer.
-        panel: where to draw; as high as `legend_height` says.
+        panel: where to draw, `LEGEND_HEIGHT` px high.
     """
-    heights, first, counts = np.unique(plan.height, return_index=True, return_counts=True)
-    several = len(heights) > _MOST
-    across = _MERGED_IN_A_ROW if several else _IN_A_ROW
-    entries = np.array_split(np.arange(len(heights)), _MERGED if several else len(heights))
-    down = -(-len(entries) // across)
-    for i, entry in enumerate(entries):
-        x, y = panel.left + panel.width / across * (i // down), panel.top + _ROW * (i % down)
-        stripes = entry[np.linspace(0, len(entry) - 1, min(len(entry), _STRIPES)).round().astype(int)]
-        wide = _SWATCH / len(stripes)
-        for k, stripe in enumerate(first[stripes].tolist()):
-            yield Box(x + k * wide, y, wide, 24, colours[stripe], name="legend")
-        low, high = float(heights[entry[0]]), float(heights[entry[-1]])
-        text = f"{low:.4g} mm" if low == high else f"{low:.4g} to {high:.4g} mm"
-        yield Text(x + _SWATCH + 12, y + 20, f"{int(counts[entry].sum())} x {text}", _SIZE, _DARK)
+    steps = height_steps(plan)
+    across = panel.width / _MOST_STEPS
+    for number, step in enumerate(steps):
+        x, wide = panel.left + across * number, _SWATCH / len(step.layers)
+        for k, layer in enumerate(step.layers):
+            yield Box(x + k * wide, panel.top, wide, 24, colours[layer], name="legend")
+        text = fit_text(step.label, _SIZE, across - _SWATCH - 20)
+        yield Text(x + _SWATCH + 12, panel.top + 20, text, _SIZE, _DARK)

@@ -1,19 +1,20 @@
-"""The picture of a layer plan: the part from the side, its error over z, the stack in 3D, and what it comes to."""
+"""Draw a layer plan: the part from the front, deviation and layer height over z, and the stack in 3D."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
 
 from printer_slicer.arrays import Float
-from printer_slicer.drawing.canvas import Line, Picture, Shape, Text, text_width
+from printer_slicer.drawing.canvas import Line, Picture, Shape, Text, fit_text, text_width
 from printer_slicer.drawing.colours import WARNING, height_colours
 from printer_slicer.drawing.frame import Panel, ZAxis
-from printer_slicer.drawing.legend import draw_legend, legend_height
-from printer_slicer.drawing.side import draw_error, draw_front, draw_grid, draw_heights, z_axis
+from printer_slicer.drawing.legend import LEGEND_HEIGHT, draw_legend
+from printer_slicer.drawing.plan_side import draw_error, draw_front, draw_grid, draw_heights, z_axis
 from printer_slicer.drawing.stack import draw_stack
 from printer_slicer.model import LayerPlan, Sections
 from printer_slicer.surface import Certificate
@@ -22,9 +23,9 @@ __all__ = ["draw_plan"]
 
 _WIDTH, _MARGIN = 1600, 40
 _LEGEND_TOP: Final = 212
-_APART: Final = 84  # px from the legend to the panels: their labels are between
-_FOOT: Final = 94  # px under the panels, for theirs
-_TALLEST: Final = 620  # px, of the panels; parts that are not tall get less
+_APART: Final = 84  # px between the legend and the panels, for labels
+_FOOT: Final = 94  # px under the panels, for labels
+_TALLEST: Final = 620  # px, height of the panels; less for parts that are not tall
 _FRONT, _ERROR, _HEIGHTS, _STACK = (108, 560), (616, 816), (872, 1032), (1084, 1570)  # px, from left to right
 _TITLE, _FACT, _NAME, _SMALL = 46, 46, 25, 22  # px, sizes of letters
 _SMALLEST_TITLE: Final = 26
@@ -39,19 +40,19 @@ def draw_plan(
     tolerance: float | None = None,
     flats: Float | Sequence[float] = (),
 ) -> Picture:
-    """The part from the front, each layer's error bound and height beside it over the same z, and the stack in 3D.
+    """Draw the part from the front, deviation and height of each layer beside it, and the stack in 3D.
 
-    Every layer has the colour of its height, in all of them.
+    The colour of a layer shows its height.
 
     Args:
-        sections: the part's solid areas; their plan gives the layers.
+        sections: the part's solid areas, with the layer plan.
         certificate: of the same plan.
-        title: one line over the picture.
-        tolerance: mm that no error should exceed; None: there is none.
-        flats: mm, heights of horizontal surfaces, marked on the z axis.
+        title: one line above the picture.
+        tolerance: mm, largest wanted deviation, or None.
+        flats: mm, heights of flat surfaces, marked on the z axis.
 
     Raises:
-        ValueError: the certificate is of another plan, or there are no layers.
+        ValueError: the certificate belongs to another plan, or the plan is empty.
     """
     plan = sections.plan
     if plan.n_layers == 0:
@@ -59,7 +60,7 @@ def draw_plan(
     if not np.array_equal(certificate.plan.top, plan.top):
         raise ValueError("sections and certificate are of different plans")
     colours = height_colours(plan.height)
-    top = _LEGEND_TOP + legend_height(plan) + _APART
+    top = _LEGEND_TOP + LEGEND_HEIGHT + _APART
     axis, scale = z_axis(sections, _FRONT[1] - _FRONT[0], _TALLEST, top)
     front, error, heights, stack = (
         Panel(*sides, top, axis.floor) for sides in (_FRONT, _ERROR, _HEIGHTS, _STACK)
@@ -84,22 +85,22 @@ def draw_plan(
 def _head(
     title: str, certificate: Certificate, over: Sequence[tuple[float, float, float]], tolerance: float | None
 ) -> Iterator[Shape]:
-    """Title, and the facts that should still be read when the picture is small."""
+    """Draw the title and the main numbers, in large letters."""
     room = _WIDTH - 2 * _MARGIN
     size = max(min(_TITLE, _TITLE * room / max(text_width(title, _TITLE), 1)), _SMALLEST_TITLE)
-    while text_width(title, size) > room:
-        title = title[: int(len(title) * room / text_width(title, size)) - 2] + "…"
-    yield Text(_MARGIN, 64, title, size, _DARK, bold=True)
-    places = (_MARGIN, 350, 790, 1180)
-    for x, (fact, meaning, warns) in zip(places, _facts(certificate, over, tolerance), strict=True):
-        yield Text(x, 142, fact, _FACT, WARNING if warns else _DARK, bold=True)
-        yield Text(x, 176, meaning, _NAME, WARNING if warns else _SOFT)
+    yield Text(_MARGIN, 64, fit_text(title, size, room), size, _DARK, bold=True)
+    places = (_MARGIN, 350, 790, 1180, _WIDTH)
+    for (x, end), (fact, meaning, warns) in zip(
+        pairwise(places), _facts(certificate, over, tolerance), strict=True
+    ):
+        yield Text(x, 142, fit_text(fact, _FACT, end - x - 16), _FACT, WARNING if warns else _DARK, bold=True)
+        yield Text(x, 176, fit_text(meaning, _NAME, end - x - 16), _NAME, WARNING if warns else _SOFT)
 
 
 def _facts(
     certificate: Certificate, over: Sequence[tuple[float, float, float]], tolerance: float | None
 ) -> Iterator[tuple[str, str, bool]]:
-    """What the plan comes to: number, meaning, and whether it is a warning."""
+    """Return the main numbers: value, meaning, and whether it is a warning."""
     plan, worst = certificate.plan, certificate.worst
     thin, thick = float(plan.height.min()), float(plan.height.max())
     yield _count(plan), f"planner {plan.planner}" if plan.planner else "", False
@@ -107,7 +108,7 @@ def _facts(
     yield heights, "layer height", False
     where = f", at z {worst.z:.4g} mm" if certificate.max_error > 0 else ""
     limit = f", above {tolerance:g}" if over else where
-    yield f"{_number(certificate.max_error)} mm", f"max error{limit}", bool(over)
+    yield f"{_number(certificate.max_error)} mm", f"max deviation{limit}", bool(over)
     yield f"{_number(certificate.volume_error)} mm³", "volume error", False
 
 
@@ -116,14 +117,14 @@ def _count(plan: LayerPlan) -> str:
 
 
 def _number(value: float) -> str:
-    """Three figures; thousands apart; 0 for what is less than a thousandth of anything."""
+    """Format a number with three figures; large numbers with spaces, tiny numbers as 0."""
     if 999.5 <= value < 1e7:
         return f"{value:,.0f}".replace(",", " ")
     return f"{value:.3g}" if value >= 0.0005 else "0"
 
 
 def _flat_marks(axis: ZAxis, panel: Panel, flats: Float | Sequence[float]) -> Iterator[Shape]:
-    """A tick for each flat, at the right of the part."""
+    """Draw a tick for each flat surface, to the right of the part."""
     for z in np.asarray(flats, np.float64).tolist():
         if 0 <= z <= axis.total * 1.001:
             y = axis.y(z)
@@ -131,15 +132,15 @@ def _flat_marks(axis: ZAxis, panel: Panel, flats: Float | Sequence[float]) -> It
 
 
 def _names(axis: ZAxis, stretched: float, step: float, *, has_flats: bool) -> Iterator[Shape]:
-    """What the panels show, under them."""
+    """Draw the titles of the panels, below them."""
     low, lower = axis.floor + 1.3 * _SMALL, axis.floor + 66
     yield Text(_FRONT[0] - 12, axis.y(axis.total) - 22, "z mm", _SMALL, _SOFT, "end")
     if stretched > 1.01:
         yield Text(_FRONT[0], low, f"z drawn {stretched:.2g} times as large", _SMALL, _SOFT)
     if has_flats:
-        yield Text(_FRONT[1] + 28, low, "flats", _SMALL, _SOFT, "end")
+        yield Text(_FRONT[1] + 28, low, "flat surfaces", _SMALL, _SOFT, "end")
     yield Text(_FRONT[0], lower, "seen from the front", _NAME, _DARK, bold=True)
-    yield Text(_ERROR[0], lower, "error bound, mm", _NAME, _DARK, bold=True)
+    yield Text(_ERROR[0], lower, "max deviation, mm", _NAME, _DARK, bold=True)
     yield Text(_HEIGHTS[0] - 8, lower, "layer height, mm", _NAME, _DARK, bold=True)
     yield Text(_STACK[0], lower, "the stack of layers", _NAME, _DARK, bold=True)
     if step:

@@ -1,9 +1,9 @@
-"""The stack of layers in 3D, seen from above at an angle.
+"""Draw the stack of layers in 3D, seen from above at an angle.
 
-Seen from above, a layer cannot hide anything of a higher one, and in a layer nothing can hide the top face. So painting
-the layers from the bed up, of each the walls that face the viewer from far to near and then the top face, shows every
-layer as the prism that is printed. (The painter's algorithm, after Newell,
-Newell and Sancha, "A solution to the hidden surface problem", 1972, needs no splitting here.)
+Seen from above, no layer hides anything of a higher one, and nothing hides the top face of a layer. So layers are
+painted from the bed up; for each layer first the walls that face the viewer, from far to near, then the top face. (The
+painter's algorithm, after Newell, Newell and Sancha, "A solution to the hidden surface problem", 1972, needs no
+splitting here.)
 """
 
 from __future__ import annotations
@@ -25,41 +25,39 @@ from printer_slicer.model import Areas, Sections
 
 __all__ = ["draw_stack"]
 
-_TURN: Final = radians(-32)  # the part, about z
-_DOWN: Final = radians(28)  # the line of sight, from level
-_LIGHT: Final = (-0.62, -0.78)  # where light comes from, in the turned plane: the viewer's left
+_TURN: Final = radians(-32)  # rotation of the part about z
+_DOWN: Final = radians(28)  # angle of the line of sight below the horizontal
+_LIGHT: Final = (-0.62, -0.78)  # direction of the light in the rotated plane, from the viewer's left
 _DARKEST, _BRIGHTEST, _TOP = (
     0.58,
     0.9,
     1.0,
-)  # light on walls turned away from it, towards it, and on top faces
+)  # brightness of walls facing away from the light, towards it, and of top faces
 _SHADES: Final = 12  # steps from the darkest to the brightest wall
-_RESOLUTION: Final = 0.15  # px; what is smaller is not drawn
+_RESOLUTION: Final = 0.15  # px, tolerance of simplified outlines
 _LEAST_WALL: Final = 0.9  # px; thinner layers are drawn together
-_OVERLAP: Final = (
-    0.35  # px that walls reach down over what is below, or its colour would shine through between them
-)
-_BORDER: Final = 0.1  # of the part's width is bed around it
+_OVERLAP: Final = 0.35  # px by which walls overlap those below, so that no gap is visible between them
+_BORDER: Final = 0.1  # of the part's width, bed around it
 _BED, _GRID = "#eef1f4", "#d3d9df"
 
 
 @dataclass(frozen=True, slots=True)
 class _View:
-    """From the part to the picture: px per mm, and where the middle of the part's foot is."""
+    """Projection of the part into the picture: px per mm, and position of the middle of the part's base."""
 
     scale: float
     x: float
     y: float
 
     def place(self, turned: Float, z: Float | float) -> Float:
-        """(n, 2) px of points (n, 2) mm in the turned plane at height z, mm."""
+        """Return points (n, 2), mm, of the rotated plane at height z, mm, in px."""
         x = self.x + self.scale * turned[:, 0]
         y = self.y - self.scale * (turned[:, 1] * sin(_DOWN) + np.asarray(z) * cos(_DOWN))
         return np.column_stack([x, y])
 
 
 def draw_stack(sections: Sections, colours: Sequence[str], panel: Panel) -> tuple[list[Shape], float]:
-    """The layers as prisms on the bed, each in its colour, as large as fits.
+    """Draw the layers as prisms on the bed, each in its colour, as large as possible.
 
     Args:
         sections: the part's solid areas; their plan gives the layers.
@@ -67,7 +65,7 @@ def draw_stack(sections: Sections, colours: Sequence[str], panel: Panel) -> tupl
         panel: where to draw.
 
     Returns:
-        The shapes, and the width of the bed's grid, mm; nothing and 0 if there is nothing to see.
+        The shapes, and the step of the bed's grid, mm; no shapes and 0 for an empty part.
     """
     solid, plan = sections.solid, sections.plan
     if solid.n_rings == 0:
@@ -87,12 +85,12 @@ def draw_stack(sections: Sections, colours: Sequence[str], panel: Panel) -> tupl
 
 
 def _turned(xy: Float) -> Float:
-    """Points as the viewer has them: x to the right, y away."""
+    """Rotate points to the view: x to the right, y away from the viewer."""
     return np.asarray(xy @ np.array([[cos(_TURN), sin(_TURN)], [-sin(_TURN), cos(_TURN)]]))
 
 
 def _fitted(bed: Float, turned: Float, top: Float, panel: Panel) -> _View:
-    """The largest view that shows bed and part in the panel, at its foot."""
+    """Return the largest view that shows bed and part at the bottom of the panel."""
     flat = _View(1.0, 0.0, 0.0)
     seen = np.concatenate([flat.place(bed, 0.0), flat.place(turned, top)])
     low, high = seen.min(axis=0), seen.max(axis=0)
@@ -103,7 +101,7 @@ def _fitted(bed: Float, turned: Float, top: Float, panel: Panel) -> _View:
 
 
 def _bed(half: Float, step: float, view: _View) -> Iterator[Shape]:
-    """The bed under the part, `half` (2,) mm to each side of its middle, with lines every `step` mm."""
+    """Draw the bed under the part, `half` (2,) mm to each side of its middle, with lines every `step` mm."""
     yield Fill((view.place(_turned(half * [(-1, -1), (1, -1), (1, 1), (-1, 1)]), 0.0),), _BED, "bed")
     for axis in (0, 1):
         count = int(half[axis] / step)
@@ -114,9 +112,9 @@ def _bed(half: Float, step: float, view: _View) -> Iterator[Shape]:
 
 
 def _resolved(sections: Sections, scale: float) -> tuple[Areas, Float, Float]:
-    """The areas with no more layers and points than can be seen, and (L,) where the layers kept begin and end, mm.
+    """Reduce layers and points to those visible; also return bottom and top (L,) of the kept layers, mm.
 
-    Of layers too thin to see, the one with the largest area stands for itself and its neighbours.
+    Of layers too thin to see, the one with the largest area represents its neighbours.
     """
     solid, plan = sections.solid, sections.plan
     group = _groups(plan.top, _LEAST_WALL / (scale * cos(_DOWN)))
@@ -129,7 +127,7 @@ def _resolved(sections: Sections, scale: float) -> tuple[Areas, Float, Float]:
 
 
 def _groups(top: Float, least: float) -> Int:
-    """(L,) layers that are drawn as one have the same number: as few as it takes to be `least` mm high."""
+    """Group layers (L,) that are drawn as one, until a group is `least` mm high."""
     group, number, bottom = [], 0, 0.0
     for z in top.tolist():
         group.append(number)
@@ -139,14 +137,14 @@ def _groups(top: Float, least: float) -> Int:
 
 
 def _layers(areas: Areas, middle: Float) -> Iterator[tuple[int, Areas]]:
-    """Each layer that has an area, from the bed up, as the viewer has it."""
+    """Return the layers with an area from the bed up, rotated to the view."""
     turned = Areas(_turned(areas.xy - middle), areas.ring_start, areas.ring_layer, areas.n_layers)
     for layer in np.flatnonzero(turned.used).tolist():
         yield layer, turned.select(turned.ring_layer == layer)
 
 
 def _prism(rings: Areas, view: _View, z: tuple[float, float], colour: str) -> Iterator[Shape]:
-    """Walls that face the viewer from far to near, then the top face."""
+    """Draw the walls that face the viewer from far to near, then the top face."""
     bottom, top = z
     begin, count, shade = _walls(rings)
     upper = view.place(rings.xy, top)
@@ -165,10 +163,10 @@ def _prism(rings: Areas, view: _View, z: tuple[float, float], colour: str) -> It
 
 
 def _walls(rings: Areas) -> tuple[list[int], list[int], list[int]]:
-    """First point, number of edges and light of the walls that face the viewer, from far to near.
+    """Return first point, number of edges and brightness of the walls that face the viewer, from far to near.
 
-    A wall is a run of edges of one ring in the same light. With the solid to the left of its edges, a wall faces the
-    viewer, who looks along y, if its edges lead to the right.
+    A wall is a run of edges of one ring with the same brightness. The solid is to the left of its edges, so a wall
+    faces the viewer, who looks along y, if its edges lead to the right.
     """
     following = rings.following
     step = rings.xy[following] - rings.xy

@@ -1,4 +1,4 @@
-"""Every value on the way from the part to its moves, drawn: plans over z, the others layer by layer from above."""
+"""Draw any value of the pipeline: layer plans over z, all other values layer by layer from above."""
 
 from __future__ import annotations
 
@@ -11,14 +11,27 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.arrays import Float, Int
-from printer_slicer.drawing.canvas import Box, Fill, Line, Picture, Raster, Shape, Strokes, Text, text_width
-from printer_slicer.drawing.card import card
+from printer_slicer.drawing.canvas import (
+    Box,
+    Fill,
+    Line,
+    Picture,
+    Raster,
+    Shape,
+    Strokes,
+    Text,
+    fit_text,
+    text_width,
+    wrap_text,
+)
 from printer_slicer.drawing.colours import CALM, ROLE_COLOURS, height_colours
 from printer_slicer.drawing.frame import marks
+from printer_slicer.drawing.legend import height_steps
+from printer_slicer.drawing.summary_card import summary_card
 from printer_slicer.errors import UsageError
 from printer_slicer.model import Areas, LayerPlan, Mesh, Program, Regions, Sections, Toolpaths
 from printer_slicer.repr_svg import Summary, SvgRepr
-from printer_slicer.roles import Role
+from printer_slicer.roles import ROLES, Role
 from printer_slicer.surface import Certificate
 from printer_slicer.texts import describe_type
 from printer_slicer.thumbnails import render
@@ -27,40 +40,44 @@ __all__ = ["draw"]
 
 _WIDE: Final = 760  # px
 _ALONE: Final = 560  # px, the longer side of a layer that is drawn alone
-_SHOWN, _IN_A_ROW = 6, 3  # layers where none is chosen
-_HEAD, _ROW, _LETTERS, _SMALL = 34, 22, 15, 12  # px
-_SEEN: Final = 0.92  # of a bead's width is drawn, so that neighbours stay apart
-_STEP: Final = 0.05  # mm: beads whose widths differ by less are drawn as one
+_SHOWN, _IN_A_ROW = 6, 3  # layers if none is chosen
+_NARROWEST: Final = 120  # px, column of a layer: its caption needs room
+_SMALL_LINE: Final = 15  # px
+_HEAD, _LINE, _ROW, _LETTERS, _SMALL, _SMALLEST = 34, 20, 22, 15, 12, 11  # px
+_SEEN: Final = 0.92  # share of the extrusion width that is drawn, so that neighbours stay apart
+_STEP: Final = 0.05  # mm: extrusions whose widths differ by less are drawn as one line
 _SOFT, _OUTLINE, _TRAVEL = "#5b6472", "#222222", "#c2188b"
 _REGIONS: Final = {
-    "bottom_skin": ROLE_COLOURS[Role.BOTTOM_SOLID_INFILL],
-    "bridge": ROLE_COLOURS[Role.BRIDGE],
-    "internal_bridge": ROLE_COLOURS[Role.INTERNAL_BRIDGE],
-    "top_skin": ROLE_COLOURS[Role.TOP_SOLID_INFILL],
-    "solid": ROLE_COLOURS[Role.SOLID_INFILL],
-    "sparse": ROLE_COLOURS[Role.INTERNAL_INFILL],
+    "bottom_solid_infill": ("Bottom solid infill", "#cc79a7"),
+    "bridge": ("Bridge infill", ROLE_COLOURS[Role.BRIDGE]),
+    "internal_bridge": ("Internal bridge infill", "#a6d8f0"),
+    "top_solid_infill": ("Top solid infill", ROLE_COLOURS[Role.TOP_SOLID_INFILL]),
+    "solid_infill": ("Solid infill", ROLE_COLOURS[Role.SOLID_INFILL]),
+    "internal_infill": ("Internal infill", ROLE_COLOURS[Role.INTERNAL_INFILL]),
 }
 
 
 def draw(value: object, layer: int | None = None) -> Picture:
-    """A picture of a mesh, a plan, a certificate, or layers of sections, walls, regions, toolpaths, moves or areas.
+    """Draw a mesh, a layer plan, a certificate, or layers of sections, walls, regions, toolpaths, moves or areas.
 
     Args:
-        value: what to draw; of all stages, and of a job that was sliced here, the program is drawn.
-        layer: index of the one to be drawn, from 0; None: six from the bottom to the top. Meshes, plans and
-            certificates are drawn whole.
+        value: the value; the program is drawn for stages and for a job that was sliced here.
+        layer: number of a layer, counted from 1; None draws six layers from the bottom to the top. Meshes, plans and
+            certificates are always drawn whole.
 
     Raises:
-        UsageError: there are no pictures of such values, or it has no such layer.
+        UsageError: the value cannot be drawn, or it has no such layer.
     """
-    return _picture(value.drawable if isinstance(value, SvgRepr) else value, layer)
+    return _picture(
+        value.drawable if isinstance(value, SvgRepr) else value, None if layer is None else layer - 1
+    )
 
 
 @singledispatch
 def _picture(value: object, _layer: int | None) -> Picture:
     raise UsageError(
-        f"there is no picture of {describe_type(value)}",
-        remedy="draw a mesh, or what is made of it: stages.plan, stages.sections, stages.program",
+        f"cannot draw {describe_type(value)}",
+        remedy="Draw a mesh or a result of slicing: stages.plan, stages.sections, stages.program",
     )
 
 
@@ -69,21 +86,31 @@ def _picture(value: object, _layer: int | None) -> Picture:
 
 @_picture.register
 def _mesh(part: Mesh, _layer: int | None) -> Picture:
-    """As it stands, seen from above and from the front left."""
+    """Draw a mesh, seen from above and from the front left."""
     if not part.n_facets:
-        return Picture(400, 40, (Text(8, 24, "a mesh without facets", _LETTERS),), part.name)
+        return _note("a mesh without facets", part.name)
     x, y, z = part.size.tolist()
     title = f"{part.name}: {part.n_facets} facets, {x:.4g} x {y:.4g} x {z:.4g} mm"
-    seen = Raster(8, _HEAD, _ALONE, _ALONE, render(part, 2 * _ALONE, 2 * _ALONE))
-    return Picture(_ALONE + 16, _ALONE + _HEAD + 8, (Text(8, 24, title, _LETTERS, bold=True), seen), title)
+    lines = wrap_text(title, _LETTERS, _ALONE)
+    top = _HEAD + (len(lines) - 1) * _LINE
+    seen = Raster(8, top, _ALONE, _ALONE, render(part, 2 * _ALONE, 2 * _ALONE))
+    heading = [Text(8, 24 + k * _LINE, line, _LETTERS, bold=True) for k, line in enumerate(lines)]
+    return Picture(_ALONE + 16, _ALONE + top + 8, (*heading, seen), title)
 
 
-# What has no shape
+def _note(text: str, title: str) -> Picture:
+    """Draw one line of text, for values with nothing to draw."""
+    return Picture(
+        max(400, round(text_width(text, _LETTERS)) + 16), 40, (Text(8, 24, text, _LETTERS),), title
+    )
+
+
+# Values without a shape
 
 
 @_picture.register
-def _card(told: Summary, _layer: int | None) -> Picture:
-    return card(told.title, told.facts, told.problems)
+def _card(summary: Summary, _layer: int | None) -> Picture:
+    return summary_card(summary.title, summary.facts, summary.problems)
 
 
 # Plans
@@ -91,27 +118,27 @@ def _card(told: Summary, _layer: int | None) -> Picture:
 
 @_picture.register
 def _plan(plan: LayerPlan, _layer: int | None) -> Picture:
-    """Bars as high as their layers stand, as long as they are thick."""
+    """Draw a bar for each layer, as long as the layer is high."""
     title = f"{plan.n_layers} layers" + (f", planner {plan.planner}" if plan.planner else "")
     return _bars(plan, plan.height, title, "layer height, mm")
 
 
 @_picture.register
 def _certificate(certificate: Certificate, _layer: int | None) -> Picture:
-    """Bars as high as their layers stand, as long as what is proven of them."""
-    title = f"{certificate.plan.n_layers} layers, nothing wrong is farther than {certificate.max_error:.4g} mm off"
-    return _bars(certificate.plan, certificate.bound, title, "error bound, mm")
+    """Draw a bar for each layer, as long as its error bound."""
+    title = f"{certificate.plan.n_layers} layers, surface deviation at most {certificate.max_error:.3g} mm"
+    return _bars(certificate.plan, certificate.bound, title, "max deviation, mm")
 
 
 def _bars(plan: LayerPlan, lengths: Float, title: str, what: str) -> Picture:
-    """A bar for each layer, in the colour of its height."""
+    """Draw a horizontal bar for each layer, in the colour of its height."""
     if not plan.n_layers:
-        return Picture(400, 40, (Text(8, 24, "a plan without layers", _LETTERS),), title)
+        return _note("a plan without layers", title)
     heights, total = plan.height, float(plan.top[-1])
     left, right, top, tall = 56.0, _WIDE - 200.0, 50.0, 360.0
     longest = float(lengths.max()) or 1.0
     across, down = (right - left) / longest, tall / total
-    shapes: list[Shape] = [Text(8, 24, title, _LETTERS, bold=True)]
+    shapes: list[Shape] = [Text(8, 24, fit_text(title, _LETTERS, _WIDE - 24), _LETTERS, bold=True)]
     for z in marks(total, 6).tolist():
         y = top + tall - z * down
         shapes += [Line(np.array([(left - 6, y), (right, y)]), "#dddddd")]
@@ -124,7 +151,7 @@ def _bars(plan: LayerPlan, lengths: Float, title: str, what: str) -> Picture:
     rows = zip(plan.bottom.tolist(), heights.tolist(), lengths.tolist(), colours, strict=True)
     for bottom, high, length, colour in rows:
         y, thick = top + tall - (bottom + high) * down, high * down
-        # A gap between layers that are thick enough to be told apart.
+        # Leave a gap between layers that are thick enough to be distinguished.
         shapes.append(Box(left, y, length * across, thick * (0.85 if thick > 3 else 1), colour, name="layer"))
     shapes += [Text(left - 10, top - 10, "z mm", _SMALL, _SOFT, "end")]
     shapes += [Text((left + right) / 2, top + tall + 36, what, _SMALL, _SOFT, "middle")]
@@ -132,12 +159,12 @@ def _bars(plan: LayerPlan, lengths: Float, title: str, what: str) -> Picture:
 
 
 def _counts(plan: LayerPlan, colours: Sequence[str], x: float, y: float) -> Iterator[Shape]:
-    """How many layers of each height there are; of many heights, some."""
-    values, first, counts = np.unique(plan.height, return_index=True, return_counts=True)
-    some = np.unique(np.linspace(0, len(values) - 1, min(len(values), 12)).round().astype(int))
-    for k, index in enumerate(some.tolist()):
-        yield Box(x, y + k * _ROW, 16, 14, colours[first[index]], name="legend")
-        yield Text(x + 24, y + k * _ROW + 12, f"{counts[index]} x {values[index]:.4g} mm", _SMALL + 1)
+    """Draw the legend: ranges of layer heights with their layer counts."""
+    for k, step in enumerate(height_steps(plan)):
+        wide = 16 / len(step.layers)
+        for stripe, layer in enumerate(step.layers):
+            yield Box(x + stripe * wide, y + k * _ROW, wide, 14, colours[layer], name="legend")
+        yield Text(x + 24, y + k * _ROW + 12, fit_text(step.label, _SMALL, _WIDE - x - 28), _SMALL)
 
 
 # Layers
@@ -145,15 +172,15 @@ def _counts(plan: LayerPlan, colours: Sequence[str], x: float, y: float) -> Iter
 
 @dataclass(frozen=True, slots=True)
 class _Layers:
-    """What layers are drawn from.
+    """Layers of any value that is drawn from above.
 
     Attributes:
         plan: the layers, if their heights are known.
-        count: how many there are.
-        boxes: (L, 2) lowest and highest corner of each; infinite, inside out, where it is empty.
-        shapes: layer and how places (n, 2), mm, become px, with px for each mm -> what there is to see.
-        names: layers -> name and colour of what is in them.
-        title: of the whole.
+        count: number of layers.
+        boxes: (L, 2) lowest and highest corner of each layer; (inf, -inf) if it is empty.
+        shapes: function from a layer, a mapping of points (n, 2) from mm to px, and px per mm to shapes.
+        names: function from layers to the legend: name and colour of their contents.
+        title: of the picture.
     """
 
     plan: LayerPlan | None
@@ -164,7 +191,7 @@ class _Layers:
     title: str
 
     def used(self) -> Int:
-        """Layers with anything in them."""
+        """Return the layers that are not empty."""
         return np.flatnonzero(np.isfinite(self.boxes[0][:, 0]))
 
 
@@ -181,15 +208,15 @@ def _sections(sections: Sections, layer: int | None) -> Picture:
 
 @_picture.register
 def _regions(regions: Regions, layer: int | None) -> Picture:
-    named = [(name.replace("_", " "), colour, getattr(regions, name)) for name, colour in _REGIONS.items()]
+    named = [(label, colour, getattr(regions, name)) for name, (label, colour) in _REGIONS.items()]
     return _sheet(_of_areas(regions.inside, regions.plan, named), layer)
 
 
 def _of_areas(whole: Areas, plan: LayerPlan | None, named: Sequence[tuple[str, str, Areas]]) -> _Layers:
-    """Layers of areas by name; `whole` is all of them together."""
+    """Return layers of named areas; `whole` is their union."""
 
     def shapes(layer: int, place: Callable[[Float], Float], _scale: float) -> Iterator[Shape]:
-        """Every area of a layer, and a fine line around it."""
+        """Draw the areas of a layer with outlines."""
         for name, colour, areas in named:
             rings = [place(ring) for ring in areas.rings(layer)]
             if rings:
@@ -198,7 +225,7 @@ def _of_areas(whole: Areas, plan: LayerPlan | None, named: Sequence[tuple[str, s
                 yield Line(np.concatenate([ring, ring[:1]]), _OUTLINE, 0.6, name="outline")
 
     def names(layers: Sequence[int]) -> list[tuple[str, str]]:
-        """Those that any of the layers has."""
+        """Return name and colour of the areas that any of the layers has."""
         return [(name, colour) for name, colour, areas in named if areas.used[list(layers)].any()]
 
     kind = "regions" if len(named) > 1 else f"{named[0][0]}s"
@@ -222,7 +249,7 @@ def _program(program: Program, layer: int | None) -> Picture:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Beads:
-    """Straight lines from `begin` to `end`, (n, 2) mm, on ascending layers (n,), with a width and a role each (n,)."""
+    """Straight moves from `begin` to `end`, (n, 2) mm, with width, role and ascending layer (n,)."""
 
     begin: Float
     end: Float
@@ -231,7 +258,7 @@ class _Beads:
     layer: Int
 
     def layers(self, plan: LayerPlan, title: str) -> _Layers:
-        """As something to be drawn."""
+        """Return the moves as layers to draw."""
         n_layers = plan.n_layers
         laid = self.role != Role.TRAVEL
         low, high = np.full((n_layers, 2), np.inf), np.full((n_layers, 2), -np.inf)
@@ -246,13 +273,18 @@ class _Beads:
 
     def _names(self, layers: Sequence[int]) -> list[tuple[str, str]]:
         roles = np.unique(np.concatenate([self.role[self._of(layer)] for layer in layers])).tolist()
-        return [
-            (Role(role).name.lower().replace("_", " "), ROLE_COLOURS.get(Role(role), _TRAVEL))
-            for role in roles
-        ]
+        return list(
+            dict.fromkeys(
+                (
+                    "Travel" if role == Role.TRAVEL else ROLES[role].type_comment,
+                    ROLE_COLOURS.get(Role(role), _TRAVEL),
+                )
+                for role in roles
+            )
+        )
 
     def _shapes(self, layer: int, place: Callable[[Float], Float], scale: float) -> Iterator[Shape]:
-        """Lines that follow each other in one role and one width are one stroke."""
+        """Draw consecutive moves of one role and one width as one stroke."""
         own = self._of(layer)
         begin, end, role = self.begin[own], self.end[own], self.role[own]
         if not len(role):
@@ -275,55 +307,58 @@ class _Beads:
 
 
 def _sheet(layers: _Layers, layer: int | None) -> Picture:
-    """One layer, or several of them side by side, with what the colours mean."""
+    """Draw one layer, or several side by side, with a legend."""
     used = layers.used()
     if layer is not None:
         if not 0 <= layer < layers.count:
             raise UsageError(
-                f"layer {layer}: there is none", remedy=f"there are layers 0 to {layers.count - 1}"
+                f"layer {layer + 1} does not exist", remedy=f"Choose a layer from 1 to {layers.count}"
             )
         chosen = [layer] if layer in used else []
     else:
         some = np.linspace(0, len(used) - 1, min(len(used), _SHOWN)).round().astype(int)
         chosen = used[some].tolist()
     title = f"{layers.title}: " + (
-        _told(layers, layer) if layer is not None else f"{len(chosen)} of {layers.count} layers"
+        _caption(layers, layer) if layer is not None else f"{len(chosen)} of {layers.count} layers"
     )
     if not chosen:
-        return Picture(400, 40, (Text(8, 24, f"{title}: nothing there", _LETTERS),), title)
+        return _note(f"{title}: nothing there", title)
     low, high = layers.boxes[0][chosen].min(axis=0) - 1, layers.boxes[1][chosen].max(axis=0) + 1
     columns = min(len(chosen), _IN_A_ROW)
     side = _ALONE if columns == 1 else (_WIDE - 16) / columns - 8
     scale = side / float((high - low).max())
     wide, tall = ((high - low) * scale).tolist()
-    width = max(16 + columns * (wide + 8), text_width(title, _LETTERS) + 16, 320)
+    column = max(wide, _NARROWEST) if columns > 1 else wide
+    width = max(16 + columns * (column + 8), text_width(title, _LETTERS) + 24, 320)
     legend, top = _legend(layers.names(chosen), width)
     shapes: list[Shape] = [Text(8, 24, title, _LETTERS, bold=True), *legend]
-    named = 18 if len(chosen) > 1 else 4
+    captions = [wrap_text(_caption(layers, number), _SMALLEST, column) for number in chosen]
+    head = 4 + _SMALL_LINE * max(map(len, captions)) if len(chosen) > 1 else 4
     for k, number in enumerate(chosen):
-        x, y = 8 + (k % columns) * (wide + 8), top + (k // columns) * (tall + named + 8)
+        x, y = 8 + (k % columns) * (column + 8), top + (k // columns) * (tall + head + 8)
         if len(chosen) > 1:
-            shapes.append(Text(x, y + 12, _told(layers, number), _SMALL, _SOFT))
-        shift = np.array([x - low[0] * scale, y + named + high[1] * scale])
+            for row, line in enumerate(captions[k]):
+                shapes.append(Text(x, y + 12 + row * _SMALL_LINE, line, _SMALLEST, _SOFT))
+        shift = np.array([x - low[0] * scale, y + head + high[1] * scale])
         shapes += layers.shapes(number, _placed(shift, scale), scale)
     rows = -(-len(chosen) // columns)
-    return Picture(round(width), round(top + rows * (tall + named + 8) + 4), tuple(shapes), title)
+    return Picture(round(width), round(top + rows * (tall + head + 8) + 4), tuple(shapes), title)
 
 
 def _placed(shift: Float, scale: float) -> Callable[[Float], Float]:
-    """From mm to px; y grows away from the viewer on the bed, downward in the picture."""
+    """Return the mapping from mm to px; y points up on the bed and down in the picture."""
     return lambda points: np.asarray(points * np.array([scale, -scale]) + shift)
 
 
-def _told(layers: _Layers, number: int) -> str:
-    """A layer's number, and where it is."""
+def _caption(layers: _Layers, index: int) -> str:
+    """Return the number of a layer, from 1, with its z and its height."""
     if layers.plan is None:
-        return f"layer {number}"
-    return f"layer {number}, z {layers.plan.top[number]:.4g} mm, {layers.plan.height[number]:.3g} mm high"
+        return f"layer {index + 1}"
+    return f"layer {index + 1}, z {layers.plan.top[index]:.4g} mm, {layers.plan.height[index]:.3g} mm high"
 
 
 def _legend(entries: Sequence[tuple[str, str]], width: float) -> tuple[list[Shape], float]:
-    """What the colours mean, in rows under the title, and where these end, px."""
+    """Return the legend in rows under the title, and where it ends, px."""
     shapes: list[Shape] = []
     x, y = 8.0, float(_HEAD)
     for name, colour in entries:

@@ -1,7 +1,7 @@
-"""Toolpaths -> Program: how much filament, how fast, how cool.
+"""Make moves from toolpaths: filament, speeds, fan and temperatures.
 
-Everything that depends on layer height takes each layer's own: the cross-section of the bead, the speed that the
-material's flow limit allows, the height at which the fan has ramped up.
+Everything that depends on layer height uses the height of each layer: cross-sections, speeds at the flow limit, and the
+ramp of the fan.
 """
 
 from __future__ import annotations
@@ -12,45 +12,45 @@ from dataclasses import replace
 import numpy as np
 
 from printer_slicer.arrays import Float, Int
-from printer_slicer.extrusion.accelerating import acceleration_events
-from printer_slicer.extrusion.beads import beads_of, speeds_of
-from printer_slicer.extrusion.cooling import fans, slowed
-from printer_slicer.extrusion.rows import APPROACH, rows_of
-from printer_slicer.extrusion.timing import known_as, move_seconds
+from printer_slicer.extrusion.acceleration import acceleration_events
+from printer_slicer.extrusion.cooling import fan_events, slow_small_layers
+from printer_slicer.extrusion.extrusion_values import extrusion_beads, path_speeds
+from printer_slicer.extrusion.move_rows import APPROACH, move_rows
+from printer_slicer.extrusion.timing import copy_times, move_seconds
 from printer_slicer.model import Event, Heat, Program, ToolChange, Toolpaths, Travels
 from printer_slicer.profile import Material, Profile
 from printer_slicer.roles import Role, is_perimeter, roles_with
 
 __all__ = ["extrude", "move_seconds"]
 
-_HALF = 0.5  # of its width: a perimeter's bead that is carried by less hangs
+_HALF = 0.5  # share of the width; perimeters with less support are overhang perimeters
 
 
 def extrude(paths: Toolpaths, travels: Travels, profile: Profile, rules: Sequence[Profile] = ()) -> Program:
-    """The moves that print `paths` in order, with `travels` between them, fan and temperatures.
+    """Return the moves that print `paths` in order, with `travels` between them, fan and temperatures.
 
-    Speeds, accelerations and flow of the paths are those of `rules`, by their number; `profile` where there are none,
-    and for what belongs to no object. Layers that would be quicker than `material.min_layer_time` are slowed down, down
-    to `material.min_speed`.
+    Speeds, accelerations and flow come from `rules`, by the number of each path; from `profile` without rules, and for
+    paths of no object. Layers shorter than `material.min_layer_time` are slowed down, at most to
+    `material.min_speed`.
     """
-    # What the moves were made from is not needed any more when they are timed: that takes the most memory.
+    # Timing takes the most memory, so it runs in a function without the inputs of the moves.
     rules = tuple(rules) or (profile,)
     program, carried = _moves(paths, travels, profile, rules)
-    program = slowed(program, profile)
+    program = slow_small_layers(program, profile)
     events = [
         *_heat(program, paths, profile.material, rules),
-        *fans(program, carried, profile),
+        *fan_events(program, carried, profile),
         *program.events,
     ]
-    return known_as(replace(program, events=tuple(sorted(events, key=lambda event: event.index))), program)
+    return copy_times(replace(program, events=tuple(sorted(events, key=lambda event: event.index))), program)
 
 
 def _moves(
     paths: Toolpaths, travels: Travels, profile: Profile, rules: tuple[Profile, ...]
 ) -> tuple[Program, Float]:
-    """The moves as quick as they may be, and (K,) the share of each bead that lies over the layer below."""
-    rows = rows_of(paths, travels, profile)
-    beads = beads_of(paths, rows, rules)
+    """Return the moves at full speed, and the share (K,) of each extrusion that lies over the layer below."""
+    rows = move_rows(paths, travels, profile)
+    beads = extrusion_beads(paths, rows, rules)
     role = np.where(rows.is_bead, paths.role[rows.path], Role.TRAVEL)
     carried = rows.spread(beads.carried)
     role[is_perimeter(role) & (carried < _HALF)] = Role.OVERHANG_PERIMETER
@@ -62,7 +62,7 @@ def _moves(
         origin=np.array([0.0, 0.0, float(paths.plan.top[0]) + APPROACH]),
         xyz=rows.xyz,
         filament=rows.pulled + rows.spread(beads.filament(diameter[paths.tool[rows.bead_path]])),
-        speed=speeds_of(paths, rows, beads, rules),
+        speed=path_speeds(paths, rows, beads, rules),
         layer=layer,
         role=role,
         width=rows.spread(beads.width),
@@ -82,7 +82,7 @@ def _moves(
 
 
 def _tool_changes(tool: Int) -> list[ToolChange]:
-    """Where the extruder in use (K,) is another one than before; the first one is in use from the start."""
+    """Return the changes of the tool (K,); the first tool is active from the start."""
     changed = np.flatnonzero(np.diff(tool)) + 1
     return [
         ToolChange(index, number)
@@ -91,9 +91,9 @@ def _tool_changes(tool: Int) -> list[ToolChange]:
 
 
 def _heat(program: Program, paths: Toolpaths, material: Material, rules: tuple[Profile, ...]) -> list[Event]:
-    """From the second layer on the temperatures of the rest of the part, and those that heights have of their own.
+    """Return temperature changes after the first layer, and those of overrides for height ranges.
 
-    Where objects have layers of their own, from the layer on in which none of them begins.
+    If objects have different layers, the first change comes after the last object has begun.
     """
     of_rule = np.array([rule.material.nozzle_temperature for rule in rules])
     begins = np.flatnonzero(np.diff(program.layer, prepend=-1) > 0)

@@ -1,4 +1,4 @@
-"""Layers that would be too quick to cool are slowed down, what is hidden first; and how much fan they get."""
+"""Slow down layers that are too short to cool, hidden extrusions first, and set the fan."""
 
 from __future__ import annotations
 
@@ -8,28 +8,28 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int
-from printer_slicer.extrusion.beads import SHARES
-from printer_slicer.extrusion.timing import move_seconds, timed_again
+from printer_slicer.extrusion.extrusion_values import SHARES
+from printer_slicer.extrusion.timing import move_seconds, retime_moves
 from printer_slicer.model import Event, Fan, Program
 from printer_slicer.profile import Material, Profile
 from printer_slicer.roles import ROLES, Role, roles_with
 
-__all__ = ["fans", "slowed"]
+__all__ = ["fan_events", "slow_small_layers"]
 
-_ROUNDS = 30  # of slowing down at most: where accelerating decides, half the speed is far from twice the time
-_NEARLY = 0.995  # of the minimum layer time is enough
-_FAN_STEP = 0.05  # smaller changes of the fan are not worth a line
-# What is slowed down first is not seen; bridges and what hangs over air are slow enough until nothing else helps.
+_ROUNDS = 30  # most rounds of slowing down; short moves hardly get slower at lower speeds
+_NEARLY = 0.995  # share of the minimum layer time that is enough
+_FAN_STEP = 0.05  # smaller changes of the fan are not written
+# Hidden extrusions are slowed down first; bridges and overhangs last.
 _SLOWED_IN: Final = np.array([row.slowed_in for row in ROLES])
 
 
-def slowed(program: Program, profile: Profile) -> Program:
-    """The program with beads slowed down on layers that are too quick to cool."""
+def slow_small_layers(program: Program, profile: Profile) -> Program:
+    """Slow down extrusions on layers that are too short to cool."""
     material = profile.material
     if not material.min_layer_time:
         return program
     pace = program.speed, move_seconds(program, profile)
-    # What is slower already, a first layer say, is not made faster by the lower bound.
+    # The lower bound must not make slower moves faster, such as those of the first layer.
     floor = np.minimum(program.speed, material.min_speed)
     extrudes, slowed_in = program.role != Role.TRAVEL, _SLOWED_IN[program.role]
     for last in range(int(_SLOWED_IN.max()) + 1):
@@ -40,7 +40,7 @@ def slowed(program: Program, profile: Profile) -> Program:
 def _slowed(
     program: Program, pace: tuple[Float, Float], floor: Float, may: Bool, profile: Profile
 ) -> tuple[Float, Float]:
-    """Speeds and seconds (K,) of moves, those slowed down that `may` (K,) be and whose layers are too quick."""
+    """Slow down the moves `may` (K,) on layers that are too short; return speeds and seconds (K,)."""
     speed, seconds = pace
     least, layer = profile.material.min_layer_time, program.layer
     for _ in range(_ROUNDS):
@@ -50,18 +50,18 @@ def _slowed(
         factor = np.where(short, laying / np.maximum(room, 1e-9), 1.0)[layer]
         slower = np.where(may & (factor < 1), np.maximum(speed * factor, floor), speed)
         changed = slower < speed * _NEARLY
-        if not changed.any():  # what is still too quick is as slow as it may be
+        if not changed.any():  # layers that are still too short are at their lowest speed
             break
         around = layer[slower < speed][[0, -1]]
         speed = slower
-        seconds = timed_again(program, seconds, speed, around, profile)
+        seconds = retime_moves(program, seconds, speed, around, profile)
     return speed, seconds
 
 
-def fans(program: Program, carried: Float, profile: Profile) -> list[Event]:
-    """Fan changes: more on quick layers, ramped up over mm of height, full on bridges, in between on overhangs.
+def fan_events(program: Program, carried: Float, profile: Profile) -> list[Event]:
+    """Return fan changes: faster on short layers, ramped up over height, full on bridges, in between on overhangs.
 
-    `carried` (K,) is the share of each bead that lies over the layer below.
+    `carried` (K,) is the share of each extrusion that lies over the layer below.
     """
     material, plan = profile.material, program.plan
     seconds = np.bincount(program.layer, weights=move_seconds(program, profile), minlength=plan.n_layers)
@@ -85,7 +85,7 @@ def fans(program: Program, carried: Float, profile: Profile) -> list[Event]:
 
 
 def _overhang_fans(material: Material) -> tuple[float, ...]:
-    """For each of `SHARES` of the bead that is carried, how far the fan goes toward that on bridges."""
+    """Return for each supported share in `SHARES` how far the fan speed goes toward that on bridges."""
     return (
         material.fan_overhang_0_ratio,
         material.fan_overhang_25_ratio,

@@ -1,4 +1,4 @@
-"""How long the moves of programs take: slowing down, fans and those who tell about it all ask."""
+"""Compute how long the moves of a program take."""
 
 from __future__ import annotations
 
@@ -7,24 +7,24 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from printer_slicer.arrays import Float, Int, frozen_array
-from printer_slicer.extrusion.accelerating import accelerations_of
+from printer_slicer.extrusion.acceleration import move_accelerations
 from printer_slicer.model import Program
 from printer_slicer.motion.blocks import MotionLimits
 from printer_slicer.motion.rules import limits_of
 from printer_slicer.motion.vectorized import durations
 from printer_slicer.profile import Profile
 
-__all__ = ["known_as", "move_seconds", "timed_again"]
+__all__ = ["copy_times", "move_seconds", "retime_moves"]
 
 _timed: WeakKeyDictionary[Program, tuple[MotionLimits, Float]] = WeakKeyDictionary()
 
 
 def move_seconds(program: Program, profile: Profile) -> Float:
-    """(K,) how long each move takes on this printer, s, with unlimited look-ahead.
+    """Return the time (K,) of each move on this printer, s, with unlimited look-ahead.
 
     Args:
         program: the moves.
-        profile: its printer's limits decide.
+        profile: has the limits of the printer.
     """
     limits = limits_of(profile.printer)
     known = _timed.get(program)
@@ -34,30 +34,30 @@ def move_seconds(program: Program, profile: Profile) -> Float:
     return known[1]
 
 
-def known_as(program: Program, other: Program) -> Program:
-    """The program, which moves as `other` does: what is known about how long that takes holds for it too."""
+def copy_times(program: Program, other: Program) -> Program:
+    """Reuse the times of `other` for a program with the same moves; return the program."""
     _timed[program] = _timed[other]
     return program
 
 
-def timed_again(program: Program, seconds: Float, speed: Float, around: Int, profile: Profile) -> Float:
-    """(K,) how long moves take, where only those from the first to the last layer of `around` have another speed.
+def retime_moves(program: Program, seconds: Float, speed: Float, around: Int, profile: Profile) -> Float:
+    """Return the times (K,) of moves after the speeds of the layers from first to last of `around` changed.
 
-    Braking for them may reach into the layers beside, no farther: at the step up to a layer the nozzle all but stops.
+    The change affects at most the adjacent layers, because the nozzle nearly stops at each layer change.
     """
-    # One layer more on both sides: the first and the last of all would begin and end at rest.
+    # Include one more layer on both sides, because the first and last move of the range begin and end at rest.
     first, begin, end, last = np.searchsorted(program.layer, around[[0, 0, 1, 1]] + [-2, -1, 2, 3])
     again = _seconds(program, speed, profile, first, last)
     return np.concatenate([seconds[:begin], again[begin - first : end - first], seconds[end:]])
 
 
 def _seconds(program: Program, speed: Float, profile: Profile, first: int, last: int) -> Float:
-    """(n,) how long the moves from `first` up to `last` take at speeds (K,), as if there were no others."""
+    """Return the times (n,) of the moves from `first` up to `last` at speeds (K,), as if there were no others."""
     before = program.xyz[first - 1] if first else program.origin
     way = np.diff(program.xyz[first:last], axis=0, prepend=before[None])
     return durations(
         np.column_stack([way, program.filament[first:last]]),
         speed[first:last],
         limits_of(profile.printer),
-        acceleration=accelerations_of(program, profile.printer, first, last),
+        acceleration=move_accelerations(program, profile.printer, first, last),
     )

@@ -1,4 +1,4 @@
-"""Filament pulled back while the nozzle goes once more over what it has just laid."""
+"""Wipe: retract filament while the nozzle moves over the end of the previous path."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from printer_slicer.arrays import Float, Int, consecutive
 from printer_slicer.model import Toolpaths, Travels
 from printer_slicer.profile import Profile
 
-__all__ = ["Wipes", "wipes_of"]
+__all__ = ["Wipes", "find_wipes"]
 
-_SHARE = 0.9  # of the extruder's speed of pulling back, while wiping
+_SHARE = 0.9  # share of the retraction speed that is used while wiping
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Wipes:
-    """Wipes before the way to each path: over the end of the path before, which it then leaves from there.
+    """Wipes before the travel to each path, over the end of the previous path.
 
     Attributes:
-        xy: (W, 2) mm, what the nozzle passes.
-        start: (M + 1,) before path `i` it passes `xy[start[i]:start[i + 1]]`, which may be nothing.
-        moving: (W,) mm of filament pulled back on the way to each point.
-        standing: (M,) mm of filament pulled back before, while the nozzle stands.
+        xy: (W, 2) mm, points that the nozzle passes.
+        start: (M + 1,) the wipe before path `i` passes `xy[start[i]:start[i + 1]]`, which may be empty.
+        moving: (W,) mm of filament retracted on the move to each point.
+        standing: (M,) mm of filament retracted before the wipe, while the nozzle stands still.
     """
 
     xy: Float
@@ -32,8 +32,8 @@ class Wipes:
     standing: Float
 
 
-def wipes_of(paths: Toolpaths, travels: Travels, profile: Profile) -> Wipes:
-    """The wipes of a profile: backward over open paths, on along loops."""
+def find_wipes(paths: Toolpaths, travels: Travels, profile: Profile) -> Wipes:
+    """Return the wipes before all paths: backward over open paths, forward along loops."""
     printer = profile.printer
     n = paths.n_paths
     standing = np.where(travels.retract, printer.retract_length, 0.0)
@@ -42,7 +42,7 @@ def wipes_of(paths: Toolpaths, travels: Travels, profile: Profile) -> Wipes:
     wiped = np.flatnonzero(travels.retract)
     over = wiped - 1
     size = np.diff(paths.start)[over]
-    # The points of a path in the order in which the wipe passes them; loops come back to their first point.
+    # List the points of each path in the order of the wipe; loops return to their first point.
     step = consecutive(np.zeros_like(size), size + paths.closed[over])
     owner = np.repeat(np.arange(len(over)), size + paths.closed[over])
     first, loops = paths.start[:-1][over][owner], paths.closed[over][owner]

@@ -11,7 +11,7 @@ from printer_slicer.importing.conversion import Conversion
 from printer_slicer.importing.own import with_own
 from printer_slicer.importing.presets import Preset
 from printer_slicer.importing.report import Imported
-from printer_slicer.importing.speeds import speeds_of
+from printer_slicer.importing.speeds import path_speeds
 from printer_slicer.macros import MacroFault
 
 __all__ = ["quality_from"]
@@ -82,7 +82,7 @@ def quality_from(preset: Preset) -> Imported:
     _skins(made, height)
     _infill(made, height, width)
     _bed(made, height)
-    speeds_of(made)
+    path_speeds(made)
     done = made.done(_why)
     return with_own(done, preset, quality_from) if preset.own else done
 

@@ -8,7 +8,7 @@ from typing import Final
 
 from printer_slicer.importing.conversion import Conversion
 
-__all__ = ["speeds_of"]
+__all__ = ["path_speeds"]
 
 _SPEEDS: Final = (
     ("perimeter", "perimeter_speed"),
@@ -75,7 +75,7 @@ _ACCELERATIONS: Final = (
 _OVERHANGS: Final = (("0", 0), ("25", 1), ("50", 2), ("75", 3))
 
 
-def speeds_of(made: Conversion) -> None:
+def path_speeds(made: Conversion) -> None:
     """Put all speeds and accelerations.
 
     Raises:

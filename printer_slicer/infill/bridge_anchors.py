@@ -8,7 +8,7 @@ import numpy as np
 
 from printer_slicer.arrays import Float, run_starts
 from printer_slicer.geometry import Areas, Lines, Pieces, difference, hatch, offset, offset_open, row_ends
-from printer_slicer.infill.turns import LONGEST_TURN, Zigzags
+from printer_slicer.infill.connections import MAX_CONNECTION, Zigzags
 
 __all__ = ["HatchGrids", "extensions_to_walls", "join_bridge_lines"]
 
@@ -38,7 +38,7 @@ def join_bridge_lines(rows: Lines, way: Float, gap: Float, angle: Float) -> Zigz
         gap: (P,) mm between rows.
         angle: (P,) radians.
     """
-    end, start = row_ends(rows, max_turn=LONGEST_TURN * gap)
+    end, start = row_ends(rows, max_turn=MAX_CONNECTION * gap)
     xy, piece = rows.ends.reshape(-1, 2).take(end, axis=0), rows.layer[end[start[:-1]] // 2]
     loose = np.concatenate([start[:-1], start[1:] - 1])
     turn = np.tile(angle[piece], 2)
@@ -47,10 +47,10 @@ def join_bridge_lines(rows: Lines, way: Float, gap: Float, angle: Float) -> Zigz
 
 
 def extensions_to_walls(rows: Lines, grid: HatchGrids, pieces: Pieces, inside: Areas, apart: Float) -> Float:
-    """(S, 2) mm by which both ends of each row extend into the wall; 0 where they do not.
+    """Return how far both ends of each row extend into the wall, (S, 2) mm; 0 where they do not.
 
-    They do not extend into other regions, which have lines of their own at the border, nor where a row meets the wall
-    at a small angle: there, a line runs along the wall.
+    Rows do not extend into other regions, which have their own lines at the border. Nor do they extend where they meet
+    the wall at a small angle, because a line runs along the wall there.
 
     Args:
         rows: rows of the grid, inside the pieces and `apart` from their borders.
@@ -76,5 +76,5 @@ def extensions_to_walls(rows: Lines, grid: HatchGrids, pieces: Pieces, inside: A
     first = run_starts(own)
     outermost = np.stack([first, np.append(first[1:], True)], axis=1)
     way = longest.u[own] - rows.u
-    near = np.abs(way) <= _SLACK * LONGEST_TURN * apart[rows.layer, None]
+    near = np.abs(way) <= _SLACK * MAX_CONNECTION * apart[rows.layer, None]
     return np.where(outermost & near & within[:, None], way, 0.0)

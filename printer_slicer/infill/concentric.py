@@ -1,4 +1,4 @@
-"""Loops that follow the outline inward: flexible parts bend evenly, and nothing shows through thin walls."""
+"""Concentric infill: loops parallel to the outline, for flexible parts and for smooth thin walls."""
 
 from __future__ import annotations
 
@@ -6,22 +6,22 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Float
 from printer_slicer.geometry import Areas, Polylines, clip_outlines, difference, offset
-from printer_slicer.infill.task import Task
+from printer_slicer.infill.infill_task import InfillTask
 
 __all__ = ["concentric_lines"]
 
-_SHORTEST = 3.0  # beads of length: smaller loops are blobs
-_CUT = 0.01  # mm² taken from the area that the loops were drawn for
+_SHORTEST = 3.0  # extrusion widths; smaller loops would be blobs
+_CUT = 0.01  # mm², least area that internal bridges take from the loops
 
 
-def concentric_lines(task: Task) -> tuple[Polylines, Float]:
-    """Loops half a spacing, one and a half, and so on, inside the outline; above each other where the outlines are.
+def concentric_lines(task: InfillTask) -> tuple[Polylines, Float]:
+    """Return loops 0.5, 1.5, 2.5 ... spacings inside the outline.
 
-    What internal bridges take of the sparse area cuts the loops and does not move them, as other bridges rest on them.
+    Internal bridges cut the loops but do not move them, because other bridges rest on the loops.
     """
     outline, cut = task.area, np.zeros(task.area.n_layers, np.bool_)
     if outline.n_layers == task.regions.plan.n_layers:  # each layer by itself
-        outline = offset(task.regions.sparse, -task.inset).of_layers(task.area.used)
+        outline = offset(task.regions.internal_infill, -task.inset).of_layers(task.area.used)
         cut = difference(outline, task.area).area() > _CUT
     loops, loop = [], offset(outline, -task.spacing / 2)
     while loop.n_rings:
@@ -31,7 +31,7 @@ def concentric_lines(task: Task) -> tuple[Polylines, Float]:
 
 
 def _lines(loops: Areas, area: Areas, cut: Bool) -> list[Polylines]:
-    """The loops, on the layers that are cut (L,) the parts of them within the area."""
+    """Return the loops as lines; on layers that are cut (L,), only their parts within the area."""
     whole = Polylines.around(loops.of_layers(~cut))
     if not cut.any():
         return [whole]

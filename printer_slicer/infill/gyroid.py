@@ -12,23 +12,23 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, consecutive
 from printer_slicer.geometry import Polylines
-from printer_slicer.infill.task import Task
-from printer_slicer.infill.waves import Waves, wave_lines
+from printer_slicer.infill.infill_task import InfillTask
+from printer_slicer.infill.periodic_lines import PeriodicLines, clip_periodic_lines
 
 __all__ = ["CHORD_ERROR", "gyroid_lines"]
 
 CHORD_ERROR = 0.05
-"""mm; points are chosen so that the straight lines between them are about this far from the waves at most."""
+"""mm, largest distance between the waves and the straight lines that replace them, about."""
 
 _SAMPLES = 256  # of one period, to measure curvature and length
 _FEWEST = 6  # points of a period
 
 
-def gyroid_lines(task: Task) -> tuple[Polylines, Float]:
-    """Sections of the gyroid at the z of each entry.
+def gyroid_lines(task: InfillTask) -> tuple[Polylines, Float]:
+    """Return sections of the gyroid at the z of each entry.
 
-    Sections differ in length, by up to a quarter where waves along x turn into waves along y; the second value
-    tells by how much, so that the beads can be as much narrower.
+    The length of sections varies by up to a quarter where waves along x change to waves along y. The second result is
+    this ratio (E,), so that the extrusion width can be corrected.
     """
     scale = 1 / (task.spacing * _mean_density())  # radians in a mm
     z = task.z * scale
@@ -39,12 +39,12 @@ def gyroid_lines(task: Task) -> tuple[Polylines, Float]:
     chosen, size = _points(u, v, length, CHORD_ERROR * scale)
     owner = np.repeat(np.arange(len(z)), size)
     first = np.stack([chosen, _wave(chosen, z[owner], along_y[owner])], axis=1)
-    # The other line of each period is the first one, turned by 180° about a point, or moved and mirrored.
+    # The second line of each period is the first one turned by 180° about a point, or shifted and mirrored.
     mirrored = np.stack(
         [-first[:, 0], np.where(along_y[owner], first[:, 1] - np.pi, np.pi - first[:, 1])], axis=1
     )
     uv, start = _paired(first, mirrored, size)
-    waves = Waves(
+    waves = PeriodicLines(
         uv / scale,
         start,
         period=2 * np.pi / scale,
@@ -52,11 +52,11 @@ def gyroid_lines(task: Task) -> tuple[Polylines, Float]:
         angle=task.angle,
         swapped=along_y,
     )
-    return wave_lines(task.area, waves), _density(length) / _mean_density()
+    return clip_periodic_lines(task.area, waves), _density(length) / _mean_density()
 
 
 def _wave(u: Float, z: Float, along_y: Bool) -> Float:
-    """The place across of the section's first line, at u along; radians."""
+    """Return the position across of the section's first line at position u along, radians."""
     # Along x: cos z sin y + sin x cos y = - sin z cos x. Along y: sin z cos x + cos y sin x = - cos z sin y.
     upright = np.where(along_y, np.sin(z), np.cos(z))
     flat = np.where(along_y, np.cos(z), np.sin(z)) * np.where(upright < 0, -1.0, 1.0)
@@ -70,9 +70,9 @@ def _wave(u: Float, z: Float, along_y: Bool) -> Float:
 
 
 def _points(u: Float, v: Float, length: Float, error: float) -> tuple[Float, Int]:
-    """Where along each wave (E, n + 1) points are put, and how many: a period's from its begin to before its end.
+    """Choose points along one period of each wave (E, n + 1); return their positions and their number per wave.
 
-    A chord of length c over a curve of curvature k is k c² / 8 away from it: chords of length sqrt(8 error / k).
+    A chord of length c over a curve of curvature k deviates by k c² / 8, so chords have the length sqrt(8 error / k).
     """
     direction = np.arctan2(np.diff(v, axis=1), np.diff(u)[None, :])
     turn = np.abs(np.diff(direction, axis=1, append=direction[:, :1]))
@@ -80,7 +80,7 @@ def _points(u: Float, v: Float, length: Float, error: float) -> tuple[Float, Int
     wanted = np.sqrt(turn * reach / (8 * error)) + 1e-9
     total = wanted.sum(axis=1)
     size = np.maximum(np.ceil(total), _FEWEST).astype(np.int64)
-    # One ascending row of all waves behind each other: the k-th point of a wave is where k shares of its total are.
+    # All waves follow each other on one axis; the k-th point of a wave is at k shares of its total.
     steps = np.concatenate([np.zeros((len(v), 1)), np.cumsum(wanted / total[:, None], axis=1)], axis=1)
     owner = np.repeat(np.arange(len(v)), size)
     asked = owner * 2.0 + consecutive(np.zeros_like(size), size) / size[owner]
@@ -90,7 +90,7 @@ def _points(u: Float, v: Float, length: Float, error: float) -> tuple[Float, Int
 
 
 def _paired(first: Float, second: Float, size: Int) -> tuple[Float, Int]:
-    """First and second line of each entry one after the other, both ascending along."""
+    """Interleave the first and second line of each entry, both in ascending order."""
     start = np.cumsum(size) - size
     owner = np.repeat(np.arange(len(size)), size)
     step = np.arange(len(first)) - start[owner]
@@ -101,12 +101,12 @@ def _paired(first: Float, second: Float, size: Int) -> tuple[Float, Int]:
 
 
 def _density(length: Float) -> Float:
-    """(E,) length of line per area, of two lines in a square with sides of 2 pi; from the steps of one (E, n)."""
+    """Return the line length per area (E,) of two lines in a square of side 2 pi, from the steps (E, n) of one."""
     return np.asarray(length.sum(axis=1) / (2 * np.pi**2))
 
 
 def _mean_density() -> float:
-    """The mean of it over all z; an eighth of the period of z holds all there is."""
+    """Return the mean density over all z; by symmetry an eighth of the period is enough."""
     z = (np.arange(64) + 0.5)[:, None] * np.pi / 256
     u = np.linspace(-np.pi, np.pi, _SAMPLES + 1)
     v = _wave(u[None, :], z, np.zeros_like(z, dtype=np.bool_))

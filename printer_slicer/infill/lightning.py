@@ -1,8 +1,8 @@
-"""Trees that hold up only what needs holding: roofs, and floors inside; everything else stays hollow.
+"""Lightning infill: trees that support only roofs and internal floors; everything else stays hollow.
 
-From the top down: under what has air above its sparse infill, trees grow from the walls until no place is far from
-a branch; on each layer below, their tips are shorter and their bends straighter, as far as a line may lean out over
-the one below. So every branch stands on a branch, on a wall or on something solid, and none is there for nothing.
+Layers are processed from the top down. Below areas with nothing above, trees grow from the perimeters until every
+point is near a branch. On each layer below, tips are shorter and bends straighter, within the allowed overhang. So
+every branch stands on a branch, a perimeter or a solid area.
 
 Source: Tricard, Claux & Lefebvre, Ribbed support vaults for 3D printing of hollowed objects, 2019, for the idea that
 what holds a roof may shrink from layer to layer; trees instead of ribs as in the slicer Cura's infill of this name.
@@ -26,30 +26,38 @@ from printer_slicer.geometry import (
     union,
 )
 from printer_slicer.geometry.joints import chain_ends, chain_steps
-from printer_slicer.infill.task import Pattern, Task
-from printer_slicer.infill.trees import AT_WALL, Tree, Wall, grown, retracted, rooted, within
+from printer_slicer.infill.infill_task import InfillTask, Pattern
+from printer_slicer.infill.lightning_trees import (
+    AT_WALL,
+    Tree,
+    WallDistance,
+    attach_trees,
+    clip_trees,
+    grow_trees,
+    shrink_trees,
+)
 
-__all__ = ["lightning_lines", "planted"]
+__all__ = ["lightning_lines", "lightning_pattern"]
 
-_AROUND = 0.5  # spacings: so far around an internal bridge its threads find something to end on
-_HELD = 0.5  # spacings: who is nearer to a branch or wall is held
-_LEVELS = 6  # of points: each level has twice the distance of the one below
-_BEYOND = 0.02  # mm by which roots are prolonged, so that they surely meet the outline
-
-
-def lightning_lines(task: Task) -> tuple[Polylines, Float]:
-    """Branches of the trees; the density is that right below a large roof."""
-    return planted(task)(task)
-
-
-def planted(task: Task) -> Pattern:
-    """The same with trees that have grown for good, in the regions of this task: they are not grown again."""
-    return partial(_standing, _branches(_trees(task, offset(task.regions.sparse, -task.inset))))
+_AROUND = 0.5  # spacings around an internal bridge that are supported, so that its lines find an anchor
+_HELD = 0.5  # spacings; points nearer to a branch or perimeter are supported
+_LEVELS = 6  # levels of points; each level has twice the distance of the one below
+_BEYOND = 0.02  # mm by which roots are extended to reach the outline
 
 
-def _standing(branches: Polylines, task: Task) -> tuple[Polylines, Float]:
-    """The branches in the areas of a task."""
-    # Entries that are filled by beads of several layers have the trees of the layer on which they are printed.
+def lightning_lines(task: InfillTask) -> tuple[Polylines, Float]:
+    """Return the branches of the trees; they have the wanted density directly below a large roof."""
+    return lightning_pattern(task)(task)
+
+
+def lightning_pattern(task: InfillTask) -> Pattern:
+    """Return the pattern with the trees for the regions of this task, grown once."""
+    return partial(_standing, _branches(_trees(task, offset(task.regions.internal_infill, -task.inset))))
+
+
+def _standing(branches: Polylines, task: InfillTask) -> tuple[Polylines, Float]:
+    """Clip the branches to the areas of a task."""
+    # Entries of several combined layers have the trees of the layer that prints them.
     first, last = (np.searchsorted(branches.layer, task.layer, side=side) for side in ("left", "right"))
     counts = np.where(task.area.used, last - first, 0)
     chosen = consecutive(first, counts)
@@ -58,8 +66,8 @@ def _standing(branches: Polylines, task: Task) -> tuple[Polylines, Float]:
     return clip_lines(task.area, laid), np.ones(len(task.z))
 
 
-def _trees(task: Task, area: Areas) -> list[Tree]:
-    """The trees of each layer."""
+def _trees(task: InfillTask, area: Areas) -> list[Tree]:
+    """Grow the trees of each layer, from the top down."""
     n, plan = area.n_layers, task.regions.plan
     points, layer, level = _roof_points(task, area)
     point_start = np.searchsorted(layer, np.arange(n + 1))
@@ -71,22 +79,22 @@ def _trees(task: Task, area: Areas) -> list[Tree]:
         if not below.n_rings:
             tree = Tree.none()
             continue
-        wall = Wall(below)
+        wall = WallDistance(below)
         if len(tree.xy):
             reach = task.slope * float(plan.height[k + 1])
-            tree = within(retracted(tree, reach), _one_layer(around, around_layers, k))
-            tree = rooted(tree, wall, reach)
+            tree = clip_trees(shrink_trees(tree, reach), _one_layer(around, around_layers, k))
+            tree = attach_trees(tree, wall, reach)
         here = slice(point_start[k], point_start[k + 1])
-        tree = grown(tree, wall, points[here], level[here], _HELD * task.spacing)
+        tree = grow_trees(tree, wall, points[here], level[here], _HELD * task.spacing)
         trees[k] = tree
     return trees
 
 
-def _roof_points(task: Task, area: Areas) -> tuple[Float, Int, Int]:
-    """Points (P, 2) of a square lattice under everything that is not sparse on the layer above.
+def _roof_points(task: InfillTask, area: Areas) -> tuple[Float, Int, Int]:
+    """Return points (P, 2) of a square lattice below everything that is not internal infill on the layer above.
 
-    By ascending layer, with the layer and the level of each. Levels are those of both coordinates together, in the
-    order in which they are to be held.
+    Points are sorted by layer; the second and third result are the layer and the level of each. Higher levels are
+    supported first.
     """
     step = task.spacing / 2
     above = difference(area, area.raised(-1))
@@ -106,12 +114,12 @@ def _roof_points(task: Task, area: Areas) -> tuple[Float, Int, Int]:
         halvings[even] += 1
         both[even] //= 2
     odd = both % 2
-    # Of one level those odd along, those odd across and those odd in both, one after the other.
+    # Within a level: points with odd columns, with odd rows, and with both.
     return points, rows.layer[owner], 4 * halvings + 3 - (odd[:, 0] + 2 * odd[:, 1])
 
 
 def _one_layer(areas: Areas, layer_start: Int, layer: int) -> Areas:
-    """The area of one layer as a stack of one."""
+    """Return the area of one layer as a stack of one layer."""
     first, last = int(layer_start[layer]), int(layer_start[layer + 1])
     begin, end = int(areas.ring_start[first]), int(areas.ring_start[last])
     rings = areas.ring_start[first : last + 1] - begin
@@ -119,7 +127,7 @@ def _one_layer(areas: Areas, layer_start: Int, layer: int) -> Areas:
 
 
 def _branches(trees: list[Tree]) -> Polylines:
-    """All trees as lines: from each tip along the longest way to the wall, or to where a longer one passes."""
+    """Return the trees as lines, each from a tip to the perimeter or to a longer branch."""
     before = np.cumsum([0, *(len(tree.xy) for tree in trees)])
     xy = np.concatenate([tree.xy for tree in trees])
     parent = np.concatenate(
@@ -144,7 +152,7 @@ def _branches(trees: list[Tree]) -> Polylines:
 
 
 def _heirs(xy: Float, parent: Int) -> tuple[Int, Int]:
-    """For each node its depth, and the child from which the longest branch comes; -1 for tips."""
+    """Return the depth of each node, and its child on the longest branch; -1 for tips."""
     n = len(xy)
     has = parent >= 0
     _, depth = chain_steps(np.where(has, parent, np.arange(n)))
@@ -162,7 +170,7 @@ def _heirs(xy: Float, parent: Int) -> tuple[Int, Int]:
 
 
 def _prolonged(xy: Float, parent: Int, last: Int, order: Int, head: Bool) -> Float:
-    """(M, 2) where each line ends: at the branch it joins, or a little beyond the wall."""
+    """Return the end (M, 2) of each line: on the branch it joins, or slightly beyond the perimeter."""
     root = parent[last] < 0
     place = np.flatnonzero(np.append(head[1:], True))
     before = order[np.maximum(place - 1, 0)]

@@ -1,4 +1,4 @@
-"""Extend the ends of sparse infill lines into the perimeters; connections run beside the perimeters."""
+"""Extend the ends of internal infill lines into the perimeters; connections run beside the perimeters."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from printer_slicer.arrays import Float, Int
 from printer_slicer.geometry import Areas, Polylines
-from printer_slicer.infill.turns import room_beyond
+from printer_slicer.infill.connections import extension_room
 
 __all__ = ["extend_ends"]
 
@@ -55,12 +55,12 @@ def _tips(lines: Polylines, area: Areas, overlap: float) -> tuple[tuple[Float, I
     here = lines.xy[point]
     out = here - lines.xy[np.where(end % 2 == 1, point - 1, point + 1)]
     out /= _length(out)[:, None]
-    room = room_beyond(here, out, area, lines.edge.ravel()[end], np.full(len(end), overlap))
+    room = extension_room(here, out, area, lines.edge.ravel()[end], np.full(len(end), overlap))
     return (here, lines.layer[end // 2]), here + room[:, None] * out, out
 
 
 def _found(joined: Polylines, places: tuple[Float, Int]) -> tuple[Int, Int]:
-    """Find the points of joined lines that are at given end positions (E,): indices of points and of ends."""
+    """Find the points of joined lines at given end positions (E,); return indices of points and of ends."""
     layer = np.repeat(joined.layer, joined.size)
     rows = [np.column_stack([of, xy]) for of, xy in ((places[1], places[0]), (layer, joined.xy))]
     known = [np.ascontiguousarray(one).view(np.dtype((np.void, 24))).ravel() for one in rows]
@@ -70,5 +70,5 @@ def _found(joined: Polylines, places: tuple[Float, Int]) -> tuple[Int, Int]:
 
 
 def _length(vectors: Float) -> Float:
-    """(n,) length of vectors (n, 2), at least a tiny positive number."""
+    """Return the length (n,) of vectors (n, 2), never zero."""
     return np.asarray(np.maximum(np.hypot(*vectors.T), 1e-12))

@@ -1,4 +1,4 @@
-"""Parallel lines; the direction turns by 90° from layer to layer."""
+"""Rectilinear infill: parallel lines, turned by 90° from layer to layer."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ import numpy as np
 
 from printer_slicer.arrays import Float
 from printer_slicer.geometry import Polylines, hatch
-from printer_slicer.infill.task import Task
+from printer_slicer.infill.infill_task import InfillTask
 
 __all__ = ["rectilinear_lines"]
 
 
-def rectilinear_lines(task: Task) -> tuple[Polylines, Float]:
-    """Lines in one direction on each layer, those of one direction above each other."""
+def rectilinear_lines(task: InfillTask) -> tuple[Polylines, Float]:
+    """Return parallel lines; those of one direction lie above each other."""
     angle = np.asarray(task.angle + np.pi / 2 * (task.turn % 2), np.float64)
     return Polylines.hatched(hatch(task.area, angle=angle, spacing=task.spacing)), np.ones(len(task.z))

@@ -200,11 +200,11 @@ class Sections(SvgRepr):
 
 
 _REGIONS: Final = (
-    "bottom_skin",
+    "bottom_solid_infill",
     "bridge",
-    "top_skin",
-    "solid",
-    "sparse",
+    "top_solid_infill",
+    "solid_infill",
+    "internal_infill",
     "internal_bridge",
     "inside",
 )
@@ -212,29 +212,29 @@ _REGIONS: Final = (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Regions(SvgRepr):
-    """What is inside the walls, by purpose; no overlap within a layer.
+    """The area inside the perimeters, divided by role; regions of a layer do not overlap.
 
     Attributes:
         plan: the layers.
-        bottom_skin: solid, on the bed.
-        bridge: solid, nothing but air below, and what holds it at its sides.
-        top_skin: solid, nothing above.
-        solid: solid, within the shell thickness of a surface but not at it.
-        sparse: to be filled with the infill pattern.
+        bottom_solid_infill: on the bed.
+        bridge: nothing below; includes the anchors on its sides.
+        top_solid_infill: nothing above.
+        solid_infill: closer to a surface than the shell thickness, but not exposed.
+        internal_infill: filled with the infill pattern.
         bridge_angle: (R,) radians for each ring of `bridge`, the same for all rings of a connected area: the direction
-            in which most of its lines rest on something at both ends.
-        internal_bridge: solid, over the sparse infill of the layer below, and what holds it at its sides.
-        inside: all regions together, as the walls leave it.
-        internal_bridge_angle: (R,) radians for each ring of `internal_bridge`; 0 where it is not known yet, as that
-            depends on the lines of the sparse infill.
+            in which most of its lines are supported at both ends.
+        internal_bridge: solid, over the internal infill of the layer below; includes the anchors on its sides.
+        inside: the union of all regions.
+        internal_bridge_angle: (R,) radians for each ring of `internal_bridge`; 0 until it is computed from the lines
+            of the internal infill.
     """
 
     plan: LayerPlan
-    bottom_skin: Areas
+    bottom_solid_infill: Areas
     bridge: Areas
-    top_skin: Areas
-    solid: Areas
-    sparse: Areas
+    top_solid_infill: Areas
+    solid_infill: Areas
+    internal_infill: Areas
     bridge_angle: Float
     internal_bridge: Areas = field(default_factory=lambda: Areas.empty(0))
     inside: Areas = field(default_factory=lambda: Areas.empty(0))
@@ -251,7 +251,14 @@ class Regions(SvgRepr):
         object.__setattr__(self, "internal_bridge_angle", frozen_array(given, np.float64, (n_rings,)))
 
     def __repr__(self) -> str:
-        names = ("bottom_skin", "bridge", "internal_bridge", "top_skin", "solid", "sparse")
+        names = (
+            "bottom_solid_infill",
+            "bridge",
+            "internal_bridge",
+            "top_solid_infill",
+            "solid_infill",
+            "internal_infill",
+        )
         volumes = {name: float(getattr(self, name).area() @ self.plan.height) for name in names}
         text = ", ".join(f"{name} {volume:.4g}" for name, volume in volumes.items() if volume)
         return f"<Regions: {self.plan.n_layers} layers, mm3: {text or 'nothing'}>"

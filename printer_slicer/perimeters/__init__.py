@@ -1,7 +1,7 @@
-"""Sections -> Walls: loops that follow the contours, from the outside inward, and beads amid narrow places.
+"""Make perimeters from sections: loops along the contours, and extrusions in the middle of narrow places.
 
-Where a section is wide, loops of one width lie one spacing apart (`ordinary`). Where it is too narrow for them all,
-their number and their widths follow the thickness (`narrow`).
+Where a section is wide enough, loops have one width and one spacing (`fixed_width`). Where it is too narrow for all
+loops, their number and widths follow the thickness (`variable_width`).
 """
 
 from __future__ import annotations
@@ -13,22 +13,22 @@ from printer_slicer.arrays import Bool
 from printer_slicer.geometry import Areas, difference, intersection, offset, offset_open, union
 from printer_slicer.layer_settings import settings_by_layer
 from printer_slicer.model import Sections, Toolpaths, Walls
-from printer_slicer.perimeters.shells import Filled, fill_narrow, fill_pieces, shell
-from printer_slicer.perimeters.widening import widen_inner
+from printer_slicer.perimeters.perimeter_widths import widen_perimeters
+from printer_slicer.perimeters.wall_loops import FillResult, fill_narrow, fill_pieces, make_loops
 from printer_slicer.profile import Profile
 
-__all__ = ["Filled", "fill_narrow", "fill_pieces", "lay_walls"]
+__all__ = ["FillResult", "fill_narrow", "fill_pieces", "lay_walls"]
 
-_OVERHANG_BEADS = 3  # side by side over air; wider overhangs are bridged
+_OVERHANG_BEADS = 3  # extra perimeters side by side; wider overhangs are bridged
 
 
 def lay_walls(sections: Sections, profile: Profile) -> Walls:
-    """`quality.perimeters` loops around every section, and the area left inside them.
+    """Make `quality.perimeters` loops around every section, and return them with the area inside.
 
-    The outermost perimeter touches the contour; inner perimeters fill the gaps beside its rounded side. Layers that
-    are wide everywhere have loops of one width; on others the beads fill the narrow places from side to side. Under the
-    open sky only the outermost loop is laid if `quality.single_top_perimeter` says so; with `quality.extra_perimeters`
-    the edges of overhangs are walls too.
+    The external perimeter touches the contour. The other perimeters fill the gaps beside its rounded side. Layers that
+    are wide everywhere have loops of one width; on other layers the extrusions adapt to narrow places. With
+    `quality.single_top_perimeter`, exposed top areas have only the external perimeter. With `quality.extra_perimeters`,
+    the edges of overhangs get more perimeters.
     """
     layered = settings_by_layer(profile, sections.plan)
     parts = [_walls_of(sections, here, own) for own, here in layered.each()]
@@ -36,19 +36,19 @@ def lay_walls(sections: Sections, profile: Profile) -> Walls:
 
 
 def _walls_of(sections: Sections, here: Bool, profile: Profile) -> Walls:
-    """The walls of some layers (L,), with the settings of one profile."""
+    """Make the perimeters of some layers (L,), with the settings of one profile."""
     plan, solid, quality = sections.plan, sections.solid.of_layers(here), profile.quality
     top = Areas.empty(plan.n_layers)
     if quality.single_top_perimeter and quality.perimeters > 1:
         top = _open_top(sections.solid, profile.extrusion_width).of_layers(here)
-    # Outermost loops by themselves, and the others then in what they leave: borders that nobody sees may be simpler.
+    # Make external perimeters first and the others inside them, because hidden borders may be simplified.
     apart = top.used | (quality.varying_walls and quality.perimeters > 0)
-    usual = shell(solid.of_layers(~apart), plan, profile, quality.perimeters)
+    usual = make_loops(solid.of_layers(~apart), plan, profile, quality.perimeters)
     parts, inside, lost = [usual.paths], usual.rest, usual.lost
     if apart.any():
-        outer = shell(solid.of_layers(apart), plan, profile, 1)
+        outer = make_loops(solid.of_layers(apart), plan, profile, 1)
         under = difference(outer.rest, top) if top.n_rings else outer.rest
-        inner = shell(under, plan, profile, quality.perimeters - 1, outermost=False)
+        inner = make_loops(under, plan, profile, quality.perimeters - 1, outermost=False)
         rest = union(difference(outer.rest, under), inner.rest) if top.n_rings else inner.rest
         inside, lost = inside.merge(rest), lost + outer.lost + inner.lost
         parts += [inner.paths, outer.paths]
@@ -58,20 +58,20 @@ def _walls_of(sections: Sections, here: Bool, profile: Profile) -> Walls:
         inside = difference(inside, difference(hanging, extra.rest))
         parts = [extra.paths, *parts]
     width = bead.layer_widths(plan.n_layers, profile.width_of_first_layer, profile.extrusion_width)
-    paths = widen_inner(Toolpaths.joined(plan, parts), solid.area() - inside.area() - lost)
+    paths = widen_perimeters(Toolpaths.joined(plan, parts), solid.area() - inside.area() - lost)
     return Walls(plan, width, paths, inside, lost)
 
 
 def _open_top(solid: Areas, width: float) -> Areas:
-    """What no layer lies on, where it is wide enough to be seen as a surface and not as the edge of a layer."""
+    """Return the areas with nothing above that are wide enough to be a surface, not the edge of a layer."""
     return offset_open(difference(solid, solid.raised(-1)), 1.5 * width)
 
 
 def _hanging(solid: Areas, inside: Areas, width: float, here: Bool) -> Areas:
-    """What of the inside of some layers (L,) hangs over air in a strip of few beads beside walls that do."""
+    """Return narrow unsupported strips inside of some layers (L,), beside unsupported perimeters."""
     above_bed = here & (np.arange(solid.n_layers) > 0)
     reach = _OVERHANG_BEADS * width
-    # What spans a gap of few beads is held at both ends.
+    # Short spans are supported at both ends.
     below = offset(offset(solid.raised(1), (width + reach) / 2), -reach / 2)
     walls = difference(difference(solid, inside), below).of_layers(above_bed)
     air = difference(inside, below).of_layers(above_bed)

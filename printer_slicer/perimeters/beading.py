@@ -1,8 +1,8 @@
-"""How many beads fit side by side into a thickness, and how wide each is.
+"""Number and width of the beads that fit side by side into a thickness.
 
-Only the innermost beads give way; those outside of them keep their usual width, so that what is seen stays even. All is
-reckoned in spacings, the shares of the thickness that beads take; `room` is the thickness without what the round outer
-sides of the outermost beads leave open.
+Only the innermost beads change their width; the outer ones keep the usual width, so that visible surfaces are even. All
+values are spacings, the share of the thickness that a bead takes. `room` is the thickness without the gaps beside the
+round outer sides of the outermost beads.
 
 Source: the "inward distributed" scheme of Kuipers, Doubrovski, Wu, Wang: A framework for adaptive width control of
 dense contour-parallel toolpaths in fused deposition modeling, 2020 (arXiv 2004.13497), with limits of widths worked in.
@@ -18,25 +18,25 @@ from printer_slicer.arrays import Float, Int
 
 __all__ = ["Beading"]
 
-_ROUNDING = 1e-4  # mm; it should not decide over walls of exactly the least thickness
-_TWO_FROM = 1.5  # spacings: from this room on two beads take the place of one
-_THIN = 0.6  # of the thinnest feature: a dip in a thin wall that is bridged goes no further
-_LEAST_MIDDLE = 0.3  # spacings: a thinner middle bead is not worth it, whatever the limits say
+_ROUNDING = 1e-4  # mm; rounding must not decide over walls of exactly the least thickness
+_TWO_FROM = 1.5  # spacings of room from which on two beads replace one
+_THIN = 0.6  # of the thinnest feature; beads continue through dips down to this thickness
+_LEAST_MIDDLE = 0.3  # spacings, least width of a middle bead
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Beading:
-    """The beads that lie across an area, for each layer.
+    """Rules for the beads across an area, for each layer.
 
     Attributes:
-        loops: how many loops there are at most.
-        amid: whether one more bead in the middle of them all is allowed; what is wider is left to others.
+        loops: most loops.
+        amid: whether one more bead in the middle of all loops is allowed.
         spacing: (L,) of a usual bead.
-        rounding: (L,) width less spacing of every bead.
-        margin: (L,) distance from the outline to the outer side of the outermost bead's share.
+        rounding: (L,) width minus spacing of a bead.
+        margin: (L,) distance from the outline to the outer border of the outermost bead's spacing.
         narrowest: (L,) spacing of the narrowest bead.
-        widest: (L,) spacing of the widest one.
-        thinnest: (L,) thinner places are left out, mm.
+        widest: (L,) spacing of the widest bead.
+        thinnest: (L,) mm; thinner places stay empty.
     """
 
     loops: int
@@ -50,15 +50,15 @@ class Beading:
 
     @property
     def full(self) -> int:
-        """The count that says: all loops, and room inside them."""
+        """Return the count that stands for all loops with space inside them."""
         return 2 * self.loops + 1 + self.amid
 
     def room(self, radius: Float, layer: Int) -> Float:
-        """What beads may take of a thickness of twice the radius."""
+        """Return the room for beads in a thickness of twice the radius."""
         return np.asarray(2 * (radius - self.margin[layer]))
 
     def thresholds(self) -> Float:
-        """(full, L) radius from which on there are 1, 2, ... beads, and at last more than all loops."""
+        """Return the radii (full, L) from which on there are 1, 2, ... beads, last for all loops and space."""
         one = self.spacing
         pair = np.clip(_TWO_FROM * one, 2 * self.narrowest, np.maximum(self.widest, 2 * self.narrowest))
         middle = np.clip(self.narrowest, _LEAST_MIDDLE * one, one)
@@ -69,10 +69,10 @@ class Beading:
         return np.maximum.accumulate(np.array(rows), axis=0)
 
     def spacings(self, room: Float, count: Int, layer: Int) -> Float:
-        """(loops + 1, n) spacing of each loop's bead from the outside inward, then that of the bead in the middle.
+        """Return the spacing (loops + 1, n) of each loop from the outside inward, then of the middle bead.
 
-        Where there is no such bead its row says what the usual one takes. Where loops leave less than the narrowest
-        bead takes, the innermost loop gives way, as far as it may.
+        Rows of beads that do not exist have the usual spacing. Where loops leave less than the narrowest middle bead
+        needs, the innermost loop becomes narrower, within its limits.
         """
         usual, narrowest = self.spacing[layer], self.narrowest[layer]
         result = np.repeat(usual[None], self.loops + 1, axis=0)
@@ -99,7 +99,7 @@ class Beading:
         return np.asarray(short / usual)
 
     def strain(self, radius: Float, count: Int, layer: Int) -> Float:
-        """How far the adapted bead is outside its limits, with loops of the usual width around it, in spacings."""
+        """Return how far the adapted bead exceeds its limits, in spacings, if all other loops have the usual width."""
         room = self.room(radius, layer)
         spacings = self.spacings(room, count, layer)
         pairs, odd = np.minimum(count // 2, self.loops), count % 2 == 1

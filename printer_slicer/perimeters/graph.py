@@ -1,4 +1,4 @@
-"""The medial axis as a graph that can be divided further, and what is measured along it."""
+"""The medial axis as a graph whose pieces can be divided."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["AxisGraph", "crossings", "low_and_high"]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AxisGraph:
-    """Points and pieces of a medial axis; names are those of `MedialAxis`.
+    """Points and pieces of a medial axis, named as in `MedialAxis`.
 
     Attributes:
         xy: (V, 2) mm.
@@ -24,8 +24,8 @@ class AxisGraph:
         start: (H,).
         foot: (H, 2, 2) mm.
         following: (H,).
-        steepness: (E,) how fast the radius changes along the piece, 0 to 1.
-        origin: (E,) the piece of the medial axis that each one is part of.
+        steepness: (E,) change of the radius per length along the piece, 0 to 1.
+        origin: (E,) the piece of the medial axis that contains this piece.
     """
 
     xy: Float
@@ -39,7 +39,7 @@ class AxisGraph:
 
     @classmethod
     def of(cls, axis: MedialAxis) -> AxisGraph:
-        """All of a medial axis."""
+        """Return the graph of a whole medial axis."""
         ends = axis.start.reshape(-1, 2)
         length = norm(axis.xy.take(ends[:, 1], axis=0) - axis.xy.take(ends[:, 0], axis=0))
         rise = np.abs(axis.radius[ends[:, 1]] - axis.radius[ends[:, 0]])
@@ -57,28 +57,28 @@ class AxisGraph:
 
     @property
     def ends(self) -> Int:
-        """(E, 2) points at both ends of each piece."""
+        """Return the points (E, 2) at both ends of each piece."""
         return self.start.reshape(-1, 2)
 
     @property
     def piece_layer(self) -> Int:
-        """(E,)."""
+        """Return the layer (E,) of each piece."""
         return np.asarray(self.layer[self.ends[:, 0]])
 
     @property
     def length(self) -> Float:
-        """(E,) mm."""
+        """Return the length (E,) of each piece, mm."""
         ends = self.ends
         return np.asarray(norm(self.xy.take(ends[:, 1], axis=0) - self.xy.take(ends[:, 0], axis=0)))
 
     @property
     def middle_radius(self) -> Float:
-        """(E,) mm."""
+        """Return the radius (E,) at the middle of each piece, mm."""
         low, high = self.radius.take(self.ends.T)
         return np.asarray((low + high) / 2)
 
     def only(self, kept: Int) -> AxisGraph:
-        """Some pieces (n,), ascending, and their points; ways past pieces that are left out lead around their ends."""
+        """Return the graph of some pieces (n,), ascending; walks around removed pieces continue past their ends."""
         number = np.full(len(self.start), -1)
         half = np.stack([2 * kept, 2 * kept + 1], axis=1).ravel()
         number[half] = np.arange(len(half))
@@ -103,7 +103,7 @@ class AxisGraph:
         )
 
     def divided(self, piece: Int, share: Float) -> AxisGraph:
-        """With new points on some pieces: at a share of the way (0 to 1) along each; in any order."""
+        """Divide pieces at positions (0 to 1) along them, given in any order."""
         order = np.lexsort((share, piece))
         piece, share = piece[order], share[order]
         n_new = np.bincount(piece, minlength=len(self.steepness))
@@ -134,12 +134,12 @@ class AxisGraph:
 
 
 def _between(ends: Float, share: Float) -> Float:
-    """Values at a share of the way between those at both ends (n, 2, ...)."""
+    """Interpolate between the values at both ends (n, 2, ...)."""
     return np.asarray(ends[:, 0] + (ends[:, 1] - ends[:, 0]) * share)
 
 
 def _feet(foot: Float, owner: Int, low: Float, high: Float) -> Float:
-    """(H, 2, 2) feet of the parts from `low` to `high` of pieces."""
+    """Return the feet (H, 2, 2) of the parts of pieces from `low` to `high`."""
     up, down = foot.take(2 * owner, axis=0), foot.take(2 * owner + 1, axis=0)
     low, high = low[:, None], high[:, None]
     parts = [
@@ -150,14 +150,14 @@ def _feet(foot: Float, owner: Int, low: Float, high: Float) -> Float:
 
 
 def low_and_high(ends: Int, radius: Float) -> tuple[Int, Int]:
-    """(n,) of both ends of pieces (n, 2) that with the lesser radius (V,), and the other one."""
+    """Return for pieces (n, 2) the end (n,) with the smaller radius (V,), and the other end."""
     first, second = ends.T
     falls = radius.take(first) >= radius.take(second)
     return np.where(falls, second, first), np.where(falls, first, second)
 
 
 def crossings(ends: Float, level: Float) -> tuple[Int, Float]:
-    """Where values that change evenly from end to end (n, 2) pass `level` (n,) well between both: item and share."""
+    """Find where values that change linearly from end to end (n, 2) pass `level` (n,): items and positions, 0 to 1."""
     low, high = (ends - level[:, None]).T
     item = np.flatnonzero(low * high < 0)
     share = low[item] / (low[item] - high[item])

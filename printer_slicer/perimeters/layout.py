@@ -1,6 +1,6 @@
-"""Where beads lie along the medial axis: how far from the outline, and how wide.
+"""Distance from the outline and width of beads along the medial axis.
 
-Values belong to ports. A port is a point seen from the pieces of one count: where the count changes a point has two.
+Values belong to ports. A port is a point together with one bead count; where the count changes, a point has several.
 """
 
 from __future__ import annotations
@@ -11,31 +11,33 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, unique_inverse
 from printer_slicer.geometry.joints import chain_ends
+from printer_slicer.perimeters.bead_counts import CountedGraph
 from printer_slicer.perimeters.beading import Beading
-from printer_slicer.perimeters.counts import Counted
 from printer_slicer.perimeters.graph import AxisGraph, crossings, low_and_high
 
-__all__ = ["BeadLayout", "laid_out"]
+__all__ = ["BeadLayout", "lay_out_beads"]
 
-_TRANSITION = 0.2  # mm on either side of a change of the count within which beads move to their new places
+_TRANSITION = (
+    0.2  # mm on either side of a change of the count, within which beads move to their new positions
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BeadLayout:
-    """Beads of a graph; level i is the loop of depth i, the last level the border of what is left inside.
+    """Beads of a graph. Level i is the loop of depth i; the last level is the border of the remaining area.
 
     Attributes:
-        graph: the medial axis, divided wherever something begins or ends.
-        port: (E, 2) of both ends of each piece.
-        point: (P,) of the graph that each port belongs to.
-        leader: (P,) the point whose thickness decides.
-        count: (P,) beads across.
-        inset: (loops + 1, P) mm from the outline to the middle of each loop's bead, and to the inside.
-        width: (loops + 1, P) mm of each loop's bead, and of the bead in the middle.
-        active: (loops + 1, E) whether the loops of each level go along the piece.
-        middle: (E,) whether a bead goes along the piece itself.
-        used: (E,).
-        wide: (E,).
+        graph: the medial axis, divided where beads begin or end.
+        port: (E, 2) ports at both ends of each piece.
+        point: (P,) point of each port.
+        leader: (P,) point whose thickness determines the beads.
+        count: (P,) number of beads across.
+        inset: (loops + 1, P) mm from the outline to the centre line of each loop, and to the remaining area.
+        width: (loops + 1, P) mm of each loop, and of the middle bead.
+        active: (loops + 1, E) whether the loops of each level run along the piece.
+        middle: (E,) whether a middle bead follows the piece.
+        used: (E,) see `CountedGraph`.
+        wide: (E,) see `CountedGraph`.
     """
 
     graph: AxisGraph
@@ -51,27 +53,27 @@ class BeadLayout:
     wide: Bool
 
 
-def laid_out(given: Counted, beading: Beading) -> BeadLayout:
-    """The beads of a graph whose pieces know their counts."""
-    # Where beads have come to their new places, and where loops of levels that end turn around.
-    ports, half = _Ports.of(given, beading), beading.spacing[given.graph.piece_layer] / 2
+def lay_out_beads(given: CountedGraph, beading: Beading) -> BeadLayout:
+    """Lay out the beads of a graph with known counts."""
+    # Divide where beads have reached their new positions, and where ending loops turn around.
+    ports, half = _PieceEnds.of(given, beading), beading.spacing[given.graph.piece_layer] / 2
     given = _divided(given, [ports.passing(far) for far in (np.full(len(half), _TRANSITION), half)])
-    # Where the room for a level ends.
-    ports, room = _Ports.of(given, beading), given.graph.radius.take(given.graph.ends)
+    # Divide where the room for a level ends.
+    ports, room = _PieceEnds.of(given, beading), given.graph.radius.take(given.graph.ends)
     inset, _ = ports.beads(beading)
     given = _divided(
         given, [crossings(room - level.take(ports.port), np.zeros(len(room))) for level in inset]
     )
-    return _Ports.of(given, beading).layout(beading)
+    return _PieceEnds.of(given, beading).layout(beading)
 
 
-def _divided(given: Counted, cuts: list[tuple[Int, Float]]) -> Counted:
-    """With new points where pieces (n,) are cut, at a share (n,) of the way along each."""
+def _divided(given: CountedGraph, cuts: list[tuple[Int, Float]]) -> CountedGraph:
+    """Divide pieces (n,) at positions (n,) along them, 0 to 1."""
     relabelled = replace(given.graph, origin=np.arange(len(given.used)))
     piece, share = (np.concatenate(column) for column in zip(*cuts, strict=True))
     parts = relabelled.divided(piece, share)
     part = parts.origin
-    return Counted(
+    return CountedGraph(
         parts,
         given.used[part],
         given.central[part],
@@ -82,24 +84,24 @@ def _divided(given: Counted, cuts: list[tuple[Int, Float]]) -> Counted:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Ports:
-    """Ports of a graph; see `BeadLayout`.
+class _PieceEnds:
+    """The ports of a graph; see `BeadLayout`.
 
     Attributes:
         given: the graph and its counts.
         port: (E, 2).
         point: (P,).
-        leader: (P,) the point whose thickness decides.
+        leader: (P,) point whose thickness determines the beads.
         count: (P,).
-        change: (P,) the port at the nearest change of the count, -1 where none is near.
-        distance: (P,) mm to there along the axis.
+        change: (P,) port at the nearest change of the count, -1 if none is near.
+        distance: (P,) mm along the axis to that change.
         open: (P,) mm along the axis to the nearest wide piece.
-        spacing: (loops + 1, P) as the room at the port has it, nothing moved.
-        moved: (loops + 1, P) what is added at the change.
-        fewest: (P,) least number of loops on any side of the port's point.
+        spacing: (loops + 1, P) from the room at the port, before the transition.
+        moved: (loops + 1, P) added at the change.
+        fewest: (P,) fewest loops on any side of the port's point.
     """
 
-    given: Counted
+    given: CountedGraph
     port: Int
     point: Int
     leader: Int
@@ -112,8 +114,8 @@ class _Ports:
     fewest: Int
 
     @classmethod
-    def of(cls, given: Counted, beading: Beading) -> _Ports:
-        """Ports of a graph whose pieces know their counts."""
+    def of(cls, given: CountedGraph, beading: Beading) -> _PieceEnds:
+        """Return the ports of a graph with known counts."""
         graph, base, n = given.graph, beading.full + 1, len(given.graph.xy)
         leader, count = _leaders(given, beading)
         keys, number = unique_inverse(((graph.ends * n + leader) * base + count).ravel())
@@ -124,7 +126,7 @@ class _Ports:
         own[port[given.used]] = True
         pairs = np.minimum(count // 2, beading.loops)
         moved, fewest, changing = _moved(point, own, pairs, spacing)
-        # All of a corner moves as the point does from which it leads down.
+        # A corner moves together with the point where it begins.
         lengths = np.where(given.corner, 0.0, np.where(given.used, graph.length, np.inf))
         reach = 2 * _TRANSITION + float(beading.spacing.max(initial=0))
         change, distance = _nearest_change(port, lengths, changing, reach)
@@ -134,7 +136,7 @@ class _Ports:
         return cls(given, port, point, leader, count, change, distance, beyond, spacing, moved, fewest)
 
     def passing(self, distance: Float) -> tuple[Int, Float]:
-        """Where pieces are `distance` (E,) along the axis from a change: piece and share."""
+        """Find pieces and positions on them that are `distance` (E,) along the axis from a change."""
         length = np.maximum(self.given.graph.length, 1e-12)
         ends = self.distance.take(self.port)
         found = []
@@ -151,10 +153,10 @@ class _Ports:
         return np.concatenate([piece for piece, _ in found]), np.concatenate([share for _, share in found])
 
     def beads(self, beading: Beading) -> tuple[Float, Float]:
-        """(loops + 1, P) insets and widths."""
+        """Return insets and widths (loops + 1, P)."""
         layer = self.given.graph.layer[self.point]
         near = self.change >= 0
-        # In front of a wide place the beads must have come to where the ordinary ones lie.
+        # In front of a wide place the beads must have reached the positions of the fixed-width loops.
         within = np.maximum(np.minimum(self.distance + self.open, _TRANSITION), 1e-9)
         ease = np.where(near & (self.open > 0), np.maximum(1 - self.distance / within, 0.0), 0.0)
         spacing = self.spacing + np.where(near, self.moved[:, np.maximum(self.change, 0)], 0.0) * ease
@@ -169,7 +171,7 @@ class _Ports:
         return inset, width
 
     def layout(self, beading: Beading) -> BeadLayout:
-        """All together, with what is active where."""
+        """Return the layout, with the active levels of each piece."""
         given, graph = self.given, self.given.graph
         inset, width = self.beads(beading)
         count = self.count[self.port[:, 0]]
@@ -177,12 +179,12 @@ class _Ports:
         rest = _sums(graph.radius.take(graph.ends)) - _sums(inset.take(self.port, axis=1))
         level = np.arange(beading.loops + 1)[:, None]
         there = np.where(level < beading.loops, pairs > level, count == beading.full)
-        # Where a level ends its loop turns around within the count it belongs to, not over the bead beyond.
+        # The loop of an ending level turns around on its own side of the change, not over the bead beyond.
         nearest = np.argmin(self.distance[self.port], axis=1)
         end = np.take_along_axis(self.port, nearest[:, None], axis=1)[:, 0]
         change = self.change[end]
         half = beading.spacing[graph.piece_layer] / 2
-        # In front of a wide place there may be no room to turn; there it turns where it ends.
+        # In front of a wide place there may be no room to turn; the loop turns where it ends.
         middle = self.distance[end] + graph.length / 2
         close = (middle < half) & ((self.distance + self.open)[end] > half)
         ending = (change >= 0) & close & (self.fewest[change] <= level) & (level < beading.loops)
@@ -204,14 +206,14 @@ class _Ports:
 
 
 def _sums(ends: Float) -> Float:
-    """(..., n) of values at both ends (..., n, 2)."""
+    """Return the sums (..., n) of values at both ends (..., n, 2)."""
     return np.asarray(ends[..., 0] + ends[..., 1])
 
 
-def _leaders(given: Counted, beading: Beading) -> tuple[Int, Int]:
-    """(E, 2) the point whose thickness decides at both ends of each piece, and the count there.
+def _leaders(given: CountedGraph, beading: Beading) -> tuple[Int, Int]:
+    """Return the point (E, 2) whose thickness determines the beads at both ends of each piece, and its count.
 
-    Central pieces decide for themselves; the other used ones are led by the point from which they lead down.
+    For central pieces these are their own ends; for other used pieces, the point from which they descend.
     """
     graph = given.graph
     ends, radius = graph.ends, graph.radius
@@ -225,7 +227,7 @@ def _leaders(given: Counted, beading: Beading) -> tuple[Int, Int]:
     order = np.argsort(radius[high[rises]])
     above[low[rises][order]] = high[rises][order]
     above = chain_ends(above)
-    alone = top < 0  # a place of its own that is hardly wider than long
+    alone = top < 0  # an isolated place that is about as wide as long
     for limit in beading.thresholds():
         top[alone] = np.maximum(top[alone], 0) + (radius[alone] > limit[graph.layer[alone]])
     leader = ends.copy()
@@ -237,8 +239,8 @@ def _leaders(given: Counted, beading: Beading) -> tuple[Int, Int]:
 
 
 def _moved(point: Int, own: Bool, pairs: Int, spacing: Float) -> tuple[Float, Int, Bool]:
-    """At changes of the count: what brings both sides together half-way, fewest loops of any side, and where."""
-    # Ports of a point stand behind each other.
+    """Return the shift that joins both sides of each change half-way, the fewest loops of a side, and the changes."""
+    # Ports of a point follow each other.
     total = np.zeros((len(spacing), int(point.max(initial=0)) + 1))
     sides = np.zeros_like(total, np.int64)
     fewest = np.full(total.shape[1], np.iinfo(np.int64).max)
@@ -255,7 +257,7 @@ def _moved(point: Int, own: Bool, pairs: Int, spacing: Float) -> tuple[Float, In
 
 
 def _nearest_change(port: Int, length: Float, changing: Bool, reach: float) -> tuple[Int, Float]:
-    """(P,) the nearest port at a change that is reached along the axis, -1 where none is, and how far it is."""
+    """Return the nearest port at a change (P,), along the axis, -1 if none is within reach, and its distance."""
     distance = np.where(changing, 0.0, np.inf)
     change = np.where(changing, np.arange(len(changing)), -1)
     a, b = np.concatenate([port, port[:, ::-1]]).T

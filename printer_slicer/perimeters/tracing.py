@@ -1,7 +1,7 @@
-"""From the layout of beads to paths: loops that go around the medial axis, beads along it.
+"""Trace loops around the medial axis, and join them to the fixed-width loops of wide places.
 
-A loop is the walk around all pieces on which its level is active, as one walks around the islands of a map. Where it
-comes to a mouth, a place that is wide, it goes on along the ordinary loop there, until that comes to the next mouth.
+A loop walks around all pieces on which its level is active. At a mouth, where a wide place begins, it continues along
+the fixed-width loop to the next mouth.
 """
 
 from __future__ import annotations
@@ -18,22 +18,22 @@ from printer_slicer.geometry.joints import cycles
 from printer_slicer.geometry.vectors import cross, feet, norm
 from printer_slicer.perimeters.layout import BeadLayout
 
-__all__ = ["Rings", "Walk", "closed_rings", "walked"]
+__all__ = ["BeadRings", "TracedBeads", "closed_loops", "trace_beads"]
 
 _SAME = 1e-6  # mm
-_ON = 0.02  # mm; a mouth farther from every ordinary loop than this belongs to none
+_ON = 0.02  # mm, largest distance between a mouth and its fixed-width loop
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Walk:
+class TracedBeads:
     """Steps of loops along half-pieces, with the outline on the left.
 
     Attributes:
-        level: (A,) depth of the loop each step belongs to.
+        level: (A,) depth of the loop.
         layer: (A,).
-        xy: (A, 2, 2) mm, where the step begins and ends.
+        xy: (A, 2, 2) mm, begin and end of the step.
         width: (A, 2) mm.
-        following: (A,) the step that goes on; -1 at a mouth, -2 where the axis is not known.
+        following: (A,) next step; -1 at a mouth, -2 where the axis is not known.
     """
 
     level: Int
@@ -44,8 +44,8 @@ class Walk:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Rings:
-    """Closed loops with their widths: solids counter-clockwise.
+class BeadRings:
+    """Closed loops with their widths; outer loops are counter-clockwise.
 
     Attributes:
         xy: (N, 2) mm.
@@ -61,10 +61,10 @@ class Rings:
     level: Int
     layer: Int
 
-    def take(self, keep: Bool) -> Rings:
-        """Those for which `keep` is true."""
+    def take(self, keep: Bool) -> BeadRings:
+        """Return the loops for which `keep` is true."""
         points = np.repeat(keep, self.size)
-        return Rings(
+        return BeadRings(
             self.xy.compress(points, axis=0),
             self.width[points],
             self.size[keep],
@@ -72,9 +72,9 @@ class Rings:
             self.layer[keep],
         )
 
-    def merge(self, other: Rings) -> Rings:
-        """Both, one after the other."""
-        return Rings(
+    def merge(self, other: BeadRings) -> BeadRings:
+        """Concatenate both."""
+        return BeadRings(
             np.concatenate([self.xy, other.xy]),
             np.concatenate([self.width, other.width]),
             np.concatenate([self.size, other.size]),
@@ -83,12 +83,12 @@ class Rings:
         )
 
 
-def walked(layout: BeadLayout, active: Bool, inset: Float, width: Float) -> Walk:
-    """The steps of loops around the pieces that are active.
+def trace_beads(layout: BeadLayout, active: Bool, inset: Float, width: Float) -> TracedBeads:
+    """Trace the steps of loops around the active pieces.
 
     Args:
         layout: the medial axis.
-        active: (k, E) for each of k levels.
+        active: (k, E) active pieces of each of k levels.
         inset: (k, P) mm from the outline.
         width: (k, P) mm.
     """
@@ -98,7 +98,7 @@ def walked(layout: BeadLayout, active: Bool, inset: Float, width: Float) -> Walk
     number = np.full(active.shape[0] * n_halves, -1)
     number[level * n_halves + half] = np.arange(len(half))
     following = _onward(layout, number, level, half)
-    # Of half-piece 2e the port at its beginning is that of the piece's beginning, of 2e + 1 that of its end.
+    # Half-piece 2e begins at the first end of piece e, half-piece 2e + 1 at its second end.
     ports = layout.port.take(half >> 1, axis=0)
     ports = np.where((half & 1)[:, None] == 1, ports[:, ::-1], ports)
     points = graph.ends.take(half >> 1, axis=0)
@@ -107,11 +107,11 @@ def walked(layout: BeadLayout, active: Bool, inset: Float, width: Float) -> Walk
     share = np.minimum(inset[level[:, None], ports] / np.maximum(radius, 1e-12), 1.0)
     foot = graph.foot.take(half, axis=0)
     xy = foot + (graph.xy.take(points, axis=0) - foot) * share[..., None]
-    return Walk(level, graph.layer[points[:, 0]], xy, width[level[:, None], ports], following)
+    return TracedBeads(level, graph.layer[points[:, 0]], xy, width[level[:, None], ports], following)
 
 
 def _onward(layout: BeadLayout, number: Int, level: Int, half: Int) -> Int:
-    """(A,) the next step of each: the first active half-piece around the point where it ends."""
+    """Return the next step (A,) of each: the first active half-piece around its end point."""
     graph, n_halves = layout.graph, len(layout.graph.start)
     following = np.full(len(half), -2)
     left = np.arange(len(half))
@@ -127,20 +127,22 @@ def _onward(layout: BeadLayout, number: Int, level: Int, half: Int) -> Int:
     return following
 
 
-def closed_rings(walk: Walk, ordinary: list[Areas], layout: BeadLayout, width: Float) -> tuple[Rings, Int]:
-    """Loops that are closed: by themselves or, through mouths, along ordinary loops.
+def closed_loops(
+    walk: TracedBeads, ordinary: list[Areas], layout: BeadLayout, width: Float
+) -> tuple[BeadRings, Int]:
+    """Return closed loops: of steps only, or of steps and parts of fixed-width loops.
 
     Args:
         walk: the steps.
-        ordinary: for each level the loops as they are where the area is wide.
-        layout: the medial axis; ordinary loops that lie beside its pieces are left out.
-        width: (L,) mm of their beads.
+        ordinary: the fixed-width loops of each level.
+        layout: the medial axis; fixed-width loops beside its pieces are left out.
+        width: (L,) mm, width of the fixed-width loops.
 
     Returns:
-        The loops, and the layers on which they could not be joined; those have none.
+        The loops, and the layers on which they could not be joined; these layers have no loops.
     """
-    # Items of loops: the steps, with two points each, and then the points of the ordinary loops.
-    loops = [_Ordinary.of(areas, level, walk, layout) for level, areas in enumerate(ordinary)]
+    # Items of loops are the steps, with two points each, and the points of the fixed-width loops.
+    loops = [_FixedLoops.of(areas, level, walk, layout) for level, areas in enumerate(ordinary)]
     after, bad = [walk.following.copy()], [walk.layer[walk.following == -2]]
     for loop in loops:
         links, lost = loop.links(sum(map(len, after)), after[0])
@@ -162,8 +164,8 @@ def closed_rings(walk: Walk, ordinary: list[Areas], layout: BeadLayout, width: F
 
 def _gathered(
     following: Int, first: Int, count: Int, points: tuple[Float, Float], labels: tuple[Int, Int]
-) -> Rings:
-    """Cycles of items that have points each, the other way around, without points that repeat the one before."""
+) -> BeadRings:
+    """Return cycles of items as rings, reversed and without repeated points."""
     lowest, place = cycles(following)
     order = np.lexsort((-place, lowest))
     counts = count[order]
@@ -181,20 +183,20 @@ def _gathered(
     whole = size >= 3
     apart &= whole[ring]
     level, layer = (label[owner[starts[whole]]] for label in labels)
-    return Rings(xy.compress(apart, axis=0), width[apart], size[whole], level, layer)
+    return BeadRings(xy.compress(apart, axis=0), width[apart], size[whole], level, layer)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Ordinary:
-    """The ordinary loops of one level, run backward like the steps, with the mouths between points.
+class _FixedLoops:
+    """The fixed-width loops of one level, walked backward like the steps, with the mouths between points.
 
     Attributes:
-        level: of all of them.
-        xy: (n, 2) mm of points and mouths in the order of the rings.
+        level: of all loops.
+        xy: (n, 2) mm, points and mouths in the order of the rings.
         layer: (n,).
         ring: (n,).
-        leaves: (n,) the step that goes on from a mouth into the narrow place; -1 for others.
-        joins: (n,) the step that comes out at a mouth; -1 for others.
+        leaves: (n,) step that continues from a mouth into the narrow place; -1 for other points.
+        joins: (n,) step that arrives at a mouth; -1 for other points.
         lost: layers with mouths that lie on no ring.
     """
 
@@ -207,7 +209,7 @@ class _Ordinary:
     lost: Int
 
     @classmethod
-    def of(cls, areas: Areas, level: int, walk: Walk, layout: BeadLayout) -> _Ordinary:
+    def of(cls, areas: Areas, level: int, walk: TracedBeads, layout: BeadLayout) -> _FixedLoops:
         """Find the mouths of a level on its loops; loops within narrow places without a mouth are left out."""
         entered = np.zeros(len(walk.level), np.bool_)
         entered[walk.following[walk.following >= 0]] = True
@@ -240,10 +242,10 @@ class _Ordinary:
         )
 
     def links(self, first: int, following: Int) -> tuple[Int, Int]:
-        """(n,) what follows each point, and the layers where mouths do not take turns; `following` of steps is set.
+        """Return the item (n,) after each point, and the layers where mouths do not alternate; update `following`.
 
-        Items are numbered from `first`. Points after a mouth where a walk comes out are kept up to the next one where a
-        walk goes in; -1 follows the others.
+        Items are numbered from `first`. Points between an arrival and the next departure are kept; other points are
+        followed by -1.
         """
         n = len(self.ring)
         if not n:
@@ -272,10 +274,10 @@ class _Ordinary:
 
 
 def _lie_beside(rings: Areas, layout: BeadLayout) -> Bool:
-    """(R,) whether rings lie between the outline and pieces in use.
+    """Return whether rings (R,) lie between the outline and used pieces.
 
-    Two points decide, a corner and the middle of the longest side, because a ring in a wide area may touch the entry
-    of a narrow one with either.
+    Two points are tested, a corner and the middle of the longest side, because a ring in a wide area may touch the
+    entry of a narrow place with one of them.
     """
     corner = rings.xy.take(rings.ring_start[:-1], axis=0)
     beside = np.zeros(rings.n_rings, np.bool_)
@@ -315,9 +317,9 @@ def _longest_middles(rings: Areas) -> Float:
 
 
 def _on_rings(areas: Areas, points: Float, layer: Int) -> tuple[Int, Float, Float]:
-    """(n,) the nearest side of its layer's rings for each point that lies on one, where along it, and how far away.
+    """Return for each point (n,) the nearest side of the rings of its layer, the position on it and the distance.
 
-    Points that lie on none are infinitely far away from side 0.
+    Points that lie on no ring get side 0 at an infinite distance.
     """
     point, side = Boxes(points, points, layer).overlapping(Boxes.of_sides(areas).grown(_ON))
     begin, end = (areas.xy.take(one, axis=0) for one in (side, areas.following[side]))

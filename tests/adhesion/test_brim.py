@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from printer_slicer import bead
 from printer_slicer.adhesion import adhesion_paths
-from printer_slicer.adhesion.ears import sharp_corners
+from printer_slicer.adhesion.brim_ears import sharp_corners
 from printer_slicer.arrays import Float
 from printer_slicer.errors import PartError
 from printer_slicer.geometry import Areas

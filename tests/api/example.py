@@ -32,7 +32,7 @@ def run(model: Path, folder: Path) -> ps.Verdict:
     profile: ps.Profile = ps.load_profile("marlin_220", "petg", changes={"perimeters": 3})
     chosen = ps.Strategies(planner=coarse, on_program=[slow], on_lines=[signed])
     stages: ps.Stages = ps.slice_stages(ps.load_mesh(model), profile, strategies=chosen)
-    areas = stages.regions.sparse.area()
+    areas = stages.regions.internal_infill.area()
     certificate = ps.certify(ps.read_surface(stages.part), stages.plan)
     told = f"{stages.plan.n_layers} layers, {areas.sum():.0f} mm2, wrong by {certificate.max_error:.3f} mm"
     (folder / "told.txt").write_text(told)

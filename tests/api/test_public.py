@@ -125,12 +125,14 @@ def test_values_draw_themselves(name: str) -> None:
 @pytest.mark.parametrize("name", DRAWN[1:])
 def test_one_layer_is_drawn_at_its_place(name: str) -> None:
     value = getattr(STAGES, name)
-    picture = ps.draw(value, 3)
+    picture = ps.draw(value, 4)
 
-    assert f"layer 3, z {STAGES.plan.top[3]:.4g} mm" in picture.title
-    with pytest.raises(ps.PrinterSlicerError, match=f"layer {STAGES.plan.n_layers}: there is none") as caught:
-        ps.draw(value, STAGES.plan.n_layers)
-    assert caught.value.remedy == f"there are layers 0 to {STAGES.plan.n_layers - 1}"
+    assert f"layer 4, z {STAGES.plan.top[3]:.4g} mm" in picture.title
+    with pytest.raises(
+        ps.PrinterSlicerError, match=f"layer {STAGES.plan.n_layers + 1} does not exist"
+    ) as caught:
+        ps.draw(value, STAGES.plan.n_layers + 1)
+    assert caught.value.remedy == f"Choose a layer from 1 to {STAGES.plan.n_layers}"
 
 
 def test_a_mesh_is_seen_as_it_stands() -> None:
@@ -165,7 +167,7 @@ def test_all_stages_and_their_job_show_the_moves(tmp_path: Path) -> None:
 
 def test_a_section_is_drawn_as_large_as_it_is() -> None:
     """The radius of the cone's section, from the picture's own scale."""
-    picture = ps.draw(STAGES.sections, 0)
+    picture = ps.draw(STAGES.sections, 1)
     rings = [shape for shape in picture.shapes if type(shape).__name__ == "Line"]
     spans = np.ptp(rings[0].points, axis=0)  # type: ignore[union-attr]
     x, y = np.ptp(STAGES.sections.solid.ring(0), axis=0)
@@ -205,7 +207,7 @@ def test_a_verdict_is_a_card_that_tells_what_is_wrong() -> None:
 
 def test_what_has_no_picture_is_refused() -> None:
     for value in (7, STAGES.travels):
-        with pytest.raises(ps.PrinterSlicerError, match=r"no picture of a value of type (int|Travels)"):
+        with pytest.raises(ps.PrinterSlicerError, match=r"cannot draw a value of type (int|Travels)"):
             ps.draw(value)
 
 
@@ -236,7 +238,7 @@ def test_pictures_are_saved_by_name(tmp_path: Path) -> None:
 
     assert (tmp_path / "plan.svg").read_text() == picture.svg() == picture._repr_svg_()
     assert (tmp_path / "plan.png").read_bytes().startswith(b"\x89PNG")
-    with pytest.raises(ps.PrinterSlicerError, match="is not a kind of picture"):
+    with pytest.raises(ps.PrinterSlicerError, match="format are not supported"):
         picture.save(tmp_path / "plan.gif")
 
 
@@ -261,7 +263,7 @@ def test_values_say_what_they_are() -> None:
         repr(STAGES.sections): f"<Sections: {plan.n_layers} layers, {plan.n_layers} contours, ",
         repr(STAGES.sections.solid): f"<Areas: {plan.n_layers} layers, ",
         repr(STAGES.walls): f"<Walls: {plan.n_layers} layers, ",
-        repr(STAGES.regions): f"<Regions: {plan.n_layers} layers, mm3: bottom_skin ",
+        repr(STAGES.regions): f"<Regions: {plan.n_layers} layers, mm3: bottom_solid_infill ",
         repr(STAGES.toolpaths): f"<Toolpaths: {plan.n_layers} layers, ",
         repr(STAGES.travels): f"<Travels: {STAGES.travels.n_travels} travels, ",
         repr(STAGES.program): f"<Program: {plan.n_layers} layers, {STAGES.program.n_moves} moves, ",

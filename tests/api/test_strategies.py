@@ -288,15 +288,15 @@ REFUSED: dict[str, tuple[dict[str, Any], str, str]] = {
     "infill that is a number": ({"infill": 5}, "infill: 5 cannot be called", "Pass a function"),
     "infill that gives points": (
         {"infill": mine([(1, 2), (3, 4)])},
-        "infill given: gave a value of type list, not Polylines",
+        "infill given: returned a value of type list instead of Polylines",
         "from_lines",
     ),
     "infill for areas that there are not": (
         {"infill": line_at(999, (0, 0), (1, 1))},
         "has lines for area 999, but the task has",
-        "count areas from 0",
+        "Count areas from 0",
     ),
-    "infill out of order": ({"infill": upside_down}, "not in the order of their areas", "sort them"),
+    "infill out of order": ({"infill": upside_down}, "not sorted by area", "Sort them"),
     "infill that is nowhere": (
         {"infill": line_at(3, (0, 0), (np.inf, 1))},
         "point 1 is at x inf, y 1",
@@ -304,12 +304,12 @@ REFUSED: dict[str, tuple[dict[str, Any], str, str]] = {
     ),
     "infill that is too dense": (
         {"infill": lambda task: columns(replace(task, spacing=task.spacing / 4))},
-        "infill <lambda>: lays 2.5 times the plastic",
+        "infill <lambda>: extrudes 2.5 times the volume",
         "measured=False",
     ),
     "infill that lays nothing": (
         {"infill": mine(ps.Polylines.from_lines([]))},
-        "lays 0 times the plastic that infill_density = 0.15 asks for",
+        "extrudes 0 times the volume of infill_density = 0.15",
         "task.spacing",
     ),
     "a flavour that is a name": ({"flavour": "marlin"}, "is a value of type str, not a Dialect", "FLAVOURS"),

@@ -110,5 +110,5 @@ def test_a_raft_beside_the_bed_is_refused_with_exit_code_3(tmp_path: Path) -> No
     )
 
     assert outcome.code == 3
-    assert "lower quality.raft_margin" in outcome.err
+    assert "Lower quality.raft_margin" in outcome.err
     assert list(tmp_path.iterdir()) == []

@@ -89,11 +89,14 @@ def test_a_picture_shows_the_worst_layers(faulty: Path, tmp_path: Path, kind: st
         assert data.startswith(b"\x89PNG")
 
 
-def test_a_picture_of_a_file_that_is_right_says_so(gcode: Path, tmp_path: Path) -> None:
+def test_a_picture_without_findings_shows_the_least_covered_layer(gcode: Path, tmp_path: Path) -> None:
     picture = tmp_path / "nothing.svg"
 
     assert typed("check", gcode, "--model", BOX, "--picture", picture, "-q").code == 0
-    assert "nothing is beyond its limit" in picture.read_text()
+    text = picture.read_text()
+    assert "no findings; worst layer: layer " in text
+    assert "of the shell is covered" in text
+    assert "bead" in {element.get("class") for element in ET.fromstring(text).iter()}
 
 
 def test_json_and_a_picture_cannot_both_go_to_stdout(gcode: Path) -> None:

@@ -86,7 +86,7 @@ def test_the_model_is_found_and_its_section_drawn(gcode: Path, tmp_path: Path) -
     size = np.ptp(np.reshape(ends, (-1, 2)), axis=0)
 
     assert done.code == 0
-    assert "Section without plastic" in texts(picture)
+    assert "Section without extrusion" in texts(picture)
     # The widest bead of the layer is as much beyond the walls' middle as is drawn of it.
     assert size == pytest.approx(np.full(2, 1000 * 20 / (20 + 2 * (1 + 0.45 / 2))), rel=3e-3)
 
@@ -158,7 +158,7 @@ def test_pictures_go_only_where_they_can(gcode: Path, tmp_path: Path) -> None:
     taken = gcode.with_name("copy.svg")
     taken.write_bytes(gcode.read_bytes())
 
-    assert is_message(typed("draw", gcode, "-o", tmp_path / "a.jpg"), "end the name in .svg or .png")
+    assert is_message(typed("draw", gcode, "-o", tmp_path / "a.jpg"), "ends in .svg or .png")
     assert is_message(typed("draw", gcode, "-o", tmp_path / "no" / "a.svg"), "does not exist", "mkdir")
     assert is_message(typed("draw", gcode, "-o", "-", "--json"), "both want stdout")
     assert is_message(typed("draw", taken, "-o", taken), "copy.svg")
@@ -189,3 +189,23 @@ def test_files_that_lay_nothing_are_refused(tmp_path: Path, content: bytes, told
 
     assert done.code == 2
     assert is_message(done, "odd.gcode", told)
+
+
+def test_without_a_name_the_picture_lies_beside_the_file_and_shows_its_worst_layer(
+    gcode: Path, tmp_path: Path
+) -> None:
+    fine, faulty = tmp_path / "fine.gcode", tmp_path / "faulty.gcode"
+    text = gcode.read_text()
+    fine.write_text(text)
+    before, mark, after = text.partition(";LAYER_CHANGE\n;Z:1.4")
+    faulty.write_text(f"{before}G1 X900 F3000\nM92 E100\n{mark}{after}")
+
+    done = typed("draw", fine)
+    assert done.code == 0
+    assert done.out.startswith(f"{tmp_path / 'fine.svg'}: layer 1 of 34")
+    assert "the first layer, because the check has no findings" in done.out
+    done = typed("draw", faulty)
+    assert done.out.startswith(f"{tmp_path / 'faulty.svg'}: layer ")
+    assert "the layer with the most findings of the check: " in done.out
+    assert "layer 1 of" not in done.out
+    assert {fine.with_suffix(".svg"), faulty.with_suffix(".svg")} <= set(tmp_path.iterdir())

@@ -43,7 +43,7 @@ def sparse_only(rings: Sequence[Float], tops: Float = UNEVEN) -> Regions:
 
 def solid_only(rings: Sequence[Float], role: Role = Role.SOLID_INFILL, tops: Float = UNEVEN) -> Regions:
     sparse = sparse_only(rings, tops)
-    areas = {one: sparse.sparse if one == role else Areas.empty(len(tops)) for one in SOLID_ROLES}
+    areas = {one: sparse.internal_infill if one == role else Areas.empty(len(tops)) for one in SOLID_ROLES}
     return Regions(
         sparse.plan,
         areas[Role.BOTTOM_SOLID_INFILL],

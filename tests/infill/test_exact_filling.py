@@ -47,15 +47,15 @@ def filled(solid: Areas, height: float) -> tuple[Toolpaths, Toolpaths, Areas]:
     regions = classify(sections, walls, wanted)
     without_bridges = Regions(
         plan,
-        regions.bottom_skin,
+        regions.bottom_solid_infill,
         Areas.empty(plan.n_layers),
-        regions.top_skin,
-        regions.solid,
-        regions.sparse,
+        regions.top_solid_infill,
+        regions.solid_infill,
+        regions.internal_infill,
         np.zeros(0),
         inside=regions.inside,
     )
-    inside = regions.bottom_skin.merge(regions.solid).merge(regions.top_skin)
+    inside = regions.bottom_solid_infill.merge(regions.solid_infill).merge(regions.top_solid_infill)
     return walls.paths, infill_paths(without_bridges, wanted), inside
 
 

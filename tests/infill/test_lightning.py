@@ -47,7 +47,7 @@ def branches(paths: Toolpaths, layer: int, role: Role = Role.INTERNAL_INFILL) ->
 
 def room(regions: Regions) -> Areas:
     """Where centre lines may lie."""
-    return offset(regions.sparse, -float(bead.spacing(WIDTH, regions.plan.height.max())) / 2)
+    return offset(regions.internal_infill, -float(bead.spacing(WIDTH, regions.plan.height.max())) / 2)
 
 
 def hanging(regions: Regions, paths: Toolpaths, every: int = 0) -> float:

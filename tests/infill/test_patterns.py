@@ -10,7 +10,7 @@ from printer_slicer.arrays import Float
 from printer_slicer.geometry import Areas
 from printer_slicer.infill import PATTERNS, infill_paths
 from printer_slicer.infill.gyroid import CHORD_ERROR, gyroid_lines
-from printer_slicer.infill.task import Task
+from printer_slicer.infill.infill_task import InfillTask
 from printer_slicer.model import Toolpaths
 from tests.infill.stacks import UNEVEN, rectangle, rows, sparse_only
 from tests.parts import layers, plain
@@ -106,7 +106,7 @@ def gyroid(z: Float, spacing: float = 3.0) -> tuple[list[Float], Float]:
     """The lines of the gyroid at these z, each (n, 3); and the scale in radians per mm."""
     area = Areas.from_rings([[rectangle(40, 40)] for _ in z])
     nothing = sparse_only([], z)
-    task = Task(
+    task = InfillTask(
         area, spacing, 0.4, 0.0, 0.0, z, 0 * z + 0.2, np.arange(len(z)), np.arange(len(z)), nothing, 1.0
     )
     lines, _ = gyroid_lines(task)

@@ -69,11 +69,11 @@ def test_bridges_run_in_their_own_direction() -> None:
     angles = np.deg2rad([10, 20, 30, 40, 50, 60])
     turned = Regions(
         regions.plan,
-        regions.bottom_skin,
+        regions.bottom_solid_infill,
         regions.bridge,
-        regions.top_skin,
-        regions.solid,
-        regions.sparse,
+        regions.top_solid_infill,
+        regions.solid_infill,
+        regions.internal_infill,
         angles,
     )
 
@@ -128,14 +128,14 @@ def test_flat_bridges_have_as_much_plastic_as_asked_for() -> None:
 @pytest.mark.parametrize(("pattern", "between"), [("grid", 25), ("rectilinear", 75)])
 def test_internal_bridges_cross_the_infill_below(pattern: str, between: float) -> None:
     regions = sparse_only([rectangle(40, 40)])
-    above = np.flatnonzero(regions.sparse.ring_layer == 3)
+    above = np.flatnonzero(regions.internal_infill.ring_layer == 3)
     none = Areas.empty(6)
     bridged = Regions(
         regions.plan,
         *(none, none, none, none),
-        regions.sparse.take(np.flatnonzero(regions.sparse.ring_layer == 2)),
+        regions.internal_infill.take(np.flatnonzero(regions.internal_infill.ring_layer == 2)),
         np.zeros(0),
-        internal_bridge=regions.sparse.take(above),
+        internal_bridge=regions.internal_infill.take(above),
     )
     paths = infill_paths(bridged, plain(infill=pattern))
 
@@ -153,10 +153,17 @@ def test_strips_beside_a_wall_are_filled_along_it() -> None:
     """A ring 1 mm wide in a 30 mm square inside: long lines, and as much plastic as it holds."""
     square, hole = rectangle(30, 30), (rectangle(28, 28) + 1)[::-1]
     regions = solid_only([square, hole], tops=layers(4, 0.2).top)
-    inside = solid_only([square], tops=layers(4, 0.2).top).solid
+    inside = solid_only([square], tops=layers(4, 0.2).top).solid_infill
     along = Regions(
         regions.plan,
-        *(regions.bottom_skin, regions.bridge, regions.top_skin, regions.solid, regions.sparse, np.zeros(0)),
+        *(
+            regions.bottom_solid_infill,
+            regions.bridge,
+            regions.top_solid_infill,
+            regions.solid_infill,
+            regions.internal_infill,
+            np.zeros(0),
+        ),
         inside=inside,
     )
     paths, across = infill_paths(along, plain()), infill_paths(regions, plain())

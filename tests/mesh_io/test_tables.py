@@ -97,7 +97,7 @@ def test_any_rows_are_read_whole_and_not_beyond_the_end(rows: list[Row], kind: s
         read_table(body, Element("face", len(rows) + 1, ROW), 0, {"corners"})
 
 
-class Counted(Bytes):
+class CountedGraph(Bytes):
     """Bytes that count how often they are asked."""
 
     asked = 0
@@ -115,7 +115,7 @@ def test_rows_are_not_asked_for_one_by_one(lengths: list[int]) -> None:
     data = bytearray()
     for size in sizes.tolist():
         data += b"%c" % min(size, 255) + bytes(4 * min(size, 255))
-    body = Counted(bytes(data), "<")
+    body = CountedGraph(bytes(data), "<")
     tracemalloc.start()
     columns, end = read_table(
         body, Element("face", number, (Property("corners", "u4", "u1"),)), 0, {"corners"}

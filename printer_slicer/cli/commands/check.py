@@ -473,7 +473,7 @@ def _facts(check: Check, limits: CoverageLimits) -> dict[str, Any]:
 
 def _draw(check: Check, model: str, path: Path) -> None:
     """The worst layer of each kind, then other layers, as long as there is room."""
-    from printer_slicer.drawing import material_picture, picture_bytes
+    from printer_slicer.drawing import coverage_picture, picture_bytes
 
     kinds: dict[str, Diagnostic] = {}
     for finding in check.findings:
@@ -483,5 +483,5 @@ def _draw(check: Check, model: str, path: Path) -> None:
         chosen.setdefault(finding.layer, finding)
     title = visible(f"{check.name} against {model}")
     write_file(
-        path, picture_bytes(material_picture(check.coverage, list(chosen.values())[:_DRAWN], title), path)
+        path, picture_bytes(coverage_picture(check.coverage, list(chosen.values())[:_DRAWN], title), path)
     )

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from printer_slicer.cli.arguments import add_models, add_output, box_of, height, length, pixels, whole
 from printer_slicer.cli.help import advanced
 from printer_slicer.cli.output import refuse_same, say, stages, visible, write_file
-from printer_slicer.errors import UsageError
+from printer_slicer.errors import PrinterSlicerError, UsageError
 from printer_slicer.saving import check_writable
 
 if TYPE_CHECKING:
     from printer_slicer.cli.output import Stages
+    from printer_slicer.diagnostics import Diagnostic
     from printer_slicer.geometry import Areas
     from printer_slicer.inspection.coverage.layer_extrusions import LayerExtrusions, Levels
     from printer_slicer.inspection.coverage.matching import Match
@@ -25,6 +28,7 @@ if TYPE_CHECKING:
 __all__ = ["EXAMPLES", "add_arguments", "run"]
 
 EXAMPLES: Final = """\
+  printer-slicer draw part.gcode                       the layer with most findings, as part.svg
   printer-slicer draw part.gcode --layer 12 -o layer.svg
   printer-slicer draw part.gcode --z 2.4 --travel -o layer.png --pixels 2000
   printer-slicer draw part.gcode --layer 12 --box 100,100,110,108 -o corner.svg
@@ -37,11 +41,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `draw`."""
     parser.add_argument("gcode", metavar="FILE.gcode", type=Path, help="G-code of any slicer")
     parser.add_argument(
-        "-o", "--output", metavar="FILE", type=Path, required=True, help="SVG or PNG file; - is stdout"
+        "-o",
+        "--output",
+        metavar="FILE",
+        type=Path,
+        help="SVG or PNG file; - is stdout; default: FILE.svg beside the G-code",
     )
     which = parser.add_mutually_exclusive_group()
     which.add_argument(
-        "--layer", metavar="N", type=whole, help="layer of the file, counted from 1; default: 1"
+        "--layer", metavar="N", type=whole, help="layer, counted from 1; default: the one with most findings"
     )
     which.add_argument("--z", metavar="MM", type=height, help="the layer that contains this height")
     parser.add_argument(
@@ -61,36 +69,51 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_models(parser, flag="--model", meaning="draw the outline of these models too")
     add_output(parser)
-    parser.set_defaults(strict=False)
+    parser.set_defaults(strict=False, set=[])
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Draw one layer, and say what it holds."""
     from printer_slicer.commands import read_text
-    from printer_slicer.drawing import View, picture_bytes, sheet_picture
+    from printer_slicer.drawing import View, gcode_layer_picture, picture_bytes
     from printer_slicer.inspection.coverage.layer_extrusions import levels_of, sheet_of
     from printer_slicer.inspection.coverage.model_check import read_deposit
 
+    arguments.output = arguments.output or _output_beside(arguments.gcode)
     _refuse(arguments)
     with stages(arguments) as report:
         report("reading")
         deposit, stack = read_deposit(read_text(arguments.gcode), arguments.filament, arguments.gcode.name)
         stack, sections, match = _located(arguments, deposit, stack, report)
         levels = levels_of(deposit, stack)
-        sheet = sheet_of(deposit, levels, _number(arguments, levels))
+        number, why = _choose_layer(arguments, levels, report)
+        sheet = sheet_of(deposit, levels, number)
         own = int(levels.of_stack[sheet.number])
         rings = list(sections.rings(own)) if sections is not None and own >= 0 else []
         view = View(arguments.box, arguments.pixels, arguments.travel, rings)
         _refuse_empty(arguments, sheet)
         report("drawing")
-        picture = sheet_picture(sheet, visible(arguments.gcode.name), view)
+        picture = gcode_layer_picture(sheet, visible(arguments.gcode.name), view)
         write_file(arguments.output, picture_bytes(picture, arguments.output))
     facts = _facts(arguments, sheet, match)
     if arguments.json:
         print(json.dumps(facts))
     elif str(arguments.output) != "-":
-        say(arguments, "\n  ".join(_sentences(facts)))
+        say(arguments, "\n  ".join([*_sentences(facts), *([why] if why else [])]))
     return 0
+
+
+def _output_beside(gcode: Path) -> Path:
+    """Return the name of the picture if none is given: that of the G-code file with .svg.
+
+    Raises:
+        UsageError: the G-code is read from a pipe or a device.
+    """
+    if gcode.exists() and not gcode.is_file():
+        raise UsageError(
+            f"{gcode}: is not a regular file, so the picture has no name", remedy="Name it with -o"
+        )
+    return gcode.with_suffix(".svg")
 
 
 def _refuse(arguments: argparse.Namespace) -> None:
@@ -128,11 +151,61 @@ def _located(
     return placed_sections(mesh, deposit, stack, plate.placement if told else None)
 
 
-def _number(arguments: argparse.Namespace, levels: Levels) -> int:
-    """The layer that is asked for, from 0.
+def _choose_layer(arguments: argparse.Namespace, levels: Levels, report: Stages) -> tuple[int, str]:
+    """Return the index of the layer to draw, and why it was chosen; empty if it was asked for.
 
     Raises:
-        UsageError: there is none.
+        UsageError: the file has no such layer.
+    """
+    if arguments.z is not None or arguments.layer is not None:
+        return _asked_layer(arguments, levels), ""
+    report("checking")
+    counts = Counter(layer for finding in _findings(arguments) for layer in _layers_of(finding, levels))
+    if not counts:
+        return 0, "the first layer, because the check has no findings in layers; --layer N draws another one"
+    layer, count = max(counts.items(), key=lambda item: (item[1], -item[0]))
+    many = "1 finding" if count == 1 else f"{count} findings"
+    return layer, f"the layer with the most findings of the check: {many}; --layer N draws another one"
+
+
+def _findings(arguments: argparse.Namespace) -> list[Diagnostic]:
+    """Return what `check` finds in the file, and in its comparison with the model if there is one.
+
+    Files that cannot be checked can still be drawn; they have no findings.
+    """
+    from printer_slicer.cli.models import repaired_plate
+    from printer_slicer.cli.settings import profile_from
+    from printer_slicer.commands import read_text
+    from printer_slicer.inspection.coverage.model_check import CheckOptions, check_gcode
+    from printer_slicer.inspection.lint.scan import lint_file
+
+    found: list[Diagnostic] = []
+    with suppress(PrinterSlicerError):
+        profile = profile_from(arguments, slices=False, gcode=arguments.gcode, tell=False)
+        found += lint_file(arguments.gcode, profile).findings
+        if arguments.models:
+            mesh, plate, _ = repaired_plate(arguments, profile.printer, lambda _: None)
+            told = arguments.center or arguments.as_placed or not arguments.drop
+            placement = plate.placement if told else None
+            options = CheckOptions(filament_diameter=arguments.filament, placement=placement)
+            text = read_text(arguments.gcode)
+            found += check_gcode(text, mesh, options, name=arguments.gcode.name).findings
+    return found
+
+
+def _layers_of(finding: Diagnostic, levels: Levels) -> Iterable[int]:
+    """Return the indices of the layers that have a finding."""
+    if finding.first:
+        return [layer for layer in finding.in_layers if 0 <= layer < levels.n_levels]
+    layer = levels.at(finding.z) if finding.z is not None else finding.layer - 1
+    return [layer] if 0 <= layer < levels.n_levels else []
+
+
+def _asked_layer(arguments: argparse.Namespace, levels: Levels) -> int:
+    """Return the index of the layer that is asked for.
+
+    Raises:
+        UsageError: the file has no such layer.
     """
     top = float(levels.top[-1])
     if arguments.z is not None:
@@ -143,7 +216,7 @@ def _number(arguments: argparse.Namespace, levels: Levels) -> int:
                 remedy="choose a height over the bed between these",
             )
         return number
-    number = 1 if arguments.layer is None else arguments.layer
+    number = int(arguments.layer)
     if not 1 <= number <= levels.n_levels:
         raise UsageError(
             f"--layer {number}: {arguments.gcode.name} has layers 1 to {levels.n_levels}",

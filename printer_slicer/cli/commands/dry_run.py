@@ -22,6 +22,7 @@ from printer_slicer.cli.settings import profile_facts, profile_from
 
 if TYPE_CHECKING:
     from printer_slicer.inspection.dry_run.judging import Verdict
+    from printer_slicer.jobs import Job
     from printer_slicer.profile import Profile
 
 __all__ = ["EXAMPLES", "add_arguments", "run"]
@@ -80,7 +81,7 @@ def run(arguments: argparse.Namespace) -> int:
     job = job.allowing(arguments.allow)
     verdict = simulate(arguments, job, profile, events=False, baud=arguments.link, faults=faults)
     if arguments.picture:
-        write_file(arguments.picture, _picture(verdict, profile, arguments.picture))
+        write_file(arguments.picture, _picture(verdict, job, profile, arguments.picture))
     if arguments.json:
         findings = {"ok": verdict.ok and not refused(job), "findings": finding_facts(job)}
         repairs = {"repairs": repairs_facts(job)}
@@ -95,15 +96,24 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _picture(verdict: Verdict, profile: Profile, path: Path) -> bytes:
+def _picture(verdict: Verdict, job: Job, profile: Profile, path: Path) -> bytes:
     from printer_slicer.diagnostics import sentence
     from printer_slicer.drawing.canvas import picture_bytes
-    from printer_slicer.drawing.rehearsal import FaultMark, rehearsal_picture
+    from printer_slicer.drawing.dry_run import FaultMark, dry_run_picture
+    from printer_slicer.inspection.dry_run.set_points import find_set_points
 
     assert verdict.account is not None
     found = [FaultMark(sentence(fault), fault.z, fault.place) for fault in verdict.faults if fault.is_error]
-    title = f"{verdict.job}: {'prints as it should' if verdict.ok else 'do NOT print it'}"
+    set_points = find_set_points(job.commands, profile.printer.flavour)
+    title = f"{verdict.job}: {'no problems' if verdict.ok else 'do not print'}"
     return picture_bytes(
-        rehearsal_picture(verdict.account, found, title, profile.printer.corners, profile.max_flow),
+        dry_run_picture(
+            verdict.account,
+            set_points,
+            found,
+            title=title,
+            corners=profile.printer.corners,
+            max_flow=profile.max_flow,
+        ),
         path,
     )

@@ -184,7 +184,7 @@ class HeightMap:
         self._top[self._outside], self._loose[self._outside] = 0.0, False
         self.highest = max(self.highest, float(cut.z.max()))
 
-    def plate(self, most: int = 260) -> PlateHeights:
+    def plate(self, most: int = 1600) -> PlateHeights:
         """What stands on the plate, in at most so many cells to a side."""
         top = self._top[: self._outside].reshape(self._deep, self._wide)
         rows, columns = (np.flatnonzero((top > 0).any(axis=axis)) for axis in (1, 0))

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from printer_slicer.inspection.deposition.height_map import PlateHeights
 from printer_slicer.inspection.deposition.marks import Defect
+from printer_slicer.inspection.deposition.timeline import Timeline
 
 __all__ = ["Deposition", "LayerDeposition", "MissingExtrusion"]
 
@@ -87,6 +88,7 @@ class Deposition:
         lost: the first command of whose filament some did not come out; None if there is none.
         drought: the first long stretch in which the print goes on but nothing is laid; None without.
         plate: what stands on it at the end.
+        timeline: speed over the time in motion.
     """
 
     layers: Sequence[LayerDeposition]
@@ -104,3 +106,4 @@ class Deposition:
     lost: int | None
     drought: MissingExtrusion | None
     plate: PlateHeights = field(compare=False)
+    timeline: Timeline = field(compare=False)

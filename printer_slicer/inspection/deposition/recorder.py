@@ -23,6 +23,7 @@ from printer_slicer.inspection.deposition.height_map import (
 )
 from printer_slicer.inspection.deposition.marks import Marks
 from printer_slicer.inspection.deposition.record import Deposition, LayerDeposition
+from printer_slicer.inspection.deposition.timeline import TimelineRecorder
 from printer_slicer.inspection.deposition.underextrusion import MissingExtrusionFinder
 
 __all__ = ["DepositionRecorder"]
@@ -70,6 +71,7 @@ class DepositionRecorder:
         self._laid_first: int | None = None
         self._lost: int | None = None
         self._droughts = MissingExtrusionFinder()
+        self._timeline = TimelineRecorder()
 
     def feed(self, rows: Float, seconds: Float, kept_back: float = 0.0) -> None:
         """Some more moves.
@@ -79,6 +81,7 @@ class DepositionRecorder:
             seconds: (n,) that each takes.
             kept_back: share of what is fed that does not come out of the nozzle.
         """
+        self._timeline.feed(rows, seconds)
         pushed = self._pushed(rows) * self._area
         fresh = pushed * (1.0 - kept_back)
         flat = np.hypot(*(rows[:, END] - rows[:, START])[:, :2].T)
@@ -132,6 +135,7 @@ class DepositionRecorder:
             lost=self._lost,
             drought=self._droughts.first,
             plate=self._relief.plate(),
+            timeline=self._timeline.close(),
         )
 
     def _pushed(self, rows: Float) -> Float:

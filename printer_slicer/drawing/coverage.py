@@ -1,0 +1,214 @@
+"""Draw layers of a coverage from above, whole and close up, with their faults."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from printer_slicer.arrays import Float
+from printer_slicer.diagnostics import Diagnostic
+from printer_slicer.drawing.canvas import Box, Fill, Line, Picture, Shape, Text, fit_text, text_width
+from printer_slicer.geometry import Areas, intersection, stroked
+from printer_slicer.inspection.coverage.measurement import Coverage, overlapping
+from printer_slicer.inspection.deposition.marks import Purpose
+
+__all__ = ["coverage_picture"]
+
+_PANEL: Final = 520  # px, width of a panel
+_TALLEST, _LOWEST = 620, 180  # px, limits of its height
+_GAP, _HEAD, _LEGEND = 24, 52, 40  # px
+_LETTERS: Final = 15  # px
+_BORDER: Final = 1.5  # mm around a layer
+_CLOSE: Final = 8.0  # mm, width of a close-up, or a third of the layer if that is less
+_SEEN: Final = 0.85  # share of the extrusion width that is drawn, so that neighbours stay apart
+_INK: Final = "#222222"
+_BEAD: Final = {
+    Purpose.EXTERNAL_PERIMETER: "#9fb4c4",
+    Purpose.PERIMETER: "#b4c5d1",
+    Purpose.OVERHANG_PERIMETER: "#9fb4c4",
+    Purpose.BRIDGE: "#bcd9ea",
+    Purpose.INTERNAL_INFILL: "#d9dfe3",
+    Purpose.SUPPORT_MATERIAL: "#ece6d8",
+    Purpose.SKIRT: "#ece6d8",
+    Purpose.CUSTOM: "#ece6d8",
+}
+_OTHER: Final = "#c8d4dc"
+_UNCOVERED, _OVERLAP, _OUTSIDE, _AIR = "#d7191c", "#f28e00", "#8e44ad", "#0050d8"
+_LEGENDS: Final = (
+    ("uncovered", _UNCOVERED),
+    ("overlap", _OVERLAP),
+    ("outside the section", _OUTSIDE),
+    ("unsupported", _AIR),
+    ("extrusions", _OTHER),
+    ("section", _INK),
+)
+
+
+class _Row(NamedTuple):
+    """One row of the picture: a layer (index), a place for the close-up (mm) if any, and the heading."""
+
+    layer: int
+    place: tuple[float, float] | None
+    heading: str
+
+
+@dataclass(frozen=True, slots=True)
+class _View:
+    """A rectangle of a layer, mm, and its position in the picture, px."""
+
+    low: tuple[float, float]
+    high: tuple[float, float]
+    left: float
+    top: float
+    scale: float
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """Width and height, px."""
+        return (self.high[0] - self.low[0]) * self.scale, (self.high[1] - self.low[1]) * self.scale
+
+    def place(self, points: Float) -> Float:
+        """Return points (n, 2), mm, in px; y points down in the picture."""
+        return np.column_stack(
+            [
+                self.left + (points[:, 0] - self.low[0]) * self.scale,
+                self.top + (self.high[1] - points[:, 1]) * self.scale,
+            ]
+        )
+
+
+def coverage_picture(coverage: Coverage, shown: Sequence[Diagnostic], title: str) -> Picture:
+    """Draw the layers of some findings, each whole and close up; without findings, the worst layer.
+
+    Args:
+        coverage: the measured coverage.
+        shown: one row for each finding; findings without a place have no close-up.
+        title: of the picture.
+    """
+    shapes: list[Shape] = []
+    y = float(_HEAD + _LEGEND)
+    wide = 2 * _PANEL + 3 * _GAP
+    rows = [
+        _Row(one.layer - 1, one.place, f"layer {one.layer}, z {one.z:.4g} mm: {one.message}") for one in shown
+    ]
+    for row in rows or [_worst_layer(coverage)]:
+        y += 26
+        whole, close = _views(coverage, row, y)
+        for view in (close, whole):
+            if view is not None:
+                shapes += _panel(coverage, row.layer, view)
+        if close is not None:
+            shapes.append(_frame_of(close, whole))
+        shapes.append(
+            Text(_GAP, y - 12, fit_text(row.heading, _LETTERS, wide - 2 * _GAP), _LETTERS, bold=True)
+        )
+        y += max(view.size[1] for view in (whole, close) if view is not None) + _GAP
+    shapes += [Text(_GAP, 32, fit_text(title, 20, wide - 2 * _GAP), 20, bold=True), *_legend(_GAP, _HEAD + 4)]
+    return Picture(round(wide), round(y), tuple(shapes), title)
+
+
+def _worst_layer(coverage: Coverage) -> _Row:
+    """Return the layer whose shell is least covered, with the largest gap in it."""
+    shell, uncovered = coverage.shell.area(), coverage.uncovered.area()
+    share = np.divide(uncovered, shell, out=np.zeros_like(shell), where=shell > 0)
+    layer = int(np.argmax(share))
+    place = None
+    rings = [ring for ring in coverage.uncovered.rings(layer) if len(ring) > 2]
+    if rings:
+        x, y = max(rings, key=_extent).mean(axis=0).tolist()
+        place = x, y
+    covered = f"{1 - share[layer]:.2%} of the shell is covered" if shell[layer] > 0 else "no shell"
+    heading = f"no findings; worst layer: layer {layer + 1}, z {coverage.stack.top[layer]:.4g} mm, {covered}"
+    return _Row(layer, place, heading)
+
+
+def _extent(ring: Float) -> float:
+    """Return the diagonal of the box around a ring, mm."""
+    return float(np.hypot(*np.ptp(ring, axis=0)))
+
+
+def _views(coverage: Coverage, row: _Row, top: float) -> tuple[_View, _View | None]:
+    """Return views of the whole layer and of the surroundings of the row's place."""
+    member = coverage.of_part & (coverage.stack.layer == row.layer)
+    beads = coverage.stack.beads.take(member)
+    corners = np.concatenate([beads.begin, beads.end, *coverage.sections.rings(row.layer)])
+    low, high = corners.min(axis=0) - _BORDER, corners.max(axis=0) + _BORDER
+    size = high - low
+    scale = min(_PANEL / size[0], _TALLEST / size[1])
+    whole = _View((low[0], low[1]), (high[0], high[1]), _GAP, top, float(scale))
+    if row.place is None:
+        return whole, None
+    reach = min(_CLOSE, float(size.max()) / 3) / 2
+    tall = float(np.clip(whole.size[1], _LOWEST, _PANEL))
+    up = reach * tall / _PANEL
+    x, y = row.place
+    near = _View((x - reach, y - up), (x + reach, y + up), 2 * _GAP + _PANEL, top, _PANEL / (2 * reach))
+    return whole, near
+
+
+def _panel(coverage: Coverage, layer: int, view: _View) -> Iterator[Shape]:
+    """Draw a view: extrusions, their faults, the outline of the section and a frame."""
+    width, height = view.size
+    yield Box(view.left, view.top, width, height, "#fafafa", name="panel")
+    yield from _beads(coverage, layer, view)
+    yield from _filled(coverage.uncovered, layer, view, _UNCOVERED, "uncovered")
+    yield from _filled(coverage.outside, layer, view, _OUTSIDE, "outside")
+    yield from _filled(overlapping(coverage, layer), 0, view, _OVERLAP, "overlap")
+    for ring in _cut(coverage.sections, layer, view).rings(0):
+        yield Line(view.place(np.concatenate([ring, ring[:1]])), _INK, 1.2, name="section")
+    frame = np.array([(0, 0), (width, 0), (width, height), (0, height), (0, 0)]) + np.array(
+        [view.left, view.top]
+    )
+    yield Line(frame, "#888888", 1.5, name="frame")
+
+
+def _beads(coverage: Coverage, layer: int, view: _View) -> Iterator[Shape]:
+    """Draw the extrusions of a layer in the colours of their roles, unsupported ones in their own colour."""
+    stack = coverage.stack
+    hanging = np.zeros(stack.beads.n_beads, np.bool_)
+    hanging[[one.command - 1 for one in coverage.unsupported]] = True
+    own = np.flatnonzero(stack.layer == layer)
+    colour = np.where(hanging[own], len(Purpose), stack.beads.purpose[own])
+    for one in np.unique(colour).tolist():
+        beads = stack.beads.take(own[colour == one])
+        ends = np.stack([beads.begin, beads.end], axis=1).reshape(-1, 2)
+        n = beads.n_beads
+        radius = np.maximum(beads.width * _SEEN / 2, 0.01)
+        drawn = stroked(ends, np.arange(n + 1) * 2, np.zeros(n, np.int64), radius, 1)
+        name = _AIR if one == len(Purpose) else _BEAD.get(Purpose(one), _OTHER)
+        yield from _filled(drawn, 0, view, name, "air" if one == len(Purpose) else "bead")
+
+
+def _filled(areas: Areas, layer: int, view: _View, colour: str, name: str) -> Iterator[Shape]:
+    """Draw the areas of a layer, clipped to a view."""
+    rings = [view.place(ring) for ring in _cut(areas, layer, view).rings(0)]
+    if rings:
+        yield Fill(tuple(rings), colour, name)
+
+
+def _cut(areas: Areas, layer: int, view: _View) -> Areas:
+    """Clip the areas of one layer to a view; return a stack of one layer."""
+    one = Areas.from_rings([list(areas.rings(layer))])
+    (x0, y0), (x1, y1) = view.low, view.high
+    return intersection(one, Areas.from_rings([[np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1)])]]))
+
+
+def _frame_of(close: _View, whole: _View) -> Shape:
+    """Draw the frame of the close-up in the view of the whole layer."""
+    (x0, y0), (x1, y1) = close.low, close.high
+    corners = np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0)])
+    return Line(whole.place(corners), "#d7191c", 1.5, (4, 3), name="close-up")
+
+
+def _legend(x: float, y: float) -> Iterator[Shape]:
+    """Draw the meaning of the colours in a row."""
+    for name, colour in _LEGENDS:
+        if name == "section":
+            yield Line(np.array([(x, y + 7.0), (x + 18, y + 7.0)]), colour, 1.2, name="legend")
+        else:
+            yield Box(x, y, 18, 14, colour, name="legend")
+        yield Text(x + 24, y + 12.5, name, _LETTERS)
+        x += 44 + text_width(name, _LETTERS)

@@ -1,0 +1,56 @@
+"""Set the acceleration of moves by role."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from printer_slicer.arrays import Bool, Float, Int
+from printer_slicer.model import Acceleration, Program
+from printer_slicer.profile import Printer, Profile
+from printer_slicer.roles import ROLES, Role
+
+__all__ = ["acceleration_events", "move_accelerations"]
+
+
+def acceleration_events(
+    role: Int, on_bed: Bool, rule: Int, rules: tuple[Profile, ...]
+) -> tuple[Acceleration, ...]:
+    """Return changes of acceleration before moves; none if the profiles have only one acceleration.
+
+    Args:
+        role: (K,) of the moves.
+        on_bed: (K,) whether they belong to a first layer.
+        rule: (K,) number of each move's profile.
+        rules: the profiles.
+    """
+    profile = rules[0]
+    beads = np.flatnonzero(role != Role.TRAVEL)
+    wanted = np.stack([_of_roles(one) for one in rules])[rule[beads], role[beads]]
+    first = profile.accelerations.first_layer
+    if first:
+        wanted = np.where(on_bed[beads], first, wanted)
+    change = np.flatnonzero(np.diff(wanted, prepend=profile.printer.acceleration) != 0)
+    return tuple(
+        Acceleration(index, value)
+        for index, value in zip(beads[change].tolist(), wanted[change].tolist(), strict=True)
+    )
+
+
+def move_accelerations(program: Program, printer: Printer, first: int, last: int) -> Float | None:
+    """Return the acceleration (n,) of moves from `first` up to `last`, mm/s²; None if the program never changes it."""
+    events = [event for event in program.events if isinstance(event, Acceleration)]
+    if not events:
+        return None
+    at = np.searchsorted([event.index for event in events], np.arange(first, last), side="right")
+    set_by_then = np.array([printer.acceleration, *(event.value for event in events)])[at]
+    if printer.firmware.has_single_acceleration:
+        return set_by_then
+    moves = (program.xyz[first:last] != program.start[first:last]).any(axis=1)
+    feeds = program.filament[first:last] != 0
+    others = np.where(feeds, printer.retract_acceleration, printer.travel_acceleration)
+    return np.where(moves & feeds, set_by_then, others)
+
+
+def _of_roles(profile: Profile) -> Float:
+    """Return the acceleration (roles,) of each role, mm/s²."""
+    return np.array([getattr(profile.accelerations, row.acceleration) for row in ROLES])

@@ -1,0 +1,184 @@
+"""Compute volume and speed of each extrusion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from printer_slicer import bead
+from printer_slicer.arrays import Float, Int
+from printer_slicer.extrusion.move_rows import MoveKind, MoveRows
+from printer_slicer.model import Toolpaths
+from printer_slicer.profile import Profile, Speeds
+from printer_slicer.roles import ROLES, Role, is_perimeter, roles_with
+
+__all__ = ["SHARES", "BeadValues", "extrusion_beads", "path_speeds"]
+
+SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
+"""Supported shares of the width for which there are settings."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BeadValues:
+    """Values of extruding moves, in their order.
+
+    Attributes:
+        length: (B,) mm.
+        width: (B,) mm, mean along the move.
+        height: (B,) mm, at full flow.
+        share: (B,) share of the cross-section that is extruded, mean along the move.
+        flow: (B,) factor of the cross-section.
+        carried: (B,) share of the width that lies over the layer below.
+    """
+
+    length: Float
+    width: Float
+    height: Float
+    share: Float
+    flow: Float
+    carried: Float
+
+    @property
+    def cross_section(self) -> Float:
+        """Return the cross-section (B,), mm²; it is linear in the width, so the mean width gives the mean."""
+        return bead.cross_section(self.width, self.height) * (self.share * self.flow)
+
+    def filament(self, diameter: Float) -> Float:
+        """Return the filament (B,) of each move, mm, for diameters (B,) in mm."""
+        per_mm = bead.filament_per_mm(self.width, self.height, diameter)
+        return self.length * per_mm * (self.share * self.flow)
+
+
+def extrusion_beads(paths: Toolpaths, rows: MoveRows, rules: tuple[Profile, ...]) -> BeadValues:
+    """Return the values of extruding moves, with the flow of their paths' profiles."""
+    begin, end, path = rows.begin, rows.end, rows.bead_path
+    way = paths.xy.take(end, axis=0) - paths.xy.take(begin, axis=0)
+    climbed = paths.z_offset[end] - paths.z_offset[begin]
+    flow, first = (
+        np.array(values)[paths.settings_id[path]]
+        for values in (
+            [rule.material.flow_ratio for rule in rules],
+            [rule.quality.first_layer_flow for rule in rules],
+        )
+    )
+    return BeadValues(
+        np.sqrt((way * way).sum(axis=1) + climbed * climbed),
+        (paths.width[begin] + paths.width[end]) / 2,
+        paths.height[path],
+        (paths.flow_ratio[begin] + paths.flow_ratio[end]) / 2,
+        np.where(paths.begins_at(0)[path], first, 1.0) * flow,
+        paths.support_ratio[begin],
+    )
+
+
+def path_speeds(paths: Toolpaths, rows: MoveRows, beads: BeadValues, rules: tuple[Profile, ...]) -> Float:
+    """Return the speed (K,) of each move, mm/s, from the profiles of their paths."""
+    printer, speeds = rules[0].printer, rules[0].speeds
+    z_speed = min(speeds.travel, printer.max_speed_z)
+    wipe = min(speeds.travel, printer.max_speed_x)
+    lead = np.zeros(MoveKind.BEAD + 1)
+    lead[[MoveKind.RETRACT, MoveKind.DERETRACT]] = printer.retract_speed, printer.deretract_speed
+    lead[[MoveKind.WIPE, MoveKind.LIFT, MoveKind.TRAVEL, MoveKind.DROP]] = (
+        wipe,
+        z_speed,
+        speeds.travel,
+        z_speed,
+    )
+    if printer.z_hop_ramp:
+        lead[MoveKind.LIFT] = speeds.travel
+    speed, path = lead[rows.kind], rows.bead_path
+    if speeds.first_layer_travel < speeds.travel:
+        careful = (
+            (rows.kind <= MoveKind.TRAVEL) & (rows.kind >= MoveKind.WIPE) & paths.begins_at(0)[rows.path]
+        )
+        speed[careful] = np.minimum(speed[careful], speeds.first_layer_travel)
+    laid = _laid(paths, path, beads, rules[0])
+    for number, rule in enumerate(rules[1:], 1):
+        laid = np.where(paths.settings_id[path] == number, _laid(paths, path, beads, rule), laid)
+    speed[rows.is_bead] = laid
+    return speed
+
+
+def _laid(paths: Toolpaths, path: Int, beads: BeadValues, profile: Profile) -> Float:
+    """(B,) mm/s of the beads of paths (B,) with the settings of one profile."""
+    speeds = profile.speeds
+    laid = _wanted(paths, profile)[path]
+    hangs = is_perimeter(paths.role[path]) & (beads.carried < 1)
+    slower = laid * np.interp(beads.carried, SHARES, _overhang_shares(speeds))
+    slower = np.minimum(slower, _overhang_limit(beads.carried, laid, profile))
+    # The last quarter goes over to a bridge.
+    faster = np.maximum(laid - speeds.bridge, 0) * np.minimum(beads.carried / SHARES[1], 1)
+    laid = np.where(hangs, np.minimum(slower, speeds.bridge + faster), laid)
+    on_bed = profile.material.first_layer_max_flow_ratio
+    melted = np.where(paths.begins_at(0)[path], on_bed, 1.0) * profile.max_flow
+    return np.minimum(laid, melted / np.maximum(beads.cross_section, 1e-9))
+
+
+def _overhang_limit(carried: Float, laid: Float, profile: Profile) -> Float:
+    """(B,) mm/s that the printer allows perimeters of which (B,) a share is carried, between its points in lines.
+
+    At the ends, and where the printer names none, it is the speed that perimeters have anyway, (B,) mm/s.
+    """
+    limits = profile.printer.speeds
+    points = (profile.speeds.bridge, limits.overhang_25, limits.overhang_50, limits.overhang_75, 0.0)
+    if not any(points[1:]):
+        return laid
+    of_point = np.stack([np.minimum(laid, one) if one else laid for one in points])
+    below = np.clip((carried / SHARES[1]).astype(np.int64), 0, len(SHARES) - 2)
+    share = carried / SHARES[1] - below
+    each = np.arange(len(carried))
+    return np.asarray(of_point[below, each] * (1 - share) + of_point[below + 1, each] * share)
+
+
+def _wanted(paths: Toolpaths, profile: Profile) -> Float:
+    """Return the speed (M,) of paths where they are supported, mm/s."""
+    speeds = profile.speeds
+    wanted = _of_roles(speeds)[paths.role]
+    single = (paths.role == Role.PERIMETER) & ~paths.closed
+    wanted = np.where(single, speeds.gap_fill, wanted)
+    if speeds.small_perimeter:
+        small = is_perimeter(paths.role) & paths.closed
+        small &= paths.length() < 2 * np.pi * speeds.small_perimeter_radius
+        wanted = np.where(small, np.minimum(wanted, speeds.small_perimeter), wanted)
+    if speeds.even_flow_ratio:
+        wanted = wanted * _evened(paths, profile)
+    raft = paths.role == Role.RAFT
+    base = int(paths.layer[raft].max(initial=-1)) + 1  # the part's first layer
+    if base:
+        wanted = np.where(raft & (paths.layer == base - 1), profile.raft_interface_speed, wanted)
+    first = np.where(roles_with(is_infill=True)[paths.role], speeds.first_layer_infill, speeds.first_layer)
+    begins = paths.begins_at(0) | paths.begins_at(base)
+    wanted = np.where(begins, np.minimum(wanted, first), wanted)
+    low, high = float(paths.plan.top[base]), speeds.slow_below
+    if high > low:
+        share = np.clip((paths.z_top - low) / (high - low), 0, 1)
+        ramped = np.minimum(wanted, first + share * np.maximum(wanted - first, 0))
+        wanted = np.where(raft, wanted, ramped)
+    return np.asarray(wanted)
+
+
+def _evened(paths: Toolpaths, profile: Profile) -> Float:
+    """Return speed factors (M,) that make the flow of thin and thick layers more even."""
+    speeds = profile.speeds
+    factor = (profile.quality.layer_height / np.maximum(paths.height, 1e-6)) ** speeds.even_flow_ratio
+    return np.asarray(np.clip(factor, 1 / speeds.even_flow_most, speeds.even_flow_most))
+
+
+def _of_roles(speeds: Speeds) -> Float:
+    """Return the speed (roles,) of each role, mm/s."""
+    of_role = np.array([getattr(speeds, row.speed) for row in ROLES])
+    # A draft shield continues above the first layer.
+    of_role[Role.SKIRT] = max(speeds.first_layer, speeds.external_perimeter)
+    return of_role
+
+
+def _overhang_shares(speeds: Speeds) -> tuple[float, ...]:
+    """Return for each supported share in `SHARES` the share of the perimeter's speed."""
+    return (
+        speeds.overhang_0_ratio,
+        speeds.overhang_25_ratio,
+        speeds.overhang_50_ratio,
+        speeds.overhang_75_ratio,
+        1.0,
+    )

@@ -1,0 +1,187 @@
+"""List all moves: for each path the moves that lead to it, then its extrusions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from printer_slicer.arrays import Bool, Float, Int
+from printer_slicer.extrusion.wiping import Wipes, find_wipes
+from printer_slicer.model import Toolpaths, Travels, leaves
+from printer_slicer.profile import Profile
+
+__all__ = ["APPROACH", "MoveKind", "MoveRows", "move_rows"]
+
+APPROACH = 2.0  # mm above the first layer at which the nozzle arrives
+_SHORTEST = 0.003  # mm, of an extrusion
+_LEVEL = 1e-6  # mm
+_RAMP = 3.0  # mm of travel per mm of a ramped lift
+
+
+class MoveKind:
+    """Kinds of moves, in the order in which a path has them."""
+
+    RETRACT, WIPE, LIFT, TRAVEL, DROP, DERETRACT, BEAD = range(7)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MoveRows:
+    """All moves, without speeds; the last one retracts after the last path.
+
+    Attributes:
+        path: (K,) the path that each move belongs to or leads to.
+        kind: (K,) `MoveKind` of each move.
+        xyz: (K, 3) end position, mm.
+        pulled: (K,) filament of moves without extrusion, mm.
+        begin: (B,) first points of the extrusions.
+        end: (B,) last points of the extrusions.
+    """
+
+    path: Int
+    kind: Int
+    xyz: Float
+    pulled: Float
+    begin: Int
+    end: Int
+
+    @property
+    def is_bead(self) -> Bool:
+        """Return which moves (K,) extrude."""
+        return np.asarray(self.kind == MoveKind.BEAD)
+
+    @property
+    def bead_path(self) -> Int:
+        """Return the path (B,) of each extrusion."""
+        return self.path[self.is_bead]
+
+    def spread(self, values: Float) -> Float:
+        """Assign values (B,) of extrusions to their moves (K,); 0 for other moves."""
+        result = np.zeros(len(self.path))
+        result[self.is_bead] = values
+        return result
+
+
+def move_rows(paths: Toolpaths, travels: Travels, profile: Profile) -> MoveRows:
+    """Return the moves that print paths in order."""
+    wipes = find_wipes(paths, travels, profile)
+    ways = _ways(paths, travels, profile)
+    count = _counts(paths, travels, wipes, ways)
+    path = np.repeat(np.arange(paths.n_paths), count.sum(axis=1))
+    kind = np.repeat(np.tile(np.arange(MoveKind.BEAD + 1), paths.n_paths), count.ravel())
+    begin, end = paths.ends_of_beads
+    # A sudden change of the width repeats a point, and files are written in steps of 1 µm.
+    far = np.hypot(*(paths.xy.take(end, axis=0) - paths.xy.take(begin, axis=0)).T) > _SHORTEST
+    kept = np.ones(len(path), np.bool_)
+    kept[kind == MoveKind.BEAD] = far
+    path, kind, begin, end = path[kept], kind[kept], begin[far], end[far]
+    xyz = _positions(paths, travels, wipes, ways, (path, kind, end))
+    xyz = _standing(xyz, kind)
+    if profile.printer.z_hop_ramp:
+        xyz = _ramped(xyz, path, kind, travels)
+    pulled = np.zeros(len(path))
+    pulled[kind == MoveKind.RETRACT] = -wipes.standing[path[kind == MoveKind.RETRACT]]
+    pulled[kind == MoveKind.WIPE] = -wipes.moving
+    printer = profile.printer
+    pulled[kind == MoveKind.DERETRACT] = printer.retract_length + printer.deretract_extra
+    return MoveRows(
+        np.append(path, path[-1]),
+        np.append(kind, MoveKind.RETRACT),
+        np.concatenate([xyz, xyz[-1:]]),
+        np.append(pulled, -printer.retract_length),
+        begin,
+        end,
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Ways:
+    """Travels to each path.
+
+    Attributes:
+        leave: (M, 2) mm, begin of the travel.
+        begin: (M, 2) mm, end of the travel.
+        low: (M,) mm, z at its begin.
+        travelled: (M,) mm, z while travelling.
+        high: (M,) mm, z at which the path begins.
+    """
+
+    leave: Float
+    begin: Float
+    low: Float
+    travelled: Float
+    high: Float
+
+
+def _ways(paths: Toolpaths, travels: Travels, profile: Profile) -> _Ways:
+    first, last = paths.start[:-1], paths.start[1:] - 1
+    top = paths.z_top
+    begin, end = top + paths.z_offset[first], top + paths.z_offset[np.where(paths.closed, first, last)]
+    leave = np.append(begin[:1], end[:-1])
+    hop = np.where(travels.retract, profile.printer.z_hop, 0.0)
+    hop[:1] = APPROACH
+    # Paths that begin lower than the previous one ends are approached from above.
+    return _Ways(*leaves(paths), leave, np.maximum(leave, begin) + hop, begin)
+
+
+def _counts(paths: Toolpaths, travels: Travels, wipes: Wipes, ways: _Ways) -> Int:
+    """Return the number (M, 7) of moves of each kind for each path."""
+    first = np.arange(paths.n_paths) == 0
+    count = np.zeros((paths.n_paths, MoveKind.BEAD + 1), np.int64)
+    count[:, MoveKind.RETRACT] = travels.retract & (wipes.standing > 0)
+    count[:, MoveKind.WIPE] = np.diff(wipes.start)
+    count[:, MoveKind.LIFT] = (ways.travelled - ways.low > _LEVEL) & ~first
+    moves = (ways.begin != ways.leave).any(axis=1) | (count[:, MoveKind.WIPE] > 0)
+    count[:, MoveKind.TRAVEL] = moves | first
+    count[:, MoveKind.TRAVEL] += np.diff(travels.start)
+    count[:, MoveKind.DROP] = ways.travelled - ways.high > _LEVEL
+    count[:, MoveKind.DERETRACT] = travels.retract
+    count[:, MoveKind.BEAD] = paths.beads_of_each
+    return count
+
+
+def _positions(
+    paths: Toolpaths, travels: Travels, wipes: Wipes, ways: _Ways, moves: tuple[Int, Int, Int]
+) -> Float:
+    """Return the end positions (K, 3) of moves, given by path, kind and, for extrusions, last point."""
+    path, kind, end = moves
+    top = paths.z_top
+    xyz = np.zeros((len(path), 3))
+    xyz[:, :2], xyz[:, 2] = ways.begin[path], ways.high[path]
+    stays = kind <= MoveKind.LIFT
+    xyz[stays, :2] = ways.leave[path[stays]]
+    low = kind <= MoveKind.WIPE  # still at the height of the path before
+    xyz[low, 2] = ways.low[path[low]]
+    xyz[kind == MoveKind.WIPE, :2] = wipes.xy
+    lifted = (kind == MoveKind.LIFT) | (kind == MoveKind.TRAVEL)
+    xyz[lifted, 2] = ways.travelled[path[lifted]]
+    wiped = np.flatnonzero((kind == MoveKind.LIFT) & (np.diff(wipes.start) > 0)[path])
+    xyz[wiped, :2] = xyz[wiped - 1, :2]
+    # All moves of a travel except the last one end at its waypoints.
+    passing = (kind == MoveKind.TRAVEL) & (np.append(kind[1:], MoveKind.BEAD) == MoveKind.TRAVEL)
+    passing &= np.append(path[1:], -1) == path
+    xyz[passing, :2] = travels.xy
+    is_bead = kind == MoveKind.BEAD
+    xyz[is_bead, :2] = paths.xy.take(end, axis=0)
+    xyz[is_bead, 2] = top[path[is_bead]] + paths.z_offset[end]
+    return xyz
+
+
+def _standing(xyz: Float, kind: Int) -> Float:
+    """Move retractions to the actual nozzle position, because very short last extrusions are dropped."""
+    pulls = np.flatnonzero(kind == MoveKind.RETRACT)
+    pulls = pulls[pulls > 0]
+    xyz[pulls] = xyz[pulls - 1]
+    return xyz
+
+
+def _ramped(xyz: Float, path: Int, kind: Int, travels: Travels) -> Float:
+    """Change lifts into ramps: the nozzle rises while it travels."""
+    lift = np.flatnonzero((kind == MoveKind.LIFT) & travels.retract[path])
+    lift = lift[(lift > 0) & (lift + 1 < len(xyz))]
+    way = xyz[lift + 1, :2] - xyz[lift - 1, :2]
+    far = np.hypot(*way.T)
+    rise = xyz[lift, 2] - xyz[lift - 1, 2]
+    share = np.where(far > 0, np.minimum(_RAMP * rise / np.maximum(far, 1e-9), 0.5), 0.0)
+    xyz[lift, :2] = xyz[lift - 1, :2] + way * share[:, None]
+    return xyz

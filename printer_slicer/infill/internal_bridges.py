@@ -1,0 +1,261 @@
+"""Extend internal bridges until both ends of every line are supported.
+
+Supports are lines of the internal infill below, solid areas below, and perimeters. Solid infill over internal infill
+ends where a top surface or a slope ends, anywhere over the cells of the pattern. Each of its lines is extended to the
+next support, and the lines take the direction in which they sag least.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from printer_slicer.arrays import Bool, Float, Int, distinct
+from printer_slicer.bridges import find_internal_bridges
+from printer_slicer.geometry import (
+    Areas,
+    Lines,
+    Pieces,
+    Polylines,
+    difference,
+    hatch,
+    intersection,
+    offset,
+    offset_open,
+    pieces_of,
+    staircases,
+    stroked,
+    union,
+)
+from printer_slicer.model import Regions
+from printer_slicer.profile import Profile
+
+__all__ = ["layers_below_bridges", "support_internal_bridges"]
+
+_DIRECTIONS = 12
+_WORTH = 0.95  # share of the best sag so far that another direction must be below
+_NEAR = 1e-3  # mm; engines round to 0.01 µm
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Ground:
+    """Areas for internal bridges, and where they are unsupported.
+
+    Attributes:
+        room: inside the perimeters and not at a surface.
+        air: the part of it with nothing directly below.
+        grip: mm, least overlap of a row with its support, if the support is that wide.
+    """
+
+    room: Areas
+    air: Areas
+    grip: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Rows:
+    """Rows across pieces, and how far they must be extended.
+
+    Attributes:
+        lines: rows across the pieces.
+        u: (S, 2) mm, begin and end of each row if it is supported at both ends.
+        sag: (S,) mm³, sum of the cubed spans; a span sags by its square, over its length.
+    """
+
+    lines: Lines
+    u: Float
+    sag: Float
+
+
+def layers_below_bridges(regions: Regions) -> Int:
+    """Return the layers whose internal infill supports an internal bridge."""
+    return np.flatnonzero(regions.internal_bridge.used) - 1
+
+
+def support_internal_bridges(regions: Regions, lines: Polylines, profile: Profile) -> Regions:
+    """Return the regions with internal bridges extended to their supports, and with their directions.
+
+    Bridges grow into solid infill and internal infill, never into exposed areas. Connections along the borders of
+    internal infill move with the border, so they do not count as supports.
+
+    Args:
+        regions: the area inside the perimeters.
+        lines: of the internal infill, at least on the layers of `layers_below_bridges`.
+        profile: extrusion width and bridge anchors.
+    """
+    bridge, width = regions.internal_bridge, profile.extrusion_width
+    used, second = _by_turns(bridge)
+    regions = _laid(regions, bridge.of_layers(used & ~second), lines, profile, used & ~second)
+    # The bridges of the layer below have grown, so fewer areas lie over internal infill now.
+    below = regions.internal_infill.raised(1).of_layers(second)
+    own = find_internal_bridges(bridge.of_layers(second), below, width, profile.quality.bridge_anchor)
+    return _laid(regions, own, lines, profile, second)
+
+
+def _by_turns(bridge: Areas) -> tuple[Bool, Bool]:
+    """Return the layers (L,) with bridges, and every second one of those directly above each other."""
+    own, used = np.arange(bridge.n_layers), bridge.used
+    since = own - np.maximum.accumulate(np.where(used, -1, own))
+    return used, used & (since % 2 == 0)
+
+
+def _laid(regions: Regions, own: Areas, lines: Polylines, profile: Profile, here: Bool) -> Regions:
+    """Extend the bridges `own` of the layers `here` (L,); other internal bridges there become solid infill."""
+    width, wanted = profile.extrusion_width, regions.internal_bridge.of_layers(here)
+    pieces, ground = pieces_of(own), _ground(regions, lines, width, profile.quality.bridge_anchor, here)
+    # The usual direction lies between the lines of the usual pattern; other directions are compared to it.
+    usual = np.deg2rad(profile.quality.infill_angle_deg + 45)
+    done, turn = _grown(pieces, _best_angles(pieces, ground, width, float(usual)), ground, width)
+    elsewhere = ~here[regions.internal_bridge.ring_layer]
+    layer = np.concatenate([regions.internal_bridge.ring_layer[elsewhere], done.ring_layer])
+    turns = np.concatenate([regions.internal_bridge_angle[elsewhere], turn])
+    return replace(
+        regions,
+        internal_bridge=regions.internal_bridge.select(elsewhere).merge(done),
+        internal_bridge_angle=turns[np.argsort(layer, kind="stable")],
+        solid_infill=difference(union(regions.solid_infill, difference(wanted, own)), done),
+        internal_infill=difference(regions.internal_infill, done),
+    )
+
+
+def _grown(pieces: Pieces, angle: Float, ground: _Ground, width: float) -> tuple[Areas, Float]:
+    """Return the extended pieces on their layers, without overlaps, and the direction (R,) of each ring."""
+    n = ground.room.n_layers
+    done, of_ring = Areas.empty(n), np.zeros(0)
+    for turn in distinct(angle).tolist():
+        chosen = np.flatnonzero(angle == turn)
+        own = pieces.on_layers(n, chosen)
+        others = done.merge(pieces.on_layers(n, np.flatnonzero(angle != turn)))  # they may overlap
+        grown = difference(_stretched(own, pieces.take(chosen), ground, width, turn), difference(others, own))
+        order = np.argsort(np.concatenate([done.ring_layer, grown.ring_layer]), kind="stable")
+        of_ring = np.concatenate([of_ring, np.full(grown.n_rings, turn)])[order]
+        done = done.merge(grown)
+    return done, of_ring
+
+
+def _ground(regions: Regions, lines: Polylines, width: float, grip: float, used: Bool) -> _Ground:
+    """Return the areas for bridges on some layers (L,)."""
+    n = regions.plan.n_layers
+    closed = regions.bottom_solid_infill.merge(regions.bridge).merge(regions.top_solid_infill).of_layers(used)
+    inside = regions.inside
+    if not inside.n_rings:
+        inside = union(regions.internal_bridge, union(regions.solid_infill, regions.internal_infill))
+    room = difference(inside.of_layers(used), closed)
+    some = lines.take(np.flatnonzero(np.append(used[1:], False)[lines.layer]))
+    pens = stroked(some.xy, some.start, some.layer + 1, np.full(some.n_lines, width / 2), n)
+    hollow = intersection(room, regions.internal_infill.raised(1).of_layers(used))
+    # Gaps narrower than half a width are ignored.
+    return _Ground(room, offset_open(difference(hollow, pens), width / 4), grip)
+
+
+def _best_angles(pieces: Pieces, ground: _Ground, width: float, usual: float) -> Float:
+    """Return the direction (P,) in which the lines of each piece sag least."""
+    best, record = np.full(pieces.count, usual), np.full(pieces.count, np.inf)
+    for turn in (np.arange(_DIRECTIONS) * np.pi / _DIRECTIONS).tolist():
+        rows = _rows(pieces, ground, 2 * width, usual + turn)
+        sag = np.bincount(rows.lines.layer, rows.sag, minlength=pieces.count)
+        better = sag < (record * _WORTH - _NEAR if turn else record)
+        best[better], record[better] = usual + turn, sag[better]
+    return best
+
+
+def _stretched(own: Areas, pieces: Pieces, ground: _Ground, width: float, angle: float) -> Areas:
+    """Return the pieces, extended along rows of this direction."""
+    step = width / 2
+    rows = _rows(pieces, ground, step, angle)
+    longer = np.flatnonzero(np.abs(rows.u - rows.lines.u).max(axis=1, initial=0.0) > _NEAR)
+    if not len(longer):
+        return own
+    # Strips are twice as wide as the row distance, so that lines between rows are as long as their neighbours.
+    strips = staircases(
+        rows.lines.take(longer), rows.u[longer], angle=angle, half=step, n_layers=pieces.count
+    )
+    strips = strips.restacked(np.arange(strips.n_rings), pieces.layer[strips.ring_layer], own.n_layers)
+    # Offsetting and intersecting unite overlapping areas.
+    whole = own.merge(strips)
+    # Close notches between strips that are too narrow for a row.
+    smooth = offset(offset(whole, width / 2), -width / 2)
+    return intersection(whole.merge(smooth), ground.room)
+
+
+def _rows(pieces: Pieces, ground: _Ground, step: float, angle: float) -> _Rows:
+    """Return rows of one direction across the pieces, extended until both ends are supported."""
+    lines, room, air = (
+        hatch(areas, angle=angle, spacing=step)
+        for areas in (pieces.areas, ground.room.of_layers(pieces.layer), ground.air.of_layers(pieces.layer))
+    )
+    keys = _Keys.of(lines, room, air)
+    own, rooms, gaps = (
+        keys.of_lines(one, layer)
+        for one, layer in (
+            (lines, pieces.layer[lines.layer]),
+            (room, room.layer),
+            (air, air.layer),
+        )
+    )
+    bounds = _around(own, rooms)
+    low = _reached(own[:, 0], own[:, 1], bounds[:, 0], gaps, ground.grip)
+    high = -_reached(-own[:, 1], -own[:, 0], -bounds[:, 1], -gaps[::-1, ::-1], ground.grip)
+    spans = np.append(0.0, np.cumsum((gaps[:, 1] - gaps[:, 0]) ** 3))
+    first = np.searchsorted(gaps[:, 1], low + _NEAR)
+    last = np.searchsorted(gaps[:, 0], high - _NEAR)
+    u = lines.u + np.stack([low - own[:, 0], high - own[:, 1]], axis=1)
+    return _Rows(lines, u, spans[np.maximum(last, first)] - spans[first])
+
+
+@dataclass(frozen=True, slots=True)
+class _Keys:
+    """Sort keys for positions along the rows of all layers, so that all can be searched at once."""
+
+    row: int
+    rows: int
+    low: float
+    pitch: float
+
+    @classmethod
+    def of(cls, *parts: Lines) -> _Keys:
+        """Return keys that suit all these lines."""
+        row = np.concatenate([part.row for part in parts])
+        u = np.concatenate([part.u for part in parts]).ravel()
+        if not len(u):
+            return cls(0, 1, 0.0, 1.0)
+        low = float(u.min())
+        return cls(int(row.min()), int(row.max() - row.min()) + 1, low, float(u.max()) - low + 1.0)
+
+    def of_lines(self, lines: Lines, layer: Int) -> Float:
+        """Return the keys (S, 2) of both ends of lines on `layer` (S,)."""
+        group = layer * self.rows + (lines.row - self.row)
+        return group[:, None] * self.pitch + (lines.u - self.low)
+
+
+def _around(own: Float, rooms: Float) -> Float:
+    """Return begin and end (S, 2) of the allowed area around each row, at least those of the row."""
+    if not len(rooms):
+        return own
+    found = np.maximum(np.searchsorted(rooms[:, 0], own.mean(axis=1), side="right") - 1, 0)
+    around = rooms[found]
+    within: Bool = (around[:, 0] <= own.mean(axis=1)) & (around[:, 1] >= own.mean(axis=1))
+    wider = np.stack([np.minimum(around[:, 0], own[:, 0]), np.maximum(around[:, 1], own[:, 1])], axis=1)
+    return np.where(within[:, None], wider, own)
+
+
+def _reached(begin: Float, end: Float, limit: Float, gaps: Float, grip: float) -> Float:
+    """Return where rows (S,) must begin to be supported, at `limit` at the farthest.
+
+    Args:
+        begin: (S,) present begin of the rows.
+        end: (S,) end of the rows.
+        limit: (S,) end of the allowed area.
+        gaps: (G, 2) ascending, unsupported spans along all rows.
+        grip: mm of overlap with the support.
+    """
+    if not len(gaps):
+        return begin
+    # Find the first gap that ends after the row begins; the support lies in front of it.
+    gap = np.searchsorted(gaps[:, 1], begin + _NEAR)
+    exists = gap < len(gaps)
+    shore = np.where(exists, gaps[np.minimum(gap, len(gaps) - 1), 0], np.inf)
+    before = np.where(gap > 0, gaps[np.maximum(gap - 1, 0), 1], -np.inf)
+    farthest = np.maximum(limit, before)
+    return np.where(shore < end, np.minimum(begin, np.maximum(shore - grip, farthest)), begin)

@@ -1,0 +1,51 @@
+"""Fan speed and temperatures that the commands of a job set."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from printer_slicer.arrays import Float, Int
+from printer_slicer.gcode.state import MachineState
+
+__all__ = ["SetPoints", "find_set_points"]
+
+_FULL_FAN = 255.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SetPoints:
+    """Set points in the order of the commands that change them.
+
+    Attributes:
+        command: (m,) the command, counted from 1.
+        fan: (m,) speed of the part cooling fan from there on, %.
+        nozzle, bed: (m,) target temperatures from there on, °C; the nozzle is that of the current tool.
+    """
+
+    command: Int
+    fan: Float
+    nozzle: Float
+    bed: Float
+
+
+def find_set_points(commands: Sequence[bytes], flavour: str) -> SetPoints:
+    """Find the commands that set the fan or a temperature.
+
+    Args:
+        commands: of a job, without comments.
+        flavour: the printer's G-code flavour.
+    """
+    state = MachineState(flavour)
+    rows = [(1, 0.0, 0.0, 0.0)]
+    for number, command in enumerate(commands, 1):
+        if command[:1] == b"G" and command[:3] != b"G10":  # moves; G10 sets temperatures in RepRapFirmware
+            continue
+        state.follow(command)
+        now = (min(state.fan / _FULL_FAN, 1.0) * 100, state.hotend, state.bed)
+        if now != rows[-1][1:]:
+            rows.append((number, *now))
+    table = np.array(rows)
+    return SetPoints(table[:, 0].astype(np.int64), table[:, 1], table[:, 2], table[:, 3])

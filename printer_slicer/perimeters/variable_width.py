@@ -1,0 +1,244 @@
+"""Fill narrow places with loops and lines of variable width, joined to the fixed-width loops around them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from printer_slicer.arrays import Bool, Float, Int, distinct
+from printer_slicer.geometry import Areas, normalize, offset, simplify
+from printer_slicer.geometry.boxes import Boxes
+from printer_slicer.geometry.joints import linked
+from printer_slicer.geometry.vectors import norm
+from printer_slicer.geometry.voronoi import CHORD, MedialAxis, medial_axis
+from printer_slicer.model import reorder_ragged
+from printer_slicer.perimeters.bead_counts import CountedGraph, count_beads
+from printer_slicer.perimeters.beading import Beading
+from printer_slicer.perimeters.facing_sides import find_facing_sides
+from printer_slicer.perimeters.graph import AxisGraph
+from printer_slicer.perimeters.layout import BeadLayout, lay_out_beads
+from printer_slicer.perimeters.middle_lines import MiddleLines, trace_middle_lines
+from printer_slicer.perimeters.tracing import BeadRings, closed_loops, trace_beads
+
+__all__ = ["NarrowFill", "fill_narrow_areas"]
+
+_LEAN = np.deg2rad(26)  # slightly more than the angle of corners that get middle beads
+_BEYOND = 0.02  # mm of radius by which narrow places are followed into wider ones, to bridge short bulges
+_CELL = 0.4  # mm
+_APART = 2e-5  # mm; two steps of the grid that areas are rounded to
+_BENT = 0.8  # tolerance of the medial axis, as a share of that of outlines
+_SAME = 1e-3  # mm of an outline
+_ROOM = 0.5  # mm around narrow places within which the medial axis must be known
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NarrowFill:
+    """All loops and lines of the layers with narrow places.
+
+    Attributes:
+        layers: (L,) which layers have narrow places.
+        rings: loops of these layers.
+        lines: middle lines.
+        inside: remaining areas.
+        lost: (L,) mm² that are too thin for any bead.
+    """
+
+    layers: Bool
+    rings: BeadRings
+    lines: MiddleLines
+    inside: Areas
+    lost: Float
+
+    @classmethod
+    def empty(cls, n_layers: int) -> NarrowFill:
+        """Return a fill without any layer."""
+        none, of_none = np.zeros((0, 2)), np.zeros(0, np.int64)
+        rings = BeadRings(none, np.zeros(0), of_none, of_none, of_none)
+        return cls(
+            np.zeros(n_layers, np.bool_),
+            rings,
+            MiddleLines.empty(),
+            Areas.empty(n_layers),
+            np.zeros(n_layers),
+        )
+
+    def merge(self, other: NarrowFill) -> NarrowFill:
+        """Combine the fills of different layers."""
+        return NarrowFill(
+            self.layers | other.layers,
+            self.rings.merge(other.rings),
+            self.lines.merge(other.lines),
+            self.inside.merge(other.inside),
+            self.lost + other.lost,
+        )
+
+
+def fill_narrow_areas(solid: Areas, beading: Beading, tolerance: float = 0.0) -> NarrowFill:
+    """Fill the layers that have narrow places with loops and middle lines.
+
+    Args:
+        solid: clean areas.
+        beading: number of beads by thickness.
+        tolerance: mm by which the outlines of these layers may be simplified.
+    """
+    if not solid.n_rings:
+        return NarrowFill.empty(solid.n_layers)
+    widest = beading.thresholds()[-1] + _BEYOND
+    if tolerance:
+        simple = simplify(solid, tolerance)
+        near = find_facing_sides(simple, 2 * widest, _LEAN)
+        solid = normalize(simple.of_layers(near.layer))
+    else:
+        near = find_facing_sides(solid, 2 * widest, _LEAN)
+        solid = solid.of_layers(near.layer)
+    if not len(near.layer):
+        return NarrowFill.empty(solid.n_layers)
+    chord = max(CHORD, _BENT * tolerance)
+    narrow, broken = _filled(solid, near, (beading, widest), chord)
+    if broken.any():
+        # Layers whose narrow places cannot be joined to fixed-width loops are traced completely. A small inset
+        # separates outlines that touch themselves because of rounding.
+        apart = offset(solid.of_layers(broken), -_APART)
+        rest, _ = _filled(apart, None, (beading, np.full_like(widest, np.inf)), chord)
+        narrow = narrow.merge(rest)
+    return narrow
+
+
+def _filled(
+    solid: Areas, near: Boxes | None, limits: tuple[Beading, Float], chord: float
+) -> tuple[NarrowFill, Bool]:
+    """Fill with the medial axis near narrow places, or all of it; also return the layers (L,) where that failed."""
+    beading, widest = limits
+    sides = np.ones(len(solid.xy), np.bool_)
+    if near is not None:
+        sides = Boxes.of_sides(solid).touched(near.grown(2 * float(widest.max()) + _ROOM))
+    axis = medial_axis(solid, float(widest.max(initial=0.0)), sides, chord=chord)
+    real = _real(solid, sides, axis.source, axis.corner)
+    given, layers, broken = _needed(
+        count_beads(AxisGraph.of(axis), real, beading, widest), beading, solid.n_layers
+    )
+    broken[axis.left_out] = True
+    if near is not None:
+        broken |= _beyond(given, near, float(widest.max()) + _ROOM, solid.n_layers)
+    layout = lay_out_beads(given, beading)
+    walk = trace_beads(layout, layout.active, layout.inset, layout.width)
+    width = beading.spacing + beading.rounding
+    around = solid.select(layers[solid.ring_layer] & _partly_wide(solid, axis, given))
+    rings, failed = closed_loops(walk, _fixed_loops(around, beading), layout, width)
+    broken[failed] = True
+    layers &= ~broken
+    lines = trace_middle_lines(layout, beading)
+    within = rings.take(rings.level == beading.loops)
+    return (
+        NarrowFill(
+            layers,
+            rings.take((rings.level < beading.loops) & layers[rings.layer]),
+            lines.take(layers[lines.layer]),
+            _areas(within, solid.n_layers).of_layers(layers),
+            _lost(layout, solid.n_layers) * layers,
+        ),
+        broken,
+    )
+
+
+def _partly_wide(solid: Areas, axis: MedialAxis, given: CountedGraph) -> Bool:
+    """Return the rings (R,) of areas that are not narrow everywhere; only these have fixed-width loops."""
+    graph = given.graph
+    half = np.flatnonzero(np.repeat(given.used, 2))
+    ring = solid.point_ring[axis.source[2 * graph.origin[half >> 1] + (half & 1)]]
+    foot = graph.foot.take(half, axis=0)
+    way = foot[:, 1] - foot[:, 0]
+    covered = np.bincount(ring, norm(way), minlength=solid.n_rings)
+    area = linked(ring.reshape(-1, 2).T, solid.n_rings)
+    wide = np.zeros(solid.n_rings, np.bool_)
+    wide[area[covered < solid.ring_length() - _SAME]] = True
+    return wide[area]
+
+
+def _fixed_loops(solid: Areas, beading: Beading) -> list[Areas]:
+    """Return the fixed-width loops of each level, and the border of the remaining area.
+
+    Round joins keep a constant distance from the outline, like the loops around the medial axis.
+    """
+    inset = np.arange(beading.loops + 1)[:, None] * beading.spacing + beading.margin
+    inset[:-1] += beading.spacing / 2
+    return [offset(solid, -one, join="round") for one in inset]
+
+
+def _real(solid: Areas, sides: Bool, source: Int, corner: Bool) -> Bool:
+    """Return whether both neighbours of a piece (E,), sides or corners, belong to the chosen sides."""
+    both = np.zeros(len(sides), np.bool_)
+    both[solid.following] = sides
+    both &= sides
+    half = ~corner | both[source]
+    return np.asarray(half[::2] & half[1::2])
+
+
+def _beyond(given: CountedGraph, near: Boxes, reach: float, n_layers: int) -> Bool:
+    """Return the layers (L,) with pieces so far from narrow places that sides not chosen may be nearer."""
+    graph = given.graph
+    point = distinct(graph.ends[given.used].ravel())
+    result = np.zeros(n_layers, np.bool_)
+    if not len(point):
+        return result
+    # Test cells instead of points, because many points share a cell.
+    cell = np.floor(graph.xy.take(point, axis=0) / _CELL).astype(np.int64)
+    origin = cell.min(axis=0)
+    wide, deep = cell.max(axis=0) - origin + 1
+    x, y = (cell - origin).T
+    rest, y = np.divmod(distinct((graph.layer[point] * wide + x) * deep + y), deep)
+    layer, x = np.divmod(rest, wide)
+    middle = (np.column_stack([x, y]) + origin + 0.5) * _CELL
+    result[layer[~Boxes(middle, middle, layer).touched(near.grown(reach - _CELL / 2))]] = True
+    return result
+
+
+def _lost(layout: BeadLayout, n_layers: int) -> Float:
+    """Return the area (L,) around pieces that no bead follows, mm²; they are thinner than the thinnest feature."""
+    graph = layout.graph
+    piece = np.flatnonzero(layout.used & (layout.count[layout.port] == 0).all(axis=1))
+    half = np.stack([2 * piece, 2 * piece + 1], axis=1).ravel()
+    begin, end = graph.xy[graph.start[half]], graph.xy[graph.start[half ^ 1]]
+    across, other = end - graph.foot[half, 0], graph.foot[half, 1] - begin
+    area = np.abs(across[:, 0] * other[:, 1] - across[:, 1] * other[:, 0]) / 2
+    return np.bincount(graph.layer[graph.start[half]], area, n_layers).astype(np.float64)
+
+
+def _needed(given: CountedGraph, beading: Beading, n_layers: int) -> tuple[CountedGraph, Bool, Bool]:
+    """Return the connected pieces with a narrow place, their layers (L,), and the layers with incomplete ones."""
+    graph = given.graph
+    ends, layer = graph.ends, graph.piece_layer
+    group = linked(ends[given.used].T, len(graph.xy))
+    narrow = given.central & (given.count < beading.full)
+    open_ended = np.zeros(len(graph.xy), np.bool_)
+    open_ended[group[ends[given.wide].ravel()]] = True
+    apart = ~given.used & ~given.wide
+    open_ended[group[ends[apart].ravel()]] = True
+    is_narrow = ~open_ended  # small islands without a long side
+    is_narrow[group[ends[narrow, 0]]] = True
+    used = given.used & is_narrow[group[ends[:, 0]]]
+    layers = np.zeros(n_layers, np.bool_)
+    layers[layer[used]] = True
+    touched = np.zeros(len(graph.xy), np.bool_)
+    touched[ends[used]] = True
+    cut = apart & touched[ends].any(axis=1)
+    broken = np.zeros(n_layers, np.bool_)
+    broken[layer[cut]] = True
+    # Keep the first pieces of wide places, because they show where the narrow places end.
+    kept = np.flatnonzero(used | (given.wide & touched[ends].any(axis=1)))
+    central, corner = (given.central & used)[kept], (given.corner & used)[kept]
+    count = np.where(used, given.count, 0)[kept]
+    return (
+        CountedGraph(graph.only(kept), used[kept], central, corner, given.wide[kept], count),
+        layers,
+        broken,
+    )
+
+
+def _areas(rings: BeadRings, n_layers: int) -> Areas:
+    """Return the rings as clean areas."""
+    order = np.argsort(rings.layer, kind="stable")
+    (x, y), size = reorder_ragged((rings.xy[:, 0], rings.xy[:, 1]), rings.size, order)
+    start = np.concatenate([[0], np.cumsum(size)])
+    return normalize(Areas(np.column_stack([x, y]), start, rings.layer[order], n_layers))

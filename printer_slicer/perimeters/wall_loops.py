@@ -1,0 +1,190 @@
+"""Make loops and middle lines of areas, inside a contour or between other extrusions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from printer_slicer import bead
+from printer_slicer.arrays import Bool, Float, Int
+from printer_slicer.geometry import Areas, Pieces
+from printer_slicer.model import LayerPlan, Toolpaths, reorder_ragged
+from printer_slicer.perimeters.beading import Beading
+from printer_slicer.perimeters.fixed_width import fixed_width_loops
+from printer_slicer.perimeters.simplification import points_to_keep
+from printer_slicer.perimeters.variable_width import NarrowFill, fill_narrow_areas
+from printer_slicer.profile import Profile
+from printer_slicer.roles import Role
+
+__all__ = ["FillResult", "fill_narrow", "fill_pieces", "make_loops"]
+
+_SIMPLER = 0.025  # mm; borders between extrusions are hidden and may be simplified by this
+_EVEN = 0.004  # mm, tolerance of removed points
+_HAIR = 1e-3  # mm; remaining areas lie this far inside, so that rounding cannot move them over the outlines
+_LEAST_STRIP = 0.5  # of the narrowest spacing; thinner strips between loops stay empty
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FillResult:
+    """The result of filling areas.
+
+    Attributes:
+        paths: open or closed paths, with their widths.
+        rest: the remaining areas.
+        lost: (L,) mm² that are too thin for any extrusion.
+    """
+
+    paths: Toolpaths
+    rest: Areas
+    lost: Float
+
+
+def make_loops(
+    areas: Areas, plan: LayerPlan, profile: Profile, loops: int, *, outermost: bool = True
+) -> FillResult:
+    """Make loops around areas, of variable width where these are narrow.
+
+    Args:
+        areas: clean areas.
+        plan: the layers.
+        profile: printer and quality.
+        loops: number of loops.
+        outermost: whether the outlines are contours. If not, they are borders of other extrusions and may be
+            simplified, and one more line is placed between all loops where it fits.
+    """
+    width = bead.layer_widths(plan.n_layers, profile.width_of_first_layer, profile.extrusion_width)
+    gap = bead.spacing(width, plan.height)
+    varying, amid = profile.quality.varying_walls, not outermost
+    least = np.full(plan.n_layers, profile.thinnest_feature) if outermost else _least(plan.height, profile)
+    margin = (width - gap) / 2 if outermost else np.full(plan.n_layers, _HAIR)
+    count = _beading((width, plan.height), profile, loops=loops, amid=amid, margin=margin, thinnest=least)
+    given = areas if varying and (loops or amid) else Areas.empty(plan.n_layers)
+    narrow = fill_narrow_areas(given, count, 0.0 if outermost else _SIMPLER)
+    wide = areas.of_layers(~narrow.layers)
+    ordinary, inside, lost = fixed_width_loops(wide, width if outermost else gap, gap, loops)
+    role = Role.EXTERNAL_PERIMETER if outermost else Role.PERIMETER
+    own = np.arange(plan.n_layers)
+    paths = [_loops(plan, ordinary, width, role), _varying(plan, own, narrow, role, Role.PERIMETER)[0]]
+    return FillResult(Toolpaths.joined(plan, paths), inside.merge(narrow.inside), lost + narrow.lost)
+
+
+def fill_narrow(
+    areas: Areas, plan: LayerPlan, profile: Profile, *, beads: int = 1, role: Role = Role.PERIMETER
+) -> FillResult:
+    """Fill areas between other extrusions where they are narrow, with variable width.
+
+    Args:
+        areas: clean areas; their outlines are the borders of the extrusions around them.
+        plan: the layers.
+        profile: printer and quality.
+        beads: most extrusions side by side; wider places remain.
+        role: role of the paths.
+    """
+    own = np.arange(plan.n_layers)
+    narrow = fill_narrow_areas(areas, _amid_others(plan, own, profile, beads), _SIMPLER)
+    rest = areas.of_layers(~narrow.layers).merge(narrow.inside)
+    return FillResult(_varying(plan, own, narrow, role, role)[0], rest, narrow.lost)
+
+
+def fill_pieces(
+    pieces: Pieces, role: Int, plan: LayerPlan, profile: Profile, *, beads: int
+) -> tuple[Toolpaths, Int]:
+    """Fill pieces like `fill_narrow`; pieces may touch each other, and each has its own role (P,).
+
+    Returns:
+        The paths, and the piece (M,) of each path.
+    """
+    narrow = fill_narrow_areas(pieces.areas, _amid_others(plan, pieces.layer, profile, beads), _SIMPLER)
+    return _varying(plan, pieces.layer, narrow, role, role)
+
+
+def _amid_others(plan: LayerPlan, layer: Int, profile: Profile, beads: int) -> Beading:
+    """Return the beading of areas on layers (E,) that lie between other extrusions."""
+    width = bead.layer_widths(plan.n_layers, profile.width_of_first_layer, profile.extrusion_width)[layer]
+    height = plan.height[layer]
+    hair, least = np.full(len(layer), _HAIR), _least(height, profile)
+    size = width, height
+    return _beading(size, profile, loops=beads // 2, amid=beads % 2 == 1, margin=hair, thinnest=least)
+
+
+def _least(height: Float, profile: Profile) -> Float:
+    """Return the least thickness (E,) of strips to fill, mm."""
+    narrowest = np.maximum(profile.bead_widths[0], height)
+    return _LEAST_STRIP * bead.spacing(narrowest, height)
+
+
+def _beading(
+    size: tuple[Float, Float], profile: Profile, *, loops: int, amid: bool, margin: Float, thinnest: Float
+) -> Beading:
+    """Return the number of beads by thickness; `size` is their usual width and height (E,)."""
+    width, height = size
+    spacing = bead.spacing(width, height)
+    low, high = profile.bead_widths
+    narrowest, widest = (
+        bead.spacing(np.maximum(limit, height), height)
+        for limit in (np.minimum(low, width), np.maximum(high, width))
+    )
+    return Beading(loops, amid, spacing, width - spacing, margin, narrowest, widest, thinnest)
+
+
+def _loops(plan: LayerPlan, loops: list[Areas], width: Float, outermost: Role) -> Toolpaths:
+    """Return one closed path per ring; inner loops come first within each layer."""
+    layer, role, widths, xy, size = [], [], [], [], []
+    for depth, loop in reversed(list(enumerate(loops))):
+        layer.append(loop.ring_layer)
+        role.append(np.full(loop.n_rings, Role.PERIMETER if depth else outermost))
+        widths.append(width[loop.ring_layer])
+        xy.append(loop.xy)
+        size.append(np.diff(loop.ring_start))
+    return Toolpaths.gathered(
+        plan,
+        xy=np.concatenate([np.zeros((0, 2)), *xy]),
+        size=np.concatenate([np.zeros(0, np.int64), *size]),
+        layer=np.concatenate([np.zeros(0, np.int64), *layer]),
+        role=np.concatenate([np.zeros(0, np.int64), *role]),
+        width=np.concatenate([np.zeros(0), *widths]),
+        closed=True,
+    )
+
+
+def _varying(
+    plan: LayerPlan, home: Int, narrow: NarrowFill, outermost: int | Int, inner: int | Int
+) -> tuple[Toolpaths, Int]:
+    """Return loops and lines of variable width, inner ones first within each entry, and the entry (M,) of each.
+
+    Args:
+        plan: the layers.
+        home: (E,) ascending, layer of each filled entry.
+        narrow: the loops and lines.
+        outermost: role of the loops along outlines, one or (E,).
+        inner: role of the others, one or (E,).
+    """
+    rings, lines = narrow.rings, narrow.lines
+    entry = np.concatenate([rings.layer, lines.layer])
+    depth = np.concatenate([rings.level, lines.depth])
+    size = np.concatenate([rings.size, lines.size])
+    xy, width = np.concatenate([rings.xy, lines.xy]), np.concatenate([rings.width, lines.width])
+    height = np.repeat(plan.height[home[entry]], size)
+    width = np.round(np.maximum(width, height), 3)  # as written to the file
+    closed: Bool = np.concatenate([np.ones(len(rings.size), np.bool_), lines.closed])
+    kept = points_to_keep(xy, width, size, closed, _EVEN)
+    xy, width, size = (
+        xy[kept],
+        width[kept],
+        np.bincount(np.repeat(np.arange(len(size)), size)[kept], minlength=len(size)),
+    )
+    order = np.lexsort((-depth, entry))
+    (x, y, width), size = reorder_ragged((*xy.T, width), size, order)
+    entry = entry[order]
+    roles = [np.broadcast_to(role, len(home))[entry] for role in (inner, outermost)]
+    paths = Toolpaths.gathered(
+        plan,
+        xy=np.column_stack([x, y]),
+        size=size,
+        layer=home[entry],
+        role=np.where(depth[order] > 0, *roles),
+        width=width,
+        closed=closed[order],
+    )
+    return paths, entry
