@@ -302,11 +302,11 @@ def combine_perimeters(
     return Toolpaths.joined(plan, parts), groups
 
 
-def _groups(bands: PerimeterBands, plan: LayerPlan, lowest: Int, sparse: Areas, profile: Profile) -> Int:
+def _groups(bands: PerimeterBands, plan: LayerPlan, lowest: Int, infill: Areas, profile: Profile) -> Int:
     """Return the first layer (L,) of each one's group, for the groups that save the most extrusion."""
     quality = profile.quality
     of_infill = area_savings(
-        sparse, tallest_groups(plan, min(quality.internal_infill_every, profile.highest_bead))
+        infill, tallest_groups(plan, min(quality.internal_infill_every, profile.highest_bead))
     )
     of_infill *= quality.infill_density / profile.extrusion_width
     saved = bands.savings(lowest)

@@ -54,13 +54,13 @@ def classify(sections: Sections, walls: Walls, profile: Profile) -> Regions:
     rules, width = _Rules.of(settings_by_layer(profile, plan)), walls.width
     near, (open_above, open_below) = _exposed(sections, inside, rules)
     shell = _shell(walls, near, rules)
-    carrying, sparse = _below(solid), difference(inside, shell)
+    carrying, infill = _below(solid), difference(inside, shell)
     if rules.empty.any():
-        hollow = _below(sparse.of_layers(rules.empty))
+        hollow = _below(infill.of_layers(rules.empty))
         # Nothing can stand on hollow areas, not even internal infill.
         lid = intersection(shell.of_layers(rules.empty).merge(inside.of_layers(~rules.empty)), hollow)
         carrying, open_below = difference(carrying, hollow), union(open_below, lid)
-        sparse = difference(sparse, lid)
+        infill = difference(infill, lid)
     down = _grown(open_below, inside, width, rules.anchor)
     skin, hanging = down.select(down.ring_layer == 0), down.select(down.ring_layer > 0)
     bridges = find_bridges(
@@ -68,14 +68,14 @@ def classify(sections: Sections, walls: Walls, profile: Profile) -> Regions:
     )
     down = skin.merge(bridges.covered())
     up = difference(_grown(open_above, inside, width, 2 * width), down)
-    sparse, scraps = _worth_it(difference(sparse, down.merge(up)), width, rules)
-    scraps = _over(scraps, _below(sparse)).merge(
-        _narrow(difference(hanging, down.merge(up).merge(sparse)), width)
+    infill, scraps = _worth_it(difference(infill, down.merge(up)), width, rules)
+    scraps = _over(scraps, _below(infill)).merge(
+        _narrow(difference(hanging, down.merge(up).merge(infill)), width)
     )
     bridges = bridges.with_scraps(pieces_of(scraps), width / 4)
     open_to_air = skin.merge(bridges.covered()).merge(up)
-    covered = difference(inside, sparse.merge(open_to_air))
-    internal = find_internal_bridges(covered, _below(sparse), width, rules.anchor)
+    covered = difference(inside, infill.merge(open_to_air))
+    internal = find_internal_bridges(covered, _below(infill), width, rules.anchor)
     bridge, angle = bridges.of_stack()
     return Regions(
         plan,
@@ -84,7 +84,7 @@ def classify(sections: Sections, walls: Walls, profile: Profile) -> Regions:
         top_solid_infill=up,
         # A disc on a smaller one is not bridged: bridge lines would end unsupported. Solid infill bonds below.
         solid_infill=union(difference(covered, internal), bridges.loose),
-        internal_infill=sparse,
+        internal_infill=infill,
         bridge_angle=angle,
         internal_bridge=internal,
         inside=inside,
@@ -222,24 +222,24 @@ def _needless(walls: Walls, rules: _Rules, skin: Float, apart: Float) -> Float:
     return np.clip(steep, half, np.maximum(depth, half))
 
 
-def _worth_it(sparse: Areas, width: Float, rules: _Rules) -> tuple[Areas, Areas]:
+def _worth_it(infill: Areas, width: Float, rules: _Rules) -> tuple[Areas, Areas]:
     """Split internal infill into usable areas and scraps that are too small or too narrow for it."""
     as_they_are = rules.empty | (rules.smallest == 0)
     if as_they_are.all():
-        return sparse, Areas.empty(sparse.n_layers)
-    untouched, sparse = sparse.of_layers(as_they_are), sparse.of_layers(~as_they_are)
+        return infill, Areas.empty(infill.n_layers)
+    untouched, infill = infill.of_layers(as_they_are), infill.of_layers(~as_they_are)
     # Opening cuts off sharp corners; parts narrower than an extrusion stay there.
-    narrow = offset_open(difference(sparse, offset_open(sparse, _NARROW / 2 * width)), width / 3)
-    pieces = pieces_of(difference(sparse, narrow))
+    narrow = offset_open(difference(infill, offset_open(infill, _NARROW / 2 * width)), width / 3)
+    pieces = pieces_of(difference(infill, narrow))
     large = pieces.areas.area() >= rules.smallest[pieces.layer]
-    kept = pieces.on_layers(sparse.n_layers, np.flatnonzero(large))
-    return kept.merge(untouched), difference(sparse, kept)
+    kept = pieces.on_layers(infill.n_layers, np.flatnonzero(large))
+    return kept.merge(untouched), difference(infill, kept)
 
 
-def _over(scraps: Areas, sparse: Areas) -> Areas:
+def _over(scraps: Areas, infill: Areas) -> Areas:
     """Return the scraps that lie mostly over internal infill; as solid infill they would be unsupported."""
     pieces = pieces_of(scraps)
-    area = intersection(pieces.areas, pieces.beside(sparse)).area()
+    area = intersection(pieces.areas, pieces.beside(infill)).area()
     return pieces.on_layers(scraps.n_layers, np.flatnonzero(area > pieces.areas.area() / 2))
 
 

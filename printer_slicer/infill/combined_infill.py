@@ -40,26 +40,26 @@ class InfillAreas:
             object.__setattr__(self, name, frozen_array(getattr(self, name), dtype, (n,)))
 
 
-def combine_infill_areas(sparse: Areas, plan: LayerPlan, groups: Int, narrowest: float) -> InfillAreas:
+def combine_infill_areas(infill: Areas, plan: LayerPlan, groups: Int, narrowest: float) -> InfillAreas:
     """Combine the infill areas of each group of layers.
 
     The area that all layers of a group share is printed on its last layer. The rest is printed layer by layer.
 
     Args:
-        sparse: internal infill area of each layer.
+        infill: internal infill area of each layer.
         plan: the layers.
         groups: (L,) first layer of the group of each layer.
         narrowest: mm; narrower shared areas are printed layer by layer, and narrower remainders stay empty.
     """
     own = np.arange(plan.n_layers)
     if (groups == own).all():
-        return InfillAreas(sparse, own, plan.height, own)
+        return InfillAreas(infill, own, plan.height, own)
     last = last_layers(groups)
     several = groups < last
     ends = several & (last == own)
-    common = window_intersection(sparse, np.where(ends, groups, own), own + 1)
+    common = window_intersection(infill, np.where(ends, groups, own), own + 1)
     common = offset_open(common.of_layers(ends), narrowest / 2)
-    rest = difference(sparse, common.for_each(last))
+    rest = difference(infill, common.for_each(last))
     wide = offset_open(rest.of_layers(several), narrowest / 2)
     return InfillAreas(
         _stacked(rest.of_layers(~several).merge(wide), common),
@@ -70,7 +70,7 @@ def combine_infill_areas(sparse: Areas, plan: LayerPlan, groups: Int, narrowest:
 
 
 def group_layers(
-    sparse: Areas, plan: LayerPlan, limit: float, groups: Int | None = None, *, begins: Int | None = None
+    infill: Areas, plan: LayerPlan, limit: float, groups: Int | None = None, *, begins: Int | None = None
 ) -> Int:
     """Divide the layers into groups whose infill is printed together; return the first layer of each one's group (L,).
 
@@ -78,7 +78,7 @@ def group_layers(
     chosen, so groups end at solid infill and at changes of the outline.
 
     Args:
-        sparse: internal infill area of each layer.
+        infill: internal infill area of each layer.
         plan: the layers.
         limit: mm, greatest height of a group; 0 or less than two layers: no groups.
         groups: (L,) known groups; those higher than `limit` are divided into single layers.
@@ -87,7 +87,7 @@ def group_layers(
     lowest = tallest_groups(plan, limit)
     lowest = lowest if begins is None else np.maximum(lowest, begins)
     if groups is None:
-        return choose_groups(area_savings(sparse, lowest))
+        return choose_groups(area_savings(infill, lowest))
     return np.where(groups >= lowest[last_layers(groups)], groups, np.arange(plan.n_layers))
 
 

@@ -111,10 +111,10 @@ def internal_infill_paths(layout: PatternLayout, regions: Regions, profile: Prof
     return _toolpaths(task, lines, task.bead * share / more)
 
 
-def _task(regions: Regions, sparse: Areas, groups: Int, profile: Profile) -> InfillTask:
+def _task(regions: Regions, infill: Areas, groups: Int, profile: Profile) -> InfillTask:
     """Return the task of filling internal infill areas, with the usual spacing."""
     quality, width = profile.quality, profile.extrusion_width
-    filled = combine_infill_areas(sparse, regions.plan, groups, width)
+    filled = combine_infill_areas(infill, regions.plan, groups, width)
     highest = float(filled.height[filled.area.used].max(initial=0.0))
     # The highest extrusion has the wanted width; lower ones are narrower, with the same spacing.
     across = float(bead.spacing(width, highest))
@@ -133,13 +133,13 @@ def _task(regions: Regions, sparse: Areas, groups: Int, profile: Profile) -> Inf
     )
 
 
-def _volume(task: InfillTask, sparse: Areas, profile: Profile) -> Float:
+def _volume(task: InfillTask, infill: Areas, profile: Profile) -> Float:
     """Return the wanted volume of each entry, (E,) mm³."""
     density, inset = profile.quality.infill_density, task.inset
     volume = density * _around(task.area, inset) * task.height
-    if task.area.n_layers > sparse.n_layers:
+    if task.area.n_layers > infill.n_layers:
         # Strips between the outlines of combined layers stay empty; the other extrusions make up for them.
-        each = density * _around(offset(sparse, -inset), inset) * task.regions.plan.height
+        each = density * _around(offset(infill, -inset), inset) * task.regions.plan.height
         volume *= each.sum() / max(float(volume.sum()), 1e-9)
     return np.asarray(volume)
 
