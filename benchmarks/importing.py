@@ -24,14 +24,20 @@ from typing import Any
 from benchmarks.prusa_presets import BUNDLES, FILAMENT, Oracle, between, bundles, marked, rendered, saved
 from printer_slicer import dry_run, job_of, load_mesh, load_profile
 from printer_slicer.errors import PrinterSlicerError
-from printer_slicer.importing import Imported, ImportRequest, Refused, import_profiles, profile_text
+from printer_slicer.importing import (
+    ImportedProfile,
+    ImportRequest,
+    RejectedProfile,
+    import_profiles,
+    profile_text,
+)
 
 PART = Path(__file__).parent.parent / "sample_parts" / "box.stl"
 FEWEST = 0.95
 LINEAR_ADVANCE_1 = 10.0
 _ADVANCE = re.compile(r"(?:M900 K|SET_PRESSURE_ADVANCE ADVANCE=)(\d*\.?\d+)")
 _SAID = re.compile(r"(\w+?)(-?\d*\.?\d+)")
-Triple = dict[str, Imported]
+Triple = dict[str, ImportedProfile]
 
 
 def main() -> int:
@@ -66,12 +72,12 @@ def coverage(paths: list[Path]) -> float:
         results = import_profiles(path)
         for one in results:
             counts[one.kind, type(one).__name__] += 1
-            if isinstance(one, Refused):
+            if isinstance(one, RejectedProfile):
                 print(f"refused: {path.name}: {one.kind} {one.name!r}: {one.problem}")
     for kind in ("printer", "quality", "material"):
-        good, bad = counts[kind, "Imported"], counts[kind, "Refused"]
+        good, bad = counts[kind, "ImportedProfile"], counts[kind, "RejectedProfile"]
         print(f"{kind:<10}{good} of {good + bad} imported ({good / max(good + bad, 1):.1%})")
-    good = sum(count for (_, what), count in counts.items() if what == "Imported")
+    good = sum(count for (_, what), count in counts.items() if what == "ImportedProfile")
     print(
         f"{'all':<10}{good} of {counts.total()} imported ({good / counts.total():.1%}), from {len(paths)} bundles"
     )
@@ -96,10 +102,10 @@ def spread(printers: list[tuple[Path, str]], count: int) -> list[tuple[Path, str
     return [*list(firsts.values())[::-1][:count], *rest[step // 2 :: step][:more]] if count else []
 
 
-def triple(path: Path, printer: str) -> tuple[Triple, dict[str, str], list[Refused]]:
+def triple(path: Path, printer: str) -> tuple[Triple, dict[str, str], list[RejectedProfile]]:
     """The printer with its default print and filament: ours, and all settings as PrusaSlicer has them."""
     results = import_profiles(path, ImportRequest(printer=printer))
-    made = {one.kind: one for one in results if isinstance(one, Imported)}
+    made = {one.kind: one for one in results if isinstance(one, ImportedProfile)}
     oracle = Oracle(path)
     settings: dict[str, str] = {}
     names = {one.kind: one.name for one in results}
@@ -107,7 +113,7 @@ def triple(path: Path, printer: str) -> tuple[Triple, dict[str, str], list[Refus
         if kind in names:
             settings |= oracle.settings(theirs, names[kind])
             settings[f"{theirs}_settings_id"] = f'"{names[kind]}"' if theirs == "filament" else names[kind]
-    return made, settings, [one for one in results if isinstance(one, Refused)]
+    return made, settings, [one for one in results if isinstance(one, RejectedProfile)]
 
 
 def expected(theirs: Mapping[str, str]) -> dict[str, float]:
@@ -245,7 +251,7 @@ def compare_macros(printer: tuple[Path, str], folder: Path) -> int:
     return len(wrong) + len(advance)
 
 
-def unlike_advance(material: Imported, theirs: list[str]) -> list[str]:
+def unlike_advance(material: ImportedProfile, theirs: list[str]) -> list[str]:
     """Whether pressure advance is another than the firmware takes from these commands.
 
     The first M900 decides: from 10 on K is Linear Advance 1.0, which is no time; then commands of the other scale are

@@ -1,4 +1,4 @@
-"""The layer on the bed has beads of a width of its own, and is as full as any other."""
+"""Extrusion widths of the first layer and of external perimeters: neither changes the volume of plastic."""
 
 from __future__ import annotations
 
@@ -63,3 +63,41 @@ def test_on_a_raft_the_parts_first_layer_is_as_wide_as_the_others() -> None:
 def test_a_width_that_does_not_suit_the_nozzle_is_refused(wide: float) -> None:
     with pytest.raises(ProfileError, match=r"quality.first_layer_width"):
         plain(first_layer_width=wide)
+
+
+@pytest.mark.parametrize("varying", [True, False])
+@pytest.mark.parametrize("perimeters", [1, 2, 3])
+@pytest.mark.parametrize("wide", [0.36, 0.6])
+@pytest.mark.parametrize("mesh", [box((30, 30, 2)), box_with_hole((30, 30, 2))], ids=lambda mesh: mesh.name)
+def test_external_perimeters_of_another_width_leave_the_part_full(
+    mesh: Mesh, wide: float, perimeters: int, varying: bool
+) -> None:
+    wanted = plain(
+        external_perimeter_width=wide, perimeters=perimeters, varying_walls=varying, infill_density=1
+    )
+    stages = slice_stages(mesh, wanted)
+    usual = slice_stages(mesh, plain(perimeters=perimeters, varying_walls=varying, infill_density=1))
+
+    for layer in (0, 1, 3):
+        assert widths(stages, Role.EXTERNAL_PERIMETER, layer=layer) == [wide]
+        assert plastic(stages, layer) == pytest.approx(plastic(usual, layer), rel=1e-3)
+    inner = widths(stages, Role.PERIMETER, layer=1)
+    assert inner == widths(usual, Role.PERIMETER, layer=1) == [] or inner == pytest.approx([0.46], rel=0.04)
+
+
+def test_a_vase_is_as_wide_as_external_perimeters() -> None:
+    stages = slice_stages(box((20, 20, 4)), plain(external_perimeter_width=0.6, spiral=True))
+
+    assert max(widths(stages, Role.EXTERNAL_PERIMETER, layer=15)) == 0.6
+
+
+def test_the_first_layer_width_counts_for_external_perimeters_too() -> None:
+    stages = slice_stages(box((20, 20, 2)), plain(external_perimeter_width=0.4, first_layer_width=0.6))
+
+    assert widths(stages, Role.EXTERNAL_PERIMETER, layer=0) == [0.6]
+    assert widths(stages, Role.EXTERNAL_PERIMETER, layer=1) == [0.4]
+
+
+def test_external_perimeters_must_suit_the_nozzle() -> None:
+    with pytest.raises(ProfileError, match="external_perimeter_width"):
+        plain(external_perimeter_width=0.2)

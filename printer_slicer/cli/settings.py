@@ -409,14 +409,16 @@ def _own_settings(path: Path, folders: Sequence[Path] = ()) -> _OwnSettings:
 def _foreign(path: Path) -> _OwnSettings | None:
     """Read the profiles in G-code of another slicer; None if it has none."""
     from printer_slicer.importing import import_profiles
-    from printer_slicer.importing.report import NoSettingsError, Refused
+    from printer_slicer.importing.results import NoSettingsError, RejectedProfile
 
     try:
         found = import_profiles(path)
     except NoSettingsError:
         return None
-    refused = [f"{one.kind}: {one.problem}" for one in found if isinstance(one, Refused)]
-    return _OwnSettings({one.kind: one.values for one in found if not isinstance(one, Refused)}, refused)
+    refused = [f"{one.kind}: {one.problem}" for one in found if isinstance(one, RejectedProfile)]
+    return _OwnSettings(
+        {one.kind: one.values for one in found if not isinstance(one, RejectedProfile)}, refused
+    )
 
 
 def _of_named_machine(path: Path, folders: Sequence[Path]) -> _OwnSettings:

@@ -1,6 +1,6 @@
-"""Profiles of other slicers: read, converted, with an account of what was taken, approximated and left.
+"""Convert profiles of other slicers, and report how each setting was converted.
 
-Names are imported when they are first used: who reads G-code of this program needs few of them.
+Names are imported when they are first used, because reading G-code of this program needs only few of them.
 """
 
 from __future__ import annotations
@@ -10,37 +10,53 @@ from typing import TYPE_CHECKING, Final
 from printer_slicer.lazy_names import lazy_names
 
 if TYPE_CHECKING:
+    from printer_slicer.importing.differences import Difference, largest_differences, other_notes
     from printer_slicer.importing.importing import ImportRequest, import_profiles
-    from printer_slicer.importing.report import Imported, ImportNote, Left, NoSettingsError, Refused, Taken
-    from printer_slicer.importing.safety import Ceilings
-    from printer_slicer.importing.writing import names_of_files, profile_text
+    from printer_slicer.importing.profile_files import file_names, profile_text, short_name
+    from printer_slicer.importing.results import (
+        ConvertedSetting,
+        ImportedProfile,
+        ImportNote,
+        NoSettingsError,
+        RejectedProfile,
+        UnsupportedSetting,
+    )
+    from printer_slicer.importing.safety_checks import TemperatureLimits
 
 __all__ = [
-    "Ceilings",
+    "ConvertedSetting",
+    "Difference",
     "ImportNote",
     "ImportRequest",
-    "Imported",
-    "Left",
+    "ImportedProfile",
     "NoSettingsError",
-    "Refused",
-    "Taken",
+    "RejectedProfile",
+    "TemperatureLimits",
+    "UnsupportedSetting",
+    "file_names",
     "import_profiles",
-    "names_of_files",
+    "largest_differences",
+    "other_notes",
     "profile_text",
+    "short_name",
 ]
 
 _HOMES: Final = {
-    "Ceilings": "safety",
-    "Imported": "report",
-    "Left": "report",
-    "NoSettingsError": "report",
-    "ImportNote": "report",
-    "Refused": "report",
-    "Taken": "report",
+    "TemperatureLimits": "safety_checks",
+    "ImportedProfile": "results",
+    "UnsupportedSetting": "results",
+    "NoSettingsError": "results",
+    "ImportNote": "results",
+    "RejectedProfile": "results",
+    "ConvertedSetting": "results",
     "ImportRequest": "importing",
     "import_profiles": "importing",
-    "names_of_files": "writing",
-    "profile_text": "writing",
+    "file_names": "profile_files",
+    "profile_text": "profile_files",
+    "short_name": "profile_files",
+    "Difference": "differences",
+    "largest_differences": "differences",
+    "other_notes": "differences",
 }
 
 

@@ -1,4 +1,4 @@
-"""Settings of other slicers as values of expressions, and conditions on them: which presets suit which printer."""
+"""Evaluate conditions on settings of other slicers, such as those for compatible printers."""
 
 from __future__ import annotations
 
@@ -7,76 +7,76 @@ from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from typing import Final
 
-from printer_slicer.importing.ini import split_texts, unescaped
-from printer_slicer.importing.presets import number_in
-from printer_slicer.importing.vocabulary import ABOUT_FILES
+from printer_slicer.importing.ini import split_texts, unescape
+from printer_slicer.importing.presets import parse_quantity
+from printer_slicer.importing.prusaslicer_names import METADATA
 from printer_slicer.macros import Items, MacroFault, Value, evaluate, is_true, parse_expression
 
-__all__ = ["SettingValues", "holds", "setting_value"]
+__all__ = ["SettingValues", "condition_holds", "evaluate_setting"]
 
 _TOOLS: Final = ("initial_tool", "initial_extruder", "current_extruder")
 _SWITCHES: Final = ("silent_mode", "variable_layer_height", "gcode_comments", "gcode_label_objects")
 
 
-def holds(condition: str, known: Mapping[str, str]) -> bool | None:
-    """Whether a condition holds for these settings; None where that cannot be said.
+def condition_holds(condition: str, known: Mapping[str, str]) -> bool | None:
+    """Whether a condition is true for some settings; None if it cannot be evaluated.
 
     Args:
-        condition: as `compatible_printers_condition` has it.
-        known: settings as written.
+        condition: as in `compatible_printers_condition`.
+        known: settings as written in the file.
     """
     with suppress(MacroFault):
         return is_true(parse_expression(condition), SettingValues(known))
     return None
 
 
-def setting_value(name: str, known: Mapping[str, str]) -> Value:
-    """The value of a setting, of several the first.
+def evaluate_setting(name: str, known: Mapping[str, str]) -> Value:
+    """Return the value of a setting; of a list the first.
 
     Raises:
-        Fault: the settings do not hold it.
+        MacroFault: the setting is missing.
     """
     return evaluate(parse_expression(name), SettingValues(known))
 
 
 class SettingValues(Mapping[str, Value]):
-    """The values of settings as written; percentages, which hang on others, are none."""
+    """Values of settings as written; percentages are missing, because they depend on other settings."""
 
     def __init__(self, texts: Mapping[str, str]) -> None:
         self._texts = texts
 
     def __getitem__(self, name: str) -> Value:
-        """The value of a setting."""
+        """Return the value of a setting."""
         if name in _TOOLS:
             return 0
         if name == "num_extruders":
             return len(self._texts.get("nozzle_diameter", "0").split(","))
         text = self._texts[name]
-        is_text = ABOUT_FILES.fullmatch(name) and name not in _SWITCHES
+        is_text = METADATA.fullmatch(name) and name not in _SWITCHES
         if is_text or name.endswith("_gcode"):
-            return unescaped(text)
+            return unescape(text)
         items = text.split(",") if ";" not in text else split_texts(text)
         return Items(_item(word.strip().strip('"'), name) for word in items)
 
     def __contains__(self, name: object) -> bool:
-        """Whether it is there and no percentage."""
+        """Whether a setting is present and not a percentage."""
         try:
             return isinstance(name, str) and self[name] is not None
         except KeyError:
             return False
 
     def __iter__(self) -> Iterator[str]:
-        """The names of settings."""
+        """Iterate over the names of the settings."""
         return iter(self._texts)
 
     def __len__(self) -> int:
-        """How many there are."""
+        """Return the number of settings."""
         return len(self._texts)
 
 
 def _item(word: str, name: str) -> float | str:
-    """A word as a number where it is one."""
-    found = number_in(word)
+    """Convert a word to a number if it is one."""
+    found = parse_quantity(word)
     if found is None:
         return word
     if found.percent:

@@ -1,40 +1,53 @@
-"""What settings become, and an account of it, while one preset is converted."""
+"""Convert the settings of one preset, and record how."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import isfinite
 from typing import Any, Final
 
 from printer_slicer.errors import ProfileError
-from printer_slicer.importing.presets import Preset, Quantity, number_in
-from printer_slicer.importing.report import Imported, ImportNote, Left, Taken
-from printer_slicer.importing.vocabulary import ABOUT_FILES, kind_of_setting
+from printer_slicer.importing.presets import Preset, Quantity, parse_quantity
+from printer_slicer.importing.prusaslicer_names import METADATA, setting_kind
+from printer_slicer.importing.results import ConvertedSetting, ImportedProfile, ImportNote, UnsupportedSetting
 
-__all__ = ["Conversion"]
+__all__ = ["ONE_TOOL", "SUPPORTS_OFF", "Conversion"]
+
+ONE_TOOL: Final = "printers here have one tool"
+SUPPORTS_OFF: Final = "supports are off"
+_NOT_APPLICABLE: Final = (ONE_TOOL, SUPPORTS_OFF)
 
 _OFF: Final = ("", "0", "0%", "nil", "none", "false", "no", "0,0", "disabled", '""')
 
 
 @dataclass(slots=True)
 class Conversion:
-    """The settings made so far, and where they come from."""
+    """A conversion in progress: the settings so far, and where they come from."""
 
     preset: Preset
     values: dict[str, Any] = field(default_factory=dict)
-    taken: list[Taken] = field(default_factory=list)
+    taken: list[ConvertedSetting] = field(default_factory=list)
     used: set[str] = field(default_factory=set)
     notes: list[ImportNote] = field(default_factory=list)
 
-    def put(self, ours: str, value: Any, theirs: str | Sequence[str] = (), how: str = "") -> None:
-        """One of our settings.
+    def put(
+        self,
+        ours: str,
+        value: Any,
+        theirs: str | Sequence[str] = (),
+        how: str = "",
+        *,
+        differs: bool = False,
+    ) -> None:
+        """Set one of our settings.
 
         Args:
-            ours: its name; a dot leads into a table.
+            ours: its name; a dot separates table and key.
             value: in our unit.
-            theirs: PrusaSlicer's names of the settings it was made from, the most important first.
-            how: what was made of them, where it is not the same.
+            theirs: PrusaSlicer's names of the settings that it comes from, the most important first.
+            how: how they were converted, where that is not obvious.
+            differs: whether the print differs from that of the source because of it.
         """
         names = [theirs] if isinstance(theirs, str) else list(theirs)
         self.used.update(names)
@@ -42,20 +55,20 @@ class Conversion:
         *outer, leaf = ours.split(".")
         for name in outer:
             table = table.setdefault(name, {})
-        table[leaf] = _tidy(value)
+        table[leaf] = _round_number(value)
         there = [name for name in names if name in self.preset.entries]
         label = ", ".join(self.preset.theirs(name) for name in there[:1])
         text = self.preset.raw(there[0]) if there else self.preset.raw(names[0]) if names else ""
-        self.taken.append(Taken(label, text, ours, _tidy(value), how))
+        self.taken.append(ConvertedSetting(label, text, ours, _round_number(value), how, differs))
 
-    def number(self, ours: str, theirs: str, how: str = "") -> float:
-        """A number taken over as it is."""
+    def number(self, ours: str, theirs: str, how: str = "", *, differs: bool = False) -> float:
+        """Take over a number."""
         value = self.preset.number(theirs)
-        self.put(ours, value, theirs, how)
+        self.put(ours, value, theirs, how, differs=differs)
         return value
 
     def switch(self, ours: str, theirs: str) -> bool:
-        """A switch taken over as it is."""
+        """Take over a switch."""
         value = self.preset.on(theirs)
         self.put(ours, value, theirs)
         return value
@@ -63,63 +76,92 @@ class Conversion:
     def choice(
         self, ours: str, theirs: str, same: Mapping[str, str], near: Mapping[str, str], other: str
     ) -> None:
-        """One of a few words: those that mean the same, those that are near, any other."""
+        """Take over a choice.
+
+        Args:
+            ours: name of our setting.
+            theirs: name of the source's setting.
+            same: words of the source -> our words with the same meaning.
+            near: words of the source -> our words with a similar meaning.
+            other: our word for all others.
+        """
         word = self.preset.text(theirs).strip().lower()
         value = same.get(word) or near.get(word, other)
-        self.put(ours, value, theirs, "" if word in same else f"{word or 'nothing'} is nearest to {value}")
+        near_by = "" if word in same else f"{word or 'nothing'} is nearest to {value}"
+        self.put(ours, value, theirs, near_by, differs=word not in same)
 
     def held(  # noqa: PLR0917 - calls read as rows of a table
-        self, ours: str, value: float, low: float, high: float, theirs: str | Sequence[str], how: str = ""
+        self,
+        ours: str,
+        value: float,
+        low: float,
+        high: float,
+        theirs: str | Sequence[str],
+        how: str = "",
     ) -> float:
-        """A harmless number, moved to the nearest that is allowed here, which is told."""
+        """Take over a number; warn if it has to be moved into the range from `low` to `high`."""
         kept = min(max(value, low), high)
-        if abs(kept - value) > 1e-12:
+        moved = abs(kept - value) > 1e-12
+        if moved:
             bound = f"the {'least' if kept > value else 'most'} here"
             how = f"{how}; {kept:g} is {bound}" if how else f"{kept:g} is {bound}"
             self.warn(
                 theirs if isinstance(theirs, str) else theirs[0], f"{value:g} becomes {kept:g}, {bound}"
             )
-        self.put(ours, kept, theirs, how)
+        self.put(ours, kept, theirs, how, differs=moved)
         return kept
 
     def of(self, theirs: str, whole: float) -> float:
-        """A number, or that percentage of something."""
+        """Return a number of the source; a percentage is of `whole`."""
         return self.preset.quantity(theirs).of(whole)
 
     def quantity(self, theirs: str) -> Quantity:
-        """A number or percentage."""
+        """Return a number or percentage of the source."""
         return self.preset.quantity(theirs)
 
     def beside(self, theirs: str) -> float:
-        """A number of the printer that the preset is for, or the other program's usual one."""
+        """Return a number of the printer that the preset is for, or the default of the source."""
         entry, told = self.preset.entries.get(theirs), self.preset.together.get(theirs, "")
-        found = number_in(told.split(",")[0]) if entry is None and told else None
+        found = parse_quantity(told.split(",")[0]) if entry is None and told else None
         return found.value if found else self.preset.number(theirs)
 
     def refuse(self, theirs: str, problem: str, remedy: str) -> ProfileError:
-        """The error for a value that must not be taken over."""
+        """Return the error for a value that must not be taken over."""
         return ProfileError(f"{self.preset.where(theirs)}: {problem}", remedy=remedy)
 
     def warn(self, theirs: str, text: str) -> None:
-        """Something a person should look at."""
+        """Add a warning about a setting of the source."""
         self.notes.append(ImportNote(self.preset.where(theirs), text))
 
+    def mark_different(self) -> None:
+        """Mark the last setting: the print differs from that of the source because of it."""
+        self.taken[-1] = replace(self.taken[-1], differs=True)
+
     def skip(self, names: Iterable[str]) -> None:
-        """Settings that are accounted for elsewhere."""
+        """Mark settings as used, so that they are not reported as settings without an equivalent."""
         self.used.update(names)
 
-    def done(self, why: Callable[[str], str]) -> Imported:
-        """The profile, and what is left of the source; `why` says why a setting has no counterpart."""
+    def done(self, why: Callable[[str], str]) -> ImportedProfile:
+        """Return the converted profile.
+
+        Args:
+            why: gives the reason why a setting of the source has no equivalent.
+        """
         preset = self.preset
         left = [
-            Left(entry.name, entry.text, why(name), off=entry.text.strip().lower() in _OFF)
+            UnsupportedSetting(
+                entry.name,
+                entry.text,
+                reason := why(name),
+                off=_is_off(entry.text) or reason in _NOT_APPLICABLE,
+            )
             for name, entry in preset.entries.items()
             if name not in self.used
-            and not ABOUT_FILES.fullmatch(name)
-            and (not preset.mixed or kind_of_setting(name) == preset.kind)
+            and not METADATA.fullmatch(name)
+            and (not preset.mixed or setting_kind(name) == preset.kind)
         ]
         settings = {name: entry.text for name, entry in preset.entries.items()}
-        return Imported(
+        return ImportedProfile(
             preset.kind,
             preset.name,
             preset.place,
@@ -131,8 +173,12 @@ class Conversion:
         )
 
 
-def _tidy(value: Any) -> Any:
-    """Numbers without what binary fractions add to them."""
+def _is_off(text: str) -> bool:
+    return text.strip().lower() in _OFF
+
+
+def _round_number(value: Any) -> Any:
+    """Round a number to six decimals, without the noise of binary fractions."""
     if isinstance(value, float) and isfinite(value):
         rounded = round(value, 6)
         return int(rounded) if rounded.is_integer() and abs(rounded) < 1e15 else rounded

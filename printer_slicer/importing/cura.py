@@ -1,4 +1,4 @@
-"""Cura's definitions: a machine that inherits from others, its first extruder, changes of single settings."""
+"""Read Cura's definitions: a machine with all it inherits, its first extruder, and changed settings."""
 
 from __future__ import annotations
 
@@ -8,35 +8,36 @@ from pathlib import Path
 from typing import Any, Final
 
 from printer_slicer.errors import ProfileError
-from printer_slicer.importing.cura_names import CURA_DEFAULTS, from_cura
-from printer_slicer.importing.cura_values import Unreadable, evaluate_cura
-from printer_slicer.importing.ini import Entry, Section, read_sections
+from printer_slicer.importing.archives import read_archive, read_text
+from printer_slicer.importing.cura_names import CURA_DEFAULTS, translate_cura
+from printer_slicer.importing.cura_values import CuraExpressionError, evaluate_cura
+from printer_slicer.importing.ini import IniSection, SourceSetting, read_sections
 from printer_slicer.importing.orca import read_json
-from printer_slicer.importing.presets import Preset, number_in
-from printer_slicer.importing.unpacking import text_of, unpacked
+from printer_slicer.importing.presets import Preset, parse_quantity
 
-__all__ = ["Definition", "cura_presets", "cura_profile", "is_definition"]
+__all__ = ["CuraDefinition", "cura_presets", "is_cura_definition", "read_cura_profile"]
 
 _SUFFIX: Final = ".def.json"
 
 
-def is_definition(values: Mapping[str, Any]) -> bool:
-    """Whether a JSON file is a definition of Cura's."""
+def is_cura_definition(values: Mapping[str, Any]) -> bool:
+    """Whether a JSON file is a Cura definition."""
     return "version" in values and ("overrides" in values or isinstance(values.get("settings"), dict))
 
 
 @dataclass(slots=True)
-class Definition:
-    """A machine with what it inherits.
+class CuraDefinition:
+    """A machine with all the settings it inherits.
 
     Attributes:
-        name: people's name of it.
+        name: display name.
         place: its file.
-        settings: key -> its properties, `value` and `default_value` among them.
-        changes: key -> value that a person gave.
-        changed_at: where.
+        settings: key -> properties, such as `value` and `default_value`.
+        changes: key -> value from a profile or the command line.
+        changed_at: key -> where the change was made.
         own: keys that the machine's own files change.
-        asked: the setting that was asked for last, not counting those that it hangs on.
+        failed: key -> why its expression could not be evaluated.
+        asked: the setting that was requested last, apart from those it depends on.
     """
 
     name: str
@@ -45,34 +46,34 @@ class Definition:
     changes: dict[str, str] = field(default_factory=dict)
     changed_at: dict[str, str] = field(default_factory=dict)
     own: list[str] = field(default_factory=list)
-    unread: dict[str, str] = field(default_factory=dict)
+    failed: dict[str, str] = field(default_factory=dict)
     asked: str = ""
     _values: dict[str, Any] = field(default_factory=dict)
     _open: list[str] = field(default_factory=list)
 
     @property
     def consulted(self) -> set[str]:
-        """The settings that somebody asked for, directly or by way of others."""
+        """Return the settings that were requested, directly or by others."""
         return set(self._values)
 
     def where(self, key: str) -> str:
-        """Where a setting has its value from: a change, or the definition."""
+        """Return the place where a setting is set: a change, or the definition."""
         return self.changed_at.get(key, self.place)
 
     def value(self, key: str) -> Any:
-        """The value of a setting; of an expression that is not understood the default.
+        """Return the value of a setting, or its default if its expression cannot be evaluated.
 
         Raises:
-            Unreadable: there is no such setting, or it hangs on itself.
+            CuraExpressionError: the setting does not exist, or depends on itself.
         """
         if not self._open:
             self.asked = key
         if key in self._values:
             return self._values[key]
         if key in self._open:
-            raise Unreadable(f"{key} hangs on itself")
+            raise CuraExpressionError(f"{key} depends on itself")
         if key not in self.settings and key not in self.changes:
-            raise Unreadable(f"{key} is no setting of this machine")
+            raise CuraExpressionError(f"{key} is not a setting of this machine")
         self._open.append(key)
         try:
             found = self._computed(key)
@@ -87,10 +88,10 @@ class Definition:
         if given is not None:
             try:
                 return _typed(given, str(properties.get("type", "")), self)
-            except Unreadable as error:
+            except CuraExpressionError as error:
                 raise ProfileError(
                     f"{self.changed_at[key]}: {key}: {error}",
-                    remedy="change it in Cura, or with --cura KEY=VALUE",
+                    remedy="Change it in Cura, or with --cura KEY=VALUE",
                 ) from None
         default = properties.get("default_value")
         expression = properties.get("value", default)
@@ -98,18 +99,18 @@ class Definition:
             return expression
         try:
             return evaluate_cura(expression, self.value)
-        except Unreadable as error:
-            self.unread[key] = str(error)
+        except CuraExpressionError as error:
+            self.failed[key] = str(error)
             return default
 
 
-def _typed(text: str, kind: str, machine: Definition) -> Any:
-    """A value that a person gave: an expression behind `=`, else as the setting's type says."""
+def _typed(text: str, kind: str, machine: CuraDefinition) -> Any:
+    """Return a changed value: an expression if it begins with `=`, else a value of the setting's type."""
     if text.startswith("="):
         return evaluate_cura(text[1:], machine.value)
     if kind == "bool" or text.lower() in ("true", "false"):
         return text.strip().lower() in ("true", "1", "yes")
-    number = number_in(text) if kind not in ("str", "enum") else None
+    number = parse_quantity(text) if kind not in ("str", "enum") else None
     if number is None or number.percent:
         return text
     return int(text) if kind == "int" and text.strip().isdigit() else number.value
@@ -119,30 +120,30 @@ def cura_presets(
     values: Mapping[str, Any],
     path: Path,
     folders: Sequence[Path],
-    changes: Mapping[str, Entry],
+    changes: Mapping[str, SourceSetting],
     name: str = "",
 ) -> list[Preset]:
-    """Printer, material and quality of a machine as Cura has them by default, with some settings changed.
+    """Return printer, material and quality of a machine with Cura's defaults and some changes.
 
     Args:
-        values: of its definition.
+        values: the machine's definition.
         path: its file.
-        folders: where others are that it inherits from, besides its own.
+        folders: other folders with the definitions it inherits from.
         changes: key -> value and place.
-        name: of the profile that they are from, which material and quality are called by.
+        name: name of the profile with the changes, for material and quality.
 
     Raises:
-        ProfileError: what it inherits from is not there, or a change that makes no sense.
+        ProfileError: a definition it inherits from is missing, or a change is invalid.
     """
     around = [path.parent, *folders]
-    machine = Definition(str(values.get("name") or path.stem), str(path), {})
+    machine = CuraDefinition(str(values.get("name") or path.stem), str(path), {})
     for own, file in reversed(list(_chain(dict(values), path, around))):
         _add(machine, own, base=file.name.startswith("fdm"))
     _extruder(machine, values, around)
     for key, entry in changes.items():
         if key not in machine.settings:
             raise ProfileError(
-                f"{entry.place}: {key}: Cura has no such setting", remedy="look up its name in the definition"
+                f"{entry.place}: {key}: Cura has no such setting", remedy="Look up its name in the definition"
             )
         machine.changes[key], machine.changed_at[key] = entry.text, entry.place
     entries = _translated(machine)
@@ -158,45 +159,46 @@ def cura_presets(
     ]
 
 
-def _translated(machine: Definition) -> dict[str, Entry]:
-    """The settings of a machine under PrusaSlicer's names.
+def _translated(machine: CuraDefinition) -> dict[str, SourceSetting]:
+    """Return the settings of a machine under PrusaSlicer's names.
 
     Raises:
-        ProfileError: it has too few, or one of a value that nothing can be made of.
+        ProfileError: settings are missing, or a value is invalid.
     """
     try:
-        return from_cura(machine.value, machine.where)
-    except Unreadable as error:
+        return translate_cura(machine.value, machine.where)
+    except CuraExpressionError as error:
         raise ProfileError(
             f"{machine.place}: {error}",
-            remedy="give the definition of a machine, not one that others build on",
+            remedy="Import the definition of a machine, not one that others inherit from",
         ) from None
     except (TypeError, ValueError, ArithmeticError):
         key = machine.asked
         raise ProfileError(
-            f"{machine.where(key)}: {key}: its value makes no sense",
-            remedy=f"change it with --cura {key}=VALUE",
+            f"{machine.where(key)}: {key}: invalid value",
+            remedy=f"Change it with --cura {key}=VALUE",
         ) from None
 
 
 def _chain(
     values: dict[str, Any], path: Path, folders: Sequence[Path]
 ) -> Iterator[tuple[dict[str, Any], Path]]:
-    """A definition and those it inherits from, itself first."""
+    """Yield a definition and those it inherits from, with their files."""
     seen = [path.name]
     yield values, path
     while parent := values.get("inherits"):
         name = f"{parent}{_SUFFIX}"
         if name in seen:
             raise ProfileError(
-                f"{path}: inherits from itself: {' -> '.join([*seen, name])}", remedy="break the circle"
+                f"{path}: inherits from itself: {' -> '.join([*seen, name])}",
+                remedy="Change one `inherits` in this chain",
             )
         near = [] if "/" in name else [folder / name for folder in folders]
         found = next((one for one in near if one.is_file()), None)
         if found is None:
             raise ProfileError(
-                f"{path}: inherits {parent!r}: {name} is not beside it",
-                remedy="name the folder of Cura's definitions with --folder",
+                f"{path}: inherits {parent!r}, but {name} is not in the same folder",
+                remedy="Name the folder with Cura's definitions with --folder",
             )
         seen.append(name)
         values, path = _read(found), found
@@ -204,11 +206,11 @@ def _chain(
 
 
 def _read(path: Path) -> dict[str, Any]:
-    return read_json(text_of(path), str(path))
+    return read_json(read_text(path), str(path))
 
 
-def _add(machine: Definition, values: Mapping[str, Any], *, base: bool) -> None:
-    """The settings that a definition declares, and the properties that it changes."""
+def _add(machine: CuraDefinition, values: Mapping[str, Any], *, base: bool) -> None:
+    """Add the settings that a definition declares, and the properties that it changes."""
     pending = [values.get("settings")]
     while pending:
         table = pending.pop()
@@ -223,8 +225,8 @@ def _add(machine: Definition, values: Mapping[str, Any], *, base: bool) -> None:
             machine.own += [] if base else [key]
 
 
-def _extruder(machine: Definition, values: Mapping[str, Any], folders: Sequence[Path]) -> None:
-    """What the first extruder says of itself."""
+def _extruder(machine: CuraDefinition, values: Mapping[str, Any], folders: Sequence[Path]) -> None:
+    """Add the settings of the first extruder."""
     trains: Any = None
     for own, _ in _chain(dict(values), Path(machine.place), folders):
         metadata = own.get("metadata")
@@ -240,21 +242,21 @@ def _extruder(machine: Definition, values: Mapping[str, Any], folders: Sequence[
         _add(machine, {"overrides": _read(found).get("overrides")}, base=False)
 
 
-def cura_profile(path: Path, text: str) -> tuple[str, str, dict[str, Entry]]:
-    """The machine's definition that a profile (`.inst.cfg`, `.curaprofile`) is for, its name, and what it changes.
+def read_cura_profile(path: Path, text: str) -> tuple[str, str, dict[str, SourceSetting]]:
+    """Read a profile (`.inst.cfg`, `.curaprofile`): its machine's definition, its name, and its settings.
 
     Args:
         path: the file.
-        text: of it; empty for `.curaprofile`, which holds several.
+        text: its text; empty for `.curaprofile`, which is an archive of several texts.
 
     Raises:
-        ProfileError: it is none.
+        ProfileError: the file is not a Cura profile.
     """
-    texts = [text] if text else list(unpacked(path).values())
+    texts = [text] if text else list(read_archive(path).values())
     machine = name = ""
-    changes: dict[str, Entry] = {}
+    changes: dict[str, SourceSetting] = {}
     for one in texts:
-        sections: Mapping[str, Section] = {
+        sections: Mapping[str, IniSection] = {
             section.title: section for section in read_sections(one.splitlines(), str(path))
         }
         if "general" in sections and "values" in sections:
@@ -262,5 +264,5 @@ def cura_profile(path: Path, text: str) -> tuple[str, str, dict[str, Entry]]:
             name = name or sections["general"].texts.get("name", "")
             changes |= sections["values"].entries
     if not machine:
-        raise ProfileError(f"{path}: no profile of Cura's", remedy="export it in Cura under Manage Profiles")
+        raise ProfileError(f"{path}: not a Cura profile", remedy="Export it in Cura under Manage Profiles")
     return machine, name or path.name.partition(".")[0], changes

@@ -1,4 +1,4 @@
-"""Cura's settings under PrusaSlicer's names."""
+"""Translate Cura's settings to PrusaSlicer's."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from math import cos, pi, sin
 from typing import Any, Final
 
 from printer_slicer.errors import ProfileError
-from printer_slicer.importing.cura_values import Unreadable
-from printer_slicer.importing.ini import Entry
-from printer_slicer.importing.vocabulary import DEFAULTS
+from printer_slicer.importing.cura_values import CuraExpressionError
+from printer_slicer.importing.ini import SourceSetting
+from printer_slicer.importing.prusaslicer_names import DEFAULTS
 
-__all__ = ["CURA_DEFAULTS", "CURA_PATTERNS", "CURA_SAME", "CURA_SEAMS", "from_cura"]
+__all__ = ["CURA_DEFAULTS", "CURA_PATTERNS", "CURA_SAME", "CURA_SEAMS", "translate_cura"]
 
 _Value = Callable[[str], Any]
 _Place = Callable[[str], str]
@@ -48,8 +48,8 @@ CURA_PATTERNS: Final = {
     "cross_3d": "crosshatch",
 }
 CURA_SEAMS: Final = {"sharpest_corner": "aligned", "back": "rear", "shortest": "nearest", "random": "random"}
-_LIGHT: Final = 1e9  # mm/s: what definitions have for limits that nobody knows
-_UNKNOWN: Final = {"x": "500", "y": "500", "z": "10", "e": "60"}
+_UNLIMITED: Final = 1e9  # mm/s; definitions have this value for unknown limits
+_USUAL_LIMITS: Final = {"x": "500", "y": "500", "z": "10", "e": "60"}
 
 # PrusaSlicer's name -> Cura's, where the value is the same
 CURA_SAME: Final[Mapping[str, str]] = {
@@ -113,31 +113,31 @@ CURA_SAME: Final[Mapping[str, str]] = {
 }
 
 
-def from_cura(value: _Value, place: _Place) -> dict[str, Entry]:
-    """The settings of a machine under PrusaSlicer's names.
+def translate_cura(value: _Value, place: _Place) -> dict[str, SourceSetting]:
+    """Return the settings of a machine under PrusaSlicer's names.
 
     Args:
-        value: gives the value of a setting of Cura's; raises Unreadable where there is none.
-        place: says where a setting of Cura's has its value from.
+        value: returns the value of a Cura setting; raises CuraExpressionError if there is none.
+        place: returns the place where a Cura setting is set.
 
     Raises:
-        ProfileError: a bed of no size.
+        ProfileError: the bed has no size.
     """
-    entries: dict[str, Entry] = {}
+    entries: dict[str, SourceSetting] = {}
     for cura in ("machine_width", "machine_depth"):
         if float(value(cura)) <= 0:
             raise ProfileError(
-                f"{place(cura)}: {cura}: {value(cura)} mm of bed", remedy="write how large it is"
+                f"{place(cura)}: {cura}: the bed size is {value(cura)} mm", remedy="Set the size of the bed"
             )
 
     def put(name: str, cura: str, text: str) -> None:
-        """One setting."""
-        entries[name] = Entry(cura, text, place(cura))
+        """Add one setting."""
+        entries[name] = SourceSetting(cura, text, place(cura))
 
     for name, cura in CURA_SAME.items():
-        with suppress(Unreadable):
+        with suppress(CuraExpressionError):
             put(name, cura, _word(value(cura)))
-    for part in (_machine, _material, _print, _round_it):
+    for part in (_machine, _material, _print, _raft):
         part(value, put)
     return entries
 
@@ -151,11 +151,11 @@ def _word(value: Any) -> str:
     return f"{value:.10g}" if isinstance(value, float) else str(value)
 
 
-def _or(value: _Value, key: str, other: Any) -> Any:
-    """A setting that older or newer definitions do not have."""
+def _value_or(value: _Value, key: str, other: Any) -> Any:
+    """Return a setting that not all versions of Cura have, or a default."""
     try:
         return value(key)
-    except Unreadable:
+    except CuraExpressionError:
         return other
 
 
@@ -176,12 +176,12 @@ def _machine(value: _Value, put: _Put) -> None:
     put("gcode_flavor", "machine_gcode_flavor", _FLAVOURS.get(flavour, flavour))
     put("start_gcode", "machine_start_gcode", _escaped(value("machine_start_gcode")))
     put("end_gcode", "machine_end_gcode", _escaped(value("machine_end_gcode")))
-    for axis, usual in _UNKNOWN.items():
+    for axis, usual in _USUAL_LIMITS.items():
         limit = float(value(f"machine_max_feedrate_{axis}"))
         put(
             f"machine_max_feedrate_{axis}",
-            f"machine_max_feedrate_{axis}" if limit < _LIGHT else "",
-            usual if limit >= _LIGHT else _word(limit),
+            f"machine_max_feedrate_{axis}" if limit < _UNLIMITED else "",
+            usual if limit >= _UNLIMITED else _word(limit),
         )
     if value("acceleration_enabled"):
         put("machine_max_acceleration_travel", "acceleration_travel", _word(value("acceleration_travel")))
@@ -210,8 +210,8 @@ def _material(value: _Value, put: _Put) -> None:
     if not cooled:
         put("max_fan_speed", "cool_fan_enabled", "0")
     bridges = (
-        _or(value, "bridge_fan_speed", 100)
-        if _or(value, "bridge_settings_enabled", False)
+        _value_or(value, "bridge_fan_speed", 100)
+        if _value_or(value, "bridge_settings_enabled", False)
         else value("cool_fan_speed_max")
     )
     put("bridge_fan_speed", "bridge_fan_speed", _word(bridges if cooled else 0))
@@ -221,12 +221,15 @@ def _material(value: _Value, put: _Put) -> None:
 
 def _overlap(value: _Value, put: _Put) -> None:
     """Convert the overlap of infill with walls, a percentage of the mean of their line widths, to mm."""
-    percent = _or(value, "infill_overlap", None)
-    if percent is None:
-        return
     wall = value("wall_line_width_x" if int(value("wall_line_count")) > 1 else "wall_line_width_0")
-    width = (float(_or(value, "infill_line_width", wall)) + float(wall)) / 2
-    put("infill_overlap", "infill_overlap", _word(round(float(percent) / 100 * width, 6)))
+    for name, cura, line in (
+        ("infill_overlap", "infill_overlap", "infill_line_width"),
+        ("solid_infill_overlap", "skin_overlap", "skin_line_width"),
+    ):
+        percent = _value_or(value, cura, None)
+        if percent is not None:
+            width = (float(_value_or(value, line, wall)) + float(wall)) / 2
+            put(name, cura, _word(round(float(percent) / 100 * width, 6)))
 
 
 def _print(value: _Value, put: _Put) -> None:
@@ -242,12 +245,15 @@ def _print(value: _Value, put: _Put) -> None:
         _word(float(value("wall_line_width_0")) * factor),
     )
     put("ironing_flowrate", "ironing_flow", f"{float(value('ironing_flow')):g}%")
-    outer_first = _or(value, "outer_inset_first", False) or _or(value, "inset_direction", "") == "outside_in"
+    outer_first = (
+        _value_or(value, "outer_inset_first", False)
+        or _value_or(value, "inset_direction", "") == "outside_in"
+    )
     put("external_perimeters_first", "inset_direction", _word(bool(outer_first)))
     put("avoid_crossing_perimeters", "retraction_combing", _word(value("retraction_combing") != "off"))
     bridge = (
-        _or(value, "bridge_wall_speed", 0)
-        if _or(value, "bridge_settings_enabled", False)
+        _value_or(value, "bridge_wall_speed", 0)
+        if _value_or(value, "bridge_settings_enabled", False)
         else value("speed_wall_0")
     )
     put("bridge_speed", "bridge_wall_speed", _word(bridge))
@@ -256,7 +262,7 @@ def _print(value: _Value, put: _Put) -> None:
         "xy_offset_layer_0",
         _word(max(float(value("xy_offset")) - float(value("xy_offset_layer_0")), 0)),
     )
-    holes = float(value("xy_offset")) - float(_or(value, "hole_xy_offset", 0))
+    holes = float(value("xy_offset")) - float(_value_or(value, "hole_xy_offset", 0))
     put("xy_inner_size_compensation", "hole_xy_offset", _word(holes))
     adhesion = str(value("adhesion_type"))
     put("skirts", "skirt_line_count", _word(value("skirt_line_count") if adhesion == "skirt" else 0))
@@ -273,12 +279,12 @@ def _print(value: _Value, put: _Put) -> None:
             put(name, cura, _word(value(cura)))
 
 
-def _round_it(value: _Value, put: _Put) -> None:
-    """A raft by its three thicknesses, as so many layers as are as high together."""
+def _raft(value: _Value, put: _Put) -> None:
+    """Convert the three thicknesses of a raft to a number of layers with the same total height."""
     if value("adhesion_type") != "raft":
         return
     names = ("raft_base_thickness", "raft_interface_thickness", "raft_surface_thickness")
-    whole = sum(float(_or(value, name, 0)) for name in names)
+    whole = sum(float(_value_or(value, name, 0)) for name in names)
     first, height = float(value("layer_height_0")), float(value("layer_height"))
     put("raft_layers", "raft_base_thickness", _word(max(round((whole - first) / height) + 1, 1)))
     put("raft_contact_distance", "raft_airgap", _word(value("raft_airgap")))

@@ -1,6 +1,6 @@
-"""Expressions of Cura's definitions: a part of Python, read as a tree and evaluated here; nothing of it is run.
+"""Evaluate the expressions of Cura's definitions, a subset of Python, without executing them as code.
 
-Source: Cura's documentation of definition files ("value", "resolve") and the functions that it offers in them.
+Source: Cura's documentation of definition files ("value", "resolve") and of the functions in them.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import operator
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
-__all__ = ["Unreadable", "evaluate_cura"]
+__all__ = ["CuraExpressionError", "evaluate_cura"]
 
 _LONGEST: Final = 4000
 _LARGEST: Final = 1e12
@@ -57,25 +57,25 @@ _FUNCTIONS: Final[Mapping[str, Callable[..., Any]]] = {
 }
 
 
-class Unreadable(Exception):  # noqa: N818 - becomes a default and a warning
-    """Something in Cura's definitions that has no meaning here; the reason is its text."""
+class CuraExpressionError(Exception):
+    """An expression or setting in the definitions of Cura that cannot be evaluated."""
 
 
 def evaluate_cura(text: str, setting: Callable[[str], Any]) -> Any:
-    """The value of an expression: a number, a text, yes or no, or a list of them.
+    """Return the value of an expression: a number, text, boolean, or list of them.
 
     Args:
         text: the expression.
-        setting: gives the value of another setting.
+        setting: returns the value of another setting.
 
     Raises:
-        Unreadable: it is none of those that are known here, or has no value.
+        CuraExpressionError: it is not supported, or has no value.
     """
     if len(text) > _LONGEST:
-        raise Unreadable("an expression too long")
+        raise CuraExpressionError("the expression is too long")
     try:
         tree = ast.parse(text.strip(), mode="eval")
-        return _kept(_Evaluation(setting).value(tree.body))
+        return _bounded(_Evaluation(setting).value(tree.body))
     except (
         SyntaxError,
         ValueError,
@@ -85,29 +85,29 @@ def evaluate_cura(text: str, setting: Callable[[str], Any]) -> Any:
         RecursionError,
         MemoryError,
     ) as error:
-        raise Unreadable(f"{text[:40]!r}: {error}") from None
+        raise CuraExpressionError(f"{text[:40]!r}: {error}") from None
 
 
-def _kept(value: Any) -> Any:
-    """A value of bounded size."""
+def _bounded(value: Any) -> Any:
+    """Return a value, or raise an error if it is too large."""
     if isinstance(value, (int, float)) and not isinstance(value, bool) and not abs(value) < _LARGEST:
-        raise Unreadable("a number too large")
+        raise CuraExpressionError("the number is too large")
     if isinstance(value, (str, list, tuple)) and len(value) > _LONGEST:
-        raise Unreadable("a value too long")
+        raise CuraExpressionError("the value is too long")
     return value
 
 
 class _Evaluation:
-    """Walks a tree; what it does not know is refused."""
+    """Evaluates a syntax tree; unknown nodes are errors."""
 
     def __init__(self, setting: Callable[[str], Any]) -> None:
         self._setting = setting
 
     def value(self, node: ast.expr) -> Any:
-        """The value of a node."""
+        """Return the value of a node."""
         match node:
             case ast.Constant(value=bool() | int() | float() | str() as constant):
-                return _kept(constant)
+                return _bounded(constant)
             case ast.Name(id=name):
                 return self._setting(name)
             case ast.List(elts=items) | ast.Tuple(elts=items):
@@ -123,19 +123,19 @@ class _Evaluation:
     def _operation(self, node: ast.expr) -> Any:
         match node:
             case ast.BoolOp():
-                return self._joined(node)
+                return self._boolean(node)
             case ast.UnaryOp():
-                return self._signed(node)
+                return self._unary(node)
             case ast.BinOp():
-                return self._sum(node)
+                return self._binary(node)
             case ast.Compare():
-                return self._compared(node)
+                return self._compare(node)
             case ast.Call():
-                return self._called(node)
-        raise Unreadable(f"{type(node).__name__} is not understood")
+                return self._call(node)
+        raise CuraExpressionError(f"{type(node).__name__} is not supported")
 
-    def _joined(self, node: ast.BoolOp) -> Any:
-        """`and`, `or`: the first value that decides."""
+    def _boolean(self, node: ast.BoolOp) -> Any:
+        """Return the first operand of `and` or `or` that decides."""
         value: Any = None
         for one in node.values:
             value = self.value(one)
@@ -143,7 +143,7 @@ class _Evaluation:
                 return value
         return value
 
-    def _signed(self, node: ast.UnaryOp) -> Any:
+    def _unary(self, node: ast.UnaryOp) -> Any:
         value = self.value(node.operand)
         if isinstance(node.op, ast.Not):
             return not value
@@ -151,39 +151,41 @@ class _Evaluation:
             return -value
         if isinstance(node.op, ast.UAdd):
             return +value
-        raise Unreadable("~ is not understood")
+        raise CuraExpressionError("~ is not supported")
 
-    def _sum(self, node: ast.BinOp) -> Any:
+    def _binary(self, node: ast.BinOp) -> Any:
         left, right = self.value(node.left), self.value(node.right)
         both = (int, float)
         if isinstance(node.op, ast.Pow) and isinstance(left, both) and isinstance(right, both):
-            return _kept(float(left) ** float(right)) if abs(right) <= 10 else _refuse("a power too large")
+            return (
+                _bounded(float(left) ** float(right)) if abs(right) <= 10 else _fail("the power is too large")
+            )
         function = _SUMS.get(type(node.op))
         if function is None or (
             isinstance(node.op, (ast.Mult, ast.Mod))
             and not (isinstance(left, both) and isinstance(right, both))
         ):
-            raise Unreadable(f"{type(node.op).__name__} is not understood")
-        return _kept(function(left, right))
+            raise CuraExpressionError(f"{type(node.op).__name__} is not supported")
+        return _bounded(function(left, right))
 
-    def _compared(self, node: ast.Compare) -> bool:
+    def _compare(self, node: ast.Compare) -> bool:
         left = self.value(node.left)
         for sign, other in zip(node.ops, node.comparators, strict=True):
             right = self.value(other)
             if type(sign) not in _ORDERS:
-                raise Unreadable(f"{type(sign).__name__} is not understood")
+                raise CuraExpressionError(f"{type(sign).__name__} is not supported")
             if not _ORDERS[type(sign)](left, right):
                 return False
             left = right
         return True
 
-    def _called(self, node: ast.Call) -> Any:
-        """The functions of definitions: of one extruder, all values are those of the machine."""
+    def _call(self, node: ast.Call) -> Any:
+        """Call a function. Values of an extruder are those of the machine, which has only one."""
         name = node.func.id if isinstance(node.func, ast.Name) else ast.unparse(node.func)
         if node.keywords:
-            raise Unreadable(f"{name}(): names of arguments")
+            raise CuraExpressionError(f"{name}(): keyword arguments are not supported")
         if name == "map" and len(node.args) == 2 and isinstance(node.args[0], ast.Name):
-            function = _FUNCTIONS.get(node.args[0].id) or _refuse(f"{node.args[0].id}() is not known")
+            function = _FUNCTIONS.get(node.args[0].id) or _fail(f"{node.args[0].id}() is unknown")
             return [function(one) for one in self.value(node.args[1])]
         values = [self.value(one) for one in node.args]
         if (
@@ -197,9 +199,9 @@ class _Evaluation:
         if name in ("defaultExtruderPosition", "anyExtruderNrWithOrDefault"):
             return 0
         if name not in _FUNCTIONS:
-            raise Unreadable(f"{name}() is not known")
+            raise CuraExpressionError(f"{name}() is unknown")
         return _FUNCTIONS[name](*values)
 
 
-def _refuse(why: str) -> Any:
-    raise Unreadable(why)
+def _fail(why: str) -> Any:
+    raise CuraExpressionError(why)

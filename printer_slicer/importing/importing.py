@@ -1,4 +1,4 @@
-"""From files of other slicers to profiles of ours, each with an account of what became of it."""
+"""Convert the presets in files of other slicers to profiles."""
 
 from __future__ import annotations
 
@@ -11,195 +11,237 @@ from pathlib import Path
 from typing import Final
 
 from printer_slicer.errors import ProfileError
-from printer_slicer.importing.bundle import Bundle
-from printer_slicer.importing.materials import material_from
+from printer_slicer.importing.bundle import PresetBundle
+from printer_slicer.importing.materials import convert_material
 from printer_slicer.importing.presets import Preset
-from printer_slicer.importing.printers import Company, printer_from
-from printer_slicer.importing.qualities import quality_from
-from printer_slicer.importing.report import Imported, Refused
-from printer_slicer.importing.safety import CEILINGS, Ceilings, check_safe
-from printer_slicer.importing.sources import Found, presets_in
-from printer_slicer.importing.usual import with_usual
+from printer_slicer.importing.printer_defaults import add_printer_defaults
+from printer_slicer.importing.printer_search import without_nozzle
+from printer_slicer.importing.printers import CompanionRanges, convert_printer
+from printer_slicer.importing.qualities import convert_quality
+from printer_slicer.importing.results import ImportedProfile, ImportNote, RejectedProfile
+from printer_slicer.importing.safety_checks import DEFAULT_LIMITS, TemperatureLimits, check_safe
+from printer_slicer.importing.source_files import PresetsInFile, read_presets
 
-__all__ = ["ImportRequest", "import_found", "import_profiles"]
+__all__ = ["ImportRequest", "convert_presets", "import_profiles"]
 
+_MOST_SHOWN: Final = 6  # printers in a message
 _WITH_PRINTER: Final = ("material", "quality")
 
 
 @dataclass(frozen=True, slots=True)
 class ImportRequest:
-    """What shall be imported, and how.
+    """Which presets to import, and how.
 
     Attributes:
-        names: patterns, of which a preset's name must match one; empty: all.
+        names: patterns for names of presets, one of which must match; empty: all presets.
         kinds: `printer`, `material`, `quality`.
-        printer: name of a printer in a bundle, or of its model: it and its default material and quality, as they are
-            for it.
-        ceilings: of temperatures.
-        folders: where presets are that others inherit from.
-        cura: changes of Cura's settings.
+        printer: name of a printer in a bundle; only it and its default material and quality are imported.
+        ceilings: temperature limits.
+        folders: folders with the presets that others inherit from.
+        cura: values that replace those of Cura's settings.
     """
 
     names: tuple[str, ...] = ()
     kinds: tuple[str, ...] = ("printer", "material", "quality")
     printer: str = ""
-    ceilings: Ceilings = CEILINGS
+    ceilings: TemperatureLimits = DEFAULT_LIMITS
     folders: tuple[Path, ...] = ()
     cura: Mapping[str, str] = field(default_factory=dict)
 
     def takes(self, kind: str, name: str) -> bool:
-        """Whether a preset is wanted."""
+        """Whether a preset is to be imported."""
         return kind in self.kinds and (
             not self.names or any(name == one or fnmatchcase(name, one) for one in self.names)
         )
 
 
-def import_profiles(path: Path, wanted: ImportRequest = ImportRequest()) -> list[Imported | Refused]:
-    """The profiles in a file of another slicer.
+def import_profiles(
+    path: Path, wanted: ImportRequest = ImportRequest()
+) -> list[ImportedProfile | RejectedProfile]:
+    """Import the presets in a file of another slicer.
 
     Args:
         path: `config.ini`, a bundle, G-code, 3MF, a preset of OrcaSlicer or BambuStudio; G-code of this program.
-        wanted: which of them, and how.
+        wanted: which presets, and how.
 
     Returns:
-        One entry for each preset that is wanted: the profile, or why it is refused.
+        For each preset, the profile or the reason for rejecting it.
 
     Raises:
-        ProfileError: the file cannot be read, or holds nothing that is wanted.
+        ProfileError: the file cannot be read, or no preset in it is wanted.
     """
-    return import_found(presets_in(path, wanted.folders, wanted.cura), wanted, str(path))
+    return convert_presets(read_presets(path, wanted.folders, wanted.cura), wanted, str(path))
 
 
-def import_found(found: Found, wanted: ImportRequest, place: str) -> list[Imported | Refused]:
-    """The same for what was read already."""
-    if isinstance(found, Bundle):
-        made = list(_of_bundle(found, wanted))
+def convert_presets(
+    found: PresetsInFile, wanted: ImportRequest, place: str
+) -> list[ImportedProfile | RejectedProfile]:
+    """Convert presets that are already read; as `import_profiles`."""
+    if isinstance(found, PresetBundle):
+        made = list(_convert_bundle(found, wanted))
     else:
-        native = [one for one in found if isinstance(one, Imported)]
+        native = [one for one in found if isinstance(one, ImportedProfile)]
         presets = [one for one in found if isinstance(one, Preset)]
-        made = [*_of_few(presets, wanted), *(_safe(one, wanted) for one in native if _takes(one, wanted))]
+        made = [
+            *_convert_together(presets, wanted),
+            *(_safe(one, wanted) for one in native if _takes(one, wanted)),
+        ]
     if not made:
         raise ProfileError(
-            f"{place}: no preset of this name in it",
-            remedy="`printer-slicer profiles import FILE --list` names them",
+            f"{place}: no preset has this name",
+            remedy="Use `printer-slicer profiles import FILE --list` to list the presets",
         )
     return made
 
 
-def _of_few(presets: Sequence[Preset], wanted: ImportRequest) -> Iterator[Imported | Refused]:
-    """Presets that belong together: they know of each other."""
+def _convert_together(
+    presets: Sequence[Preset], wanted: ImportRequest
+) -> Iterator[ImportedProfile | RejectedProfile]:
+    """Convert presets that belong together, each with the settings of the others."""
     printer = next((preset for preset in presets if preset.kind == "printer"), None)
     quality = next((preset for preset in presets if preset.kind == "quality"), None)
 
-    def made(preset: Preset) -> Imported | Refused:
-        known = _beside(preset, printer if preset.kind in _WITH_PRINTER else quality)
+    def made(preset: Preset) -> ImportedProfile | RejectedProfile:
+        known = _with_settings_of(preset, printer if preset.kind in _WITH_PRINTER else quality)
         if preset.kind == "material" and quality is not None:
             known = replace(known, heights=_heights(quality))
-        return _one(known, presets, wanted)
+        return _convert_preset(known, presets, wanted)
 
     done = [made(preset) for preset in presets]
-    others = [one for one in done if isinstance(one, Imported) and one.kind in _WITH_PRINTER]
+    others = [one for one in done if isinstance(one, ImportedProfile) and one.kind in _WITH_PRINTER]
     for one in done:
         if wanted.takes(one.kind, one.name):
-            yield with_usual(one, others) if isinstance(one, Imported) and one.kind == "printer" else one
+            yield (
+                add_printer_defaults(one, others)
+                if isinstance(one, ImportedProfile) and one.kind == "printer"
+                else one
+            )
 
 
 def _heights(quality: Preset) -> tuple[float, float]:
-    """Return the heights of the first layer and the others, mm; 0 if invalid, which the quality import reports."""
+    """Return the heights of the first layer and the others, mm; 0 if invalid (the quality import reports that)."""
     with suppress(ProfileError):
         height = quality.number("layer_height")
         return quality.quantity("first_layer_height").of(height) or height, height
     return 0.0, 0.0
 
 
-def _of_bundle(bundle: Bundle, wanted: ImportRequest) -> Iterator[Imported | Refused]:
+def _convert_bundle(
+    bundle: PresetBundle, wanted: ImportRequest
+) -> Iterator[ImportedProfile | RejectedProfile]:
     if wanted.printer:
-        yield from _of_few(_triple(bundle, wanted), replace(wanted, names=()))
+        yield from _convert_together(_printer_with_defaults(bundle, wanted), replace(wanted, names=()))
         return
     read = list(bundle.presets())
     others = [one for one in read if isinstance(one, Preset) and one.kind in _WITH_PRINTER]
     for preset in read:
         if not wanted.takes(preset.kind, preset.name):
             continue
-        if isinstance(preset, Refused):
+        if isinstance(preset, RejectedProfile):
             yield preset
             continue
-        suiting = [one for one in others if bundle.suits(one, preset)] if preset.kind == "printer" else ()
-        made = _one(preset, suiting, wanted)
-        if isinstance(made, Imported) and made.kind == "printer":
-            names = {kind: bundle.companion(preset, kind) for kind in _WITH_PRINTER}
-            usual = [_beside(one, preset) for one in suiting if one.name == names[one.kind]]
-            known = [_one(one, (), wanted) for one in usual]
-            made = with_usual(made, [one for one in known if isinstance(one, Imported)])
+        suiting = (
+            [one for one in others if bundle.is_compatible(one, preset)] if preset.kind == "printer" else ()
+        )
+        made = _convert_preset(preset, suiting, wanted)
+        if isinstance(made, ImportedProfile) and made.kind == "printer":
+            names = {kind: bundle.default_preset(preset, kind) for kind in _WITH_PRINTER}
+            usual = [_with_settings_of(one, preset) for one in suiting if one.name == names[one.kind]]
+            known = [_convert_preset(one, (), wanted) for one in usual]
+            made = add_printer_defaults(made, [one for one in known if isinstance(one, ImportedProfile)])
         yield made
 
 
-def _triple(bundle: Bundle, wanted: ImportRequest) -> list[Preset]:
-    """A printer of a bundle with the material and the quality that it has by default, or those that are named.
+def _printer_with_defaults(bundle: PresetBundle, wanted: ImportRequest) -> list[Preset]:
+    """Return a printer of a bundle with its default material and quality, or with those that are named.
 
     Raises:
-        ProfileError: there is no such printer.
+        ProfileError: no printer has this name.
     """
-    called = bundle.printer_called(wanted.printer)
-    if not called:
-        known = [name for name in bundle.sections["printer"] if not name.startswith("*")]
-        near = get_close_matches(wanted.printer, known, n=3)
-        hint = f"did you mean {' or '.join(map(repr, near))}? " if near else ""
-        raise ProfileError(
-            f"{bundle.place}: no printer {wanted.printer!r} among {len(known)}",
-            remedy=f"{hint}--list names all",
-        )
-    printer = bundle.preset("printer", called)
+    printer = _printer_called(bundle, wanted.printer)
     found = [printer]
     for kind in _WITH_PRINTER:
         named = [name for name in bundle.sections[kind] if wanted.names and wanted.takes(kind, name)]
-        names = named or [bundle.companion(printer, kind)]
+        names = named or [bundle.default_preset(printer, kind)]
         found += [bundle.preset(kind, name) for name in names if name and not name.startswith("*")]
     return found
 
 
-def _beside(preset: Preset, other: Preset | None) -> Preset:
-    """A preset that knows the settings of another one, with what holds where that says nothing."""
+def _printer_called(bundle: PresetBundle, name: str) -> Preset:
+    """Return the printer of a bundle that a name means; with a note if it was chosen among several nozzles.
+
+    Raises:
+        ProfileError: no printer matches, or several models do.
+    """
+    printers = bundle.find_printers_called(name)
+    models = list(dict.fromkeys(without_nozzle(one.name) for one in printers))
+    if len(models) == 1:
+        printer = bundle.choose_nozzle(printers)
+        if len(printers) == 1:
+            return printer
+        nozzles = ", ".join(
+            f"{size:g}" for size in sorted({one.number("nozzle_diameter") for one in printers})
+        )
+        taken = f"{printer.number('nozzle_diameter'):g} mm is imported ({printer.name})"
+        note = ImportNote(bundle.place, f"{name!r} has nozzles of {nozzles} mm: {taken}")
+        return replace(printer, notes=(note, *printer.notes))
+    if models:
+        shown = ", ".join(models[:_MOST_SHOWN]) + (", ..." if len(models) > _MOST_SHOWN else "")
+        raise ProfileError(
+            f"{bundle.place}: {len(models)} printers match {name!r}: {shown}", remedy="Use a longer name"
+        )
+    known = [one for one in bundle.sections["printer"] if not one.startswith("*")]
+    near = get_close_matches(name, known, n=3)
+    hint = f"Did you mean {' or '.join(map(repr, near))}? " if near else ""
+    raise ProfileError(
+        f"{bundle.place}: no printer {name!r} among {len(known)}", remedy=f"{hint}Use --list to list all"
+    )
+
+
+def _with_settings_of(preset: Preset, other: Preset | None) -> Preset:
+    """Return a preset together with the settings and defaults of another one."""
     if other is None:
         return preset
     known = dict(other.defaults) | {name: entry.text for name, entry in other.entries.items()}
     return replace(preset, together=known)
 
 
-def _one(preset: Preset, company: Sequence[Preset], wanted: ImportRequest) -> Imported | Refused:
-    """A preset converted and found safe, or why it is not."""
-    makers: Mapping[str, Callable[[Preset], Imported]] = {
-        "printer": lambda one: printer_from(one, _company(company, wanted.ceilings)),
-        "material": material_from,
-        "quality": quality_from,
+def _convert_preset(
+    preset: Preset, companions: Sequence[Preset], wanted: ImportRequest
+) -> ImportedProfile | RejectedProfile:
+    """Convert a preset and check that it is safe; or return why not."""
+    makers: Mapping[str, Callable[[Preset], ImportedProfile]] = {
+        "printer": lambda one: convert_printer(one, _companion_ranges(companions, wanted.ceilings)),
+        "material": convert_material,
+        "quality": convert_quality,
     }
     try:
         made = makers[preset.kind](preset)
         check_safe(made, preset, wanted.ceilings)
     except ProfileError as error:
-        return Refused(preset.kind, preset.name, preset.place, str(error.args[0]), error.remedy)
+        return RejectedProfile(preset.kind, preset.name, preset.place, str(error.args[0]), error.remedy)
     return made
 
 
-def _takes(one: Imported, wanted: ImportRequest) -> bool:
+def _takes(one: ImportedProfile, wanted: ImportRequest) -> bool:
     return wanted.takes(one.kind, one.name)
 
 
-def _safe(made: Imported, wanted: ImportRequest) -> Imported | Refused:
-    """A profile of this program, or why it is refused."""
+def _safe(made: ImportedProfile, wanted: ImportRequest) -> ImportedProfile | RejectedProfile:
+    """Return a profile of this program if it is safe, or why not."""
     try:
         check_safe(made, Preset(made.kind, made.name, "printer_slicer", made.source, {}), wanted.ceilings)
     except ProfileError as error:
-        return Refused(made.kind, made.name, made.source, str(error.args[0]), error.remedy)
+        return RejectedProfile(made.kind, made.name, made.source, str(error.args[0]), error.remedy)
     return made
 
 
-def _company(presets: Sequence[Preset], ceilings: Ceilings) -> Company:
-    """Temperatures and layer heights of what is meant for a printer, as far as an import lets them through."""
+def _companion_ranges(presets: Sequence[Preset], ceilings: TemperatureLimits) -> CompanionRanges:
+    """Return the ranges of the materials and qualities for a printer, without temperatures above the limits."""
     nozzle = _numbers(presets, "material", ("temperature", "first_layer_temperature"))
     bed = _numbers(presets, "material", ("bed_temperature", "first_layer_bed_temperature"))
     heights = _numbers(presets, "quality", ("layer_height", "first_layer_height"))
-    return Company(
+    return CompanionRanges(
         max((one for one in nozzle if one <= ceilings.nozzle), default=0.0),
         max((one for one in bed if one <= ceilings.bed), default=0.0),
         min(heights, default=0.0),
@@ -208,7 +250,7 @@ def _company(presets: Sequence[Preset], ceilings: Ceilings) -> Company:
 
 
 def _numbers(presets: Sequence[Preset], kind: str, keys: Sequence[str]) -> list[float]:
-    """Positive values of some settings; what is no number is told where its own preset is imported."""
+    """Return the positive values of some settings; invalid ones are reported when their own preset is imported."""
     found = []
     for preset in presets:
         for key in keys if preset.kind == kind else ():

@@ -1,6 +1,6 @@
-"""A machine's own G-code: start, end, layers, pause. It is kept as it is written.
+"""Convert a machine's start, end, layer and pause G-code, without changing it.
 
-What it asks of settings that have no counterpart here stands in front of it, as variables: `{local z_offset = 0.1}`.
+Settings of the source that it uses and that do not exist here become variables in front: `{local z_offset = 0.1}`.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from printer_slicer.errors import ProfileError
 from printer_slicer.gcode.commands import heater_of
 from printer_slicer.gcode.lexer import parse, strip
 from printer_slicer.gcode.state import MachineState
-from printer_slicer.importing.beds import Bed
+from printer_slicer.importing.bed_shapes import BedRectangle
 from printer_slicer.importing.conditions import SettingValues
 from printer_slicer.importing.conversion import Conversion
-from printer_slicer.importing.vocabulary import kind_of_setting
+from printer_slicer.importing.prusaslicer_names import setting_kind
 from printer_slicer.macros import UnknownName, Value, escape_braces, known_names, literal, read_template
 from printer_slicer.profile.tables import settings_table
 
-__all__ = ["put_macros"]
+__all__ = ["convert_macros"]
 
 _MACROS: Final = {
     "start_gcode": "start_gcode",
@@ -32,39 +32,39 @@ _MACROS: Final = {
     "layer_gcode": "layer_gcode",
     "pause_print_gcode": "pause_gcode",
 }
-_STOPS: Final = "it is kept as it is, but slicing stops there; write what this machine needs"
+_STOPS: Final = "slicing stops there with an error; replace it"
 _CURA: Final = re.compile(r"\{\s*(\w+)\s*,\s*(\w+)\s*\}|\{[^{}]*\}|\[", re.ASCII)
 _PLACEHOLDER: Final = re.compile(r"\S*(?:\{[^}]*\}|\[[^\]]*\])\S*")
-_FARTHEST: Final = 100.0  # mm that a machine's own G-code may lead beside its bed
+_FARTHEST: Final = 100.0  # mm: how far G-code may move beyond the bed without a warning
 
 
-def put_macros(made: Conversion, bed: Bed) -> None:
-    """Start, end, layers, pause; what the source heats on its own account; what they show of the machine.
+def convert_macros(made: Conversion, bed: BedRectangle) -> None:
+    """Convert the G-code, add missing heating commands, and set `reach` and `probe` from it.
 
     Args:
-        made: of a printer, with its flavour.
-        bed: where it is.
+        made: conversion of a printer, with its flavour.
+        bed: the bed.
     """
     preset = made.preset
     known = SettingValues(
         dict(preset.defaults)
-        | {name: entry.text for name, entry in preset.entries.items() if kind_of_setting(name) == "printer"}
+        | {name: entry.text for name, entry in preset.entries.items() if setting_kind(name) == "printer"}
     )
     for theirs, ours in _MACROS.items():
         made.used.add(theirs)
         text = preset.text(theirs).replace("\x00", "")
         if not text.strip():
             continue
-        text = _from_cura(text) if preset.dialect == "cura" else text
+        text = _convert_cura_macro(text) if preset.dialect == "cura" else text
         variables = _variables(made, theirs, text, known)
-        how = f"{variables.strip()} in front of it" if variables else ""
+        how = f"after {variables.strip()}" if variables else ""
         made.put(ours, variables + text, theirs, how)
     _heating(made)
-    _seen_in_macros(made, bed)
+    _reach_and_probe(made, bed)
 
 
-def _from_cura(text: str) -> str:
-    """A macro of Cura's: there `[` stands for itself, and `{name, extruder}` is a value of an extruder."""
+def _convert_cura_macro(text: str) -> str:
+    """Convert a macro of Cura, where `[` is an ordinary character and `{name, extruder}` a value of an extruder."""
     return _CURA.sub(
         lambda one: (
             f"{{{one[1]}[{one[2]}]}}" if one[1] else escape_braces(one[0]) if one[0] == "[" else one[0]
@@ -74,14 +74,14 @@ def _from_cura(text: str) -> str:
 
 
 @cache
-def _settings_names() -> frozenset[str]:
-    """Names of settings, with and without the section."""
+def _setting_names() -> frozenset[str]:
+    """Return the names of our settings, with and without their section."""
     keys = [row.key for row in settings_table() if not row.key.endswith(("_gcode", ".name"))]
     return frozenset(keys) | {key.partition(".")[2] for key in keys}
 
 
 def _variables(made: Conversion, theirs: str, text: str, known: Mapping[str, Value]) -> str:
-    """A line with the settings that a macro asks for and that have no name here; what is not known either is told."""
+    """Return a line that defines the source's settings in a macro; warn about unknown names."""
     place = made.preset.where(theirs)
     try:
         template = read_template(text, place)
@@ -91,7 +91,7 @@ def _variables(made: Conversion, theirs: str, text: str, known: Mapping[str, Val
         return ""
     wanted: dict[str, str] = {}
     unknown: dict[str, str] = {}
-    for fault in template.faults(known_names(_MACROS[theirs], _settings_names())):
+    for fault in template.faults(known_names(_MACROS[theirs], _setting_names())):
         name = fault.name if isinstance(fault, UnknownName) else ""
         if name in known:
             wanted[name] = literal(known[name])
@@ -102,28 +102,29 @@ def _variables(made: Conversion, theirs: str, text: str, known: Mapping[str, Val
     return f"{{{'; '.join(f'local {name} = {value}' for name, value in wanted.items())}}}\n" if wanted else ""
 
 
-def _seen_in_macros(made: Conversion, bed: Bed) -> None:
-    """What the machine's own G-code shows of it: how far it reaches beside its bed, and whether it has a probe."""
+def _reach_and_probe(made: Conversion, bed: BedRectangle) -> None:
+    """Find how far the start and end G-code moves beyond the bed, and whether it uses a probe."""
     shape = {"min": bed.low, "max": bed.high, "size": (bed.high[0] - bed.low[0], bed.high[1] - bed.low[1])}
     known: dict[str, Value] = {f"print_bed_{name}": values for name, values in shape.items()}
     lines = []
     for name in ("start_gcode", "end_gcode"):
-        with suppress(ProfileError):  # which has been told
+        with suppress(ProfileError):  # already reported
             macro = read_template(str(made.values.get(name, "")), name)
             lines += macro.possible_lines(known, unknown="?")
     far = _farthest(lines, bed)
     if far > _FARTHEST:
         made.warn(
-            "start_gcode", f"goes {far:g} mm beside the bed: look whether bed and G-code are of one machine"
+            "start_gcode",
+            f"moves {far:g} mm beyond the bed: check that bed and G-code are of the same machine",
         )
     elif far:
-        made.put("reach", far, how="not in the source: as far as its start and end G-code go")
+        made.put("reach", far, how="not in the source: as far as its start and end G-code moves")
     if any(parse(line.encode())[0] in {b"G29", b"G80"} for line in lines):
         made.put("probe", True, how="not in the source: its start G-code measures the bed")
 
 
-def _farthest(lines: Sequence[str], bed: Bed) -> float:
-    """How far beside the bed these lines go, mm; of arcs the whole circle."""
+def _farthest(lines: Sequence[str], bed: BedRectangle) -> float:
+    """Return how far lines of G-code move beyond the bed, mm; arcs count as whole circles."""
     far, machine = 0.0, MachineState()
     for line in lines:
         command = strip(_PLACEHOLDER.sub("", line).encode())
@@ -142,7 +143,7 @@ def _farthest(lines: Sequence[str], bed: Bed) -> float:
 
 
 def _heating(made: Conversion) -> None:
-    """Commands that the source adds where start G-code does not heat."""
+    """Add the heating commands that the source adds to start G-code without them."""
     if made.preset.has("autoemit_temperature_commands") and not made.preset.on(
         "autoemit_temperature_commands"
     ):
@@ -157,7 +158,7 @@ def _heating(made: Conversion) -> None:
     before += ["M104 S{first_layer_temperature[0]}"] if not nozzle else []
     before += ["M190 S{first_layer_bed_temperature[0]}"] if not bed else []
     after = [] if nozzle else ["M109 S{first_layer_temperature[0]}"]
-    if made.preset.dialect == "cura":  # which waits for both first
+    if made.preset.dialect == "cura":  # Cura waits for both before the start G-code
         before, after = [*before, *after], []
     made.put(
         "start_gcode",

@@ -1,4 +1,4 @@
-"""OrcaSlicer and BambuStudio: presets as JSON files that inherit from each other by name."""
+"""Read presets of OrcaSlicer and BambuStudio: JSON files that inherit from each other by name."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Any, Final
 
 from printer_slicer.errors import ProfileError
-from printer_slicer.importing.ini import Entry
+from printer_slicer.importing.archives import read_text
+from printer_slicer.importing.ini import SourceSetting
 from printer_slicer.importing.orca_names import ORCA, ORCA_DEFAULTS
 from printer_slicer.importing.presets import Preset
-from printer_slicer.importing.unpacking import text_of
 
-__all__ = ["OrcaFolder", "orca_entries", "orca_presets", "read_json"]
+__all__ = ["PresetFolders", "orca_entries", "orca_presets", "read_json"]
 
 _KINDS: Final = {
     "machine": "printer",
@@ -27,71 +27,71 @@ _MOST_FILES: Final = 5000
 
 
 def read_json(text: str, place: str) -> dict[str, Any]:
-    """The table that a JSON file is.
+    """Parse a JSON file with a table.
 
     Raises:
-        ProfileError: it is none.
+        ProfileError: it is not JSON, or not a table.
     """
     try:
         values = json.loads(text, parse_constant=lambda word: word)
     except (ValueError, RecursionError) as error:
         line = f":{error.lineno}" if isinstance(error, json.JSONDecodeError) else ""
         raise ProfileError(
-            f"{place}{line}: not valid JSON: {error}", remedy="export the preset again"
+            f"{place}{line}: not valid JSON: {error}", remedy="Export the preset again"
         ) from None
     if not isinstance(values, dict):
         raise ProfileError(
-            f"{place}: no table of settings", remedy="give a preset: machine, filament or process"
+            f"{place}: not a table of settings", remedy="Give a preset: machine, filament or process"
         )
     return values
 
 
-class OrcaFolder:
-    """Where the presets are that others inherit from: beside a file, and in the folders around it."""
+class PresetFolders:
+    """Folders with the presets that others inherit from; files are read when they are needed."""
 
     def __init__(
         self, folders: list[Path], own: Mapping[str, tuple[Path, dict[str, Any]]] | None = None
     ) -> None:
         self._folders = folders
         self._found: dict[str, tuple[Path, dict[str, Any]]] = dict(own or {})
-        self._looked = False
+        self._is_read = False
 
-    def named(self, name: str) -> tuple[Path, dict[str, Any]] | None:
-        """File and values of a preset; None where there is none of this name."""
+    def find(self, name: str) -> tuple[Path, dict[str, Any]] | None:
+        """Return the file and the values of a preset; None if no preset has this name."""
         for folder in self._folders:
             path = folder / f"{name}.json"
             if name not in self._found and "/" not in name and "\x00" not in name and path.is_file():
                 self._found[name] = (path, _read(path))
-        if name not in self._found and not self._looked:
-            self._look()
+        if name not in self._found and not self._is_read:
+            self._read_all()
         return self._found.get(name)
 
-    def _look(self) -> None:
-        """Read all presets in the folders: the name in a file may differ from its file's."""
-        self._looked = True
+    def _read_all(self) -> None:
+        """Read all presets in the folders, because the name of a preset may differ from its file name."""
+        self._is_read = True
         paths = [path for folder in self._folders for path in sorted(folder.glob("*.json"))]
         for path in paths[:_MOST_FILES]:
             try:
                 values = _read(path)
             except ProfileError:
-                continue  # another file's fault; who needs it is told that it is missing
+                continue  # a preset that needs this file reports that it is missing
             self._found.setdefault(str(values.get("name", path.stem)), (path, values))
 
 
 def _read(path: Path) -> dict[str, Any]:
-    return read_json(text_of(path), str(path))
+    return read_json(read_text(path), str(path))
 
 
-def orca_presets(values: Mapping[str, Any], place: str, folder: OrcaFolder) -> list[Preset]:
-    """The presets in a JSON file: one, or in the settings of a project one of each kind.
+def orca_presets(values: Mapping[str, Any], place: str, folder: PresetFolders) -> list[Preset]:
+    """Return the presets in a JSON file: one, or one of each kind for the settings of a project.
 
     Args:
-        values: of the file.
-        place: its name.
-        folder: where what it inherits from is found.
+        values: contents of the file.
+        place: name of the file.
+        folder: folders with the presets it inherits from.
 
     Raises:
-        ProfileError: its kind cannot be told, or what it inherits from is not there.
+        ProfileError: its kind is unknown, or a preset it inherits from is missing.
     """
     name = str(values.get("name") or Path(place).stem)
     kind = _kind_of(values)
@@ -103,7 +103,8 @@ def orca_presets(values: Mapping[str, Any], place: str, folder: OrcaFolder) -> l
         return [Preset(kind, name, "orca", place, entries, ORCA_DEFAULTS)]
     if "printable_area" not in values and "layer_height" not in values:
         raise ProfileError(
-            f"{place}: neither machine, filament nor process", remedy='a preset says so: "type": "machine"'
+            f"{place}: neither machine, filament nor process",
+            remedy='Add its type, such as "type": "machine"',
         )
     names = {
         "printer": _first(values.get("printer_settings_id")),
@@ -117,7 +118,7 @@ def orca_presets(values: Mapping[str, Any], place: str, folder: OrcaFolder) -> l
 
 
 def _kind_of(values: Mapping[str, Any]) -> str | None:
-    """What a preset is for: as it says, or by settings that only one kind has."""
+    """Return the kind of a preset, from its type or from settings that only one kind has."""
     said = _KINDS.get(str(values.get("type", "")))
     if said or (
         "printer_settings_id" in values and "print_settings_id" in values and "filament_settings_id" in values
@@ -143,35 +144,37 @@ def _kind_of(values: Mapping[str, Any]) -> str | None:
 
 
 def _resolved(
-    values: Mapping[str, Any], place: str, folder: OrcaFolder, seen: tuple[str, ...]
+    values: Mapping[str, Any], place: str, folder: PresetFolders, seen: tuple[str, ...]
 ) -> dict[str, Any]:
-    """A preset's settings over those it inherits; each remembers its file."""
+    """Return the settings of a preset and those it inherits, each with its file."""
     own = {key: (value, place) for key, value in values.items()}
     parent = _first(values.get("inherits"))
     if not parent:
         return own
     if parent in seen or len(seen) > _DEEPEST:
         chain = " -> ".join((*seen, parent))
-        raise ProfileError(f"{place}: inherits from itself: {chain}", remedy="break the circle")
-    found = folder.named(parent)
+        raise ProfileError(
+            f"{place}: inherits from itself: {chain}", remedy="Change one `inherits` in this chain"
+        )
+    found = folder.find(parent)
     if found is None:
         raise ProfileError(
-            f"{place}: inherits {parent!r}, which is not beside it",
-            remedy="copy that preset into the same folder, or name its folder with --folder",
+            f"{place}: inherits {parent!r}, which is not in the same folder",
+            remedy="Copy that preset into the same folder, or name its folder with --folder",
         )
     return _resolved(found[1], str(found[0]), folder, (*seen, parent)) | own
 
 
 def _first(value: Any) -> str:
-    """A text, or the first of a list of texts."""
+    """Return a text, or the first of a list of texts."""
     if isinstance(value, list):
         return _first(value[0]) if value and not isinstance(value[0], list) else ""
     return value if isinstance(value, str) else ""
 
 
-def orca_entries(values: Mapping[str, Any], place: str) -> dict[str, Entry]:
-    """The settings under PrusaSlicer's names, lists as they stand in its files."""
-    entries: dict[str, Entry] = {}
+def orca_entries(values: Mapping[str, Any], place: str) -> dict[str, SourceSetting]:
+    """Return settings under PrusaSlicer's names, with lists as PrusaSlicer writes them."""
+    entries: dict[str, SourceSetting] = {}
     for key, value in values.items():
         found, where = value if isinstance(value, tuple) else (value, place)
         if isinstance(found, dict):
@@ -179,12 +182,12 @@ def orca_entries(values: Mapping[str, Any], place: str) -> dict[str, Entry]:
         name = ORCA.get(key, key)
         if name in entries and name != key and key in ORCA and name in values:
             continue
-        entries[name] = Entry(key, _text(key, found), where)
+        entries[name] = SourceSetting(key, _text(key, found), where)
     return entries
 
 
 def _text(key: str, value: Any) -> str:
-    """A value as PrusaSlicer would write it."""
+    """Return a value as PrusaSlicer writes it."""
     words: Callable[[Any], str] = _word
     if not isinstance(value, list):
         text = words(value)

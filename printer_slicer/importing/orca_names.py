@@ -1,11 +1,11 @@
-"""What OrcaSlicer and BambuStudio call what PrusaSlicer calls otherwise, and what holds where they say nothing."""
+"""Setting names of OrcaSlicer and BambuStudio with PrusaSlicer's names, and their defaults."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Final
 
-from printer_slicer.importing.vocabulary import DEFAULTS
+from printer_slicer.importing.prusaslicer_names import DEFAULTS
 
 __all__ = ["ORCA", "ORCA_DEFAULTS"]
 
@@ -67,6 +67,7 @@ ORCA: Final[Mapping[str, str]] = {
     "sparse_infill_pattern": "fill_pattern",
     "infill_direction": "fill_angle",
     "infill_wall_overlap": "infill_overlap",
+    "top_bottom_infill_wall_overlap": "solid_infill_overlap",
     "minimum_sparse_infill_area": "solid_infill_below_area",
     "reduce_crossing_wall": "avoid_crossing_perimeters",
     "max_travel_detour_distance": "avoid_crossing_perimeters_max_detour",
@@ -103,7 +104,7 @@ ORCA: Final[Mapping[str, str]] = {
     "is_infill_first": "infill_first",
     "enable_support": "support_material",
 }
-"""Only names that differ."""
+"""OrcaSlicer's name -> PrusaSlicer's name, where they differ."""
 
 ORCA_DEFAULTS: Final[Mapping[str, str]] = dict(DEFAULTS) | {
     # machine
@@ -166,4 +167,4 @@ ORCA_DEFAULTS: Final[Mapping[str, str]] = dict(DEFAULTS) | {
     "solid_infill_acceleration": "100%",
     "top_solid_infill_acceleration": "500",
 }
-"""Settings that presets leave out. Source: OrcaSlicer's definitions of its settings."""
+"""Defaults of settings that presets omit. Source: OrcaSlicer's setting definitions."""

@@ -1,4 +1,4 @@
-"""One preset of another slicer under common names: those of PrusaSlicer, whose settings nearly all others have too."""
+"""Presets of other slicers, with all settings under PrusaSlicer's names."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from math import isfinite
 from typing import Final
 
 from printer_slicer.errors import ProfileError
-from printer_slicer.importing.ini import Entry, split_texts, unescaped
-from printer_slicer.importing.report import ImportNote
+from printer_slicer.importing.ini import SourceSetting, split_texts, unescape
+from printer_slicer.importing.results import ImportNote
 
-__all__ = ["Own", "Preset", "Quantity", "number_in"]
+__all__ = ["ObjectSettings", "Preset", "Quantity", "parse_quantity"]
 
 _NOTHING: Final = ("", "nil", '""')
 _REMARK: Final = re.compile(r"(?<!\s)\s+[#;].*")
@@ -20,117 +20,117 @@ _REMARK: Final = re.compile(r"(?<!\s)\s+[#;].*")
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """A number, or a percentage of something that the setting's meaning says."""
+    """A number or a percentage; what the percentage refers to depends on the setting."""
 
     value: float
     percent: bool = False
 
     def of(self, whole: float) -> float:
-        """The number, with a percentage of this."""
+        """Return the number; a percentage is of `whole`."""
         return self.value / 100 * whole if self.percent else self.value
 
 
 @dataclass(frozen=True, slots=True)
-class Own:
-    """Settings that one object has of its own.
+class ObjectSettings:
+    """Settings of one object, or of a height range of it.
 
     Attributes:
-        object: its name.
-        low, high: between which heights over the bed, mm; both 0: everywhere.
-        entries: as those of `Preset`.
-        alone: whether there is no other object.
+        object: name of the object.
+        low, high: height range above the bed, mm; both 0: the whole object.
+        entries: settings, as in `Preset`.
+        alone: whether it is the only object.
     """
 
     object: str
     low: float
     high: float
-    entries: Mapping[str, Entry]
+    entries: Mapping[str, SourceSetting]
     alone: bool
 
     @property
     def where(self) -> str:
-        """Object and heights, for people."""
+        """Return the object and the height range as text."""
         return f"{self.object}, z {self.low:g} to {self.high:g}" if self.high else self.object
 
 
 @dataclass(frozen=True, slots=True)
 class Preset:
-    """The settings of a printer, a material or a quality as another slicer has them.
+    """A printer, material or quality of another slicer.
 
     Attributes:
         kind: `printer`, `material` or `quality`.
-        name: of the preset.
-        dialect: `prusaslicer`, `superslicer`, `slic3r`, `orca`: what percentages and words mean.
+        name: name of the preset.
+        dialect: `prusaslicer`, `superslicer`, `slic3r`, `orca` or `cura`: the meaning of percentages and words.
         place: file and line where it begins.
-        entries: PrusaSlicer's name of a setting -> as the source has it.
-        defaults: of settings that are not there.
-        mixed: whether its entries hold settings of other kinds, too.
-        together: settings of the printer (for the others) or of the quality (for the printer), where they are known.
-        heights: for a material, first and other layer heights of the quality that it comes with, mm; 0: unknown.
-        own: of a quality, what objects have of their own.
-        notes: what a person should look at.
+        entries: PrusaSlicer's name of a setting -> the setting in the source.
+        defaults: values of missing settings.
+        mixed: whether the entries include settings of other kinds.
+        together: settings of the printer (for the others) or of the quality (for the printer), if they are known.
+        heights: for a material, first and other layer heights of the quality with it, mm; 0: unknown.
+        own: for a quality, settings of single objects.
+        notes: warnings.
     """
 
     kind: str
     name: str
     dialect: str
     place: str
-    entries: Mapping[str, Entry]
+    entries: Mapping[str, SourceSetting]
     defaults: Mapping[str, str] = field(default_factory=dict)
     mixed: bool = False
     together: Mapping[str, str] = field(default_factory=dict)
     heights: tuple[float, float] = (0.0, 0.0)
-    own: tuple[Own, ...] = ()
+    own: tuple[ObjectSettings, ...] = ()
     notes: tuple[ImportNote, ...] = ()
 
     def has(self, key: str) -> bool:
-        """Whether the source says anything about a setting."""
+        """Whether the source sets a setting."""
         return key in self.entries and self.entries[key].text.strip() not in _NOTHING
 
     def raw(self, key: str) -> str:
-        """A value as written, or the default of the slicer that it comes from."""
+        """Return a value as written, or the default of its slicer."""
         entry = self.entries.get(key)
         return self.defaults.get(key, "") if entry is None else entry.text
 
     def text(self, key: str) -> str:
-        """A value as plain text; of a list the first."""
-        return unescaped(self.raw(key))
+        """Return a value as text without escapes."""
+        return unescape(self.raw(key))
 
     def first_text(self, key: str) -> str:
-        """The first of a list of texts."""
+        """Return the first of a list of texts."""
         return next(iter(split_texts(self.raw(key))), "")
 
     def first_macro(self, key: str) -> str:
-        """The first of a list of macros; without quotes it is one, with whatever semicolons begin its remarks."""
+        """Return the first of a list of macros; without quotes there is only one, and semicolons begin comments."""
         raw = self.raw(key).strip()
-        return self.first_text(key) if raw.startswith('"') else unescaped(raw)
+        return self.first_text(key) if raw.startswith('"') else unescape(raw)
 
     def items(self, key: str) -> list[str]:
-        """The items of a list of numbers or words."""
+        """Return the items of a list of numbers or words."""
         return [part.strip().strip('"') for part in self.raw(key).replace(";", ",").split(",")]
 
     def number(self, key: str) -> float:
-        """The first number of a setting; a percentage as a share.
+        """Return the first number of a setting; a percentage as a ratio.
 
         Raises:
-            ProfileError: it is none, with place and remedy.
+            ProfileError: it is not a number; with place and remedy.
         """
         found = self.quantity(key)
         return found.value / 100 if found.percent else found.value
 
     def quantity(self, key: str) -> Quantity:
-        """The first number or percentage of a setting.
+        """Return the first number or percentage of a setting.
 
         Raises:
-            ProfileError: it is none.
+            ProfileError: it is neither.
         """
         word = _REMARK.sub("", self.items(key)[0])
         if word in _NOTHING:
             word = self.defaults.get(key, "0").split(",")[0] or "0"
-        found = number_in(word)
+        found = parse_quantity(word)
         if found is None:
             raise ProfileError(
-                f"{self.where(key)}: {word!r} is no number", remedy="write a number, such as 0.2 or 50%"
+                f"{self.where(key)}: {word!r} is not a number", remedy="Write a number such as 0.2 or 50%"
             )
         return found
 
@@ -139,18 +139,18 @@ class Preset:
         return self.items(key)[0].lower() in ("1", "true", "yes", "on")
 
     def where(self, key: str) -> str:
-        """Place and name of a setting, for messages."""
+        """Return the place and name of a setting, for messages."""
         entry = self.entries.get(key)
         return f"{self.place}: {key}" if entry is None else f"{entry.place}: {entry.name}"
 
     def theirs(self, key: str) -> str:
-        """What the source calls a setting; empty where it says nothing about it."""
+        """Return the name of a setting in the source; empty if the source does not set it."""
         entry = self.entries.get(key)
         return entry.name if entry else ""
 
 
-def number_in(word: str) -> Quantity | None:
-    """The number or percentage that a word is; None for anything else, such as `nan`."""
+def parse_quantity(word: str) -> Quantity | None:
+    """Parse a number or percentage; None for anything else, such as `nan`."""
     word = word.strip()
     percent = word.endswith("%")
     try:

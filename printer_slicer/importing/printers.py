@@ -1,4 +1,4 @@
-"""Printers of other slicers as ours."""
+"""Convert printers of other slicers."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ import re
 from typing import Final, NamedTuple
 
 from printer_slicer.firmware import FIRMWARES
-from printer_slicer.importing.beds import Bed, bed_of
-from printer_slicer.importing.conversion import Conversion
-from printer_slicer.importing.machine_gcode import put_macros
-from printer_slicer.importing.presets import Preset, number_in
-from printer_slicer.importing.report import Imported
+from printer_slicer.importing.bed_shapes import BedRectangle, find_rectangle
+from printer_slicer.importing.conversion import ONE_TOOL, Conversion
+from printer_slicer.importing.machine_gcode import convert_macros
+from printer_slicer.importing.presets import Preset, parse_quantity
+from printer_slicer.importing.results import ImportedProfile
 from printer_slicer.profile.profile import HIGHEST_BEAD
 
-__all__ = ["Company", "printer_from"]
+__all__ = ["CompanionRanges", "convert_printer"]
 
 _FLAVOURS: Final = {
     firmware.prusaslicer_name: name for name, firmware in FIRMWARES.items() if firmware.prusaslicer_name
@@ -25,17 +25,17 @@ _NEAR_FLAVOURS: Final = {
     "lerdge": "marlin_legacy",
 }
 _MACRO: Final = re.compile(r"(?m)^[ \t]*([A-Za-z]+_[A-Za-z_]*[A-Za-z])(?=[ \t]+[A-Za-z_]+=|[ \t]*(?:;|$))")
-_NO_MORE_THAN: Final = 0.75  # nozzle diameters: the thickest layer where the source does not say
-_Z_STEP: Final = 0.0025  # a lead of 8 mm, 200 steps, 16 microsteps
-_HOTTEST: Final = {"nozzle": 275.0, "bed": 110.0}
+_THICKEST: Final = 0.75  # nozzle diameters: the thickest layer if the source does not set one
+_Z_STEP: Final = 0.0025  # mm: a lead of 8 mm, 200 steps, 16 microsteps
+_TEMPERATURES: Final = {"nozzle": 275.0, "bed": 110.0}
 
 
-class Company(NamedTuple):
-    """What is known of the materials and qualities that are meant for a printer; 0: nothing.
+class CompanionRanges(NamedTuple):
+    """Ranges of the materials and qualities for a printer; 0: unknown.
 
     Attributes:
-        nozzle, bed: the greatest temperatures, °C.
-        thinnest, thickest: the heights of their layers, mm.
+        nozzle, bed: highest temperatures, °C.
+        thinnest, thickest: layer heights, mm.
     """
 
     nozzle: float = 0.0
@@ -44,47 +44,45 @@ class Company(NamedTuple):
     thickest: float = 0.0
 
 
-def printer_from(preset: Preset, company: Company) -> Imported:
-    """Our printer for another slicer's.
+def convert_printer(preset: Preset, companions: CompanionRanges) -> ImportedProfile:
+    """Convert a printer.
 
     Args:
         preset: its settings under PrusaSlicer's names.
-        company: materials and qualities that are meant for it.
+        companions: ranges of the materials and qualities for it.
 
     Raises:
-        ProfileError: it is no machine that this program can drive, or no safe one; with place and remedy.
+        ProfileError: this program cannot drive the machine; with place and remedy.
     """
     made = Conversion(preset)
-    _kind(made)
+    _check_kind(made)
     made.put("name", preset.name)
     if preset.text("printer_model"):
         made.put("model", preset.text("printer_model"), "printer_model")
     _flavour(made)
     bed = _bed(made)
     nozzle = _nozzle(made)
-    _layers(made, nozzle, company)
-    _heat(made, company)
+    _layers(made, nozzle, companions)
+    _heat(made, companions)
     _limits(made)
     _corners(made)
     _retraction(made)
     _files(made)
-    put_macros(made, bed)
-    return made.done(_why)
+    convert_macros(made, bed)
+    return made.done(_reason)
 
 
-def _kind(made: Conversion) -> None:
-    """Refuse what is no filament printer, or counts filament otherwise."""
+def _check_kind(made: Conversion) -> None:
+    """Reject resin printers, and printers that count filament in mm³."""
     preset = made.preset
     made.skip(["printer_technology"])
     if preset.text("printer_technology").upper() not in ("FFF", ""):
-        raise made.refuse(
-            "printer_technology", "a resin printer", "this program prints filament: choose another printer"
-        )
+        raise made.refuse("printer_technology", "a resin printer", "Choose a filament printer")
     if preset.on("use_volumetric_e"):
         raise made.refuse(
             "use_volumetric_e",
-            "E counts mm³ of plastic, which no flavour here does",
-            "set the firmware to mm of filament (M200 D0) and export the printer with use_volumetric_e = 0",
+            "E in mm³ is not supported",
+            "Set the firmware to mm of filament (M200 D0) and export the printer with use_volumetric_e = 0",
         )
 
 
@@ -96,25 +94,27 @@ def _flavour(made: Conversion) -> None:
     if macro and word in ("marlin", "marlin2", *_NEAR_FLAVOURS):
         how = f"{word} in the source, but {macro} is a Klipper macro"
         made.put("flavour", "klipper", "gcode_flavor", how)
-        made.warn("gcode_flavor", f"{how}: imported as Klipper; set flavour if the firmware is another")
+        made.warn("gcode_flavor", f"{how}: imported as Klipper; set flavour if the firmware is different")
     elif word == "marlin" and "PRINTER_VENDOR_PRUSA3D" in notes:
-        made.put("flavour", "prusa", ("gcode_flavor", "printer_notes"), "a machine of Prusa, by its notes")
+        made.put(
+            "flavour", "prusa", ("gcode_flavor", "printer_notes"), "a Prusa machine, according to its notes"
+        )
     elif word == "marlin" and re.search(r"(?m)^\s*G80\b", preset.text("start_gcode")):
-        how = "its start G-code measures the bed with G80, as machines of Prusa do"
+        how = "its start G-code measures the bed with G80, as Prusa machines do"
         made.put("flavour", "prusa", "gcode_flavor", how)
     elif word in _FLAVOURS:
-        how = "Marlin 1.1 and older; for Marlin 2 set flavour to marlin" if word == "marlin" else ""
+        how = "Marlin 1.1 and older; set flavour to marlin for Marlin 2" if word == "marlin" else ""
         made.put("flavour", _FLAVOURS[word], "gcode_flavor", how)
     elif word in _NEAR_FLAVOURS:
-        made.put("flavour", _NEAR_FLAVOURS[word], "gcode_flavor", f"{word} is nearest to Marlin 1.1")
+        made.put(
+            "flavour", _NEAR_FLAVOURS[word], "gcode_flavor", f"{word} is nearest to Marlin 1.1", differs=True
+        )
         made.warn(
             "gcode_flavor",
-            f"{word}: look whether the firmware takes M201, M203, M204 and M205 as Marlin does",
+            f"{word}: check that the firmware supports M201, M203, M204 and M205 of Marlin",
         )
     else:
-        raise made.refuse(
-            "gcode_flavor", f"no flavour here is like {word!r}", f"known: {', '.join(_FLAVOURS)}"
-        )
+        raise made.refuse("gcode_flavor", f"unknown flavour {word!r}", f"Use one of {', '.join(_FLAVOURS)}")
 
 
 def _macro_of_klipper(preset: Preset) -> str:
@@ -126,11 +126,11 @@ def _macro_of_klipper(preset: Preset) -> str:
     return ""
 
 
-def _bed(made: Conversion) -> Bed:
-    bed = bed_of(made)
+def _bed(made: Conversion) -> BedRectangle:
+    bed = find_rectangle(made)
     (left, front), (right, back) = bed.low, bed.high
-    made.put("bed_x", right - left, "bed_shape", bed.how)
-    made.put("bed_y", back - front, "bed_shape", bed.how)
+    made.put("bed_x", right - left, "bed_shape", bed.how, differs=bool(bed.how))
+    made.put("bed_y", back - front, "bed_shape", bed.how, differs=bool(bed.how))
     centred = abs(left + right) < 1e-6 and abs(front + back) < 1e-6
     made.put("origin", "centre" if centred else "corner", "bed_shape")
     if not centred:
@@ -141,22 +141,22 @@ def _bed(made: Conversion) -> Bed:
     if made.preset.number("z_offset"):
         made.warn(
             "z_offset",
-            f"{made.preset.raw('z_offset')} mm is not carried over: set it in the firmware (M206, M851)",
+            f"{made.preset.raw('z_offset')} mm is not imported: set it in the firmware (M206, M851)",
         )
     return bed
 
 
 def _nozzle(made: Conversion) -> float:
     several = len([word for word in made.preset.items("nozzle_diameter") if word]) - 1
-    how = f"the first extruder; {several} more are left out" if several else ""
-    return made.number("nozzle_diameter", "nozzle_diameter", how)
+    how = f"the first extruder; {several} more are not imported" if several else ""
+    return made.number("nozzle_diameter", "nozzle_diameter", how, differs=several > 0)
 
 
-def _layers(made: Conversion, nozzle: float, company: Company) -> None:
-    """Layer heights: 0 and percentages hang on the nozzle; there they bound variable heights only, here all."""
+def _layers(made: Conversion, nozzle: float, companions: CompanionRanges) -> None:
+    """Convert the limits of layer heights; in the source they apply to variable heights only, here to all."""
     for ours, theirs, usual in (
         ("min_layer", "min_layer_height", 0.0),
-        ("max_layer", "max_layer_height", _NO_MORE_THAN),
+        ("max_layer", "max_layer_height", _THICKEST),
     ):
         found = made.quantity(theirs)
         if found.value == 0 and usual:
@@ -169,43 +169,43 @@ def _layers(made: Conversion, nozzle: float, company: Company) -> None:
     if least > most:
         raise made.refuse(
             "min_layer_height",
-            f"{least:g} mm is over the thickest layer, {most:g} mm",
-            "set the least and the greatest layer height of the extruder in the other slicer",
+            f"{least:g} mm is more than max_layer_height, {most:g} mm",
+            "Set both layer heights of the extruder in the other slicer",
         )
-    if 0 < company.thinnest < made.values["min_layer"]:
+    if 0 < companions.thinnest < made.values["min_layer"]:
         made.put(
             "min_layer",
-            company.thinnest,
+            companions.thinnest,
             "min_layer_height",
-            "its print settings have layers as thin as this",
+            "the layer height of its print settings",
         )
-    if made.values["max_layer"] < company.thickest <= HIGHEST_BEAD * nozzle + 1e-9:
+    if made.values["max_layer"] < companions.thickest <= HIGHEST_BEAD * nozzle + 1e-9:
         made.put(
             "max_layer",
-            company.thickest,
+            companions.thickest,
             "max_layer_height",
-            "its print settings have layers as thick as this",
+            "the greatest layer height of its print settings",
         )
     if made.preset.has("z_step"):
         made.number("z_step", "z_step")
     else:
-        made.put("z_step", _Z_STEP, how="not in the source: 400 steps to the mm, as with most lead screws")
+        made.put("z_step", _Z_STEP, how="not in the source: 400 steps/mm, as with most lead screws")
 
 
-def _heat(made: Conversion, company: Company) -> None:
-    """What the source does not say: how hot the machine may become."""
-    for heater, usual in _HOTTEST.items():
-        asked = company.nozzle if heater == "nozzle" else company.bed
+def _heat(made: Conversion, companions: CompanionRanges) -> None:
+    """Set the temperature limits, which the source does not have."""
+    for heater, usual in _TEMPERATURES.items():
+        asked = companions.nozzle if heater == "nozzle" else companions.bed
         how = (
             f"not in the source: {usual:g} °C"
             if asked <= usual
-            else "not in the source: as its materials ask for"
+            else "not in the source: the highest of its materials"
         )
         made.put(f"max_{heater}_temperature", max(usual, asked), how=how)
 
 
 def _limits(made: Conversion) -> None:
-    """Speeds and accelerations; the first of two is that of the usual mode."""
+    """Convert limits of speeds and accelerations; the first of two values is for normal mode."""
     for axis in "xyze":
         made.number(f"max_speed_{axis}", f"machine_max_feedrate_{axis}")
         made.number(f"max_acceleration_{axis}", f"machine_max_acceleration_{axis}")
@@ -217,12 +217,12 @@ def _limits(made: Conversion) -> None:
         made.skip([name])
     if made.preset.text("machine_limits_usage") == "ignore":
         made.warn(
-            "machine_limits_usage", "the source did not use the machine's limits: look whether they are true"
+            "machine_limits_usage", "the source ignored the machine limits: check that they are correct"
         )
 
 
 def _travel(made: Conversion) -> None:
-    """How hard travels are accelerated: as print settings ask for, up to what the machine allows, or as printing."""
+    """Convert the travel acceleration: that of the print settings up to the limit, or that for printing."""
     preset, limit, asked = made.preset, "machine_max_acceleration_travel", "travel_acceleration"
     printing = "machine_max_acceleration_extruding"
     most = preset.number(limit) if preset.has(limit) else 0.0
@@ -232,8 +232,10 @@ def _travel(made: Conversion) -> None:
     if wanted and (value := wanted.of(usual)):
         how = "percentage of default_acceleration" if wanted.percent else ""
         if value > min(limits):
-            value, how = min(limits), f"the machine's limit; print settings ask for {value:g}"
-        made.put("travel_acceleration", value, (asked, limit), how)
+            value, how = min(limits), f"the machine limit; the print settings have {value:g}"
+        made.put(
+            "travel_acceleration", value, (asked, limit), how, differs=value == min(limits) and bool(how)
+        )
     elif most:
         made.number("travel_acceleration", limit)
     else:
@@ -241,7 +243,7 @@ def _travel(made: Conversion) -> None:
 
 
 def _corners(made: Conversion) -> None:
-    """How corner speeds are found."""
+    """Convert the method for corner speeds: jerk, junction deviation or square corner velocity."""
     preset = made.preset
     jerk = min(preset.number("machine_max_jerk_x"), preset.number("machine_max_jerk_y"))
     names = ("machine_max_jerk_x", "machine_max_jerk_y")
@@ -249,7 +251,9 @@ def _corners(made: Conversion) -> None:
     deviation = "machine_max_junction_deviation"
     if made.values["flavour"] == "klipper":
         made.put("corner", "square_corner", "gcode_flavor")
-        made.held("square_corner_velocity", jerk, 0, 100, names, "jerk of x and y, as the source times it")
+        made.held(
+            "square_corner_velocity", jerk, 0, 100, names, "jerk of x and y, as in the source's time estimate"
+        )
         made.held("jerk_e", preset.number("machine_max_jerk_e"), 0, 100, "machine_max_jerk_e")
         return
     if preset.has(deviation) and preset.number(deviation) > 0:
@@ -284,7 +288,8 @@ def _retraction(made: Conversion) -> None:
             "firmware_retraction",
             False,
             "use_firmware_retraction",
-            "the flavour cannot be told how far to retract",
+            "this flavour has no command for the length",
+            differs=True,
         )
         firmware = False
     if preset.on("wipe") and not firmware and preset.raw("wipe_distance"):
@@ -296,17 +301,17 @@ def _retraction(made: Conversion) -> None:
             ("wipe_distance", "wipe", "retract_before_wipe"),
         )
     elif preset.on("wipe") and not firmware:
-        travel = number_in(preset.together.get("travel_speed", "") or "130")
+        travel = parse_quantity(preset.together.get("travel_speed", "") or "130")
         share = 1 - made.of("retract_before_wipe", 1.0)
         distance = 0.8 * length / max(speed, 1) * (travel.value if travel else 130) * share
-        how = "as far as the nozzle travels while it retracts"
+        how = "the distance travelled during the retraction"
         made.held("wipe_distance", distance, 0, 20, ("wipe", "retract_before_wipe"), how)
     else:
         made.skip(["wipe", "retract_before_wipe", "wipe_distance"])
 
 
 def _files(made: Conversion) -> None:
-    """What files hold besides moves."""
+    """Convert settings of the G-code file: relative extrusion, progress, baud rate, thumbnails."""
     preset = made.preset
     made.switch("relative_extrusion", "use_relative_e_distances")
     if preset.has("remaining_times"):
@@ -329,14 +334,14 @@ def _files(made: Conversion) -> None:
     made.put("thumbnails", kept, "thumbnails", f"PNG for {', '.join(lost)}" if lost and kept else "")
 
 
-def _why(name: str) -> str:
-    """Why a setting of the printer has no counterpart."""
+def _reason(name: str) -> str:
+    """Return the reason why a printer setting has no equivalent."""
     if name in ("toolchange_gcode", "color_change_gcode", "template_custom_gcode", "between_objects_gcode"):
-        return "nothing here asks for it"
+        return "it is never used here"
     if "toolchange" in name or name.startswith(
         ("cooling_tube", "parking_pos", "extruder_offset", "single_extruder")
     ):
-        return "one tool prints"
+        return ONE_TOOL
     if name.startswith(("machine_min", "retract_lift", "retract_layer")):
-        return "no such limit here"
-    return "no counterpart"
+        return "this limit does not exist here"
+    return "no equivalent"

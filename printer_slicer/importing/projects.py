@@ -8,17 +8,17 @@ from pathlib import Path
 from typing import Any
 
 from printer_slicer.errors import ProfileError
-from printer_slicer.importing.embedded import CONFIGS_IN_3MF, OBJECTS_IN_3MF
-from printer_slicer.importing.ini import Entry
-from printer_slicer.importing.objects import own_in_3mf
+from printer_slicer.importing.archives import read_archive
+from printer_slicer.importing.embedded_settings import OBJECTS_IN_3MF, SETTINGS_IN_3MF
+from printer_slicer.importing.ini import SourceSetting
+from printer_slicer.importing.object_overrides import flat, overridable_settings
 from printer_slicer.importing.orca_names import ORCA_DEFAULTS
-from printer_slicer.importing.own import flat, may_differ
-from printer_slicer.importing.presets import Own, Preset, number_in
-from printer_slicer.importing.qualities import quality_from
-from printer_slicer.importing.report import Imported
-from printer_slicer.importing.sources import presets_in
-from printer_slicer.importing.unpacking import unpacked
-from printer_slicer.importing.vocabulary import DEFAULTS
+from printer_slicer.importing.presets import ObjectSettings, Preset, parse_quantity
+from printer_slicer.importing.project_objects import read_object_settings
+from printer_slicer.importing.prusaslicer_names import DEFAULTS
+from printer_slicer.importing.qualities import convert_quality
+from printer_slicer.importing.results import ImportedProfile
+from printer_slicer.importing.source_files import read_presets
 from printer_slicer.profile import Profile
 
 __all__ = ["Project", "read_project"]
@@ -55,9 +55,9 @@ def read_project(path: Path, profile: Profile, names: Collection[str]) -> Projec
     Raises:
         ProfileError: the archive is damaged.
     """
-    has_settings = bool(unpacked(path, set(CONFIGS_IN_3MF)))
+    has_settings = bool(read_archive(path, set(SETTINGS_IN_3MF)))
     try:
-        owns, notes = own_in_3mf(path)
+        owns, notes = read_object_settings(path)
     except ProfileError as error:
         return Project(
             unused=(f"its object settings are not used: {error.args[0]}",),
@@ -77,35 +77,39 @@ def read_project(path: Path, profile: Profile, names: Collection[str]) -> Projec
 def _base(path: Path, profile: Profile) -> Preset:
     """Return the settings of the project that apply to all objects."""
     together = {"nozzle_diameter": f"{profile.printer.nozzle_diameter:g}"}
-    height = Entry("layer_height", f"{profile.quality.layer_height:g}", str(path))
+    height = SourceSetting("layer_height", f"{profile.quality.layer_height:g}", str(path))
     try:
-        found = presets_in(path)
+        found = read_presets(path)
     except ProfileError:
         found = []
     for one in found if isinstance(found, list) else ():
         if isinstance(one, Preset) and one.kind == "quality":
             return replace(one, own=(), notes=(), together={**together, **one.together})
     dialect, defaults = (
-        ("orca", ORCA_DEFAULTS) if unpacked(path, {OBJECTS_IN_3MF[1]}) else ("prusaslicer", DEFAULTS)
+        ("orca", ORCA_DEFAULTS) if read_archive(path, {OBJECTS_IN_3MF[1]}) else ("prusaslicer", DEFAULTS)
     )
     return Preset(
         "quality", path.stem, dialect, str(path), {height.name: height}, defaults, together=together
     )
 
 
-def _of_object(own: Own, base: Preset) -> Project:
+def _of_object(own: ObjectSettings, base: Preset) -> Project:
     """Convert the settings of one object or height range."""
     plain = {name: entry for name, entry in own.entries.items() if name != "layer_height"}
     try:
-        before = quality_from(base)
-        made = quality_from(replace(base, entries={**base.entries, **plain}))
+        before = convert_quality(base)
+        made = convert_quality(replace(base, entries={**base.entries, **plain}))
     except ProfileError as error:
         return Project(unused=(f"{own.where}: its settings are not used: {error.args[0]}",))
     asked = {entry.name for entry in plain.values()}
     known, values = dict(flat(before.values)), dict(flat(made.values))
     wanted = {key for key, value in values.items() if known.get(key) != value}
     wanted |= {one.ours for one in made.taken if one.theirs in asked}
-    kept = {key: values[key] for key in wanted if key in values and key in may_differ(heights=bool(own.high))}
+    kept = {
+        key: values[key]
+        for key in wanted
+        if key in values and key in overridable_settings(heights=bool(own.high))
+    }
     table: dict[str, Any] = {"object": own.object, "set": dict(sorted(kept.items()))}
     if own.high:
         table |= {"low": own.low, "high": own.high}
@@ -123,12 +127,12 @@ def _of_object(own: Own, base: Preset) -> Project:
     )
 
 
-def _layer_heights(own: Own) -> tuple[tuple[tuple[str, float], ...], list[str]]:
+def _layer_heights(own: ObjectSettings) -> tuple[tuple[tuple[str, float], ...], list[str]]:
     """Return the uniform layer height of an object, if it has one, and why it is not used, if so."""
     entry = own.entries.get("layer_height")
     if entry is None:
         return (), []
-    found = number_in(entry.text)
+    found = parse_quantity(entry.text)
     if own.alone and not own.high and found and found.value > 0:
         return ((own.object, found.value),), []
     why = "all objects of a plate have the same layers"
@@ -137,7 +141,7 @@ def _layer_heights(own: Own) -> tuple[tuple[tuple[str, float], ...], list[str]]:
     return (), [f"{entry.name} = {entry.text} is not used: {why}"]
 
 
-def _lost(made: Imported, asked: set[str], kept: Collection[str]) -> list[str]:
+def _lost(made: ImportedProfile, asked: set[str], kept: Collection[str]) -> list[str]:
     """List the settings of an object that are not used, with the reason."""
     lost = [f"{one.theirs} = {one.text} is not used: {one.why}" for one in made.left if one.theirs in asked]
     used = {one.theirs for one in made.taken if one.ours in kept}

@@ -1,4 +1,4 @@
-"""Print settings of other slicers as our qualities."""
+"""Convert print settings of other slicers to qualities."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ import re
 from typing import Final
 
 from printer_slicer import bead
-from printer_slicer.importing.conditions import setting_value
-from printer_slicer.importing.conversion import Conversion
-from printer_slicer.importing.own import with_own
+from printer_slicer.importing.conditions import evaluate_setting
+from printer_slicer.importing.conversion import ONE_TOOL, SUPPORTS_OFF, Conversion
+from printer_slicer.importing.object_overrides import add_object_overrides
 from printer_slicer.importing.presets import Preset
-from printer_slicer.importing.report import Imported
-from printer_slicer.importing.speeds import path_speeds
+from printer_slicer.importing.results import ImportedProfile
+from printer_slicer.importing.speeds import convert_speeds
 from printer_slicer.macros import MacroFault
 
-__all__ = ["quality_from"]
+__all__ = ["convert_quality"]
 
 _PATTERNS: Final = {
     same: same
@@ -58,47 +58,46 @@ _WIDTHS: Final = (
     "solid_infill_extrusion_width",
     "top_infill_extrusion_width",
 )
+_EXTERNAL: Final = _WIDTHS[1]
 _NOZZLE: Final = re.compile(r"nozzle_diameter\[0\]\s*={1,2}\s*(\d*\.?\d+)")
 
 
-def quality_from(preset: Preset) -> Imported:
-    """Our quality for another slicer's print settings.
+def convert_quality(preset: Preset) -> ImportedProfile:
+    """Convert print settings.
 
     Args:
-        preset: its settings under PrusaSlicer's names; `together` holds the printer's, where it is known.
+        preset: its settings under PrusaSlicer's names; `together` has the printer's, if it is known.
 
     Raises:
-        ProfileError: a value that is no number or makes no sense, with place and remedy.
+        ProfileError: a value is not a number, or out of range; with place and remedy.
     """
     made = Conversion(preset)
     made.put("name", preset.name)
     made.put("planner", {"kind": "uniform"})
     height = made.number("layer_height", "layer_height")
     if not 0.01 <= height <= 1.6:
-        raise made.refuse("layer_height", f"layers of {height:g} mm", "0.01 to 1.6 mm are printed here")
+        raise made.refuse("layer_height", f"layers of {height:g} mm", "Choose 0.01 to 1.6 mm")
     _layers(made, height)
     width = _widths(made, height)
     _walls(made)
-    _skins(made, height)
+    _shells(made, height)
     _infill(made, height, width)
     _bed(made, height)
-    path_speeds(made)
-    done = made.done(_why)
-    return with_own(done, preset, quality_from) if preset.own else done
+    convert_speeds(made)
+    done = made.done(lambda name: _reason(name, supports=preset.on("support_material")))
+    return add_object_overrides(done, preset, convert_quality) if preset.own else done
 
 
 def _nozzle(made: Conversion) -> tuple[float, str]:
-    """The nozzle that widths hang on, and how it is known."""
+    """Return the nozzle diameter that percentages refer to, mm, and where it comes from."""
     preset = made.preset
     known = dict(preset.together) | {name: entry.text for name, entry in preset.entries.items()}
     try:
-        return float(str(setting_value("nozzle_diameter", known))), "of the nozzle"
+        return float(str(evaluate_setting("nozzle_diameter", known))), "of the nozzle"
     except (MacroFault, ValueError):
         found = _NOZZLE.search(preset.raw("compatible_printers_condition"))
         value = float(found[1]) if found else 0.4
-        return (
-            (value, f"of the nozzle of {value:g} mm it is for") if found else (0.4, "of a nozzle of 0.4 mm")
-        )
+        return (value, f"of the {value:g} mm nozzle it is for") if found else (0.4, "of a 0.4 mm nozzle")
 
 
 def _layers(made: Conversion, height: float) -> None:
@@ -110,15 +109,13 @@ def _layers(made: Conversion, height: float) -> None:
     resolution = made.preset.number("resolution") or made.preset.number("gcode_resolution")
     made.held("resolution", resolution, 0, 0.2, ("resolution", "gcode_resolution"))
     if made.preset.text("arc_fitting") in ("emit_center", "1", "true"):
-        made.held(
-            "arc_tolerance", max(resolution, 0.0125), 0, 0.2, "arc_fitting", "as far off as the resolution"
-        )
+        made.held("arc_tolerance", max(resolution, 0.0125), 0, 0.2, "arc_fitting", "the resolution")
     made.skip(["arc_fitting"])
     _compensation(made, height)
 
 
 def _compensation(made: Conversion, height: float) -> None:
-    """What contours, holes and the first layer are grown or shrunk by."""
+    """Convert the compensation of contours, holes and the first layer."""
     preset = made.preset
     grown = preset.number("xy_size_compensation")
     made.held("xy_compensation", grown, -1, 1, "xy_size_compensation")
@@ -128,16 +125,16 @@ def _compensation(made: Conversion, height: float) -> None:
         inner = "xy_inner_size_compensation"
         holes = preset.number(inner) if preset.has(inner) else grown
         names = ["xy_size_compensation", inner]
-        if preset.has("hole_size_compensation"):  # of SuperSlicer: convex holes have more of it
+        if preset.has("hole_size_compensation"):  # SuperSlicer's extra compensation of convex holes
             holes += preset.number("hole_size_compensation")
             names = ["hole_size_compensation", *names]
-        how = "as of all holes" if preset.number("hole_size_compensation") else ""
+        how = "applies to all holes" if preset.number("hole_size_compensation") else ""
         made.held("hole_compensation", -holes, -1, 1, names, how)
     _foot(made, height)
 
 
 def _foot(made: Conversion, height: float) -> None:
-    """The first layer is made smaller; SuperSlicer counts that as growth, and may let it fade over some layers."""
+    """Convert elephant foot compensation; SuperSlicer's is negative, and may cover several layers."""
     preset, name = made.preset, "first_layer_size_compensation"
     if not preset.number(name):
         name = "elefant_foot_compensation"
@@ -145,7 +142,9 @@ def _foot(made: Conversion, height: float) -> None:
         made.held("elephant_foot", max(preset.number(name), 0), 0, 1, name)
         return
     inset = -preset.number(name)
-    made.held("elephant_foot", inset, 0, 1, (name, "elefant_foot_compensation"), "counted inwards here")
+    made.held(
+        "elephant_foot", inset, 0, 1, (name, "elefant_foot_compensation"), "positive values shrink here"
+    )
     layers = preset.number(f"{name}_layers")
     if layers > 1:
         first = float(made.values["first_layer_height"])
@@ -154,36 +153,32 @@ def _foot(made: Conversion, height: float) -> None:
 
 
 def _widths(made: Conversion, height: float) -> float:
-    """One width for all beads but those on the bed: that of the perimeters, which a part's size hangs on."""
+    """Convert the widths of perimeters, external perimeters and the first layer; all others are as perimeters.
+
+    Returns:
+        The width of perimeters, mm.
+    """
     preset = made.preset
     nozzle, whose = _nozzle(made)
     over_nozzle = preset.dialect not in {"prusaslicer", "slic3r"}
 
     def width(name: str, layer: float) -> float:
-        """A width; 0: left to the program."""
+        """Return a width in mm; 0: automatic."""
         return preset.quantity(name).of(nozzle if over_nozzle else layer)
 
-    made.skip(["extrusion_width", *_WIDTHS])
     name = next((one for one in (*_WIDTHS[:2], "extrusion_width") if width(one, height)), "")
     usual = width(name, height) if name else 1.125 * nozzle
     percent = bool(name) and preset.quantity(name).percent
-    others = {
-        one: width(one, height)
-        for one in _WIDTHS
-        if width(one, height) and abs(width(one, height) - usual) > 1e-6
-    }
-    how = [f"percentage {whose if over_nozzle else 'of layer_height'}"] if percent else []
-    how += (
-        [f"all beads; {', '.join(f'{one} {value:g}' for one, value in others.items())} left out"]
-        if others
-        else []
-    )
+    differing = {one for one in _WIDTHS if width(one, height) and abs(width(one, height) - usual) > 1e-6}
+    made.skip(one for one in ("extrusion_width", *_WIDTHS) if one not in differing)
+    part = f"percentage {whose if over_nozzle else 'of layer_height'}"
     if name:
-        made.held("extrusion_width", usual, 0, 4, name, "; ".join(how))
+        made.held("extrusion_width", usual, 0, 4, name, part if percent else "")
     else:
-        made.put(
-            "extrusion_width", 0, "extrusion_width", "left to the program, which takes 1.125 nozzle diameters"
-        )
+        made.put("extrusion_width", 0, "extrusion_width", "automatic: 1.125 nozzle diameters")
+    if _EXTERNAL in differing:
+        how = part if preset.quantity(_EXTERNAL).percent else ""
+        made.held("external_perimeter_width", width(_EXTERNAL, height), 0, 4, _EXTERNAL, how)
     first = width("first_layer_extrusion_width", float(made.values["first_layer_height"]))
     found = preset.quantity("first_layer_extrusion_width")
     what = f"percentage {whose if over_nozzle else 'of first_layer_height'}" if found.percent else ""
@@ -195,8 +190,10 @@ def _walls(made: Conversion) -> None:
     preset = made.preset
     made.held("perimeters", int(preset.number("perimeters")), 0, 100, "perimeters")
     classic = preset.text("perimeter_generator") == "classic"
-    how = "gaps and thin walls are filled by beads of varying width" if classic else ""
-    made.put("varying_walls", True, ("perimeter_generator", "thin_walls", "gap_fill_enabled"), how)
+    how = "gaps and thin walls are filled with variable extrusion width" if classic else ""
+    made.put(
+        "varying_walls", True, ("perimeter_generator", "thin_walls", "gap_fill_enabled"), how, differs=classic
+    )
     nozzle = _nozzle(made)[0]
     for ours, theirs, usual in (
         ("min_bead_width", "min_bead_width", 85),
@@ -233,13 +230,13 @@ def _walls(made: Conversion) -> None:
     made.switch("avoid_crossing", "avoid_crossing_perimeters")
     detour = preset.quantity("avoid_crossing_perimeters_max_detour")
     if not detour.percent:
-        # 0 is any detour there.
+        # In the source, 0 means no limit.
         made.held("max_detour", detour.value or 10000, 0, 10000, "avoid_crossing_perimeters_max_detour")
     made.switch("spiral", "spiral_vase")
 
 
 def _scarf(made: Conversion) -> None:
-    """Perimeters that end in a slope over their begin."""
+    """Convert scarf joints."""
     preset = made.preset
     kind, length = "seam_slope_type", "seam_slope_min_length"
     if preset.text(kind) in ("", "none"):
@@ -249,24 +246,29 @@ def _scarf(made: Conversion) -> None:
     how = "; ".join(
         text
         for text, there in (
-            ("around the whole loop there", whole),
-            ("in holes, too", preset.text(kind) == "external"),
-            ("at corners, too", preset.on("seam_slope_conditional")),
+            ("around the whole loop in the source", whole),
+            ("also in holes here", preset.text(kind) == "external"),
+            ("also at corners here", preset.on("seam_slope_conditional")),
         )
         if there
     )
     reach = 100.0 if whole else preset.number(length)
     names = (kind, length, "seam_slope_entire_loop", "seam_slope_conditional", "scarf_angle_threshold")
     made.held("scarf_length", reach, 0, 100, names, how)
+    if how:
+        made.mark_different()
     start = preset.quantity("seam_slope_start_height")
     share = start.value / 100 if start.percent else start.value / float(made.values["layer_height"])
-    how = "as a share of the layer" if start.value and not start.percent else ""
+    how = "as a ratio of the layer height" if start.value and not start.percent else ""
     made.held("scarf_start", share, 0, 0.9, "seam_slope_start_height", how)
     made.switch("scarf_inner", "seam_slope_inner_walls")
 
 
-def _skins(made: Conversion, height: float) -> None:
-    """Shells by thickness: as much as the layers make, or the least thickness if that is more."""
+def _shells(made: Conversion, height: float) -> None:
+    """Convert top and bottom shells to thicknesses, and settings of ironing and bridges.
+
+    The thickness is that of the layers, or the minimum thickness if it is greater.
+    """
     preset = made.preset
     first = float(made.values["first_layer_height"])
     for side, begin in (("bottom", first), ("top", height)):
@@ -277,8 +279,8 @@ def _skins(made: Conversion, height: float) -> None:
         made.held(f"{side}_thickness", max(thickness, least if count else 0), 0, 1000, names, how)
     name = "ensure_vertical_shell_thickness"
     full = preset.text(name) not in ("0", "disabled", "false", "", "none")
-    how = "across slopes nine tenths" if full else ""
-    made.put("slope_shell_ratio", 0.9 if full else 0, name, how)
+    how = "0.9 of the shell thickness on slopes" if full else ""
+    made.put("slope_shell_ratio", 0.9 if full else 0, name, how, differs=full)
     ironing = (
         preset.text("ironing_type") not in ("", "no ironing", "none")
         if preset.dialect == "orca"
@@ -298,7 +300,7 @@ def _infill(made: Conversion, height: float, width: float) -> None:
     density = preset.quantity("fill_density")
     share = density.value / 100 if density.percent or density.value > 1 else density.value
     if not 0 <= share <= 1:
-        raise made.refuse("fill_density", f"a density of {100 * share:g} %", "write 0 to 100 %")
+        raise made.refuse("fill_density", f"a density of {100 * share:g} %", "Write 0 to 100 %")
     made.put("infill_density", share, "fill_density")
     if preset.has("infill_overlap"):
         _overlap(made, height, width)
@@ -308,8 +310,8 @@ def _infill(made: Conversion, height: float, width: float) -> None:
     )
     for name, most in (("infill_anchor", 50), ("infill_anchor_max", 1000)):
         found = preset.quantity(name)
-        length = min(found.of(width), most)  # 1000 says there that it is not limited
-        how = "percentage of the bead's width" if found.percent else ""
+        length = min(found.of(width), most)  # in the source, 1000 means no limit
+        how = "percentage of the extrusion width" if found.percent else ""
         how = how if length == found.of(width) else f"{most} is the most here"
         made.held(name, length, 0, most, name, how)
     every = preset.number("infill_every_layers")
@@ -320,15 +322,16 @@ def _infill(made: Conversion, height: float, width: float) -> None:
 
 def _overlap(made: Conversion, height: float, width: float) -> None:
     """Convert the overlap of infill with perimeters: mm, or a percentage of the mean spacing of the two."""
-    found = made.quantity("infill_overlap")
     spacing = float(bead.spacing(width, height))
-    how = "" if found.percent else "mm as a share of the spacing"
-    for ours in ("infill_overlap", "internal_infill_overlap"):
-        made.held(ours, round(found.of(spacing) / spacing, 4), 0, 0.5, "infill_overlap", how)
+    solid = "solid_infill_overlap" if made.preset.has("solid_infill_overlap") else "infill_overlap"
+    for ours, theirs in (("infill_overlap", solid), ("internal_infill_overlap", "infill_overlap")):
+        found = made.quantity(theirs)
+        how = "" if found.percent else "as a ratio of the spacing"
+        made.held(ours, round(found.of(spacing) / spacing, 4), 0, 0.5, theirs, how)
 
 
 def _bed(made: Conversion, height: float) -> None:
-    """Skirt, brim, raft."""
+    """Convert skirt, brim and raft."""
     preset = made.preset
     first = float(made.values["first_layer_height"])
     made.held("skirt_loops", int(preset.number("skirts")), 0, 20, "skirts")
@@ -354,7 +357,7 @@ def _brim(made: Conversion) -> None:
     kind = preset.text("brim_type")
     none = kind in ("no_brim", "none")
     made.held("brim_width", 0 if none else preset.number("brim_width"), 0, 50, ("brim_width", "brim_type"))
-    if preset.on("brim_ears"):  # a switch of SuperSlicer's; OrcaSlicer had it once
+    if preset.on("brim_ears"):  # a switch of SuperSlicer and old versions of OrcaSlicer
         made.put("brim_type", "ears", "brim_ears")
         if preset.has("brim_ears_max_angle"):
             made.held(
@@ -388,19 +391,26 @@ def _raft(made: Conversion, height: float) -> None:
             "raft_base_density", made.of("raft_first_layer_density", 1.0), 0.2, 1, "raft_first_layer_density"
         )
         if made.values["brim_width"]:
-            made.put("brim_width", 0, "brim_width", "the part stands on a raft")
+            made.put("brim_width", 0, "brim_width", "the part stands on a raft", differs=True)
 
 
-def _why(name: str) -> str:
-    """Why a print setting has no counterpart."""
-    if name.startswith("support_material") or name in ("dont_support_bridges", "interface_shells"):
-        return "no supports here"
+def _reason(name: str, *, supports: bool) -> str:
+    """Return the reason why a print setting has no equivalent.
+
+    Args:
+        name: name of the setting.
+        supports: whether the source prints supports.
+    """
+    if name.startswith("support_") or name in ("dont_support_bridges", "interface_shells"):
+        return "supports are not available here" if supports else SUPPORTS_OFF
     if name.startswith(
         ("wipe_tower", "ooze_prevention", "standby_temperature", "mmu_", "single_extruder")
     ) or name.endswith("_extruder"):
-        return "one tool prints"
+        return ONE_TOOL
     if name == "travel_acceleration":
-        return "the printer's travel_acceleration: set it there"
+        return "travel_acceleration is a printer setting: set it there"
+    if name in _WIDTHS:
+        return "extrusion_width applies to everything but external perimeters and the first layer"
     if name == "max_volumetric_speed":
-        return "the material's max_flow limits it"
-    return "no counterpart"
+        return "max_flow of the material limits the flow"
+    return "no equivalent"

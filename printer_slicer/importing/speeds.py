@@ -1,4 +1,4 @@
-"""Speeds and accelerations of other slicers as ours: percentages of each other, and 0 for whatever is fastest."""
+"""Convert speeds and accelerations of other slicers, with percentages of each other and 0 for automatic."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Final
 
 from printer_slicer.importing.conversion import Conversion
 
-__all__ = ["path_speeds"]
+__all__ = ["convert_speeds"]
 
 _SPEEDS: Final = (
     ("perimeter", "perimeter_speed"),
@@ -23,7 +23,7 @@ _SPEEDS: Final = (
     ("support_interface", "support_material_interface_speed"),
 )
 _FASTEST: Final = "max_print_speed"
-_WHOLES: Final[Mapping[str, str]] = {
+_PERCENT_OF: Final[Mapping[str, str]] = {
     "external_perimeter_speed": "perimeter_speed",
     "small_perimeter_speed": "perimeter_speed",
     "solid_infill_speed": "infill_speed",
@@ -36,9 +36,9 @@ _WHOLES: Final[Mapping[str, str]] = {
     "first_layer_travel_speed": "travel_speed",
     "default_acceleration": "machine_max_acceleration_x",
 }
-"""The setting that a percentage is of; others are of the fastest speed, accelerations of default_acceleration."""
+"""Setting -> setting that its percentage refers to; others refer to max_print_speed or default_acceleration."""
 
-_WHOLES_IN: Final[Mapping[str, Mapping[str, str]]] = {
+_PERCENT_OF_IN: Final[Mapping[str, Mapping[str, str]]] = {
     "superslicer": {
         "default_speed": "machine_max_feedrate_x",
         "perimeter_speed": "default_speed",
@@ -56,11 +56,11 @@ _WHOLES_IN: Final[Mapping[str, Mapping[str, str]]] = {
         "bridge_acceleration": "external_perimeter_acceleration",
     },
 }
-"""Where a program differs. Source: the explanations of their settings (`ratio_over`)."""
+"""The same for slicers that differ. Source: their setting definitions (`ratio_over`)."""
 
-_USUAL: Final = "default_acceleration"
+_DEFAULT: Final = "default_acceleration"
 _ACCELERATIONS: Final = (
-    ("default", (_USUAL,)),
+    ("default", (_DEFAULT,)),
     ("first_layer", ("first_layer_acceleration",)),
     ("external_perimeter", ("external_perimeter_acceleration", "perimeter_acceleration")),
     ("perimeter", ("perimeter_acceleration",)),
@@ -75,11 +75,11 @@ _ACCELERATIONS: Final = (
 _OVERHANGS: Final = (("0", 0), ("25", 1), ("50", 2), ("75", 3))
 
 
-def path_speeds(made: Conversion) -> None:
-    """Put all speeds and accelerations.
+def convert_speeds(made: Conversion) -> None:
+    """Convert all speeds and accelerations.
 
     Raises:
-        ProfileError: a speed that is negative, with place and remedy.
+        ProfileError: a speed is negative; with place and remedy.
     """
     for ours, theirs in _SPEEDS:
         _put(made, ours, theirs)
@@ -92,47 +92,47 @@ def path_speeds(made: Conversion) -> None:
     _first_layer_travel(made, travel)
     _overhangs(made)
     _accelerations(made)
-    made.skip([_FASTEST, "overhangs", "default_speed", _USUAL])
-    if made.preset.mixed:  # the printer's preset takes it
+    made.skip([_FASTEST, "overhangs", "default_speed", _DEFAULT])
+    if made.preset.mixed:  # it becomes a setting of the printer
         made.skip(["travel_acceleration"])
 
 
 def _put(made: Conversion, ours: str, theirs: str) -> None:
-    """One speed, with what it is a percentage of."""
-    if theirs == "bridge_speed_internal":  # SuperSlicer has renamed it
+    """Convert one speed."""
+    if theirs == "bridge_speed_internal":  # SuperSlicer renamed it
         names = (theirs, "internal_bridge_speed")
         theirs = next((one for one in names if made.preset.raw(one)), "bridge_speed")
     value, how = _speed(made, theirs)
     made.held(f"speeds.{ours}", value, 0.1, 1000, theirs, how)
 
 
-def _whole(made: Conversion, name: str, other: str) -> str:
-    """The setting that percentages of this one are of."""
+def _percent_of(made: Conversion, name: str, other: str) -> str:
+    """Return the setting that a percentage refers to."""
     preset = made.preset
-    # SuperSlicer's percentages are of others since it has a default speed; before they were PrusaSlicer's.
+    # Versions of SuperSlicer without default_speed use the percentages of PrusaSlicer.
     older = preset.dialect == "superslicer" and "default_speed" not in preset.entries
-    own = {} if older else _WHOLES_IN.get(preset.dialect, {})
-    return own.get(name) or _WHOLES.get(name, other)
+    own = {} if older else _PERCENT_OF_IN.get(preset.dialect, {})
+    return own.get(name) or _PERCENT_OF.get(name, other)
 
 
 def _speed(made: Conversion, name: str) -> tuple[float, str]:
-    """A speed in mm/s, and what was made of it."""
+    """Return a speed in mm/s, and how it was converted."""
     if name.startswith("machine_"):
         return made.beside(name), ""
     found = made.quantity(name)
     _positive(made, name, found.value)
     if found.percent:
-        whole = _whole(made, name, _FASTEST)
+        whole = _percent_of(made, name, _FASTEST)
         base = made.preset.number(whole) if whole == _FASTEST else _speed(made, whole)[0]
         return found.of(base), f"percentage of {whole}"
-    if found.value == 0:  # as fast as the flow allows, up to a limit
+    if found.value == 0:  # automatic: limited by the flow and by max_print_speed
         return made.preset.number(_FASTEST) or 80.0, f"0 means up to {_FASTEST}"
     return found.value, ""
 
 
 def _positive(made: Conversion, name: str, value: float) -> None:
     if value < 0:
-        raise made.refuse(name, f"a speed of {value:g}", "write a positive one")
+        raise made.refuse(name, f"a speed of {value:g}", "Write a positive speed")
 
 
 def _gap(made: Conversion) -> None:
@@ -177,7 +177,7 @@ def _first_layer_travel(made: Conversion, travel: float) -> None:
 
 
 def _small(made: Conversion) -> None:
-    """Loops that are slower because they are short, and how short that is."""
+    """Convert the speed of small perimeters, and the radius up to which it applies."""
     name, preset = "small_perimeter_speed", made.preset
     found = preset.quantity(name)
     value, how = _speed(made, name) if found.value else (0.0, "")
@@ -188,12 +188,14 @@ def _small(made: Conversion) -> None:
         made.held(radius, preset.number(threshold), 0, 100, threshold)
     elif preset.has(length):
         around = preset.quantity(length).of(made.beside("nozzle_diameter"))
-        how = "a circle of this length; from there to small_perimeter_max_length it speeds up in the source"
+        how = (
+            "radius of a circle of this length; the source speeds up gradually to small_perimeter_max_length"
+        )
         made.held(radius, around / (2 * pi), 0, 100, (length, "small_perimeter_max_length"), how)
 
 
 def _overhangs(made: Conversion) -> None:
-    """Overhangs as the source grades them; else only bridges are slower."""
+    """Convert speeds graded by overhang; without them only bridges are slower."""
     preset = made.preset
     graded = preset.has("enable_dynamic_overhang_speeds") and preset.on("enable_dynamic_overhang_speeds")
     outer = float(made.values["speeds"]["external_perimeter"])
@@ -207,7 +209,7 @@ def _overhangs(made: Conversion) -> None:
                 0.01,
                 1,
                 name,
-                "as a share of outer perimeters",
+                "as a ratio of external perimeters",
             )
         else:
             made.put(f"speeds.overhang_{share}_ratio", 1, name)
@@ -215,22 +217,22 @@ def _overhangs(made: Conversion) -> None:
 
 
 def _accelerations(made: Conversion) -> None:
-    """0 there: as another one of them, in the end default_acceleration; 0 here: as the printer's."""
+    """Convert accelerations; 0 in the source refers to another setting, 0 here to the printer."""
     for ours, names in _ACCELERATIONS:
-        name = next((one for one in names if made.quantity(one).value), _USUAL)
+        name = next((one for one in names if made.quantity(one).value), _DEFAULT)
         value = _acceleration(made, name)
         how = "" if name == names[0] or not value else f"as {name}"
         if made.quantity(name).percent:
-            how = f"percentage of {_whole(made, name, _USUAL)}"
+            how = f"percentage of {_percent_of(made, name, _DEFAULT)}"
         made.skip(names)
         made.held(f"accelerations.{ours}", value, 0, 100000, name, how)
 
 
 def _acceleration(made: Conversion, name: str) -> float:
-    """An acceleration in mm/s², 0 where nothing says one."""
+    """Return an acceleration in mm/s²; 0 if the source does not set one."""
     if name.startswith("machine_"):
         return made.beside(name)
     found = made.quantity(name)
-    if not found.value and name != _USUAL:
-        return _acceleration(made, _whole(made, name, _USUAL))
-    return found.of(_acceleration(made, _whole(made, name, _USUAL))) if found.percent else found.value
+    if not found.value and name != _DEFAULT:
+        return _acceleration(made, _percent_of(made, name, _DEFAULT))
+    return found.of(_acceleration(made, _percent_of(made, name, _DEFAULT))) if found.percent else found.value

@@ -42,11 +42,12 @@ def _walls_of(sections: Sections, here: Bool, profile: Profile) -> Walls:
     if quality.single_top_perimeter and quality.perimeters > 1:
         top = _open_top(sections.solid, profile.extrusion_width).of_layers(here)
     # Make external perimeters first and the others inside them, because hidden borders may be simplified.
-    apart = top.used | (quality.varying_walls and quality.perimeters > 0)
+    external = profile.with_external_width
+    apart = top.used | ((quality.varying_walls or external is not profile) and quality.perimeters > 0)
     usual = make_loops(solid.of_layers(~apart), plan, profile, quality.perimeters)
     parts, inside, lost = [usual.paths], usual.rest, usual.lost
     if apart.any():
-        outer = make_loops(solid.of_layers(apart), plan, profile, 1)
+        outer = make_loops(solid.of_layers(apart), plan, external, 1)
         under = difference(outer.rest, top) if top.n_rings else outer.rest
         inner = make_loops(under, plan, profile, quality.perimeters - 1, outermost=False)
         rest = union(difference(outer.rest, under), inner.rest) if top.n_rings else inner.rest

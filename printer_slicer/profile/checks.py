@@ -138,6 +138,7 @@ def _widths(profile: Profile) -> Iterator[Conflict]:
         )
     widths = {
         "extrusion_width": profile.extrusion_width,
+        "external_perimeter_width": profile.quality.external_perimeter_width,
         "first_layer_width": profile.quality.first_layer_width,
     }
     for name, width in widths.items():

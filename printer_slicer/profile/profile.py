@@ -103,6 +103,12 @@ class Profile(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
         return self.quality.extrusion_width or 1.125 * self.printer.nozzle_diameter
 
     @property
+    def with_external_width(self) -> Profile:
+        """Return the profile in which all extrusions are as wide as external perimeters."""
+        wanted = self.quality.external_perimeter_width
+        return replace(self, quality=replace(self.quality, extrusion_width=wanted)) if wanted else self
+
+    @property
     def width_on_bed(self) -> float:
         """Extrusion width on the bed, mm, with the default filled in."""
         return self.quality.first_layer_width or self.extrusion_width

@@ -112,6 +112,9 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     extrusion_width: Annotated[
         float, meta("extrusion width; 0: 1.125 nozzle diameters", "mm", ge=0, le=4)
     ] = 0
+    external_perimeter_width: Annotated[
+        float, meta("extrusion width of external perimeters; 0: extrusion_width", "mm", ge=0, le=4)
+    ] = 0
     first_layer_width: Annotated[
         float, meta("extrusion width on the first layer; 0: extrusion_width", "mm", ge=0, le=4)
     ] = 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 from pathlib import Path
 
 import pytest
@@ -34,14 +35,116 @@ def test_it_writes_three_files_that_slice(tmp_path: Path, capsys: pytest.Capture
     assert [path.as_posix() for path in files] == [
         "materials/plain_pla.toml", "printers/little_printer.toml", "qualities/0_20mm_plain.toml",
     ]  # fmt: skip
+    assert f"3 profiles written to {tmp_path / 'made'}" in said
+    flags = shlex.split(said.splitlines()[-1])[3:]
+    assert main(["slice", "sample_parts/box.stl", "-o", str(tmp_path / "box.gcode"), "-q", *flags]) == 0
+
+
+def test_by_default_there_are_counts_and_at_most_five_differences(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    changes = {
+        "fill_pattern": "stars",
+        "support_material": "1",
+        "perimeter_generator": "classic",
+        "perimeters": "140",
+    }
+    path = flat_file(
+        tmp_path, **changes, fuzzy_skin="all", complete_objects="1", infill_extrusion_width="0.6",
+        filament_max_volumetric_speed="0",
+    )  # fmt: skip
+    _, said, _ = run(capsys, path)
+    lines = said.splitlines()
+
+    assert lines[0] == (
+        "printer little_printer from 'Little Printer': 29 settings taken over, 0 not applicable, 0 without equivalent"
+    )
+    assert [line.split()[0] for line in lines[:3]] == ["printer", "material", "quality"]
+    assert lines[3:10] == [
+        "largest differences from the source:",
+        "  quality: support_material = 1 is not taken over (supports are not available here)",
+        "  quality: perimeters = 140 -> perimeters = 100 (100 is the most here)",
+        "  quality: fuzzy_skin = all is not taken over (no equivalent)",
+        "  quality: complete_objects = 1 is not taken over (no equivalent)",
+        "  quality: fill_pattern = stars -> infill = triangles (stars is nearest to triangles)",
+        "add -v to see 3 more differences and all settings",
+    ]
+    assert len(lines) == 13
+    _, material, _ = run(capsys, path, "--only", "Plain PLA", "--force")
+    assert (
+        "  material: filament_max_volumetric_speed = 0 mm³/s -> max_flow = 0 mm³/s "
+        "(unlimited in the source; here 0 means printer.hotend_max_flow, or 12 mm³/s if that is 0)"
+        in material.splitlines()
+    )
+
+
+def test_verbose_names_every_setting(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    _, said, _ = run(capsys, flat_file(tmp_path), "-v")
+
     assert (
         "external_perimeter_speed = 50% -> speeds.external_perimeter = 24 (percentage of perimeter_speed)"
         in said
     )
-    assert "left out support_material_spacing = 2.5 (no supports here)" in said
-    assert "3 profiles written, 0 refused" in said
-    flags = said.split("PART.stl ")[1].splitlines()[0].split()
-    assert main(["slice", "sample_parts/box.stl", "-o", str(tmp_path / "box.gcode"), "-q", *flags]) == 0
+    assert "not applicable: support_material_spacing = 2.5 (supports are off)" in said
+    assert "largest differences" not in said
+
+
+@pytest.mark.parametrize("where", [[], ["-o", "my profiles"]], ids=["own", "elsewhere"])
+@pytest.mark.parametrize(
+    "chosen", [[], ["--only", "Little Printer"], ["--name", "mine"], ["--only", "Plain PLA"]], ids=" ".join
+)
+def test_the_command_at_the_end_works_as_it_is(
+    where: list[str],
+    chosen: list[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    _, said, _ = run(capsys, flat_file(tmp_path), *where, *chosen)
+    program, *words = shlex.split(said.splitlines()[-1])
+
+    assert program == "printer-slicer"
+    assert not [word for word in words if word.endswith(".toml")]
+    assert main(words) == 0
+    shown = capsys.readouterr().out
+    assert "Little Printer" in shown or "Plain PLA" in shown
+
+
+def test_profiles_that_do_not_fit_together_are_shown_one_by_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = flat_file(tmp_path, external_perimeter_extrusion_width="1.5")
+    _, said, _ = run(capsys, path)
+    *_, problem, remedy, command = said.splitlines()
+
+    assert problem.startswith("warning: the profiles do not fit together: ")
+    assert "quality.external_perimeter_width: 1.5 mm" in problem
+    assert remedy == "  choose 0.24 to 1 mm"
+    assert main(shlex.split(command)[1:]) == 0
+
+
+def test_a_name_can_be_given(tmp_path: Path, own: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = flat_file(tmp_path)
+
+    assert run(capsys, path, "--name", "ender3")[0] == 0
+    assert sorted(one.stem for one in own.rglob("*.toml")) == ["ender3"] * 3
+    assert "Use --name my_ender" in run(capsys, path, "--name", "My Ender!")[2]
+    assert "Use lower-case letters" in run(capsys, path, "--name", "?")[2]
+    bundle = tmp_path / "Acme.ini"
+    bundle.write_text(BUNDLE, encoding="utf-8")
+    assert "--only or --for" in run(capsys, bundle, "--name", "acme")[2]
+
+
+def test_a_new_profile_hides_neither_a_shipped_one_nor_one_of_another_preset(
+    tmp_path: Path, own: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for vendor in ("A", "B", "A"):
+        changes = {"print_settings_id": f"0.2mm Fine @{vendor}", "filament_settings_id": "PLA"}
+        assert run(capsys, flat_file(tmp_path, **changes))[0] == 0
+
+    assert sorted(one.stem for one in (own / "qualities").iterdir()) == ["0_2mm_fine", "0_2mm_fine_b"]
+    assert [one.stem for one in (own / "materials").iterdir()] == ["pla_2"]
 
 
 def test_it_writes_over_nothing_unless_told_to(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -52,7 +155,7 @@ def test_it_writes_over_nothing_unless_told_to(tmp_path: Path, capsys: pytest.Ca
     code, _, error = run(capsys, path, "-o", tmp_path)
 
     assert code == 2
-    assert f"{mine}" in error or "there already" in error
+    assert f"{mine}: already exists" in error
     assert "--force" in error
     assert mine.read_text() == "mine"
     assert run(capsys, path, "-o", tmp_path, "--force")[0] == 0
@@ -119,7 +222,7 @@ def test_json_holds_the_whole_account(tmp_path: Path, capsys: pytest.CaptureFixt
 
 
 def test_a_bundle_is_listed_told_shortly_and_taken_by_printer(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, own: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "Acme.ini"
     path.write_text(BUNDLE, encoding="utf-8")
@@ -128,8 +231,8 @@ def test_a_bundle_is_listed_told_shortly_and_taken_by_printer(
     _, one, _ = run(capsys, path, "--dry-run", "--for", "Acme A1")
 
     assert "printer   Acme A1\n" in names
-    assert "refused: printer 'Ring': " in said
-    assert "7 profiles would be written, 2 refused" in said
+    assert "rejected: printer 'Ring': " in said
+    assert f"7 profiles would be written to {own}; 2 rejected" in said
     assert "3 profiles would be written" in one
 
 
@@ -152,13 +255,15 @@ def test_commands_that_print_would_refuse_are_told(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = flat_file(tmp_path, start_gcode=f"{REFUSED}M109 S[first_layer_temperature]\\nG28\\nM190 S60\\n")
-    _, said, _ = run(capsys, path, "-o", tmp_path)
-    told = [line for line in said.splitlines() if "`print` refuses it" in line]
+    _, short, _ = run(capsys, path, "-o", tmp_path)
+    _, said, _ = run(capsys, path, "-o", tmp_path, "-v")
+    told = [line for line in said.splitlines() if "`print` rejects it" in line]
     names = ["cold", "eeprom", "eeprom", "firmware", "temperature"]
 
     assert [line.rpartition(" ")[2] for line in told] == names
     assert "nozzle at 295 °C" in told[-1]
-    assert "5 to look at" in said
+    assert short.count("`print` rejects it") == 3
+    assert "add -v to see 2 more warnings" in short
     assert "# look at: M997" in (tmp_path / "printers" / "little_printer.toml").read_text(encoding="utf-8")
     assert "`print`" not in run(capsys, flat_file(tmp_path), "--dry-run")[1]
 

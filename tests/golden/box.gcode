@@ -595,6 +595,7 @@ M104 S0
 ; quality.elephant_foot = 0
 ; quality.elephant_foot_height = 0
 ; quality.extrusion_width = 0
+; quality.external_perimeter_width = 0
 ; quality.first_layer_width = 0
 ; quality.perimeters = 2
 ; quality.varying_walls = True

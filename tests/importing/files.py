@@ -8,7 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from printer_slicer.importing import Imported, ImportRequest, Refused, import_profiles, profile_text
+from printer_slicer.importing import (
+    ImportedProfile,
+    ImportRequest,
+    RejectedProfile,
+    import_profiles,
+    profile_text,
+)
 from printer_slicer.profile import Profile, load_profile
 
 FLAT = {
@@ -77,21 +83,21 @@ def flat_file(folder: Path, **changes: str | None) -> Path:
     return path
 
 
-def imported(path: Path, **wanted: object) -> dict[str, Imported]:
+def imported(path: Path, **wanted: object) -> dict[str, ImportedProfile]:
     """The profiles in a file, by kind; nothing in it may be refused."""
     results = import_profiles(path, ImportRequest(**wanted))  # type: ignore[arg-type]
-    assert [one.problem for one in results if isinstance(one, Refused)] == []
-    return {one.kind: one for one in results if isinstance(one, Imported)}
+    assert [one.problem for one in results if isinstance(one, RejectedProfile)] == []
+    return {one.kind: one for one in results if isinstance(one, ImportedProfile)}
 
 
-def refused(path: Path, kind: str, **wanted: object) -> Refused:
+def refused(path: Path, kind: str, **wanted: object) -> RejectedProfile:
     """Why a preset of a kind is refused."""
     (one,) = [one for one in import_profiles(path, ImportRequest(**wanted)) if one.kind == kind]  # type: ignore[arg-type]
-    assert isinstance(one, Refused)
+    assert isinstance(one, RejectedProfile)
     return one
 
 
-def loaded(made: Mapping[str, Imported], folder: Path) -> Profile:
+def loaded(made: Mapping[str, ImportedProfile], folder: Path) -> Profile:
     """The profiles as the program reads them from files."""
     paths = {}
     for kind, one in made.items():

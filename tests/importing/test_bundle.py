@@ -7,8 +7,9 @@ from pathlib import Path
 import pytest
 
 from printer_slicer.errors import ProfileError
-from printer_slicer.importing import Imported, ImportRequest, Refused, import_profiles
-from printer_slicer.importing.conditions import holds
+from printer_slicer.importing import ImportedProfile, ImportRequest, RejectedProfile, import_profiles
+from printer_slicer.importing.conditions import condition_holds
+from printer_slicer.importing.printer_search import find_printers, without_nozzle
 from tests.importing.files import imported, loaded
 
 BUNDLE = """\
@@ -156,12 +157,12 @@ def bundle(tmp_path: Path) -> Path:
     return path
 
 
-def by_name(path: Path, **wanted: object) -> dict[str, Imported | Refused]:
+def by_name(path: Path, **wanted: object) -> dict[str, ImportedProfile | RejectedProfile]:
     return {one.name: one for one in import_profiles(path, ImportRequest(**wanted))}  # type: ignore[arg-type]
 
 
-def values(one: Imported | Refused) -> dict[str, object]:
-    assert isinstance(one, Imported)
+def values(one: ImportedProfile | RejectedProfile) -> dict[str, object]:
+    assert isinstance(one, ImportedProfile)
     return dict(one.values)
 
 
@@ -184,8 +185,8 @@ def test_what_inherits_from_itself_or_from_nothing_is_refused_with_the_place(bun
     made = by_name(bundle)
     ring, adopted = made["Ring"], made["Adopted"]
 
-    assert isinstance(ring, Refused)
-    assert isinstance(adopted, Refused)
+    assert isinstance(ring, RejectedProfile)
+    assert isinstance(adopted, RejectedProfile)
     assert "*ring* -> *ring 2* -> *ring*" in ring.problem
     line = BUNDLE.splitlines().index("inherits = Gone Elsewhere") + 1
     assert adopted.problem.startswith(f"{bundle}:{line}: inherits = Gone Elsewhere: no such preset")
@@ -204,10 +205,10 @@ def test_a_printer_brings_its_own_material_and_quality(bundle: Path, tmp_path: P
 
 def test_what_depends_on_the_printer_is_as_it_is_for_that_printer(bundle: Path) -> None:
     alone = by_name(bundle)["Acme PLA"]
-    assert isinstance(alone, Imported)
+    assert isinstance(alone, ImportedProfile)
 
     assert "pressure_advance" not in values(alone)
-    assert any("import it together with one" in note.text for note in alone.notes)
+    assert any("import both together" in note.text for note in alone.notes)
     for printer, advance in (("Acme A1", 0.05), ("Acme A2", 0.03)):
         made = by_name(bundle, printer=printer, names=("Acme PLA",))
         assert values(made["Acme PLA"])["pressure_advance"] == advance
@@ -227,9 +228,9 @@ def test_a_printer_prints_the_layers_of_the_qualities_meant_for_it(bundle: Path)
 
 def test_names_choose(bundle: Path) -> None:
     assert set(by_name(bundle, names=("Acme P*",))) == {"Acme PLA", "Acme PETG"}
-    with pytest.raises(ProfileError, match="no preset of this name"):
+    with pytest.raises(ProfileError, match="no preset has this name"):
         by_name(bundle, names=("Nobody",))
-    with pytest.raises(ProfileError, match="did you mean 'Acme A1'"):
+    with pytest.raises(ProfileError, match="Did you mean 'Acme A1'"):
         by_name(bundle, printer="Acme A11")
 
 
@@ -257,4 +258,49 @@ def test_conditions(condition: str, expected: bool | None) -> None:
         "printer_notes": "keep\\nPRINTER_MODEL_MK3",
     }
 
-    assert holds(condition, known) is expected
+    assert condition_holds(condition, known) is expected
+
+
+@pytest.mark.parametrize("typed", ["Shop E-3 V2", "E3V2", "e-3 v2", "shop e3 v2"])
+def test_a_model_with_several_nozzles_is_imported_with_the_04_mm_nozzle(tmp_path: Path, typed: str) -> None:
+    path = tmp_path / "Shop.ini"
+    path.write_text(SHOP, encoding="utf-8")
+    printer = imported(path, printer=typed)["printer"]
+
+    assert printer.values["nozzle_diameter"] == 0.4
+    assert "0.3, 0.4 mm: 0.4 mm is imported" in printer.notes[0].text
+
+
+NAMES = ("Creality Ender-3", "Creality Ender-3 V2", "Creality Ender-3 V2 Neo", "Creality Ender-3 Pro")
+
+
+@pytest.mark.parametrize(
+    ("typed", "found"),
+    [
+        ("Ender 3", ["Creality Ender-3"]),
+        ("ender3", ["Creality Ender-3"]),
+        ("Ender3 V2", ["Creality Ender-3 V2"]),
+        ("CREALITY ENDER-3 V2", ["Creality Ender-3 V2"]),
+        ("neo", ["Creality Ender-3 V2 Neo"]),
+        ("v2 0.6", ["Creality Ender-3 V2 (0.6 mm nozzle)"]),
+        ("end pro", ["Creality Ender-3 Pro"]),
+        ("creality", list(NAMES)),
+        ("prusa", []),
+        ("", []),
+    ],
+)
+def test_printers_are_found_by_a_part_of_their_name(typed: str, found: list[str]) -> None:
+    names = {f"{name} ({size} mm nozzle)": () for name in NAMES for size in ("0.4", "0.6")}
+    one_of = dict.fromkeys(
+        without_nozzle(name) if "0.6" not in typed else name for name in find_printers(typed, names)
+    )
+
+    assert list(one_of) == found
+
+
+def test_a_name_of_several_models_is_an_error_that_lists_them(tmp_path: Path) -> None:
+    path = tmp_path / "Acme.ini"
+    path.write_text(BUNDLE, encoding="utf-8")
+
+    with pytest.raises(ProfileError, match="2 printers match 'acme': Acme A1, Acme A2"):
+        import_profiles(path, ImportRequest(printer="acme"))

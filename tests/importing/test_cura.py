@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from printer_slicer import bead
 from printer_slicer.errors import ProfileError
 from printer_slicer.importing import ImportRequest, import_profiles
-from printer_slicer.importing.cura_values import Unreadable, evaluate_cura
-from printer_slicer.importing.ini import GIVE
+from printer_slicer.importing.cura_values import CuraExpressionError, evaluate_cura
+from printer_slicer.importing.ini import FILE_REMEDY
 from tests.importing.files import imported, json_file, loaded, needs_proc, refused, unreadable
 
 LITERALS: dict[str, Any] = {
@@ -153,7 +153,7 @@ def test_profiles_change_the_machine_that_they_name(folder: Path, tmp_path: Path
     with zipfile.ZipFile(packed, "w") as archive:
         archive.writestr("fine", PROFILE)
 
-    with pytest.raises(ProfileError, match="its machine 'acme' is not beside it"):
+    with pytest.raises(ProfileError, match="its machine 'acme' is not in the same folder"):
         import_profiles(plain)
     for path in (plain, packed):
         made = imported(path, folders=(folder,))
@@ -177,7 +177,7 @@ def test_a_bad_value_is_told_with_the_file_that_has_it(folder: Path, value: str)
 
 
 def test_a_bed_of_no_size_is_refused_as_it_was_typed(folder: Path) -> None:
-    with pytest.raises(ProfileError, match="--cura machine_width=-5: machine_width: -5"):
+    with pytest.raises(ProfileError, match="--cura machine_width=-5: machine_width: the bed size is -5"):
         import_profiles(folder / "acme.def.json", ImportRequest(cura={"machine_width": "-5"}))
 
 
@@ -198,9 +198,7 @@ def test_a_value_that_nothing_can_be_made_of_is_named_and_can_be_changed(
     with pytest.raises(ProfileError) as caught:
         import_profiles(path)
 
-    assert str(caught.value) == (
-        f"{path}: {key}: its value makes no sense\n  change it with --cura {key}=VALUE"
-    )
+    assert str(caught.value) == (f"{path}: {key}: invalid value\n  Change it with --cura {key}=VALUE")
     assert imported(path, cura={key: "100"})
 
 
@@ -210,8 +208,8 @@ def test_a_definition_that_is_no_machine_is_refused_with_what_it_lacks(tmp_path:
         import_profiles(path)
 
     assert str(caught.value) == (
-        f"{path}: machine_width is no setting of this machine\n"
-        "  give the definition of a machine, not one that others build on"
+        f"{path}: machine_width is not a setting of this machine\n"
+        "  Import the definition of a machine, not one that others inherit from"
     )
 
 
@@ -223,7 +221,8 @@ def test_definitions_that_inherit_in_a_circle_are_told_in_their_order(folder: Pa
         import_profiles(first)
 
     assert str(caught.value) == (
-        f"{second}: inherits from itself: first.def.json -> second.def.json -> first.def.json\n  break the circle"
+        f"{second}: inherits from itself: first.def.json -> second.def.json -> first.def.json\n"
+        "  Change one `inherits` in this chain"
     )
 
 
@@ -234,8 +233,8 @@ def test_a_definition_is_inherited_only_from_the_folders_that_are_looked_into(fo
         import_profiles(path)
 
     assert str(caught.value) == (
-        f"{path}: inherits '../acme': ../acme.def.json is not beside it\n"
-        "  name the folder of Cura's definitions with --folder"
+        f"{path}: inherits '../acme', but ../acme.def.json is not in the same folder\n"
+        "  Name the folder with Cura's definitions with --folder"
     )
 
 
@@ -246,7 +245,7 @@ def test_a_base_that_is_far_too_large_is_not_read(folder: Path) -> None:
     with pytest.raises(ProfileError) as caught:
         import_profiles(folder / "acme.def.json")
 
-    assert str(caught.value) == (f"{base}: over 50 MB, too large for a settings file\n  {GIVE}")
+    assert str(caught.value) == (f"{base}: over 50 MB, too large for a settings file\n  {FILE_REMEDY}")
 
 
 @needs_proc
@@ -255,13 +254,15 @@ def test_a_base_that_cannot_be_read_is_named_and_not_the_file_that_builds_on_it(
     with pytest.raises(ProfileError) as caught:
         import_profiles(folder / "acme.def.json")
 
-    assert str(caught.value) == f"{base}: cannot be read: Input/output error\n  check name and permissions"
+    assert (
+        str(caught.value) == f"{base}: cannot be read: Input/output error\n  Check its name and permissions"
+    )
 
 
 def setting(name: str) -> Any:
     values = {"a": 3, "b": 0.5, "c": "grid", "on": True, "items": [1, 2, 3]}
     if name not in values:
-        raise Unreadable(f"{name} is no setting")
+        raise CuraExpressionError(f"{name} is no setting")
     return values[name]
 
 
@@ -312,7 +313,7 @@ def test_expressions(text: str, expected: Any) -> None:
     ],
 )
 def test_what_is_no_plain_expression_is_refused_and_nothing_runs(text: str) -> None:
-    with pytest.raises(Unreadable):
+    with pytest.raises(CuraExpressionError):
         evaluate_cura(text, setting)
 
 
@@ -320,6 +321,6 @@ def test_what_is_no_plain_expression_is_refused_and_nothing_runs(text: str) -> N
 def test_any_text_is_a_value_or_refused(text: str) -> None:
     try:
         value = evaluate_cura(text, setting)
-    except Unreadable:
+    except CuraExpressionError:
         return
     assert isinstance(value, (bool, int, float, str, list, tuple)) or callable(value) is False

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from printer_slicer.cli import main
 from printer_slicer.errors import ProfileError
-from printer_slicer.importing import Imported, Refused, import_profiles, profile_text
+from printer_slicer.importing import ImportedProfile, RejectedProfile, import_profiles, profile_text
 from printer_slicer.macros import read_template
 from printer_slicer.macros.functions import MisusedFunction, matches
 from printer_slicer.profile.faults import find_value_fault
@@ -92,11 +92,11 @@ def check(path: Path) -> int:
         assert told, error  # noqa: PT017 - most damaged files are refused, some are not
         return 0
     for one in results:
-        if isinstance(one, Refused):
+        if isinstance(one, RejectedProfile):
             assert one.problem
             assert one.remedy
             continue
-        assert isinstance(one, Imported)
+        assert isinstance(one, ImportedProfile)
         assert find_value_fault(one.kind, tomllib.loads(profile_text(one))) is None
         for name, value in one.values.items():
             if name.endswith("_gcode"):
@@ -104,7 +104,7 @@ def check(path: Path) -> int:
     return len(results)
 
 
-def readable(made: Imported, name: str, text: str) -> None:
+def readable(made: ImportedProfile, name: str, text: str) -> None:
     """A macro can be read, or the import has said why not."""
     try:
         read_template(text, name).possible_lines({})

@@ -64,7 +64,7 @@ def test_the_account_names_what_was_taken_approximated_and_left_out(tmp_path: Pa
     assert taken["speeds.external_perimeter"].how == "percentage of perimeter_speed"
     assert taken["top_thickness"].value == 1
     assert "5 layers" in taken["top_thickness"].how
-    assert left["support_material_spacing"].why == "no supports here"
+    assert left["support_material_spacing"].why == "supports are off"
     assert not {"temperature", "bed_shape", "print_settings_id"} & set(left)
 
 
@@ -87,28 +87,28 @@ def test_every_setting_is_accounted_for(tmp_path: Path) -> None:
         ("machine_max_feedrate_x", "-5", "printer", "machine_max_feedrate_x (printer.max_speed_x)"),
         ("machine_max_feedrate_y", "13000", "printer", "it is 13000"),
         ("machine_max_acceleration_z", "1e9", "printer", "printer.max_acceleration_z"),
-        ("machine_max_acceleration_x", "nan", "printer", "'nan' is no number"),
-        ("machine_max_feedrate_z", "inf", "printer", "'inf' is no number"),
+        ("machine_max_acceleration_x", "nan", "printer", "'nan' is not a number"),
+        ("machine_max_feedrate_z", "inf", "printer", "'inf' is not a number"),
         ("nozzle_diameter", "0", "printer", "printer.nozzle_diameter"),
-        ("bed_shape", "", "printer", "is no corner of a bed"),
+        ("bed_shape", "", "printer", "is not a corner"),
         ("bed_shape", "0x0,0x0,0x0", "printer", "the bed is empty"),
-        ("bed_shape", "0x0,nanx1,3x4", "printer", "is no corner of a bed"),
+        ("bed_shape", "0x0,nanx1,3x4", "printer", "is not a corner"),
         ("bed_shape", "0x0,2x0,2x2,0x2", "printer", "printer.bed_x"),
         ("max_print_height", "-1", "printer", "printer.bed_z"),
-        ("min_layer_height", "0.9", "printer", "over the thickest layer"),
+        ("min_layer_height", "0.9", "printer", "is more than max_layer_height"),
         ("max_layer_height", "0.6", "printer", "from a nozzle of 0.4 mm"),
-        ("gcode_flavor", "makerware", "printer", "no flavour here is like 'makerware'"),
+        ("gcode_flavor", "makerware", "printer", "unknown flavour 'makerware'"),
         ("printer_technology", "SLA", "printer", "a resin printer"),
-        ("use_volumetric_e", "1", "printer", "E counts mm³"),
+        ("use_volumetric_e", "1", "printer", "E in mm³"),
         ("layer_height", "0", "quality", "layers of 0 mm"),
         ("perimeter_speed", "-3", "quality", "a speed of -3"),
-        ("perimeters", "many", "quality", "'many' is no number"),
+        ("perimeters", "many", "quality", "'many' is not a number"),
         ("filament_diameter", "17.5", "material", "material.filament_diameter"),
-        ("extrusion_multiplier", "100", "material", "100 times the plastic"),
+        ("extrusion_multiplier", "100", "material", "a flow ratio of 100"),
         ("fill_density", "500%", "quality", "a density of 500 %"),
         ("start_gcode", "G28\\nM104 S350\\nG1 Z5", "printer", "--max-nozzle-temperature 350"),
         ("start_gcode", "{if layer_height > 9}M109 R 320{endif}", "printer", "--max-nozzle-temperature 320"),
-        ("end_gcode", "m140 S200 ; warm", "printer", "lets beds go up to 120"),
+        ("end_gcode", "m140 S200 ; warm", "printer", "over the bed limit of 120"),
     ],
 )
 def test_what_would_make_an_unsafe_machine_is_refused_with_place_and_remedy(
@@ -141,9 +141,9 @@ def test_a_number_that_is_moved_into_its_bounds_is_told(tmp_path: Path) -> None:
 
 
 def test_a_hotter_machine_is_imported_where_somebody_vouches_for_it(tmp_path: Path) -> None:
-    from printer_slicer.importing import Ceilings
+    from printer_slicer.importing import TemperatureLimits
 
-    made = imported(flat_file(tmp_path, temperature="430"), ceilings=Ceilings(450, 120))
+    made = imported(flat_file(tmp_path, temperature="430"), ceilings=TemperatureLimits(450, 120))
 
     assert made["material"].values["nozzle_temperature"] == 430
     assert made["printer"].values["max_nozzle_temperature"] == 430
@@ -229,15 +229,19 @@ def test_settings_in_a_project_are_found(tmp_path: Path) -> None:
     [
         ("a.gcode", b"G28\nG1 X1\n", "G-code without settings"),
         ("a.3mf", b"PK\x03\x04broken", "cannot be unpacked"),
-        ("a.ini", b"[vendor]\nname = x\n", "no settings of a printer"),
+        ("a.ini", b"[vendor]\nname = x\n", "no printer, filament or print settings"),
         ("a.ini", b"what is this\n", "neither [section], setting nor comment"),
-        ("a.ini", b"", "no settings of a printer"),
-        ("a.ini", b"\x00\x01\x02", "no text"),
+        ("a.ini", b"", "no printer, filament or print settings"),
+        ("a.ini", b"\x00\x01\x02", "not a text file"),
         ("a.json", b"{]", "not valid JSON"),
         ("a.json", b"{}", "neither machine, filament nor process"),
-        ("a.json", b'{"version": 2, "overrides": {}, "inherits": "gone"}', "gone.def.json is not beside it"),
+        (
+            "a.json",
+            b'{"version": 2, "overrides": {}, "inherits": "gone"}',
+            "gone.def.json is not in the same folder",
+        ),
         ("a.curaprofile", b"no", "cannot be unpacked"),
-        ("a.inst.cfg", b"[general]\n", "no profile of Cura's"),
+        ("a.inst.cfg", b"[general]\n", "not a Cura profile"),
     ],
 )
 def test_files_that_hold_no_settings_are_refused_with_a_remedy(
@@ -283,10 +287,10 @@ def test_what_is_no_pressure_advance_is_left_out_and_told(tmp_path: Path) -> Non
     made = imported(flat_file(tmp_path, start_filament_gcode='"M900 K30"'))["material"]
 
     assert "pressure_advance" not in made.values
-    assert "'M900 K30' is no pressure advance in seconds" in made.notes[0].text
+    assert "'M900 K30' is not in seconds" in made.notes[0].text
 
 
-GIVE = "give an exported config.ini, a bundle, G-code, a 3MF file or a JSON preset"
+FILE_REMEDY = "Give an exported config.ini, a bundle, G-code, a 3MF file or a JSON preset"
 
 
 def test_a_part_without_settings_is_refused_with_how_to_get_them(tmp_path: Path) -> None:
@@ -297,7 +301,7 @@ def test_a_part_without_settings_is_refused_with_how_to_get_them(tmp_path: Path)
         import_profiles(path)
 
     assert str(caught.value) == (
-        f"{path}: no settings in it\n  save it as a project with PrusaSlicer, OrcaSlicer or BambuStudio"
+        f"{path}: has no settings\n  Save it as a project with PrusaSlicer, OrcaSlicer or BambuStudio"
     )
 
 
@@ -309,4 +313,39 @@ def test_a_file_of_far_too_many_bytes_or_lines_is_no_file_of_settings(tmp_path: 
     for path, size in ((heavy, "50 MB"), (long, "200000 lines")):
         with pytest.raises(ProfileError) as caught:
             import_profiles(path)
-        assert str(caught.value) == f"{path}: over {size}, too large for a settings file\n  {GIVE}"
+        assert str(caught.value) == f"{path}: over {size}, too large for a settings file\n  {FILE_REMEDY}"
+
+
+@pytest.mark.parametrize(
+    ("changes", "width"),
+    [
+        ({}, 0),
+        ({"external_perimeter_extrusion_width": "0.42"}, 0.42),
+        ({"external_perimeter_extrusion_width": "0.45"}, 0),
+        ({"external_perimeter_extrusion_width": "200%"}, 0.4),
+        ({"perimeter_extrusion_width": "0", "external_perimeter_extrusion_width": "0.42"}, 0),
+    ],
+)
+def test_the_width_of_external_perimeters_is_taken_over(
+    tmp_path: Path, changes: dict[str, str], width: float
+) -> None:
+    made = imported(flat_file(tmp_path, **changes))
+
+    assert loaded(made, tmp_path).quality.external_perimeter_width == pytest.approx(width)
+    assert not [one for one in made["quality"].left if "perimeter_extrusion_width" in one.theirs]
+
+
+def test_other_widths_are_reported_by_name(tmp_path: Path) -> None:
+    made = imported(flat_file(tmp_path, infill_extrusion_width="0.6", top_infill_extrusion_width="0.45"))
+    left = {one.theirs: one.why for one in made["quality"].left}
+
+    assert left["infill_extrusion_width"].startswith("extrusion_width applies to everything but")
+    assert "top_infill_extrusion_width" not in left
+
+
+def test_the_speed_of_gap_fill_is_taken_over(tmp_path: Path) -> None:
+    made = imported(flat_file(tmp_path, gap_fill_speed="22"))
+
+    assert [
+        (one.theirs, one.value) for one in made["quality"].taken if one.ours.startswith("speeds.gap_fill")
+    ] == [("gap_fill_speed", 22)]

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from printer_slicer import job_of
 from printer_slicer.errors import ProfileError
-from printer_slicer.importing import Imported
-from printer_slicer.importing.machine_gcode import _from_cura
+from printer_slicer.importing import ImportedProfile
+from printer_slicer.importing.machine_gcode import _convert_cura_macro
 from printer_slicer.macros import read_template
 from tests.importing.files import flat_file, imported, json_file, loaded, refused
 from tests.parts import box
@@ -19,12 +19,12 @@ from tests.parts import box
 HEATS = "M140 S[first_layer_bed_temperature]\nM109 S{first_layer_temperature[0]}\nM190 S60\n"
 
 
-def printer_with(folder: Path, name: str, text: str, **more: str) -> Imported:
+def printer_with(folder: Path, name: str, text: str, **more: str) -> ImportedProfile:
     changes = {name: text.replace("\\", "\\\\").replace("\n", "\\n"), **more}
     return imported(flat_file(folder, **changes))["printer"]
 
 
-def notes_of(made: Imported) -> list[str]:
+def notes_of(made: ImportedProfile) -> list[str]:
     return [note.text for note in made.notes]
 
 
@@ -119,11 +119,11 @@ def test_layers_and_the_end_are_what_they_are_for_prusaslicer(tmp_path: Path) ->
     ],
 )
 def test_macros_of_cura_say_what_they_said(theirs: str, ours: str) -> None:
-    assert _from_cura(theirs) == ours
+    assert _convert_cura_macro(theirs) == ours
 
 
 def test_a_long_text_of_cura_takes_no_longer_than_its_length() -> None:
-    assert len(_from_cura("[a{" * 100_000)) > 300_000
+    assert len(_convert_cura_macro("[a{" * 100_000)) > 300_000
 
 
 def test_ceilings_hold_for_what_a_macro_reckons(tmp_path: Path) -> None:

@@ -52,7 +52,7 @@ def test_kinds_and_names_choose(tmp_path: Path) -> None:
     path, _ = written(tmp_path)
 
     assert [one.kind for one in import_profiles(path, ImportRequest(names=("Our*",)))] == ["material"]
-    with pytest.raises(ProfileError, match="no preset of this name"):
+    with pytest.raises(ProfileError, match="no preset has this name"):
         import_profiles(path, ImportRequest(names=("Nobody",)))
 
 
@@ -61,7 +61,7 @@ def test_it_may_not_heat_further_than_other_files(tmp_path: Path) -> None:
     hotter = b"; printer.max_nozzle_temperature = 4"
     path.write_bytes(path.read_bytes().replace(hotter[:-1] + b"2", hotter))
 
-    assert "an import lets nozzles go up to 300" in refused(path, "printer").problem
+    assert "over the nozzle limit of 300" in refused(path, "printer").problem
 
 
 OLD_START = """\

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from printer_slicer.errors import ProfileError
-from printer_slicer.importing import Imported, Refused, import_profiles, profile_text
+from printer_slicer.importing import ImportedProfile, RejectedProfile, import_profiles, profile_text
 from printer_slicer.profile import load_profile
 
 FLAT = {"layer_height": "0.2", "first_layer_height": "0.2", "perimeters": "2", "fill_density": "15%"}
@@ -40,7 +40,9 @@ def heights(number: int, *ranges: tuple[float, float, dict[str, str]]) -> str:
     return f'<object id="{number}">{rows}</object>'
 
 
-def quality(folder: Path, objects: str, ranges: str = "", more: dict[str, str] | None = None) -> Imported:
+def quality(
+    folder: Path, objects: str, ranges: str = "", more: dict[str, str] | None = None
+) -> ImportedProfile:
     """What becomes of the quality of a project of PrusaSlicer."""
     path = folder / "part.3mf"
     with zipfile.ZipFile(path, "w") as archive:
@@ -52,7 +54,7 @@ def quality(folder: Path, objects: str, ranges: str = "", more: dict[str, str] |
         for name, text in (more or {}).items():
             archive.writestr(name, text)
     (made,) = import_profiles(path)
-    assert isinstance(made, Imported)
+    assert isinstance(made, ImportedProfile)
     return made
 
 
@@ -74,9 +76,9 @@ def test_what_only_the_whole_plate_can_have_is_told(tmp_path: Path) -> None:
     assert "overrides" not in made.values
     left = {one.theirs: one.why for one in made.left if one.theirs.startswith("lid: ")}
     assert left == {
-        "lid: brim_width": "brim_width is the same for all of a plate here",
-        "lid: support_material": "no supports here",
-        "lid: layer_height": "all of a plate has the same layers",
+        "lid: brim_width": "brim_width is the same for the whole plate here",
+        "lid: support_material": "supports are not available here",
+        "lid: layer_height": "all objects of a plate have the same layers",
     }
 
 
@@ -121,15 +123,15 @@ def test_settings_of_modifiers_are_told(tmp_path: Path) -> None:
 
     assert "overrides" not in made.values
     assert [note.text for note in made.notes] == [
-        "settings of volumes and modifiers in it are left out: 'slab'"
+        "settings of volumes and modifiers are not imported: 'slab'"
     ]
 
 
 @pytest.mark.parametrize(
     ("objects", "said"),
     [
-        (body("lid", {"perimeters": "5"}) + body("lid", {}), "objects of one name have different ones"),
-        (body("", {"perimeters": "5"}), "nobody could tell whose they are"),
+        (body("lid", {"perimeters": "5"}) + body("lid", {}), "objects with this name have different ones"),
+        (body("", {"perimeters": "5"}), "the object has no name"),
     ],
 )
 def test_settings_of_objects_that_cannot_be_told_apart_are_left_out(
@@ -170,7 +172,7 @@ def test_a_project_of_orcaslicer(tmp_path: Path) -> None:
         )
     (made,) = (one for one in import_profiles(path) if one.kind == "quality")
 
-    assert isinstance(made, Imported)
+    assert isinstance(made, ImportedProfile)
     assert not [one.theirs for one in made.left if "plate" in one.theirs]
     assert made.values["overrides"] == [
         {"object": "lid", "set": {"perimeters": 5, "infill_density": 0.4}},
@@ -204,8 +206,8 @@ def project(folder: Path, objects: str) -> Path:
 def test_a_value_that_is_no_number_is_told_with_its_object(tmp_path: Path) -> None:
     (made,) = import_profiles(project(tmp_path, f"<config>{body('lid', {'perimeters': 'many'})}</config>"))
 
-    assert isinstance(made, Refused)
-    assert made.problem.endswith("Slic3r_PE_model.config: lid: perimeters: 'many' is no number")
+    assert isinstance(made, RejectedProfile)
+    assert made.problem.endswith("Slic3r_PE_model.config: lid: perimeters: 'many' is not a number")
     assert made.remedy
 
 
@@ -215,7 +217,7 @@ def test_a_value_that_is_no_number_is_told_with_its_object(tmp_path: Path) -> No
         ("<object", r"part\.3mf: Metadata/Slic3r_PE_model\.config: unclosed token"),
         (
             '<!DOCTYPE c [<!ENTITY a "aaaa">]><config>&a;</config>',
-            "a document type, which projects do not have",
+            "it has a document type, which projects do not have",
         ),
     ],
 )
@@ -242,7 +244,7 @@ LAYERS = (
 @pytest.mark.parametrize(
     ("name", "text", "second"),
     [
-        ("Metadata/Prusa_Slicer_custom_gcode_per_print_z.xml", STOPS, "change of colour at z 6.4 mm"),
+        ("Metadata/Prusa_Slicer_custom_gcode_per_print_z.xml", STOPS, "colour change at z 6.4 mm"),
         ("Metadata/custom_gcode_per_layer.xml", LAYERS, "G-code at z 6.4 mm"),
     ],
 )
@@ -251,6 +253,6 @@ def test_pauses_and_changes_of_colour_at_heights_are_named(
 ) -> None:
     made = quality(tmp_path, body("lid", {}), more={name: text})
 
-    (told,) = [note.text for note in made.notes if "at heights" in note.text]
+    (told,) = [note.text for note in made.notes if "not imported: " in note.text]
     assert "pause at z 4.2 mm" in told
     assert second in told

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from printer_slicer.errors import ProfileError
-from printer_slicer.importing import Imported, ImportRequest, import_profiles
+from printer_slicer.importing import ImportedProfile, ImportRequest, import_profiles
 from tests.importing.files import imported, json_file, loaded, needs_proc, unreadable
 
 MACHINE = {
@@ -92,7 +92,7 @@ def write(folder: Path) -> list[Path]:
 
 
 def test_three_presets_make_a_profile(tmp_path: Path) -> None:
-    made: dict[str, Imported] = {}
+    made: dict[str, ImportedProfile] = {}
     for path in write(tmp_path):
         made |= imported(path)
     profile = loaded(made, tmp_path)
@@ -139,7 +139,7 @@ def test_what_it_inherits_may_be_in_another_folder(tmp_path: Path) -> None:
     json_file(there / "broken.json", [1])
     path = json_file(here / "machine.json", MACHINE)
 
-    with pytest.raises(ProfileError, match="inherits 'acme_common', which is not beside it"):
+    with pytest.raises(ProfileError, match="inherits 'acme_common', which is not in the same folder"):
         import_profiles(path)
     assert imported(path, folders=(there,))["printer"].values["z_hop"] == 0.2
 
@@ -196,7 +196,7 @@ def test_what_it_says_twice_or_not_at_all_is_told(tmp_path: Path) -> None:
     )
     (made,) = import_profiles(path, ImportRequest())
 
-    assert isinstance(made, Imported)
+    assert isinstance(made, ImportedProfile)
     assert [one.theirs for one in made.left if not one.off and one.theirs != "type"] == ["enable_support"]
 
 
@@ -206,7 +206,7 @@ def test_gcode_of_a_filament_may_begin_with_a_remark(tmp_path: Path, begin: str)
     made = imported(json_file(tmp_path / "a.json", FILAMENT | own))["material"]
 
     assert made.values["pressure_advance"] == 0.07
-    assert "M106 P3 S200 is left out" in made.notes[0].text
+    assert "add M106 P3 S200 to the printer" in made.notes[0].text
 
 
 @pytest.mark.parametrize("others", ["", ';"; the second\\nM900 K0.4\\n"'])
@@ -224,7 +224,7 @@ def test_gcode_of_a_filament_in_its_gcode_may_begin_with_a_remark(tmp_path: Path
     assert imported(path)["material"].values["pressure_advance"] == 0.035
 
 
-def process(folder: Path, **own: str) -> Imported:
+def process(folder: Path, **own: str) -> ImportedProfile:
     return imported(json_file(folder / "process.json", PROCESS | own))["quality"]
 
 
@@ -291,7 +291,7 @@ def test_of_several_filaments_the_first_is_taken_and_the_others_are_told(tmp_pat
     made = imported(json_file(tmp_path / "a.json", FILAMENT | own))["material"]
 
     assert (made.values["type"], made.values["nozzle_temperature"]) == ("PLA", 215)
-    assert "PETG left out" in made.notes[0].text
+    assert "PETG is not" in made.notes[0].text
 
 
 def test_its_macros_may_speak_of_pressure_advance(tmp_path: Path) -> None:
@@ -308,4 +308,18 @@ def test_a_base_that_cannot_be_read_is_named_and_not_the_file_that_builds_on_it(
     with pytest.raises(ProfileError) as caught:
         import_profiles(json_file(tmp_path / "machine.json", MACHINE))
 
-    assert str(caught.value) == f"{base}: cannot be read: Input/output error\n  check name and permissions"
+    assert (
+        str(caught.value) == f"{base}: cannot be read: Input/output error\n  Check its name and permissions"
+    )
+
+
+def test_solid_infill_has_an_overlap_of_its_own(tmp_path: Path) -> None:
+    quality = process(tmp_path, infill_wall_overlap="12%", top_bottom_infill_wall_overlap="30%").values
+
+    assert (quality["internal_infill_overlap"], quality["infill_overlap"]) == (0.12, 0.3)
+
+
+def test_outer_walls_keep_their_width(tmp_path: Path) -> None:
+    quality = process(tmp_path, inner_wall_line_width="0.45", outer_wall_line_width="0.42").values
+
+    assert (quality["extrusion_width"], quality["external_perimeter_width"]) == (0.45, 0.42)

@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks.importing import compare_macros, differences, triple
 from benchmarks.prusa_presets import BUNDLES, Oracle, saved
-from printer_slicer.importing import Imported, Refused, import_profiles, profile_text
+from printer_slicer.importing import ImportedProfile, RejectedProfile, import_profiles, profile_text
 from printer_slicer.macros import read_template
 from printer_slicer.profile import load_profile
 
@@ -47,7 +47,7 @@ def test_nearly_every_preset_of_a_bundle_imports_and_the_others_say_why(vendor: 
     path = BUNDLES / f"{vendor}.ini"
     results = import_profiles(path)
     oracle = Oracle(path)
-    refused = [one for one in results if isinstance(one, Refused)]
+    refused = [one for one in results if isinstance(one, RejectedProfile)]
 
     assert sorted(one.name for one in results if one.kind == "printer") == sorted(oracle.names("printer"))
     assert len(results) == sum(len(oracle.names(kind)) for kind in ("printer", "print", "filament"))
@@ -57,7 +57,7 @@ def test_nearly_every_preset_of_a_bundle_imports_and_the_others_say_why(vendor: 
 
 def test_everything_that_imports_is_a_profile_of_ours(tmp_path: Path) -> None:
     for made in import_profiles(BUNDLES / "FLSun.ini"):
-        assert isinstance(made, Imported)
+        assert isinstance(made, ImportedProfile)
         path = tmp_path / "one.toml"
         path.write_text(profile_text(made), encoding="utf-8")
         profile = load_profile(**{made.kind: str(path)}, slices=False)  # type: ignore[arg-type]

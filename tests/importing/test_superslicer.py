@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from printer_slicer.importing import Imported, import_profiles
+from printer_slicer.importing import ImportedProfile, import_profiles
 from printer_slicer.profile import Profile
 from tests.importing.files import flat_file, imported, loaded
 
@@ -56,12 +56,12 @@ def file(folder: Path, **changes: str | None) -> Path:
 
 
 @pytest.fixture
-def made(tmp_path: Path) -> dict[str, Imported]:
+def made(tmp_path: Path) -> dict[str, ImportedProfile]:
     return imported(file(tmp_path))
 
 
 @pytest.fixture
-def profile(made: dict[str, Imported], tmp_path: Path) -> Profile:
+def profile(made: dict[str, ImportedProfile], tmp_path: Path) -> Profile:
     return loaded(made, tmp_path)
 
 
@@ -112,7 +112,7 @@ def test_travels_are_accelerated_as_it_says_up_to_the_machines_limit(tmp_path: P
     assert (usual, more) == (650, 800)
 
 
-def test_none_of_them_is_told_as_without_counterpart(made: dict[str, Imported]) -> None:
+def test_none_of_them_is_told_as_without_counterpart(made: dict[str, ImportedProfile]) -> None:
     left = {one.theirs for part in made.values() for one in part.left}
 
     assert left & set(OWN) == {"init_z_rotate", "bridge_overlap"}
@@ -136,6 +136,6 @@ def test_prusaslicers_own_percentages_stay_what_they_are(tmp_path: Path) -> None
     path = flat_file(tmp_path, first_layer_height="75%", infill_speed="80", solid_infill_speed="50%")
     quality = next(one for one in import_profiles(path) if one.kind == "quality")
 
-    assert isinstance(quality, Imported)
+    assert isinstance(quality, ImportedProfile)
     assert quality.values["first_layer_height"] == 0.15
     assert quality.values["speeds"]["solid_infill"] == 40

@@ -1,9 +1,11 @@
-"""`profiles import`: make profiles from those of other slicers."""
+"""`profiles import`: convert profiles of other slicers."""
 
 from __future__ import annotations
 
 import argparse
 import json
+import shlex
+import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -16,22 +18,24 @@ from printer_slicer.errors import OutputError, ProfileError, UsageError
 from printer_slicer.saving import make_folder
 
 if TYPE_CHECKING:
-    from printer_slicer.importing import Imported, ImportNote
+    from printer_slicer.importing import ImportedProfile, ImportNote, RejectedProfile
     from printer_slicer.macros import Value
     from printer_slicer.profile import Profile
 
 __all__ = ["EXAMPLES", "add_arguments", "run"]
 
 EXAMPLES: Final = """\
-  printer-slicer profiles import config.ini                       what PrusaSlicer or SuperSlicer exported
-  printer-slicer profiles import printed_before.gcode             the settings at the end of their G-code
-  printer-slicer profiles import Creality.ini --list              what a vendor's bundle holds
-  printer-slicer profiles import Creality.ini --for "Creality Ender-3 V2" -o profiles
+  printer-slicer profiles import config.ini                       exported by PrusaSlicer or SuperSlicer
+  printer-slicer profiles import printed_before.gcode             the settings at the end of the G-code
+  printer-slicer profiles import Creality.ini --list              list the presets of a bundle
+  printer-slicer profiles import Creality.ini --for "Creality Ender-3 V2" --name ender3
   printer-slicer profiles import "Generic PLA @System.json" --folder filament
-  printer-slicer profiles import creality_ender3.def.json --cura layer_height=0.2   where Cura's other definitions are
+  printer-slicer profiles import creality_ender3.def.json --cura layer_height=0.2
   printer-slicer profiles import fine.curaprofile --folder cura/resources/definitions
 """
-_IN_FULL: Final = 3  # profiles; more are told in a line each
+_MOST_DIFFERENCES: Final = 5
+_MOST_WARNINGS: Final = 3
+_FEW: Final = 3  # profiles; of more only counts and warnings are printed
 _MACROS: Final = ("start_gcode", "before_layer_gcode", "layer_gcode", "pause_gcode", "end_gcode")
 
 
@@ -45,31 +49,32 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="config.ini, bundle, G-code or 3MF of PrusaSlicer or SuperSlicer; preset, G-code or 3MF of OrcaSlicer or "
         "BambuStudio; definition of Cura; G-code of this program",
     )
+    parser.add_argument("--name", default="", help="name of the new profiles; default: from the source")
     parser.add_argument(
-        "-o", "--out", metavar="FOLDER", type=Path, help="where to write; default: your own profiles"
+        "-o", "--out", metavar="FOLDER", type=Path, help="output folder; default: your own profiles"
     )
     _add_choices(parser)
     add_output(parser)
 
 
 def _add_choices(parser: argparse.ArgumentParser) -> None:
-    """What of a file is wanted, and how."""
-    parser.add_argument("--force", action="store_true", help="write over profiles that are there")
-    parser.add_argument("--list", action="store_true", help="only name what the files hold")
-    parser.add_argument("--dry-run", action="store_true", help="only say what would become of it")
+    """Add the arguments that choose presets and change how they are converted."""
+    parser.add_argument("--force", action="store_true", help="overwrite existing profiles")
+    parser.add_argument("--list", action="store_true", help="only list the presets in the files")
+    parser.add_argument("--dry-run", action="store_true", help="only print the result; write nothing")
     parser.add_argument(
         "--only",
         metavar="NAME",
         action="append",
         default=[],
-        help="presets of this name, * stands for anything; may be repeated",
+        help="only presets with this name; * matches anything; may be repeated",
     )
     parser.add_argument(
         "--for",
         dest="preset",
         metavar="PRINTER",
         default="",
-        help="a printer of a bundle, with what suits it",
+        help="one printer of a bundle, with its default material and quality",
     )
     parser.add_argument(
         "--folder",
@@ -77,14 +82,14 @@ def _add_choices(parser: argparse.ArgumentParser) -> None:
         type=Path,
         action="append",
         default=[],
-        help="where presets are that others inherit from",
+        help="folder with the presets that others inherit from",
     )
     parser.add_argument(
         "--cura",
         metavar="KEY=VALUE",
         action="append",
         default=[],
-        help="change a setting of Cura; may be repeated",
+        help="override a setting of Cura; may be repeated",
     )
     for heater, most in (("nozzle", 300), ("bed", 120)):
         parser.add_argument(
@@ -92,25 +97,27 @@ def _add_choices(parser: argparse.ArgumentParser) -> None:
             metavar="°C",
             type=positive,
             default=most,
-            help=f"refuse profiles that heat the {heater} further; default: {most}",
+            help=f"reject profiles that heat the {heater} above this; default: {most}",
         )
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Import, write, and tell what became of everything."""
-    from printer_slicer.importing import Imported, Refused
+    """Import presets, write the profiles and report the conversion."""
+    from printer_slicer.importing import ImportedProfile, RejectedProfile
 
     results = list(_results(arguments))
-    made = _with_macro_notes([one for one in results if isinstance(one, Imported)])
-    refused = [one for one in results if isinstance(one, Refused)]
+    made = _with_macro_notes([one for one in results if isinstance(one, ImportedProfile)])
+    refused = [one for one in results if isinstance(one, RejectedProfile)]
     if arguments.list:
         _list(arguments, results)
         return 0
-    paths = _write(arguments, made)
+    paths = _paths(arguments, made) if made else []
+    if not arguments.dry_run:
+        _write(arguments, made, paths)
     if arguments.json:
-        print(json.dumps(_facts(made, paths, refused)))
+        print(json.dumps(_json_report(made, paths, refused)))
     elif not arguments.quiet:
-        for line in _told(arguments, made, paths, refused):
+        for line in _report(arguments, made, paths, refused):
             print(visible(line))
     if refused and not made:
         raise ProfileError(refused[0].problem, remedy=refused[0].remedy)
@@ -118,21 +125,21 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _results(arguments: argparse.Namespace) -> Iterator[Any]:
-    """What becomes of every preset in every file."""
-    from printer_slicer.importing import Ceilings, ImportRequest, import_profiles
+    """Yield the profile, or the reason for rejecting it, for each preset in the files."""
+    from printer_slicer.importing import ImportRequest, TemperatureLimits, import_profiles
 
     overrides: dict[str, str] = {}
     for change in arguments.cura:
         key, sign, value = change.partition("=")
         if not sign:
-            raise UsageError(f"--cura {change}: no value", remedy="write --cura KEY=VALUE")
+            raise UsageError(f"--cura {change}: no value", remedy="Write --cura KEY=VALUE")
         overrides[key.strip()] = value.strip()
     for heater in ("nozzle", "bed"):
         _check_ceiling(heater, getattr(arguments, f"max_{heater}_temperature"))
     wanted = ImportRequest(
         names=tuple(arguments.only),
         printer=arguments.preset,
-        ceilings=Ceilings(arguments.max_nozzle_temperature, arguments.max_bed_temperature),
+        ceilings=TemperatureLimits(arguments.max_nozzle_temperature, arguments.max_bed_temperature),
         folders=tuple(arguments.folder),
         cura=overrides,
     )
@@ -141,10 +148,10 @@ def _results(arguments: argparse.Namespace) -> Iterator[Any]:
 
 
 def _check_ceiling(heater: str, most: float) -> None:
-    """Refuse a ceiling that no printer of ours may have.
+    """Check a temperature limit against the bounds of the printer setting.
 
     Raises:
-        UsageError: it is one.
+        UsageError: it is out of bounds.
     """
     from printer_slicer.profile import load_profile
 
@@ -153,7 +160,7 @@ def _check_ceiling(heater: str, most: float) -> None:
     except ProfileError as error:
         raise UsageError(
             f"--max-{heater}-temperature {most:g}: {str(error.args[0]).rpartition(': ')[2]}",
-            remedy="no profile of a printer lets it become so hot, or so cold",
+            remedy="Choose a temperature that a printer profile can have as its limit",
         ) from None
 
 
@@ -165,42 +172,78 @@ def _list(arguments: argparse.Namespace, results: Sequence[Any]) -> None:
         say(arguments, visible(f"{one.kind:<10}{one.name}"))
 
 
-def _write(arguments: argparse.Namespace, made: Sequence[Any]) -> list[Path]:
-    """Write all files, or none where one is there already."""
-    from printer_slicer.importing import names_of_files, profile_text
-    from printer_slicer.profile.folders import FOLDERS
+def _paths(arguments: argparse.Namespace, made: Sequence[ImportedProfile]) -> list[Path]:
+    """Return the path of each new profile."""
+    from printer_slicer.importing import file_names
+    from printer_slicer.profile.folders import FOLDERS, profile_root
+
+    root: Path = arguments.out or own_folder((), "profiles import", "Name a folder with -o FOLDER")
+
+    def is_taken(kind: str, file_name: str, name: str) -> bool:
+        """Whether a shipped profile, or one of another preset, has this name."""
+        file = Path(FOLDERS[kind], f"{file_name}.toml")
+        return (profile_root() / file).exists() or _display_name(root / file) not in ("", name)
+
+    names = _named(arguments.name, made) if arguments.name else file_names(made, is_taken)
+    return [root / FOLDERS[one.kind] / f"{name}.toml" for one, name in zip(made, names, strict=True)]
+
+
+def _named(name: str, made: Sequence[ImportedProfile]) -> list[str]:
+    """Return the file name that was typed, for each profile.
+
+    Raises:
+        UsageError: it is no file name, or there are several profiles of one kind.
+    """
+    from printer_slicer.importing import short_name
+
+    if name != (valid := short_name(name)):
+        hint = f"Use --name {valid}" if valid else "Use lower-case letters, digits and underscores"
+        raise UsageError(f"--name {name}: not a valid name", remedy=hint)
+    if len({one.kind for one in made}) < len(made):
+        raise UsageError(
+            f"--name {name}: there are {len(made)} profiles to import",
+            remedy="Choose one of each kind with --only or --for",
+        )
+    return [name] * len(made)
+
+
+def _display_name(path: Path) -> str:
+    """Return the name in a profile file; empty if there is none."""
+    try:
+        found = tomllib.loads(path.read_text(encoding="utf-8")).get("name", "")
+    except (OSError, ValueError):
+        return ""
+    return found if isinstance(found, str) else ""
+
+
+def _write(arguments: argparse.Namespace, made: Sequence[ImportedProfile], paths: Sequence[Path]) -> None:
+    """Write all files, or none if one exists with other contents and --force is not given."""
+    from printer_slicer.importing import profile_text
     from printer_slicer.profile.schema import directive
 
     if not made:
-        return []
-    root: Path = arguments.out or own_folder((), "profiles import", "name one with -o FOLDER")
-    paths = [
-        root / FOLDERS[one.kind] / f"{name}.toml"
-        for one, name in zip(made, names_of_files(made), strict=True)
-    ]
-    if arguments.dry_run:
-        return paths
-    schemas = kept_schemas(None if arguments.out else root)
+        return
+    schemas = kept_schemas(None if arguments.out else paths[0].parent.parent)
     texts = [f"{directive(one.kind, schemas)}\n{profile_text(one)}".encode() for one in made]
-    there = [path for path, text in zip(paths, texts, strict=True) if _differs(path, text)]
-    if there and not arguments.force:
-        more = f" and {len(there) - 1} more" if len(there) > 1 else ""
+    existing = [path for path, text in zip(paths, texts, strict=True) if _differs(path, text)]
+    if existing and not arguments.force:
+        more = f" and {len(existing) - 1} more" if len(existing) > 1 else ""
         raise OutputError(
-            f"{there[0]}{more}: there already", remedy="--force writes over it, -o FOLDER elsewhere"
+            f"{existing[0]}{more}: already exists",
+            remedy="Use --force to overwrite it, or --name NAME or -o FOLDER to keep both",
         )
     for path, text in zip(paths, texts, strict=True):
         make_folder(path.parent)
         write_file(path, text)
-    return paths
 
 
 def _differs(path: Path, text: bytes) -> bool:
-    """Whether there is something else than what shall be written."""
+    """Whether a path exists with other contents."""
     return path.exists() and not (path.is_file() and path.read_bytes() == text)
 
 
-def _facts(made: Sequence[Any], paths: Sequence[Path], refused: Sequence[Any]) -> dict[str, Any]:
-    """Everything, for programs."""
+def _json_report(made: Sequence[Any], paths: Sequence[Path], refused: Sequence[Any]) -> dict[str, Any]:
+    """Return the report for --json."""
     return {
         "imported": [
             {
@@ -238,82 +281,132 @@ def _facts(made: Sequence[Any], paths: Sequence[Path], refused: Sequence[Any]) -
     }
 
 
-def _told(
-    arguments: argparse.Namespace, made: Sequence[Any], paths: Sequence[Path], refused: Sequence[Any]
+def _report(
+    arguments: argparse.Namespace,
+    made: Sequence[ImportedProfile],
+    paths: Sequence[Path],
+    refused: Sequence[RejectedProfile],
 ) -> Iterator[str]:
-    """Everything, for people: few profiles in full, many in a line each."""
-    full = len(made) <= _IN_FULL or arguments.verbose
+    """Yield the report: counts, the largest differences, warnings, and a command that uses the profiles."""
     for one, path in zip(made, paths, strict=True):
-        lost = [left for left in one.left if not left.off]
-        counts = f"{len(one.taken)} settings, {len(one.approximated)} approximated, {len(lost)} without counterpart"
-        yield f"{one.kind} {one.name!r} -> {path}"
-        yield f"  {counts}, {len(one.notes)} to look at"
-        for note in one.notes:
-            yield f"  look at  {note.place}: {note.text}"
-        if full:
-            yield from _in_full(one, lost, arguments.verbose)
-    for one in refused:
-        yield f"refused: {one.kind} {one.name!r}: {one.problem}"
-        yield f"  {one.remedy}"
-    written = "would be written" if arguments.dry_run else "written"
-    yield f"{len(made)} profiles {written}, {len(refused)} refused"
-    by_kind = {one.kind: path for one, path in zip(made, paths, strict=True)}
-    if len(made) == len(by_kind) == 3 and not arguments.dry_run:
-        flags = " ".join(f"--{kind} {path}" for kind, path in by_kind.items())
-        yield f"try it: printer-slicer dry-run PART.stl {flags}"
-    yield from _contradictions(made)
+        taken = sum(1 for each in one.taken if each.theirs)
+        lost = sum(1 for each in one.left if not each.off)
+        yield (
+            f"{one.kind} {path.stem} from {one.name!r}: {taken} settings taken over, "
+            f"{len(one.left) - lost} not applicable, {lost} without equivalent"
+        )
+        if arguments.verbose:
+            yield from _all_settings(one)
+    yield from _differences(made) if not arguments.verbose and len(made) <= _FEW else ()
+    folders = {f"{path.parent}/" for path in arguments.files}
+    for text in _warnings(made, verbose=arguments.verbose):
+        yield next((text.replace(one, "", 1) for one in folders if one in text), text)
+    for reason in refused:
+        yield f"rejected: {reason.kind} {reason.name!r}: {reason.problem}"
+        yield f"  {reason.remedy}"
+    if not made:
+        return
+    folder = paths[0].parent.parent
+    rejected = f"; {len(refused)} rejected" if refused else ""
+    if arguments.dry_run:
+        yield f"{_count(len(made), 'profile')} would be written to {folder}{rejected}"
+        return
+    yield f"{_count(len(made), 'profile')} written to {folder}{rejected}"
+    yield from _next_command(arguments, made, paths)
 
 
-def _in_full(one: Any, lost: Sequence[Any], verbose: bool) -> Iterator[str]:
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
+def _all_settings(one: ImportedProfile) -> Iterator[str]:
+    """Yield a line for each setting of the source and of the profile."""
     for taken in one.taken:
-        if taken.how or verbose:
-            value = "..." if isinstance(taken.value, str) and "\n" in taken.value else taken.value
-            source = f"{taken.theirs} = {_short(taken.text)}" if taken.theirs else "not set"
-            yield f"  {'about  ' if taken.how else 'same   '}  {source} -> {taken.ours} = {value}" + (
-                f" ({taken.how})" if taken.how else ""
-            )
-    for left in lost:
-        yield f"  left out {left.theirs} = {_short(left.text)} ({left.why})"
+        value = "..." if isinstance(taken.value, str) and "\n" in taken.value else taken.value
+        source = f"{taken.theirs} = {_short(taken.text)}" if taken.theirs else "not set"
+        reason = f" ({taken.how})" if taken.how else ""
+        yield f"  {source} -> {taken.ours} = {value}{reason}"
+    for left in one.left:
+        word = "not applicable" if left.off else "no equivalent"
+        yield f"  {word}: {left.theirs} = {_short(left.text)} ({left.why})"
 
 
 def _short(text: str) -> str:
     return text if len(text) <= 40 else f"{text[:37]}..."
 
 
-def _contradictions(made: Sequence[Any]) -> Iterator[str]:
-    """What the three parts of one profile contradict each other in."""
-    from printer_slicer.profile.faults import find_value_conflicts
+def _differences(made: Sequence[ImportedProfile]) -> Iterator[str]:
+    """Yield the differences that change the print most."""
+    from printer_slicer.importing import largest_differences
 
-    parts = {one.kind: one.values for one in made}
-    if len(made) == len(parts) == 3:
-        for key, problem, remedy in find_value_conflicts(**parts):
-            yield f"look at  {key}: {problem}: {remedy}"
+    found = largest_differences(made)
+    shown = found[:_MOST_DIFFERENCES]
+    if shown:
+        yield "largest differences from the source:"
+        yield from (f"  {one.text}" for one in shown)
+    hidden = len(found) - len(shown)
+    more = f"{_count(hidden, 'more difference')} and all settings" if hidden else "all settings"
+    yield f"add -v to see {more}"
 
 
-# What `print` would refuse in the G-code of imported printers, found before anything is printed with it
+def _warnings(made: Sequence[ImportedProfile], *, verbose: bool) -> Iterator[str]:
+    """Yield the warnings; by default the first few that are not among the differences."""
+    from printer_slicer.importing import other_notes
+
+    notes = [note for one in made for note in (one.notes if verbose else other_notes(one))]
+    shown = notes if verbose else notes[:_MOST_WARNINGS]
+    yield from (f"warning: {note.place}: {note.text}" for note in shown)
+    if len(shown) < len(notes):
+        yield f"add -v to see {_count(len(notes) - len(shown), 'more warning')}"
 
 
-def _with_macro_notes(made: Sequence[Imported]) -> list[Imported]:
-    """The profiles, printers among them with a note for each command that is refused unless somebody allows it.
+def _next_command(
+    arguments: argparse.Namespace, made: Sequence[ImportedProfile], paths: Sequence[Path]
+) -> Iterator[str]:
+    """Yield a command that uses the new profiles; before it, why they cannot be used together, if so."""
+    from printer_slicer.profile import load_profile
+
+    names: dict[str, str] = {}
+    for one, path in zip(made, paths, strict=True):
+        names.setdefault(one.kind, path.stem)
+    folders = [arguments.out] if arguments.out else []
+    flags = [word for kind, name in names.items() for word in (f"--{kind}", name)]
+    try:
+        load_profile(names.get("printer"), names.get("material"), names.get("quality"), folders=folders)
+    except ProfileError as error:
+        yield f"warning: the profiles do not fit together: {error.args[0]}"
+        yield f"  {error.remedy}"
+        flags = list(next(iter(names.items())))
+    else:
+        yield "slice, plan, dry-run and print take the same flags as:"
+    words = ["printer-slicer", "profiles", "show", *flags, *(f"--profiles={folder}" for folder in folders)]
+    yield f"  {shlex.join(words)}"
+
+
+# Commands in the G-code of imported printers that `print` would reject
+
+
+def _with_macro_notes(made: Sequence[ImportedProfile]) -> list[ImportedProfile]:
+    """Add a note to printers for each command in their G-code that `print` rejects without --allow.
 
     Args:
-        made: the profiles of a file; a material among them says what temperatures stand for.
+        made: the profiles of a file; a material among them gives the values of temperatures.
     """
     from printer_slicer.profile import load_profile, settings_of
 
     usual = settings_of(load_profile())
     kinds = [one.kind for one in made]
-    known = {one.kind: _without_own(one.values) for one in made if kinds.count(one.kind) == 1}
+    known = {one.kind: _without_overrides(one.values) for one in made if kinds.count(one.kind) == 1}
     return [replace(one, notes=(*one.notes, *_notes(one, usual | known))) for one in made]
 
 
-def _without_own(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Settings without those of single objects, which are judged when there are objects."""
+def _without_overrides(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the settings without overrides of single objects, which are checked when the objects are known."""
     return {key: value for key, value in values.items() if key != "overrides"}
 
 
-def _notes(one: Imported, others: Mapping[str, Mapping[str, Any]]) -> Iterator[ImportNote]:
-    """What is refused in the macros of one profile."""
+def _notes(one: ImportedProfile, others: Mapping[str, Mapping[str, Any]]) -> Iterator[ImportNote]:
+    """Yield a note for each rejected command in the macros of a profile."""
     from printer_slicer.macros import add_other_names
     from printer_slicer.profile import profile_from
     from printer_slicer.profile.reading import flatten
@@ -331,26 +424,26 @@ def _notes(one: Imported, others: Mapping[str, Mapping[str, Any]]) -> Iterator[I
     known = add_other_names(names)
     for name in _MACROS:
         commands = list(_commands(str(one.values.get(name, "")), known))
-        yield from _refused(commands, profile, f"{one.source}: {name}")
+        yield from _rejected(commands, profile, f"{one.source}: {name}")
 
 
-def _refused(commands: Sequence[bytes], profile: Profile, place: str) -> Iterator[ImportNote]:
+def _rejected(commands: Sequence[bytes], profile: Profile, place: str) -> Iterator[ImportNote]:
     from printer_slicer.importing import ImportNote
     from printer_slicer.inspection.lint.scan import scan
 
     for found in scan(commands, profile, moves=()):
         if found.is_error:
-            text = f"{found.command}: {found.message}; {found.reason}: `print` refuses it without --allow {found.code}"
+            text = f"{found.command}: {found.message}; {found.reason}: `print` rejects it without --allow {found.code}"
             yield ImportNote(place, text)
 
 
 def _commands(macro: str, names: Mapping[str, Value]) -> Iterator[bytes]:
-    """The commands of a macro, of every branch that may be taken, with values where they are known, 0 elsewhere."""
+    """Yield the commands of all branches of a macro, with 0 for unknown values."""
     from printer_slicer.macros import read_template
 
     try:
         lines = read_template(macro, "").possible_lines(names)
-    except ProfileError:  # which the import has told
+    except ProfileError:  # the import has reported it
         return
     for line in lines:
         if command := line.partition(";")[0].strip():

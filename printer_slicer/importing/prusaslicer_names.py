@@ -1,6 +1,6 @@
-"""PrusaSlicer's settings: which preset each belongs to, and what holds where a file says nothing.
+"""PrusaSlicer's settings: the kind of preset that each belongs to, and their defaults.
 
-Source: what PrusaSlicer 2.5 says itself (`--help-fff`, `--save`).
+Source: output of PrusaSlicer 2.5 (`--help-fff`, `--save`).
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ import re
 from collections.abc import Mapping
 from typing import Final
 
-__all__ = ["ABOUT_FILES", "DEFAULTS", "kind_of_setting"]
+__all__ = ["DEFAULTS", "METADATA", "setting_kind"]
 
 _PRINTER: Final = re.compile(
     r"machine_\w+|retract_\w+|deretract_speed|display_\w+|thumbnails\w*|printer_\w+|serial_\w+|print_host|printhost_\w+"
@@ -28,14 +28,14 @@ _MATERIAL: Final = re.compile(
     r"|full_fan_speed_layer|extrusion_multiplier|idle_temperature|enable_dynamic_fan_speeds|overhang_fan_(speed_\d|threshold)"
     r"|enable_overhang_bridge_fan|(pressure_advance|enable_pressure_advance)|\w+_fan_speed|max_speed_reduction|first_layer_fan_speed|cooling_\w+"
 )
-ABOUT_FILES: Final = re.compile(
+METADATA: Final = re.compile(
     r"inherits\w*|renamed_[Ff]rom|compatible_\w+|(print|filament|printer)_settings_id|\w*notes|\w*_vendor|\w*colou?r"
     r"|printer_(model|variant|technology)|default_\w+_profile|physical_printer_\w+|output_filename_format|threads"
     r"|gcode_comments|print_host\w*|printhost_\w+|octoprint_\w+|host_type|bed_custom_\w+|serial_\w+|\w*spool_weight"
     r"|variable_layer_height|silent_mode|extruder_clearance_\w+|duplicate_distance|thumbnails_\w+|preset_names?"
     r"|machine_limits_usage|slicing_mode|gcode_label_objects|profile_\w+|wiping_volumes_\w+|colorprint_heights"
 )
-"""Settings that do not change how anything is printed: where presets come from, what they suit, notes, colours."""
+"""Settings that do not change the print: inheritance, compatibility, notes, colours."""
 
 DEFAULTS: Final[Mapping[str, str]] = {
     # printer
@@ -141,11 +141,11 @@ DEFAULTS: Final[Mapping[str, str]] = {
     "travel_speed": "130",
     "first_layer_extrusion_width": "200%",
 }
-"""What holds where a preset does not say: only settings that have a counterpart here, or that conditions ask for."""
+"""Defaults of the settings that have an equivalent here or that occur in conditions."""
 
 
-def kind_of_setting(name: str) -> str:
-    """To which preset a setting belongs: `printer`, `material` or `quality`."""
+def setting_kind(name: str) -> str:
+    """Return the kind of preset that a setting belongs to: `printer`, `material` or `quality`."""
     if _PRINTER.fullmatch(name):
         return "printer"
     return "material" if _MATERIAL.fullmatch(name) else "quality"

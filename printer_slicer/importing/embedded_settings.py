@@ -1,4 +1,4 @@
-"""Settings that stand in G-code and in 3MF files."""
+"""Find the settings in G-code and 3MF files."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Final
 
 from printer_slicer.errors import ProfileError
-from printer_slicer.importing.report import NoSettingsError
-from printer_slicer.importing.unpacking import unpacked
+from printer_slicer.importing.archives import read_archive
+from printer_slicer.importing.results import NoSettingsError
 
-__all__ = ["CONFIGS_IN_3MF", "OBJECTS_IN_3MF", "config_in_3mf", "config_in_gcode"]
+__all__ = ["OBJECTS_IN_3MF", "SETTINGS_IN_3MF", "read_3mf_settings", "read_gcode_settings"]
 
-CONFIGS_IN_3MF: Final = (
+SETTINGS_IN_3MF: Final = (
     "Metadata/Slic3r_PE.config",
     "Metadata/SuperSlicer.config",
     "Metadata/Slic3r.config",
@@ -26,14 +26,14 @@ _HEAD: Final = 1_000_000
 _BEGIN: Final = re.compile(r";\s*(?:\w+_config = begin|CONFIG_BLOCK_START)\s*")
 _END: Final = re.compile(r";\s*(?:\w+_config = end|CONFIG_BLOCK_END)\s*")
 _SETTING: Final = re.compile(r";\s*([a-z][a-z0-9_]*) = ?(.*)")
-_FEWEST: Final = 20  # settings in a row that are taken for a block without marks
+_FEWEST: Final = 20  # consecutive settings that count as a block even without begin and end marks
 
 
-def config_in_gcode(path: Path) -> list[tuple[int, str]]:
-    """Lines of settings in G-code, each with its number.
+def read_gcode_settings(path: Path) -> list[tuple[int, str]]:
+    """Read the settings in G-code as numbered lines.
 
     Raises:
-        NoSettingsError: the file has none.
+        NoSettingsError: the file has no settings.
     """
     size = path.stat().st_size
     with path.open("rb") as file:
@@ -44,17 +44,17 @@ def config_in_gcode(path: Path) -> list[tuple[int, str]]:
     for begin, data in ((skipped, tail), (0, head)):
         found = list(_block(data.decode("utf-8", "replace").splitlines(), 1))
         if found:
-            # Lines before the tail are only counted, for messages.
+            # Lines before the tail are only counted, for line numbers in messages.
             before = _newlines(path, begin)
             return [(before + number, text) for number, text in found]
     raise NoSettingsError(
         f"{path}: G-code without settings of PrusaSlicer, SuperSlicer, OrcaSlicer, BambuStudio or Slic3r",
-        remedy="take a file that one of them wrote, or export the settings themselves",
+        remedy="Use a file that one of them wrote, or export the settings",
     )
 
 
 def _newlines(path: Path, until: int) -> int:
-    """How many lines end before a byte of a file."""
+    """Count the line ends before a byte of a file."""
     count, left = 0, until
     with path.open("rb") as file:
         while left > 0 and (piece := file.read(min(left, 1 << 20))):
@@ -64,7 +64,7 @@ def _newlines(path: Path, until: int) -> int:
 
 
 def _block(lines: list[str], first: int) -> Iterator[tuple[int, str]]:
-    """The settings between the marks; without marks, the last run of comments that look like settings."""
+    """Yield the settings between begin and end marks, or the last run of comments that look like settings."""
     marked: list[tuple[int, str]] = []
     inside = False
     run: list[tuple[int, str]] = []
@@ -86,23 +86,23 @@ def _block(lines: list[str], first: int) -> Iterator[tuple[int, str]]:
     yield from marked or runs
 
 
-def config_in_3mf(path: Path) -> tuple[str, str]:
-    """Name and text of the file of settings in a 3MF file.
+def read_3mf_settings(path: Path) -> tuple[str, str]:
+    """Read the settings file inside a 3MF file: its name and text.
 
     Raises:
-        ProfileError: there is none, it is damaged, or far too large.
+        ProfileError: there is none, or it is damaged or too large.
     """
-    texts = unpacked(path, set(CONFIGS_IN_3MF))
-    for name in CONFIGS_IN_3MF:
+    texts = read_archive(path, set(SETTINGS_IN_3MF))
+    for name in SETTINGS_IN_3MF:
         if name in texts:
             return name, texts[name]
-    if unpacked(path, set(OBJECTS_IN_3MF)):
+    if read_archive(path, set(OBJECTS_IN_3MF)):
         raise ProfileError(
             f"{path}: has only object settings, no print settings",
             remedy=f"`printer-slicer slice {path}` applies object settings; "
             "to import profiles, save a project instead of exporting a 3MF",
         )
     raise ProfileError(
-        f"{path}: no settings in it",
-        remedy="save it as a project with PrusaSlicer, OrcaSlicer or BambuStudio",
+        f"{path}: has no settings",
+        remedy="Save it as a project with PrusaSlicer, OrcaSlicer or BambuStudio",
     )

@@ -1,4 +1,4 @@
-"""Settings that objects and heights have of their own in 3MF projects of PrusaSlicer, OrcaSlicer and BambuStudio."""
+"""Read settings of objects and height ranges in 3MF projects of PrusaSlicer, OrcaSlicer and BambuStudio."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ from typing import Final
 from xml.parsers import expat
 
 from printer_slicer.errors import ProfileError
-from printer_slicer.importing.embedded import OBJECTS_IN_3MF
-from printer_slicer.importing.ini import Entry
+from printer_slicer.importing.archives import read_archive
+from printer_slicer.importing.embedded_settings import OBJECTS_IN_3MF
+from printer_slicer.importing.ini import SourceSetting
 from printer_slicer.importing.orca import orca_entries
-from printer_slicer.importing.presets import Own
-from printer_slicer.importing.report import ImportNote
-from printer_slicer.importing.unpacking import unpacked
+from printer_slicer.importing.presets import ObjectSettings
+from printer_slicer.importing.results import ImportNote
 
-__all__ = ["own_in_3mf"]
+__all__ = ["read_object_settings"]
 
 _RANGES: Final = ("Metadata/Prusa_Slicer_layer_config_ranges.xml", "Metadata/layer_config_ranges.xml")
 _HEIGHTS: Final = ("Metadata/Slic3r_PE_layer_heights_profile.txt", "Metadata/layer_heights_profile.txt")
-_STOPS: Final = ("Metadata/Prusa_Slicer_custom_gcode_per_print_z.xml", "Metadata/custom_gcode_per_layer.xml")
-_KINDS_OF_STOPS: Final = {
-    "0": "change of colour",
+_PAUSES: Final = ("Metadata/Prusa_Slicer_custom_gcode_per_print_z.xml", "Metadata/custom_gcode_per_layer.xml")
+_KINDS_OF_PAUSES: Final = {
+    "0": "colour change",
     "1": "pause",
-    "2": "change of tool",
+    "2": "tool change",
     "3": "G-code of the printer's template",
     "4": "G-code",
 }
@@ -42,7 +42,7 @@ _EVERYWHERE: Final = (0.0, 0.0)
 
 @dataclass(slots=True)
 class _Object:
-    """An object as the project has it: name, settings, those of heights, and of volumes in it by their names."""
+    """An object of a project: name, settings, settings of height ranges, and settings of named volumes."""
 
     name: str = ""
     settings: dict[str, str] = field(default_factory=dict)
@@ -50,16 +50,16 @@ class _Object:
     volumes: list[tuple[str, dict[str, str]]] = field(default_factory=list)
 
 
-def own_in_3mf(path: Path) -> tuple[tuple[Own, ...], tuple[ImportNote, ...]]:
-    """What objects and heights have of their own in a project, and what a person should look at.
+def read_object_settings(path: Path) -> tuple[tuple[ObjectSettings, ...], tuple[ImportNote, ...]]:
+    """Read the settings of objects and height ranges in a project, and warnings about what is not imported.
 
     Args:
-        path: of the 3MF file.
+        path: path of the 3MF file.
 
     Raises:
         ProfileError: the project is damaged.
     """
-    texts = unpacked(path, {*OBJECTS_IN_3MF, *_RANGES, *_HEIGHTS, *_STOPS})
+    texts = read_archive(path, {*OBJECTS_IN_3MF, *_RANGES, *_HEIGHTS, *_PAUSES})
     name = next((one for one in OBJECTS_IN_3MF if one in texts), "")
     objects = _Objects(f"{path}: {name}").read(texts[name]) if name else []
     for one in _RANGES:
@@ -67,58 +67,61 @@ def own_in_3mf(path: Path) -> tuple[tuple[Own, ...], tuple[ImportNote, ...]]:
             _Ranges(f"{path}: {one}", objects).read(texts[one])
     notes = [
         ImportNote(
-            f"{path}: {one}", "heights drawn by hand are left out; `planner.kind = optimal` finds them"
+            f"{path}: {one}",
+            "layer heights drawn by hand are not imported; `planner.kind = optimal` chooses heights by itself",
         )
         for one in _HEIGHTS
         if texts.get(one, "").strip()
     ]
-    notes += [note for one in _STOPS if one in texts for note in _Stops(f"{path}: {one}").read(texts[one])]
-    found: list[Own] = []
+    notes += [note for one in _PAUSES if one in texts for note in _Pauses(f"{path}: {one}").read(texts[one])]
+    found: list[ObjectSettings] = []
     for called, group in _by_name(objects).items():
         place = f"{path}: {name}: {called or 'an object without a name'}"
         volumes = [volume for one in group for volume, settings in one.volumes if settings]
         if volumes:
             which = ", ".join(map(repr, volumes[:5])) + (", ..." if len(volumes) > 5 else "")
-            notes.append(ImportNote(place, f"settings of volumes and modifiers in it are left out: {which}"))
+            notes.append(ImportNote(place, f"settings of volumes and modifiers are not imported: {which}"))
         alone = len(objects) == 1
-        first, *others = (_own(one, place, orca=name == OBJECTS_IN_3MF[1], alone=alone) for one in group)
+        first, *others = (
+            _settings_of(one, place, orca=name == OBJECTS_IN_3MF[1], alone=alone) for one in group
+        )
         if called and all(other == first for other in others):
             found += first
         elif first or any(others):
-            why = "objects of one name have different ones" if called else "nobody could tell whose they are"
-            notes.append(
-                ImportNote(place, f"its own settings are left out: {why}; give it a name of its own")
-            )
+            why = "objects with this name have different ones" if called else "the object has no name"
+            notes.append(ImportNote(place, f"its settings are not imported: {why}; give it a unique name"))
     return tuple(found), tuple(notes)
 
 
 def _by_name(objects: Sequence[_Object]) -> dict[str, list[_Object]]:
-    """Name -> the objects that have it."""
+    """Return name -> objects with this name."""
     groups: dict[str, list[_Object]] = {}
     for one in objects:
         groups.setdefault(one.name, []).append(one)
     return groups
 
 
-def _own(one: _Object, place: str, *, orca: bool, alone: bool) -> list[Own]:
-    """What an object has of its own, everywhere and at heights."""
+def _settings_of(one: _Object, place: str, *, orca: bool, alone: bool) -> list[ObjectSettings]:
+    """Return the settings of an object and of its height ranges."""
 
-    def entries(settings: Mapping[str, str]) -> dict[str, Entry]:
+    def entries(settings: Mapping[str, str]) -> dict[str, SourceSetting]:
         if orca:
             return orca_entries(settings, place)
-        return {key: Entry(key, text, place) for key, text in settings.items()}
+        return {key: SourceSetting(key, text, place) for key, text in settings.items()}
 
     rows = [(_EVERYWHERE, one.settings), *one.heights]
-    return [Own(one.name, *heights, entries(settings), alone) for heights, settings in rows if settings]
+    return [
+        ObjectSettings(one.name, *heights, entries(settings), alone) for heights, settings in rows if settings
+    ]
 
 
-def _usual(key: str, value: str) -> bool:
-    """Whether a setting says what holds anyway: that the first tool prints."""
+def _is_default(key: str, value: str) -> bool:
+    """Whether a setting is the default: it chooses the first tool."""
     return key == "extruder" and value in ("0", "1")
 
 
 class _Xml:
-    """Reads a document element by element; a document type is refused, and with it entities of every kind."""
+    """Reads a document element by element; rejects a document type, and with it all entities."""
 
     def __init__(self, place: str) -> None:
         self._place = place
@@ -132,28 +135,28 @@ class _Xml:
         """Read a document.
 
         Raises:
-            ProfileError: it is no XML.
+            ProfileError: it is not XML.
         """
         try:
             self._parser.Parse(text.encode(), True)
         except (expat.ExpatError, ValueError) as error:
-            raise ProfileError(f"{self._place}: {error}", remedy="save the project again") from None
+            raise ProfileError(f"{self._place}: {error}", remedy="Save the project again") from None
 
     def begin(self, tag: str, given: dict[str, str]) -> None:
-        """An element begins."""
+        """Handle the start of an element."""
 
     def end(self, tag: str) -> None:
-        """An element ends."""
+        """Handle the end of an element."""
 
     def text(self, text: str) -> None:
-        """Text in an element."""
+        """Handle text in an element."""
 
     def _refuse(self, *_: object) -> None:
-        raise ValueError("a document type, which projects do not have")
+        raise ValueError("it has a document type, which projects do not have")
 
 
 class _Objects(_Xml):
-    """Names and settings of objects."""
+    """Reads names and settings of objects."""
 
     def __init__(self, place: str) -> None:
         super().__init__(place)
@@ -162,12 +165,12 @@ class _Objects(_Xml):
         self._inside = False  # of a volume
 
     def read(self, text: str) -> list[_Object]:
-        """The objects of a document, in its order."""
+        """Return the objects of a document, in its order."""
         self.parse(text)
         return self._objects
 
     def begin(self, tag: str, given: dict[str, str]) -> None:
-        """An object, a volume in it, or something about one of them."""
+        """Begin an object or a volume, or read a setting of one."""
         if tag == "object":
             self._open = _Object()
             self._objects.append(self._open)
@@ -175,10 +178,10 @@ class _Objects(_Xml):
             self._inside = True
             self._open.volumes.append(("without a name", {}))
         elif self._open and tag == "metadata" and given.get("key"):
-            self._tell(self._open, given["key"], given.get("value", ""))
+            self._add_setting(self._open, given["key"], given.get("value", ""))
 
     def end(self, tag: str) -> None:
-        """A volume, or an object: what its only volume has is the object's."""
+        """End a volume or an object; settings of its only volume become the object's."""
         if tag in _VOLUMES:
             self._inside = False
         elif tag == "object" and self._open:
@@ -186,21 +189,21 @@ class _Objects(_Xml):
                 self._open.settings |= self._open.volumes.pop()[1]
             self._open = None
 
-    def _tell(self, one: _Object, key: str, value: str) -> None:
-        """Something about the object, or about the volume in it that is open."""
+    def _add_setting(self, one: _Object, key: str, value: str) -> None:
+        """Read a setting of the object, or of the current volume."""
         if not self._inside:
             if key == "name":
                 one.name = value
-            elif not _usual(key, value):
+            elif not _is_default(key, value):
                 one.settings[key] = value
         elif key == "name":
             one.volumes[-1] = value, one.volumes[-1][1]
-        elif key not in _ABOUT_VOLUMES and not _usual(key, value):
+        elif key not in _ABOUT_VOLUMES and not _is_default(key, value):
             one.volumes[-1][1][key] = value
 
 
 class _Ranges(_Xml):
-    """Settings of heights, object by object as they are counted."""
+    """Reads settings of height ranges; objects are numbered in their order."""
 
     def __init__(self, place: str, objects: list[_Object]) -> None:
         super().__init__(place)
@@ -209,11 +212,11 @@ class _Ranges(_Xml):
         self._key: str | None = None
 
     def read(self, text: str) -> None:
-        """Give the objects what a document says of them."""
+        """Add the height ranges of a document to the objects."""
         self.parse(text)
 
     def begin(self, tag: str, given: dict[str, str]) -> None:
-        """An object, heights of it, or a setting there."""
+        """Begin an object, a height range or a setting."""
         if tag == "object":
             number = int(given.get("id", "0"))
             inside = 1 <= number <= len(self._known)
@@ -226,41 +229,37 @@ class _Ranges(_Xml):
             self._object.heights[-1][1][self._key] = ""
 
     def text(self, text: str) -> None:
-        """The value of a setting."""
+        """Read the value of a setting."""
         if self._key:
             self._object.heights[-1][1][self._key] += text
 
     def end(self, tag: str) -> None:
-        """A setting is complete."""
+        """End a setting."""
         if tag == "option" and self._key:
             settings = self._object.heights[-1][1]
-            if _usual(self._key, settings[self._key].strip()):
+            if _is_default(self._key, settings[self._key].strip()):
                 del settings[self._key]
         self._key = None
 
 
-class _Stops(_Xml):
-    """What a person put at heights with the slider of layers: pauses, changes of colour, G-code."""
+class _Pauses(_Xml):
+    """Reads what was set at heights with the layer slider: pauses, colour changes, G-code."""
 
     def __init__(self, place: str) -> None:
         super().__init__(place)
         self._found: list[str] = []
 
     def read(self, text: str) -> list[ImportNote]:
-        """What a person should know of a document."""
+        """Return a warning about the contents of a document."""
         self.parse(text)
         if not self._found:
             return []
         which = ", ".join(self._found[:_SHOWN]) + (", ..." if len(self._found) > _SHOWN else "")
-        return [
-            ImportNote(
-                self._place, f"what is put at heights is left out: {which}; quality.pause_at has pauses"
-            )
-        ]
+        return [ImportNote(self._place, f"not imported: {which}; use quality.pause_at for pauses")]
 
     def begin(self, tag: str, given: dict[str, str]) -> None:
-        """One of them: `code` with `print_z` in PrusaSlicer, `layer` with `top_z` in OrcaSlicer and BambuStudio."""
+        """Read one: `code` with `print_z` in PrusaSlicer, `layer` with `top_z` in OrcaSlicer and BambuStudio."""
         height = given.get("print_z" if tag == "code" else "top_z", "")
         if tag in ("code", "layer") and height:
-            kind = _KINDS_OF_STOPS.get(given.get("type", ""), given.get("gcode", "") or "G-code")
+            kind = _KINDS_OF_PAUSES.get(given.get("type", ""), given.get("gcode", "") or "G-code")
             self._found.append(f"{kind} at z {height} mm")

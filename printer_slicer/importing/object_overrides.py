@@ -1,7 +1,7 @@
-"""Settings that objects and heights have of their own, as overrides of ours.
+"""Convert settings of single objects and height ranges to overrides.
 
-An object's settings are laid over those of the whole, and all are converted again: what comes out differently is the
-object's own. So percentages, and numbers of layers that become thicknesses, mean there what they mean in the whole.
+The settings of an object replace those of the project, and the result is converted again. Settings that then differ
+become overrides. This way, percentages and layer counts are converted as they are for the whole project.
 """
 
 from __future__ import annotations
@@ -10,33 +10,35 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Final
 
-from printer_slicer.importing.presets import Own, Preset
-from printer_slicer.importing.report import Imported, Left, Taken
+from printer_slicer.importing.presets import ObjectSettings, Preset
+from printer_slicer.importing.results import ConvertedSetting, ImportedProfile, UnsupportedSetting
 from printer_slicer.profile.base import HEIGHT, OBJECT
 from printer_slicer.profile.overrides import HIGHEST
 from printer_slicer.profile.tables import settings_table
 
-__all__ = ["flat", "may_differ", "with_own"]
+__all__ = ["add_object_overrides", "flat", "overridable_settings"]
 
 
 _HEIGHT: Final = "layer_height"
 
 
-def with_own(whole: Imported, preset: Preset, convert: Callable[[Preset], Imported]) -> Imported:
-    """A quality with overrides for what objects have of their own.
+def add_object_overrides(
+    whole: ImportedProfile, preset: Preset, convert: Callable[[Preset], ImportedProfile]
+) -> ImportedProfile:
+    """Return a quality with overrides for objects and height ranges.
 
     Args:
         whole: the quality without them.
-        preset: what it was made from.
-        convert: makes a quality.
+        preset: its source.
+        convert: converts a preset to a quality.
 
     Raises:
-        ProfileError: a value that is no number or makes no sense, with place and remedy.
+        ProfileError: a value is no number or out of range; with place and remedy.
     """
     tables: list[dict[str, Any]] = []
     layers: list[tuple[float, float, float]] = []
-    taken: list[Taken] = []
-    left: list[Left] = []
+    taken: list[ConvertedSetting] = []
+    left: list[UnsupportedSetting] = []
     values = dict(whole.values)
     for own in preset.own:
         height = own.entries.get(_HEIGHT)
@@ -44,7 +46,7 @@ def with_own(whole: Imported, preset: Preset, convert: Callable[[Preset], Import
         made = convert(replace(preset, entries={**preset.entries, **entries}, own=(), notes=()))
         before = dict(flat(whole.values))
         changed = {key: value for key, value in flat(made.values) if before.get(key) != value}
-        allowed = may_differ(heights=bool(own.high))
+        allowed = overridable_settings(heights=bool(own.high))
         kept = {key: value for key, value in changed.items() if key in allowed}
         if kept:
             heights = {"low": own.low, "high": own.high} if own.high else {}
@@ -54,15 +56,15 @@ def with_own(whole: Imported, preset: Preset, convert: Callable[[Preset], Import
         if height is None:
             continue
         if not own.alone:
-            why = "all of a plate has the same layers"
-            left.append(Left(f"{own.where}: {height.name}", height.text, why))
+            why = "all objects of a plate have the same layers"
+            left.append(UnsupportedSetting(f"{own.where}: {height.name}", height.text, why))
             continue
         thick = changed.get(_HEIGHT, before[_HEIGHT])
         if own.high:
             layers.append((own.low, own.high, thick))
         else:
             values[_HEIGHT] = thick
-        taken.append(Taken(f"{own.where}: {height.name}", height.text, _HEIGHT, thick))
+        taken.append(ConvertedSetting(f"{own.where}: {height.name}", height.text, _HEIGHT, thick))
     if tables:
         values["overrides"] = tables
     if layers:
@@ -70,7 +72,7 @@ def with_own(whole: Imported, preset: Preset, convert: Callable[[Preset], Import
     return replace(whole, values=values, taken=(*whole.taken, *taken), left=(*whole.left, *left))
 
 
-def may_differ(*, heights: bool) -> frozenset[str]:
+def overridable_settings(*, heights: bool) -> frozenset[str]:
     """Return the quality settings that may differ per object.
 
     Args:
@@ -81,7 +83,7 @@ def may_differ(*, heights: bool) -> frozenset[str]:
 
 
 def flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Our settings by their full names."""
+    """Yield our settings with their full names."""
     for key, value in values.items():
         if isinstance(value, dict):
             yield from flat(value, f"{prefix}{key}.")
@@ -90,7 +92,12 @@ def flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any
 
 
 def _ranges(layers: Sequence[tuple[float, float, float]], usual: float) -> list[dict[str, float]]:
-    """Height of layers from the bed on: as told, and elsewhere the usual one."""
+    """Return the layer height of each height range from the bed to the top.
+
+    Args:
+        layers: low, high and layer height of the given ranges, mm.
+        usual: layer height elsewhere, mm.
+    """
     ranges, begin = [], 0.0
     for low, high, height in sorted(layers):
         if low > begin:
@@ -102,21 +109,21 @@ def _ranges(layers: Sequence[tuple[float, float, float]], usual: float) -> list[
     ]
 
 
-def _taken(own: Own, made: Imported, kept: Mapping[str, Any]) -> Iterator[Taken]:
-    """What was taken over, told as of this object."""
+def _taken(own: ObjectSettings, made: ImportedProfile, kept: Mapping[str, Any]) -> Iterator[ConvertedSetting]:
+    """Yield the settings that became overrides of an object."""
     for one in made.taken:
         if one.ours in kept:
             theirs = f"{own.where}: {one.theirs}" if one.theirs else ""
             yield replace(one, theirs=theirs, ours=f"overrides: {own.where}: {one.ours}")
 
 
-def _left(own: Own, made: Imported, same: set[str]) -> Iterator[Left]:
-    """What has no counterpart, or none that only this object has."""
+def _left(own: ObjectSettings, made: ImportedProfile, same: set[str]) -> Iterator[UnsupportedSetting]:
+    """Yield the settings of an object that have no equivalent, or none that can differ between objects."""
     names = {entry.name for entry in own.entries.values()}
     for lost in made.left:
         if lost.theirs in names:
             yield replace(lost, theirs=f"{own.where}: {lost.theirs}")
     for one in made.taken:
         if one.ours in same and one.theirs in names:
-            why = f"{one.ours} is the same for all of a plate here"
-            yield Left(f"{own.where}: {one.theirs}", one.text, why)
+            why = f"{one.ours} is the same for the whole plate here"
+            yield UnsupportedSetting(f"{own.where}: {one.theirs}", one.text, why)

@@ -1,6 +1,6 @@
-"""What a printer usually prints with, from the print settings and the material that come with it.
+"""Give a printer the speeds of the print settings and the flow of the materials that come with it.
 
-Other slicers keep speeds in print settings. A printer here has its own, for every quality that leaves them to it.
+Other slicers keep speeds in print settings. Here, a printer has its own speeds, for qualities that do not set them.
 """
 
 from __future__ import annotations
@@ -9,25 +9,25 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, Final
 
-from printer_slicer.importing.report import Imported, Taken
+from printer_slicer.importing.results import ConvertedSetting, ImportedProfile
 from printer_slicer.profile.speeds import PrinterAccelerations, PrinterSpeeds
 
-__all__ = ["with_usual"]
+__all__ = ["add_printer_defaults"]
 
 _TABLES: Final = {"speeds": PrinterSpeeds, "accelerations": PrinterAccelerations}
 _OVERHANGS: Final = ("75", "50", "25")
 _PLA: Final = "PLA"
 
 
-def with_usual(printer: Imported, others: Sequence[Imported]) -> Imported:
-    """A printer with the speeds and accelerations of the first quality, and flow and pressure advance of materials.
+def add_printer_defaults(printer: ImportedProfile, others: Sequence[ImportedProfile]) -> ImportedProfile:
+    """Return a printer with speeds and accelerations of a quality, and with flow and pressure advance of materials.
 
-    The hotend melts the most that any of the materials asks for, as far as one of them is PLA: others alone do not tell
-    how much that is.
+    The maximum flow of the hotend is the highest of the materials, but only if one of them is PLA: the limits of other
+    materials alone are too low.
 
     Args:
         printer: without any of these.
-        others: materials and qualities that come with it, the usual ones first.
+        others: materials and qualities that come with it, the defaults first.
     """
     quality = next((one for one in others if one.kind == "quality"), None)
     materials = [one for one in others if one.kind == "material"]
@@ -40,8 +40,8 @@ def with_usual(printer: Imported, others: Sequence[Imported]) -> Imported:
     return replace(printer, values=values, taken=(*printer.taken, *taken))
 
 
-def _speeds(quality: Imported) -> list[Taken]:
-    """Every speed and acceleration that printers have too, as they became the quality's."""
+def _speeds(quality: ImportedProfile) -> list[ConvertedSetting]:
+    """Return the converted speeds and accelerations of a quality that printers have too."""
     known = {f"{table}.{name}" for table, owner in _TABLES.items() for name in owner.__struct_fields__}
     found = [one for one in quality.taken if one.ours in known]
     speeds = quality.values["speeds"]
@@ -54,8 +54,8 @@ def _speeds(quality: Imported) -> list[Taken]:
     return found
 
 
-def _flow(materials: Sequence[Imported]) -> list[Taken]:
-    """The most that the hotend melts, and pressure advance of the first PLA."""
+def _flow(materials: Sequence[ImportedProfile]) -> list[ConvertedSetting]:
+    """Return the maximum flow of the materials, and the pressure advance of the first PLA."""
     pla = [one for one in materials if str(one.values.get("type", "")).strip().upper() == _PLA]
     if not pla:
         return []

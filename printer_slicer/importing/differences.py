@@ -1,0 +1,142 @@
+"""The differences between an imported profile and its source that change the print most."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from functools import cache
+from typing import Any, Final, NamedTuple
+
+from printer_slicer.importing.results import ConvertedSetting, ImportedProfile, ImportNote, UnsupportedSetting
+from printer_slicer.profile.tables import settings_table
+
+__all__ = ["Difference", "largest_differences", "other_notes"]
+
+_LEAST: Final = 20  # differences of less weight are not listed
+_USUAL: Final = 30  # weight of a converted setting that has none of its own
+_CONVERTED: Final[tuple[tuple[str, int], ...]] = (
+    ("bed_", 85),
+    ("flavour", 80),
+    ("layer_height", 95),
+    ("first_layer_height", 80),
+    ("perimeters", 90),
+    ("infill_density", 90),
+    ("extrusion_width", 75),
+    ("nozzle_diameter", 75),
+    ("flow_ratio", 75),
+    ("infill", 60),
+    ("brim_", 55),
+    ("max_flow", 50),
+    ("speeds.", 50),
+    ("firmware_retraction", 50),
+    ("varying_walls", 40),
+    ("scarf_", 35),
+    ("slope_shell_ratio", 21),
+    ("fan_overhang_", 22),
+)
+"""How much a setting of ours changes the print, by the beginning of its name; the first that fits counts."""
+_LOST: Final[tuple[tuple[str, int], ...]] = (
+    (r"support_material|enable_support|support_enable", 100),
+    (r"fuzzy_skin|magic_fuzzy_skin_enabled|mold_enabled|magic_mesh_surface_mode", 90),
+    (r"adaptive_layer_height(_enabled)?|variable_layer_height", 80),
+    (r"complete_objects|print_sequence", 70),
+    (r"print_flow_ratio|(first|initial)_layer_flow_ratio|default_filament_flow", 65),
+    (r"filament_shrink\w*|chamber_temperature", 60),
+    (r"make_overhang_printable|hole_to_polyhole|interlocking_beam", 60),
+    (r"filament_(retract|retraction)_(length|speed)", 50),
+    (r"\w*(infill|surface|skin)\w*(_extrusion_width|_line_width)", 45),
+    (r"\w*_flow_ratio|\w*_material_flow", 40),
+    (r"overhang_reversal|thick_internal_bridges|extra_solid_infills|infill_combination", 25),
+    (r"filament_(z_hop|retract_lift|wipe)", 22),
+)
+"""The same for settings of other slicers without an equivalent."""
+_NEUTRAL: Final = ("100%", "1", "by layer")
+_RATIO: Final = re.compile(r"ratio|flow|shrink|sequence")
+_WITH_UNITS: Final = ("mm", "mm/s", "mm/s²", "mm²", "mm³/s", "°C", "s", "degrees")
+_NUMBER: Final = re.compile(r"-?\d+(\.\d*)?")
+
+
+class Difference(NamedTuple):
+    """A setting that prints differently from the source.
+
+    Attributes:
+        weight: how much it changes the print.
+        text: both settings with their values and units, and the reason.
+    """
+
+    weight: int
+    text: str
+
+
+def largest_differences(made: Sequence[ImportedProfile]) -> list[Difference]:
+    """Return the differences that change the print, the largest first.
+
+    Args:
+        made: the profiles.
+    """
+    found = [one for profile in made for one in (*_converted(profile), *_lost(profile))]
+    unique = {one.text: one for one in found if one.weight >= _LEAST}
+    return sorted(unique.values(), key=lambda one: -one.weight)
+
+
+def other_notes(profile: ImportedProfile) -> list[ImportNote]:
+    """Return the notes of a profile that no difference repeats."""
+    differing = {one.theirs for one in profile.taken if one.differs}
+    return [note for note in profile.notes if note.place.rpartition(": ")[2] not in differing]
+
+
+def _converted(profile: ImportedProfile) -> Iterator[Difference]:
+    """Yield the settings whose value had to change."""
+    for one in profile.taken:
+        if one.differs:
+            name = one.ours.rpartition(": ")[2]
+            weight = next((weight for start, weight in _CONVERTED if name.startswith(start)), _USUAL)
+            yield Difference(weight, f"{profile.kind}: {_change(profile, one, name)}")
+
+
+def _change(profile: ImportedProfile, one: ConvertedSetting, name: str) -> str:
+    """Return a converted setting with both values."""
+    unit = _units().get(f"{profile.kind}.{name}", "")
+    ours = f"{one.ours} = {_with_unit(_shown(one.value), unit)}"
+    theirs = f"{one.theirs} = {_with_unit(_short(one.text), unit)}" if one.theirs else "not set"
+    return f"{theirs} -> {ours} ({one.how})" if one.how else f"{theirs} -> {ours}"
+
+
+def _lost(profile: ImportedProfile) -> Iterator[Difference]:
+    """Yield the settings without an equivalent that matter."""
+    for one in profile.left:
+        weight = 0 if one.off else _weight_of_lost(one)
+        if weight:
+            unit = "mm" if one.theirs.endswith(("_width", "_length")) else ""
+            value = _with_unit(_short(one.text), unit)
+            yield Difference(weight, f"{profile.kind}: {one.theirs} = {value} is not taken over ({one.why})")
+
+
+def _weight_of_lost(one: UnsupportedSetting) -> int:
+    """Return the weight of a setting without an equivalent; 0 for a value that changes nothing."""
+    name = one.theirs.rpartition(": ")[2]
+    if one.text.strip() in _NEUTRAL and _RATIO.search(name):
+        return 0
+    return next((weight for pattern, weight in _LOST if re.fullmatch(pattern, name)), 0)
+
+
+@cache
+def _units() -> dict[str, str]:
+    """Return the unit of each of our settings."""
+    return {row.key: row.unit for row in settings_table()}
+
+
+def _with_unit(value: str, unit: str) -> str:
+    return f"{value} {unit}" if unit in _WITH_UNITS and _NUMBER.fullmatch(value) else value
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f"{value:g}" if isinstance(value, float) else _short(str(value))
+
+
+def _short(text: str) -> str:
+    """Return the first line of a text, shortened."""
+    line = text.strip().splitlines()[0] if text.strip() else "empty"
+    return line if len(line) <= 40 else f"{line[:37]}..."

@@ -1,0 +1,105 @@
+"""Results of an import: converted settings, settings without equivalent, warnings, rejected profiles."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+from printer_slicer.errors import ProfileError
+
+__all__ = [
+    "KINDS",
+    "ConvertedSetting",
+    "ImportNote",
+    "ImportedProfile",
+    "NoSettingsError",
+    "RejectedProfile",
+    "UnsupportedSetting",
+]
+
+KINDS: Final = ("printer", "material", "quality")
+
+
+class NoSettingsError(ProfileError):
+    """A G-code file has no settings of a slicer."""
+
+
+@dataclass(frozen=True, slots=True)
+class ConvertedSetting:
+    """A setting that was taken over or converted.
+
+    Attributes:
+        theirs: its name in the source; empty if the source does not set it.
+        text: its value in the source.
+        ours: its name here, without the kind of profile.
+        value: its value here.
+        how: how it was converted, where that is not obvious; empty: the same.
+        differs: whether the print differs from that of the source because of it.
+    """
+
+    theirs: str
+    text: str
+    ours: str
+    value: Any
+    how: str = ""
+    differs: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class UnsupportedSetting:
+    """A setting without an equivalent; `off` if it does not apply: it is off, or for machines with several tools."""
+
+    theirs: str
+    text: str
+    why: str
+    off: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class ImportNote:
+    """A warning: its text, and the file, line and setting that it is about."""
+
+    place: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class ImportedProfile:
+    """A converted profile.
+
+    Attributes:
+        kind: `printer`, `material` or `quality`.
+        name: its name in the source.
+        source: file and line.
+        values: setting -> value here; tables are nested.
+        taken: settings that were taken over or converted.
+        left: settings without an equivalent.
+        notes: warnings.
+        settings: settings of the source under PrusaSlicer's names.
+    """
+
+    kind: str
+    name: str
+    source: str
+    values: Mapping[str, Any]
+    taken: tuple[ConvertedSetting, ...] = ()
+    left: tuple[UnsupportedSetting, ...] = ()
+    notes: tuple[ImportNote, ...] = ()
+    settings: Mapping[str, str] = field(default_factory=dict, repr=False)
+
+    @property
+    def approximated(self) -> tuple[ConvertedSetting, ...]:
+        """Return the settings that were not taken over literally."""
+        return tuple(one for one in self.taken if one.how)
+
+
+@dataclass(frozen=True, slots=True)
+class RejectedProfile:
+    """A preset that could not be converted: the reason with its place, and the remedy."""
+
+    kind: str
+    name: str
+    source: str
+    problem: str
+    remedy: str
