@@ -34,7 +34,7 @@ def find_rectangle(made: Conversion) -> BedRectangle:
     for word in made.preset.raw("bed_shape").split(","):
         found = _POINT.fullmatch(word)
         if found is None:
-            raise made.refuse(
+            raise made.error(
                 "bed_shape",
                 f"{word.strip()[:30]!r} is not a corner",
                 "Write corners as 0x0,220x0,220x220,0x220",
@@ -44,7 +44,7 @@ def find_rectangle(made: Conversion) -> BedRectangle:
     low, high = (min(xs), min(ys)), (max(xs), max(ys))
     size = (high[0] - low[0], high[1] - low[1])
     if len(points) < 3 or min(size) <= 0:
-        raise made.refuse("bed_shape", "the bed is empty", "Write its corners as 0x0,220x0,220x220,0x220")
+        raise made.error("bed_shape", "the bed is empty", "Write its corners as 0x0,220x0,220x220,0x220")
     if _is_rectangle(points, low, high):
         return BedRectangle(low, high)
     middle = ((low[0] + high[0]) / 2, (low[1] + high[1]) / 2)

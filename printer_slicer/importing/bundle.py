@@ -44,7 +44,7 @@ class PresetBundle:
     _sought: list[str] = field(default_factory=list, repr=False)
 
     def presets(self, kinds: Sequence[str] = KINDS) -> Iterator[Preset | RejectedProfile]:
-        """Yield each preset that is not abstract, with the settings it inherits, or why it is refused."""
+        """Yield each preset with the settings it inherits, or the reason why it cannot be used; skip abstract ones."""
         for kind in kinds:
             for name, section in self.sections[kind].items():
                 if not name.startswith("*"):
@@ -59,10 +59,10 @@ class PresetBundle:
         Raises:
             ProfileError: it is missing, inherits from itself, or from a preset that is missing.
         """
-        entries = self._resolved(kind, name, ())
+        entries = self._resolve(kind, name, ())
         return Preset(kind, name, self.dialect, self.sections[kind][name].place, entries, DEFAULTS)
 
-    def _resolved(self, kind: str, name: str, below: tuple[str, ...]) -> dict[str, SourceSetting]:
+    def _resolve(self, kind: str, name: str, below: tuple[str, ...]) -> dict[str, SourceSetting]:
         """Return the settings of a section and those it inherits; of several parents the last one wins."""
         if (kind, name) in self._known:
             return self._known[kind, name]
@@ -79,10 +79,10 @@ class PresetBundle:
             if not parent:
                 continue
             if parent in self.sections[kind]:
-                entries |= self._resolved(kind, parent, (*below, name))
+                entries |= self._resolve(kind, parent, (*below, name))
             elif len(section.entries) < _COMPLETE:
                 assert parents is not None
-                near = self._near(parent, kind)
+                near = self._closest_name(parent, kind)
                 hint = f"Did you mean {near!r}? " if near else ""
                 raise ProfileError(
                     f"{parents.place}: inherits = {parent}: no such preset in this file",
@@ -91,7 +91,7 @@ class PresetBundle:
         self._known[kind, name] = entries | section.entries
         return self._known[kind, name]
 
-    def _near(self, name: str, kind: str) -> str:
+    def _closest_name(self, name: str, kind: str) -> str:
         """Return the preset with the most similar name; empty if there is none.
 
         Only the first few searches are done, because each compares all names.
@@ -116,7 +116,9 @@ class PresetBundle:
         named = printer.text(
             {"material": "default_filament_profile", "quality": "default_print_profile"}[kind]
         )
-        for name in [*split_texts(named), *self._materials_of(printer)] if kind == "material" else [named]:
+        for name in (
+            [*split_texts(named), *self._default_materials(printer)] if kind == "material" else [named]
+        ):
             if name in self.sections[kind]:
                 return name
         for name in self.sections[kind]:
@@ -124,8 +126,8 @@ class PresetBundle:
                 return name
         return ""
 
-    def find_printers_called(self, name: str) -> list[Preset]:
-        """Return the printers that match a name best; several if they differ in their nozzles.
+    def find_printers(self, name: str) -> list[Preset]:
+        """Return the printers that match a name best, for example one printer with different nozzles.
 
         Args:
             name: of a preset, an older name of one, or of a model; or a part of one, such as `Ender 3 V2`.
@@ -156,7 +158,7 @@ class PresetBundle:
         first = [one for one in printers if listed and one.text("printer_variant") == listed[0]]
         return (*usual, *first, *printers)[0]
 
-    def _materials_of(self, printer: Preset) -> list[str]:
+    def _default_materials(self, printer: Preset) -> list[str]:
         """Return the default materials of the printer's model."""
         model = self.models.get(printer.text("printer_model"))
         listed = model.entries.get("default_materials") if model else None
@@ -164,7 +166,7 @@ class PresetBundle:
 
 
 def find_bundle(sections: Sequence[IniSection], dialect: str, place: str) -> PresetBundle | None:
-    """Return the sections of a file as a bundle; None if the file is a single set of settings."""
+    """Return the sections of a file as a bundle; None if the file is one set of settings without presets."""
     sorted_out: dict[str, dict[str, IniSection]] = {kind: {} for kind in _KINDS.values()}
     models: dict[str, IniSection] = {}
     for section in sections:

@@ -23,7 +23,7 @@ _OFF: Final = ("", "0", "0%", "nil", "none", "false", "no", "0,0", "disabled", '
 
 @dataclass(slots=True)
 class Conversion:
-    """A conversion in progress: the settings so far, and where they come from."""
+    """Converts a preset setting by setting, and records the source of each."""
 
     preset: Preset
     values: dict[str, Any] = field(default_factory=dict)
@@ -69,7 +69,7 @@ class Conversion:
 
     def switch(self, ours: str, theirs: str) -> bool:
         """Take over a switch."""
-        value = self.preset.on(theirs)
+        value = self.preset.is_on(theirs)
         self.put(ours, value, theirs)
         return value
 
@@ -90,7 +90,7 @@ class Conversion:
         near_by = "" if word in same else f"{word or 'nothing'} is nearest to {value}"
         self.put(ours, value, theirs, near_by, differs=word not in same)
 
-    def held(  # noqa: PLR0917 - calls read as rows of a table
+    def clamp(  # noqa: PLR0917 - calls read as rows of a table
         self,
         ours: str,
         value: float,
@@ -111,7 +111,7 @@ class Conversion:
         self.put(ours, kept, theirs, how, differs=moved)
         return kept
 
-    def of(self, theirs: str, whole: float) -> float:
+    def resolve(self, theirs: str, whole: float) -> float:
         """Return a number of the source; a percentage is of `whole`."""
         return self.preset.quantity(theirs).of(whole)
 
@@ -119,14 +119,14 @@ class Conversion:
         """Return a number or percentage of the source."""
         return self.preset.quantity(theirs)
 
-    def beside(self, theirs: str) -> float:
+    def printer_number(self, theirs: str) -> float:
         """Return a number of the printer that the preset is for, or the default of the source."""
-        entry, told = self.preset.entries.get(theirs), self.preset.together.get(theirs, "")
+        entry, told = self.preset.entries.get(theirs), self.preset.context.get(theirs, "")
         found = parse_quantity(told.split(",")[0]) if entry is None and told else None
         return found.value if found else self.preset.number(theirs)
 
-    def refuse(self, theirs: str, problem: str, remedy: str) -> ProfileError:
-        """Return the error for a value that must not be taken over."""
+    def error(self, theirs: str, problem: str, remedy: str) -> ProfileError:
+        """Return an error about a setting of the source; the caller raises it."""
         return ProfileError(f"{self.preset.where(theirs)}: {problem}", remedy=remedy)
 
     def warn(self, theirs: str, text: str) -> None:
@@ -134,14 +134,14 @@ class Conversion:
         self.notes.append(ImportNote(self.preset.where(theirs), text))
 
     def mark_different(self) -> None:
-        """Mark the last setting: the print differs from that of the source because of it."""
+        """Record that the last converted setting makes the print differ from the source's."""
         self.taken[-1] = replace(self.taken[-1], differs=True)
 
-    def skip(self, names: Iterable[str]) -> None:
+    def mark_used(self, names: Iterable[str]) -> None:
         """Mark settings as used, so that they are not reported as settings without an equivalent."""
         self.used.update(names)
 
-    def done(self, why: Callable[[str], str]) -> ImportedProfile:
+    def finish(self, why: Callable[[str], str]) -> ImportedProfile:
         """Return the converted profile.
 
         Args:

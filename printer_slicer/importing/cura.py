@@ -52,7 +52,7 @@ class CuraDefinition:
     _open: list[str] = field(default_factory=list)
 
     @property
-    def consulted(self) -> set[str]:
+    def requested(self) -> set[str]:
         """Return the settings that were requested, directly or by others."""
         return set(self._values)
 
@@ -76,18 +76,18 @@ class CuraDefinition:
             raise CuraExpressionError(f"{key} is not a setting of this machine")
         self._open.append(key)
         try:
-            found = self._computed(key)
+            found = self._compute(key)
         finally:
             self._open.pop()
         self._values[key] = found
         return found
 
-    def _computed(self, key: str) -> Any:
+    def _compute(self, key: str) -> Any:
         properties = self.settings.get(key, {})
         given = self.changes.get(key)
         if given is not None:
             try:
-                return _typed(given, str(properties.get("type", "")), self)
+                return _parse_change(given, str(properties.get("type", "")), self)
             except CuraExpressionError as error:
                 raise ProfileError(
                     f"{self.changed_at[key]}: {key}: {error}",
@@ -104,7 +104,7 @@ class CuraDefinition:
             return default
 
 
-def _typed(text: str, kind: str, machine: CuraDefinition) -> Any:
+def _parse_change(text: str, kind: str, machine: CuraDefinition) -> Any:
     """Return a changed value: an expression if it begins with `=`, else a value of the setting's type."""
     if text.startswith("="):
         return evaluate_cura(text[1:], machine.value)
@@ -137,7 +137,7 @@ def cura_presets(
     """
     around = [path.parent, *folders]
     machine = CuraDefinition(str(values.get("name") or path.stem), str(path), {})
-    for own, file in reversed(list(_chain(dict(values), path, around))):
+    for own, file in reversed(list(_with_parents(dict(values), path, around))):
         _add(machine, own, base=file.name.startswith("fdm"))
     _extruder(machine, values, around)
     for key, entry in changes.items():
@@ -146,8 +146,8 @@ def cura_presets(
                 f"{entry.place}: {key}: Cura has no such setting", remedy="Look up its name in the definition"
             )
         machine.changes[key], machine.changed_at[key] = entry.text, entry.place
-    entries = _translated(machine)
-    entries |= {key: entry for key, entry in changes.items() if key not in machine.consulted}
+    entries = _translate(machine)
+    entries |= {key: entry for key, entry in changes.items() if key not in machine.requested}
     names = {
         "printer": machine.name,
         "material": f"{name or machine.name} material",
@@ -159,7 +159,7 @@ def cura_presets(
     ]
 
 
-def _translated(machine: CuraDefinition) -> dict[str, SourceSetting]:
+def _translate(machine: CuraDefinition) -> dict[str, SourceSetting]:
     """Return the settings of a machine under PrusaSlicer's names.
 
     Raises:
@@ -180,7 +180,7 @@ def _translated(machine: CuraDefinition) -> dict[str, SourceSetting]:
         ) from None
 
 
-def _chain(
+def _with_parents(
     values: dict[str, Any], path: Path, folders: Sequence[Path]
 ) -> Iterator[tuple[dict[str, Any], Path]]:
     """Yield a definition and those it inherits from, with their files."""
@@ -228,7 +228,7 @@ def _add(machine: CuraDefinition, values: Mapping[str, Any], *, base: bool) -> N
 def _extruder(machine: CuraDefinition, values: Mapping[str, Any], folders: Sequence[Path]) -> None:
     """Add the settings of the first extruder."""
     trains: Any = None
-    for own, _ in _chain(dict(values), Path(machine.place), folders):
+    for own, _ in _with_parents(dict(values), Path(machine.place), folders):
         metadata = own.get("metadata")
         trains = trains or (metadata.get("machine_extruder_trains") if isinstance(metadata, dict) else None)
     name = trains.get("0") if isinstance(trains, dict) else None

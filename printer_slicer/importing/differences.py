@@ -13,7 +13,7 @@ from printer_slicer.profile.tables import settings_table
 __all__ = ["Difference", "largest_differences", "other_notes"]
 
 _LEAST: Final = 20  # differences of less weight are not listed
-_USUAL: Final = 30  # weight of a converted setting that has none of its own
+_USUAL: Final = 30  # weight of a converted setting that is not in the table
 _CONVERTED: Final[tuple[tuple[str, int], ...]] = (
     ("bed_", 85),
     ("flavour", 80),
@@ -34,7 +34,7 @@ _CONVERTED: Final[tuple[tuple[str, int], ...]] = (
     ("slope_shell_ratio", 21),
     ("fan_overhang_", 22),
 )
-"""How much a setting of ours changes the print, by the beginning of its name; the first that fits counts."""
+"""Prefix of our setting -> how much it changes the print; the first match counts."""
 _LOST: Final[tuple[tuple[str, int], ...]] = (
     (r"support_material|enable_support|support_enable", 100),
     (r"fuzzy_skin|magic_fuzzy_skin_enabled|mold_enabled|magic_mesh_surface_mode", 90),
@@ -49,7 +49,7 @@ _LOST: Final[tuple[tuple[str, int], ...]] = (
     (r"overhang_reversal|thick_internal_bridges|extra_solid_infills|infill_combination", 25),
     (r"filament_(z_hop|retract_lift|wipe)", 22),
 )
-"""The same for settings of other slicers without an equivalent."""
+"""Pattern for settings without an equivalent -> how much they change the print."""
 _NEUTRAL: Final = ("100%", "1", "by layer")
 _RATIO: Final = re.compile(r"ratio|flow|shrink|sequence")
 _WITH_UNITS: Final = ("mm", "mm/s", "mm/s²", "mm²", "mm³/s", "°C", "s", "degrees")
@@ -80,7 +80,7 @@ def largest_differences(made: Sequence[ImportedProfile]) -> list[Difference]:
 
 
 def other_notes(profile: ImportedProfile) -> list[ImportNote]:
-    """Return the notes of a profile that no difference repeats."""
+    """Return the warnings of a profile about settings that are not among the differences."""
     differing = {one.theirs for one in profile.taken if one.differs}
     return [note for note in profile.notes if note.place.rpartition(": ")[2] not in differing]
 

@@ -36,7 +36,7 @@ class ImportRequest:
         names: patterns for names of presets, one of which must match; empty: all presets.
         kinds: `printer`, `material`, `quality`.
         printer: name of a printer in a bundle; only it and its default material and quality are imported.
-        ceilings: temperature limits.
+        limits: temperature limits.
         folders: folders with the presets that others inherit from.
         cura: values that replace those of Cura's settings.
     """
@@ -44,7 +44,7 @@ class ImportRequest:
     names: tuple[str, ...] = ()
     kinds: tuple[str, ...] = ("printer", "material", "quality")
     printer: str = ""
-    ceilings: TemperatureLimits = DEFAULT_LIMITS
+    limits: TemperatureLimits = DEFAULT_LIMITS
     folders: tuple[Path, ...] = ()
     cura: Mapping[str, str] = field(default_factory=dict)
 
@@ -168,12 +168,12 @@ def _printer_with_defaults(bundle: PresetBundle, wanted: ImportRequest) -> list[
 
 
 def _printer_called(bundle: PresetBundle, name: str) -> Preset:
-    """Return the printer of a bundle that a name means; with a note if it was chosen among several nozzles.
+    """Return the printer of a bundle with a name; with a note if its model has several nozzles.
 
     Raises:
         ProfileError: no printer matches, or several models do.
     """
-    printers = bundle.find_printers_called(name)
+    printers = bundle.find_printers(name)
     models = list(dict.fromkeys(without_nozzle(one.name) for one in printers))
     if len(models) == 1:
         printer = bundle.choose_nozzle(printers)
@@ -199,11 +199,11 @@ def _printer_called(bundle: PresetBundle, name: str) -> Preset:
 
 
 def _with_settings_of(preset: Preset, other: Preset | None) -> Preset:
-    """Return a preset together with the settings and defaults of another one."""
+    """Return a preset with the settings and defaults of another one as its context."""
     if other is None:
         return preset
     known = dict(other.defaults) | {name: entry.text for name, entry in other.entries.items()}
-    return replace(preset, together=known)
+    return replace(preset, context=known)
 
 
 def _convert_preset(
@@ -211,13 +211,13 @@ def _convert_preset(
 ) -> ImportedProfile | RejectedProfile:
     """Convert a preset and check that it is safe; or return why not."""
     makers: Mapping[str, Callable[[Preset], ImportedProfile]] = {
-        "printer": lambda one: convert_printer(one, _companion_ranges(companions, wanted.ceilings)),
+        "printer": lambda one: convert_printer(one, _companion_ranges(companions, wanted.limits)),
         "material": convert_material,
         "quality": convert_quality,
     }
     try:
         made = makers[preset.kind](preset)
-        check_safe(made, preset, wanted.ceilings)
+        check_safe(made, preset, wanted.limits)
     except ProfileError as error:
         return RejectedProfile(preset.kind, preset.name, preset.place, str(error.args[0]), error.remedy)
     return made
@@ -230,20 +230,20 @@ def _takes(one: ImportedProfile, wanted: ImportRequest) -> bool:
 def _safe(made: ImportedProfile, wanted: ImportRequest) -> ImportedProfile | RejectedProfile:
     """Return a profile of this program if it is safe, or why not."""
     try:
-        check_safe(made, Preset(made.kind, made.name, "printer_slicer", made.source, {}), wanted.ceilings)
+        check_safe(made, Preset(made.kind, made.name, "printer_slicer", made.source, {}), wanted.limits)
     except ProfileError as error:
         return RejectedProfile(made.kind, made.name, made.source, str(error.args[0]), error.remedy)
     return made
 
 
-def _companion_ranges(presets: Sequence[Preset], ceilings: TemperatureLimits) -> CompanionRanges:
+def _companion_ranges(presets: Sequence[Preset], limits: TemperatureLimits) -> CompanionRanges:
     """Return the ranges of the materials and qualities for a printer, without temperatures above the limits."""
     nozzle = _numbers(presets, "material", ("temperature", "first_layer_temperature"))
     bed = _numbers(presets, "material", ("bed_temperature", "first_layer_bed_temperature"))
     heights = _numbers(presets, "quality", ("layer_height", "first_layer_height"))
     return CompanionRanges(
-        max((one for one in nozzle if one <= ceilings.nozzle), default=0.0),
-        max((one for one in bed if one <= ceilings.bed), default=0.0),
+        max((one for one in nozzle if one <= limits.nozzle), default=0.0),
+        max((one for one in bed if one <= limits.bed), default=0.0),
         min(heights, default=0.0),
         max(heights, default=0.0),
     )

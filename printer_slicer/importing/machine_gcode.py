@@ -111,7 +111,7 @@ def _reach_and_probe(made: Conversion, bed: BedRectangle) -> None:
         with suppress(ProfileError):  # already reported
             macro = read_template(str(made.values.get(name, "")), name)
             lines += macro.possible_lines(known, unknown="?")
-    far = _farthest(lines, bed)
+    far = _reach_beyond_bed(lines, bed)
     if far > _FARTHEST:
         made.warn(
             "start_gcode",
@@ -123,7 +123,7 @@ def _reach_and_probe(made: Conversion, bed: BedRectangle) -> None:
         made.put("probe", True, how="not in the source: its start G-code measures the bed")
 
 
-def _farthest(lines: Sequence[str], bed: BedRectangle) -> float:
+def _reach_beyond_bed(lines: Sequence[str], bed: BedRectangle) -> float:
     """Return how far lines of G-code move beyond the bed, mm; arcs count as whole circles."""
     far, machine = 0.0, MachineState()
     for line in lines:
@@ -144,10 +144,10 @@ def _farthest(lines: Sequence[str], bed: BedRectangle) -> float:
 
 def _heating(made: Conversion) -> None:
     """Add the heating commands that the source adds to start G-code without them."""
-    if made.preset.has("autoemit_temperature_commands") and not made.preset.on(
+    if made.preset.has("autoemit_temperature_commands") and not made.preset.is_on(
         "autoemit_temperature_commands"
     ):
-        made.skip(["autoemit_temperature_commands"])
+        made.mark_used(["autoemit_temperature_commands"])
         return
     start = str(made.values.get("start_gcode", ""))
     heated = {heater_of(parse(strip(line.encode()))[0].decode()) for line in start.splitlines()}

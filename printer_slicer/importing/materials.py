@@ -32,7 +32,7 @@ def convert_material(preset: Preset) -> ImportedProfile:
     """Convert a material.
 
     Args:
-        preset: its settings under PrusaSlicer's names; `together` has the printer's, if it is known.
+        preset: its settings under PrusaSlicer's names; `context` has the printer's, if it is known.
 
     Raises:
         ProfileError: a value is not a number; with place and remedy.
@@ -54,8 +54,8 @@ def convert_material(preset: Preset) -> ImportedProfile:
     made.number("cost", "filament_cost")
     flow = preset.number("extrusion_multiplier")
     if not _LEAST_FLOW_RATIO <= flow <= _MOST_FLOW_RATIO:
-        raise made.refuse("extrusion_multiplier", f"a flow ratio of {flow:g}", "Write a number near 1")
-    made.held("flow_ratio", flow, 0.5, 1.5, "extrusion_multiplier")
+        raise made.error("extrusion_multiplier", f"a flow ratio of {flow:g}", "Write a number near 1")
+    made.clamp("flow_ratio", flow, 0.5, 1.5, "extrusion_multiplier")
     for ours, theirs in (
         ("nozzle_temperature", "temperature"),
         ("first_layer_nozzle_temperature", "first_layer_temperature"),
@@ -66,13 +66,13 @@ def convert_material(preset: Preset) -> ImportedProfile:
     _flow(made)
     _fan(made)
     _advance(made)
-    return made.done(_reason)
+    return made.finish(_reason)
 
 
 def _flow(made: Conversion) -> None:
     flow = made.preset.number("filament_max_volumetric_speed")
     if flow:
-        made.held("max_flow", flow, 0.1, _HIGHEST_FLOW, "filament_max_volumetric_speed")
+        made.clamp("max_flow", flow, 0.1, _HIGHEST_FLOW, "filament_max_volumetric_speed")
     else:
         how = "unlimited in the source; here 0 means printer.hotend_max_flow, or 12 mm³/s if that is 0"
         made.put("max_flow", 0, "filament_max_volumetric_speed", how, differs=True)
@@ -81,13 +81,15 @@ def _flow(made: Conversion) -> None:
 def _fan(made: Conversion) -> None:
     """Convert fan speeds and cooling times; without cooling the fan speed is constant."""
     preset = made.preset
-    usual, most = (made.of(name, 1.0) / (1 if made.quantity(name).percent else 100) for name in _FANS[:2])
-    always, cooling = preset.on("fan_always_on"), preset.on("cooling")
+    usual, most = (
+        made.resolve(name, 1.0) / (1 if made.quantity(name).percent else 100) for name in _FANS[:2]
+    )
+    always, cooling = preset.is_on("fan_always_on"), preset.is_on("cooling")
     low = usual if always else 0.0
-    made.held(
+    made.clamp(
         "fan_ratio", low, 0, 1, ("min_fan_speed", "fan_always_on"), "" if always else "fan_always_on is off"
     )
-    made.held(
+    made.clamp(
         "fan_ratio_max",
         most if cooling else low,
         0,
@@ -96,12 +98,12 @@ def _fan(made: Conversion) -> None:
         "" if cooling else "cooling is off",
     )
     bridge = preset.number("bridge_fan_speed") / 100
-    if preset.dialect == "orca" and not preset.on("enable_overhang_bridge_fan"):
+    if preset.dialect == "orca" and not preset.is_on("enable_overhang_bridge_fan"):
         made.put("fan_ratio_bridge", 0, ("enable_overhang_bridge_fan", "bridge_fan_speed"), "as elsewhere")
     else:
-        made.held("fan_ratio_bridge", bridge, 0, 1, ("bridge_fan_speed", "enable_overhang_bridge_fan"))
-    made.held("fan_layer_time", preset.number("fan_below_layer_time"), 0, 600, "fan_below_layer_time")
-    made.held(
+        made.clamp("fan_ratio_bridge", bridge, 0, 1, ("bridge_fan_speed", "enable_overhang_bridge_fan"))
+    made.clamp("fan_layer_time", preset.number("fan_below_layer_time"), 0, 600, "fan_below_layer_time")
+    made.clamp(
         "min_layer_time",
         preset.number("slowdown_below_layer_time") if cooling else 0.0,
         0,
@@ -109,12 +111,12 @@ def _fan(made: Conversion) -> None:
         ("slowdown_below_layer_time", "cooling"),
         "" if cooling else "cooling is off",
     )
-    made.held("min_speed", preset.number("min_print_speed"), 1, 100, "min_print_speed")
+    made.clamp("min_speed", preset.number("min_print_speed"), 1, 100, "min_print_speed")
     for ours, theirs, count in (
         ("fan_off_below", "disable_fan_first_layers", off := preset.number("disable_fan_first_layers")),
         ("fan_full_above", "full_fan_speed_layer", max(preset.number("full_fan_speed_layer"), off)),
     ):
-        made.held(ours, _height_of(preset, count), 0, 100, theirs, _layers_text(preset) if count else "")
+        made.clamp(ours, _height_of(preset, count), 0, 100, theirs, _layers_text(preset) if count else "")
     _overhangs(made)
 
 
@@ -125,7 +127,7 @@ def _height_of(preset: Preset, count: float) -> float:
 
 
 def _layers_text(preset: Preset) -> str:
-    """Describe how layers became a height."""
+    """Return a text about the layer heights behind a converted layer count."""
     first, height = preset.heights
     if not all(preset.heights):
         return f"layers of {_LAYER:g} mm each"
@@ -136,18 +138,18 @@ def _overhangs(made: Conversion) -> None:
     """Convert the fan speed on overhangs: as on bridges, or graded by overhang."""
     preset = made.preset
     if preset.dialect == "orca":
-        _overhangs_above(made, made.of("overhang_fan_threshold", 1.0))
+        _overhangs_above(made, made.resolve("overhang_fan_threshold", 1.0))
         return
     bridge = float(made.values["fan_ratio_bridge"]) or 1.0
-    graded = preset.on("enable_dynamic_fan_speeds") if preset.has("enable_dynamic_fan_speeds") else False
+    graded = preset.is_on("enable_dynamic_fan_speeds") if preset.has("enable_dynamic_fan_speeds") else False
     for number, share in enumerate((0, 25, 50, 75)):
         ours, theirs = f"fan_overhang_{share}_ratio", f"overhang_fan_speed_{number}"
         if graded and preset.has(theirs):
             speed = preset.number(theirs) / 100
-            made.held(ours, speed / bridge, 0, 1, theirs, "as a ratio of the bridge fan speed")
+            made.clamp(ours, speed / bridge, 0, 1, theirs, "as a ratio of the bridge fan speed")
         else:
             made.put(ours, 1 if share == 0 else 0, theirs)
-    made.skip(["enable_dynamic_fan_speeds"])
+    made.mark_used(["enable_dynamic_fan_speeds"])
 
 
 def _overhangs_above(made: Conversion, least: float) -> None:
@@ -166,14 +168,14 @@ def _overhangs_above(made: Conversion, least: float) -> None:
 def _advance(made: Conversion) -> None:
     """Convert pressure advance, from its setting or from a command in the material's G-code."""
     preset = made.preset
-    if preset.on("enable_pressure_advance") and preset.has("pressure_advance"):
+    if preset.is_on("enable_pressure_advance") and preset.has("pressure_advance"):
         _put_advance(made, "pressure_advance", [(preset.number("pressure_advance"), "")])
-    made.skip(["enable_pressure_advance", "pressure_advance"])
+    made.mark_used(["enable_pressure_advance", "pressure_advance"])
     name = "start_filament_gcode"
     text = preset.first_macro(name)
     made.used.add(name)
     try:
-        lines = read_template(text, name).render(SettingValues(preset.together))
+        lines = read_template(text, name).render(SettingValues(preset.context))
     except ProfileError as error:
         why = str(error.args[0]).removeprefix(f"{name}: ").splitlines()[0]
         made.used.discard(name)

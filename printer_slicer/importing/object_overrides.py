@@ -16,7 +16,7 @@ from printer_slicer.profile.base import HEIGHT, OBJECT
 from printer_slicer.profile.overrides import HIGHEST
 from printer_slicer.profile.tables import settings_table
 
-__all__ = ["add_object_overrides", "flat", "overridable_settings"]
+__all__ = ["add_object_overrides", "flatten_settings", "overridable_settings"]
 
 
 _HEIGHT: Final = "layer_height"
@@ -44,8 +44,8 @@ def add_object_overrides(
         height = own.entries.get(_HEIGHT)
         entries = {key: entry for key, entry in own.entries.items() if key != _HEIGHT or own.alone}
         made = convert(replace(preset, entries={**preset.entries, **entries}, own=(), notes=()))
-        before = dict(flat(whole.values))
-        changed = {key: value for key, value in flat(made.values) if before.get(key) != value}
+        before = dict(flatten_settings(whole.values))
+        changed = {key: value for key, value in flatten_settings(made.values) if before.get(key) != value}
         allowed = overridable_settings(heights=bool(own.high))
         kept = {key: value for key, value in changed.items() if key in allowed}
         if kept:
@@ -82,11 +82,11 @@ def overridable_settings(*, heights: bool) -> frozenset[str]:
     return frozenset(row.key.partition(".")[2] for row in settings_table() if what <= set(row.own))
 
 
-def flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+def flatten_settings(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
     """Yield our settings with their full names."""
     for key, value in values.items():
         if isinstance(value, dict):
-            yield from flat(value, f"{prefix}{key}.")
+            yield from flatten_settings(value, f"{prefix}{key}.")
         else:
             yield prefix + key, value
 

@@ -96,7 +96,7 @@ def orca_presets(values: Mapping[str, Any], place: str, folder: PresetFolders) -
     name = str(values.get("name") or Path(place).stem)
     kind = _kind_of(values)
     whole = kind is None
-    resolved = dict(values) if whole else _resolved(values, place, folder, (name,))
+    resolved = dict(values) if whole else _resolve(values, place, folder, (name,))
     entries = orca_entries(resolved, place)
     if not whole:
         assert kind is not None
@@ -143,7 +143,7 @@ def _kind_of(values: Mapping[str, Any]) -> str | None:
     return None
 
 
-def _resolved(
+def _resolve(
     values: Mapping[str, Any], place: str, folder: PresetFolders, seen: tuple[str, ...]
 ) -> dict[str, Any]:
     """Return the settings of a preset and those it inherits, each with its file."""
@@ -162,7 +162,7 @@ def _resolved(
             f"{place}: inherits {parent!r}, which is not in the same folder",
             remedy="Copy that preset into the same folder, or name its folder with --folder",
         )
-    return _resolved(found[1], str(found[0]), folder, (*seen, parent)) | own
+    return _resolve(found[1], str(found[0]), folder, (*seen, parent)) | own
 
 
 def _first(value: Any) -> str:

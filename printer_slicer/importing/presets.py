@@ -65,7 +65,7 @@ class Preset:
         entries: PrusaSlicer's name of a setting -> the setting in the source.
         defaults: values of missing settings.
         mixed: whether the entries include settings of other kinds.
-        together: settings of the printer (for the others) or of the quality (for the printer), if they are known.
+        context: settings of the printer (for the others) or of the quality (for the printer), if they are known.
         heights: for a material, first and other layer heights of the quality with it, mm; 0: unknown.
         own: for a quality, settings of single objects.
         notes: warnings.
@@ -78,7 +78,7 @@ class Preset:
     entries: Mapping[str, SourceSetting]
     defaults: Mapping[str, str] = field(default_factory=dict)
     mixed: bool = False
-    together: Mapping[str, str] = field(default_factory=dict)
+    context: Mapping[str, str] = field(default_factory=dict)
     heights: tuple[float, float] = (0.0, 0.0)
     own: tuple[ObjectSettings, ...] = ()
     notes: tuple[ImportNote, ...] = ()
@@ -134,7 +134,7 @@ class Preset:
             )
         return found
 
-    def on(self, key: str) -> bool:
+    def is_on(self, key: str) -> bool:
         """Whether a switch is on."""
         return self.items(key)[0].lower() in ("1", "true", "yes", "on")
 

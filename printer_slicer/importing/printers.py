@@ -69,17 +69,17 @@ def convert_printer(preset: Preset, companions: CompanionRanges) -> ImportedProf
     _retraction(made)
     _files(made)
     convert_macros(made, bed)
-    return made.done(_reason)
+    return made.finish(_reason)
 
 
 def _check_kind(made: Conversion) -> None:
     """Reject resin printers, and printers that count filament in mm³."""
     preset = made.preset
-    made.skip(["printer_technology"])
+    made.mark_used(["printer_technology"])
     if preset.text("printer_technology").upper() not in ("FFF", ""):
-        raise made.refuse("printer_technology", "a resin printer", "Choose a filament printer")
-    if preset.on("use_volumetric_e"):
-        raise made.refuse(
+        raise made.error("printer_technology", "a resin printer", "Choose a filament printer")
+    if preset.is_on("use_volumetric_e"):
+        raise made.error(
             "use_volumetric_e",
             "E in mm³ is not supported",
             "Set the firmware to mm of filament (M200 D0) and export the printer with use_volumetric_e = 0",
@@ -90,7 +90,7 @@ def _flavour(made: Conversion) -> None:
     preset = made.preset
     word = preset.text("gcode_flavor").strip().lower()
     notes = preset.text("printer_notes")
-    macro = _macro_of_klipper(preset)
+    macro = _klipper_macro(preset)
     if macro and word in ("marlin", "marlin2", *_NEAR_FLAVOURS):
         how = f"{word} in the source, but {macro} is a Klipper macro"
         made.put("flavour", "klipper", "gcode_flavor", how)
@@ -114,10 +114,10 @@ def _flavour(made: Conversion) -> None:
             f"{word}: check that the firmware supports M201, M203, M204 and M205 of Marlin",
         )
     else:
-        raise made.refuse("gcode_flavor", f"unknown flavour {word!r}", f"Use one of {', '.join(_FLAVOURS)}")
+        raise made.error("gcode_flavor", f"unknown flavour {word!r}", f"Use one of {', '.join(_FLAVOURS)}")
 
 
-def _macro_of_klipper(preset: Preset) -> str:
+def _klipper_macro(preset: Preset) -> str:
     """Return the first Klipper macro in the start and end G-code; empty if there is none."""
     for name in ("start_gcode", "end_gcode"):
         found = _MACRO.search(preset.text(name))
@@ -164,10 +164,10 @@ def _layers(made: Conversion, nozzle: float, companions: CompanionRanges) -> Non
         elif found.percent:
             made.put(ours, found.of(nozzle), theirs, "percentage of the nozzle diameter")
         else:
-            made.held(ours, found.value, 0.01, 1.6, theirs)
+            made.clamp(ours, found.value, 0.01, 1.6, theirs)
     least, most = made.values["min_layer"], made.values["max_layer"]
     if least > most:
-        raise made.refuse(
+        raise made.error(
             "min_layer_height",
             f"{least:g} mm is more than max_layer_height, {most:g} mm",
             "Set both layer heights of the extruder in the other slicer",
@@ -214,7 +214,7 @@ def _limits(made: Conversion) -> None:
     made.number("retract_acceleration", "machine_max_acceleration_retracting")
     for axis in "xyze":
         name = f"machine_max_jerk_{axis}"
-        made.skip([name])
+        made.mark_used([name])
     if made.preset.text("machine_limits_usage") == "ignore":
         made.warn(
             "machine_limits_usage", "the source ignored the machine limits: check that they are correct"
@@ -251,19 +251,19 @@ def _corners(made: Conversion) -> None:
     deviation = "machine_max_junction_deviation"
     if made.values["flavour"] == "klipper":
         made.put("corner", "square_corner", "gcode_flavor")
-        made.held(
+        made.clamp(
             "square_corner_velocity", jerk, 0, 100, names, "jerk of x and y, as in the source's time estimate"
         )
-        made.held("jerk_e", preset.number("machine_max_jerk_e"), 0, 100, "machine_max_jerk_e")
+        made.clamp("jerk_e", preset.number("machine_max_jerk_e"), 0, 100, "machine_max_jerk_e")
         return
     if preset.has(deviation) and preset.number(deviation) > 0:
         made.put("corner", "junction_deviation", deviation)
         made.number("junction_deviation", deviation)
         return
     made.put("corner", "jerk", names)
-    made.held("jerk_xy", jerk, 0, 100, names, "the lesser of x and y" if apart else "")
-    made.held("jerk_z", preset.number("machine_max_jerk_z"), 0, 100, "machine_max_jerk_z")
-    made.held("jerk_e", preset.number("machine_max_jerk_e"), 0, 100, "machine_max_jerk_e")
+    made.clamp("jerk_xy", jerk, 0, 100, names, "the lesser of x and y" if apart else "")
+    made.clamp("jerk_z", preset.number("machine_max_jerk_z"), 0, 100, "machine_max_jerk_z")
+    made.clamp("jerk_e", preset.number("machine_max_jerk_e"), 0, 100, "machine_max_jerk_e")
 
 
 def _retraction(made: Conversion) -> None:
@@ -277,11 +277,11 @@ def _retraction(made: Conversion) -> None:
         "deretract_speed",
         "" if back else "0 means the speed of retractions",
     )
-    made.held(
+    made.clamp(
         "retract_before_travel", preset.number("retract_before_travel"), 0, 100, "retract_before_travel"
     )
-    made.held("z_hop", preset.number("retract_lift"), 0, 5, "retract_lift")
-    made.held("deretract_extra", preset.number("retract_restart_extra"), -2, 2, "retract_restart_extra")
+    made.clamp("z_hop", preset.number("retract_lift"), 0, 5, "retract_lift")
+    made.clamp("deretract_extra", preset.number("retract_restart_extra"), -2, 2, "retract_restart_extra")
     firmware = made.switch("firmware_retraction", "use_firmware_retraction")
     if made.values["flavour"] == "repetier" and firmware:
         made.put(
@@ -292,22 +292,22 @@ def _retraction(made: Conversion) -> None:
             differs=True,
         )
         firmware = False
-    if preset.on("wipe") and not firmware and preset.raw("wipe_distance"):
-        made.held(
+    if preset.is_on("wipe") and not firmware and preset.raw("wipe_distance"):
+        made.clamp(
             "wipe_distance",
             preset.number("wipe_distance"),
             0,
             20,
             ("wipe_distance", "wipe", "retract_before_wipe"),
         )
-    elif preset.on("wipe") and not firmware:
-        travel = parse_quantity(preset.together.get("travel_speed", "") or "130")
-        share = 1 - made.of("retract_before_wipe", 1.0)
+    elif preset.is_on("wipe") and not firmware:
+        travel = parse_quantity(preset.context.get("travel_speed", "") or "130")
+        share = 1 - made.resolve("retract_before_wipe", 1.0)
         distance = 0.8 * length / max(speed, 1) * (travel.value if travel else 130) * share
         how = "the distance travelled during the retraction"
-        made.held("wipe_distance", distance, 0, 20, ("wipe", "retract_before_wipe"), how)
+        made.clamp("wipe_distance", distance, 0, 20, ("wipe", "retract_before_wipe"), how)
     else:
-        made.skip(["wipe", "retract_before_wipe", "wipe_distance"])
+        made.mark_used(["wipe", "retract_before_wipe", "wipe_distance"])
 
 
 def _files(made: Conversion) -> None:
@@ -318,7 +318,7 @@ def _files(made: Conversion) -> None:
         made.switch("progress", "remaining_times")
     if preset.has("serial_speed") and 1200 <= preset.number("serial_speed") <= 12_000_000:
         made.put("baud", int(preset.number("serial_speed")), "serial_speed")
-    made.skip(["thumbnails", "thumbnails_format"])
+    made.mark_used(["thumbnails", "thumbnails_format"])
     if not preset.has("thumbnails"):
         return
     usual = preset.text("thumbnails_format").upper() or "PNG"

@@ -59,22 +59,22 @@ def file_names(made: Sequence[ImportedProfile], is_taken: IsTaken = _never) -> l
 
 
 def short_name(name: str) -> str:
-    """Return the name of a preset as a short name of a file; empty if it has no letters or digits.
+    """Return a short file name for a preset; empty if its name has no letters or digits.
 
-    What stands after `@` and the usual nozzle of 0.4 mm are left out.
+    The text after `@` and a nozzle of 0.4 mm are omitted.
     """
     return _slug(_VENDOR.sub("", _USUAL_NOZZLE.sub("", _without_folder(name))), _SHORT)
 
 
 def _without_folder(name: str) -> str:
-    """Return the last part of a name that is a path."""
+    """Return a name without folders and file suffix, if it is a path."""
     if _PATH.match(name):
         name = name.replace("\\", "/").rstrip("/").rpartition("/")[2]
     return _SUFFIX.sub("", name)
 
 
 def _slug(name: str, longest: int) -> str:
-    """Return lower-case letters, digits and underscores only; cut after a word."""
+    """Return a text as lower-case letters, digits and underscores; longer texts end after a whole word."""
     plain = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode().lower()
     slug = _NOT_WORDS.sub("_", plain.replace("+", " plus ").replace(".", "_")).strip("_")
     if len(slug) > longest:
@@ -84,7 +84,7 @@ def _slug(name: str, longest: int) -> str:
 
 
 def profile_text(made: ImportedProfile) -> str:
-    """The file of a profile; what was approximated stands behind its key.
+    """Return the text of a profile file; comments explain converted settings.
 
     Args:
         made: the profile.
@@ -92,13 +92,13 @@ def profile_text(made: ImportedProfile) -> str:
     remarks = {taken.ours: taken.how for taken in made.taken if taken.how}
     source = made.source.replace("\\", "/").rpartition("/")[2]
     lines = [f"# {_one_line(made.name)}, imported from {_one_line(source)}"]
-    lines += [f"# look at: {_one_line(note.text)}" for note in made.notes]
+    lines += [f"# warning: {_one_line(note.text)}" for note in made.notes]
     lines += _table(made.values, "", remarks)
     return "\n".join(lines) + "\n"
 
 
 def _table(values: Mapping[str, Any], prefix: str, remarks: Mapping[str, str]) -> Iterator[str]:
-    """Keys first, then the tables in it."""
+    """Yield the lines of a table: its keys first, then the tables in it."""
     for key, value in values.items():
         if not isinstance(value, dict):
             remark = remarks.get(prefix + key, "")
@@ -112,7 +112,7 @@ def _table(values: Mapping[str, Any], prefix: str, remarks: Mapping[str, str]) -
 
 
 def _lines(key: str, value: Any, behind: str) -> Iterator[str]:
-    """A key and its value; a list of tables has a line for each."""
+    """Yield the lines of a key and its value; in a list of tables, each table has its own line."""
     if isinstance(value, list) and value and isinstance(value[0], dict):
         yield f"{key} = [{behind}"
         yield from (f"  {toml_value(one)}," for one in value)
@@ -122,7 +122,7 @@ def _lines(key: str, value: Any, behind: str) -> Iterator[str]:
 
 
 def _value(value: Any) -> str:
-    """A value as it stands in the file; a text of several lines as it looks in G-code."""
+    """Return a value as TOML; texts of several lines keep their lines."""
     return toml_value(value.strip("\n") + "\n" if isinstance(value, str) and "\n" in value else value)
 
 

@@ -75,7 +75,7 @@ def read_object_settings(path: Path) -> tuple[tuple[ObjectSettings, ...], tuple[
     ]
     notes += [note for one in _PAUSES if one in texts for note in _Pauses(f"{path}: {one}").read(texts[one])]
     found: list[ObjectSettings] = []
-    for called, group in _by_name(objects).items():
+    for called, group in _group_by_name(objects).items():
         place = f"{path}: {name}: {called or 'an object without a name'}"
         volumes = [volume for one in group for volume, settings in one.volumes if settings]
         if volumes:
@@ -93,7 +93,7 @@ def read_object_settings(path: Path) -> tuple[tuple[ObjectSettings, ...], tuple[
     return tuple(found), tuple(notes)
 
 
-def _by_name(objects: Sequence[_Object]) -> dict[str, list[_Object]]:
+def _group_by_name(objects: Sequence[_Object]) -> dict[str, list[_Object]]:
     """Return name -> objects with this name."""
     groups: dict[str, list[_Object]] = {}
     for one in objects:

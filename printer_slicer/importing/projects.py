@@ -11,7 +11,7 @@ from printer_slicer.errors import ProfileError
 from printer_slicer.importing.archives import read_archive
 from printer_slicer.importing.embedded_settings import OBJECTS_IN_3MF, SETTINGS_IN_3MF
 from printer_slicer.importing.ini import SourceSetting
-from printer_slicer.importing.object_overrides import flat, overridable_settings
+from printer_slicer.importing.object_overrides import flatten_settings, overridable_settings
 from printer_slicer.importing.orca_names import ORCA_DEFAULTS
 from printer_slicer.importing.presets import ObjectSettings, Preset, parse_quantity
 from printer_slicer.importing.project_objects import read_object_settings
@@ -76,7 +76,7 @@ def read_project(path: Path, profile: Profile, names: Collection[str]) -> Projec
 
 def _base(path: Path, profile: Profile) -> Preset:
     """Return the settings of the project that apply to all objects."""
-    together = {"nozzle_diameter": f"{profile.printer.nozzle_diameter:g}"}
+    context = {"nozzle_diameter": f"{profile.printer.nozzle_diameter:g}"}
     height = SourceSetting("layer_height", f"{profile.quality.layer_height:g}", str(path))
     try:
         found = read_presets(path)
@@ -84,13 +84,11 @@ def _base(path: Path, profile: Profile) -> Preset:
         found = []
     for one in found if isinstance(found, list) else ():
         if isinstance(one, Preset) and one.kind == "quality":
-            return replace(one, own=(), notes=(), together={**together, **one.together})
+            return replace(one, own=(), notes=(), context={**context, **one.context})
     dialect, defaults = (
         ("orca", ORCA_DEFAULTS) if read_archive(path, {OBJECTS_IN_3MF[1]}) else ("prusaslicer", DEFAULTS)
     )
-    return Preset(
-        "quality", path.stem, dialect, str(path), {height.name: height}, defaults, together=together
-    )
+    return Preset("quality", path.stem, dialect, str(path), {height.name: height}, defaults, context=context)
 
 
 def _of_object(own: ObjectSettings, base: Preset) -> Project:
@@ -102,7 +100,7 @@ def _of_object(own: ObjectSettings, base: Preset) -> Project:
     except ProfileError as error:
         return Project(unused=(f"{own.where}: its settings are not used: {error.args[0]}",))
     asked = {entry.name for entry in plain.values()}
-    known, values = dict(flat(before.values)), dict(flat(made.values))
+    known, values = dict(flatten_settings(before.values)), dict(flatten_settings(made.values))
     wanted = {key for key, value in values.items() if known.get(key) != value}
     wanted |= {one.ours for one in made.taken if one.theirs in asked}
     kept = {

@@ -48,7 +48,14 @@ class ConvertedSetting:
 
 @dataclass(frozen=True, slots=True)
 class UnsupportedSetting:
-    """A setting without an equivalent; `off` if it does not apply: it is off, or for machines with several tools."""
+    """A setting that was not taken over.
+
+    Attributes:
+        theirs: its name in the source.
+        text: its value in the source.
+        why: the reason.
+        off: whether it does not apply, because it is off or for machines with several tools.
+    """
 
     theirs: str
     text: str

@@ -35,13 +35,13 @@ class TemperatureLimits(NamedTuple):
 DEFAULT_LIMITS: Final = TemperatureLimits()
 
 
-def check_safe(made: ImportedProfile, preset: Preset, ceilings: TemperatureLimits) -> None:
+def check_safe(made: ImportedProfile, preset: Preset, limits: TemperatureLimits) -> None:
     """Check that a profile is safe for a machine.
 
     Args:
         made: the profile.
         preset: its source, for places in messages.
-        ceilings: temperature limits.
+        limits: temperature limits.
 
     Raises:
         ProfileError: it is not safe; with place, value and remedy.
@@ -54,7 +54,7 @@ def check_safe(made: ImportedProfile, preset: Preset, ceilings: TemperatureLimit
         )
     if made.kind == "printer":
         _check_machine(made, preset)
-    for heater, most in zip(("nozzle", "bed"), ceilings, strict=True):
+    for heater, most in zip(("nozzle", "bed"), limits, strict=True):
         for key in (
             f"first_layer_{heater}_temperature",
             f"{heater}_temperature",
@@ -66,15 +66,15 @@ def check_safe(made: ImportedProfile, preset: Preset, ceilings: TemperatureLimit
                     f"{_where(made, preset, key)}: {wanted:g} °C is over the {heater} limit of {most:g} °C",
                     remedy=f"If your machine is built for it, use --max-{heater}-temperature {wanted:g}",
                 )
-    _check_macros(made, preset, ceilings)
+    _check_macros(made, preset, limits)
 
 
-def _check_macros(made: ImportedProfile, preset: Preset, ceilings: TemperatureLimits) -> None:
+def _check_macros(made: ImportedProfile, preset: Preset, limits: TemperatureLimits) -> None:
     """Check the temperatures of heating commands in all branches of the macros."""
     for name in _MACROS:
         for line in _lines(str(made.values.get(name, ""))):
             for code, letters in _HEATING.findall(line.partition(";")[0]):
-                heater, most = _HEATERS[code.upper()], getattr(ceilings, str(_HEATERS[code.upper()]))
+                heater, most = _HEATERS[code.upper()], getattr(limits, str(_HEATERS[code.upper()]))
                 wanted = max((float(one) for one in _NUMBER.findall(letters)), default=0.0)
                 if wanted > most:
                     raise ProfileError(

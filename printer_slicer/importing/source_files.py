@@ -119,7 +119,7 @@ def _read_presets(
         for number, line in lines:
             key, _, value = line.partition("=")
             section.entries[key.strip()] = SourceSetting(key.strip(), value.strip(), f"{path}:{number}")
-        return _flat(section, path)
+        return _presets_in_section(section, path)
     return _from_text(read_text(path), str(path), path, folders, changes)
 
 
@@ -147,7 +147,7 @@ def _from_text(
     bundle = find_bundle(sections, dialect, place)
     if bundle is not None:
         return bundle
-    return _flat(sections[0], path, dialect)
+    return _presets_in_section(sections[0], path, dialect)
 
 
 def _dialect(text: str, keys: set[str]) -> str:
@@ -158,7 +158,7 @@ def _dialect(text: str, keys: set[str]) -> str:
     return "prusaslicer"
 
 
-def _flat(section: IniSection, path: Path, dialect: str = "") -> list[Preset]:
+def _presets_in_section(section: IniSection, path: Path, dialect: str = "") -> list[Preset]:
     """Return the presets in one set of settings: each kind of which it has a main setting."""
     entries = section.entries
     if "printable_area" in entries or "wall_loops" in entries:

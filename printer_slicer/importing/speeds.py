@@ -88,13 +88,13 @@ def convert_speeds(made: Conversion) -> None:
     _small(made)
     travel = made.preset.number("travel_speed")
     _positive(made, "travel_speed", travel)
-    made.held("speeds.travel", travel, 0.1, 2000, "travel_speed")
+    made.clamp("speeds.travel", travel, 0.1, 2000, "travel_speed")
     _first_layer_travel(made, travel)
     _overhangs(made)
     _accelerations(made)
-    made.skip([_FASTEST, "overhangs", "default_speed", _DEFAULT])
+    made.mark_used([_FASTEST, "overhangs", "default_speed", _DEFAULT])
     if made.preset.mixed:  # it becomes a setting of the printer
-        made.skip(["travel_acceleration"])
+        made.mark_used(["travel_acceleration"])
 
 
 def _put(made: Conversion, ours: str, theirs: str) -> None:
@@ -103,7 +103,7 @@ def _put(made: Conversion, ours: str, theirs: str) -> None:
         names = (theirs, "internal_bridge_speed")
         theirs = next((one for one in names if made.preset.raw(one)), "bridge_speed")
     value, how = _speed(made, theirs)
-    made.held(f"speeds.{ours}", value, 0.1, 1000, theirs, how)
+    made.clamp(f"speeds.{ours}", value, 0.1, 1000, theirs, how)
 
 
 def _percent_of(made: Conversion, name: str, other: str) -> str:
@@ -118,7 +118,7 @@ def _percent_of(made: Conversion, name: str, other: str) -> str:
 def _speed(made: Conversion, name: str) -> tuple[float, str]:
     """Return a speed in mm/s, and how it was converted."""
     if name.startswith("machine_"):
-        return made.beside(name), ""
+        return made.printer_number(name), ""
     found = made.quantity(name)
     _positive(made, name, found.value)
     if found.percent:
@@ -132,14 +132,14 @@ def _speed(made: Conversion, name: str) -> tuple[float, str]:
 
 def _positive(made: Conversion, name: str, value: float) -> None:
     if value < 0:
-        raise made.refuse(name, f"a speed of {value:g}", "Write a positive speed")
+        raise made.error(name, f"a speed of {value:g}", "Write a positive speed")
 
 
 def _gap(made: Conversion) -> None:
-    """Convert the gap fill speed; 0 disables gap fill there, and means the speed of perimeters here."""
+    """Convert the gap fill speed; 0 disables gap fill in the source, and means the perimeter speed here."""
     name = "gap_fill_speed"
     value, how = _speed(made, name) if made.quantity(name).value else (0.0, "")
-    made.held("speeds.gap_fill", value, 0, 1000, name, how)
+    made.clamp("speeds.gap_fill", value, 0, 1000, name, how)
     if made.preset.has("raft_speed"):
         _put(made, "raft", "raft_speed")
 
@@ -147,33 +147,35 @@ def _gap(made: Conversion) -> None:
 def _first_layer(made: Conversion) -> None:
     """Convert the speeds of perimeters and infill on the first layer; a percentage refers to each role's speed."""
     speeds = made.values["speeds"]
-    inner, sparse, solid = (float(speeds[name]) for name in ("perimeter", "internal_infill", "solid_infill"))
+    perimeter, internal, solid = (
+        float(speeds[key]) for key in ("perimeter", "internal_infill", "solid_infill")
+    )
     name, infill = "first_layer_speed", "first_layer_infill_speed"
     found = made.quantity(name)
     _positive(made, name, found.value)
     if found.percent:
-        value, how = found.of(inner), "percentage of the perimeter speed"
+        value, how = found.of(perimeter), "percentage of the perimeter speed"
     else:
         value, how = found.value, ""
     if not value:
-        value, how = max(inner, sparse), "0 means no limit"
-    made.held("speeds.first_layer", value, 0.1, 1000, name, how)
+        value, how = max(perimeter, internal), "0 means no limit"
+    made.clamp("speeds.first_layer", value, 0.1, 1000, name, how)
     asked = made.quantity(infill) if made.quantity(infill).value else found
     theirs = infill if asked is not found else name
     _positive(made, theirs, asked.value)
     how = "percentage of the solid infill speed" if asked.percent else ""
-    made.held("speeds.first_layer_infill", asked.of(solid) or value, 0.1, 1000, (theirs, infill), how)
+    made.clamp("speeds.first_layer_infill", asked.of(solid) or value, 0.1, 1000, (theirs, infill), how)
 
 
 def _first_layer_travel(made: Conversion, travel: float) -> None:
-    """Convert the travel speed on the first layer, if the source has one; 0: as the others."""
+    """Convert the travel speed on the first layer; 0 means the normal travel speed."""
     name = "first_layer_travel_speed"
     found = made.quantity(name)
     _positive(made, name, found.value)
     value = found.of(travel)
     same = value >= travel
     how = "as travel_speed" if same else "percentage of travel_speed" if found.percent else ""
-    made.held("speeds.first_layer_travel", travel if same or not value else value, 0.1, 2000, name, how)
+    made.clamp("speeds.first_layer_travel", travel if same or not value else value, 0.1, 2000, name, how)
 
 
 def _small(made: Conversion) -> None:
@@ -181,29 +183,29 @@ def _small(made: Conversion) -> None:
     name, preset = "small_perimeter_speed", made.preset
     found = preset.quantity(name)
     value, how = _speed(made, name) if found.value else (0.0, "")
-    made.held("speeds.small_perimeter", value, 0, 1000, name, how)
+    made.clamp("speeds.small_perimeter", value, 0, 1000, name, how)
     radius = "speeds.small_perimeter_radius"
     length, threshold = "small_perimeter_min_length", "small_perimeter_threshold"
     if preset.dialect == "orca":
-        made.held(radius, preset.number(threshold), 0, 100, threshold)
+        made.clamp(radius, preset.number(threshold), 0, 100, threshold)
     elif preset.has(length):
-        around = preset.quantity(length).of(made.beside("nozzle_diameter"))
+        around = preset.quantity(length).of(made.printer_number("nozzle_diameter"))
         how = (
             "radius of a circle of this length; the source speeds up gradually to small_perimeter_max_length"
         )
-        made.held(radius, around / (2 * pi), 0, 100, (length, "small_perimeter_max_length"), how)
+        made.clamp(radius, around / (2 * pi), 0, 100, (length, "small_perimeter_max_length"), how)
 
 
 def _overhangs(made: Conversion) -> None:
     """Convert speeds graded by overhang; without them only bridges are slower."""
     preset = made.preset
-    graded = preset.has("enable_dynamic_overhang_speeds") and preset.on("enable_dynamic_overhang_speeds")
+    graded = preset.has("enable_dynamic_overhang_speeds") and preset.is_on("enable_dynamic_overhang_speeds")
     outer = float(made.values["speeds"]["external_perimeter"])
     for share, number in _OVERHANGS:
         name = f"overhang_speed_{number}"
         speed = preset.quantity(name).of(outer) if graded and preset.has(name) else 0.0
         if speed > 0:
-            made.held(
+            made.clamp(
                 f"speeds.overhang_{share}_ratio",
                 speed / outer,
                 0.01,
@@ -213,7 +215,7 @@ def _overhangs(made: Conversion) -> None:
             )
         else:
             made.put(f"speeds.overhang_{share}_ratio", 1, name)
-    made.skip(["enable_dynamic_overhang_speeds"])
+    made.mark_used(["enable_dynamic_overhang_speeds"])
 
 
 def _accelerations(made: Conversion) -> None:
@@ -224,14 +226,14 @@ def _accelerations(made: Conversion) -> None:
         how = "" if name == names[0] or not value else f"as {name}"
         if made.quantity(name).percent:
             how = f"percentage of {_percent_of(made, name, _DEFAULT)}"
-        made.skip(names)
-        made.held(f"accelerations.{ours}", value, 0, 100000, name, how)
+        made.mark_used(names)
+        made.clamp(f"accelerations.{ours}", value, 0, 100000, name, how)
 
 
 def _acceleration(made: Conversion, name: str) -> float:
     """Return an acceleration in mm/s²; 0 if the source does not set one."""
     if name.startswith("machine_"):
-        return made.beside(name)
+        return made.printer_number(name)
     found = made.quantity(name)
     if not found.value and name != _DEFAULT:
         return _acceleration(made, _percent_of(made, name, _DEFAULT))

@@ -264,7 +264,7 @@ def test_commands_that_print_would_refuse_are_told(
     assert "nozzle at 295 °C" in told[-1]
     assert short.count("`print` rejects it") == 3
     assert "add -v to see 2 more warnings" in short
-    assert "# look at: M997" in (tmp_path / "printers" / "little_printer.toml").read_text(encoding="utf-8")
+    assert "# warning: M997" in (tmp_path / "printers" / "little_printer.toml").read_text(encoding="utf-8")
     assert "`print`" not in run(capsys, flat_file(tmp_path), "--dry-run")[1]
 
 

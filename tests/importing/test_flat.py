@@ -143,7 +143,7 @@ def test_a_number_that_is_moved_into_its_bounds_is_told(tmp_path: Path) -> None:
 def test_a_hotter_machine_is_imported_where_somebody_vouches_for_it(tmp_path: Path) -> None:
     from printer_slicer.importing import TemperatureLimits
 
-    made = imported(flat_file(tmp_path, temperature="430"), ceilings=TemperatureLimits(450, 120))
+    made = imported(flat_file(tmp_path, temperature="430"), limits=TemperatureLimits(450, 120))
 
     assert made["material"].values["nozzle_temperature"] == 430
     assert made["printer"].values["max_nozzle_temperature"] == 430

@@ -135,11 +135,11 @@ def _results(arguments: argparse.Namespace) -> Iterator[Any]:
             raise UsageError(f"--cura {change}: no value", remedy="Write --cura KEY=VALUE")
         overrides[key.strip()] = value.strip()
     for heater in ("nozzle", "bed"):
-        _check_ceiling(heater, getattr(arguments, f"max_{heater}_temperature"))
+        _check_limit(heater, getattr(arguments, f"max_{heater}_temperature"))
     wanted = ImportRequest(
         names=tuple(arguments.only),
         printer=arguments.preset,
-        ceilings=TemperatureLimits(arguments.max_nozzle_temperature, arguments.max_bed_temperature),
+        limits=TemperatureLimits(arguments.max_nozzle_temperature, arguments.max_bed_temperature),
         folders=tuple(arguments.folder),
         cura=overrides,
     )
@@ -147,7 +147,7 @@ def _results(arguments: argparse.Namespace) -> Iterator[Any]:
         yield from import_profiles(path, wanted)
 
 
-def _check_ceiling(heater: str, most: float) -> None:
+def _check_limit(heater: str, most: float) -> None:
     """Check a temperature limit against the bounds of the printer setting.
 
     Raises:
