@@ -1,4 +1,4 @@
-"""What becomes of all presets in the bundles that PrusaSlicer ships.
+"""Import all presets in the bundles that PrusaSlicer ships, and compare the results with PrusaSlicer.
 
     python -m benchmarks.importing [--values N] [--macros N] [--prints N] [--bundle NAME]
 

@@ -6,20 +6,28 @@ import re
 from collections.abc import Sequence
 from typing import Final
 
-__all__ = ["ENDS_ALIKE", "match_rank", "name_words"]
+__all__ = ["ENDS_ALIKE", "match_rank", "name_words", "without_nozzle"]
 
 _WORD: Final = re.compile(r"[^\W\d_]+|\d+")
-_NOZZLE: Final = re.compile(r",?\s*\(?\b\d+(?:\.\d+)?\s*(?:mm\s*)?nozzle\)?")
+_NOZZLE: Final = re.compile(r",?\s*\(?\b\d+(?:\.\d+)?\s*(?:mm\s*)?nozzle\)?", re.IGNORECASE)
 
 _EXACT, ENDS_ALIKE, _CONTAINS, _IN_ORDER = range(4)
 
 
-def name_words(text: str) -> list[str]:
+def name_words(text: str, *, with_nozzle: bool = False) -> list[str]:
     """Split a name into lower-case words and numbers: `Ender3 V2` and `Ender-3 v2` are the same.
 
-    The diameter of a nozzle is left out.
+    Args:
+        text: the name.
+        with_nozzle: whether to keep the diameter of a nozzle.
     """
-    return _WORD.findall(_NOZZLE.sub("", text.casefold()))
+    text = text.casefold()
+    return _WORD.findall(text if with_nozzle else without_nozzle(text))
+
+
+def without_nozzle(name: str) -> str:
+    """Return a name without the diameter of a nozzle, such as `Ender-3 (0.4 mm nozzle)`."""
+    return _NOZZLE.sub("", name).strip()
 
 
 def match_rank(asked: Sequence[str], words: Sequence[str]) -> tuple[int, int] | None:

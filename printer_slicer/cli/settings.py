@@ -361,11 +361,11 @@ def _loaded(arguments: argparse.Namespace, names: dict[str, Any]) -> _OwnSetting
             names[kind] = names[kind] or str(path)
             continue
         from printer_slicer.importing import import_profiles
-        from printer_slicer.importing.report import Refused
+        from printer_slicer.importing.results import RejectedProfile
 
         found = import_profiles(path)
         for one in found:
-            if isinstance(one, Refused):
+            if isinstance(one, RejectedProfile):
                 raise UsageError(f"--load {path}: {one.problem}", remedy=one.remedy)
         kinds = [one.kind for one in found]
         if len(set(kinds)) < len(kinds):
@@ -373,7 +373,7 @@ def _loaded(arguments: argparse.Namespace, names: dict[str, Any]) -> _OwnSetting
                 f"--load {path}: has {len(kinds)} profiles",
                 remedy=f"Import those of one printer: printer-slicer profiles import {path} --for NAME",
             )
-        values |= {one.kind: one.values for one in found if not isinstance(one, Refused)}
+        values |= {one.kind: one.values for one in found if not isinstance(one, RejectedProfile)}
     return _OwnSettings(values, (), source="from --load")
 
 

@@ -13,12 +13,12 @@ from typing import Any, Final, NamedTuple
 
 from printer_slicer.errors import ProfileError
 from printer_slicer.importing.cura_names import CURA_PATTERNS, CURA_SAME, CURA_SEAMS
-from printer_slicer.importing.ini import Entry
-from printer_slicer.importing.materials import material_from
+from printer_slicer.importing.ini import SourceSetting
+from printer_slicer.importing.materials import convert_material
 from printer_slicer.importing.orca_names import ORCA, ORCA_DEFAULTS
 from printer_slicer.importing.presets import Preset
-from printer_slicer.importing.qualities import quality_from
-from printer_slicer.importing.vocabulary import DEFAULTS, kind_of_setting
+from printer_slicer.importing.prusaslicer_names import DEFAULTS, setting_kind
+from printer_slicer.importing.qualities import convert_quality
 from printer_slicer.macros.names import add_other_names, own_names
 from printer_slicer.profile import Profile, settings_text
 
@@ -168,7 +168,7 @@ def familiar_setting(name: str, text: str, profile: Profile) -> FamiliarSetting 
 
 def _from_conversion(name: str, text: str, profile: Profile, slicer: str = "") -> FamiliarSetting | None:
     """Return what an import makes of a setting of PrusaSlicer or OrcaSlicer; None if it makes nothing of it."""
-    kind = kind_of_setting(name)
+    kind = setting_kind(name)
     for program in [slicer] if slicer else ["PrusaSlicer", "OrcaSlicer"]:
         changes = _converted(kind, name, text, profile, is_orca=program == "OrcaSlicer")
         if changes:
@@ -192,17 +192,17 @@ def _as_prusaslicer(name: str, text: str) -> tuple[str, str, str]:
 
 def _converted(kind: str, name: str, text: str, profile: Profile, *, is_orca: bool) -> dict[str, Any]:
     """Return what an import makes of one setting: our names within the kind -> value."""
-    convert = {"quality": quality_from, "material": material_from}.get(kind)
+    convert = {"quality": convert_quality, "material": convert_material}.get(kind)
     if convert is None:
         return {}
     plain: dict[str, Any] = {key.partition(".")[2]: value for key, value in settings_text(profile)}
     around = add_other_names({**plain, "quality.layer_height": profile.quality.layer_height})
     entries = {
-        key: Entry(key, str(value[0] if isinstance(value, tuple) else value), "")
+        key: SourceSetting(key, str(value[0] if isinstance(value, tuple) else value), "")
         for key, value in around.items()
         if key in DEFAULTS
     }
-    entries[name] = Entry(name, text, f"{name}={text}")
+    entries[name] = SourceSetting(name, text, f"{name}={text}")
     made = convert(
         Preset(
             kind,

@@ -15,12 +15,12 @@ from printer_slicer.importing.bundle import PresetBundle
 from printer_slicer.importing.materials import convert_material
 from printer_slicer.importing.presets import Preset
 from printer_slicer.importing.printer_defaults import add_printer_defaults
-from printer_slicer.importing.printer_search import without_nozzle
 from printer_slicer.importing.printers import CompanionRanges, convert_printer
 from printer_slicer.importing.qualities import convert_quality
 from printer_slicer.importing.results import ImportedProfile, ImportNote, RejectedProfile
 from printer_slicer.importing.safety_checks import DEFAULT_LIMITS, TemperatureLimits, check_safe
 from printer_slicer.importing.source_files import PresetsInFile, read_presets
+from printer_slicer.name_search import without_nozzle
 
 __all__ = ["ImportRequest", "convert_presets", "import_profiles"]
 

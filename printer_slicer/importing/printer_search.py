@@ -1,70 +1,34 @@
-"""Find a printer of a bundle by a name as people type it: without vendor, nozzle or hyphens."""
+"""Find printers of a bundle by a name as people type it: without maker, nozzle or hyphens."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Mapping, Sequence
-from typing import Final
+from collections.abc import Mapping, Sequence
 
-__all__ = ["find_printers", "without_nozzle"]
+from printer_slicer.name_search import match_rank, name_words
 
-_NOZZLE: Final = re.compile(r"\s*\(?\b(\d+\.\d+)\s*(?:mm)?\s*nozzle\)?", re.IGNORECASE)
-_WORD: Final = re.compile(r"[^\W\d_]+|\d+")
-_Words = list[str]
-
-
-def without_nozzle(name: str) -> str:
-    """Return the name of a printer without its nozzle diameter.
-
-    Args:
-        name: such as `Creality Ender-3 V2 (0.4 mm nozzle)`.
-    """
-    return _NOZZLE.sub("", name).strip()
+__all__ = ["find_printers"]
 
 
 def find_printers(wanted: str, names: Mapping[str, Sequence[str]]) -> list[str]:
     """Return the printers that match a name best; empty if none does.
 
+    A nozzle in the name counts only between printers that match as well without it.
+
     Args:
         wanted: the name as typed.
         names: printer -> its other names, such as that of its model.
     """
-    sought = _words(wanted)
-    for full in (False, True):
-        known = {
-            printer: [_words(one if full else without_nozzle(one)) for one in (printer, *others)]
-            for printer, others in names.items()
-        }
-        for matches in _MATCHES:
-            found = [
-                name for name, all_words in known.items() if any(matches(sought, one) for one in all_words)
-            ]
-            if sought and found:
-                return found
-    return []
+    found = _best(wanted, names, with_nozzle=False)
+    exact = _best(wanted, {name: names[name] for name in found}, with_nozzle=True)
+    return exact or found
 
 
-def _words(text: str) -> _Words:
-    """Split a name into words and numbers: `Ender3 V2` and `Ender-3 v2` are the same."""
-    return _WORD.findall(text.casefold())
-
-
-def _ends_with(sought: _Words, known: _Words) -> bool:
-    return known[-len(sought) :] == sought
-
-
-def _contains(sought: _Words, known: _Words) -> bool:
-    return any(known[at : at + len(sought)] == sought for at in range(len(known)))
-
-
-def _begins_words(sought: _Words, known: _Words) -> bool:
-    return all(any(word.startswith(one) for word in known) for one in sought)
-
-
-_MATCHES: Final[tuple[Callable[[_Words, _Words], bool], ...]] = (
-    lambda sought, known: sought == known,
-    _ends_with,
-    _contains,
-    _begins_words,
-)
-"""Ways in which a typed name matches, the best first."""
+def _best(wanted: str, names: Mapping[str, Sequence[str]], *, with_nozzle: bool) -> list[str]:
+    """Return the printers that match equally well and best."""
+    asked = name_words(wanted, with_nozzle=with_nozzle)
+    ranks = {}
+    for printer, others in names.items():
+        words = [name_words(one, with_nozzle=with_nozzle) for one in (printer, *others)]
+        if found := [rank[0] for one in words if (rank := match_rank(asked, one))]:
+            ranks[printer] = min(found)
+    return [printer for printer, rank in ranks.items() if rank == min(ranks.values())]

@@ -1,4 +1,4 @@
-"""`profiles import`."""
+"""The command `profiles import`."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tests.importing.test_bundle import BUNDLE
 
 @pytest.fixture(autouse=True)
 def own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The folder of a person."""
+    """Return the folder of the user's own profiles."""
     monkeypatch.setenv(VARIABLE, str(tmp_path / "own"))
     return tmp_path / "own"
 
@@ -147,7 +147,9 @@ def test_a_new_profile_hides_neither_a_shipped_one_nor_one_of_another_preset(
     assert [one.stem for one in (own / "materials").iterdir()] == ["pla_2"]
 
 
-def test_it_writes_over_nothing_unless_told_to(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_existing_files_are_overwritten_only_with_force(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     path = flat_file(tmp_path)
     run(capsys, path, "-o", tmp_path)
     mine = tmp_path / "printers" / "little_printer.toml"
@@ -162,7 +164,7 @@ def test_it_writes_over_nothing_unless_told_to(tmp_path: Path, capsys: pytest.Ca
     assert mine.read_text() != "mine"
 
 
-def test_what_is_imported_is_used_by_its_name_and_names_its_schema(
+def test_imported_profiles_are_found_by_name_and_refer_to_their_schema(
     own: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     code, _, _ = run(capsys, flat_file(tmp_path))
@@ -181,7 +183,7 @@ def test_what_is_imported_is_used_by_its_name_and_names_its_schema(
     assert main(["profiles", "check", *(path.stem for path in files.values())]) == 0
 
 
-def test_what_is_imported_elsewhere_names_the_shipped_schema(
+def test_profiles_in_another_folder_refer_to_the_shipped_schema(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     run(capsys, flat_file(tmp_path), "-o", tmp_path / "made")
@@ -191,7 +193,7 @@ def test_what_is_imported_elsewhere_names_the_shipped_schema(
     assert not (tmp_path / "made" / "schema").exists()
 
 
-def test_without_a_folder_of_ones_own_it_asks_for_one(
+def test_without_an_own_folder_the_error_suggests_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv(VARIABLE, "")
@@ -202,7 +204,7 @@ def test_without_a_folder_of_ones_own_it_asks_for_one(
     assert "-o FOLDER" in error
 
 
-def test_json_holds_the_whole_account(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_json_has_the_complete_report(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = flat_file(tmp_path, machine_max_feedrate_x="-4")
     code, said, _ = run(capsys, path, "--dry-run", "--json")
     facts = json.loads(said)
@@ -221,7 +223,7 @@ def test_json_holds_the_whole_account(tmp_path: Path, capsys: pytest.CaptureFixt
     assert not list(tmp_path.rglob("*.toml"))
 
 
-def test_a_bundle_is_listed_told_shortly_and_taken_by_printer(
+def test_a_bundle_can_be_listed_and_imported_by_printer(
     tmp_path: Path, own: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "Acme.ini"
@@ -236,7 +238,7 @@ def test_a_bundle_is_listed_told_shortly_and_taken_by_printer(
     assert "3 profiles would be written" in one
 
 
-def test_where_nothing_can_be_imported_the_reason_is_the_error(
+def test_if_nothing_can_be_imported_the_reason_is_the_error(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "only.ini"
@@ -251,9 +253,7 @@ def test_where_nothing_can_be_imported_the_reason_is_the_error(
 REFUSED = "M302 P1\\nM502\\n{if layer_height > 9}M500{endif}\\nM997\\nM104 S{temperature[0] + 90}\\n"
 
 
-def test_commands_that_print_would_refuse_are_told(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_commands_that_print_rejects_are_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = flat_file(tmp_path, start_gcode=f"{REFUSED}M109 S[first_layer_temperature]\\nG28\\nM190 S60\\n")
     _, short, _ = run(capsys, path, "-o", tmp_path)
     _, said, _ = run(capsys, path, "-o", tmp_path, "-v")
@@ -269,7 +269,7 @@ def test_commands_that_print_would_refuse_are_told(
 
 
 @pytest.mark.parametrize(("flag", "most"), [("nozzle", "9999"), ("nozzle", "20"), ("bed", "201")])
-def test_a_ceiling_is_one_that_a_printer_may_have(
+def test_temperature_limits_must_be_valid_for_a_printer(
     flag: str, most: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     code, _, error = run(capsys, flat_file(tmp_path), f"--max-{flag}-temperature", most)
@@ -294,9 +294,7 @@ def test_patterns_and_stdin_are_files_here_too(
     assert "no file fits this pattern" in run(capsys, tmp_path / "V*.ini")[2]
 
 
-def test_what_is_there_already_as_it_would_be_written_stands_in_nobodys_way(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_existing_identical_files_are_no_error(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = flat_file(tmp_path)
     run(capsys, path, "-o", tmp_path)
     flat_file(tmp_path, print_settings_id="Another", perimeters="2")
@@ -306,7 +304,7 @@ def test_what_is_there_already_as_it_would_be_written_stands_in_nobodys_way(
 
 
 @pytest.mark.parametrize("words", [["--cura", "nothing"], ["--only", "Nobody"], ["--for", "x", "--list"]])
-def test_slips_in_flags_are_told(
+def test_invalid_flags_are_errors(
     words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "Acme.ini"
@@ -315,7 +313,7 @@ def test_slips_in_flags_are_told(
     assert run(capsys, path, *words)[0] == 2
 
 
-def test_the_other_verbs_are_still_there(capsys: pytest.CaptureFixture[str]) -> None:
+def test_other_profiles_commands_still_work(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["profiles"]) == 0
     assert "marlin_220 (default)" in capsys.readouterr().out
     assert main(["profiles", "printer", "marlin_220", "--json"]) == 0

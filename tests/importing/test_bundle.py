@@ -1,4 +1,4 @@
-"""Bundles: inheritance, what suits what."""
+"""Bundles: inheritance, compatibility, printers by name."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ import pytest
 from printer_slicer.errors import ProfileError
 from printer_slicer.importing import ImportedProfile, ImportRequest, RejectedProfile, import_profiles
 from printer_slicer.importing.conditions import condition_holds
-from printer_slicer.importing.printer_search import find_printers, without_nozzle
+from printer_slicer.importing.printer_search import find_printers
+from printer_slicer.name_search import without_nozzle
 from tests.importing.files import imported, loaded
 
 BUNDLE = """\
@@ -181,7 +182,7 @@ def test_abstract_sections_are_no_presets(bundle: Path) -> None:
     }
 
 
-def test_what_inherits_from_itself_or_from_nothing_is_refused_with_the_place(bundle: Path) -> None:
+def test_circular_and_missing_inheritance_is_an_error_with_its_place(bundle: Path) -> None:
     made = by_name(bundle)
     ring, adopted = made["Ring"], made["Adopted"]
 
@@ -203,7 +204,7 @@ def test_a_printer_brings_its_own_material_and_quality(bundle: Path, tmp_path: P
     assert loaded(made, tmp_path).quality.layer_height == 0.1
 
 
-def test_what_depends_on_the_printer_is_as_it_is_for_that_printer(bundle: Path) -> None:
+def test_settings_that_depend_on_the_printer_are_evaluated_for_it(bundle: Path) -> None:
     alone = by_name(bundle)["Acme PLA"]
     assert isinstance(alone, ImportedProfile)
 

@@ -58,7 +58,7 @@ EXPRESSIONS = {
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """A definition that inherits from a base, with an extruder beside it."""
+    """Write a definition that inherits from a base, and its extruder."""
     settings = {key: {"type": "x", "default_value": value} for key, value in LITERALS.items()}
     settings |= {
         key: {"type": "float", "default_value": 33, "value": text} for key, text in EXPRESSIONS.items()
@@ -82,7 +82,7 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_a_machine_with_what_it_inherits_makes_a_profile(folder: Path) -> None:
+def test_a_machine_is_imported_with_the_settings_it_inherits(folder: Path) -> None:
     profile = loaded(imported(folder / "acme.def.json"), folder)
     printer, material, quality = profile.printer, profile.material, profile.quality
 
@@ -122,7 +122,7 @@ def test_it_heats_before_its_start_gcode_as_the_source_does(folder: Path) -> Non
     assert "G1 Y{machine_depth}" in text
 
 
-def test_changes_reach_what_hangs_on_them(folder: Path) -> None:
+def test_changes_affect_dependent_settings(folder: Path) -> None:
     changes = {
         "layer_height": "0.1",
         "speed_print": "=40 * 2.5",
@@ -165,7 +165,7 @@ def test_profiles_change_the_machine_that_they_name(folder: Path, tmp_path: Path
 
 
 @pytest.mark.parametrize("value", ["__import__('os')", "=__import__('os')", "wide"])
-def test_a_bad_value_is_told_with_the_file_that_has_it(folder: Path, value: str) -> None:
+def test_an_error_names_the_file_with_the_invalid_value(folder: Path, value: str) -> None:
     path = folder / "bad.inst.cfg"
     path.write_text(PROFILE.replace("0.15", value), encoding="utf-8")
     try:
@@ -202,7 +202,7 @@ def test_a_value_that_nothing_can_be_made_of_is_named_and_can_be_changed(
     assert imported(path, cura={key: "100"})
 
 
-def test_a_definition_that_is_no_machine_is_refused_with_what_it_lacks(tmp_path: Path) -> None:
+def test_a_definition_that_is_not_a_machine_is_an_error(tmp_path: Path) -> None:
     path = json_file(tmp_path / "part.def.json", {"version": 2, "overrides": {}})
     with pytest.raises(ProfileError) as caught:
         import_profiles(path)
@@ -213,7 +213,7 @@ def test_a_definition_that_is_no_machine_is_refused_with_what_it_lacks(tmp_path:
     )
 
 
-def test_definitions_that_inherit_in_a_circle_are_told_in_their_order(folder: Path) -> None:
+def test_circular_inheritance_is_reported_in_order(folder: Path) -> None:
     first, second = folder / "first.def.json", folder / "second.def.json"
     json_file(first, {"version": 2, "inherits": "second", "overrides": {}})
     json_file(second, {"version": 2, "inherits": "first", "overrides": {}})
@@ -312,7 +312,7 @@ def test_expressions(text: str, expected: Any) -> None:
         "int('9' * 5000)",
     ],
 )
-def test_what_is_no_plain_expression_is_refused_and_nothing_runs(text: str) -> None:
+def test_other_python_code_is_rejected_and_never_runs(text: str) -> None:
     with pytest.raises(CuraExpressionError):
         evaluate_cura(text, setting)
 

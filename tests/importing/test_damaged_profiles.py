@@ -1,4 +1,4 @@
-"""Damaged and hostile files: an import or a clear error, never anything else."""
+"""Damaged and hostile files: they are imported, or there is a clear error."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ SEEDS: dict[str, str] = {
 
 
 def damaged(text: str, chance: np.random.Generator) -> str:
-    """The text with some values, characters or lines replaced."""
+    """Return the text with some values, characters or lines replaced."""
     for _ in range(chance.integers(1, 7)):
         what = chance.integers(4)
         place = int(chance.integers(len(text) + 1))
@@ -84,7 +84,7 @@ def damaged(text: str, chance: np.random.Generator) -> str:
 
 
 def check(path: Path) -> int:
-    """Import a file; how many profiles came of it. Whatever comes is a profile or tells place and remedy."""
+    """Import a file and return the number of profiles; errors must have a place and a remedy."""
     try:
         results = import_profiles(path)
     except ProfileError as error:
@@ -105,7 +105,7 @@ def check(path: Path) -> int:
 
 
 def readable(made: ImportedProfile, name: str, text: str) -> None:
-    """A macro can be read, or the import has said why not."""
+    """Check that a macro can be read, or that the import has reported why not."""
     try:
         read_template(text, name).possible_lines({})
     except ProfileError as error:
@@ -142,7 +142,7 @@ def a_bomb(folder: Path) -> Path:
 
 
 def a_ladder(folder: Path) -> Path:
-    """Each preset inherits twice from the one below: resolved one by one that is 2**40 steps."""
+    """Presets that each inherit twice from the next: 2**40 steps without caching."""
     path = folder / "ladder.ini"
     steps = [f"[print:p{n}]\ninherits = p{n - 1}; p{n - 1}\nlayer_height = 0.2\n" for n in range(1, 40)]
     path.write_text("[print:p0]\nlayer_height = 0.2\n" + "".join(steps), encoding="utf-8")

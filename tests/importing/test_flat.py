@@ -1,4 +1,4 @@
-"""One set of settings: config.ini, the end of G-code, the project in a 3MF file."""
+"""Files with one set of settings: config.ini, G-code, 3MF projects."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from printer_slicer.importing import import_profiles
 from tests.importing.files import FLAT, flat_file, imported, ini, loaded, refused
 
 
-def test_what_has_a_counterpart_is_taken_with_its_value(tmp_path: Path) -> None:
+def test_settings_with_an_equivalent_are_taken_over(tmp_path: Path) -> None:
     profile = loaded(imported(flat_file(tmp_path)), tmp_path)
     printer, material, quality = profile.printer, profile.material, profile.quality
 
@@ -42,7 +42,7 @@ def test_what_has_a_counterpart_is_taken_with_its_value(tmp_path: Path) -> None:
 def test_the_overlap_of_infill_with_the_perimeters_is_taken(
     tmp_path: Path, overlap: str, share: float
 ) -> None:
-    """A percentage is one of the spacing: half that of the perimeter and half that of the infill."""
+    """A percentage refers to the mean spacing of perimeters and infill."""
     made = imported(flat_file(tmp_path, infill_overlap=overlap))
     quality = loaded(made, tmp_path).quality
 
@@ -51,7 +51,7 @@ def test_the_overlap_of_infill_with_the_perimeters_is_taken(
     assert any("infill_overlap" in one.place for one in made["quality"].notes) == (overlap == "80%")
 
 
-def test_the_account_names_what_was_taken_approximated_and_left_out(tmp_path: Path) -> None:
+def test_the_report_lists_converted_and_unsupported_settings(tmp_path: Path) -> None:
     quality = imported(flat_file(tmp_path))["quality"]
     taken = {one.ours: one for one in quality.taken}
     left = {one.theirs: one for one in quality.left}
@@ -111,7 +111,7 @@ def test_every_setting_is_accounted_for(tmp_path: Path) -> None:
         ("end_gcode", "m140 S200 ; warm", "printer", "over the bed limit of 120"),
     ],
 )
-def test_what_would_make_an_unsafe_machine_is_refused_with_place_and_remedy(
+def test_unsafe_machines_are_rejected_with_place_and_remedy(
     tmp_path: Path, key: str, value: str, kind: str, said: str
 ) -> None:
     path = flat_file(tmp_path, **{key: value})
@@ -126,11 +126,11 @@ def test_what_would_make_an_unsafe_machine_is_refused_with_place_and_remedy(
 @pytest.mark.parametrize(
     "macro", ["G28 ; M104 S350", "M104 S{temperature[0]} ; 350", "M1040 S350", "M104 S300"]
 )
-def test_what_heats_no_further_than_it_may_is_not(tmp_path: Path, macro: str) -> None:
+def test_heating_within_the_limits_is_accepted(tmp_path: Path, macro: str) -> None:
     assert imported(flat_file(tmp_path, start_gcode=macro))["printer"].values["start_gcode"]
 
 
-def test_a_number_that_is_moved_into_its_bounds_is_told(tmp_path: Path) -> None:
+def test_numbers_moved_into_their_bounds_cause_a_warning(tmp_path: Path) -> None:
     quality = imported(flat_file(tmp_path, perimeter_speed="99999", skirts="70"))["quality"]
 
     assert quality.values["speeds"]["perimeter"] == 1000
@@ -283,7 +283,7 @@ def test_pressure_advance_is_the_last_that_is_one_in_seconds(
     assert made.notes == ()
 
 
-def test_what_is_no_pressure_advance_is_left_out_and_told(tmp_path: Path) -> None:
+def test_pressure_advance_in_another_unit_is_not_imported(tmp_path: Path) -> None:
     made = imported(flat_file(tmp_path, start_filament_gcode='"M900 K30"'))["material"]
 
     assert "pressure_advance" not in made.values

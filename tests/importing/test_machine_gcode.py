@@ -1,4 +1,4 @@
-"""Start, end and layer G-code of other slicers: kept as it is written, and filled in as theirs would be."""
+"""Start, end and layer G-code of other slicers: imported unchanged, with the same result after slicing."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def test_settings_without_a_counterpart_are_variables_in_front_of_the_macro(tmp_
     assert {"M1", "G1 Z0.3"} <= set(lines)
 
 
-def test_what_nobody_here_knows_is_told_at_import_and_where_it_stops_the_slicing(tmp_path: Path) -> None:
+def test_unknown_placeholders_are_reported_by_import_and_slicing(tmp_path: Path) -> None:
     made = imported(flat_file(tmp_path, start_gcode="G28\\nM104 S{unheard_of}\\nM109 S200\\nM190 S60"))
 
     (note,) = (note for note in made["printer"].notes if "unheard_of" in note.text)
@@ -70,7 +70,7 @@ def test_what_nobody_here_knows_is_told_at_import_and_where_it_stops_the_slicing
         job_of(box((10, 10, 1)), loaded(made, tmp_path))
 
 
-def test_a_branch_that_is_never_taken_may_speak_of_what_nobody_knows(tmp_path: Path) -> None:
+def test_unknown_placeholders_in_unused_branches_are_allowed(tmp_path: Path) -> None:
     made = imported(
         flat_file(tmp_path, start_gcode="M104 S1\\nM140 S1\\n{if layer_height > 5}{unheard_of}{endif}")
     )
@@ -79,14 +79,14 @@ def test_a_branch_that_is_never_taken_may_speak_of_what_nobody_knows(tmp_path: P
     job_of(box((10, 10, 1)), loaded(made, tmp_path))
 
 
-def test_a_macro_that_cannot_be_read_is_told_with_its_line(tmp_path: Path) -> None:
+def test_an_invalid_macro_is_reported_with_its_line(tmp_path: Path) -> None:
     made = printer_with(tmp_path, "end_gcode", "M84\n{if layer_num > 1}M1")
 
     assert made.values["end_gcode"] == "M84\n{if layer_num > 1}M1"
     assert any("line 2, column 1: {if ...} without {endif}" in text for text in notes_of(made))
 
 
-def test_names_in_remarks_are_nobodys_business(tmp_path: Path) -> None:
+def test_placeholders_in_comments_are_ignored(tmp_path: Path) -> None:
     made = imported(flat_file(tmp_path, end_gcode="M84 ; [unheard_of] {neither}"))
     job = job_of(box((10, 10, 1)), loaded(made, tmp_path))
 
@@ -94,7 +94,7 @@ def test_names_in_remarks_are_nobodys_business(tmp_path: Path) -> None:
     assert b"M84 ; [unheard_of] {neither}" in job.text
 
 
-def test_layers_and_the_end_are_what_they_are_for_prusaslicer(tmp_path: Path) -> None:
+def test_layer_and_end_gcode_is_as_in_prusaslicer(tmp_path: Path) -> None:
     changes = {
         "layer_gcode": ";L {layer_num} {layer_z} [layer_z] {layer_height}",
         "end_gcode": ";E {layer_num} {layer_z} {max_layer_z} {total_layer_count}",
@@ -118,7 +118,7 @@ def test_layers_and_the_end_are_what_they_are_for_prusaslicer(tmp_path: Path) ->
         ("M109 [x] {a[0]} [y", 'M109 {"["}x] {a[0]} {"["}y'),
     ],
 )
-def test_macros_of_cura_say_what_they_said(theirs: str, ours: str) -> None:
+def test_macros_of_cura_keep_their_meaning(theirs: str, ours: str) -> None:
     assert _convert_cura_macro(theirs) == ours
 
 
@@ -126,7 +126,7 @@ def test_a_long_text_of_cura_takes_no_longer_than_its_length() -> None:
     assert len(_convert_cura_macro("[a{" * 100_000)) > 300_000
 
 
-def test_ceilings_hold_for_what_a_macro_reckons(tmp_path: Path) -> None:
+def test_temperature_limits_apply_to_computed_values(tmp_path: Path) -> None:
     path = flat_file(tmp_path, start_gcode="{local hot = 200}{if layer_height > 1}M104 S{hot + 150}{endif}")
 
     assert "M104 S350" in refused(path, "printer").problem

@@ -1,4 +1,4 @@
-"""G-code of this program: the profiles that it was made with come back as they were."""
+"""Import of profiles from G-code of this program."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def written(folder: Path, printer: str = "marlin_220") -> tuple[Path, Profile]:
 
 
 @pytest.mark.parametrize("printer", ["marlin_220", "voron_2_4_350"])
-def test_what_was_set_is_set_again(tmp_path: Path, printer: str) -> None:
+def test_importing_own_gcode_restores_all_settings(tmp_path: Path, printer: str) -> None:
     path, profile = written(tmp_path, printer=printer)
     made = imported(path)
 

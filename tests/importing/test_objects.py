@@ -1,4 +1,4 @@
-"""What objects and heights have of their own in projects of other slicers becomes overrides."""
+"""Settings of objects and height ranges in projects of other slicers become overrides."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ ORCA_FILES = ("Metadata/model_settings.config", "Metadata/layer_config_ranges.xm
 
 
 def body(name: str, settings: dict[str, str], *volumes: dict[str, str]) -> str:
-    """An object as PrusaSlicer writes it."""
+    """Return an object as PrusaSlicer writes it."""
     rows = [f'<metadata type="object" key="{key}" value="{text}"/>' for key, text in settings.items()]
     rows += [f'<metadata type="object" key="name" value="{name}"/>'] if name else []
     for volume in volumes or ({},):
@@ -43,7 +43,7 @@ def heights(number: int, *ranges: tuple[float, float, dict[str, str]]) -> str:
 def quality(
     folder: Path, objects: str, ranges: str = "", more: dict[str, str] | None = None
 ) -> ImportedProfile:
-    """What becomes of the quality of a project of PrusaSlicer."""
+    """Write a PrusaSlicer project and import its quality."""
     path = folder / "part.3mf"
     with zipfile.ZipFile(path, "w") as archive:
         lines = "".join(f"; {key} = {value}\n" for key, value in FLAT.items())
@@ -58,7 +58,7 @@ def quality(
     return made
 
 
-def test_an_object_keeps_what_it_has_of_its_own(tmp_path: Path) -> None:
+def test_settings_of_an_object_become_overrides(tmp_path: Path) -> None:
     lid = {"fill_density": "60%", "perimeters": "5", "top_solid_layers": "7", "extruder": "1"}
     made = quality(tmp_path, body("lid", lid) + body("box", {}))
 
@@ -69,7 +69,7 @@ def test_an_object_keeps_what_it_has_of_its_own(tmp_path: Path) -> None:
     assert told == {"lid: fill_density": "60%", "lid: perimeters": "5", "lid: top_solid_layers": "7"}
 
 
-def test_what_only_the_whole_plate_can_have_is_told(tmp_path: Path) -> None:
+def test_settings_of_the_whole_plate_are_reported(tmp_path: Path) -> None:
     lid = {"brim_width": "5", "support_material": "1", "layer_height": "0.1"}
     made = quality(tmp_path, body("lid", lid) + body("box", {}))
 
@@ -110,14 +110,14 @@ def test_layers_of_the_only_object_are_those_of_its_heights(tmp_path: Path) -> N
     }
 
 
-def test_what_the_only_volume_has_is_the_objects(tmp_path: Path) -> None:
+def test_settings_of_the_only_volume_are_the_objects(tmp_path: Path) -> None:
     made = quality(tmp_path, body("lid", {}, {"perimeters": "6"}))
 
     assert made.values["overrides"] == [{"object": "lid", "set": {"perimeters": 6}}]
     assert made.notes == ()
 
 
-def test_settings_of_modifiers_are_told(tmp_path: Path) -> None:
+def test_settings_of_modifiers_are_reported(tmp_path: Path) -> None:
     modifier = {"name": "slab", "volume_type": "ParameterModifier", "perimeters": "6"}
     made = quality(tmp_path, body("lid", {}, {}, modifier))
 
@@ -134,7 +134,7 @@ def test_settings_of_modifiers_are_told(tmp_path: Path) -> None:
         (body("", {"perimeters": "5"}), "the object has no name"),
     ],
 )
-def test_settings_of_objects_that_cannot_be_told_apart_are_left_out(
+def test_settings_of_objects_with_the_same_name_are_not_imported(
     tmp_path: Path, objects: str, said: str
 ) -> None:
     made = quality(tmp_path, objects)
@@ -149,7 +149,7 @@ def test_copies_of_an_object_share_its_settings(tmp_path: Path) -> None:
     assert made.values["overrides"] == [{"object": "lid", "set": {"perimeters": 5}}]
 
 
-def test_heights_drawn_by_hand_are_told(tmp_path: Path) -> None:
+def test_layer_heights_drawn_by_hand_are_reported(tmp_path: Path) -> None:
     more = {"Metadata/Slic3r_PE_layer_heights_profile.txt": "object_id=1|0;0.2;5;0.1"}
     made = quality(tmp_path, body("lid", {}), more=more)
 
@@ -203,7 +203,7 @@ def project(folder: Path, objects: str) -> Path:
     return path
 
 
-def test_a_value_that_is_no_number_is_told_with_its_object(tmp_path: Path) -> None:
+def test_an_invalid_number_is_reported_with_its_object(tmp_path: Path) -> None:
     (made,) = import_profiles(project(tmp_path, f"<config>{body('lid', {'perimeters': 'many'})}</config>"))
 
     assert isinstance(made, RejectedProfile)

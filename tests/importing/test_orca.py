@@ -131,7 +131,7 @@ def test_three_presets_make_a_profile(tmp_path: Path) -> None:
     assert (quality.external_perimeter_first, quality.hole_compensation) == (True, 0.05)
 
 
-def test_what_it_inherits_may_be_in_another_folder(tmp_path: Path) -> None:
+def test_parents_may_be_in_another_folder(tmp_path: Path) -> None:
     here, there = tmp_path / "here", tmp_path / "there"
     here.mkdir()
     there.mkdir()
@@ -190,7 +190,7 @@ def test_settings_in_its_gcode_are_found(tmp_path: Path, begin: str) -> None:
     assert made["quality"].values["perimeters"] == 3
 
 
-def test_what_it_says_twice_or_not_at_all_is_told(tmp_path: Path) -> None:
+def test_a_preset_without_a_name_reports_settings_without_equivalent(tmp_path: Path) -> None:
     path = json_file(
         tmp_path / "a.json", {"type": "process", "layer_height": "0.2", "enable_support": "1", "x": {"y": 1}}
     )
@@ -274,7 +274,7 @@ def test_scarf_seams_are_taken(tmp_path: Path) -> None:
     assert "scarf_length" not in process(tmp_path, **own | {"seam_slope_type": "none"}).values
 
 
-def test_what_it_does_not_say_is_as_it_is_there(tmp_path: Path) -> None:
+def test_missing_settings_have_the_defaults_of_orcaslicer(tmp_path: Path) -> None:
     machine = imported(json_file(tmp_path / "m.json", {"type": "machine", "nozzle_diameter": ["0.4"]}))
     quality = imported(json_file(tmp_path / "q.json", {"type": "process", "layer_height": "0.2"}))["quality"]
     printer = machine["printer"].values
@@ -286,7 +286,7 @@ def test_what_it_does_not_say_is_as_it_is_there(tmp_path: Path) -> None:
     assert quality.values["accelerations"]["bridge"] == 250
 
 
-def test_of_several_filaments_the_first_is_taken_and_the_others_are_told(tmp_path: Path) -> None:
+def test_the_first_of_several_filaments_is_imported(tmp_path: Path) -> None:
     own = {"filament_type": ["PLA", "PETG"], "nozzle_temperature": ["215", "240"]}
     made = imported(json_file(tmp_path / "a.json", FILAMENT | own))["material"]
 

@@ -1,4 +1,4 @@
-"""Files of imported profiles."""
+"""Files of imported profiles: names and contents."""
 
 from __future__ import annotations
 
@@ -31,19 +31,19 @@ def made(values: dict[str, Any], name: str = "A", kind: str = "printer") -> Impo
 
 
 def plain(value: Any) -> Any:
-    """What a file keeps of a value: lines end with one sign, and texts of several lines with one."""
+    """Return a value as it is in a file: texts of several lines end with one newline."""
     if isinstance(value, dict):
         return {key: plain(one) for key, one in value.items()}
     return value.strip("\n") + "\n" if isinstance(value, str) and "\n" in value else value
 
 
 @given(TABLES)
-def test_a_file_holds_the_values_that_it_was_made_from(values: dict[str, Any]) -> None:
+def test_a_file_has_the_values_of_its_profile(values: dict[str, Any]) -> None:
     assert tomllib.loads(profile_text(made(values, "any \x00 name"))) == plain(values)
 
 
 @given(st.lists(st.tuples(st.sampled_from(["printer", "material"]), TEXTS), max_size=8))
-def test_files_have_names_of_their_own_that_every_system_takes(names: list[tuple[str, str]]) -> None:
+def test_file_names_are_unique_and_valid_on_every_system(names: list[tuple[str, str]]) -> None:
     found = file_names([made({}, name, kind) for kind, name in names])
 
     assert len({(kind, one) for (kind, _), one in zip(names, found, strict=True)}) == len(names)

@@ -1,4 +1,4 @@
-"""Against PrusaSlicer: its vendors' bundles, its own reading of them, the macros in its own files."""
+"""Compare imports with PrusaSlicer: its bundles, its `--save`, and the macros in its G-code."""
 
 from __future__ import annotations
 

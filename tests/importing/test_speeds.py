@@ -1,4 +1,4 @@
-"""Speeds, accelerations, flow and fan heights of other slicers, and a flavour that is not what the file says."""
+"""Import of speeds, accelerations, flow, fan heights and the firmware flavour."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def test_orca_names_them_too(tmp_path: Path) -> None:
     assert (speeds.first_layer, speeds.first_layer_infill, speeds.first_layer_travel) == (40, 90, 150)
 
 
-def test_the_default_acceleration_holds_for_what_has_none_of_its_own(tmp_path: Path) -> None:
+def test_the_default_acceleration_applies_to_roles_without_one(tmp_path: Path) -> None:
     path = flat_file(
         tmp_path,
         machine_max_acceleration_x="5000",
@@ -128,7 +128,7 @@ def test_a_marlin_file_with_macros_of_klipper_is_for_klipper_and_says_so(tmp_pat
     assert "print_start" in {one.ours: one.how for one in printer.taken}["flavour"]
 
 
-def test_old_marlin_is_told(tmp_path: Path) -> None:
+def test_old_marlin_is_reported(tmp_path: Path) -> None:
     printer = imported(flat_file(tmp_path, gcode_flavor="marlin"))["printer"]
 
     assert printer.values["flavour"] == "marlin_legacy"
@@ -172,7 +172,7 @@ def test_a_quality_of_ours_prints_as_fast_on_an_imported_printer_as_its_own(tmp_
     assert (ours.perimeter, ours.internal_infill, ours.travel) == (120, 180, 250)
 
 
-def test_materials_without_pla_do_not_tell_what_the_hotend_melts(tmp_path: Path) -> None:
+def test_materials_other_than_pla_do_not_set_the_maximum_flow(tmp_path: Path) -> None:
     made = imported(flat_file(tmp_path, filament_type="TPU", filament_max_volumetric_speed="3"))
 
     assert "hotend_max_flow" not in made["printer"].values

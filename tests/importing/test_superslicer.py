@@ -1,4 +1,4 @@
-"""Settings of SuperSlicer: what its percentages are of, and what it has besides PrusaSlicer's."""
+"""Settings of SuperSlicer: its percentages, and settings that PrusaSlicer does not have."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def profile(made: dict[str, ImportedProfile], tmp_path: Path) -> Profile:
     return loaded(made, tmp_path)
 
 
-def test_a_percentage_is_of_what_superslicer_says(profile: Profile) -> None:
+def test_percentages_refer_to_the_settings_of_superslicer(profile: Profile) -> None:
     speeds, hard = profile.quality.speeds, profile.quality.accelerations
 
     assert profile.quality.first_layer_height == 0.3
@@ -112,7 +112,7 @@ def test_travels_are_accelerated_as_it_says_up_to_the_machines_limit(tmp_path: P
     assert (usual, more) == (650, 800)
 
 
-def test_none_of_them_is_told_as_without_counterpart(made: dict[str, ImportedProfile]) -> None:
+def test_none_of_them_is_reported_as_without_equivalent(made: dict[str, ImportedProfile]) -> None:
     left = {one.theirs for part in made.values() for one in part.left}
 
     assert left & set(OWN) == {"init_z_rotate", "bridge_overlap"}
@@ -132,7 +132,7 @@ def test_before_it_had_a_default_speed_percentages_were_prusaslicers(tmp_path: P
     assert (made["solid_infill"], made["top_solid_infill"]) == (72, 36)
 
 
-def test_prusaslicers_own_percentages_stay_what_they_are(tmp_path: Path) -> None:
+def test_percentages_of_prusaslicer_are_unchanged(tmp_path: Path) -> None:
     path = flat_file(tmp_path, first_layer_height="75%", infill_speed="80", solid_infill_speed="50%")
     quality = next(one for one in import_profiles(path) if one.kind == "quality")
 
