@@ -1,4 +1,4 @@
-"""The command line: `printer-slicer`. Each command imports what it needs when it is called."""
+"""The command line `printer-slicer`. Commands import what they need when they are called."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ import sys
 import warnings
 from collections.abc import Sequence
 
-from printer_slicer.cli.inputs import inputs
-from printer_slicer.cli.output import coloured, outlive_readers, unwritten, visible
+from printer_slicer.cli.inputs import resolve_inputs
+from printer_slicer.cli.output import colour, lost_output_error, sanitize, survive_closed_streams
 from printer_slicer.cli.parser import COMMANDS, build_parser
 from printer_slicer.errors import PrinterSlicerError
 
 __all__ = ["main"]
 
-# No command multiplies large matrices; starting a thread per core for it would cost more CPU than slicing a small part.
+# No command multiplies large matrices, and starting a thread per core costs more CPU time than slicing a small part.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-_OBJECTS = 100_000  # made before the collector looks for cycles of garbage; at the usual 700 it looks a hundred times
+_OBJECTS = 100_000  # allocations between runs of the garbage collector; the default of 700 would run it a hundred times
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -30,26 +30,26 @@ def main(argv: Sequence[str] | None = None) -> int:
         argv: arguments without the program's name; None takes those of the process.
 
     Returns:
-        The exit code: 0 done, 2 usage, 3 the part cannot be sliced, 4 the port, 5 print failed, 6 cancelled,
-        7 verification failed. It does not depend on whether anyone reads stdout and stderr to the end.
+        The exit code: 0 done, 2 usage, 3 the part cannot be sliced, 4 serial port, 5 print failed, 6 cancelled,
+        7 verification failed. Closing stdout or stderr early does not change it.
     """
-    gc.set_threshold(_OBJECTS)  # values are frozen and hold arrays, in no cycles
-    outlive_readers()
+    gc.set_threshold(_OBJECTS)  # our values form no reference cycles
+    survive_closed_streams()
     warnings.showwarning = _show_warning  # type: ignore[assignment]
-    asks = "_ARGCOMPLETE" in os.environ  # a shell asks what could be typed
+    asks = "_ARGCOMPLETE" in os.environ  # the shell requests completions
     words = os.environ.get("COMP_LINE", "").split() if asks else sys.argv[1:] if argv is None else argv
     parser = build_parser([word for word in words if word in COMMANDS][:1])
     if asks:
-        from printer_slicer.cli.completing import complete
+        from printer_slicer.cli.shell_completion import complete
 
         complete(parser)
     code = 0
     try:
         try:
             code = _run(parser, argv)
-        finally:  # also where --help ends it
+        finally:  # also after --help
             sys.stdout.flush()
-            if missed := unwritten():
+            if missed := lost_output_error():
                 raise missed
     except OSError as error:
         failed = _output_failed(error)
@@ -58,11 +58,11 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(parser: argparse.ArgumentParser, argv: Sequence[str] | None) -> int:
-    """Run the command; failures become messages and exit codes."""
+    """Run the command; turn errors into messages and exit codes."""
     folder = ""
     try:
         arguments = parser.parse_args(argv)
-        with inputs(arguments) as folder:
+        with resolve_inputs(arguments) as folder:
             return int(arguments.run(arguments))
     except PrinterSlicerError as error:
         return _fail(str(error).replace(f"{folder}{os.sep}", "") if folder else str(error), error.exit_code)
@@ -71,35 +71,34 @@ def _run(parser: argparse.ArgumentParser, argv: Sequence[str] | None) -> int:
     except OSError:
         raise
     except MemoryError:
-        return _fail("not enough memory\n  close other programs, or use a mesh of fewer facets", 1)
-    except Exception as error:  # people get a message, never a traceback
+        return _fail("not enough memory\n  Close other programs, or use a mesh with fewer facets", 1)
+    except Exception as error:  # users get a message, never a traceback
         if os.environ.get("PRINTER_SLICER_TRACEBACK"):
             raise
         return _fail(
             f"internal error: {type(error).__name__}: {error}\n"
-            "  this is a fault of printer-slicer: please report it;"
-            " PRINTER_SLICER_TRACEBACK=1 shows where it happened",
+            "  This is a bug: please report it, with the traceback that PRINTER_SLICER_TRACEBACK=1 prints",
             1,
         )
 
 
 def _output_failed(error: OSError) -> int:
-    """Stdout cannot be written, because its disk is full."""
-    # Point stdout at nothing, so that closing it at the end of the process cannot fail again.
-    with contextlib.suppress(OSError):  # a stdout that is no file has nothing to close
+    """Report that stdout could not be written; return the exit code."""
+    # Redirect stdout to the null device, so that closing it at exit cannot fail again.
+    with contextlib.suppress(OSError):  # stdout may have no file descriptor
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return _fail(
-        f"the output is not all there: {error.strerror or error}\n  check free space and permissions", 2
+        f"the output is incomplete: {error.strerror or error}\n  Check free space and permissions", 2
     )
 
 
 def _show_warning(message: Warning | str, *_: object) -> None:
-    """Print a warning of Python's as one of this program."""
-    with contextlib.suppress(OSError):  # nobody is left to be told
-        print(visible(f"printer-slicer: warning: {message}"), file=sys.stderr)
+    """Print a Python warning like a warning of this program."""
+    with contextlib.suppress(OSError):  # stderr may be closed
+        print(sanitize(f"printer-slicer: warning: {message}"), file=sys.stderr)
 
 
 def _fail(message: str, code: int) -> int:
-    with contextlib.suppress(OSError):  # nobody is left to be told
-        print(f"{coloured('printer-slicer:', 'error', sys.stderr)} {visible(message)}", file=sys.stderr)
+    with contextlib.suppress(OSError):  # stderr may be closed
+        print(f"{colour('printer-slicer:', 'error', sys.stderr)} {sanitize(message)}", file=sys.stderr)
     return code

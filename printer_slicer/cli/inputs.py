@@ -1,4 +1,4 @@
-"""The files of a command line: `-` is stdin; patterns that the shell left as they are become the files they mean."""
+"""Input files of a command line: `-` reads stdin, and patterns that the shell did not expand are expanded."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from typing import IO, Final
 
 from printer_slicer.errors import UsageError
 
-__all__ = ["MODELS", "inputs", "kept", "refuse_other_text"]
+__all__ = ["MODELS", "refuse_other_text", "resolve_inputs", "save_stdin"]
 
 MODELS: Final = (".stl", ".3mf", ".obj", ".ply", ".off", ".glb", ".gltf", ".step", ".stp")
 _STDIN: Final = Path("-")
 _PROFILES: Final = ("printer", "material", "quality")
-_READING: Final = ("check", "show", "diff", *_PROFILES)  # of `profiles`
+_READING: Final = ("check", "show", "diff", *_PROFILES)  # actions of `profiles` that read files
 _CHUNK, _MOST = 1 << 20, 1 << 31  # bytes; readers of each format have limits of their own
 _GCODE: Final = re.compile(rb"\s*(;|[GMTN]\d|%|$)", re.IGNORECASE)
-_LINES: Final = 40  # that must look like G-code
-# What other text formats begin with, where it might be taken for a comment or a command.
+_LINES: Final = 40  # first lines that are examined
+# Beginnings of other text formats that could be mistaken for a comment or a command.
 _MODELS: Final = re.compile(rb"\s*(solid\b|ply\b|n?off\b|mtllib\b|v\s|g\s|o\s|#|<|\{)", re.IGNORECASE)
 
-_HEAD: Final = 1 << 16  # bytes of a file that tell what it is
-# A word with a number, maybe behind a line number; a macro alone or with KEY=VALUE; what some controllers know.
+_HEAD: Final = 1 << 16  # bytes of a file that are examined
+# A word with a number, optionally after a line number; a macro alone or with KEY=VALUE; commands of some controllers.
 _COMMAND: Final = re.compile(
     rb"(N\d+\s*)?[GMTXYZEFS]\s*([-+.\d{\[]|$)|[A-Z_]\w*(\s+\w+\s*=.*)?\s*$|M117\b|[%@$(/*]|\{(?!\s*[\"}])",
     re.IGNORECASE,
@@ -35,24 +35,24 @@ _COMMAND: Final = re.compile(
 
 
 @contextmanager
-def inputs(arguments: argparse.Namespace) -> Iterator[str]:
-    """Put the files that are meant into `arguments`: models, G-code, profiles.
+def resolve_inputs(arguments: argparse.Namespace) -> Iterator[str]:
+    """Replace patterns and `-` in `arguments` by files: models, G-code and profiles.
 
     Yields:
-        The folder that stdin was kept in, "" if nothing came from there; people need not read of it.
+        The temporary folder with the file from stdin, "" if stdin was not read; messages should not show it.
 
     Raises:
-        UsageError: a pattern that no file fits, `-` twice, or nothing in stdin.
+        UsageError: a pattern matches no file, `-` is given twice, or stdin is empty.
     """
     several = "files" if hasattr(arguments, "files") else "models"
-    models = [path for one in getattr(arguments, several, ()) for path in _meant(one)]
+    models = [path for one in getattr(arguments, several, ()) for path in _expand(one)]
     gcode = getattr(arguments, "gcode", None)
     if gcode is not None:
-        arguments.gcode = gcode = _only(gcode)
+        arguments.gcode = gcode = _expand_one(gcode)
     profiles = _profiles(arguments)
     wanted = [*models, *([gcode] if gcode is not None else []), *map(Path, profiles)].count(_STDIN)
     if wanted > 1:
-        raise UsageError("-: stdin can be read only once", remedy="write one of the two to a file")
+        raise UsageError("-: stdin can be read only once", remedy="Write one of the two to a file")
     if hasattr(arguments, several):
         setattr(arguments, several, models)
     if not wanted:
@@ -63,12 +63,12 @@ def inputs(arguments: argparse.Namespace) -> Iterator[str]:
     with TemporaryDirectory(prefix="printer-slicer-") as folder:
         suffix = ".gcode" if gcode == _STDIN else ".toml" if "-" in profiles else ""
         stream: IO[bytes] = sys.stdin.buffer if sys.stdin else open("/dev/null", "rb")  # noqa: PTH123, SIM115 - `<&-`
-        path = kept(stream, Path(folder), suffix)
+        path = save_stdin(stream, Path(folder), suffix)
         arguments.hidden = f"{folder}{os.sep}"
         if gcode == _STDIN:
             arguments.gcode = path
         elif "-" in profiles:
-            _put(arguments, str(path))
+            _set_profile(arguments, str(path))
         else:
             setattr(arguments, several, [path if one == _STDIN else one for one in models])
             _insist_on_output(arguments, models)
@@ -76,15 +76,15 @@ def inputs(arguments: argparse.Namespace) -> Iterator[str]:
 
 
 def _profiles(arguments: argparse.Namespace) -> list[str]:
-    """The profiles that are named; those of `profiles check` may be patterns."""
+    """Return the named profiles; those of `profiles check` may be patterns."""
     names = [getattr(arguments, flag, None) or "" for flag in _PROFILES]
     if getattr(arguments, "what", "") == "check":
-        arguments.names = [str(path) for name in arguments.names for path in _meant(Path(name))]
+        arguments.names = [str(path) for name in arguments.names for path in _expand(Path(name))]
     return names + (arguments.names if getattr(arguments, "what", "") in _READING else [])
 
 
-def _put(arguments: argparse.Namespace, path: str) -> None:
-    """The profile of stdin where it is named."""
+def _set_profile(arguments: argparse.Namespace, path: str) -> None:
+    """Replace `-` by the path of the profile from stdin."""
     for flag in _PROFILES:
         if getattr(arguments, flag, None) == "-":
             setattr(arguments, flag, path)
@@ -92,32 +92,41 @@ def _put(arguments: argparse.Namespace, path: str) -> None:
         arguments.names = [path if name == "-" else name for name in arguments.names]
 
 
-def _meant(path: Path) -> list[Path]:
-    """The files that a word of the command line stands for."""
+def _expand(path: Path) -> list[Path]:
+    """Return the files that match a word of the command line."""
     text = str(path)
     if not glob.has_magic(text) or path.exists():
         return [path]
     found = sorted(glob.glob(text, recursive=True))  # noqa: PTH207 - they may be absolute
     if not found:
-        raise UsageError(f"{path}: no file fits this pattern", remedy="check it, and the folder you are in")
+        raise UsageError(
+            f"{path}: no file matches this pattern", remedy="Check the pattern and the current folder"
+        )
     return list(map(Path, found))
 
 
-def _only(path: Path) -> Path:
-    """The file that a pattern for one file stands for."""
-    found = _meant(path)
+def _expand_one(path: Path) -> Path:
+    """Return the one file that matches a word of the command line."""
+    found = _expand(path)
     if len(found) > 1:
         raise UsageError(
-            f"{path}: fits {len(found)} files, {found[0].name} and {found[1].name} among them; one is expected",
-            remedy='one after the other: for file in *.gcode; do printer-slicer check "$file"; done',
+            f"{path}: matches {len(found)} files, such as {found[0].name} and {found[1].name}; one is expected",
+            remedy='Check them one by one: for file in *.gcode; do printer-slicer check "$file"; done',
         )
     return found[0]
 
 
 def _insist_on_output(arguments: argparse.Namespace, models: Sequence[Path]) -> None:
-    """G-code of a model from stdin has no name of its own."""
+    """Refuse G-code of a model from stdin without a name.
+
+    Raises:
+        UsageError: no name is given.
+    """
     if _STDIN in models and "output" in vars(arguments) and _unnamed(arguments, models):
-        raise UsageError("-: G-code of a model from stdin has no name", remedy="name it with -o; - is stdout")
+        raise UsageError(
+            "-: the G-code of a model from stdin needs a file name",
+            remedy="Name it with -o FILE, or use -o - for stdout",
+        )
 
 
 def _unnamed(arguments: argparse.Namespace, models: Sequence[Path]) -> bool:
@@ -126,36 +135,38 @@ def _unnamed(arguments: argparse.Namespace, models: Sequence[Path]) -> bool:
     return into or (models[0] == _STDIN and arguments.output is None)
 
 
-def kept(stream: IO[bytes], folder: Path, suffix: str = "", most: int = _MOST) -> Path:
-    """What comes from stdin as a file, named after what it holds if nothing is said.
+def save_stdin(stream: IO[bytes], folder: Path, suffix: str = "", most: int = _MOST) -> Path:
+    """Save stdin to a file, whose suffix follows from its contents unless it is given.
 
     Args:
         stream: stdin.
         folder: where the file is written.
-        suffix: of its name; empty: as what is in it looks.
-        most: bytes.
+        suffix: of its name; empty: chosen from the contents.
+        most: largest size in bytes.
 
     Raises:
-        UsageError: there is nothing in it, or too much.
+        UsageError: stdin is empty or too large.
     """
     if stream.isatty():
-        print("printer-slicer: reading stdin, as - says; Ctrl-D ends it", file=sys.stderr)
+        print("printer-slicer: reading stdin because of -; Ctrl-D ends the input", file=sys.stderr)
     path, length = folder / "stdin", 0
     with path.open("wb") as file:
         while chunk := stream.read(_CHUNK):
             length += len(chunk)
             if length > most:
-                raise UsageError(f"-: over {most} bytes in stdin", remedy="give the file by its name")
+                raise UsageError(
+                    f"-: stdin has more than {most} bytes", remedy="Give the name of the file instead"
+                )
             file.write(chunk)
     if not length:
-        raise UsageError("-: nothing came from stdin", remedy="pipe a file into it, or name one")
+        raise UsageError("-: stdin is empty", remedy="Pipe a file into it, or give the name of a file")
     with path.open("rb") as file:
         kind = suffix or (".gcode" if _looks_like_gcode(file.read(_HEAD)) else "")
     return path.rename(path.with_suffix(kind)) if kind else path
 
 
 def _looks_like_gcode(head: bytes) -> bool:
-    """Whether text begins with comments and commands, and is not one of the models that are text."""
+    """Return whether text starts like G-code, and not like a model in a text format."""
     if _MODELS.match(head) or b"\0" in head:
         return False
     lines = head.splitlines()[:_LINES]
@@ -163,12 +174,13 @@ def _looks_like_gcode(head: bytes) -> bool:
 
 
 def refuse_other_text(path: Path) -> None:
-    """Refuse a file whose lines are mostly no commands; one that cannot be read is told of by who reads it.
+    """Refuse a file if most of its lines are not G-code commands.
 
-    A pipe is let through: it may have no writer, and what is read of it here nobody could read again.
+    Files that cannot be read are ignored here and reported when they are read. Pipes are ignored too: they can be read
+    only once, and may have no writer.
 
     Raises:
-        UsageError: it is something else than G-code.
+        UsageError: the file is not G-code.
     """
     try:
         if not path.is_file():
@@ -181,15 +193,15 @@ def refuse_other_text(path: Path) -> None:
     lines = [line for line in map(_bare, whole.splitlines()) if line]
     other = [line for line in lines if not _COMMAND.match(line)]
     if b"\0" in head[:512] or len(other) > len(lines) / 2:
-        shown = "" if b"\0" in head[:512] else f": most lines are no commands, such as {_quoted(other[0])}"
+        shown = "" if b"\0" in head[:512] else f": most lines are not commands, such as {_quoted(other[0])}"
         raise UsageError(
-            f"{path}: is no G-code{shown}",
-            remedy="name a file of G-code; `printer-slicer slice` makes it of a model",
+            f"{path}: not a G-code file{shown}",
+            remedy="Name a G-code file; `printer-slicer slice` makes one from a model",
         )
 
 
 def _bare(line: bytes) -> bytes:
-    """A line without comment."""
+    """Return a line without its comment."""
     return line.removeprefix(b"\xef\xbb\xbf").partition(b";")[0].strip()
 
 

@@ -1,4 +1,4 @@
-"""The job that a command line asks for, and what was found in it before it is sent: told, listed, or refused."""
+"""The job of a command line, and its findings: printed, listed, or refused."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from collections.abc import Callable, Collection, Iterable
 from typing import TYPE_CHECKING, Any
 
 from printer_slicer.cli.arguments import refuse_model_flags
-from printer_slicer.cli.output import visible
+from printer_slicer.cli.output import sanitize
 from printer_slicer.diagnostics import Diagnostic, as_json, check_names, insist, remedy_of, sentence
 from printer_slicer.errors import VerificationError
 from printer_slicer.inspection.lint.scan import lint_file, scan
@@ -21,32 +21,32 @@ if TYPE_CHECKING:
     from printer_slicer.cli.output import Stages
 
 __all__ = [
+    "command_check",
+    "console_check",
     "finding_facts",
     "finding_lines",
     "finding_notes",
     "insist_on_policy",
     "insist_verified",
     "job_from",
-    "judged_by",
-    "reason_against",
-    "reason_behind",
+    "profile_options",
     "refused",
     "refused_findings",
     "repairs_facts",
     "repairs_lines",
 ]
 
-_TOLD = 5  # without --verbose
-_REMEMBERED = 500  # commands typed before, whose units and modes count
+_MOST_SHOWN = 5  # findings without --verbose
+_REMEMBERED = 500  # earlier commands of a console, whose units and modes apply
 
 
 def _has_gcode(arguments: argparse.Namespace) -> bool:
-    """Whether G-code is given, not models."""
+    """Return whether G-code is given instead of models."""
     return any(map(is_gcode, arguments.models))
 
 
-def judged_by(arguments: argparse.Namespace) -> dict[str, Any]:
-    """Return arguments for `profile_from`: G-code is judged by its own machine and material, a part by all three."""
+def profile_options(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Return arguments for `profile_from`: G-code brings its own settings, a part is sliced with the profile."""
     return {
         "slices": bool(arguments.models) and not _has_gcode(arguments),
         "gcode": arguments.models[0] if _has_gcode(arguments) else None,
@@ -54,7 +54,7 @@ def judged_by(arguments: argparse.Namespace) -> dict[str, Any]:
 
 
 def job_from(arguments: argparse.Namespace, profile: Profile, report: Stages) -> tuple[Job, dict[str, Any]]:
-    """The job that the files of the command line make, and what is known about models, for JSON."""
+    """Return the job of the files of a command line, and facts about its models, for JSON."""
     if _has_gcode(arguments):
         refuse_model_flags(arguments)
         report("reading")
@@ -71,7 +71,7 @@ def job_from(arguments: argparse.Namespace, profile: Profile, report: Stages) ->
 
 
 def repairs_facts(job: Job) -> list[dict[str, Any]]:
-    """What was put right in the part; what tells it is loaded only then."""
+    """Return the repairs of the part, for JSON; the module for them is imported only if there are any."""
     if job.repairs is None or not job.repairs.count:
         return []
     from printer_slicer.cli.facts import repair_facts
@@ -80,7 +80,7 @@ def repairs_facts(job: Job) -> list[dict[str, Any]]:
 
 
 def repairs_lines(job: Job) -> list[str]:
-    """The same for people."""
+    """Return the repairs of the part as sentences."""
     if job.repairs is None or not job.repairs.count:
         return []
     from printer_slicer.cli.facts import repair_sentences
@@ -89,88 +89,91 @@ def repairs_lines(job: Job) -> list[str]:
 
 
 def insist_on_policy(arguments: argparse.Namespace, job: Job, refusal: str = "not printed") -> Job:
-    """Say what is in the job, before its first byte; the job with what is allowed.
+    """Print the findings of a job before it is sent, and refuse errors that are not allowed.
 
     Args:
         arguments: the command line.
         job: with its findings.
         refusal: what does not happen to a refused job, for the message.
 
+    Returns:
+        The job with the names that --allow accepts.
+
     Raises:
-        PolicyError: it holds what was not allowed.
-        UsageError: a name that was allowed does not exist.
+        PolicyError: the job has errors that are not allowed.
+        UsageError: --allow names an unknown finding.
     """
     job = job.allowing(arguments.allow)
     if arguments.json and job.findings:
         print(json.dumps({"event": "findings", "findings": finding_facts(job)}), flush=True)
     if not (arguments.json or arguments.quiet):
         for note in finding_notes(arguments, job):
-            print(visible(f"printer-slicer: warning: {note}"), file=sys.stderr)
+            print(sanitize(f"printer-slicer: warning: {note}"), file=sys.stderr)
     insist(job.findings, job.allowed, name=job.name, refusal=refusal)
     return job
 
 
 def refused(job: Job) -> list[str]:
-    """What was found and is not allowed, one sentence each."""
+    """Return the errors that are not allowed, one sentence each."""
     return [sentence(one) for one in refused_findings(job)]
 
 
 def refused_findings(job: Job) -> list[Diagnostic]:
-    """The same as findings."""
+    """Return the errors that are not allowed."""
     return [one for one in job.findings if one.is_error and one.code not in job.allowed]
 
 
 def finding_facts(job: Job) -> list[dict[str, Any]]:
-    """All findings, ready for JSON."""
+    """Return all findings for JSON."""
     return [as_json(one) | {"allowed": one.code in job.allowed} for one in job.findings]
 
 
 def finding_notes(arguments: argparse.Namespace, job: Job) -> list[str]:
-    """What was found and does not keep the job from being printed, for people."""
-    told = [one for one in job.findings if not one.is_error or one.code in job.allowed]
-    most = len(told) if arguments.verbose else _TOLD
-    more = [f"... and {len(told) - most} more (-v tells all)"] if len(told) > most else []
-    return [*(sentence(one) for one in told[:most]), *more]
+    """Return the findings that do not prevent printing, one sentence each."""
+    shown = [one for one in job.findings if not one.is_error or one.code in job.allowed]
+    most = len(shown) if arguments.verbose else _MOST_SHOWN
+    more = [f"... and {len(shown) - most} more (-v shows all)"] if len(shown) > most else []
+    return [*(sentence(one) for one in shown[:most]), *more]
 
 
 def finding_lines(arguments: argparse.Namespace, job: Job) -> list[str]:
-    """The same as lines of an answer."""
+    """Return the findings that do not prevent printing, as lines of the output."""
     return [f"note        {note}" for note in finding_notes(arguments, job)]
 
 
 def insist_verified(job: Job) -> None:
-    """The same for a job that is only looked at.
+    """Raise an error if a checked job has errors that are not allowed.
 
     Raises:
-        VerificationError: it holds what was not allowed.
+        VerificationError: it has.
     """
     if wrong := refused_findings(job):
         more = f"\n  and {len(wrong) - 1} more" if len(wrong) > 1 else ""
         raise VerificationError(f"{job.name}: {sentence(wrong[0])}{more}", remedy=remedy_of(wrong))
 
 
-def reason_behind(profile: Profile, allowed: Collection[str]) -> Callable[[bytes], str]:
-    """What refuses commands that a person types one after the other: units and modes of those before count."""
+def console_check(profile: Profile, allowed: Collection[str]) -> Callable[[bytes], str]:
+    """Return a function that checks commands typed one after the other, with the units and modes set before."""
     allowed = check_names(allowed)
-    said: deque[bytes] = deque(maxlen=_REMEMBERED)
+    typed: deque[bytes] = deque(maxlen=_REMEMBERED)
 
     def reason(command: bytes) -> str:
-        """Why it is refused, empty if it is not; what is refused was not said."""
-        said.append(command)
-        last = (one for one in scan(tuple(said), profile) if one.index == len(said) - 1)
+        """Return why a command is refused, empty if it is not; refused commands do not count later."""
+        typed.append(command)
+        last = (one for one in scan(tuple(typed), profile) if one.index == len(typed) - 1)
         wrong = _first_refused(last, allowed)
         if wrong:
-            said.pop()
+            typed.pop()
         return wrong
 
     return reason
 
 
-def reason_against(profile: Profile, allowed: Collection[str]) -> Callable[[bytes], str]:
-    """What refuses commands that a person types meanwhile: the reason, empty if there is none."""
+def command_check(profile: Profile, allowed: Collection[str]) -> Callable[[bytes], str]:
+    """Return a function that checks single commands typed during a print."""
 
     def reason(command: bytes) -> str:
-        """The first thing that is refused and not allowed."""
+        """Return why a command is refused, empty if it is not."""
         return _first_refused(scan([command], profile), allowed)
 
     return reason

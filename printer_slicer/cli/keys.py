@@ -1,4 +1,4 @@
-"""Keys that steer a print, where stdin is a terminal: read one by one, and the terminal is left as it was."""
+"""Keys that control a print, read one by one from the terminal, which is restored afterwards."""
 
 from __future__ import annotations
 
@@ -30,18 +30,18 @@ HELP: Final = (
     " 0-9 answer, : G-code, ! ! emergency stop, ? help"
 )
 _TWICE: Final = 3.0
-"""s within which a key that cannot be taken back is pressed a second time."""
+"""s within which a key for cancel or stop must be pressed a second time."""
 
 _LOOK: Final = 0.1
 
 
 class Keyboard:
-    """What keys mean.
+    """Translates keys into commands for a print.
 
     Args:
         controls: of the print.
-        tell: shows a line to the person.
-        clock: s.
+        tell: shows a line.
+        clock: returns seconds.
     """
 
     def __init__(
@@ -55,21 +55,21 @@ class Keyboard:
         self._percent = {"speed": 100, "flow": 100}
 
     def press(self, key: str) -> None:
-        """One more key."""
+        """Handle a key."""
         if self._line is not None:
             self._type(key)
         elif key in {"c", "!"}:
             self._twice(key)
         elif key == ":":
             self._line = ""
-            self._tell("G-code, ended by Enter:")
+            self._tell("G-code, then Enter:")
         elif key == "?":
             self._tell(HELP)
         elif (line := self._meaning(key)) is not None:
-            self._wish(line)
+            self._send(line)
 
     def _meaning(self, key: str) -> str | None:
-        """The wish that a key stands for."""
+        """Return the command of a key; None if it has none."""
         if key.isdecimal() and key.isascii():
             return f"answer {key}"
         for name, more, less in (("speed", "+", "-"), ("flow", ">", "<")):
@@ -85,17 +85,17 @@ class Keyboard:
         now = self._clock()
         if self._first[0] == key and now - self._first[1] <= _TWICE:
             self._first = ("", 0.0)
-            self._wish(what)
+            self._send(what)
         else:
             self._first = (key, now)
-            self._tell(f"{key} again within 3 s: {what}")
+            self._tell(f"press {key} again within 3 s to {what}")
 
     def _type(self, key: str) -> None:
         assert self._line is not None
         if key in {"\r", "\n"}:
             line, self._line = self._line.strip(), None
             if line:
-                self._wish(f"say {line}")
+                self._send(f"say {line}")
         elif key == "\x1b":
             self._line = None
         elif key in {"\x7f", "\b"}:
@@ -103,7 +103,7 @@ class Keyboard:
         elif key.isprintable():
             self._line += key
 
-    def _wish(self, line: str) -> None:
+    def _send(self, line: str) -> None:
         from printer_slicer.printing.wishes import Stop, read_wish
 
         try:
@@ -118,10 +118,10 @@ class Keyboard:
 
 @contextmanager
 def keys(controls: Controls) -> Iterator[None]:
-    """Let keys on the terminal steer the print for as long as the block runs."""
+    """Let keys on the terminal control the print while the block runs."""
 
     def tell(text: str) -> None:
-        """A line for the person."""
+        """Print a line."""
         sys.stderr.write(text + "\n")
 
     tell(HELP)
@@ -152,7 +152,7 @@ else:
 
     @contextmanager
     def _single_keys() -> Iterator[None]:
-        """Keys come at once and are not shown; Ctrl-C stays what it is."""
+        """Deliver keys at once and without echo; Ctrl-C keeps its meaning."""
         terminal = sys.stdin.fileno()
         before = termios.tcgetattr(terminal)
         try:

@@ -1,4 +1,4 @@
-"""The models of a command line as one plate, with what deserves a look, and the settings of 3MF projects."""
+"""The models of a command line as one plate, with warnings, and the settings of 3MF projects."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from printer_slicer.cli.output import visible, warn
+from printer_slicer.cli.output import sanitize, warn
 from printer_slicer.cli.settings import changes_from
 from printer_slicer.errors import PartError
 from printer_slicer.healing import refuse_repaired, repair
@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Plate", "keep_memory", "plate_from", "plate_name", "repaired_plate", "with_projects"]
 
-_IN_THE_AIR = 0.01  # mm
-_MOST_TOLD = 3
+_SMALLEST_GAP = 0.01  # mm above the bed from which a part is reported
+_MOST_SHOWN = 3
 _ARCHIVE = b"PK"
 _TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3  # parameters of mallopt(3)
 _LARGEST, _LARGEST_BEFORE = 1 << 30, 32 << 20  # bytes; glibc before 2.35 accepts no more than the second
@@ -40,12 +40,12 @@ _MOST_KEPT = 1 << 30  # bytes
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plate:
-    """What is known about the models that shall be printed together.
+    """Facts about the models that are printed together.
 
     Attributes:
-        placement: where the parts go.
-        warnings: what deserves a look, for people.
-        models: what is known about each file, ready for JSON.
+        placement: position of the parts on the bed.
+        warnings: sentences for the user.
+        models: facts about each file, for JSON.
     """
 
     placement: Placement
@@ -53,17 +53,17 @@ class Plate:
     models: tuple[dict[str, Any], ...]
 
     def facts(self) -> dict[str, Any]:
-        """For JSON."""
+        """Return the facts for JSON."""
         return {"models": list(self.models), "warnings": list(self.warnings)}
 
 
 def plate_from(arguments: argparse.Namespace, printer: Printer, report: Stages) -> tuple[Mesh, Plate]:
-    """All models of a command line as one mesh, as their files place them, scaled and turned; what is known.
+    """Read all models of a command line into one mesh, scaled and rotated, at the positions of their files.
 
-    What deserves a look is told on stderr at once.
+    Warnings are printed to stderr at once.
 
     Raises:
-        UsageError, MeshError: a file cannot be read, or is no part.
+        UsageError, MeshError: a file cannot be read, or is not a model.
         PartError: parts overlap and --fuse is not given.
     """
     keep_memory()
@@ -76,12 +76,12 @@ def plate_from(arguments: argparse.Namespace, printer: Printer, report: Stages) 
         )
         warnings += [f"{path.name}: {note}" for note in model.notes]
         doubts = model.doubts(room) if factors is None and arguments.units is None else ""
-        # A part that does not fit is refused when it is placed, with the same advice.
+        # A part that does not fit the bed is refused when it is placed, with the same advice.
         warnings += [doubts] if doubts and (mesh.size <= room).all() else []
         models.append(_facts(model))
         meshes.append(mesh)
     placement = _placement(arguments, {(one["unit"], one["format"] == "step") for one in models})
-    warnings += _in_the_air(arguments.models, meshes, placement)
+    warnings += _floating_parts(arguments.models, meshes, placement)
     if not arguments.fuse:
         _refuse_overlaps(arguments.models, meshes)
         _refuse_collisions(models, meshes)
@@ -91,11 +91,11 @@ def plate_from(arguments: argparse.Namespace, printer: Printer, report: Stages) 
 
 
 def _placement(arguments: argparse.Namespace, units: set[tuple[str, bool]]) -> Placement:
-    """Where the plate goes.
+    """Return the placement of the plate.
 
     Args:
-        arguments: of the command line.
-        units: what the numbers of the files were taken to mean, and whether a file is certain of that.
+        arguments: the command line.
+        units: unit assumed for each file, and whether the file states it.
     """
     unit, certain = units.pop() if len(units) == 1 and arguments.scale is None else ("", False)
     return Placement(
@@ -111,30 +111,30 @@ def _placement(arguments: argparse.Namespace, units: set[tuple[str, bool]]) -> P
 def repaired_plate(
     arguments: argparse.Namespace, printer: Printer, report: Stages
 ) -> tuple[Mesh, Plate, Repairs]:
-    """The models as one mesh that was put right, what is known of them, and what was put right.
+    """Read the models as one repaired mesh; return it with facts about the models and the repairs.
 
     Raises:
-        PrinterSlicerError: it cannot be read or repaired, or --strict refuses it.
+        PrinterSlicerError: the mesh cannot be read or repaired, or --strict refuses repairs.
     """
     report("loading")
     mesh, plate = plate_from(arguments, printer, report)
     report("repairing")
-    mended, repairs = repair(mesh)
+    repaired, repairs = repair(mesh)
     if arguments.strict:
         refuse_repaired(mesh.name, repairs)
-    return mended, plate, repairs
+    return repaired, plate, repairs
 
 
 def _progress(report: Stages, path: Path) -> Any:
-    """Tells every tenth of a large file."""
-    told = -1
+    """Return a function that reports every tenth of a large file."""
+    last = -1
 
     def progress(share: float) -> None:
-        """So much of the file has been read, 0 to 1."""
-        nonlocal told
+        """Report the share of the file that has been read, 0 to 1."""
+        nonlocal last
         tenth = int(share * 10)
-        if tenth > told:
-            told = tenth
+        if tenth > last:
+            last = tenth
             report(f"loading {path.name}: {10 * tenth} %")
 
     return progress
@@ -150,14 +150,14 @@ def _facts(model: Model) -> dict[str, Any]:
     }
 
 
-def _in_the_air(paths: Sequence[Path], meshes: Sequence[Mesh], placement: Placement) -> list[str]:
-    """Name the files whose part does not reach the bed."""
+def _floating_parts(paths: Sequence[Path], meshes: Sequence[Mesh], placement: Placement) -> list[str]:
+    """Return a warning for each file whose part does not reach the bed."""
     bottoms = [float(mesh.bounds[0, 2]) for mesh in meshes]
     bed = min(bottoms) if placement.drop else 0.0
     return [
-        f"{path.name}: begins {bottom - bed:.4g} mm over the bed, as its file places it"
+        f"{path.name}: the part starts {bottom - bed:.4g} mm above the bed, as placed in its file"
         for path, bottom in zip(paths, bottoms, strict=True)
-        if bottom - bed > _IN_THE_AIR
+        if bottom - bed > _SMALLEST_GAP
     ]
 
 
@@ -176,7 +176,7 @@ def _refuse_overlaps(paths: Sequence[Path], meshes: Sequence[Mesh]) -> None:
     if overlapping := _describe_overlaps(find_overlaps(meshes), called):
         raise PartError(
             f"{overlapping}, as their files place them",
-            remedy="slice them separately with -o FOLDER/, move one in its file, or print them as one with --fuse",
+            remedy="Slice them separately with -o FOLDER/, move one in its file, or print them as one with --fuse",
         )
 
 
@@ -194,32 +194,32 @@ def _refuse_collisions(models: Sequence[dict[str, Any]], meshes: Sequence[Mesh])
         if overlapping := _describe_overlaps(find_collisions(mesh), [item.name for item in mesh.objects]):
             raise PartError(
                 f"{model['file']}: {overlapping}",
-                remedy="move them apart in the program that made the file, or print them as one with --fuse",
+                remedy="Move them apart in the program that made the file, or print them as one with --fuse",
             )
 
 
 def _describe_overlaps(overlaps: Iterable[Overlap], names: Sequence[str]) -> str:
     """Describe the first overlaps of parts with these names; empty if there are none."""
-    found = list(islice(overlaps, _MOST_TOLD + 1))
+    found = list(islice(overlaps, _MOST_SHOWN + 1))
     described = [
         f"{names[one.second]} overlaps {names[one.first]} by {one.width:.4g} x {one.depth:.4g} mm"
         + (f", the largest of {one.places} places" if one.places > 1 else "")
-        for one in found[:_MOST_TOLD]
+        for one in found[:_MOST_SHOWN]
     ]
-    return "; ".join([*described, *(["and more"] if len(found) > _MOST_TOLD else [])])
+    return "; ".join([*described, *(["and more"] if len(found) > _MOST_SHOWN else [])])
 
 
 def plate_name(paths: Sequence[Path]) -> str:
-    """What to call models in messages."""
+    """Return the name of the models for messages."""
     return paths[0].name if len(paths) == 1 else f"{paths[0].name} and {len(paths) - 1} more"
 
 
 def keep_memory() -> None:
     """Keep freed memory for the next array instead of handing it back to the system at once.
 
-    Slicing makes and drops arrays of megabytes all the time. The C library asks the system for each anew, and the
-    system clears every page first: a sixth of the CPU time of a large part. Only the command line does this, because
-    the setting holds for the whole process; where the C library is not glibc nothing changes.
+    Slicing allocates and frees arrays of megabytes all the time. The C library requests each from the system, which
+    clears every page first: a sixth of the CPU time of a large part. Only the command line changes this, because the
+    setting applies to the whole process. Only glibc has it.
     """
     if not sys.platform.startswith("linux"):
         return
@@ -258,7 +258,7 @@ def with_projects(
     if not arguments.quiet:
         for path, project in projects.items():
             for text in project.used:
-                print(visible(f"printer-slicer: {path.name}: {text}"), file=sys.stderr)
+                print(sanitize(f"printer-slicer: {path.name}: {text}"), file=sys.stderr)
     warn(arguments, unused)
     plate = replace(plate, warnings=(*plate.warnings, *unused))
     return profile_with(profile, changes) if changes else profile, plate
@@ -279,7 +279,7 @@ def _projects(arguments: argparse.Namespace, profile: Profile, mesh: Mesh) -> di
 
 
 def _is_archive(path: Path) -> bool:
-    """Whether it is a regular file, not a pipe, and starts as 3MF files do."""
+    """Return whether it is a regular file, not a pipe, and starts like a 3MF file."""
     if not path.is_file():
         return False
     with path.open("rb") as file:
@@ -310,6 +310,6 @@ def _changes(
             else:
                 changes |= {"quality.planner.kind": "uniform", "quality.layer_height": height}
     if tables:
-        there = settings_of(profile)["quality"].get("overrides", [])
-        changes["quality.overrides"] = [*tables, *there]
+        own = settings_of(profile)["quality"].get("overrides", [])
+        changes["quality.overrides"] = [*tables, *own]
     return changes, unused

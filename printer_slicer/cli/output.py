@@ -1,4 +1,4 @@
-"""Say results and progress on stdout and stderr, which survive a closed pipe or terminal, and write files."""
+"""Print results, warnings and progress, survive closed pipes and terminals, and write files."""
 
 from __future__ import annotations
 
@@ -26,23 +26,23 @@ __all__ = [
     "PATIENCE",
     "Milestones",
     "Stages",
-    "coloured",
-    "outlive_readers",
+    "colour",
+    "hide_stdin_folder",
+    "lost_output_error",
     "refuse_mixing",
     "refuse_same",
+    "sanitize",
     "say",
     "stages",
-    "unwritten",
-    "visible",
+    "survive_closed_streams",
     "warn",
-    "without_stdin",
     "write_file",
 ]
 
 PATIENCE = 1.0  # s before a progress bar appears
 _STAGES = 11  # from loading to writing
-_SHARES: Final = 20
-_A_MINUTE: Final = 60.0
+_SHARES: Final = 20  # lines of progress
+_A_MINUTE: Final = 60.0  # s
 _CODES: Final = {"error": "1;31", "warning": "1;33"}
 
 
@@ -50,36 +50,36 @@ _CODES: Final = {"error": "1;31", "warning": "1;33"}
 
 
 def say(arguments: argparse.Namespace, text: str) -> None:
-    """A line for people; not with --quiet or --json."""
+    """Print a line, unless --quiet or --json is given."""
     if not (arguments.quiet or arguments.json):
-        print(visible(without_stdin(arguments, text)))
+        print(sanitize(hide_stdin_folder(arguments, text)))
 
 
-def without_stdin(arguments: argparse.Namespace, text: str) -> str:
-    """Text without the folder that stdin was kept in, of which people need not read."""
+def hide_stdin_folder(arguments: argparse.Namespace, text: str) -> str:
+    """Remove the temporary folder with the file from stdin from a text."""
     hidden = getattr(arguments, "hidden", "")
     return text.replace(hidden, "") if hidden else text
 
 
-def visible(text: str) -> str:
-    """Text that may come from a file or a printer, without what would control the terminal."""
+def sanitize(text: str) -> str:
+    """Replace control characters in a text that may come from a file or a printer."""
     return "".join(
         letter if letter.isprintable() or letter == "\n" else "\N{REPLACEMENT CHARACTER}" for letter in text
     )
 
 
-def coloured(text: str, kind: str, stream: TextIO) -> str:
-    """The text as it is shown on a stream: `kind` is error or warning."""
+def colour(text: str, kind: str, stream: TextIO) -> str:
+    """Return the text in the colour of an error or warning, if the stream is a terminal; `kind` is error or warning."""
     if os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb" or not stream.isatty():
         return text
     return f"\x1b[{_CODES[kind]}m{text}\x1b[0m"
 
 
 def warn(arguments: argparse.Namespace, warnings: Sequence[str]) -> None:
-    """Tell people on stderr; not with --quiet."""
+    """Print warnings to stderr, unless --quiet is given."""
     for text in () if arguments.quiet else warnings:
-        prefix = coloured("printer-slicer: warning:", "warning", sys.stderr)
-        print(f"{prefix} {visible(text)}", file=sys.stderr)
+        prefix = colour("printer-slicer: warning:", "warning", sys.stderr)
+        print(f"{prefix} {sanitize(text)}", file=sys.stderr)
 
 
 # Progress
@@ -90,14 +90,14 @@ Stages = Callable[[str], None]
 
 @contextmanager
 def stages(arguments: argparse.Namespace) -> Iterator[Stages]:
-    """Show which stage the work is in: a bar once it takes longer than a second, on a terminal, without --json.
+    """Show the current stage on a progress bar, if work takes longer than a second on a terminal without --json.
 
-    With --verbose every stage is a line on stderr, with the seconds since the beginning.
+    With --verbose, print a line per stage to stderr, with the seconds since the start.
     """
     begun = monotonic()
 
     def tell(stage: str) -> None:
-        """One line, with the time."""
+        """Print a line with the time."""
         print(f"{monotonic() - begun:8.3f} s  {stage}", file=sys.stderr)
 
     if arguments.verbose and not arguments.quiet:
@@ -113,7 +113,7 @@ def stages(arguments: argparse.Namespace) -> Iterator[Stages]:
 
 
 class _LateBar:
-    """A progress bar over the stages that appears when the work turns out to be long."""
+    """A progress bar over the stages that appears only if the work takes long."""
 
     def __init__(self) -> None:
         self._lock = Lock()
@@ -125,7 +125,7 @@ class _LateBar:
         self._timer.start()
 
     def report(self, stage: str) -> None:
-        """A stage begins, or goes on: then its first word is the same."""
+        """Show a stage; with the same first word as before it is the same stage."""
         with self._lock:
             goes_on = self._done >= 0 and stage.split(maxsplit=1)[0] == self._stage.split()[0]
             self._stage, self._done = stage, self._done + (not goes_on)
@@ -133,10 +133,10 @@ class _LateBar:
                 self._show()
 
     def close(self) -> None:
-        """The work is done."""
+        """Remove the bar."""
         self._timer.cancel()
         with self._lock:
-            self._over = True  # for a timer that had gone off already: its bar would take stdout and never give it back
+            self._over = True  # a timer that has already fired must not open the bar any more
             if self._stop:
                 self._stop()
 
@@ -187,17 +187,17 @@ class Milestones:
             return
         self._shares, self._last = shares, now
         line = f"{self._what}: {done * 100 // total} %, {more()}, {format_duration(now - self._begun)} so far"
-        print(visible(line), file=sys.stderr, flush=True)
+        print(sanitize(line), file=sys.stderr, flush=True)
 
 
 # Files
 
 
 def refuse_mixing(arguments: argparse.Namespace) -> None:
-    """Only one thing can go to stdout, and a picture must be of a kind that is made.
+    """Check that at most one output goes to stdout, and that the picture format is supported.
 
     Raises:
-        UsageError: two would go there, or it is not.
+        UsageError: several outputs go to stdout or to one file, or the format is unknown.
     """
     if arguments.picture:
         from printer_slicer.drawing import check_picture
@@ -207,27 +207,31 @@ def refuse_mixing(arguments: argparse.Namespace) -> None:
     there = [f"{flag} -" for flag, path in wants.items() if str(path) == "-"]
     there += ["--json"] if arguments.json else []
     if len(there) > 1:
-        raise UsageError(f"{' and '.join(there)} both want stdout", remedy="write one of them to a file")
+        raise UsageError(
+            f"{' and '.join(there)} cannot both go to stdout", remedy="Write one of them to a file"
+        )
     output, picture = wants.values()
     if output and picture and str(output) != "-" and output.absolute() == picture.absolute():
-        raise UsageError(f"-o and --picture both want {output}", remedy="name another picture")
+        raise UsageError(
+            f"-o and --picture have the same name: {output}", remedy="Choose another name for the picture"
+        )
 
 
 def refuse_same(output: Path, model: Path, flag: str = "-o") -> None:
-    """Never write over the model.
+    """Refuse to overwrite an input file.
 
     Raises:
-        UsageError: it would be.
+        UsageError: the output is the input.
     """
-    # Names that cannot be are refused when they are written to.
+    # Impossible names are reported when the file is written.
     with contextlib.suppress(OSError, ValueError):
         if not output.samefile(model):
             return
-        raise UsageError(f"{output}: is the model itself", remedy=f"name another output with {flag}")
+        raise UsageError(f"{output}: is an input file", remedy=f"Choose another output with {flag}")
 
 
 def write_file(path: Path, data: bytes) -> None:
-    """Write a whole file, or leave what was there before untouched; `-` is stdout, and links stay links.
+    """Write a file completely or not at all; `-` is stdout, and symbolic links are kept.
 
     Raises:
         OutputError: the folder is missing, the disk full, or writing not allowed.
@@ -244,10 +248,10 @@ _GONE_TERMINAL = {errno.EIO, errno.ENXIO}
 
 
 class _Output(io.RawIOBase):
-    """A raw stream that discards output once its reader is gone or the disk is full.
+    """A raw stream that discards output after its reader has gone or the disk is full.
 
     Attributes:
-        failure: why output that somebody may miss was not written.
+        failure: the error because of which output was lost; None if only the reader has gone.
     """
 
     failure: OSError | None = None
@@ -262,7 +266,7 @@ class _Output(io.RawIOBase):
         return self._descriptor
 
     def isatty(self) -> bool:
-        """Whether it is a terminal that is still open."""
+        """Return whether it is a terminal that is still open."""
         return self._terminal and not self._gone
 
     def writable(self) -> bool:
@@ -270,7 +274,7 @@ class _Output(io.RawIOBase):
         return True
 
     def write(self, data: Buffer, /) -> int | None:
-        """Write data and return the number of bytes, all once no more can be written; None if it would block."""
+        """Write data and return the number of bytes, pretending success after a failure; None if it would block."""
         size = memoryview(data).nbytes
         if self._gone:
             return size
@@ -285,31 +289,31 @@ class _Output(io.RawIOBase):
             return size
 
 
-def unwritten() -> OSError | None:
-    """Why something that was to go to stdout is not there, as on a full disk; a reader who went away misses nothing."""
+def lost_output_error() -> OSError | None:
+    """Return the error because of which output to stdout was lost, such as a full disk; None if none was."""
     buffer = getattr(sys.stdout, "buffer", None)
     raw = getattr(buffer, "raw", buffer)
     return raw.failure if isinstance(raw, _Output) else None
 
 
-def outlive_readers() -> None:
+def survive_closed_streams() -> None:
     """Replace sys.stdout and sys.stderr by streams that survive a closed pipe or terminal.
 
-    Streams that were replaced before stay; those that the caller closed (`>&-`) become /dev/null.
+    Streams that were replaced before are kept; closed ones (`>&-`) become /dev/null.
     """
     for name, errors in (("stdout", "replace"), ("stderr", "backslashreplace")):
         stream = getattr(sys, name)
         if stream is None:
             stream = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 - for the rest of the process
         elif stream is getattr(sys, f"__{name}__"):
-            stream = _outliving(stream)
+            stream = _wrap_stream(stream)
         # A terminal may not support all characters of our texts and file names.
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors=errors)
         setattr(sys, name, stream)
 
 
-def _outliving(stream: io.TextIOWrapper) -> io.TextIOWrapper:
+def _wrap_stream(stream: io.TextIOWrapper) -> io.TextIOWrapper:
     """Wrap a stream so that it survives its reader; a Windows console stays as it is."""
     inner = getattr(stream, "buffer", None)
     if not isinstance(getattr(inner, "raw", inner), io.FileIO):

@@ -8,7 +8,7 @@ from collections.abc import Collection, Mapping
 from importlib import import_module
 from typing import Any, Final, NoReturn
 
-from printer_slicer.cli.arguments import attached
+from printer_slicer.cli.arguments import attach_values
 from printer_slicer.cli.help import (
     ENVIRONMENT,
     EXIT_CODES,
@@ -212,7 +212,7 @@ class _TopParser(_Parser):
 
     def parse_known_args(self, args=None, namespace=None):  # type: ignore[no-untyped-def]
         """Parse with values that begin with a minus sign joined to their options."""
-        return super().parse_known_args(attached(sys.argv[1:] if args is None else args), namespace)
+        return super().parse_known_args(attach_values(sys.argv[1:] if args is None else args), namespace)
 
 
 class _Version(argparse.Action):

@@ -12,7 +12,7 @@ from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING
 
-from printer_slicer.cli.output import PATIENCE, Milestones, say, visible
+from printer_slicer.cli.output import PATIENCE, Milestones, sanitize, say
 from printer_slicer.errors import VerificationError
 from printer_slicer.jobs import Job
 from printer_slicer.stream.events import (
@@ -112,7 +112,7 @@ class progress:  # noqa: N801 - used like a function
         elif (not self._quiet and (text := _for_people(event))) or (
             self._verbose and (text := _as_line(event))
         ):
-            print(visible(text), file=sys.stderr)
+            print(sanitize(text), file=sys.stderr)
 
     def _where(self) -> str:
         """Describe the progress of the job."""
@@ -142,16 +142,16 @@ class progress:  # noqa: N801 - used like a function
 
 
 def print_with(arguments: argparse.Namespace, job: Job, checkpoint: Path, begin: Callable[..., Done]) -> int:
-    """Print with progress and keys, and say how it ended.
+    """Print with progress and keys, and print the result.
 
     Args:
         arguments: the command line.
-        job: what is printed.
-        checkpoint: where to write how far it came.
-        begin: prints; is given what `print_job` and `resume_print` have in common.
+        job: to print.
+        checkpoint: file for the progress of the print.
+        begin: starts the print, with the arguments that `print_job` and `resume_print` have in common.
 
     Raises:
-        VerificationError: the printer is not where the job ends.
+        VerificationError: the printer is not at the end position of the job.
     """
     from printer_slicer.printing import Controls
 
@@ -168,7 +168,10 @@ def print_with(arguments: argparse.Namespace, job: Job, checkpoint: Path, begin:
             guard=arguments.guard,
             dtr={"on": True, "off": False}.get(arguments.dtr),
         )
-    position = {True: "the printer is where the job ends", False: "the printer is NOT where the job ends"}
+    position = {
+        True: "the printer is at the end position of the job",
+        False: "the printer is NOT at the end position of the job",
+    }
     if arguments.json:
         print(json.dumps({"event": "finished", **asdict(done)}))
     else:
@@ -181,14 +184,14 @@ def print_with(arguments: argparse.Namespace, job: Job, checkpoint: Path, begin:
         print(f"warning: {done.link.warning.text}", file=sys.stderr)
     if done.verified is False:
         raise VerificationError(
-            f"{job.name}: the printer took every command, but it is not where the job ends",
-            remedy="look at the part: lines were lost on the cable, or led beyond where the printer moves",
+            f"{job.name}: the printer accepted all commands, but is not at the end position of the job",
+            remedy="Inspect the part: commands were lost on the cable, or moves were outside the printer's limits",
         )
     return 0
 
 
 def _keys(arguments: argparse.Namespace, controls: Controls) -> AbstractContextManager[None]:
-    """Keys that steer the print, where a person sits at a terminal."""
+    """Return a context in which keys control the print, if stdin is a terminal."""
     if arguments.quiet or not sys.stdin or not sys.stdin.isatty():
         return nullcontext()
     from printer_slicer.cli.keys import keys

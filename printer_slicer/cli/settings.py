@@ -1,4 +1,4 @@
-"""The profile that a command line describes: named profiles, changed settings, and settings in G-code files."""
+"""The profile of a command line: named profiles, changed settings, and settings in G-code files."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, NoReturn
 
 from printer_slicer.cli.arguments import SETTING_OPTIONS
-from printer_slicer.cli.output import visible, without_stdin, write_file
+from printer_slicer.cli.output import hide_stdin_folder, sanitize, write_file
 from printer_slicer.errors import ProfileError, UsageError
 from printer_slicer.saving import make_folder
 
@@ -19,15 +19,15 @@ if TYPE_CHECKING:
 
 __all__ = [
     "changes_from",
-    "kept_schemas",
     "named_folders",
     "own_folder",
     "profile_facts",
     "profile_from",
+    "schema_folder",
     "write_schemas",
 ]
 
-_OF_PLANNER = ("tolerance", "layer_height")  # what ranges of the planner have
+_OF_PLANNER = ("tolerance", "layer_height")  # settings of the planner in ranges
 _RANGE_SETTINGS: Final = ("planner.ranges", "planner.ranges+", "ranges")
 _ENDS: Final = 1 << 14  # bytes at both ends of a file in which slicers name the machine
 _MACHINE: Final = re.compile(
@@ -44,7 +44,7 @@ def profile_from(
 
     Args:
         arguments: the command line; `profile_facts` returns the sources of the profile afterwards.
-        slices: whether a part is sliced with it; what is only printed need not suit the quality.
+        slices: whether a part is sliced with it; otherwise the quality may not fit the printer.
         gcode: a file whose own machine, material and quality are used unless the command line names others.
         tell: whether to print them; `sim` prints its own line, and the console prints only lines of the printer.
 
@@ -67,10 +67,10 @@ def profile_from(
     except ProfileError as error:
         raise _with_flag(error, arguments) from None
     used = {"printer", "material", *own.values, *(("quality",) if slices and gcode is None else ())}
-    told = _provenance({kind: name for kind, name in names.items() if kind in used}, own, folders)
-    arguments.profile_facts = {"profile": told}
+    sources = _provenance({kind: name for kind, name in names.items() if kind in used}, own, folders)
+    arguments.profile_facts = {"profile": sources}
     if tell:
-        _tell_profile(arguments, told, own.refused)
+        _print_profile(arguments, sources, own.refused)
     return profile
 
 
@@ -82,8 +82,8 @@ def _with_flag(error: ProfileError, arguments: argparse.Namespace) -> ProfileErr
     return ProfileError(f"--set {message}", remedy=error.remedy) if typed else error
 
 
-def _tell_profile(
-    arguments: argparse.Namespace, told: dict[str, dict[str, str]], refused: Sequence[str]
+def _print_profile(
+    arguments: argparse.Namespace, sources: dict[str, dict[str, str]], refused: Sequence[str]
 ) -> None:
     """Print machine, material and quality with their sources as the first line.
 
@@ -93,17 +93,17 @@ def _tell_profile(
         return
     for reason in refused:
         text = f"printer-slicer: warning: the settings in the file are not used: {reason}"
-        print(visible(text), file=sys.stderr)
+        print(sanitize(text), file=sys.stderr)
     if not arguments.json:
         data = any(str(getattr(arguments, name, "")) == "-" for name in ("output", "picture"))
-        line = ", ".join(f"{kind} {one['name']} ({_origin(one)})" for kind, one in told.items())
-        print(visible(without_stdin(arguments, line)), file=sys.stderr if data else sys.stdout)
+        line = ", ".join(f"{kind} {one['name']} ({_origin(one)})" for kind, one in sources.items())
+        print(sanitize(hide_stdin_folder(arguments, line)), file=sys.stderr if data else sys.stdout)
 
 
-def _origin(told: dict[str, str]) -> str:
+def _origin(sources: dict[str, str]) -> str:
     """Return where a profile comes from, and the machine named by the file if no profile has that name."""
-    named = told.get("named_in_file")
-    return told["from"] + (f": the file names '{named}', which has no profile" if named else "")
+    named = sources.get("named_in_file")
+    return sources["from"] + (f": the file names '{named}', which has no profile" if named else "")
 
 
 def profile_facts(arguments: argparse.Namespace) -> dict[str, Any]:
@@ -113,36 +113,36 @@ def profile_facts(arguments: argparse.Namespace) -> dict[str, Any]:
 
 
 def named_folders(arguments: argparse.Namespace) -> Sequence[Path]:
-    """The folders of --profiles.
+    """Return the folders of --profiles.
 
     Raises:
-        UsageError: one that there is not.
+        UsageError: a folder does not exist.
     """
     folders: Sequence[Path] = getattr(arguments, "profiles", ())
     for folder in folders:
         if not folder.is_dir():
             raise UsageError(
                 f"--profiles {folder}: no such folder",
-                remedy="name one that holds printers/, materials/ or qualities/",
+                remedy="Name a folder that contains printers/, materials/ or qualities/",
             )
     return folders
 
 
 def changes_from(arguments: argparse.Namespace) -> dict[str, object]:
-    """The settings that --set and flags with names of their own change.
+    """Return the settings that --set and other options change.
 
     Raises:
-        UsageError: one that is no setting with a value, or an empty name of a profile.
+        UsageError: a --set without value, or an empty name of a profile.
     """
     _translate_familiar(arguments)
-    changes = _dialled(arguments)
+    changes = _option_changes(arguments)
     if getattr(arguments, "baud", None):
         changes["printer.baud"] = arguments.baud
     for change in arguments.set:
         key, equals, value = change.partition("=")
         if not equals or not key.strip():
             raise UsageError(
-                f"--set {change}: expected KEY=VALUE", remedy="for example --set infill_density=0.2"
+                f"--set {change}: expected KEY=VALUE", remedy="Write for example --set infill_density=0.2"
             )
         changes[key.strip()] = value.strip()
     if getattr(arguments, "firmware", None) and not {"flavour", "printer.flavour"} & set(changes):
@@ -151,7 +151,8 @@ def changes_from(arguments: argparse.Namespace) -> dict[str, object]:
     for flag in ("printer", "material", "quality"):
         if getattr(arguments, flag, None) == "":
             raise UsageError(
-                f"--{flag}: the name is empty", remedy="leave it out, or see `printer-slicer profiles`"
+                f"--{flag}: the name is empty",
+                remedy="Leave the option out, or list the names with `printer-slicer profiles`",
             )
     return changes
 
@@ -187,7 +188,7 @@ def _translate_familiar(arguments: argparse.Namespace) -> None:
         result += own
         if found is not None and not arguments.quiet:
             text = f"printer-slicer: {found.slicer}'s {change} sets {', '.join(own)}"
-            print(visible(text), file=sys.stderr)
+            print(sanitize(text), file=sys.stderr)
     arguments.set = result
 
 
@@ -198,8 +199,8 @@ def _flavour_of(firmware: str) -> str:
     return FRONT_ENDS[firmware].flavour
 
 
-def _dialled(arguments: argparse.Namespace) -> dict[str, object]:
-    """The settings that flags with names of their own stand for."""
+def _option_changes(arguments: argparse.Namespace) -> dict[str, object]:
+    """Return the settings that are changed by options with names of their own, and by overrides."""
     given = {
         key.removeprefix("setting "): value
         for key, value in vars(arguments).items()
@@ -211,7 +212,8 @@ def _dialled(arguments: argparse.Namespace) -> dict[str, object]:
         low, high, *step = heights.split(":")
         if len(step) > 1:
             raise UsageError(
-                f"--heights {heights}: expected LOW:HIGH or LOW:HIGH:STEP", remedy="in mm: 0.1:0.3:0.02"
+                f"--heights {heights}: expected LOW:HIGH or LOW:HIGH:STEP",
+                remedy="Write for example --heights 0.1:0.3:0.02, in mm",
             )
         changes |= {
             "quality.thinnest_layer": low,
@@ -228,15 +230,15 @@ def _dialled(arguments: argparse.Namespace) -> dict[str, object]:
             part.partition("=")[0].strip() in _OF_PLANNER for part in rule.split(":")[2:] if "=" in part
         )
         if not of_planner:
-            _insist_on_heights(rule)
+            _check_range(rule)
         (planned if of_planner else own).append(rule)
-    # Behind those of the quality's file, over which they win.
+    # After those of the quality profile, because the last one wins.
     changes |= {"quality.planner.ranges+": ";".join(planned)} if planned else {}
     return changes | ({"quality.overrides+": ";".join(own)} if own else {})
 
 
-def _insist_on_heights(rule: str) -> None:
-    """A rule of --range begins with two numbers; otherwise their text would be taken for the name of an object.
+def _check_range(rule: str) -> None:
+    """Check that a value of --range starts with two numbers; otherwise they would be read as the name of an object.
 
     Raises:
         UsageError: it does not.
@@ -246,8 +248,8 @@ def _insist_on_heights(rule: str) -> None:
     if not has_height_range(rule):
         raise UsageError(
             f"--range {rule}: expected LOW:HIGH:KEY=VALUE",
-            remedy=f"two heights in mm, as 5:10:perimeters=4, or up to the top 5:{HIGHEST:g}:perimeters=4; objects are"
-            " named with --set-for",
+            remedy=f"Give two heights in mm: 5:10:perimeters=4, or 5:{HIGHEST:g}:perimeters=4 up to the top. For "
+            "objects use --set-for.",
         )
 
 
@@ -269,8 +271,8 @@ def _apply_layer_height(changes: dict[str, object]) -> None:
     height = named["layer_height"]
     if listed := named.get("layer_heights"):
         raise UsageError(
-            f"layer height {height}: uniform layers have one height, --heights {listed} names others",
-            remedy="leave out one of the two",
+            f"layer height {height}: uniform layers have one height, but --heights {listed} allows others",
+            remedy="Leave out one of the two",
         )
     ranged = any(key in named for key in _RANGE_SETTINGS)
     planner = named.get("planner.kind")
@@ -308,21 +310,21 @@ def _refuse_heights(height: object, planner: object, against: list[str], fits: s
     """
     if not against and fits == "optimal":
         raise UsageError(
-            f"layer height {height}: the {planner} planner has no ranges; only --planner optimal has",
-            remedy=f"leave out --planner {planner}",
+            f"layer height {height}: the {planner} planner does not support ranges; only --planner optimal does",
+            remedy=f"Leave out --planner {planner}",
         )
     if not against:
         raise UsageError(
             f"layer height {height}: the {planner} planner chooses heights itself; only --planner uniform takes one",
-            remedy=f"leave out one of the two, or limit the heights: --heights 0.1:{height}",
+            remedy=f"Leave out one of the two, or limit the heights with --heights 0.1:{height}",
         )
     others = [*([f"--planner {planner}"] if planner not in (None, "uniform") else []), *against]
-    rest = "the layer height, or all the others" if len(others) > 1 else f"{others[0]}, or the layer height"
+    rest = "the layer height or the other options" if len(others) > 1 else f"{others[0]} or the layer height"
     raise UsageError(
         f"layer height {height} and {', '.join(others)} contradict each other: layers are either uniform or chosen by "
         "a planner",
-        remedy=f"leave out {rest}; --heights 0.1:{height} limits chosen heights, --range LOW:HIGH:layer_height=MM sets "
-        "another height in part of a print",
+        remedy=f"Leave out {rest}. --heights 0.1:{height} limits the heights of a planner, --range "
+        "LOW:HIGH:layer_height=MM sets another height in part of the print.",
     )
 
 
@@ -391,22 +393,26 @@ def _own_settings(path: Path, folders: Sequence[Path] = ()) -> _OwnSettings:
     """
     from printer_slicer.profile.gcode_settings import is_printer_slicer_gcode, settings_in_gcode
 
-    if path.is_fifo():  # what is read of it here, nobody would judge
+    if path.is_fifo():  # it can be read only once
         raise UsageError(
-            f"{path}: is a pipe, which can be read only once, and G-code is read several times",
-            remedy="pipe it into stdin and name -, or write it to a file",
+            f"{path}: is a pipe, but G-code files are read several times",
+            remedy="Pipe it into stdin and use - as the file name, or write it to a file",
         )
     try:
-        found = _OwnSettings(settings_in_gcode(path), ()) if is_printer_slicer_gcode(path) else _foreign(path)
+        found = (
+            _OwnSettings(settings_in_gcode(path), ())
+            if is_printer_slicer_gcode(path)
+            else _settings_of_other_slicer(path)
+        )
     except (OSError, ValueError):  # an invalid file name
         return _OwnSettings({}, ())
     except ProfileError as error:
         # A file that cannot be read is reported when all of it is read.
         return _OwnSettings({}, (str(error.args[0]).removeprefix(f"{path}: "),) if path.is_file() else ())
-    return _of_named_machine(path, folders) if found is None else found
+    return _settings_of_named_machine(path, folders) if found is None else found
 
 
-def _foreign(path: Path) -> _OwnSettings | None:
+def _settings_of_other_slicer(path: Path) -> _OwnSettings | None:
     """Read the profiles in G-code of another slicer; None if it has none."""
     from printer_slicer.importing import import_profiles
     from printer_slicer.importing.results import NoSettingsError, RejectedProfile
@@ -421,7 +427,7 @@ def _foreign(path: Path) -> _OwnSettings | None:
     )
 
 
-def _of_named_machine(path: Path, folders: Sequence[Path]) -> _OwnSettings:
+def _settings_of_named_machine(path: Path, folders: Sequence[Path]) -> _OwnSettings:
     """Return the profile of the machine that a file without settings names, or the name if no profile has it."""
     from printer_slicer.profile import load_profile, settings_of
 
@@ -433,7 +439,7 @@ def _of_named_machine(path: Path, folders: Sequence[Path]) -> _OwnSettings:
     except (OSError, ValueError):
         return _OwnSettings({}, ())  # reported when all of the file is read
     name = found[1].decode("utf-8", "replace").strip() if found else ""
-    profile = _called("printer", name, folders) if name else ""
+    profile = _profile_named("printer", name, folders) if name else ""
     if not profile:
         return _OwnSettings({}, (), name)
     return _OwnSettings(
@@ -453,18 +459,18 @@ def _provenance(
     """
     from printer_slicer.profile import DEFAULT_NAMES
 
-    told: dict[str, dict[str, str]] = {}
+    sources: dict[str, dict[str, str]] = {}
     for kind, name in names.items():
         if name:
-            told[kind] = {"name": _selected(kind, name, folders), "from": f"--{kind}"}
+            sources[kind] = {"name": _selected(kind, name, folders), "from": f"--{kind}"}
         elif kind in own.values:
-            said = str(own.values[kind].get("name", ""))
-            told[kind] = {"name": _called(kind, said, folders) or said, "from": own.source}
+            named = str(own.values[kind].get("name", ""))
+            sources[kind] = {"name": _profile_named(kind, named, folders) or named, "from": own.source}
         else:
-            told[kind] = {"name": DEFAULT_NAMES[kind], "from": "default"}
+            sources[kind] = {"name": DEFAULT_NAMES[kind], "from": "default"}
             if kind == "printer" and own.unknown:
-                told[kind]["named_in_file"] = own.unknown
-    return told
+                sources[kind]["named_in_file"] = own.unknown
+    return sources
 
 
 def _selected(kind: str, name: str, folders: Sequence[Path]) -> str:
@@ -474,7 +480,7 @@ def _selected(kind: str, name: str, folders: Sequence[Path]) -> str:
     return name if name.endswith(".toml") or "/" in name else path_of(kind, name, folders).stem
 
 
-def _called(kind: str, name: str, folders: Sequence[Path] = ()) -> str:
+def _profile_named(kind: str, name: str, folders: Sequence[Path] = ()) -> str:
     """Return the name that selects the profile with this `name` setting; empty if there is none."""
     from printer_slicer.profile import profile_paths
     from printer_slicer.profile.finding import display_name
@@ -489,29 +495,29 @@ def _called(kind: str, name: str, folders: Sequence[Path] = ()) -> str:
 
 
 def own_folder(named: Sequence[Path], what: str, remedy: str) -> Path:
-    """The folder that a person's new profiles go to: the first that was named, or their own.
+    """Return the folder for new profiles: the first that was named, or the user's own.
 
     Args:
-        named: folders that were typed.
-        what: is to be done, for the message.
-        remedy: for it.
+        named: folders from the command line.
+        what: the action, for the message.
+        remedy: of the error.
 
     Raises:
-        UsageError: there is none.
+        UsageError: there is no such folder.
     """
     from printer_slicer.profile.folders import user_folders
 
     folders = [*named, *user_folders()]
     if not folders:
-        raise UsageError(f"{what}: there is no folder of your own", remedy=remedy)
+        raise UsageError(f"{what}: there is no folder for your own profiles", remedy=remedy)
     return folders[0]
 
 
 def write_schemas(folder: Path) -> list[Path]:
-    """The schemas of all kinds as files of a folder, which is made; their paths.
+    """Write the JSON schemas of all kinds into a folder, which is created; return their paths.
 
     Raises:
-        OutputError: the folder cannot be made, or not be written to.
+        OutputError: the folder cannot be created or written to.
     """
     from printer_slicer.profile import KINDS
     from printer_slicer.profile.schema import schema_name, schema_text
@@ -523,11 +529,11 @@ def write_schemas(folder: Path) -> list[Path]:
     return paths
 
 
-def kept_schemas(root: Path | None) -> Path | None:
-    """Where files of profiles find their schemas: None: beside the folders of profiles, where they are written now.
+def schema_folder(root: Path | None) -> Path | None:
+    """Return the folder of the schemas for profile files; None: beside the folders of profiles, where they are written.
 
     Args:
-        root: the folder of a person's own profiles; None: the files go anywhere, and find those that are shipped.
+        root: the folder of the user's own profiles; None: the shipped schemas are used.
     """
     from printer_slicer.profile.folders import SCHEMAS, profile_root
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from printer_slicer.cli.jobs import finding_lines, refused_findings
-from printer_slicer.cli.output import visible
+from printer_slicer.cli.output import sanitize
 from printer_slicer.cli.progress import progress
 from printer_slicer.diagnostics import as_json, sentence
 from printer_slicer.errors import UsageError, VerificationError
@@ -139,10 +139,10 @@ def verdict_text(arguments: argparse.Namespace, verdict: Verdict, job: Job, prof
         if not wrong
         else f"{verdict.job}: do NOT print it: {_count(wrong)}"
     )
-    lines = [head, *(f"{'fault':<12}{visible(one)}" for one in wrong[:_MOST_FAULTS])]
+    lines = [head, *(f"{'fault':<12}{sanitize(one)}" for one in wrong[:_MOST_FAULTS])]
     if len(wrong) > _MOST_FAULTS:
         lines.append(f"{'fault':<12}... and {len(wrong) - _MOST_FAULTS} more, which --json lists")
-    lines += [f"{'note':<12}{visible(one)}" for one in verdict.notes]
+    lines += [f"{'note':<12}{sanitize(one)}" for one in verdict.notes]
     lines += finding_lines(arguments, job)
     return "\n".join([*lines, *_fact_lines(verdict, profile)])
 

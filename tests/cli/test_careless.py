@@ -19,27 +19,29 @@ def test_a_model_out_of_a_pipe_needs_a_name_for_its_gcode(tmp_path: Path) -> Non
         os.close(read_end)
         return outcome
 
-    assert is_message(piped(), "is no file, so the G-code has no name", "-o")
+    assert is_message(piped(), "not a regular file, so the G-code needs a name", "-o")
     assert piped("-o", tmp_path / "box.gcode").code == 0
 
 
 @pytest.mark.parametrize("flag", ["--printer", "--material", "--quality"])
 def test_a_profile_without_a_name_is_refused(flag: str) -> None:
     """As of a variable of the shell that is not set; another printer's moves would be made."""
-    assert is_message(typed("slice", BOX, flag, ""), f"{flag}: the name is empty", "leave it out")
+    assert is_message(typed("slice", BOX, flag, ""), f"{flag}: the name is empty", "Leave the option out")
 
 
 def test_a_layer_without_a_picture_is_refused(tmp_path: Path) -> None:
     outcome = typed("slice", BOX, "-o", tmp_path / "b.gcode", "--layer", "3", *QUICK)
 
-    assert is_message(outcome, "--layer 3: there is no picture", "--picture")
+    assert is_message(outcome, "--layer 3: only pictures have layers", "--picture")
     assert not (tmp_path / "b.gcode").exists()
 
 
 def test_gcode_and_picture_are_not_written_over_each_other(tmp_path: Path) -> None:
     both = tmp_path / "both.svg"
 
-    assert is_message(typed("slice", BOX, "-o", both, "--picture", both, *QUICK), "both want", "both.svg")
+    assert is_message(
+        typed("slice", BOX, "-o", both, "--picture", both, *QUICK), "have the same name", "both.svg"
+    )
     assert not both.exists()
 
 
@@ -48,7 +50,7 @@ def test_the_model_is_never_overwritten_by_a_report(tmp_path: Path) -> None:
     model.write_bytes(BOX.read_bytes())
     outcome = typed("sim", "--expect", model, "--report", model, "--pty", tmp_path / "printer")
 
-    assert is_message(outcome, "box.stl: is the model itself", "--report")
+    assert is_message(outcome, "box.stl: is an input file", "--report")
     assert model.read_bytes() == BOX.read_bytes()
 
 

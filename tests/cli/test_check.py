@@ -103,7 +103,7 @@ def test_json_and_a_picture_cannot_both_go_to_stdout(gcode: Path) -> None:
     done = typed("check", gcode, "--model", BOX, "--json", "--picture", "-")
 
     assert done.code == 2
-    assert is_message(done, "both want stdout")
+    assert is_message(done, "cannot both go to stdout")
 
 
 @pytest.mark.parametrize("limit", ["under=101%", "under=1.01"])
@@ -174,11 +174,11 @@ def test_what_is_no_gcode_is_refused(name: str, more: list[object], tmp_path: Pa
     outcome = typed("check", name, *more, cwd=tmp_path)
 
     assert (outcome.code, outcome.out) == (2, "")
-    assert is_message(outcome, f"{name}: is no G-code", "such as", "printer-slicer slice")
+    assert is_message(outcome, f"{name}: not a G-code file", "such as", "printer-slicer slice")
 
 
 def test_a_mesh_in_binary_is_no_gcode() -> None:
-    assert is_message(typed("check", BOX), "box.stl: is no G-code", "printer-slicer slice")
+    assert is_message(typed("check", BOX), "box.stl: not a G-code file", "printer-slicer slice")
 
 
 ODD = {
@@ -194,4 +194,4 @@ ODD = {
 def test_odd_gcode_is_gcode(name: str, tmp_path: Path) -> None:
     (tmp_path / "odd.gcode").write_text(ODD[name])
 
-    assert "is no G-code" not in typed("check", "odd.gcode", cwd=tmp_path).err
+    assert "not a G-code file" not in typed("check", "odd.gcode", cwd=tmp_path).err

@@ -18,7 +18,7 @@ from tests.waiting import LAST_RESORT
 if sys.platform == "win32":
     pytest.skip("there are no pseudo-terminals", allow_module_level=True)
 
-from printer_slicer.cli.commands.console import Talk
+from printer_slicer.cli.commands.console import Console
 from printer_slicer.errors import PortError, UsageError
 from printer_slicer.inspection.dry_run.machines import front_end_of, machine_of
 from printer_slicer.profile import load_profile
@@ -92,7 +92,7 @@ def test_a_log_that_cannot_be_written_is_told_before_the_port_is_opened(tmp_path
 
     assert (outcome.code, outcome.err) == (
         2,
-        f"printer-slicer: {log}: cannot be written: No such file or directory\n  name another file\n",
+        f"printer-slicer: {log}: cannot be written: No such file or directory\n  Choose another file\n",
     )
 
 
@@ -103,7 +103,7 @@ def test_an_emergency_stop_waits_for_nothing_and_a_dead_printer_ends_it(
         outcome = piped(".stop\nM105\n", tmp_path / "port", monkeypatch=monkeypatch)
 
     assert outcome.code == 4
-    assert "has stopped" in outcome.err
+    assert "has halted" in outcome.err
 
 
 def test_what_cannot_be_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -150,13 +150,13 @@ def test_units_and_modes_of_earlier_lines_count(tmp_path: Path, monkeypatch: pyt
 def test_a_person_types_a_refused_line_once_more_to_send_it(tmp_path: Path) -> None:
     with served(tmp_path / "port") as executed:
         port = open_port(str(tmp_path / "port"))
-        talk = Talk(port, allow=lambda command: "it writes the EEPROM" if command == b"M500" else "")
-        with pytest.raises(UsageError, match="once more"):
-            talk.say("M500", asks=True)
-        talk.say("M117 no", asks=True)
-        with pytest.raises(UsageError, match="once more"):
-            talk.say("M500", asks=True)
-        talk.say("M500 ; yes", asks=True)
+        console = Console(port, allow=lambda command: "it writes the EEPROM" if command == b"M500" else "")
+        with pytest.raises(UsageError, match="Type the same line again"):
+            console.say("M500", asks=True)
+        console.say("M117 no", asks=True)
+        with pytest.raises(UsageError, match="Type the same line again"):
+            console.say("M500", asks=True)
+        console.say("M500 ; yes", asks=True)
         port.close()
     assert executed == ["M117 no", "M500"]
 
@@ -164,9 +164,9 @@ def test_a_person_types_a_refused_line_once_more_to_send_it(tmp_path: Path) -> N
 def test_a_policy_can_refuse_a_command(tmp_path: Path) -> None:
     with served(tmp_path / "port") as executed:
         port = open_port(str(tmp_path / "port"))
-        talk = Talk(port, allow=lambda command: "it writes the EEPROM" if command == b"M500" else "")
+        console = Console(port, allow=lambda command: "it writes the EEPROM" if command == b"M500" else "")
         with pytest.raises(UsageError, match="EEPROM"):
-            talk.say("M500")
+            console.say("M500")
         port.close()
     assert executed == []
 
@@ -174,9 +174,9 @@ def test_a_policy_can_refuse_a_command(tmp_path: Path) -> None:
 def test_a_printer_that_says_nothing_is_not_waited_for(tmp_path: Path) -> None:
     with served(tmp_path / "port"):
         port = open_port(str(tmp_path / "port"))
-        talk = Talk(port, timeout=0.3)
-        talk.say(".stop")
+        console = Console(port, timeout=0.3)
+        console.say(".stop")
         port.read(0.5)
-        with pytest.raises(PortError, match="no answer"):
-            talk.say("M105")
+        with pytest.raises(PortError, match="no reply"):
+            console.say("M105")
         port.close()

@@ -95,7 +95,7 @@ def test_another_model_is_noticed(gcode: Path, tmp_path: Path) -> None:
     done = typed("draw", gcode, "--layer", 5, "--model", PARTS / "vase.stl", "-o", tmp_path / "a.svg")
 
     assert done.code == 0
-    assert "is it the model that was sliced" in done.out
+    assert "check that it is the sliced model" in done.out
 
 
 def test_a_box_may_begin_with_a_minus_sign(tmp_path: Path) -> None:
@@ -122,7 +122,7 @@ def test_files_of_other_slicers_are_drawn_with_their_own_names(tmp_path: Path) -
         (["--layer", "0"], "box.gcode has layers 1 to 34"),
         (["--layer", "35"], "box.gcode has layers 1 to 34"),
         (["--z", "10.1"], "has layers from the bed to z 10 mm"),
-        (["--box", "0,0,5,5"], "the beads of layer 1 lie from"),
+        (["--box", "0,0,5,5"], "the extrusions of layer 1 are from"),
     ],
 )
 def test_what_is_not_in_the_file_is_refused(gcode: Path, tmp_path: Path, flags: list[str], told: str) -> None:
@@ -160,7 +160,7 @@ def test_pictures_go_only_where_they_can(gcode: Path, tmp_path: Path) -> None:
 
     assert is_message(typed("draw", gcode, "-o", tmp_path / "a.jpg"), "ends in .svg or .png")
     assert is_message(typed("draw", gcode, "-o", tmp_path / "no" / "a.svg"), "does not exist", "mkdir")
-    assert is_message(typed("draw", gcode, "-o", "-", "--json"), "both want stdout")
+    assert is_message(typed("draw", gcode, "-o", "-", "--json"), "cannot both go to stdout")
     assert is_message(typed("draw", taken, "-o", taken), "copy.svg")
     assert taken.read_bytes() == gcode.read_bytes()
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from command_line import BOX, PARTS, QUICK, Outcome, is_message, typed
 
-from printer_slicer.cli.arguments import attached
+from printer_slicer.cli.arguments import attach_values
 from printer_slicer.mesh_io import export_stl, load_mesh
 from printer_slicer.model import Mesh
 from tests.mesh_io.tiny_files import CORNERS, binary_stl, item, mesh_xml, model_xml, three_mf, write
@@ -127,7 +127,7 @@ def test_no_model_is_overwritten(tmp_path: Path) -> None:
     right = part(tmp_path, "right.stl", (50, 0, 0), (60, 20, 3))
     before = right.read_bytes()
 
-    assert is_message(typed("slice", left, right, "-o", right, *QUICK), "right.stl: is the model itself")
+    assert is_message(typed("slice", left, right, "-o", right, *QUICK), "right.stl: is an input file")
     assert right.read_bytes() == before
 
 
@@ -136,7 +136,7 @@ def test_a_model_over_the_bed_is_told(tmp_path: Path) -> None:
     high = part(tmp_path, "high.stl", (50, 0, 2.5), (60, 20, 6))
     outcome = typed("slice", low, high, "--json", *QUICK)
 
-    above = "high.stl: begins 2.5 mm over the bed, as its file places it"
+    above = "high.stl: the part starts 2.5 mm above the bed, as placed in its file"
     assert outcome.err.startswith(f"printer-slicer: warning: {above}\n")
     assert fact(outcome)["warnings"][0] == above
     assert "unsupported extrusion" in fact(outcome)["warnings"][1]
@@ -393,7 +393,7 @@ def test_gcode_is_printed_alone(tmp_path: Path) -> None:
 
 
 def test_values_with_a_minus_sign_stay_with_their_flag() -> None:
-    assert attached(["slice", "--rotate", "-90,0,0", "a.stl"]) == ["slice", "--rotate=-90,0,0", "a.stl"]
-    assert attached(["--center", "-.5,-3", "-q"]) == ["--center=-.5,-3", "-q"]
-    assert attached(["--rotate", "-q"]) == ["--rotate", "-q"]
-    assert attached(["--rotate=-9", "-9"]) == ["--rotate=-9", "-9"]
+    assert attach_values(["slice", "--rotate", "-90,0,0", "a.stl"]) == ["slice", "--rotate=-90,0,0", "a.stl"]
+    assert attach_values(["--center", "-.5,-3", "-q"]) == ["--center=-.5,-3", "-q"]
+    assert attach_values(["--rotate", "-q"]) == ["--rotate", "-q"]
+    assert attach_values(["--rotate=-9", "-9"]) == ["--rotate=-9", "-9"]

@@ -202,4 +202,4 @@ def test_gcode_that_can_be_read_only_once_is_refused() -> None:
 
     assert outcome.code == 2
     assert "is a pipe" in outcome.err
-    assert "name -" in outcome.err
+    assert "use - as" in outcome.err

@@ -331,10 +331,10 @@ def test_a_printer_that_is_not_where_the_job_ends_fails_with_7(tmp_path: Path) -
         outcome = typed("print", tmp_path / "low.gcode", "--port", tmp_path / "port", "--allow", "box")
 
     assert outcome.code == 7
-    assert "the printer is NOT where the job ends" in outcome.out
+    assert "the printer is NOT at the end position of the job" in outcome.out
     assert outcome.err.endswith(
-        "printer-slicer: low.gcode: the printer took every command, but it is not where the job ends\n"
-        "  look at the part: lines were lost on the cable, or led beyond where the printer moves\n"
+        "printer-slicer: low.gcode: the printer accepted all commands, but is not at the end position of the job\n"
+        "  Inspect the part: commands were lost on the cable, or moves were outside the printer's limits\n"
     )
 
 

@@ -76,7 +76,7 @@ def test_show_of_a_print_tells_what_was_typed() -> None:
 def test_diff_tells_both_values() -> None:
     assert told("diff", "standard", "strong")["perimeters"] == {"standard": 2, "strong": 4}
     assert "perimeters                          2 -> 4" in typed("profiles", "diff", "standard", "strong").out
-    assert typed("profiles", "diff", "pla", "pla").out == "no difference\n"
+    assert typed("profiles", "diff", "pla", "pla").out == "no differences\n"
     assert is_message(failed("diff", "pla", "fine"), "material", "quality", "same kind")
     assert is_message(failed("diff", "pla"), "which two")
 
@@ -98,7 +98,7 @@ def test_a_new_profile_is_used_by_its_name_and_never_overwritten(own: Path, kind
     schema = (path.parent / text.splitlines()[0].removeprefix("#:schema ")).resolve()
     assert json.loads(schema.read_text(encoding="utf-8"))["title"].startswith(kind)
 
-    assert is_message(failed("new", kind, "mine"), "is there already", "another name")
+    assert is_message(failed("new", kind, "mine"), "already exists", "another name")
     assert path.read_text(encoding="utf-8") == text
 
 
@@ -109,7 +109,7 @@ def test_a_new_profile_goes_where_it_is_told(tmp_path: Path) -> None:
 
     assert outcome.code == 0
     assert directive == f"#:schema {(profile_root() / 'schema' / 'quality.schema.json').as_uri()}"
-    assert typed("profiles", "check", path).out == f"{path}: nothing wrong\n"
+    assert typed("profiles", "check", path).out == f"{path}: no errors\n"
     assert typed("profiles", "new", "quality", "mine", "-o", "-").out.startswith("#:schema ")
 
 
@@ -117,9 +117,9 @@ def test_new_without_a_folder_a_kind_or_a_name_says_what_it_needs(
     own: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert is_message(failed("new", "mine"), "of which kind")
-    assert is_message(failed("new", "printer", "../mine"), "no name")
+    assert is_message(failed("new", "printer", "../mine"), "not a valid name")
     monkeypatch.setenv(VARIABLE, "")
-    assert is_message(failed("new", "printer", "mine"), "no folder of your own", "-o FILE")
+    assert is_message(failed("new", "printer", "mine"), "no folder for your own profiles", "-o FILE")
     assert not own.exists()
 
 
@@ -153,7 +153,7 @@ def test_path_tells_the_folders(own: Path, tmp_path: Path) -> None:
         "own": [str(own)],
         "shipped": [str(profile_root())],
     }
-    assert "not there yet" in typed("profiles", "path").out
+    assert "does not exist yet" in typed("profiles", "path").out
 
 
 def test_settings_with_a_word_are_those_that_tell_of_it() -> None:
@@ -195,10 +195,10 @@ def test_profiles_of_a_folder_are_used_by_other_commands(tmp_path: Path) -> None
         (
             ["diff", "standard", "pla"],
             "standard is a quality, pla a material",
-            "compare two of the same kind",
+            "Compare two profiles of the same kind",
         ),
         (["check"], "profiles check: which file?", "profiles check FILE"),
-        (["settings", "zebra"], "profiles settings zebra: no setting tells of that", "try a shorter word"),
+        (["settings", "zebra"], "profiles settings zebra: no setting matches", "Try a shorter word"),
         (["schema", "colour"], "profiles schema colour: no such kind", "profiles schema quality"),
         (["path", "nowhere/x.toml"], "nowhere/x.toml: no such profile", "Check the path"),
     ],

@@ -200,7 +200,7 @@ def test_without_an_own_folder_the_error_suggests_one(
     code, _, error = run(capsys, flat_file(tmp_path))
 
     assert code == 2
-    assert "there is no folder of your own" in error
+    assert "there is no folder for your own profiles" in error
     assert "-o FOLDER" in error
 
 
@@ -291,7 +291,7 @@ def test_patterns_and_stdin_are_files_here_too(
     assert code == 0
     assert said == same
     assert "printer   Little Printer" in said
-    assert "no file fits this pattern" in run(capsys, tmp_path / "V*.ini")[2]
+    assert "no file matches this pattern" in run(capsys, tmp_path / "V*.ini")[2]
 
 
 def test_existing_identical_files_are_no_error(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -20,8 +20,8 @@ import pytest
 from command_line import BOX, QUICK, ROOT, USUAL, is_message, process, typed
 
 from printer_slicer.cli.commands.man import as_man, as_markdown
-from printer_slicer.cli.completing import SHELLS, actions_of, shell_code
 from printer_slicer.cli.parser import COMMANDS, build_parser
+from printer_slicer.cli.shell_completion import SHELLS, actions_of, shell_code
 from printer_slicer.mesh_io import load_mesh
 from tests.waiting import LAST_RESORT
 
@@ -102,20 +102,23 @@ def test_the_model_of_a_check_may_come_from_stdin(gcode: bytes, tmp_path: Path) 
     [
         (
             ["slice", "-", "-o", "-", "--quality", "-"],
-            "-: stdin can be read only once\n  write one of the two to a file\n",
+            "-: stdin can be read only once\n  Write one of the two to a file\n",
         ),
         (
             ["contours", "-", "-o", "-"],
-            "-o -: stdout has no name that tells the format\n  name a file: .svg, .cli or .slc\n",
+            "-o -: contours cannot be written to stdout\n  Name a .svg, .cli or .slc file\n",
         ),
-        (["slice", "-"], "-: G-code of a model from stdin has no name\n  name it with -o; - is stdout\n"),
+        (
+            ["slice", "-"],
+            "-: the G-code of a model from stdin needs a file name\n  Name it with -o FILE, or use -o - for stdout\n",
+        ),
         (
             ["check", "-", "--model", "-"],
-            "-: stdin can be read only once\n  write one of the two to a file\n",
+            "-: stdin can be read only once\n  Write one of the two to a file\n",
         ),
         (
             ["slice", "-", "-", "-o", "x"],
-            "-: stdin can be read only once\n  write one of the two to a file\n",
+            "-: stdin can be read only once\n  Write one of the two to a file\n",
         ),
     ],
 )
@@ -130,7 +133,7 @@ def test_an_empty_stdin_is_told(tmp_path: Path) -> None:
 
     assert (done.returncode, done.stderr) == (
         2,
-        b"printer-slicer: -: nothing came from stdin\n  pipe a file into it, or name one\n",
+        b"printer-slicer: -: stdin is empty\n  Pipe a file into it, or give the name of a file\n",
     )
 
 
@@ -140,7 +143,7 @@ PROFILE = b'inherits = "standard"\nname = "mine"\nperimeters = 5\n'
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["profiles", "check", "-"], "stdin.toml: nothing wrong\n"),
+        (["profiles", "check", "-"], "stdin.toml: no errors\n"),
         (["profiles", "show", "-"], "  # stdin.toml:3\n"),
         (
             ["profiles", "show", "--quality", "-"],
@@ -170,8 +173,10 @@ def test_patterns_of_profiles_are_expanded(tmp_path: Path) -> None:
     for name in ("a.toml", "b.toml"):
         (tmp_path / name).write_bytes(PROFILE)
 
-    assert typed("profiles", "check", "*.toml", cwd=tmp_path).out == "a.toml, b.toml: nothing wrong\n"
-    assert is_message(typed("profiles", "check", "*.tml", cwd=tmp_path), "*.tml: no file fits this pattern")
+    assert typed("profiles", "check", "*.toml", cwd=tmp_path).out == "a.toml, b.toml: no errors\n"
+    assert is_message(
+        typed("profiles", "check", "*.tml", cwd=tmp_path), "*.tml: no file matches this pattern"
+    )
 
 
 def test_messages_do_not_show_where_stdin_was_kept(tmp_path: Path) -> None:
@@ -202,7 +207,7 @@ def test_a_file_whose_name_is_a_pattern_is_that_file(tmp_path: Path) -> None:
 
 def test_a_pattern_without_files_is_told(tmp_path: Path) -> None:
     assert is_message(
-        typed("slice", "*.stl", cwd=tmp_path), "*.stl: no file fits this pattern", "the folder you are in"
+        typed("slice", "*.stl", cwd=tmp_path), "*.stl: no file matches this pattern", "the current folder"
     )
 
 
@@ -212,7 +217,7 @@ def test_a_pattern_for_one_file_must_mean_one(gcode: bytes, tmp_path: Path) -> N
 
     (tmp_path / "two.gcode").write_bytes(gcode)
     assert is_message(
-        typed("check", "*.gcode", cwd=tmp_path), "*.gcode: fits 2 files, one.gcode and two.gcode among them"
+        typed("check", "*.gcode", cwd=tmp_path), "*.gcode: matches 2 files, such as one.gcode and two.gcode"
     )
 
 
@@ -421,7 +426,7 @@ def test_the_code_for_each_shell_is_written(shell: str) -> None:
 
 
 def test_completion_of_names_costs_no_numpy(folder: Path) -> None:
-    code = "import sys; from printer_slicer.cli import completing\nprint('numpy' in sys.modules)"
+    code = "import sys; from printer_slicer.cli import shell_completion\nprint('numpy' in sys.modules)"
 
     assert (
         subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
@@ -509,10 +514,10 @@ def test_every_argument_of_every_command_is_explained() -> None:
     ],
 )
 def test_settings_of_places_are_completed_behind_them(typed: str, offered: list[str]) -> None:
-    from printer_slicer.cli.completing import _of_heights, _of_objects
+    from printer_slicer.cli.shell_completion import _complete_range, _complete_set_for
 
     flag, _, word = typed.partition(" ")
-    known = _of_heights if flag == "--range" else _of_objects
+    known = _complete_range if flag == "--range" else _complete_set_for
     assert [one for one in known(word) if one.startswith(word)] == offered
 
 
@@ -551,7 +556,7 @@ def test_the_page_for_man_tells_of_import() -> None:
 
 
 def test_every_dial_with_few_values_completes_them() -> None:
-    from printer_slicer.cli.completing import _choices
+    from printer_slicer.cli.shell_completion import _choices
 
     assert list(_choices("quality.containment")("po")) == ["positive"]
     assert list(_choices("quality.planner.objective")("")) == ["balanced", "layers", "time", "volume"]

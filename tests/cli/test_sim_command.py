@@ -142,11 +142,14 @@ def test_files_and_flags_that_cannot_be_are_refused_before_anybody_is_served(
     with large.open("wb") as file:
         file.truncate((64 << 20) + 1)
     for arguments, said in (
-        (["--report", "-", "--json"], "--report - and --json both want stdout\n  leave one of them out\n"),
+        (
+            ["--report", "-", "--json"],
+            "--report - and --json cannot both go to stdout\n  Leave out one of them\n",
+        ),
         (["--faults", str(faults)], f"{faults}: no text in UTF-8\n  --faults wants a TOML file\n"),
         (
             ["--card", str(large)],
-            f"{large}: over 64 MiB\n  the card of a simulated printer takes smaller files\n",
+            f"{large}: over 64 MiB\n  Use smaller files\n",
         ),
     ):
         assert main(["sim", *NET, *arguments]) == 2

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from command_line import BOX, QUICK, is_message, typed
 
-from printer_slicer.cli.inputs import kept
+from printer_slicer.cli.inputs import save_stdin
 from printer_slicer.errors import UsageError
 
 
@@ -21,10 +21,10 @@ from printer_slicer.errors import UsageError
         ("slcie", "'slcie': no such command\n  Did you mean 'slice'? Choose one of: slice, print"),
         ("profiles lst", "profiles: ACTION: unknown: 'lst'; Did you mean 'list'?"),
         ("slice part.stl --units mmm", "slice: --units: unknown: 'mmm'; Did you mean 'mm'?"),
-        ("check --link abc x", "check: --link: 'abc': expected a whole number over 0"),
+        ("check --link abc x", "check: --link: 'abc': expected a whole number greater than 0"),
         ("contours x.stl -o x.svg --smooth x", "contours: --smooth: 'x': expected a number, such as 0.02"),
         ("slice part.stl --layer 1.5", "slice: --layer: '1.5': expected a whole number"),
-        ("draw x.gcode -o x.svg --z up", "draw: --z: 'up': expected a height over the bed"),
+        ("draw x.gcode -o x.svg --z up", "draw: --z: 'up': expected a height above the bed"),
         ("slice part.stl --printer", "slice: --printer: needs a value"),
         ("ports x", "ports: x: unexpected argument"),
         (
@@ -63,7 +63,7 @@ def test_heights_over_the_part_are_told(tmp_path: Path) -> None:
 
     assert outcome.code == 0
     (warning,) = json.loads(outcome.out)["warnings"]
-    assert warning == "nothing is between 100 and 200 mm, where perimeters shall differ: all is 10 mm high"
+    assert warning == "the range from 100 to 200 mm (perimeters) is above the part, which is 10 mm high"
     assert outcome.err == f"printer-slicer: warning: {warning}\n"
 
 
@@ -80,7 +80,7 @@ def test_gcode_is_not_written_under_the_name_of_a_model(name: str, tmp_path: Pat
     outcome = typed("slice", BOX, "-o", name, *QUICK, cwd=tmp_path)
 
     assert outcome.code == 2
-    assert is_message(outcome, f"-o {name}: ", "name it x.gcode")
+    assert is_message(outcome, f"-o {name}: ", "Name it x.gcode")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -111,7 +111,7 @@ def test_a_group_of_settings_is_told_from_a_setting(group: str) -> None:
 
 
 def test_a_stdin_without_end_is_told(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="-: over 10 bytes in stdin") as caught:
-        kept(io.BytesIO(b"G28\n" * 5), tmp_path, most=10)
+    with pytest.raises(UsageError, match="-: stdin has more than 10 bytes") as caught:
+        save_stdin(io.BytesIO(b"G28\n" * 5), tmp_path, most=10)
 
-    assert caught.value.remedy == "give the file by its name"
+    assert caught.value.remedy == "Give the name of the file instead"

@@ -153,7 +153,7 @@ def test_drawings_left_from_a_higher_part_are_mentioned(tmp_path: Path) -> None:
         ("nowhere/a.cli", "does not exist"),
         ("nowhere/deeper/", "does not exist"),
         ("nowhere/a_%d.svg", "does not exist"),
-        ("a_file/", "is no folder"),
+        ("a_file/", "not a folder"),
         (300 * "a" + ".cli", "cannot be written"),
     ],
 )
@@ -175,7 +175,7 @@ def test_the_model_is_never_written_over(tmp_path: Path) -> None:
     model = stl(box(), tmp_path / "part.stl")
     (tmp_path / "part.slc").symlink_to(model)
 
-    assert "is the model itself" in str(refused(model, tmp_path / "part.slc"))
+    assert "is an input file" in str(refused(model, tmp_path / "part.slc"))
 
 
 # Shapes

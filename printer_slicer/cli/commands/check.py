@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 from printer_slicer.cli.arguments import add_machine, add_models, add_output, factor, length, positive
 from printer_slicer.cli.help import advanced
 from printer_slicer.cli.inputs import refuse_other_text
-from printer_slicer.cli.output import refuse_mixing, say, stages, visible, write_file
+from printer_slicer.cli.output import refuse_mixing, sanitize, say, stages, write_file
 from printer_slicer.cli.settings import profile_facts, profile_from
 from printer_slicer.diagnostics import as_json, sentence
 from printer_slicer.errors import UsageError, VerificationError
@@ -120,7 +120,7 @@ def _add_measuring(group: argparse._ArgumentGroup) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Look at G-code before it is printed, hold it against its model, and say what is wrong."""
+    """Analyse G-code, compare it with its model, and print the findings."""
     from printer_slicer.cli.models import plate_name, repaired_plate
     from printer_slicer.commands import read_text
     from printer_slicer.inspection.coverage.measurement import CoverageRules
@@ -481,7 +481,7 @@ def _draw(check: Check, model: str, path: Path) -> None:
     chosen: dict[int, Diagnostic] = {}
     for finding in (*kinds.values(), *check.findings):
         chosen.setdefault(finding.layer, finding)
-    title = visible(f"{check.name} against {model}")
+    title = sanitize(f"{check.name} against {model}")
     write_file(
         path, picture_bytes(coverage_picture(check.coverage, list(chosen.values())[:_DRAWN], title), path)
     )

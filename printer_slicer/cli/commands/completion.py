@@ -22,7 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Print the completion script."""
-    from printer_slicer.cli.completing import shell_code
+    from printer_slicer.cli.shell_completion import shell_code
 
     sys.stdout.write(shell_code(arguments.shell))
     return 0

@@ -1,4 +1,4 @@
-"""`console`: a person, or a pipe, talks to a printer."""
+"""`console`: send G-code to a printer interactively or from a pipe."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from time import monotonic
 from typing import IO, TYPE_CHECKING, Final
 
 from printer_slicer.cli.arguments import add_machine, add_output, number, positive
-from printer_slicer.cli.output import visible
+from printer_slicer.cli.output import sanitize
 from printer_slicer.cli.settings import profile_from
 from printer_slicer.errors import OutputError, PortError, UsageError
 
 if TYPE_CHECKING:
     from printer_slicer.stream.serial_port import SerialPort
 
-__all__ = ["EXAMPLES", "Talk", "add_arguments", "run"]
+__all__ = ["EXAMPLES", "Console", "add_arguments", "run"]
 
 EXAMPLES: Final = """\
   printer-slicer console /dev/ttyUSB0
   echo M115 | printer-slicer console /dev/ttyUSB0
   printer-slicer console socket://192.168.1.7:8888 --command M503
   printer-slicer console /dev/ttyUSB0 --command M500 --allow eeprom"""
-_HELP = "type G-code; Ctrl-D or .quit ends, .temp asks for temperatures, .stop is the emergency stop, .help shows this"
-_LOOK = 0.05
+_HELP = "type G-code; .temp reads temperatures, .stop is an emergency stop, .help shows this, .quit or Ctrl-D exits"
+_LOOK = 0.05  # s between looks at the port
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -55,35 +55,35 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Talk until the input ends."""
-    from printer_slicer.cli.jobs import reason_behind
+    """Send commands until the input ends."""
+    from printer_slicer.cli.jobs import console_check
     from printer_slicer.stream.serial_port import open_port
 
-    allow = reason_behind(profile_from(arguments, slices=False, tell=False), arguments.allow)
+    allow = console_check(profile_from(arguments, slices=False, tell=False), arguments.allow)
     log = _log(arguments.log)
     with contextlib.ExitStack() as stack:
         if log:
             stack.callback(log.close)
         port = open_port(arguments.port, arguments.baud)
         stack.callback(port.close)
-        talk = Talk(port, timeout=arguments.timeout, log=log, allow=allow)
+        console = Console(port, timeout=arguments.timeout, log=log, allow=allow)
         if arguments.command:
             for command in arguments.command:
-                talk.say(command)
+                console.say(command)
         elif sys.stdin.isatty():
-            _converse(talk, quiet=arguments.quiet)
+            _converse(console, quiet=arguments.quiet)
         else:
             for line in sys.stdin:
-                if not talk.say(line):
+                if not console.say(line):
                     break
     return 0
 
 
 def _log(path: Path | None) -> IO[str] | None:
-    """The file that everything is written into.
+    """Open the log file; None without one.
 
     Raises:
-        OutputError: it cannot be.
+        OutputError: it cannot be written.
     """
     if path is None:
         return None
@@ -91,23 +91,23 @@ def _log(path: Path | None) -> IO[str] | None:
         return path.open("a", encoding="utf-8")
     except OSError as error:
         raise OutputError(
-            f"{path}: cannot be written: {error.strerror}", remedy="name another file"
+            f"{path}: cannot be written: {error.strerror}", remedy="Choose another file"
         ) from None
 
 
-def _refuse_nothing(_: bytes) -> str:
-    """The policy of a console whose owner has set none."""
+def _accept_everything(_: bytes) -> str:
+    """Accept every command."""
     return ""
 
 
-class Talk:
-    """One line after the other, each answered before the next one goes out.
+class Console:
+    """A conversation with a printer: sends one line at a time and waits for its acknowledgement.
 
     Args:
         port: open.
-        timeout: s of silence after which an answer is not waited for; a printer that says it is busy is not silent.
-        log: is given everything that is said.
-        allow: a reason why a command is refused, empty if it is not.
+        timeout: s without any reply after which an error is raised; "busy" replies count as replies.
+        log: receives all lines sent and received.
+        allow: returns why a command is refused; empty if it is not.
     """
 
     def __init__(
@@ -116,25 +116,25 @@ class Talk:
         *,
         timeout: float = 30.0,
         log: IO[str] | None = None,
-        allow: Callable[[bytes], str] = _refuse_nothing,
+        allow: Callable[[bytes], str] = _accept_everything,
     ) -> None:
         self._port = port
         self._timeout = timeout
         self._log = log
         self._allow = allow
         self._partial = b""
-        self._refused = b""  # the last line, if it was
+        self._refused = b""  # the last line if it was refused
 
     def say(self, line: str, *, asks: bool = False) -> bool:
-        """Send a line and show its answer; False when the person wants to end.
+        """Send a line and print the reply; return False to exit.
 
         Args:
             line: as typed.
-            asks: whether a person is there: what is refused is sent when the same line is typed once more.
+            asks: whether it is interactive: a refused line is sent if it is typed once more.
 
         Raises:
-            PortError: the printer is gone, or does not answer.
-            UsageError: the line can never be sent, or is refused.
+            PortError: the printer is gone, or does not reply.
+            UsageError: the line is invalid or refused.
         """
         line = line.strip()
         if line in {".quit", ".exit"}:
@@ -152,22 +152,22 @@ class Talk:
         return True
 
     def _command(self, line: str, *, asks: bool) -> bytes:
-        """The bytes of a line, without comment.
+        """Return the bytes of a line without its comment.
 
         Raises:
-            UsageError: it is refused.
+            UsageError: the command is refused.
         """
         from printer_slicer.gcode.lexer import strip
         from printer_slicer.stream.framing import check_commands
 
         command = strip(("M105" if line == ".temp" else line).encode("utf-8", "replace"))
         if line.startswith(".") and line != ".temp":
-            raise UsageError(f"{line}: not known", remedy=_HELP)
+            raise UsageError(f"{line}: unknown console command", remedy=_HELP)
         check_commands([command])
         insisted, self._refused = bool(command) and self._refused == command, b""
         if command and not insisted and (reason := self._allow(command)):
             self._refused = command if asks else b""
-            remedy = "the same line once more sends it" if asks else "if it is meant: --allow NAME"
+            remedy = "Type the same line again to send it" if asks else "Use --allow NAME to send it anyway"
             raise UsageError(f"{line}: refused: {reason}", remedy=remedy)
         return command
 
@@ -177,28 +177,28 @@ class Talk:
         self._port.write(data)
 
     def _answer(self, line: str) -> None:
-        """Show what comes until the ok."""
+        """Print replies until the acknowledgement."""
         quiet_since = monotonic()
         while True:
             shown = self.listen(_LOOK)
             if any(one.startswith("ok") for one in shown):
                 return
             if any(_is_dead(one) for one in shown):
-                raise PortError("the printer has stopped", remedy="reset it")
+                raise PortError("the printer has halted", remedy="Reset the printer")
             if shown:
                 quiet_since = monotonic()
             elif monotonic() - quiet_since > self._timeout:
                 raise PortError(
-                    f"no answer to {line!r} within {self._timeout:g} s",
-                    remedy="look at port, speed and power",
+                    f"no reply to {line!r} within {self._timeout:g} s",
+                    remedy="Check the port, the baud rate and the power of the printer",
                 )
 
     def listen(self, timeout: float) -> list[str]:
-        """Show what comes within some time; the lines."""
+        """Print the lines that arrive within a timeout, and return them."""
         *lines, self._partial = (self._partial + self._port.read(timeout)).split(b"\n")
         shown = [line.decode(errors="replace").strip() for line in lines]
         for line in filter(None, shown):
-            print(visible(line), flush=True)
+            print(sanitize(line), flush=True)
             if self._log:
                 self._log.write(f"< {line}\n")
         return shown
@@ -208,20 +208,20 @@ def _is_dead(line: str) -> bool:
     return "Printer halted" in line or "kill() called" in line
 
 
-def _converse(talk: Talk, *, quiet: bool) -> None:
-    """Show what the printer says by itself, too, while the person types; mistakes do not end it."""
+def _converse(console: Console, *, quiet: bool) -> None:
+    """Read commands from the terminal, and print what the printer sends meanwhile; errors do not end it."""
     if not quiet:
         print(_HELP, file=sys.stderr)
     with contextlib.suppress(ImportError):
         import readline  # noqa: F401 - gives `input` its history and editing
     end, typed = os.pipe()
     try:
-        while (line := _typed(talk, end, typed)) is not None:
+        while (line := _typed(console, end, typed)) is not None:
             try:
-                if not talk.say(line, asks=True):
+                if not console.say(line, asks=True):
                     return
             except UsageError as error:
-                print(visible(str(error)), file=sys.stderr)
+                print(sanitize(str(error)), file=sys.stderr)
     except KeyboardInterrupt:
         print(file=sys.stderr)
     finally:
@@ -229,12 +229,12 @@ def _converse(talk: Talk, *, quiet: bool) -> None:
         os.close(typed)
 
 
-def _typed(talk: Talk, end: int, typed: int) -> str | None:
-    """A line that the person types; what the printer says meanwhile is shown. None at the end of the input."""
+def _typed(console: Console, end: int, typed: int) -> str | None:
+    """Return the next typed line and print what the printer sends meanwhile; None at the end of the input."""
     lines: list[str | None] = []
 
     def read() -> None:
-        """In a thread of its own: waiting for a person must not keep the printer's words."""
+        """Read a line; this runs in a thread, because it blocks."""
         try:
             lines.append(input())
         except (EOFError, OSError):
@@ -243,7 +243,7 @@ def _typed(talk: Talk, end: int, typed: int) -> str | None:
 
     Thread(target=read, daemon=True).start()
     while not lines:
-        talk.listen(_LOOK)
+        console.listen(_LOOK)
     select.select([end], [], [])
     os.read(end, 1)
     return lines[0]

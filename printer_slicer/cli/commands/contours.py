@@ -1,4 +1,4 @@
-"""`contours`: the contours of a part for other machines, as SVG, CLI or SLC."""
+"""`contours`: export the contours of a part as SVG, CLI or SLC, for other machines."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ __all__ = ["EXAMPLES", "add_arguments", "run"]
 EXAMPLES: Final = """\
   printer-slicer contours part.stl -o part.svg           one group per layer
   printer-slicer contours part.stl -o slices/            one SVG per layer
-  printer-slicer contours part.stl -o part_%04d.svg      the same, with names of your own
+  printer-slicer contours part.stl -o part_%04d.svg      the same, with your own file names
   printer-slicer contours part.stl -o part.cli --binary  Common Layer Interface 2.0
   printer-slicer contours part.stl -o part.slc --smooth 0.02 --resample 0.5"""
 _KINDS: Final = {".svg": "svg", ".cli": "cli", ".slc": "slc"}
@@ -75,7 +75,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 @dataclass(frozen=True, slots=True)
 class _Target:
-    """Where the contours go.
+    """The output of the contours.
 
     Attributes:
         kind: svg, cli or slc; svgs: one SVG per layer.
@@ -89,7 +89,7 @@ class _Target:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Slice a model and write its contours; what was simplified, smoothed, rounded or left out is told."""
+    """Slice a model, write its contours, and print by how much they were changed."""
     from printer_slicer.cli.facts import repair_facts, repair_sentences
     from printer_slicer.cli.models import repaired_plate
     from printer_slicer.healing import refuse_repaired
@@ -100,7 +100,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     target = _target(arguments.output, binary=arguments.binary)
     profile = profile_from(arguments)
-    _refuse_broken_promise(arguments, profile)
+    _refuse_containment(arguments, profile)
     with stages(arguments) as report:
         mesh, plate, repairs = repaired_plate(arguments, profile.printer, report)
         for path in arguments.models:
@@ -116,7 +116,7 @@ def run(arguments: argparse.Namespace) -> int:
         repairs = Repairs((*repairs.done, *section_repairs(raw, shift)))
         if arguments.strict:
             refuse_repaired(part.name, repairs)
-        sections = _shaped(raw, arguments, profile, report)
+        sections = _reshape(raw, arguments, profile, report)
         report("writing")
         sizes = _write(sections, target, binary=arguments.binary)
     facts = _facts(sections, sizes, target, arguments, profile) | {"repairs": repair_facts(repairs)}
@@ -127,19 +127,19 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-# Where to
+# Output files
 
 
 def _target(output: str, *, binary: bool) -> _Target:
-    """What -o asks for.
+    """Return the output that -o names.
 
     Raises:
-        UsageError: a name that tells no format, or --binary for a format that has only one kind.
-        OutputError: there is no place for it.
+        UsageError: the name has no known suffix, or --binary does not apply to its format.
+        OutputError: the file cannot be written.
     """
     if output == "-":
         raise UsageError(
-            "-o -: stdout has no name that tells the format", remedy="name a file: .svg, .cli or .slc"
+            "-o -: contours cannot be written to stdout", remedy="Name a .svg, .cli or .slc file"
         )
     path = Path(output)
     kind = _KINDS.get(path.suffix.lower(), "")
@@ -154,54 +154,57 @@ def _target(output: str, *, binary: bool) -> _Target:
         check_writable(path)
     else:
         raise UsageError(
-            f"-o {output}: contours are written as .svg, .cli or .slc",
-            remedy="end the name with one of these, or with / for a folder with one SVG per layer",
+            f"-o {output}: unknown format; contours are written as .svg, .cli or .slc",
+            remedy="Use one of these suffixes, or end the name with / for a folder with one SVG per layer",
         )
     if binary and target.kind != "cli":
-        raise UsageError(f"--binary with -o {output}: only .cli has two kinds", remedy="leave it out")
+        raise UsageError(
+            f"--binary with -o {output}: only .cli files can be binary", remedy="Leave out --binary"
+        )
     return target
 
 
 def _is_folder(path: Path) -> bool:
-    """Whether it is one.
+    """Return whether the path is a folder.
 
     Raises:
-        OutputError: nothing can have that name.
+        OutputError: the name is not valid.
     """
     try:
         return path.is_dir()
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else str(error)
-        raise OutputError(f"{path}: cannot be written: {reason}", remedy="choose another name") from None
+        raise OutputError(f"{path}: cannot be written: {reason}", remedy="Choose another name") from None
 
 
 def _checked_pattern(name: str) -> str:
-    """The name, which holds one layer number and no other %.
+    """Return a pattern, after checking that it has one layer number and no other %.
 
     Raises:
-        UsageError: it does not.
+        UsageError: it has not.
     """
     if len(_NUMBER.findall(name)) != 1 or name.count("%") != 1:
         raise UsageError(
-            f"-o {name}: a pattern holds the number of the layer once", remedy="for example part_%04d.svg"
+            f"-o {name}: a pattern must have the layer number exactly once",
+            remedy="Write for example part_%04d.svg",
         )
     return name
 
 
 def _check_folder(path: Path) -> None:
-    """Refuse a folder that is not there and cannot be made in the one above it.
+    """Check that a folder exists or can be created.
 
     Raises:
-        OutputError: the folder above it is missing, or something else has its name.
+        OutputError: its parent folder is missing, or a file has its name.
     """
     if path.exists() and not path.is_dir():
-        raise OutputError(f"{path}: is no folder", remedy="name another one, or a file without / at the end")
+        raise OutputError(f"{path}: not a folder", remedy="Name a folder, or a file without / at the end")
     if not path.exists():
         check_writable(path)
 
 
 def _write(sections: Sections, target: _Target, *, binary: bool) -> list[int]:
-    """Write the files; the bytes of each."""
+    """Write the files; return the bytes of each."""
     from printer_slicer.exports import write_cli, write_slc, write_svg
 
     if target.kind == "svgs":
@@ -215,7 +218,7 @@ def _write(sections: Sections, target: _Target, *, binary: bool) -> list[int]:
 
 
 def _write_layers(sections: Sections, target: _Target) -> list[int]:
-    """One SVG per layer."""
+    """Write one SVG per layer; return the bytes of each."""
     from printer_slicer.exports import write_svgs
 
     make_folder(target.path)
@@ -226,25 +229,26 @@ def _write_layers(sections: Sections, target: _Target) -> list[int]:
     return sizes
 
 
-# What is changed
+# Changes of the contours
 
 
-def _refuse_broken_promise(arguments: argparse.Namespace, profile: Profile) -> None:
-    """Contours that must not cross the surface cannot be moved in both directions.
+def _refuse_containment(arguments: argparse.Namespace, profile: Profile) -> None:
+    """Refuse to move contours that must stay on one side of the surface.
 
     Raises:
-        UsageError: they would be.
+        UsageError: --smooth or --resample would move them.
     """
     flags = [f"--{flag}" for flag in ("smooth", "resample") if getattr(arguments, flag) is not None]
     if flags and profile.quality.containment != "mid":
         raise UsageError(
-            f"{' and '.join(flags)} would break the promise of {profile.quality.containment} containment",
-            remedy="leave one of them out",
+            f"{' and '.join(flags)} can move contours outwards and inwards, which {profile.quality.containment} "
+            "containment forbids",
+            remedy="Leave out one of them",
         )
 
 
-def _shaped(sections: Sections, arguments: argparse.Namespace, profile: Profile, report: Stages) -> Sections:
-    """The contours as --smooth and --resample want them."""
+def _reshape(sections: Sections, arguments: argparse.Namespace, profile: Profile, report: Stages) -> Sections:
+    """Return the contours after --smooth and --resample."""
     from printer_slicer.exports import resample, smooth
 
     solid = sections.solid
@@ -257,13 +261,13 @@ def _shaped(sections: Sections, arguments: argparse.Namespace, profile: Profile,
     return replace(sections, solid=solid)
 
 
-# What is told
+# Results
 
 
 def _facts(
     sections: Sections, sizes: list[int], target: _Target, arguments: argparse.Namespace, profile: Profile
 ) -> dict[str, Any]:
-    """Everything worth knowing, ready for JSON; lengths in mm."""
+    """Return the results for JSON; lengths in mm."""
     import numpy as np
 
     plan, solid = sections.plan, sections.solid
@@ -288,7 +292,7 @@ def _facts(
         "points": len(rounded.xy),
         "bounds": [[*low, 0.0], [*high, float(plan.top[-1])]],
         "rounding": round(rounded.error, _DIGITS),
-        # Without a limit points are only left out; JSON has no number for that.
+        # JSON has no number for an infinite spacing.
         "spacing": arguments.resample if arguments.resample != inf else None,
         "farthest_apart": round(rounded.longest_edge() * _unit(target), _DIGITS),
         "at_most_off": off | {"together": round(sum(off.values()), _DIGITS)},
@@ -298,42 +302,44 @@ def _facts(
 
 
 def _rounded(sections: Sections, target: _Target) -> Rounded:
-    """The contours as the file has them."""
+    """Return the contours with the rounding of the file format."""
     from printer_slicer.exports import in_float32, on_grid
 
     return in_float32(sections.solid) if target.kind == "slc" else on_grid(sections.solid, _unit(target))
 
 
 def _unit(target: _Target) -> float:
-    """Mm that the numbers of the file mean."""
+    """Return the unit of the numbers in the file, mm."""
     from printer_slicer.exports import CLI_UNITS, SVG_DIGITS
 
     return {"slc": 1.0, "cli": CLI_UNITS}.get(target.kind, 10.0**-SVG_DIGITS)
 
 
 def _notes(sections: Sections, rounded: Rounded, target: _Target) -> list[str]:
-    """What deserves a look."""
+    """Return warnings about the file."""
     from printer_slicer.exports import uneven_multiples
 
     notes = []
     if rounded.lost:
-        notes.append(f"{rounded.lost} rings are smaller than the rounding and left out")
+        notes.append(f"{rounded.lost} contours are smaller than the rounding of the file and left out")
     if sections.plan.containment != "mid":
         notes.append(
-            f"rounding can break the promise of {sections.plan.containment} containment by {rounded.error:.2g} mm"
+            f"rounding can violate the {sections.plan.containment} containment by up to {rounded.error:.2g} mm"
         )
     if target.kind == "slc" and uneven_multiples(sections.plan):
-        notes.append("layer heights are no whole multiples of the thinnest; some readers of SLC want that")
+        notes.append("layer heights are not multiples of the thinnest one, which some SLC readers require")
     if target.kind == "svgs" and not target.pattern:
         older = sum(bool(_LAYER_FILE.fullmatch(file.name)) for file in target.path.iterdir())
         older -= sections.plan.n_layers
         if older > 0:
-            notes.append(f"{older} layer files in the folder are from another time; remove them")
+            notes.append(
+                f"{older} layer files in the folder are left over from an earlier export; remove them"
+            )
     return notes
 
 
 def _sentences(facts: dict[str, Any]) -> list[str]:
-    """The facts for people."""
+    """Format the results."""
     from printer_slicer.cli.facts import runs_text
 
     files = f"{facts['files']} files, " if facts["format"] == "svgs" else ""

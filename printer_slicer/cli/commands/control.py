@@ -30,7 +30,7 @@ _SOON = 2.0  # s, timeout of `control status`
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `control`."""
-    parser.add_argument("wish", nargs="+", metavar="WORD", help="see the examples")
+    parser.add_argument("wish", nargs="+", metavar="COMMAND", help="command and its value, see the examples")
     parser.add_argument("--job", metavar="NAME", default="", help="name of the print, if several are running")
     add_output(parser)
 

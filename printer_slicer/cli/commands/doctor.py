@@ -10,7 +10,7 @@ from time import monotonic
 from typing import TYPE_CHECKING, Any, Final
 
 from printer_slicer.cli.arguments import add_output, positive
-from printer_slicer.cli.output import say, visible
+from printer_slicer.cli.output import sanitize, say
 from printer_slicer.errors import PortError
 
 if TYPE_CHECKING:
@@ -35,33 +35,33 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Look at one port and the printer behind it, or at all ports without asking anybody."""
-    return _one(arguments) if arguments.port else _all(arguments)
+    """Check one port and its printer, or all ports without opening them."""
+    return _check_one(arguments) if arguments.port else _check_all(arguments)
 
 
-def _all(arguments: argparse.Namespace) -> int:
-    """What the system says of every port."""
+def _check_all(arguments: argparse.Namespace) -> int:
+    """Check what the system knows about every port."""
     from printer_slicer.doctor import state_of
     from printer_slicer.stream.serial_port import list_ports
 
-    looked: list[tuple[str, list[PortCheck]]] = []
+    checked: list[tuple[str, list[PortCheck]]] = []
     for port in list_ports():
         name = f"{port.address} ({port.description})" if port.description else port.address
-        looked.append((name, list(state_of(port.device).checks())))
+        checked.append((name, list(state_of(port.device).checks())))
     if arguments.json:
-        print(json.dumps({"ports": [{"port": name, "checks": _facts(checks)} for name, checks in looked]}))
-    elif not looked:
+        print(json.dumps({"ports": [{"port": name, "checks": _facts(checks)} for name, checks in checked]}))
+    elif not checked:
         say(arguments, "no serial ports found; is the printer switched on and its USB cable plugged in?")
-    for name, checks in looked:
+    for name, checks in checked:
         say(arguments, "\n".join([name, *_lines(checks)]))
-    if looked and not arguments.json:
-        say(arguments, "name one to ask the printer behind it: printer-slicer doctor PORT")
+    if checked and not arguments.json:
+        say(arguments, "To check a printer, name its port: printer-slicer doctor PORT")
     return 0
 
 
-def _one(arguments: argparse.Namespace) -> int:
-    """A port, and the printer behind it."""
-    checks, found = _look(arguments)
+def _check_one(arguments: argparse.Namespace) -> int:
+    """Check a port and its printer."""
+    checks, found = _examine(arguments)
     bad = [check for check in checks if check.state == "bad"]
     if arguments.json:
         facts: dict[str, Any] = {"port": arguments.port, "ok": not bad, "checks": _facts(checks)}
@@ -73,8 +73,8 @@ def _one(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _look(arguments: argparse.Namespace) -> tuple[list[PortCheck], Examination | None]:
-    """The port first; only where nothing is in the way, the printer."""
+def _examine(arguments: argparse.Namespace) -> tuple[list[PortCheck], Examination | None]:
+    """Return the checks of a port, and of its printer if the port can be opened."""
     from printer_slicer.doctor import PortCheck, examine, state_of
     from printer_slicer.stream.serial_port import open_port
 
@@ -103,4 +103,4 @@ def _lines(checks: Sequence[PortCheck]) -> list[str]:
     for check in checks:
         lines.append(f"  {_MARKS[check.state]}  {check.name:<20}{check.what}")
         lines += [f"        {'':<20}{check.remedy}"] if check.remedy else []
-    return [visible(line) for line in lines]
+    return [sanitize(line) for line in lines]

@@ -1,4 +1,4 @@
-"""`draw`: one layer of any slicer's G-code as a picture."""
+"""`draw`: draw a layer of any slicer's G-code."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from printer_slicer.cli.arguments import add_models, add_output, box_of, height, length, pixels, whole
 from printer_slicer.cli.help import advanced
-from printer_slicer.cli.output import refuse_same, say, stages, visible, write_file
+from printer_slicer.cli.output import refuse_same, sanitize, say, stages, write_file
 from printer_slicer.errors import PrinterSlicerError, UsageError
 from printer_slicer.saving import check_writable
 
@@ -33,7 +33,7 @@ EXAMPLES: Final = """\
   printer-slicer draw part.gcode --z 2.4 --travel -o layer.png --pixels 2000
   printer-slicer draw part.gcode --layer 12 --box 100,100,110,108 -o corner.svg
   printer-slicer draw part.gcode --layer 12 --model part.stl -o layer.svg    with the section's outline"""
-_FITS = 0.5  # of the length of the outer perimeters: with less the file is of another part
+_FITS = 0.5  # share of the external perimeters; with less the file is of another part
 _DIGITS = 4  # of numbers in the result
 
 
@@ -73,7 +73,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Draw one layer, and say what it holds."""
+    """Draw one layer, and print its extrusions."""
     from printer_slicer.commands import read_text
     from printer_slicer.drawing import View, gcode_layer_picture, picture_bytes
     from printer_slicer.inspection.coverage.layer_extrusions import levels_of, sheet_of
@@ -93,7 +93,7 @@ def run(arguments: argparse.Namespace) -> int:
         view = View(arguments.box, arguments.pixels, arguments.travel, rings)
         _refuse_empty(arguments, sheet)
         report("drawing")
-        picture = gcode_layer_picture(sheet, visible(arguments.gcode.name), view)
+        picture = gcode_layer_picture(sheet, sanitize(arguments.gcode.name), view)
         write_file(arguments.output, picture_bytes(picture, arguments.output))
     facts = _facts(arguments, sheet, match)
     if arguments.json:
@@ -117,18 +117,18 @@ def _output_beside(gcode: Path) -> Path:
 
 
 def _refuse(arguments: argparse.Namespace) -> None:
-    """What cannot be done, before work begins.
+    """Check the output before work starts.
 
     Raises:
-        UsageError: no kind of picture, two things for stdout, or a picture over a file that is read.
-        OutputError: there is no place for the picture.
+        UsageError: unknown picture format, two outputs on stdout, or the picture would overwrite an input file.
+        OutputError: the picture cannot be written.
     """
     from printer_slicer.drawing import check_picture
 
     check_picture(arguments.output)
     if str(arguments.output) == "-":
         if arguments.json:
-            raise UsageError("-o - and --json both want stdout", remedy="write the picture to a file")
+            raise UsageError("-o - and --json cannot both go to stdout", remedy="Write the picture to a file")
     else:
         check_writable(arguments.output)
     for path in (arguments.gcode, *arguments.models):
@@ -138,7 +138,7 @@ def _refuse(arguments: argparse.Namespace) -> None:
 def _located(
     arguments: argparse.Namespace, deposit: Deposit, stack: Stack, report: Stages
 ) -> tuple[Stack, Areas | None, Match | None]:
-    """The layers of the part, its sections in them and how well these fit, where there is a model."""
+    """Return the layers, and with a model its sections in them and how well they match."""
     from printer_slicer.cli.models import repaired_plate
     from printer_slicer.inspection.coverage.model_check import placed_sections
     from printer_slicer.profile import load_profile
@@ -146,9 +146,9 @@ def _located(
     if not arguments.models:
         return stack, None, None
     mesh, plate, _ = repaired_plate(arguments, load_profile().printer, report)
-    told = arguments.center or arguments.as_placed or not arguments.drop
+    is_placed = arguments.center or arguments.as_placed or not arguments.drop
     report("matching")
-    return placed_sections(mesh, deposit, stack, plate.placement if told else None)
+    return placed_sections(mesh, deposit, stack, plate.placement if is_placed else None)
 
 
 def _choose_layer(arguments: argparse.Namespace, levels: Levels, report: Stages) -> tuple[int, str]:
@@ -213,23 +213,23 @@ def _asked_layer(arguments: argparse.Namespace, levels: Levels) -> int:
         if number < 0:
             raise UsageError(
                 f"--z {arguments.z:g}: {arguments.gcode.name} has layers from the bed to z {top:.4g} mm",
-                remedy="choose a height over the bed between these",
+                remedy="Choose a height in this range",
             )
         return number
     number = int(arguments.layer)
     if not 1 <= number <= levels.n_levels:
         raise UsageError(
             f"--layer {number}: {arguments.gcode.name} has layers 1 to {levels.n_levels}",
-            remedy="choose one of these, or a height with --z",
+            remedy="Choose one of these, or a height with --z",
         )
     return number - 1
 
 
 def _refuse_empty(arguments: argparse.Namespace, sheet: LayerExtrusions) -> None:
-    """A box beside all beads is a mistake.
+    """Refuse a box without extrusions.
 
     Raises:
-        UsageError: it is.
+        UsageError: there are none in it.
     """
     import numpy as np
 
@@ -242,13 +242,13 @@ def _refuse_empty(arguments: argparse.Namespace, sheet: LayerExtrusions) -> None
         lies = f"from {low[0]:.1f},{low[1]:.1f} to {high[0]:.1f},{high[1]:.1f}"
         raise UsageError(
             f"--box {','.join(f'{number:g}' for number in corners.ravel())}: "
-            f"the beads of layer {sheet.number + 1} lie {lies}",
-            remedy="give two corners as X0,Y0,X1,Y1 in mm on the bed",
+            f"the extrusions of layer {sheet.number + 1} are {lies}",
+            remedy="Give two corners as X0,Y0,X1,Y1 in mm on the bed",
         )
 
 
 def _facts(arguments: argparse.Namespace, sheet: LayerExtrusions, match: Match | None) -> dict[str, Any]:
-    """What the layer holds, ready for JSON: lengths in mm, volumes in mm³, layers from 1."""
+    """Return the contents of the layer for JSON: lengths in mm, volumes in mm³, layers counted from 1."""
     import numpy as np
 
     return {
@@ -265,7 +265,7 @@ def _facts(arguments: argparse.Namespace, sheet: LayerExtrusions, match: Match |
 
 
 def _beads(sheet: LayerExtrusions) -> Iterator[dict[str, Any]]:
-    """Of each kind of bead how much there is, and how wide it is."""
+    """Yield length, volume and width of the extrusions of each role."""
     import numpy as np
 
     from printer_slicer.inspection.deposition.marks import Purpose
@@ -284,15 +284,15 @@ def _beads(sheet: LayerExtrusions) -> Iterator[dict[str, Any]]:
 
 
 def _sentences(facts: dict[str, Any]) -> Iterator[str]:
-    """The facts for people."""
+    """Format the contents of the layer."""
     where = f"layer {facts['layer']} of {facts['layers']}, z {facts['z']:g} mm, {facts['height']:g} mm high"
     yield f"{facts['output']}: {where}"
     for one in facts["beads"]:
         low, high = (f"{width:.2f}" for width in one["width"])
         wide = low if low == high else f"{low} to {high}"
-        yield visible(f"{one['name']}: {one['length']:.1f} mm, {wide} mm wide, {one['volume']:.2f} mm3")
+        yield sanitize(f"{one['name']}: {one['length']:.1f} mm, {wide} mm wide, {one['volume']:.2f} mm³")
     if facts["fit"] is not None and facts["fit"] < _FITS:
         yield (
-            f"only {facts['fit']:.0%} of the outer perimeters lie where those of this model would: "
-            "is it the model that was sliced, as large and turned as it was?"
+            f"only {facts['fit']:.0%} of the external perimeters match this model: "
+            "check that it is the sliced model, with the same scale and rotation"
         )

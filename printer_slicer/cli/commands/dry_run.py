@@ -1,4 +1,4 @@
-"""`dry-run`: print on a simulated printer, and say what would happen."""
+"""`dry-run`: print on the simulated printer, and report what would happen."""
 
 from __future__ import annotations
 
@@ -50,12 +50,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print on the simulated printer and say what would happen."""
+    """Print on the simulated printer, and report what would happen."""
     from printer_slicer.cli.jobs import (
         finding_facts,
         insist_verified,
         job_from,
-        judged_by,
+        profile_options,
         refused,
         repairs_facts,
         repairs_lines,
@@ -75,7 +75,7 @@ def run(arguments: argparse.Namespace) -> int:
         from printer_slicer.drawing.canvas import check_picture
 
         check_picture(arguments.picture)
-    profile = profile_from(arguments, **judged_by(arguments))
+    profile = profile_from(arguments, **profile_options(arguments))
     with stages(arguments) as report:
         job, known = job_from(arguments, profile, report)
     job = job.allowing(arguments.allow)
@@ -89,8 +89,8 @@ def run(arguments: argparse.Namespace) -> int:
         facts |= profile_facts(arguments)
         print(json.dumps(facts))
     else:
-        told = [verdict_text(arguments, verdict, job, profile), *planted_lines(faults), *repairs_lines(job)]
-        say(arguments, "\n".join(told))
+        lines = [verdict_text(arguments, verdict, job, profile), *planted_lines(faults), *repairs_lines(job)]
+        say(arguments, "\n".join(lines))
     insist_printable(verdict)
     insist_verified(job)
     return 0

@@ -58,9 +58,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Print over a port; `sim:` is the simulated printer in this process."""
-    from printer_slicer.cli.jobs import insist_on_policy, job_from, judged_by, repairs_facts, repairs_lines
+    from printer_slicer.cli.jobs import (
+        insist_on_policy,
+        job_from,
+        profile_options,
+        repairs_facts,
+        repairs_lines,
+    )
 
-    profile = profile_from(arguments, **judged_by(arguments))
+    profile = profile_from(arguments, **profile_options(arguments))
     with stages(arguments) as report:
         job, known = job_from(arguments, profile, report)
     if arguments.json and known["models"]:
@@ -88,7 +94,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _print_on_port(arguments: argparse.Namespace, job: Job, profile: Profile) -> int:
-    from printer_slicer.cli.jobs import reason_against
+    from printer_slicer.cli.jobs import command_check
     from printer_slicer.cli.progress import print_with
     from printer_slicer.printing import print_job
     from printer_slicer.printing.shelf import default_shelf
@@ -101,7 +107,7 @@ def _print_on_port(arguments: argparse.Namespace, job: Job, profile: Profile) ->
             arguments.port,
             shelf=default_shelf(),
             discard=arguments.discard_unfinished,
-            allow=reason_against(profile, job.allowed),
+            allow=command_check(profile, job.allowed),
             **common,
         )
 

@@ -1,4 +1,4 @@
-"""`profiles`: find, look at, check and begin profiles."""
+"""`profiles`: list, show, compare, check, create and import profiles."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Final, NoReturn
 
 from printer_slicer.cli.arguments import add_output, add_settings
 from printer_slicer.cli.help import advanced
-from printer_slicer.cli.output import say, without_stdin, write_file
+from printer_slicer.cli.output import hide_stdin_folder, say, write_file
 from printer_slicer.cli.parser import CommandParser, declare
-from printer_slicer.cli.settings import changes_from, kept_schemas, named_folders, own_folder, write_schemas
+from printer_slicer.cli.settings import changes_from, named_folders, own_folder, schema_folder, write_schemas
 from printer_slicer.errors import OutputError, ProfileError, UsageError
 from printer_slicer.saving import make_folder
 
@@ -75,7 +75,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Do what was asked about profiles."""
+    """Run an action on profiles."""
     what = arguments.what
     if what in _KINDS:  # `profiles printer NAME`
         what, arguments.names = "show", [arguments.what, *arguments.names]
@@ -87,13 +87,13 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _refuse(problem: str, example: str) -> NoReturn:
-    """What was typed makes no sense."""
-    raise UsageError(problem, remedy=f"printer-slicer {example}")
+    """Raise a usage error with an example."""
+    raise UsageError(problem, remedy=f"Use for example: printer-slicer {example}")
 
 
 def _document(arguments: argparse.Namespace, value: object) -> None:
     if not arguments.quiet:
-        print(without_stdin(arguments, json.dumps(value, ensure_ascii=False)))
+        print(hide_stdin_folder(arguments, json.dumps(value, ensure_ascii=False)))
 
 
 def _list(arguments: argparse.Namespace) -> int:
@@ -122,7 +122,7 @@ def _list(arguments: argparse.Namespace) -> int:
 
 
 def _one(arguments: argparse.Namespace, words: Sequence[str]) -> tuple[str, str]:
-    """The kind and the name of a profile, from `NAME`, `KIND NAME` or a path."""
+    """Return kind and name of a profile from `NAME`, `KIND NAME` or a path."""
     from printer_slicer.profile.reading import kind_of
 
     if len(words) == 2 and words[0] in _KINDS:
@@ -142,26 +142,26 @@ def _show(arguments: argparse.Namespace) -> int:
     else:
         sources = _sources(arguments)
         parts = {f"{kind}.": settings_with_origins(kind, source) for kind, source in sources.items()}
-    told = {f"{prefix}{key}": one for prefix, part in parts.items() for key, one in part.items()}
+    settings = {f"{prefix}{key}": one for prefix, part in parts.items() for key, one in part.items()}
     if arguments.json:
-        _document(arguments, {key: {"value": one.value, "from": one.place} for key, one in told.items()})
+        _document(arguments, {key: {"value": one.value, "from": one.place} for key, one in settings.items()})
         return 0
-    lines = {key: f"{key} = {_shown(one.value)}" for key, one in told.items()}
+    lines = {key: f"{key} = {_shown(one.value)}" for key, one in settings.items()}
     wide = min(max(len(line) for line in lines.values()), 44)
     for key, line in lines.items():
-        say(arguments, f"{line:<{wide}}  # {told[key].place}")
+        say(arguments, f"{line:<{wide}}  # {settings[key].place}")
     return 0
 
 
 def _shown(value: object) -> str:
-    """A value on one line."""
+    """Format a value on one line."""
     from printer_slicer.profile.template import toml_value
 
     return toml_value(value) if not isinstance(value, str) else json.dumps(value, ensure_ascii=False)
 
 
 def _sources(arguments: argparse.Namespace) -> Mapping[str, SettingsSource]:
-    """The parts that the flags describe, which suit each other."""
+    """Return the settings of the named profiles, after checking that they fit together."""
     from printer_slicer.profile import load_profile
     from printer_slicer.profile.files import read_sources
 
@@ -182,7 +182,8 @@ def _diff(arguments: argparse.Namespace) -> int:
     kinds = [given or _one(arguments, [word])[0] for word in words]
     if kinds[0] != kinds[1]:
         raise UsageError(
-            f"{words[0]} is a {kinds[0]}, {words[1]} a {kinds[1]}", remedy="compare two of the same kind"
+            f"{words[0]} is a {kinds[0]}, {words[1]} a {kinds[1]}",
+            remedy="Compare two profiles of the same kind",
         )
     one, other = (read_chain(kinds[0], word, arguments.profiles) for word in words)
     found = differences(kinds[0], one, other)
@@ -192,7 +193,7 @@ def _diff(arguments: argparse.Namespace) -> int:
     for key, (left, right) in found.items():
         say(arguments, f"{key:<36}{_side(left)} -> {_side(right)}")
     if not found:
-        say(arguments, "no difference")
+        say(arguments, "no differences")
     return 0
 
 
@@ -214,24 +215,26 @@ def _new(arguments: argparse.Namespace) -> int:
     path: Path = root / FOLDERS[kind] / f"{name}.toml" if root else arguments.output
     to_stdout = str(path) == "-"
     if path.exists() and not to_stdout:
-        raise OutputError(f"{path}: is there already", remedy="take another name, or -o another file")
+        raise OutputError(f"{path}: already exists", remedy="Choose another name, or another file with -o")
     parent = arguments.inherits or DEFAULT_NAMES[kind]
     source = read_chain(kind, parent, arguments.profiles)
     if "/" in parent or parent.endswith(".toml"):
-        parent = str(Path(parent).absolute())  # a relative path would begin at the new file
+        parent = str(Path(parent).absolute())  # a relative path would refer to the folder of the new file
     if root:
         make_folder(path.parent)
-    text = new_profile(kind, name, parent, source, directive(kind, kept_schemas(root)))
+    text = new_profile(kind, name, parent, source, directive(kind, schema_folder(root)))
     write_file(path, text.encode())
     if not to_stdout:
-        say(arguments, f"{path} written; change it, and use it: --{kind} {name if root else path}")
+        say(arguments, f"{path} written; edit it and use it with --{kind} {name if root else path}")
     return 0
 
 
 def _root_of_new(arguments: argparse.Namespace, kind: str, name: str) -> Path:
-    """The folder of profiles that a new one goes to by its name."""
+    """Return the folder for a new profile with this name."""
     if not re.fullmatch(r"[\w][\w.+-]*", name) or name.endswith(".toml"):
-        _refuse(f"profiles new: {name!r} is no name", f"profiles new {kind} my_{kind}   (or -o FILE)")
+        _refuse(
+            f"profiles new: {name!r} is not a valid name", f"profiles new {kind} my_{kind}   (or -o FILE)"
+        )
     remedy = f"printer-slicer profiles new {kind} {name} -o FILE"
     return own_folder(arguments.profiles, "profiles new", remedy)
 
@@ -258,11 +261,11 @@ def _check(arguments: argparse.Namespace) -> int:
             found.append((error.args[0], error.remedy))
     if not found:
         found += _together(arguments, checked)
-    return _told(arguments, found, words)
+    return _print_faults(arguments, found, words)
 
 
 def _together(arguments: argparse.Namespace, checked: Mapping[str, str]) -> list[tuple[str, str]]:
-    """Whether parts that are named together suit each other."""
+    """Return the faults of profiles that do not fit together."""
     from printer_slicer.profile.files import find_conflicts, read_sources
 
     flags = {kind: getattr(arguments, kind) for kind in _KINDS if getattr(arguments, kind)}
@@ -276,16 +279,18 @@ def _together(arguments: argparse.Namespace, checked: Mapping[str, str]) -> list
     return [(f"{one.place}: {one.problem}", one.remedy) for one in faults]
 
 
-def _told(arguments: argparse.Namespace, found: Sequence[tuple[str, str]], words: Sequence[str]) -> int:
-    """Say what is wrong; 2 if anything is."""
+def _print_faults(
+    arguments: argparse.Namespace, found: Sequence[tuple[str, str]], words: Sequence[str]
+) -> int:
+    """Print the faults; return 2 if there are any."""
     if arguments.json:
         _document(arguments, [{"problem": problem, "remedy": remedy} for problem, remedy in found])
     elif found:
         for problem, remedy in found:
-            told = f"{problem}\n  {remedy}" if remedy else problem
-            print(without_stdin(arguments, told), file=sys.stderr)
+            text = f"{problem}\n  {remedy}" if remedy else problem
+            print(hide_stdin_folder(arguments, text), file=sys.stderr)
     else:
-        say(arguments, f"{', '.join(words)}: nothing wrong")
+        say(arguments, f"{', '.join(words)}: no errors")
     return 2 if found else 0
 
 
@@ -307,7 +312,7 @@ def _path(arguments: argparse.Namespace) -> int:
         return 0
     for what, paths in folders.items():
         for path in paths:
-            say(arguments, f"{what:<9}{path}{'' if path.is_dir() else '   (not there yet)'}")
+            say(arguments, f"{what:<9}{path}{'' if path.is_dir() else '   (does not exist yet)'}")
     return 0
 
 
@@ -332,7 +337,7 @@ def _settings(arguments: argparse.Namespace) -> int:
         say(arguments, f"{row.key:<42}{default}{unit}{bounds}  {row.meaning}")
     if not rows:
         raise UsageError(
-            f"profiles settings {' '.join(words)}: no setting tells of that", remedy="try a shorter word"
+            f"profiles settings {' '.join(words)}: no setting matches", remedy="Try a shorter word"
         )
     return 0
 

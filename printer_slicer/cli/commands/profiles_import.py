@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from printer_slicer.cli.arguments import add_output, positive
-from printer_slicer.cli.output import say, visible, write_file
-from printer_slicer.cli.settings import kept_schemas, own_folder
+from printer_slicer.cli.output import sanitize, say, write_file
+from printer_slicer.cli.settings import own_folder, schema_folder
 from printer_slicer.errors import OutputError, ProfileError, UsageError
 from printer_slicer.saving import make_folder
 
@@ -118,7 +118,7 @@ def run(arguments: argparse.Namespace) -> int:
         print(json.dumps(_json_report(made, paths, refused)))
     elif not arguments.quiet:
         for line in _report(arguments, made, paths, refused):
-            print(visible(line))
+            print(sanitize(line))
     if refused and not made:
         raise ProfileError(refused[0].problem, remedy=refused[0].remedy)
     return 0
@@ -169,7 +169,7 @@ def _list(arguments: argparse.Namespace, results: Sequence[Any]) -> None:
         print(json.dumps([{"kind": one.kind, "name": one.name, "source": one.source} for one in results]))
         return
     for one in results:
-        say(arguments, visible(f"{one.kind:<10}{one.name}"))
+        say(arguments, sanitize(f"{one.kind:<10}{one.name}"))
 
 
 def _paths(arguments: argparse.Namespace, made: Sequence[ImportedProfile]) -> list[Path]:
@@ -223,7 +223,7 @@ def _write(arguments: argparse.Namespace, made: Sequence[ImportedProfile], paths
 
     if not made:
         return
-    schemas = kept_schemas(None if arguments.out else paths[0].parent.parent)
+    schemas = schema_folder(None if arguments.out else paths[0].parent.parent)
     texts = [f"{directive(one.kind, schemas)}\n{profile_text(one)}".encode() for one in made]
     existing = [path for path, text in zip(paths, texts, strict=True) if _differs(path, text)]
     if existing and not arguments.force:

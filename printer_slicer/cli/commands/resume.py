@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from printer_slicer.cli.arguments import add_connection, add_output
-from printer_slicer.cli.output import say, visible
+from printer_slicer.cli.output import sanitize, say
 
 if TYPE_CHECKING:
     from printer_slicer.printing import Done
@@ -46,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Go on with an unfinished print."""
+    """Resume an interrupted print."""
     from printer_slicer.printing import shelf as shelves
 
     shelf = shelves.default_shelf()
@@ -57,11 +57,11 @@ def run(arguments: argparse.Namespace) -> int:
             damage.forget()
             say(arguments, f"{damage.folder.name}: deleted")
             return 0
-        print(visible(f"printer-slicer: warning: {damage}\n  {damage.remedy}"), file=sys.stderr)
+        print(sanitize(f"printer-slicer: warning: {damage}\n  {damage.remedy}"), file=sys.stderr)
     found = shelves.find(shelf, arguments.name, running=False)
     if arguments.discard:
         found.forget()
-        say(arguments, f"{found.name}, begun {found.begun}, is forgotten")
+        say(arguments, f"{found.name}, started {found.begun}: deleted")
         return 0
     return _resume(arguments, found)
 
@@ -75,32 +75,38 @@ def _resume(arguments: argparse.Namespace, found: Print) -> int:
     job = job_of_text(found.name, found.text, limits=setup.limits, corner=setup.low, flavour=setup.flavour)
 
     def recover(why: str) -> bool:
-        """Whether the person wants what is told."""
+        """Return whether the user wants to recover."""
         if arguments.recover:
             say(arguments, why)
             return True
-        print(visible(why), file=sys.stderr)
+        print(sanitize(why), file=sys.stderr)
         if not (sys.stdin.isatty() and sys.stderr.isatty()):
-            print("nobody is here to ask: resume --recover does it without asking", file=sys.stderr)
+            print(
+                "There is no terminal to confirm this; use resume --recover to do it without asking",
+                file=sys.stderr,
+            )
             return False
         print(
-            "is the part still in its place, and the way free? [yes/no] ", end="", file=sys.stderr, flush=True
+            "Is the part still in place, and can the nozzle move freely? [yes/no] ",
+            end="",
+            file=sys.stderr,
+            flush=True,
         )
         return sys.stdin.readline().strip().lower() in {"y", "yes"}
 
-    def go_on(**common: Any) -> Done:
-        """Print the rest."""
+    def resume_rest(**common: Any) -> Done:
+        """Print the rest of the job."""
         return resume_print(found, job, port=arguments.port, recover=recover, **_judged(setup), **common)
 
-    return print_with(arguments, job, Path(f"{Path(found.name).stem}.checkpoint.json"), go_on)
+    return print_with(arguments, job, Path(f"{Path(found.name).stem}.checkpoint.json"), resume_rest)
 
 
 def _judged(setup: Setup) -> dict[str, Any]:
-    """What a person types meanwhile is judged as when the print began."""
-    from printer_slicer.cli.jobs import reason_against
+    """Return the check of commands typed during the print, with the settings of its start."""
+    from printer_slicer.cli.jobs import command_check
     from printer_slicer.profile import profile_from
 
-    return {"allow": reason_against(profile_from(setup.settings), setup.allowed)} if setup.settings else {}
+    return {"allow": command_check(profile_from(setup.settings), setup.allowed)} if setup.settings else {}
 
 
 def _list(arguments: argparse.Namespace, shelf: Path) -> int:
@@ -119,7 +125,7 @@ def _list(arguments: argparse.Namespace, shelf: Path) -> int:
                 "port": one.port,
                 "begun": one.begun,
                 "accepted": story.entries,
-                "reason": story.reason or "the host was ended",
+                "reason": story.reason or "the host process ended",
                 "damaged": False,
             }
         )
@@ -130,8 +136,8 @@ def _list(arguments: argparse.Namespace, shelf: Path) -> int:
     if arguments.json:
         print(json.dumps(rows))
     elif not rows:
-        say(arguments, "no print is unfinished")
+        say(arguments, "no unfinished prints")
     for row in [] if arguments.json else rows:
-        told = "{reason}\n  {remedy}" if row["damaged"] else _ROW
-        say(arguments, told.format_map(row))
+        text = "{reason}\n  {remedy}" if row["damaged"] else _ROW
+        say(arguments, text.format_map(row))
     return 0

@@ -78,10 +78,10 @@ def run(arguments: argparse.Namespace) -> int:
 
     path: Path = arguments.gcode
     if not is_gcode(path):
-        raise UsageError(f"{path}: is no G-code", remedy="slice it first: printer-slicer slice MODEL")
+        raise UsageError(f"{path}: not a G-code file", remedy="Slice it first: printer-slicer slice MODEL")
     if not path.is_file():
-        raise UsageError(f"{path}: no such file", remedy="check the path")
-    _look(arguments)
+        raise UsageError(f"{path}: no such file", remedy="Check the path")
+    _check(arguments)
     kind, url = arguments.to
     with _progress(arguments) as tell:
         upload = Upload(path, arguments.name or path.name, arguments.folder, arguments.start, tell)
@@ -98,14 +98,14 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _look(arguments: argparse.Namespace) -> None:
-    """Look at what is to be printed before a byte of it is sent, as `print` does.
+def _check(arguments: argparse.Namespace) -> None:
+    """Check the file before the upload, as `print` does.
 
-    An upload without --print is refused only for unsupported extrusion: whoever starts it may never see the file.
+    An upload without --print is refused only for unsupported extrusion, because it may be started without a look at it.
 
     Raises:
-        PolicyError: it holds what was not allowed.
-        UsageError: it is no job, or the profile or a name makes no sense.
+        PolicyError: the file has errors that are not allowed.
+        UsageError: the file cannot be read as G-code, or the profile or a name is wrong.
     """
     from printer_slicer.cli.jobs import insist_on_policy
     from printer_slicer.inspection.lint.scan import lint_file
@@ -118,10 +118,10 @@ def _look(arguments: argparse.Namespace) -> None:
 
 
 def _key(arguments: argparse.Namespace) -> str:
-    """The key, from where it was told first.
+    """Return the key from --key-file, --key or the environment.
 
     Raises:
-        UsageError: its file cannot be read.
+        UsageError: the key file cannot be read.
     """
     if arguments.key_file is None:
         return arguments.key or os.environ.get(_KEY, "")
@@ -130,14 +130,15 @@ def _key(arguments: argparse.Namespace) -> str:
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else error
         raise UsageError(
-            f"{arguments.key_file}: cannot be read: {reason}", remedy="a file with the key in its first line"
+            f"{arguments.key_file}: cannot be read: {reason}",
+            remedy="Name a file with the key in its first line",
         ) from None
     return next(iter(text.split()), "")
 
 
 @contextmanager
 def _progress(arguments: argparse.Namespace) -> Iterator[Callable[[int, int], None]]:
-    """A bar once it takes longer than a second, on a terminal only."""
+    """Show a progress bar on a terminal, once the upload takes longer than a second."""
     if arguments.json or arguments.quiet or not sys.stderr.isatty():
         yield lambda _done, _all: None
         return
@@ -151,7 +152,7 @@ def _progress(arguments: argparse.Namespace) -> Iterator[Callable[[int, int], No
         task = bar.add_task("sending", visible=False)
 
         def tell(done: int, size: int) -> None:
-            """So many bytes are on their way."""
+            """Show the number of sent bytes."""
             bar.update(task, total=size, completed=done, visible=monotonic() - begun > PATIENCE)
 
         yield tell

@@ -47,8 +47,8 @@ EXAMPLES: Final = """\
   printer-slicer sim --tcp 127.0.0.1:8888             print --port socket://127.0.0.1:8888
   printer-slicer sim --tcp 127.0.0.1:8888 --rfc2217   print --port rfc2217://127.0.0.1:8888
   printer-slicer sim --firmware klipper --faults bad_day.toml --seed 3
-  printer-slicer sim --pty /tmp/printer --speed 0     as fast as the host can send
-  printer-slicer sim --pty /tmp/printer --expect part.stl   and say whether all of it was printed"""
+  printer-slicer sim --pty /tmp/printer --speed 0     as fast as possible
+  printer-slicer sim --pty /tmp/printer --expect part.stl   verify that it was printed"""
 _VIOLATIONS = 20  # listed in the text output
 _MOST = 64 * 1024 * 1024  # bytes of a file on the card
 
@@ -113,7 +113,7 @@ def _add_server(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Serve the simulated printer on a pseudo-terminal or over TCP until interrupted."""
-    from printer_slicer.cli.jobs import job_from, judged_by, repairs_facts
+    from printer_slicer.cli.jobs import job_from, profile_options, repairs_facts
     from printer_slicer.cli.verdicts import (
         faults_of,
         insist_printable,
@@ -126,9 +126,9 @@ def run(arguments: argparse.Namespace) -> int:
     from printer_slicer.inspection.dry_run.judging import judge
     from printer_slicer.inspection.dry_run.runner import layer_counter
 
-    _look_at_sim_flags(arguments)
+    _check_options(arguments)
     faults = faults_of(arguments)
-    profile = profile_from(arguments, **judged_by(arguments), tell=False)
+    profile = profile_from(arguments, **profile_options(arguments), tell=False)
     job, known = job_from(arguments, profile, quiet) if arguments.models else (None, {})
     comparison = Comparison(job.commands if job else ())
     if faults and job:
@@ -156,19 +156,19 @@ def run(arguments: argparse.Namespace) -> int:
         say(arguments, "\n".join([text, *planted_lines(faults)]))
     else:
         motion = f"{format_duration(report.print_seconds)} of motion, {report.n_violations} violations"
-        first = f"executed {comparison.executed} commands, plastic at {len(report.layers)} heights, {motion}"
+        first = f"executed {comparison.executed} commands, extruded at {len(report.layers)} heights, {motion}"
         say(arguments, "\n".join([first, *_violation_lines(report), *planted_lines(faults)]))
     if verdict:
         insist_printable(verdict)
     return 0
 
 
-def _look_at_sim_flags(arguments: argparse.Namespace) -> None:
-    """Refuse flags that do not go together."""
+def _check_options(arguments: argparse.Namespace) -> None:
+    """Refuse options that contradict each other."""
     if arguments.report and arguments.json and str(arguments.report) == "-":
-        raise UsageError("--report - and --json both want stdout", remedy="leave one of them out")
+        raise UsageError("--report - and --json cannot both go to stdout", remedy="Leave out one of them")
     if arguments.rfc2217 and arguments.tcp is None:
-        raise UsageError("--rfc2217 without --tcp", remedy="say with --tcp HOST:PORT where to listen")
+        raise UsageError("--rfc2217 without --tcp", remedy="Add --tcp HOST:PORT")
     if arguments.report:
         check_writable(arguments.report)
         for path in arguments.models:
@@ -176,7 +176,7 @@ def _look_at_sim_flags(arguments: argparse.Namespace) -> None:
 
 
 def _violation_lines(report: Report) -> list[str]:
-    """List what a real machine would have rejected, clipped or suffered, with the command; at most 20 lines."""
+    """Format commands that a real machine would have rejected, clipped or been harmed by; at most 20 lines."""
     shown = [f"  command {one.line}: {one.text}" for one in report.violations[:_VIOLATIONS]]
     more = report.n_violations - len(shown)
     return [*shown, f"  and {more} more: --report and --json list up to 1000"] if more else shown
@@ -188,7 +188,7 @@ def _serve_printer(
     on_executed: Callable[[str], None],
     faults: Faults | None,
 ) -> Report:
-    """Be a printer until Ctrl-C or SIGTERM; its account."""
+    """Run the simulated printer until Ctrl-C or SIGTERM; return its report."""
     from printer_slicer.cli.verdicts import firmware_of
     from printer_slicer.inspection.dry_run.machines import machine_of
     from printer_slicer.sim.link import Cable
@@ -202,10 +202,10 @@ def _serve_printer(
     )
 
     def make() -> SimulatedPrinter:
-        """The printer, switched on."""
+        """Create the printer."""
         return SimulatedPrinter(machine, firmware, on_executed=on_executed, faults=faults, card=files)
 
-    # Bytes that come all at once would overflow a small receive buffer.
+    # Bytes that arrive all at once would overflow a small receive buffer.
     paced = arguments.baud or (None if firmware.receive_buffer is None else profile.printer.baud)
     timer = arguments.latency_timer / 1000.0
     connect = partial(Cable, baud=paced, timer=timer, damage=faults)
@@ -219,12 +219,12 @@ def _served(
     connect: Callable[[SimulatedPrinter], Cable],
     faults: Faults | None,
 ) -> Report:
-    """Let hosts in by the door that was asked for."""
+    """Serve on the pseudo-terminal or TCP port."""
     stopped: list[int] = []
     signal.signal(signal.SIGTERM, lambda number, _frame: stopped.append(number))
 
     def ready(name: str) -> None:
-        """Say where the printer is; who waits for it reads this through a pipe."""
+        """Print the address at once, for programs that wait for it."""
         say(arguments, f"simulated {profile.printer.name} at {name}; Ctrl-C ends it")
         sys.stdout.flush()
 
@@ -251,7 +251,7 @@ def _served(
 
 
 def _card(arguments: argparse.Namespace) -> dict[str, bytes] | None:
-    """The files for the memory card; None without a card reader."""
+    """Read the files of the SD card; None without a card reader."""
     if arguments.card is None:
         return None
     files: dict[str, bytes] = {}
@@ -260,11 +260,11 @@ def _card(arguments: argparse.Namespace) -> dict[str, bytes] | None:
             with path.open("rb") as file:
                 data = file.read(_MOST + 1)
         except OSError as error:
-            raise UsageError(f"{path}: {error.strerror}", remedy="--card wants G-code files") from error
+            raise UsageError(f"{path}: {error.strerror}", remedy="Name G-code files after --card") from error
         if len(data) > _MOST:
             raise UsageError(
                 f"{path}: over {_MOST >> 20} MiB",
-                remedy="the card of a simulated printer takes smaller files",
+                remedy="Use smaller files",
             )
         files[path.name] = data
     return files

@@ -33,7 +33,7 @@ EXAMPLES: Final = """\
   printer-slicer slice part.stl --units inch --rotate -90,0,0 --scale 50%
   printer-slicer slice lid.stl box.3mf -o plate.gcode     all on one plate, positions from the files
   printer-slicer slice *.stl -o gcode/                    one G-code file per model"""
-_REMEDY = "turn the part or add supports; `print` needs --allow unsupported"
+_REMEDY = "rotate the part or add supports; `print` needs --allow unsupported"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -104,7 +104,8 @@ def run(arguments: Namespace) -> int:
     refuse_mixing(arguments)
     if arguments.layer is not None and not arguments.picture:
         raise UsageError(
-            f"--layer {arguments.layer}: there is no picture", remedy="name its file with --picture"
+            f"--layer {arguments.layer}: only pictures have layers",
+            remedy="Name a picture with --picture FILE",
         )
     arguments.made = _made(arguments)
     if arguments.output_dir is None:
@@ -134,7 +135,7 @@ def _slice_plate(arguments: Namespace, profile: Profile, output: Path | None) ->
             refuse_same(output, path)
         _refuse_model_name(output)
         meshes = [mesh]
-        del mesh  # what was read is not needed beyond placing, and may be large
+        del mesh  # not needed after placing, and may be large
         stage = slice_stages(
             meshes.pop(), profile, placement=plate.placement, report=report, strict=arguments.strict
         )
@@ -158,15 +159,15 @@ def _slice_plate(arguments: Namespace, profile: Profile, output: Path | None) ->
                 made=arguments.made,
             ),
         )
-    late = [*_unsupported_warnings(unsupported), *_unreached(profile, stage.sections.plan)]
+    late = [*_unsupported_warnings(unsupported), *_unused_ranges(profile, stage.sections.plan)]
     warn(arguments, late)
-    told = {"unsupported": _unsupported_facts(unsupported), "warnings": [*plate.warnings, *late]}
-    _tell(arguments, output, facts_of(stage, profile, seconds, certificate) | plate.facts() | told)
+    more = {"unsupported": _unsupported_facts(unsupported), "warnings": [*plate.warnings, *late]}
+    _print_result(arguments, output, facts_of(stage, profile, seconds, certificate) | plate.facts() | more)
     open_files(arguments, [output, arguments.picture])
 
 
-def _tell(arguments: Namespace, output: Path, facts: dict[str, Any]) -> None:
-    """Say what was made, for programs or for people."""
+def _print_result(arguments: Namespace, output: Path, facts: dict[str, Any]) -> None:
+    """Print the result, as JSON or as sentences."""
     from printer_slicer.cli.facts import sentences
 
     if arguments.json:
@@ -192,13 +193,13 @@ def _outputs(arguments: Namespace) -> list[tuple[Path, Path]]:
         if output in outputs:
             raise UsageError(
                 f"{model}: has the same output file as {outputs[output]}: {output}",
-                remedy="rename one of them, or use different output folders",
+                remedy="Rename one of them, or use different output folders",
             )
         outputs[output] = model
     if arguments.picture and len(outputs) > 1:
         raise UsageError(
             f"--picture {arguments.picture}: one picture for {len(outputs)} models",
-            remedy="slice them one by one",
+            remedy="Slice the models one by one",
         )
     make_folder(folder)
     return [(model, output) for output, model in outputs.items()]
@@ -210,27 +211,27 @@ def _made(arguments: Namespace) -> datetime | None:
     Raises:
         UsageError: SOURCE_DATE_EPOCH is not a number of seconds.
     """
-    told = os.environ.get("SOURCE_DATE_EPOCH", "")
-    if told:
+    epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
+    if epoch:
         try:
-            return datetime.fromtimestamp(int(told), UTC)
+            return datetime.fromtimestamp(int(epoch), UTC)
         except (ValueError, OverflowError, OSError):
             raise UsageError(
-                f"SOURCE_DATE_EPOCH={told}: not a date", remedy="set it to seconds since 1970, or unset it"
+                f"SOURCE_DATE_EPOCH={epoch}: not a date", remedy="Set it to seconds since 1970, or unset it"
             ) from None
     return datetime.now(UTC) if arguments.timestamp else None
 
 
 def _refuse_model_name(output: Path) -> None:
-    """G-code under the name of a model would be taken for one.
+    """Refuse to write G-code to a file with the suffix of a model.
 
     Raises:
-        UsageError: it is asked for.
+        UsageError: the output has such a suffix.
     """
     if output.suffix.lower() in MODELS:
         raise UsageError(
-            f"-o {output}: {output.suffix} is for models, and this is G-code",
-            remedy=f"name it {output.with_suffix('.gcode')}",
+            f"-o {output}: {output.suffix} is a format of models, but the output is G-code",
+            remedy=f"Name it {output.with_suffix('.gcode')}",
         )
 
 
@@ -268,29 +269,31 @@ def _refuse_unsupported(name: str, found: Sequence[Unsupported]) -> None:
     if found:
         raise PartError(
             f"{name}: {describe(found)}",
-            remedy="turn the part, add supports, or --allow unsupported; without --strict this is only a warning",
+            remedy="Rotate the part, add supports, or use --allow unsupported; without --strict it is only a warning",
         )
 
 
-def _unreached(profile: Profile, plan: LayerPlan) -> Iterator[str]:
-    """The settings of heights over the part, which change nothing."""
+def _unused_ranges(profile: Profile, plan: LayerPlan) -> Iterator[str]:
+    """Yield a warning for each height range above the part, whose settings have no effect."""
     from printer_slicer.profile.object_profiles import override_heights
 
     top = float(plan.top[-1])
     for low, high, own in override_heights(profile):
         if low >= top:
-            shall = f"where {', '.join(own)} shall differ"
-            yield f"nothing is between {low:g} and {high:g} mm, {shall}: all is {top:g} mm high"
+            names = ", ".join(own)
+            yield f"the range from {low:g} to {high:g} mm ({names}) is above the part, which is {top:g} mm high"
 
 
 def _beside(model: Path) -> Path:
-    """Where the G-code of a model goes when nobody says where.
+    """Return the default output file, beside the model.
 
     Raises:
-        UsageError: the model comes out of a pipe, which has no such place.
+        UsageError: the model is not a regular file.
     """
     if not model.is_file():
-        raise UsageError(f"{model}: is no file, so the G-code has no name", remedy="name it with -o")
+        raise UsageError(
+            f"{model}: not a regular file, so the G-code needs a name", remedy="Name the output with -o FILE"
+        )
     return model.with_suffix(".gcode")
 
 
@@ -300,6 +303,6 @@ def _draw_layer(program: Program, number: int, path: Path) -> None:
     if not 1 <= number <= program.plan.n_layers:
         raise UsageError(
             f"--layer {number}: the print has layers 1 to {program.plan.n_layers}",
-            remedy="choose one of these",
+            remedy="Choose one of these",
         )
     write_file(path, picture_bytes(layer_picture(program, number - 1), path))

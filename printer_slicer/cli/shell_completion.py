@@ -1,7 +1,7 @@
-"""What the Tab key offers: commands and flags of the parser, and the names that flags take.
+"""Shell completion of commands, options, and their values.
 
-A shell that was told how (`printer-slicer completion SHELL`) runs this program with a variable set; argcomplete then
-asks the parser what could be typed. So names of profiles, settings and ports are those of this moment.
+A shell with the script of `printer-slicer completion SHELL` runs this program with an environment variable; argcomplete
+then asks the parser for candidates. So names of profiles, settings and ports are always current.
 """
 
 from __future__ import annotations
@@ -23,25 +23,25 @@ SHELLS: Final = ("bash", "zsh", "fish")
 GCODE: Final = (".gcode", ".gco", ".g", ".nc")
 _KINDS: Final = ("printer", "material", "quality")
 _Words = Iterable[str] | Mapping[str, str]
-"""What may come next; with meanings, where the shell shows them."""
+"""Candidates, or candidate -> meaning for shells that show meanings."""
 _Completer = Callable[[str], _Words]
 
 
 def shell_code(shell: str) -> str:
-    """What a shell must read to complete our commands."""
+    """Return the completion script for a shell."""
     from argcomplete.shell_integration import shellcode
 
     return str(shellcode(["printer-slicer"], shell=shell))
 
 
 def complete(parser: argparse.ArgumentParser) -> None:
-    """Answer the shell and end this process, if it asks."""
+    """Answer a completion request of the shell and exit; return if there is none."""
     import argcomplete
 
     for action in actions_of(parser):
         completer = _completer(action)
         if completer:
-            action.completer = _asked(completer)  # type: ignore[attr-defined]
+            action.completer = _as_argcomplete(completer)  # type: ignore[attr-defined]
         elif action.dest == "names":
             action.completer = _names_of_profiles  # type: ignore[attr-defined]
     _as_one_command(parser)
@@ -49,20 +49,20 @@ def complete(parser: argparse.ArgumentParser) -> None:
 
 
 def _as_one_command(parser: argparse.ArgumentParser) -> None:
-    """Where another parser reads behind a word, as in `profiles import`, let argcomplete take both for one command."""
+    """Join commands of two words, such as `profiles import`, into one for argcomplete."""
     line = os.environ.get("COMP_LINE", "")
     for action in parser._actions:  # noqa: SLF001 - argparse has no other list
         if isinstance(action, argparse._SubParsersAction):  # noqa: SLF001 - likewise
-            for name, word, below in _below(action.choices):
+            for name, word, below in _second_words(action.choices):
                 found = re.match(rf"\S+\s+({name}(\s+){word})\s", line)
-                if found:  # as long as before, so that the cursor stays where it is
+                if found:  # of the same length, so that the cursor position stays valid
                     joined = f"{name}{'_' * len(found[2])}{word}"
                     action.choices[joined] = below
                     os.environ["COMP_LINE"] = line.replace(found[1], joined, 1)
 
 
-def _below(commands: Mapping[str, argparse.ArgumentParser]) -> list[tuple[str, str, CommandParser]]:
-    """Commands, first words behind them that lead to another parser, and these."""
+def _second_words(commands: Mapping[str, argparse.ArgumentParser]) -> list[tuple[str, str, CommandParser]]:
+    """Return (command, second word, parser) of commands with a parser of their own for a second word."""
     return [
         (name, word, below)
         for name, made in commands.items()
@@ -71,13 +71,13 @@ def _below(commands: Mapping[str, argparse.ArgumentParser]) -> list[tuple[str, s
     ]
 
 
-def _asked(completer: _Completer) -> Callable[..., _Words]:
-    """As argcomplete asks: it knows more than our completers need."""
+def _as_argcomplete(completer: _Completer) -> Callable[..., _Words]:
+    """Adapt a completer to the signature that argcomplete calls."""
     return lambda prefix, **_: completer(prefix)
 
 
 def actions_of(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
-    """All arguments of a parser and of those under it."""
+    """Yield all arguments of a parser and of its commands."""
     for action in parser._actions:  # noqa: SLF001 - argparse has no other list
         yield action
         if isinstance(action, argparse._SubParsersAction):  # noqa: SLF001 - likewise
@@ -88,7 +88,7 @@ def actions_of(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
 
 
 def _completer(action: argparse.Action) -> _Completer | None:
-    """Who knows what an argument may be; None: argparse's choices, or nobody."""
+    """Return the completer of an argument; None if argparse has its choices, or it has no candidates."""
     if action.choices is not None or action.nargs == 0 or action.dest == "names":
         return None
     for flag in action.option_strings:
@@ -97,30 +97,30 @@ def _completer(action: argparse.Action) -> _Completer | None:
     return _OF_NAMES.get(action.dest, _files())
 
 
-# Who knows
+# Completers
 
 
 def _names(kind: str) -> _Completer:
-    """Names of profiles, with what they are for, and profiles of one's own in files."""
+    """Return a completer for names of profiles with their descriptions, and for profile files."""
 
     def known(prefix: str) -> _Words:
-        """Those that begin so."""
+        """Return those that start with the prefix."""
         from printer_slicer.profile import profile_paths
         from printer_slicer.profile.inspection import read_headline
 
         names = {name: read_headline(path) for name, path in profile_paths(kind).items()}
-        return _beginning(names, prefix) | dict.fromkeys(_paths(prefix, (".toml",)), "")
+        return _starting_with(names, prefix) | dict.fromkeys(_paths(prefix, (".toml",)), "")
 
     return known
 
 
 def _any_profile(prefix: str) -> _Words:
-    """Names of all profiles."""
+    """Complete names of all profiles."""
     return [word for kind in _KINDS for word in _names(kind)(prefix)]
 
 
 def _names_of_profiles(prefix: str, parsed_args: argparse.Namespace, **_: object) -> _Words:
-    """What may come next behind `profiles WHAT`."""
+    """Complete the words after `profiles ACTION`."""
     what, names = getattr(parsed_args, "what", "") or "", getattr(parsed_args, "names", None) or []
     kinds = {kind: "" for kind in _KINDS if kind.startswith(prefix)}
     said = what if what in _KINDS else next((word for word in names[:1] if word in _KINDS), "")
@@ -137,7 +137,7 @@ def _names_of_profiles(prefix: str, parsed_args: argparse.Namespace, **_: object
 
 
 def _kind_of(name: str) -> str:
-    """The kind of a profile; empty where that cannot be told."""
+    """Return the kind of a profile; empty if it is unknown."""
     from printer_slicer.errors import ProfileError
     from printer_slicer.profile.reading import kind_of
 
@@ -148,7 +148,7 @@ def _kind_of(name: str) -> str:
 
 
 def _settings(prefix: str) -> _Words:
-    """`key=` with its meaning; `key=value` where there are few values. Short keys, until a section is typed."""
+    """Complete `key=` with its meaning, or `key=value` if a setting has choices; full keys once a section is typed."""
     key, equals, _value = prefix.partition("=")
     rows = [tuple(map(str, row)) for row in _rows()]
     if equals:
@@ -158,34 +158,34 @@ def _settings(prefix: str) -> _Words:
     sections = tuple({f"{row[0].partition('.')[0]}." for row in rows})
     short = {f"{row[0].partition('.')[2]}=": row[5] for row in rows}
     full = {f"{row[0]}=": row[5] for row in rows} if prefix.startswith(sections) else {}
-    return _beginning(short | full, prefix)
+    return _starting_with(short | full, prefix)
 
 
-def _of_heights(prefix: str) -> _Words:
-    """The same behind two heights, for settings that may differ there, and those of the planner."""
+def _complete_range(prefix: str) -> _Words:
+    """Complete settings after two heights: those that a height range may override, and those of the planner."""
     where, _, begin = prefix.rpartition(":")
     if where.count(":") < 1:
         return []
-    planned = {"tolerance=": "tolerance there", "layer_height=": "height of the layers there"}
-    return _own(where, begin, {"height"}) | {
-        f"{where}:{key}": told for key, told in _beginning(planned, begin).items()
+    planned = {"tolerance=": "tolerance in this range", "layer_height=": "layer height in this range"}
+    return _overridable(where, begin, {"height"}) | {
+        f"{where}:{key}": meaning for key, meaning in _starting_with(planned, begin).items()
     }
 
 
-def _of_objects(prefix: str) -> _Words:
-    """The same behind an object, or an object and two heights."""
+def _complete_set_for(prefix: str) -> _Words:
+    """Complete settings after an object, or after an object and two heights."""
     where, colon, begin = prefix.rpartition(":")
     if not colon:
         return []
-    return _own(where, begin, {"object", "height"} if where.count(":") > 1 else {"object"})
+    return _overridable(where, begin, {"object", "height"} if where.count(":") > 1 else {"object"})
 
 
-def _own(where: str, begin: str, places: set[str]) -> dict[str, str]:
-    """Settings that may differ there."""
+def _overridable(where: str, begin: str, places: set[str]) -> dict[str, str]:
+    """Return the settings that may be overridden there."""
     own = {row[0].partition(".")[2] for row in _rows() if places <= set(row[6])}
     words = _settings(begin)
     known = words.items() if isinstance(words, Mapping) else ((word, "") for word in words)
-    return {f"{where}:{word}": told for word, told in known if word.partition("=")[0] in own}
+    return {f"{where}:{word}": meaning for word, meaning in known if word.partition("=")[0] in own}
 
 
 def _rows() -> Iterator[Any]:
@@ -202,23 +202,23 @@ def _without_brackets(key: str) -> str:
 
 
 def _values(kind: str, bounds: str) -> list[str]:
-    """What a setting may be, where these are few words."""
+    """Return the choices of a setting; empty if it has none."""
     if kind == "bool":
         return ["true", "false"]
     return [word.strip() for word in bounds.split("|")] if "|" in bounds else []
 
 
 def _ports(prefix: str) -> _Words:
-    """Serial ports of this computer, and the simulated printer."""
+    """Complete serial ports and the simulated printer."""
     from printer_slicer.stream.serial_port import list_ports
 
-    return _beginning(
+    return _starting_with(
         {port.device: port.description for port in list_ports()} | {"sim:": "simulated"}, prefix
     )
 
 
 def _unfinished(prefix: str) -> _Words:
-    """Prints on the shelf."""
+    """Complete names of stored prints."""
     from printer_slicer.printing.shelf import default_shelf, on_shelf
 
     return [one.name for one in on_shelf(default_shelf()) if one.name.startswith(prefix)]
@@ -227,18 +227,20 @@ def _unfinished(prefix: str) -> _Words:
 def _allowed(prefix: str) -> _Words:
     from printer_slicer.diagnostics import NAMES
 
-    return _beginning(NAMES, prefix)
+    return _starting_with(NAMES, prefix)
 
 
 def _choices(setting: str) -> _Completer:
-    """The few words of which a setting is one."""
+    """Return a completer for the choices of a setting."""
 
     def known(prefix: str) -> _Words:
-        """Those that begin so."""
+        """Return those that start with the prefix."""
         if setting.endswith("planner.kind"):
             from printer_slicer.profile.planners import PLANNER_SETTINGS
 
-            return _beginning({name: kind.__doc__ or "" for name, kind in PLANNER_SETTINGS.items()}, prefix)
+            return _starting_with(
+                {name: kind.__doc__ or "" for name, kind in PLANNER_SETTINGS.items()}, prefix
+            )
         few = {row[0]: _values(row[1], row[3]) for row in _rows()}
         return [word for word in few[setting] if word.startswith(prefix)]
 
@@ -254,7 +256,7 @@ def _files(*suffixes: str) -> _Completer:
 
 
 def _paths(prefix: str, suffixes: tuple[str, ...]) -> list[str]:
-    """Files with one of these suffixes, or with any, and folders, as they are typed."""
+    """Return files with one of these suffixes (all files if there are none) and folders, as they are typed."""
     folder, slash, begin = prefix.rpartition("/")
     where = Path(f"{folder}{slash}" or ".").expanduser()
     found = []
@@ -264,12 +266,12 @@ def _paths(prefix: str, suffixes: tuple[str, ...]) -> list[str]:
             fits = path.is_dir() or not suffixes or path.suffix.lower() in suffixes
             if path.name.startswith(begin) and fits and not hidden:
                 found.append(f"{folder}{slash}{path.name}" + ("/" if path.is_dir() else ""))
-    except OSError:  # no such folder: nothing begins so
+    except OSError:  # no such folder
         return []
     return found
 
 
-def _beginning(words: Mapping[str, str], prefix: str) -> dict[str, str]:
+def _starting_with(words: Mapping[str, str], prefix: str) -> dict[str, str]:
     return {word: meaning for word, meaning in words.items() if word.startswith(prefix)}
 
 
@@ -279,8 +281,8 @@ _OF_FLAGS: Final[Mapping[str, _Completer]] = {
     "--quality": _names("quality"),
     "--inherits": _any_profile,
     "--set": _settings,
-    "--set-for": _of_objects,
-    "--range": _of_heights,
+    "--set-for": _complete_set_for,
+    "--range": _complete_range,
     "--firmware": _of(*(name.replace(" ", "-") for name in FIRMWARES)),
     **{flag: _choices(option.setting) for flag, option in SETTING_OPTIONS.items()},
     "--units": _of("mm", "cm", "m", "inch", "foot", "micron"),
