@@ -24,7 +24,7 @@ from threading import Thread
 from time import monotonic
 
 from printer_slicer.inspection.dry_run.machines import front_end_of, machine_of
-from printer_slicer.printing.journal import read_story
+from printer_slicer.printing.journal import read_journal
 from printer_slicer.profile import load_profile
 from printer_slicer.sim.printer import SimulatedPrinter
 from printer_slicer.sim.pty_server import serve
@@ -141,7 +141,7 @@ def one_job(seed: int, kills: int, folder: Path) -> Outcome:
             if not left:
                 break  # it had come to its end, and was on its way out
             outcome.kills += 1
-            story = read_story(left[0])
+            story = read_journal(left[0])
             outcome.ahead.append(len(of_job(executed)) - story.entries)
         code = host.wait(timeout=_LAST_RESORT) if left else 0
         outcome.exact = of_job(executed) == wanted and code == 0

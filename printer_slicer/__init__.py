@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     )
     from printer_slicer.pipeline import plan_part, slice_part, slice_stages
     from printer_slicer.placing import Placement, join, place, transform
-    from printer_slicer.printing import Controls, Done, print_job
+    from printer_slicer.printing import Controls, PrintResult, print_job
     from printer_slicer.profile import Profile, load_profile, profile_with
     from printer_slicer.roles import Role
     from printer_slicer.slice_jobs import job_from, job_of
@@ -60,7 +60,7 @@ _HOMES = {
     "Check": "inspection.coverage.model_check",
     "Controls": "printing",
     "Dialect": "firmware",
-    "Done": "printing",
+    "PrintResult": "printing",
     "Infill": "infill",
     "InfillTask": "infill",
     "Job": "jobs",
@@ -118,7 +118,6 @@ __all__ = [
     "Check",
     "Controls",
     "Dialect",
-    "Done",
     "Infill",
     "InfillTask",
     "Job",
@@ -129,6 +128,7 @@ __all__ = [
     "Picture",
     "Placement",
     "Polylines",
+    "PrintResult",
     "PrinterSlicerError",
     "Profile",
     "Program",

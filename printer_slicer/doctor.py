@@ -22,7 +22,7 @@ from typing import Final, Literal
 
 from printer_slicer.stream.events import Accepted, Event, Halted, Identified, Temperature
 from printer_slicer.stream.framing import frame
-from printer_slicer.stream.link_meter import LinkMeter, LinkSeen, Metered
+from printer_slicer.stream.link_meter import LinkMeter, LinkStatistics, MeteredTransport
 from printer_slicer.stream.protocol import Streamer
 from printer_slicer.stream.serial_port import holders
 from printer_slicer.stream.session import Transport, run
@@ -30,7 +30,7 @@ from printer_slicer.stream.session import Transport, run
 if sys.platform != "win32":
     import grp
 
-__all__ = ["Examination", "PortCheck", "PortState", "examine", "state_of"]
+__all__ = ["PortCheck", "PortState", "PrinterDiagnosis", "diagnose_printer", "state_of"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -203,7 +203,7 @@ _WORTH: Final = (
 
 
 @dataclass(frozen=True, slots=True)
-class Examination:
+class PrinterDiagnosis:
     """What a printer said, and how fast. Times in s.
 
     Attributes:
@@ -227,7 +227,7 @@ class Examination:
     answer_95: float | None
     lines_per_second: float | None
     wire: float
-    link: LinkSeen
+    link: LinkStatistics
     halted: str
 
     def checks(self) -> Iterator[PortCheck]:
@@ -297,13 +297,13 @@ class Examination:
             yield PortCheck("errors", "good", f"none in {self.link.lines} lines")
 
 
-def examine(
+def diagnose_printer(
     transport: Transport,
     clock: Callable[[], float],
     *,
     baud: int,
     on_event: Callable[[Event], None] = lambda _: None,
-) -> Examination:
+) -> PrinterDiagnosis:
     """Talk to the printer at the other end of an open port.
 
     Args:
@@ -317,12 +317,12 @@ def examine(
     """
     meter = LinkMeter()
     listener = _Listener(clock, on_event, meter)
-    metered = Metered(transport, meter, clock)
+    metered = MeteredTransport(transport, meter, clock)
     alone = _times(metered, clock, listener, lines=_ALONE, window=1)
     abreast = [] if listener.halted else _times(metered, clock, listener, lines=_ABREAST, window=2)
     waits = sorted(after - before for before, after in pairwise(alone))
     rate = (len(abreast) - 1) / (abreast[-1] - abreast[0]) if len(abreast) > 10 else None
-    return Examination(
+    return PrinterDiagnosis(
         firmware=listener.firmware,
         capabilities=listener.capabilities,
         temperatures=listener.temperatures,

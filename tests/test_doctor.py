@@ -15,7 +15,7 @@ from threading import Event, Thread
 
 import pytest
 
-from printer_slicer.doctor import Examination, PortCheck, examine, state_of
+from printer_slicer.doctor import PortCheck, PrinterDiagnosis, diagnose_printer, state_of
 from printer_slicer.sim.front_end import MARLIN_2_1, MARLIN_2_1_ADVANCED
 from printer_slicer.sim.link import Damage, VirtualPort
 from printer_slicer.sim.machine import Machine
@@ -27,14 +27,14 @@ from tests.waiting import LAST_RESORT
 
 def seen(
     *, baud: int = 115_200, latency: float = 0.001, advanced: bool = False, flip: float = 0.0
-) -> Examination:
+) -> PrinterDiagnosis:
     printer = SimulatedPrinter(Machine(), MARLIN_2_1_ADVANCED if advanced else MARLIN_2_1)
     damage = Damage(Random(3), flip=flip) if flip else None
     port = VirtualPort(printer, baud=baud, latency=latency, damage=damage)
-    return examine(port, port.now, baud=baud)
+    return diagnose_printer(port, port.now, baud=baud)
 
 
-def by_name(found: Examination) -> dict[str, PortCheck]:
+def by_name(found: PrinterDiagnosis) -> dict[str, PortCheck]:
     return {check.name: check for check in found.checks()}
 
 
@@ -87,7 +87,7 @@ def test_a_bad_cable_is_told() -> None:
 def test_nothing_is_moved_or_heated() -> None:
     printer = SimulatedPrinter(Machine(), MARLIN_2_1)
     port = VirtualPort(printer, baud=115_200, latency=0.001)
-    examine(port, port.now, baud=115_200)
+    diagnose_printer(port, port.now, baud=115_200)
     report = printer.report()
 
     assert (report.motion_seconds, report.filament_fed, report.heating_seconds) == (0, 0, 0)
@@ -115,7 +115,7 @@ class _Silent:
 
 def test_nobody_behind_the_port() -> None:
     port = _Silent()
-    checks = list(examine(port, lambda: port.now, baud=115_200).checks())
+    checks = list(diagnose_printer(port, lambda: port.now, baud=115_200).checks())
 
     assert [(check.name, check.state) for check in checks] == [("printer", "bad")]
     assert "--baud" in checks[0].remedy

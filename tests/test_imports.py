@@ -12,12 +12,12 @@ import pytest
 
 import printer_slicer
 from printer_slicer.cli.parser import COMMANDS
-from printer_slicer.printing.conductor import Ticket
+from printer_slicer.printing.commands import Stop
+from printer_slicer.printing.control_socket import serve_control
 from printer_slicer.printing.controls import Controls
-from printer_slicer.printing.door import open_door
-from printer_slicer.printing.setup import setup_of
-from printer_slicer.printing.shelf import Place, begin
-from printer_slicer.printing.wishes import Stop
+from printer_slicer.printing.host_settings import host_settings_from
+from printer_slicer.printing.job_store import PortAddress, begin
+from printer_slicer.printing.print_controller import Request
 from printer_slicer.profile import load_profile
 from tests.waiting import LAST_RESORT
 
@@ -159,9 +159,9 @@ class Granting:
     def __init__(self) -> None:
         self.wanted: list[object] = []
 
-    def want(self, ticket: Ticket) -> None:
-        self.wanted.append(ticket.wish)
-        ticket.done("the printer was told to halt")
+    def want(self, request: Request) -> None:
+        self.wanted.append(request.command)
+        request.done("the printer was told to halt")
 
 
 def test_an_emergency_stop_imports_nothing_that_it_does_without(tmp_path: Path) -> None:
@@ -173,8 +173,10 @@ def test_an_emergency_stop_imports_nothing_that_it_does_without(tmp_path: Path) 
         "from printer_slicer.cli import main\nassert main(['control', 'stop']) == 0\n"
         "print('loaded:', *sys.modules)"
     )
-    held = begin(tmp_path / "prints", "job.gcode", b"G28\n", Place("port", 1), setup_of(load_profile()))
-    with open_door(held.folder, controls, held.name):
+    held = begin(
+        tmp_path / "prints", "job.gcode", b"G28\n", PortAddress("port", 1), host_settings_from(load_profile())
+    )
+    with serve_control(held.folder, controls, held.name):
         names = python(run, str(tmp_path)).partition("loaded:")[2].split()
     held.forget()
     own = {name.removeprefix("printer_slicer.") for name in names if name.startswith("printer_slicer.")}

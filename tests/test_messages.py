@@ -27,7 +27,7 @@ from printer_slicer.mesh_io.files import opened
 from printer_slicer.mesh_io.limits import LIMITS
 from printer_slicer.mesh_io.units import checked_unit
 from printer_slicer.model import LayerPlan, Sections
-from printer_slicer.printing.wishes import read_wish
+from printer_slicer.printing.commands import parse_command
 from printer_slicer.saving import save
 from printer_slicer.stream.framing import check_commands
 from tests.parts import box
@@ -93,14 +93,14 @@ CALLS: Final[dict[str, tuple[Callable[[], Any], str, str]]] = {
         "line 1 is 205 bytes long: 'M117 xxx",
         "shorten it to",
     ),
-    "a wish for nothing": (lambda: read_wish(""), "nothing: not known", "one of "),
-    "a wish that there is not": (lambda: read_wish("dance"), "dance: not known", "pause"),
+    "a wish for nothing": (lambda: parse_command(""), "nothing: not known", "one of "),
+    "a wish that there is not": (lambda: parse_command("dance"), "dance: not known", "pause"),
     "a pause of no kind": (
-        lambda: read_wish("pause soon"),
+        lambda: parse_command("pause soon"),
         "pause soon: not known",
         "pause [now] [cold] [here]",
     ),
-    "a speed that is none": (lambda: read_wish("speed fast"), "fast: expected", "give a number"),
+    "a speed that is none": (lambda: parse_command("speed fast"), "fast: expected", "give a number"),
 }
 
 

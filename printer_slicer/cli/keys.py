@@ -104,14 +104,14 @@ class Keyboard:
             self._line += key
 
     def _send(self, line: str) -> None:
-        from printer_slicer.printing.wishes import Stop, read_wish
+        from printer_slicer.printing.commands import Stop, parse_command
 
         try:
-            wish = read_wish(line)
-            if isinstance(wish, Stop):
+            command = parse_command(line)
+            if isinstance(command, Stop):
                 self._controls.stop()
             else:
-                self._tell(self._controls.ask(wish))
+                self._tell(self._controls.ask(command))
         except UsageError as error:
             self._tell(str(error).splitlines()[0])
 

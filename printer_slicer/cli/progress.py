@@ -20,21 +20,21 @@ from printer_slicer.stream.events import (
     Action,
     Event,
     Identified,
+    LineSent,
     Message,
-    Note,
-    Numbered,
     Paused,
     PoorLink,
     Prompt,
     ResendAsked,
     Resumed,
     Stopping,
+    StreamWarning,
     Temperature,
 )
 from printer_slicer.texts import format_duration
 
 if TYPE_CHECKING:
-    from printer_slicer.printing import Controls, Done
+    from printer_slicer.printing import Controls, PrintResult
 
 __all__ = ["print_with", "progress"]
 
@@ -105,7 +105,7 @@ class progress:  # noqa: N801 - used like a function
         self._lines.reached(self._done, max(len(self._job.commands), 1), self._where)
         if isinstance(event, Accepted):
             return
-        if self._json and not isinstance(event, Numbered):
+        if self._json and not isinstance(event, LineSent):
             print(
                 json.dumps({"event": type(event).__name__.lower(), **asdict(event)}, default=str), flush=True
             )
@@ -141,7 +141,7 @@ class progress:  # noqa: N801 - used like a function
             self._bar(done)
 
 
-def print_with(arguments: argparse.Namespace, job: Job, checkpoint: Path, begin: Callable[..., Done]) -> int:
+def print_with(arguments: argparse.Namespace, job: Job, checkpoint: Path, begin: Callable[..., PrintResult]) -> int:
     """Print with progress and keys, and print the result.
 
     Args:
@@ -207,7 +207,7 @@ def _for_people(event: Event) -> str:
         return f"paused: {event.reason}"
     if isinstance(event, Resumed):
         return "resumed"
-    if isinstance(event, Note):
+    if isinstance(event, StreamWarning):
         return event.text
     if isinstance(event, PoorLink):
         return f"warning: {event.text}"

@@ -219,9 +219,9 @@ def _ports(prefix: str) -> _Words:
 
 def _unfinished(prefix: str) -> _Words:
     """Complete names of stored prints."""
-    from printer_slicer.printing.shelf import default_shelf, on_shelf
+    from printer_slicer.printing.job_store import default_job_store, stored_prints
 
-    return [one.name for one in on_shelf(default_shelf()) if one.name.startswith(prefix)]
+    return [one.name for one in stored_prints(default_job_store()) if one.name.startswith(prefix)]
 
 
 def _allowed(prefix: str) -> _Words:
@@ -297,7 +297,7 @@ _OF_NAMES: Final[Mapping[str, _Completer]] = {
     "gcode": _files(*GCODE),
     "port": _ports,
     "name": _unfinished,
-    "wish": _of(
+    "words": _of(
         "status", "pause", "resume", "cancel", "object", "speed", "flow", "fan", "nozzle", "bed", "stop"
     ),
 }

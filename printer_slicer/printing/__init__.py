@@ -10,18 +10,18 @@ from typing import TYPE_CHECKING
 from printer_slicer.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from printer_slicer.printing.controls import Controls, Done, Options
-    from printer_slicer.printing.keeper import print_job, resume_print
+    from printer_slicer.printing.controls import Controls, PrintOptions, PrintResult
+    from printer_slicer.printing.print_session import print_job, resume_print
 
 _HOMES = {
     "Controls": "controls",
-    "Done": "controls",
-    "Options": "controls",
-    "print_job": "keeper",
-    "resume_print": "keeper",
+    "PrintResult": "controls",
+    "PrintOptions": "controls",
+    "print_job": "print_session",
+    "resume_print": "print_session",
 }
 
-__all__ = ["Controls", "Done", "Options", "print_job", "resume_print"]
+__all__ = ["Controls", "PrintOptions", "PrintResult", "print_job", "resume_print"]
 
 
 __getattr__ = lazy_names(__name__, _HOMES)

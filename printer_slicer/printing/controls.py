@@ -12,12 +12,12 @@ from threading import Lock
 from typing import Any, TypedDict
 
 from printer_slicer.errors import UsageError
-from printer_slicer.printing import wishes
-from printer_slicer.printing.conductor import Conductor, Ticket
+from printer_slicer.printing import commands
+from printer_slicer.printing.print_controller import PrintController, Request
 from printer_slicer.stream.events import Event
-from printer_slicer.stream.link_meter import LinkSeen
+from printer_slicer.stream.link_meter import LinkStatistics
 
-__all__ = ["Controls", "Done", "Listen", "Options"]
+__all__ = ["Controls", "Listen", "PrintOptions", "PrintResult"]
 
 _PATIENCE = 10.0
 _SOON = 1.5
@@ -31,8 +31,8 @@ class Controls:
 
     def __init__(self) -> None:
         self._lock = Lock()
-        self._early: deque[Ticket] = deque()
-        self._conductor: Conductor | None = None
+        self._early: deque[Request] = deque()
+        self._conductor: PrintController | None = None
         self._wake: Callable[[], None] = lambda: None
         self._waits_for = _CONNECTING
         self._known: dict[str, Any] = {}
@@ -41,7 +41,7 @@ class Controls:
 
     def bind(
         self,
-        conductor: Conductor | None,
+        controller: PrintController | None,
         wake: Callable[[], None] = lambda: None,
         *,
         waits_for: str = _CONNECTING,
@@ -49,37 +49,39 @@ class Controls:
         """Send commands to this conductor from now on, starting with those that came early.
 
         Args:
-            conductor: None if there is none for now.
+            controller: None if there is none for now.
             wake: wakes the thread that runs it.
             waits_for: what the print is waiting for without a conductor.
         """
         with self._lock:
-            if self._conductor is not None and conductor is None:
+            if self._conductor is not None and controller is None:
                 self._known = self._conductor.status()
             self._waits_for = waits_for
-            self._conductor, self._wake = conductor, wake
-            while conductor is not None and self._early:
-                conductor.want(self._early.popleft())
+            self._conductor, self._wake = controller, wake
+            while controller is not None and self._early:
+                controller.want(self._early.popleft())
             self.wanted.clear()
 
-    def want(self, ticket: Ticket) -> None:
+    def want(self, request: Request) -> None:
         """Wish, and do not wait."""
         with self._lock:
             if self._conductor is None:
-                self._early.append(ticket)
+                self._early.append(request)
                 self.wanted.set()
                 return
-            self._conductor.want(ticket)
+            self._conductor.want(request)
             wake = self._wake
         wake()
 
     @property
-    def wants_end(self) -> bool:
+    def has_end_request(self) -> bool:
         """Whether somebody who was not heard yet wants the print to end."""
         with self._lock:
-            return any(isinstance(ticket.wish, wishes.Cancel | wishes.Stop) for ticket in self._early)
+            return any(
+                isinstance(request.command, commands.Cancel | commands.Stop) for request in self._early
+            )
 
-    def ask(self, wish: wishes.Wish, timeout: float = _PATIENCE) -> str:
+    def ask(self, command: commands.PrintCommand, timeout: float = _PATIENCE) -> str:
         """Wish, and wait for the answer.
 
         Raises:
@@ -92,7 +94,7 @@ class Controls:
             answers.append(answer)
             answered.set()
 
-        self.want(Ticket(wish, done))
+        self.want(Request(command, done))
         if not answered.wait(timeout):
             raise UsageError("the print does not answer", remedy="is the printer connected?")
         if isinstance(answers[0], UsageError):
@@ -100,48 +102,48 @@ class Controls:
         return answers[0]
 
     def pause(self, *, now: bool = False, cold: bool = False, park: bool = True) -> None:
-        """Pause, see `wishes.Pause`."""
-        self.ask(wishes.Pause(now=now, cold=cold, park=park))
+        """Pause, see `commands.Pause`."""
+        self.ask(commands.Pause(now=now, cold=cold, park=park))
 
     def resume(self) -> None:
         """Go on."""
-        self.ask(wishes.Resume())
+        self.ask(commands.Resume())
 
     def cancel(self) -> None:
         """Drop the rest, run the end script."""
-        self.ask(wishes.Cancel())
+        self.ask(commands.Cancel())
 
     def cancel_object(self, name: str) -> None:
         """Print no more of one thing on the plate."""
-        self.ask(wishes.CancelObject(name))
+        self.ask(commands.CancelObject(name))
 
     def speed(self, percent: float) -> None:
         """Percent of the file's speeds."""
-        self.ask(wishes.Speed(percent))
+        self.ask(commands.Speed(percent))
 
     def flow(self, percent: float) -> None:
         """Percent of the file's filament."""
-        self.ask(wishes.Flow(percent))
+        self.ask(commands.Flow(percent))
 
     def heat(self, heater: str, celsius: float) -> None:
         """Another temperature for nozzle or bed."""
-        self.ask(wishes.SetTemperature(heater, celsius))
+        self.ask(commands.SetTemperature(heater, celsius))
 
     def baby_step(self, mm: float) -> None:
         """Nozzle up, or down."""
-        self.ask(wishes.BabyStep(mm))
+        self.ask(commands.BabyStep(mm))
 
-    def say(self, command: str) -> None:
+    def say(self, gcode: str) -> None:
         """One line of G-code."""
-        self.ask(wishes.Say(command))
+        self.ask(commands.Say(gcode))
 
     def answer(self, choice: int) -> None:
         """A button of the printer's question."""
-        self.ask(wishes.Answer(choice))
+        self.ask(commands.Answer(choice))
 
     def status(self) -> dict[str, Any]:
         """How it stands."""
-        return dict(json.loads(self.ask(wishes.Status())))
+        return dict(json.loads(self.ask(commands.Status())))
 
     def status_soon(self, timeout: float = _SOON) -> dict[str, Any]:
         """Return the status; if the print cannot answer, the last known status and what it is waiting for.
@@ -153,7 +155,7 @@ class Controls:
             waits_for = "" if self._conductor is not None else self._waits_for
         if not waits_for:
             try:
-                self._known = dict(json.loads(self.ask(wishes.Status(), timeout)))
+                self._known = dict(json.loads(self.ask(commands.Status(), timeout)))
             except UsageError:
                 waits_for = _BUSY
             else:
@@ -162,14 +164,14 @@ class Controls:
 
     def stop(self) -> None:
         """Emergency stop; it waits for nothing."""
-        self.want(Ticket(wishes.Stop()))
+        self.want(Request(commands.Stop()))
 
 
 Listen = Callable[[Event], None]
 
 
 @dataclass(frozen=True, slots=True)
-class Done:
+class PrintResult:
     """A print that came to its end.
 
     Attributes:
@@ -182,16 +184,16 @@ class Done:
     commands: int
     seconds: float
     verified: bool | None
-    link: LinkSeen
+    link: LinkStatistics
 
 
-class Options(TypedDict, total=False):
+class PrintOptions(TypedDict, total=False):
     """What may be wanted of a print besides job and port; see `print_job`."""
 
     on_event: Listen
     checkpoint: Path | None
     controls: Controls | None
-    shelf: Path | None
+    job_store: Path | None
     discard: bool
     reconnect: float
     dtr: bool | None

@@ -36,10 +36,10 @@ __all__ = [
     "HOST",
     "LOST",
     "Journal",
+    "JournalData",
     "NumberedRecord",
-    "Story",
     "dataclass_from_json",
-    "read_story",
+    "read_journal",
 ]
 
 _NAME: Final = "journal"
@@ -134,7 +134,7 @@ class NumberedRecord:
 
 
 @dataclass(slots=True)
-class Story:
+class JournalData:
     """What a journal tells.
 
     Attributes:
@@ -248,7 +248,7 @@ def _moment(text: str) -> float:
     return seconds
 
 
-def read_story(folder: Path) -> Story:
+def read_journal(folder: Path) -> JournalData:
     """What the journal in a folder tells, up to the first record that is damaged: a torn end is no error.
 
     An invalid record with a correct checksum is noted in `damage`.
@@ -256,7 +256,7 @@ def read_story(folder: Path) -> Story:
     Raises:
         OSError: it cannot be read.
     """
-    story = Story()
+    journal_data = JournalData()
     check_is_file(folder / _NAME)
     for index, line in enumerate(read_input(folder / _NAME, _LONGEST).split(b"\n"), start=1):
         data, _, sum_ = line.rpartition(b" ")
@@ -264,11 +264,11 @@ def read_story(folder: Path) -> Story:
             break
         try:
             kind, _, rest = data.decode("utf-8").partition(" ")
-            story.take(kind, rest)
+            journal_data.take(kind, rest)
         except (ValueError, RecursionError) as error:
-            story.damage = f"record {index} is invalid: {error}"
+            journal_data.damage = f"record {index} is invalid: {error}"
             break
-    return story
+    return journal_data
 
 
 _Value = TypeVar("_Value")
@@ -286,7 +286,7 @@ def dataclass_from_json(kind: type[_Value], kept: object) -> _Value:
         TypeError: a value has the wrong type; names it.
     """
     if not isinstance(kept, Mapping):
-        raise TypeError(f"{kind.__name__} is {_shown(kept)}")
+        raise TypeError(f"expected a JSON object, found {_shown(kept)}")
     hints = _hints(cast("Any", kind))
     known = [field.name for field in fields(cast("Any", kind)) if field.init and field.name in kept]
     return kind(**{name: _of(hints[name], kept[name], name) for name in known})

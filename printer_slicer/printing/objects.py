@@ -21,9 +21,9 @@ from printer_slicer.firmware import FLAVOURS
 from printer_slicer.gcode.commands import Effect, commands_that
 from printer_slicer.gcode.lexer import code_and_rest, parse, strip
 from printer_slicer.gcode.state import MachineState, ModalState
-from printer_slicer.printing.modes import Modes, number
+from printer_slicer.printing.machine_state import PrintState, number
 
-__all__ = ["LiveJob", "Span", "spans_of"]
+__all__ = ["LiveJob", "Span", "find_object_spans"]
 
 _COMMENT: Final = re.compile(rb"\s*;\s*(stop )?printing object (.+?)\s*$")
 _M486: Final = re.compile(rb"\s+([STAC])\s*(.*)")
@@ -49,7 +49,7 @@ class Span:
     end: int
 
 
-def spans_of(text: bytes) -> tuple[Span, ...]:
+def find_object_spans(text: bytes) -> tuple[Span, ...]:
     """The marks of a G-code text; none where it has no marks."""
     if not any(hint in text for hint in _HINTS):
         return ()
@@ -113,7 +113,7 @@ class LiveJob(Sequence[bytes]):
         *,
         flavour: str = "marlin",
     ) -> None:
-        self.modes = Modes(flavour)
+        self.modes = PrintState(flavour)
         self.followed = 0
         self.cancelled: set[str] = set()
         self.cancelled_at: dict[str, int] = {}
@@ -170,7 +170,7 @@ class LiveJob(Sequence[bytes]):
         self._looked = max(self._looked, taken)
         return name
 
-    def follow(self, until: int) -> Modes:
+    def follow(self, until: int) -> PrintState:
         """Follow the entries before `until`; the modes then."""
         for index in range(self.followed, until):
             self.modes.follow(self[index], index)

@@ -13,28 +13,28 @@ from typing import Any
 
 from printer_slicer.gcode.lexer import parse
 from printer_slicer.gcode.state import ModalState
+from printer_slicer.printing.commands import Pause
+from printer_slicer.printing.host_settings import HostSettings
 from printer_slicer.printing.journal import dataclass_from_json
-from printer_slicer.printing.modes import Modes, number
-from printer_slicer.printing.setup import Setup
-from printer_slicer.printing.wishes import Pause
+from printer_slicer.printing.machine_state import PrintState, number
 
 __all__ = [
-    "Parked",
-    "as_it_was",
-    "come_back",
+    "ParkedState",
     "end_script",
+    "extruded_length",
     "leave",
-    "parked_at",
-    "parked_from",
-    "parking_place",
-    "pushed_by",
+    "park_state",
+    "parking_position",
+    "parse_parked_state",
+    "restore_modes",
+    "return_to_part",
 ]
 
 _NEAR = 0.001
 
 
 @dataclass(frozen=True, slots=True)
-class Parked:
+class ParkedState:
     """A print that was left: where to come back to, and how.
 
     Attributes:
@@ -63,16 +63,18 @@ class Parked:
         return asdict(self)
 
 
-def parked_from(values: Mapping[str, Any]) -> Parked:
+def parse_parked_state(values: Mapping[str, Any]) -> ParkedState:
     """Rebuild from the result of `as_json`.
 
     Raises:
         TypeError: a value has the wrong type.
     """
-    return dataclass_from_json(Parked, values)
+    return dataclass_from_json(ParkedState, values)
 
 
-def parked_at(stand: ModalState, modes: Modes, setup: Setup, pause: Pause, entries: int) -> Parked:
+def park_state(
+    stand: ModalState, modes: PrintState, setup: HostSettings, pause: Pause, entries: int
+) -> ParkedState:
     """What a print comes back to that is left now.
 
     Args:
@@ -85,11 +87,11 @@ def parked_at(stand: ModalState, modes: Modes, setup: Setup, pause: Pause, entri
     machine, z = modes.machine, stand.place[2]
     over = z if modes.highest is None else max(modes.highest, z)
     top = setup.top + (machine.offset[2] or 0.0)
-    return Parked(
+    return ParkedState(
         entries=entries,
         stand=stand,
         park=pause.park and stand.known,
-        spot=parking_place(setup, modes),
+        spot=parking_position(setup, modes),
         safe=max(z, min(over + setup.lift, top)),
         hotend=machine.hotend,
         bed=machine.bed,
@@ -97,7 +99,7 @@ def parked_at(stand: ModalState, modes: Modes, setup: Setup, pause: Pause, entri
     )
 
 
-def parking_place(setup: Setup, modes: Modes) -> tuple[float, float]:
+def parking_position(setup: HostSettings, modes: PrintState) -> tuple[float, float]:
     """The corner of the bed that is farthest from the part, as the program counts x and y.
 
     Where the program has moved its origin and nobody knows how far, that is where the nozzle is.
@@ -126,7 +128,7 @@ def parking_place(setup: Setup, modes: Modes) -> tuple[float, float]:
     return max(corners, key=off)
 
 
-def leave(parked: Parked, modes: Modes, setup: Setup) -> list[bytes]:
+def leave(parked: ParkedState, modes: PrintState, setup: HostSettings) -> list[bytes]:
     """The commands that take the nozzle off the part."""
     script: list[bytes] = []
     if parked.park:
@@ -141,7 +143,9 @@ def leave(parked: Parked, modes: Modes, setup: Setup) -> list[bytes]:
     return script
 
 
-def come_back(parked: Parked, setup: Setup, pushed: float, *, inches: bool = False) -> list[bytes]:
+def return_to_part(
+    parked: ParkedState, setup: HostSettings, pushed: float, *, inches: bool = False
+) -> list[bytes]:
     """The commands that bring the nozzle back.
 
     Args:
@@ -172,10 +176,10 @@ def come_back(parked: Parked, setup: Setup, pushed: float, *, inches: bool = Fal
         ]
         if warm and abs(pushed) > _NEAR:
             script += [b"M83", b"G1 E%s F%d" % (number(-pushed), setup.deretract_speed * 60)]
-    return script + as_it_was(stand)
+    return script + restore_modes(stand)
 
 
-def as_it_was(stand: ModalState) -> list[bytes]:
+def restore_modes(stand: ModalState) -> list[bytes]:
     """Restore extruder position, modes, speed and unit on a printer in mm mode."""
     script = [
         b"G92 E%s" % number(stand.e),
@@ -186,7 +190,7 @@ def as_it_was(stand: ModalState) -> list[bytes]:
     return script + ([b"G20"] if stand.inches else [])
 
 
-def pushed_by(commands: Sequence[bytes]) -> float:
+def extruded_length(commands: Sequence[bytes]) -> float:
     """mm of filament that commands pushed forward which count E from where it is."""
     moved = 0.0
     for command in commands:
@@ -196,7 +200,7 @@ def pushed_by(commands: Sequence[bytes]) -> float:
     return moved
 
 
-def end_script(modes: Modes, setup: Setup, spot: tuple[float, float]) -> list[bytes]:
+def end_script(modes: PrintState, setup: HostSettings, spot: tuple[float, float]) -> list[bytes]:
     """What makes a machine safe that was stopped in the middle: heaters and fan off, nozzle away, motors off."""
     script = [b"M104 S0", b"M140 S0", b"M107"]
     if modes.machine.chamber:

@@ -12,19 +12,19 @@ from typing import Any, Final
 from printer_slicer.errors import PrintError
 from printer_slicer.gcode.state import ModalState
 from printer_slicer.jobs import Job
-from printer_slicer.printing.along import rest_of, stand_at
-from printer_slicer.printing.approach import approach_from, laid_points
-from printer_slicer.printing.journal import LOST, Story, dataclass_from_json, read_story
-from printer_slicer.printing.modes import Modes, number
-from printer_slicer.printing.objects import LiveJob, spans_of
-from printer_slicer.printing.parking import Parked, as_it_was, parked_from, parking_place
-from printer_slicer.printing.setup import Setup
-from printer_slicer.printing.shelf import Print
-from printer_slicer.printing.stopped_at import stopped_at
-from printer_slicer.printing.take_up import TakenUp, rebuild
+from printer_slicer.printing.host_settings import HostSettings
+from printer_slicer.printing.job_store import Print
+from printer_slicer.printing.journal import LOST, JournalData, dataclass_from_json, read_journal
+from printer_slicer.printing.machine_state import PrintState, number
+from printer_slicer.printing.move_geometry import remaining_move, state_at
+from printer_slicer.printing.objects import LiveJob, find_object_spans
+from printer_slicer.printing.parking import ParkedState, parking_position, parse_parked_state, restore_modes
+from printer_slicer.printing.power_loss_position import find_stop_position
+from printer_slicer.printing.reattach import ResumePlan, rebuild
+from printer_slicer.printing.resume_approach import extruded_points, find_approach
 from printer_slicer.stream.protocol import RESET
 
-__all__ = ["Point", "Recovery", "point_of_loss", "recovery", "recovery_script"]
+__all__ = ["Point", "RecoveryPlan", "find_recovery_point", "plan_recovery", "recovery_script"]
 
 _SOFT: Final = 150.0
 """°C at which plastic lets go of a nozzle that stuck in it, and does not drip yet."""
@@ -58,8 +58,8 @@ class Point:
 
 
 @dataclass(frozen=True, slots=True)
-class Recovery(TakenUp):
-    """What will be done. See `TakenUp`.
+class RecoveryPlan(ResumePlan):
+    """What will be done. See `ResumePlan`.
 
     Attributes:
         told: the same in words.
@@ -68,16 +68,18 @@ class Recovery(TakenUp):
     told: str = ""
 
 
-def recovery(print_: Print, job: Job) -> Recovery:
+def plan_recovery(print_: Print, job: Job) -> RecoveryPlan:
     """What it takes to go on with a print whose printer has lost its state.
 
     Raises:
         PrintError: it cannot be done: too early, or where the nozzle was is not known.
     """
-    story = read_story(print_.folder)
-    lost = _lost(story, same_boot=print_.same_boot)
-    live = rebuild(story, story.line, job.commands, spans_of(job.text), print_.setup.flavour)
-    point = point_of_loss(story, live, lost, print_.setup)
+    journal_data = read_journal(print_.folder)
+    lost = _lost(journal_data, same_boot=print_.same_boot)
+    live = rebuild(
+        journal_data, journal_data.line, job.commands, find_object_spans(job.text), print_.setup.flavour
+    )
+    point = find_recovery_point(journal_data, live, lost, print_.setup)
     modes = live.modes
     if None in modes.machine.offset[:2]:
         raise PrintError(f"{job.name}: where its G92 moved the origin to is not known", remedy=_REMEDY)
@@ -85,11 +87,11 @@ def recovery(print_: Print, job: Job) -> Recovery:
         raise PrintError(f"{job.name}: nothing was printed yet", remedy=_REMEDY)
     script = recovery_script(job, point, modes, print_.setup)
     told = _told(job, point, modes, print_.setup)
-    rest = LiveJob(job.commands, spans_of(job.text), point.entries)
+    rest = LiveJob(job.commands, find_object_spans(job.text), point.entries)
     rest.modes, rest.followed = modes, point.entries
     for name in live.cancelled:
         rest.cancel(name, point.entries)
-    return Recovery(
+    return RecoveryPlan(
         point.entries,
         rest,
         "recovering",
@@ -101,7 +103,7 @@ def recovery(print_: Print, job: Job) -> Recovery:
     )
 
 
-def _told(job: Job, point: Point, modes: Modes, setup: Setup) -> str:
+def _told(job: Job, point: Point, modes: PrintState, setup: HostSettings) -> str:
     """Describe the steps of `recovery_script`."""
     machine, (x, y, z) = modes.machine, point.stand.place
     steps = [f"warm the nozzle to {min(_SOFT, machine.hotend):g} °C"] if machine.hotend else []
@@ -119,60 +121,62 @@ def _told(job: Job, point: Point, modes: Modes, setup: Setup) -> str:
     return f"Recovery: {', '.join(steps)}, and {place}, {done}{cold}"
 
 
-def _lost(story: Story, *, same_boot: bool) -> float | None:
+def _lost(journal_data: JournalData, *, same_boot: bool) -> float | None:
     """When the printer was lost, s; None: long after the host was, so it made all it had planned."""
-    if story.stopped is not None and story.reason.startswith(LOST):
-        return story.stopped
-    if story.stopped is None and same_boot:
+    if journal_data.stopped is not None and journal_data.reason.startswith(LOST):
+        return journal_data.stopped
+    if journal_data.stopped is None and same_boot:
         return None
     # Silence, a reset that was noticed later, a computer without power: soon after the last answer.
-    return story.accepted[-1][1] if story.accepted else None
+    return journal_data.accepted[-1][1] if journal_data.accepted else None
 
 
-def point_of_loss(story: Story, job: LiveJob, lost: float | None, setup: Setup) -> Point:
+def find_recovery_point(
+    journal_data: JournalData, job: LiveJob, lost: float | None, setup: HostSettings
+) -> Point:
     """Where the nozzle was, and what is left to do there.
 
     Args:
-        story: of the journal.
+        journal_data: the journal.
         job: the entries as they were sent; is followed as far as they were accepted.
         lost: when the printer was lost, s; None: it made all it had planned.
         setup: the printer.
     """
-    if values := story.states.get("recovering_at"):
+    if values := journal_data.states.get("recovering_at"):
         replay = tuple(text.encode("latin-1") for text in values["replay"])
         job.follow(int(values["entries"]))
         return Point(int(values["entries"]), dataclass_from_json(ModalState, values["stand"]), replay)
-    if values := story.states.get("parked"):
-        job.follow(story.entries)
-        parked: Parked = parked_from(values)
+    if values := journal_data.states.get("parked"):
+        job.follow(journal_data.entries)
+        parked: ParkedState = parse_parked_state(values)
         machine = job.modes.machine
         machine.hotends[machine.tool], machine.bed = parked.hotend, parked.bed
         return Point(parked.entries, parked.stand, tuple(text.encode("latin-1") for text in parked.replay))
-    modes = job.follow(story.entries)
-    steps = [step for step in modes.recent if step.entry < story.entries]
+    modes = job.follow(journal_data.entries)
+    steps = [step for step in modes.recent if step.entry < journal_data.entries]
     if not steps:
-        return Point(story.entries, modes.stand)
-    noticed = story.stopped if story.reason.startswith(RESET) else None
-    index, share = stopped_at(steps, story.accepted, lost, setup.limits, noticed=noticed)
+        return Point(journal_data.entries, modes.stand)
+    noticed = journal_data.stopped if journal_data.reason.startswith(RESET) else None
+    index, share = find_stop_position(steps, journal_data.accepted, lost, setup.limits, noticed=noticed)
     step = steps[index]
-    stand = stand_at(step, share)
-    rest = [rest_of(step, share)] if share < 1.0 else []
+    stand = state_at(step, share)
+    rest = [remaining_move(step, share)] if share < 1.0 else []
     for later in steps[index + 1 :]:
         if later.entry >= 0:
             entries = later.entry
             break
         rest.append(later.command)
     else:
-        entries = story.entries
+        entries = journal_data.entries
     return Point(entries, stand, tuple(rest))
 
 
-def recovery_script(job: Job, point: Point, modes: Modes, setup: Setup) -> list[bytes]:
+def recovery_script(job: Job, point: Point, modes: PrintState, setup: HostSettings) -> list[bytes]:
     """The commands before the rest of the job."""
     x, y, z = point.stand.place
     machine = modes.machine
     safe = max(min((z if modes.highest is None else max(modes.highest, z)) + setup.lift, setup.top), z)
-    spot = parking_place(setup, modes)
+    spot = parking_position(setup, modes)
     origin = machine.offset[:2]
     lift = b" F%d" % (setup.lift_speed * 60)
     travel = b" F%d" % (setup.travel_speed * 60)
@@ -198,7 +202,7 @@ def recovery_script(job: Job, point: Point, modes: Modes, setup: Setup) -> list[
         prime = [b"M83", b"G1 E%s F300" % number(setup.purge + setup.retract)]
         script += [*prime, b"G1 E-%s F%d" % (number(setup.retract), setup.retract_speed * 60)]
     script += [b"M106 S%d" % machine.fan if machine.fan else b"M107", *machine.fans.values()]
-    beside = approach_from(laid_points(job, point.entries, setup), (x, y, z), setup)
+    beside = find_approach(extruded_points(job, point.entries, setup), (x, y, z), setup)
     if beside is not None:
         script.append(b"G1 X%s Y%s" % (number(round(beside[0], 3)), number(round(beside[1], 3))) + travel)
         script.append(b"G1 Z%s" % number(min(z + _OVER, safe)) + lift)
@@ -206,10 +210,10 @@ def recovery_script(job: Job, point: Point, modes: Modes, setup: Setup) -> list[
     forward = setup.retract - point.stand.pulled
     if warm and forward:
         script.append(b"G1 E%s F%d" % (number(forward), setup.deretract_speed * 60))
-    return script + as_it_was(point.stand)
+    return script + restore_modes(point.stand)
 
 
-def _settings(modes: Modes) -> list[bytes]:
+def _settings(modes: PrintState) -> list[bytes]:
     """What was set and stays, said again."""
     script = [modes.machine.tool_command] if modes.machine.tool_command else []
     for command, inches in modes.sticky.values():

@@ -8,27 +8,27 @@ from typing import TypeAlias
 __all__ = [
     "Accepted",
     "Action",
-    "Asked",
+    "AxisPositions",
     "Busy",
     "Event",
     "Finished",
     "Halted",
     "Identified",
+    "LineSent",
     "Message",
-    "Note",
-    "Numbered",
     "Paused",
     "PoorLink",
+    "Probe",
     "Prompt",
     "Reading",
     "ResendAsked",
     "Resumed",
-    "Spot",
     "Stopping",
+    "StreamWarning",
     "Temperature",
 ]
 
-Spot: TypeAlias = tuple[float | None, float | None, float | None]
+AxisPositions: TypeAlias = tuple[float | None, float | None, float | None]
 """x, y, z in mm; None where it is not known."""
 
 
@@ -40,7 +40,7 @@ class Accepted:
 
 
 @dataclass(frozen=True, slots=True)
-class Numbered:
+class LineSent:
     """Line `number` is about to go out for the first time, and it is not just the next entry of the job.
 
     Attributes:
@@ -62,7 +62,7 @@ class ResendAsked:
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class Probe:
     """The printer was silent or hard to read, so line `number` asks it for the truth."""
 
     number: int
@@ -141,7 +141,7 @@ class Resumed:
 
 
 @dataclass(frozen=True, slots=True)
-class Note:
+class StreamWarning:
     """The host tells its owner something that is no reason to stop."""
 
     text: str
@@ -202,22 +202,22 @@ class Finished:
 
     acknowledged: int
     cancelled: bool
-    position: Spot | None
-    expected: Spot
+    position: AxisPositions | None
+    expected: AxisPositions
     verified: bool | None
 
 
 Event: TypeAlias = (
     Accepted
-    | Numbered
+    | LineSent
     | ResendAsked
-    | Asked
+    | Probe
     | Temperature
     | Busy
     | Identified
     | Action
     | Message
-    | Note
+    | StreamWarning
     | PoorLink
     | Paused
     | Resumed

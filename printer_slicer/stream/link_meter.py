@@ -18,7 +18,7 @@ from printer_slicer.gcode.lexer import number_and_command, parse, strip
 from printer_slicer.gcode.state import MachineState
 from printer_slicer.motion.planner_clock import PlannerClock
 from printer_slicer.motion.rules import make_block
-from printer_slicer.stream.events import Asked, PoorLink, ResendAsked
+from printer_slicer.stream.events import PoorLink, Probe, ResendAsked
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from printer_slicer.stream.events import Event
     from printer_slicer.stream.session import Transport
 
-__all__ = ["LinkMeter", "LinkQuality", "LinkSeen", "Metered", "poor_link"]
+__all__ = ["LinkMeter", "LinkQuality", "LinkStatistics", "MeteredTransport", "poor_link"]
 
 _OK: Final = re.compile(rb"ok\b(?: N(\d+))?")
 _RESEND: Final = re.compile(rb"(?:Resend:|rs )\s*N?:?\s*(\d+)")
@@ -46,7 +46,7 @@ _PARTIAL: Final = 1024
 
 
 @dataclass(frozen=True, slots=True)
-class LinkSeen:
+class LinkStatistics:
     """What a link was like. Times in s.
 
     Attributes:
@@ -158,10 +158,10 @@ class LinkMeter:
             elif found := _RESEND.match(line):
                 self._go_back(int(found[1]))
 
-    def seen(self) -> LinkSeen:
+    def seen(self) -> LinkStatistics:
         """All of it, until now."""
         seconds = max(self._last - self._first - self._own, 0.0) if self._lines else 0.0
-        return LinkSeen(
+        return LinkStatistics(
             lines=self._lines,
             seconds=seconds,
             lines_per_second=self._lines / seconds if seconds > 0 else 0.0,
@@ -228,7 +228,7 @@ class LinkMeter:
         return None
 
 
-class Metered:
+class MeteredTransport:
     """A transport that lets a meter listen."""
 
     def __init__(self, inner: Transport, meter: LinkMeter, clock: Callable[[], float]) -> None:
@@ -288,7 +288,7 @@ class LinkQuality:
     def heard(self, event: Event) -> None:
         """Count an event."""
         self.resends += isinstance(event, ResendAsked)
-        self.lost_answers += isinstance(event, Asked)
+        self.lost_answers += isinstance(event, Probe)
 
     def warning(self, lines: int) -> PoorLink | None:
         """Return a warning after this number of lines; None if there is nothing new."""

@@ -22,13 +22,13 @@ from typing import TYPE_CHECKING, Any, Final
 from printer_slicer.firmware import DEFAULT_WIRE_DIALECT, get_wire_dialect
 from printer_slicer.stream import events as told
 from printer_slicer.stream import replies
-from printer_slicer.stream.doubt import Fate
-from printer_slicer.stream.flight import Flight
+from printer_slicer.stream.ack_tracker import AckTracker
 from printer_slicer.stream.framing import check_commands, command_room
-from printer_slicer.stream.greeting import Greeting
-from printer_slicer.stream.ledger import ASK
-from printer_slicer.stream.script import Script
+from printer_slicer.stream.handshake import Handshake
+from printer_slicer.stream.send_history import ASK
+from printer_slicer.stream.send_queue import SendQueue
 from printer_slicer.stream.states import ENDED, TRANSITIONS, State, Trigger
+from printer_slicer.stream.unacked_line import LineFate
 from printer_slicer.stream.window import Window
 
 if TYPE_CHECKING:
@@ -79,22 +79,22 @@ class Streamer:
         dialect: str | None = None,
         connect_timeout: float = 30.0,
         give_up: float = 30.0,
-        obeys: bool = True,
+        handle_actions: bool = True,
         first: int = 0,
     ) -> None:
         self._dialect = get_wire_dialect(dialect or DEFAULT_WIRE_DIALECT)
-        self._greeting = Greeting(connect_timeout, dialect)
+        self._greeting = Handshake(connect_timeout, dialect)
         self._window_rules = (window_lines, window_bytes, baud)
         self._give_up = give_up
-        self._script = Script(commands, limits, self._dialect.max_line_bytes)
-        self._flight = Flight(Window(*self._window_rules), give_up)
+        self._script = SendQueue(commands, limits, self._dialect.max_line_bytes)
+        self._flight = AckTracker(Window(*self._window_rules), give_up)
         self._script.taken = self._acknowledged = first
         self._state = State.CONNECTING
         self._ended = False
         self._events: list[told.Event] = []
         self._urgent = b""
         self._numbered_job = self._first = first
-        self._obeys = obeys
+        self._obeys = handle_actions
         self._partial = b""
         self._said: tuple[float, str] = _NOTHING_SAID
         self._handlers: Mapping[type, Callable[[Any, float], None]] = {
@@ -196,7 +196,7 @@ class Streamer:
         self._urgent = _EMERGENCY
         self._halt("emergency stop")
 
-    def urge(self, command: bytes) -> None:
+    def send_at_once(self, command: bytes) -> None:
         """Send a command without number ahead of everything: M108, M410 or M876, which firmware looks at early.
 
         Raises:
@@ -284,7 +284,7 @@ class Streamer:
         if flight.watch.given_up(ledger.oldest, now):
             self._halt("the printer has stopped answering")
             return b""
-        self._events.append(told.Asked(ledger.cursor))
+        self._events.append(told.Probe(ledger.cursor))
         if not self._dialect.checks_line_numbers and self._state is not State.IDENTIFYING:
             flight.doubt = flight.doubt or self._script.doubt()
             return flight.ask_where(flight.doubt, now)
@@ -347,7 +347,7 @@ class Streamer:
         job = self._script.taken
         if job != self._numbered_job + 1:
             own = b"" if job > self._numbered_job else command
-            self._events.append(told.Numbered(self._flight.ledger.top, job, own))
+            self._events.append(told.LineSent(self._flight.ledger.top, job, own))
         self._numbered_job = job
         self._flight.add(command, self._script.taken, self._script.follow(command))
 
@@ -384,8 +384,8 @@ class Streamer:
             self._flight.ledger.prove(1)
             self._dialect = self._greeting.dialect
             parser = self._greeting.can("EMERGENCY_PARSER")
-            self._flight.speak(self._dialect, emergency_parser=parser)
-            self._script.speak(self._dialect)
+            self._flight.set_dialect(self._dialect, emergency_parser=parser)
+            self._script.set_dialect(self._dialect)
             self._events.append(self._greeting.identified())
 
     def _on_ok_in_doubt(self, ok: replies.Ok, now: float) -> None:
@@ -397,15 +397,15 @@ class Streamer:
             doubt.bare_ok()
             return
         fate = doubt.closed()
-        if fate is Fate.EXECUTED:
+        if fate is LineFate.EXECUTED:
             self._accept(number, now, settled=True)
-        elif fate is Fate.LOST:
+        elif fate is LineFate.LOST:
             flight.go_back(number, now)
             self._events.append(told.ResendAsked(number))
-        elif fate is Fate.NEVER_KNOWN:
+        elif fate is LineFate.NEVER_KNOWN:
             said = flight.ledger.oldest.command.decode(errors="replace")
             self._halt(f"nobody can know whether line {number} was executed: {said}")
-        elif fate is Fate.OPEN:
+        elif fate is LineFate.OPEN:
             flight.watch.answered(now)
             flight.watch.suspect(now)
 
@@ -448,7 +448,7 @@ class Streamer:
         if self._ended:
             self._events.append(told.Halted(f"{RESET}: {evidence}", self._acknowledged))
         else:
-            self._flight = Flight(Window(*self._window_rules), self._give_up)
+            self._flight = AckTracker(Window(*self._window_rules), self._give_up)
             self._greeting.forget(now)
 
     def _on_stopped(self, stopped: replies.Stopped, now: float) -> None:

@@ -78,7 +78,7 @@ class Window:
         self._careful = self._clean = self._quick = 0
         self._bad = False
 
-    def speak(self, dialect: WireDialect, *, emergency_parser: bool) -> None:
+    def set_dialect(self, dialect: WireDialect, *, emergency_parser: bool) -> None:
         """The firmware is known now."""
         self._dialect, self._parser = dialect, emergency_parser
         if not dialect.checks_line_numbers:

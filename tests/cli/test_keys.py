@@ -23,7 +23,7 @@ import termios
 from printer_slicer.cli.keys import HELP, Keyboard
 from printer_slicer.errors import UsageError
 from printer_slicer.inspection.dry_run.machines import front_end_of, machine_of
-from printer_slicer.printing import Controls, wishes
+from printer_slicer.printing import Controls, commands
 from printer_slicer.profile import load_profile
 from printer_slicer.sim.printer import SimulatedPrinter
 from printer_slicer.sim.pty_server import serve
@@ -32,51 +32,51 @@ ROOT = Path(__file__).parents[2]
 
 
 class Heard(Controls):
-    """Takes every wish."""
+    """Takes every command."""
 
     def __init__(self) -> None:
         super().__init__()
-        self.wishes: list[wishes.Wish] = []
+        self.asked: list[commands.PrintCommand] = []
 
-    def ask(self, wish: wishes.Wish, timeout: float = 0.0) -> str:
-        self.wishes.append(wish)
-        if wish == wishes.Resume():
+    def ask(self, command: commands.PrintCommand, timeout: float = 0.0) -> str:
+        self.asked.append(command)
+        if command == commands.Resume():
             raise UsageError("it cannot resume", remedy="wait")
         return "granted"
 
     def stop(self) -> None:
-        self.wishes.append(wishes.Stop())
+        self.asked.append(commands.Stop())
 
 
-def pressed(keys: str, *, seconds_between: float = 0.1) -> tuple[list[wishes.Wish], list[str]]:
+def pressed(keys: str, *, seconds_between: float = 0.1) -> tuple[list[commands.PrintCommand], list[str]]:
     controls, shown, now = Heard(), list[str](), [0.0]
     keyboard = Keyboard(controls, shown.append, lambda: now[0])
     for key in keys:
         now[0] += seconds_between
         keyboard.press(key)
-    return controls.wishes, shown
+    return controls.asked, shown
 
 
 @pytest.mark.parametrize(
     ("keys", "wanted"),
     [
-        ("p", [wishes.Pause()]),
-        ("n", [wishes.Pause(now=True)]),
-        ("s", [wishes.Status()]),
-        ("++-", [wishes.Speed(105), wishes.Speed(110), wishes.Speed(105)]),
-        ("<", [wishes.Flow(95)]),
-        ("ud", [wishes.BabyStep(0.02), wishes.BabyStep(-0.02)]),
-        ("1", [wishes.Answer(1)]),
-        ("cc", [wishes.Cancel()]),
-        ("!!", [wishes.Stop()]),
+        ("p", [commands.Pause()]),
+        ("n", [commands.Pause(now=True)]),
+        ("s", [commands.Status()]),
+        ("++-", [commands.Speed(105), commands.Speed(110), commands.Speed(105)]),
+        ("<", [commands.Flow(95)]),
+        ("ud", [commands.BabyStep(0.02), commands.BabyStep(-0.02)]),
+        ("1", [commands.Answer(1)]),
+        ("cc", [commands.Cancel()]),
+        ("!!", [commands.Stop()]),
         ("c!c", []),
-        (":M117 pX\x7f\x7fhi\r", [wishes.Say("M117 hi")]),
-        (":M500\x1bp", [wishes.Pause()]),
+        (":M117 pX\x7f\x7fhi\r", [commands.Say("M117 hi")]),
+        (":M500\x1bp", [commands.Pause()]),
         (":\r", []),
         ("xyz\x00é", []),
     ],
 )
-def test_keys_have_meanings(keys: str, wanted: list[wishes.Wish]) -> None:
+def test_keys_have_meanings(keys: str, wanted: list[commands.PrintCommand]) -> None:
     assert pressed(keys)[0] == wanted
 
 

@@ -25,7 +25,7 @@ from printer_slicer.inspection.lint.scan import scan
 from printer_slicer.printing.objects import LiveJob
 from printer_slicer.profile import load_profile
 from printer_slicer.sim.board import Board
-from printer_slicer.stream.script import Script
+from printer_slicer.stream.send_queue import SendQueue
 from tests.effort import examples
 
 START = [b"G28", b"G90", b"G1 X10 Y20 Z30 F6000", b"G92 E0"]
@@ -80,7 +80,7 @@ def assert_state_is_that_of(state: MachineState, read: ReaderState, board: Board
     assert state.bed == board.bed.target
 
 
-def assert_hosts_follow(state: MachineState, script: Script, job: LiveJob) -> None:
+def assert_hosts_follow(state: MachineState, script: SendQueue, job: LiveJob) -> None:
     """What resends, pauses and left-out objects rest on."""
     modes = job.modes
     assert modes.stand == state.modal
@@ -108,8 +108,8 @@ def assert_lint_reads(command: bytes) -> None:
 def test_all_interpreters_agree_on_any_program(flavour: str, data: st.DataObject) -> None:
     commands = [*START, *program_of(data.draw(programs(flavour)))]
     executor, state, reader = Executor(flavour), MachineState(flavour), MoveReader(dialect=FLAVOURS[flavour])
-    job, script = LiveJob(commands, flavour=flavour), Script([], None)
-    script.speak(DIALECT[flavour])
+    job, script = LiveJob(commands, flavour=flavour), SendQueue([], None)
+    script.set_dialect(DIALECT[flavour])
     too_hot, names_heat = set(), set()
     for index, command in enumerate(commands, 1):
         board = executor.do(command)

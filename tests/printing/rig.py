@@ -11,12 +11,12 @@ import pytest
 
 from printer_slicer.inspection.dry_run.machines import machine_of
 from printer_slicer.motion.rules import Axes
-from printer_slicer.printing import wishes
-from printer_slicer.printing.conductor import Conductor, Ticket
+from printer_slicer.printing import commands
+from printer_slicer.printing.host_settings import HostSettings, host_settings_from
 from printer_slicer.printing.journal import Journal
-from printer_slicer.printing.objects import LiveJob, spans_of
-from printer_slicer.printing.setup import Setup, setup_of
-from printer_slicer.printing.take_up import TakenUp
+from printer_slicer.printing.objects import LiveJob, find_object_spans
+from printer_slicer.printing.print_controller import PrintController, Request
+from printer_slicer.printing.reattach import ResumePlan
 from printer_slicer.profile import load_profile
 from printer_slicer.sim import board
 from printer_slicer.sim.front_end import MARLIN_2_1, FrontEnd
@@ -29,7 +29,7 @@ from printer_slicer.stream.protocol import Streamer
 from printer_slicer.stream.session import run
 
 PROFILE = load_profile("marlin_220", "pla", "standard")
-SETUP = setup_of(PROFILE)
+SETUP = host_settings_from(PROFILE)
 OWN = ("M105", "M110", "M114", "M115", "M155", "M400")
 Piece = tuple[Axes, Axes]
 Point = tuple[float, float, float]
@@ -129,7 +129,7 @@ class Rig:
 
     text: str
     front_end: FrontEnd = MARLIN_2_1
-    setup: Setup = SETUP
+    setup: HostSettings = SETUP
     folder: Path | None = None
     baud: int | None = 250_000
     machine: Machine = field(default_factory=lambda: machine_of(PROFILE.printer))
@@ -146,26 +146,28 @@ class Rig:
         )
         self.journal = Journal(self.folder) if self.folder else None
 
-    def connect(self, found: TakenUp | None = None) -> Conductor:
+    def connect(self, found: ResumePlan | None = None) -> PrintController:
         """A host at the port, from the beginning or from where another one was."""
         job = (
             found.job
             if found
-            else LiveJob(self.commands, spans_of(self.text.encode()), flavour=self.setup.flavour)
+            else LiveJob(self.commands, find_object_spans(self.text.encode()), flavour=self.setup.flavour)
         )
         self.streamer = Streamer(
             job,
             limits=self.setup.limits,
             window_bytes=self.setup.window_bytes,
-            obeys=False,
+            handle_actions=False,
             first=found.entries if found else 0,
         )
-        self.conductor = Conductor(self.streamer, job, self.setup, journal=self.journal, listen=self.hear)
+        self.controller = PrintController(
+            self.streamer, job, self.setup, journal=self.journal, listen=self.hear
+        )
         if self.journal:
             self.journal.epoch(self.streamer.acknowledged)
         if found and (found.parked or found.replay):
-            self.conductor.restore(found.parked, found.pushed, found.replay, waits=found.waits)
-        return self.conductor
+            self.controller.restore(found.parked, found.pushed, found.replay, waits=found.waits)
+        return self.controller
 
     on_event: Callable[[Event], None] = lambda _: None
 
@@ -180,21 +182,21 @@ class Rig:
         def turn(now: float) -> None:
             """The test has its say first."""
             on_turn(now)
-            self.conductor.on_turn(now)
+            self.controller.on_turn(now)
 
         run(
             self.streamer,
             self.port,
             self.port.now,
-            on_event=self.conductor.hear,
+            on_event=self.controller.hear,
             on_turn=turn,
-            record=self.conductor.record,
+            record=self.controller.record,
             longest_wait=0.25,
         )
 
-    def wish(self, wish: wishes.Wish) -> None:
+    def submit(self, command: commands.PrintCommand) -> None:
         """Somebody wants something."""
-        self.conductor.want(Ticket(wish, self.answers.append))
+        self.controller.want(Request(command, self.answers.append))
 
     @property
     def made(self) -> list[Piece]:

@@ -12,9 +12,9 @@ import pytest
 
 from printer_slicer.errors import PrinterSlicerError
 from printer_slicer.inspection.lint.scan import lint_text
+from printer_slicer.printing import job_store as store
 from printer_slicer.printing import print_job, resume_print
-from printer_slicer.printing import shelf as shelves
-from printer_slicer.printing.setup import setup_of
+from printer_slicer.printing.host_settings import host_settings_from
 from printer_slicer.profile import load_profile
 from printer_slicer.sim.rfc2217 import Negotiator
 from tests.waiting import LAST_RESORT
@@ -66,9 +66,11 @@ def printed(url: str, _shelf: Path, dtr: bool) -> None:
     print_job(JOB, PROFILE, url, dtr=dtr)
 
 
-def resumed(url: str, shelf: Path, dtr: bool) -> None:
-    shelves.begin(shelf, JOB.name, JOB.text, shelves.Place(url, 115200), setup_of(PROFILE)).release()
-    resume_print(shelves.find(shelf, "", running=False), JOB, dtr=dtr)
+def resumed(url: str, job_store: Path, dtr: bool) -> None:
+    store.begin(
+        job_store, JOB.name, JOB.text, store.PortAddress(url, 115200), host_settings_from(PROFILE)
+    ).release()
+    resume_print(store.find(job_store, "", running=False), JOB, dtr=dtr)
 
 
 @pytest.mark.parametrize("begin", [printed, resumed])

@@ -11,9 +11,9 @@ from typing import Any
 import pytest
 
 from printer_slicer.errors import PortError
-from printer_slicer.printing.conductor import Ticket
+from printer_slicer.printing.control_socket import send_control_command
 from printer_slicer.printing.controls import Controls
-from printer_slicer.printing.door import ask_door
+from printer_slicer.printing.print_controller import Request
 
 KNOWN = {"state": "printing", "done": 7, "total": 9}
 
@@ -22,16 +22,16 @@ class Deaf:
     """A print that never comes to its wishes, or one that always does."""
 
     def __init__(self, *, deaf: bool = True) -> None:
-        self.tickets: list[Ticket] = []
+        self.tickets: list[Request] = []
         self._deaf = deaf
 
     def status(self) -> dict[str, Any]:
         return dict(KNOWN)
 
-    def want(self, ticket: Ticket) -> None:
-        self.tickets.append(ticket)
+    def want(self, request: Request) -> None:
+        self.tickets.append(request)
         if not self._deaf:
-            ticket.done(json.dumps(self.status()))
+            request.done(json.dumps(self.status()))
 
 
 def test_a_print_that_hears_tells_how_it_stands() -> None:
@@ -70,10 +70,10 @@ def test_a_print_that_is_busy_is_not_waited_for() -> None:
 @pytest.mark.skipif(sys.platform == "win32", reason="sockets have no names there")
 def test_a_process_that_stands_still_is_named(tmp_path: Path) -> None:
     with pytest.raises(PortError, match="does not answer yet: it is waiting for its port"):
-        ask_door(tmp_path, "status")
+        send_control_command(tmp_path, "status")
     with socket.socket(socket.AF_UNIX) as listener:
         listener.bind(str(tmp_path / "s"))
         listener.listen()
         (tmp_path / "control.json").write_text(json.dumps({"path": str(tmp_path / "s")}), encoding="utf-8")
         with pytest.raises(PortError, match=r"does not answer within 0\.01 s: its process is stopped"):
-            ask_door(tmp_path, "status", patience=0.01)
+            send_control_command(tmp_path, "status", patience=0.01)

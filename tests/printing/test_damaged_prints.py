@@ -19,17 +19,25 @@ from printer_slicer.errors import UsageError
 from printer_slicer.gcode.state import ModalState
 from printer_slicer.jobs import job_of_text
 from printer_slicer.printing import resume_print
-from printer_slicer.printing.journal import Journal, dataclass_from_json, read_story
-from printer_slicer.printing.parking import Parked, parked_from
-from printer_slicer.printing.setup import Setup, setup_of
-from printer_slicer.printing.shelf import Place, Print, begin, damaged_prints, find, on_shelf, unfinished
-from printer_slicer.printing.take_up import damage_in
+from printer_slicer.printing.host_settings import HostSettings, host_settings_from
+from printer_slicer.printing.job_store import (
+    PortAddress,
+    Print,
+    begin,
+    damaged_prints,
+    find,
+    stored_prints,
+    unfinished,
+)
+from printer_slicer.printing.journal import Journal, dataclass_from_json, read_journal
+from printer_slicer.printing.parking import ParkedState, parse_parked_state
+from printer_slicer.printing.reattach import find_journal_damage
 from printer_slicer.profile import load_profile
 from tests.cli.command_line import typed
 
-SETUP = setup_of(load_profile("marlin_220"))
+SETUP = host_settings_from(load_profile("marlin_220"))
 TEXT = b"G28\nG1 X5 F600\nG1 X6\n"
-PARKED = Parked(2, ModalState(1.0, 2.0, 0.2), park=True, replay=("G1 X5",))
+PARKED = ParkedState(2, ModalState(1.0, 2.0, 0.2), park=True, replay=("G1 X5",))
 BROUGHT = {"entries": 2, "stand": asdict(PARKED.stand), "replay": []}
 ANYTHING = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
@@ -50,9 +58,9 @@ NONSENSE = {
 }
 
 
-def left(shelf: Path, name: str) -> Print:
+def left(job_store: Path, name: str) -> Print:
     """A print that somebody has left."""
-    made = begin(shelf, name, TEXT, Place("/dev/null", 115200), SETUP)
+    made = begin(job_store, name, TEXT, PortAddress("/dev/null", 115200), SETUP)
     journal = Journal(made.folder)
     journal.epoch(0)
     journal.numbered(1, 0, b"M115")
@@ -74,25 +82,25 @@ def noted(**states: Any) -> bytes:
 
 
 def shelf_in(folder: Path) -> tuple[Path, Print, Print]:
-    shelf = folder / "prints"
-    return shelf, left(shelf, "good.gcode"), left(shelf, "bad.gcode")
+    job_store = folder / "prints"
+    return job_store, left(job_store, "good.gcode"), left(job_store, "bad.gcode")
 
 
 @pytest.mark.parametrize("record", NONSENSE.values(), ids=list(NONSENSE))
 def test_a_record_that_makes_no_sense_is_named_and_blocks_no_other_print(
     record: bytes, tmp_path: Path
 ) -> None:
-    shelf, good, bad = shelf_in(tmp_path)
+    job_store, good, bad = shelf_in(tmp_path)
     add(bad, record)
-    (damage,) = damaged_prints(shelf)
+    (damage,) = damaged_prints(job_store)
 
-    assert find(shelf, "", running=False).folder == good.folder
+    assert find(job_store, "", running=False).folder == good.folder
     assert str(damage).startswith(f"{bad.folder / 'journal'}: record 4 is invalid: ")
     assert (
-        read_story(bad.folder).entries == 1
+        read_journal(bad.folder).entries == 1
     )  # what stands before it counts: the heaters can be switched off
     with pytest.raises(UsageError, match="record 4 is invalid"):
-        find(shelf, "bad.gcode", running=False)
+        find(job_store, "bad.gcode", running=False)
 
 
 def no_file(path: Path) -> None:
@@ -126,41 +134,41 @@ def a_pipe(path: Path) -> None:
 def test_a_file_that_is_none_is_named_and_blocks_no_other_print(
     file: str, spoil: Callable[[Path], None], tmp_path: Path
 ) -> None:
-    shelf, good, bad = shelf_in(tmp_path)
+    job_store, good, bad = shelf_in(tmp_path)
     spoil(bad.folder / file)
-    (damage,) = damaged_prints(shelf)
+    (damage,) = damaged_prints(job_store)
 
     assert str(damage).startswith(str(bad.folder / file))
-    assert find(shelf, "", running=False).folder == good.folder
-    assert unfinished(shelf, "/dev/null") is not None
+    assert find(job_store, "", running=False).folder == good.folder
+    assert unfinished(job_store, "/dev/null") is not None
     damage.forget()
-    assert [one.folder for one in on_shelf(shelf)] == [good.folder]
+    assert [one.folder for one in stored_prints(job_store)] == [good.folder]
 
 
 @pytest.mark.parametrize("port", ["a\0b", "\ud800"])
 def test_a_port_that_cannot_be_one_blocks_no_other_print(port: str, tmp_path: Path) -> None:
-    shelf, good, bad = shelf_in(tmp_path)
+    job_store, good, bad = shelf_in(tmp_path)
     head = json.loads((bad.folder / "head.json").read_text(encoding="utf-8")) | {"port": port}
     (bad.folder / "head.json").write_text(json.dumps(head), encoding="utf-8")
 
-    assert unfinished(shelf, "/dev/elsewhere") is None
-    assert find(shelf, "", running=False).folder == good.folder
-    assert "'port'" in str(next(damaged_prints(shelf)))
+    assert unfinished(job_store, "/dev/elsewhere") is None
+    assert find(job_store, "", running=False).folder == good.folder
+    assert "'port'" in str(next(damaged_prints(job_store)))
 
 
 @given(name=st.sampled_from(["name", "port", "baud", "begun", "boot", "setup", None]), value=ANYTHING)
 def test_a_head_of_anything_blocks_no_other_print(
     name: str | None, value: Any, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
-    shelf, good, bad = shelf_in(tmp_path_factory.mktemp("shelf"))
+    job_store, good, bad = shelf_in(tmp_path_factory.mktemp("shelf"))
     path = bad.folder / "head.json"
     head = json.loads(path.read_text(encoding="utf-8"))
     path.write_text(json.dumps(value if name is None else {**head, name: value}), encoding="utf-8")
-    damaged = list(damaged_prints(shelf))
+    damaged = list(damaged_prints(job_store))
 
-    assert find(shelf, good.folder.name, running=False).folder == good.folder
+    assert find(job_store, good.folder.name, running=False).folder == good.folder
     assert [damage.folder for damage in damaged] in ([], [bad.folder])
-    for one in on_shelf(shelf):
+    for one in stored_prints(job_store):
         if one.folder not in {damage.folder for damage in damaged}:
             assert one.setup.flavour
             assert one.name + one.port + one.begun
@@ -168,7 +176,7 @@ def test_a_head_of_anything_blocks_no_other_print(
 
 @given(path=st.lists(st.integers(0, 20), min_size=1, max_size=3), value=ANYTHING)
 def test_kept_values_come_back_as_they_were_or_are_refused(path: list[int], value: Any) -> None:
-    for kept, kind in ((SETUP, Setup), (PARKED, Parked)):
+    for kept, kind in ((SETUP, HostSettings), (PARKED, ParkedState)):
         values = as_kept(kept)
         assert as_kept(dataclass_from_json(kind, values)) == values
         place = values
@@ -189,12 +197,12 @@ def as_kept(value: Any) -> Any:
 @pytest.mark.parametrize(
     ("state", "told"),
     [
-        ({"parked": 5}, "Parked is 5"),
+        ({"parked": 5}, "a JSON object, found 5"),
         ({"parked": {"entries": 2}}, "missing"),
         ({"parked": asdict(PARKED) | {"spot": ["here", 0]}}, "spot is 'here'"),
         ({"parked": None, "phase": ["recovering"]}, "phase is"),
         ({"cancelled_at": {"gear": 1_000_000}}, "an invalid command number"),
-        ({"recovering_at": {"entries": 1, "stand": [], "replay": []}}, "ModalState is"),
+        ({"recovering_at": {"entries": 1, "stand": [], "replay": []}}, "a JSON object, found []"),
     ],
 )
 def test_a_state_that_makes_no_sense_is_named_before_the_port_is_opened(
@@ -215,8 +223,10 @@ def test_more_commands_than_the_job_has_cannot_have_been_accepted(tmp_path: Path
     _, good, bad = shelf_in(tmp_path)
     add(bad, b"A 9 4 11.0")
 
-    assert damage_in(read_story(good.folder), 3) == ""
-    assert damage_in(read_story(bad.folder), 3) == "it lists 4 accepted commands, but the job has 3"
+    assert find_journal_damage(read_journal(good.folder), 3) == ""
+    assert (
+        find_journal_damage(read_journal(bad.folder), 3) == "it lists 4 accepted commands, but the job has 3"
+    )
 
 
 @pytest.mark.parametrize(
@@ -225,10 +235,10 @@ def test_more_commands_than_the_job_has_cannot_have_been_accepted(tmp_path: Path
         (b"A 9 4 11.0", "it lists 4 accepted commands, but the job has 3"),
         (b"E 4", "it lists 4 accepted commands, but the job has 3"),
         (b"N 9 4 M105", "it lists 4 accepted commands, but the job has 3"),
-        (b'S {"parked": 5}', "a state is invalid: Parked is 5"),
+        (b'S {"parked": 5}', "a state is invalid: expected a JSON object, found 5"),
         (b'S {"phase": ["recovering"]}', "a state is invalid: phase is"),
         (b'S {"cancelled_at": {"gear": 1000000}}', "a cancelled object has an invalid command number"),
-        (b'S {"recovering_at": {"entries": 1, "stand": [], "replay": []}}', "ModalState is []"),
+        (b'S {"recovering_at": {"entries": 1, "stand": [], "replay": []}}', "a JSON object, found []"),
         (
             noted(parked=replace(PARKED, entries=4).as_json()),
             "it resumes after 4 commands, but the job has 3",
@@ -243,27 +253,27 @@ def test_more_commands_than_the_job_has_cannot_have_been_accepted(tmp_path: Path
 def test_a_journal_that_no_print_of_this_job_wrote_is_named_and_blocks_no_other_print(
     record: bytes, told: str, shelf_of_its_own: Path
 ) -> None:
-    shelf, good, bad = shelf_in(shelf_of_its_own)
+    job_store, good, bad = shelf_in(shelf_of_its_own)
     add(bad, record)
-    (damage,) = damaged_prints(shelf)
+    (damage,) = damaged_prints(job_store)
     resumed = typed("resume")
 
-    assert find(shelf, "", running=False).folder == good.folder
+    assert find(job_store, "", running=False).folder == good.folder
     assert str(damage).startswith(f"{bad.folder / 'journal'}: ")
     assert told in str(damage)
     assert f"printer-slicer: warning: {bad.folder / 'journal'}: " in resumed.err
     assert resumed.err.splitlines()[2] == "printer-slicer: /dev/null is not a serial port"
     with pytest.raises(UsageError, match="journal: "):
-        find(shelf, "bad.gcode", running=False)
+        find(job_store, "bad.gcode", running=False)
 
 
 def test_a_job_without_commands_is_named_and_blocks_no_other_print(tmp_path: Path) -> None:
-    shelf, good, bad = shelf_in(tmp_path)
+    job_store, good, bad = shelf_in(tmp_path)
     (bad.folder / "job.gcode").write_bytes(b"; nothing\n")
-    (damage,) = damaged_prints(shelf)
+    (damage,) = damaged_prints(job_store)
 
     assert str(damage) == f"{bad.folder / 'job.gcode'}: it holds no commands"
-    assert find(shelf, "", running=False).folder == good.folder
+    assert find(job_store, "", running=False).folder == good.folder
 
 
 def test_states_that_a_print_really_notes_make_sense(tmp_path: Path) -> None:
@@ -278,8 +288,8 @@ def test_states_that_a_print_really_notes_make_sense(tmp_path: Path) -> None:
     }
     add(good, b"S " + json.dumps(states).encode())
 
-    assert damage_in(read_story(good.folder), 3) == ""
-    assert parked_from(read_story(good.folder).states["parked"]) == PARKED
+    assert find_journal_damage(read_journal(good.folder), 3) == ""
+    assert parse_parked_state(read_journal(good.folder).states["parked"]) == PARKED
 
 
 def test_the_command_line_names_what_it_skips_and_forgets_it_when_told(shelf_of_its_own: Path) -> None:

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from printer_slicer.printing.journal import LOST, Journal, read_story
+from printer_slicer.printing.journal import LOST, Journal, read_journal
 
 
 def written(folder: Path) -> Journal:
@@ -26,10 +26,10 @@ def written(folder: Path) -> Journal:
 
 def test_numbers_lead_to_entries(tmp_path: Path) -> None:
     written(tmp_path).close()
-    story = read_story(tmp_path)
+    journal_data = read_journal(tmp_path)
 
-    assert (story.line, story.entries) == (20, 17)
-    assert [story.entries_at(n) for n in (0, 1, 2, 3, 12, 14, 15, 16, 20, 22)] == [
+    assert (journal_data.line, journal_data.entries) == (20, 17)
+    assert [journal_data.entries_at(n) for n in (0, 1, 2, 3, 12, 14, 15, 16, 20, 22)] == [
         0,
         0,
         0,
@@ -41,19 +41,19 @@ def test_numbers_lead_to_entries(tmp_path: Path) -> None:
         17,
         19,
     ]
-    assert story.commands == [(0, b"M115"), (0, b"M105"), (12, b"M117 5 > 4; \xe9")]
-    assert story.accepted == [(10, 100.0), (17, 101.5)]
-    assert story.stopped is None
+    assert journal_data.commands == [(0, b"M115"), (0, b"M105"), (12, b"M117 5 > 4; \xe9")]
+    assert journal_data.accepted == [(10, 100.0), (17, 101.5)]
+    assert journal_data.stopped is None
 
 
 def test_what_is_not_accepted_for_certain_is_told_by_the_printer(tmp_path: Path) -> None:
     journal = written(tmp_path)
     journal.numbered(21, 17, b"G1 Z5")
     journal.close()
-    story = read_story(tmp_path)
+    journal_data = read_journal(tmp_path)
 
-    assert (17, b"G1 Z5") not in story.others_until(20)
-    assert (17, b"G1 Z5") in story.others_until(21)
+    assert (17, b"G1 Z5") not in journal_data.others_until(20)
+    assert (17, b"G1 Z5") in journal_data.others_until(21)
 
 
 def test_numbers_that_begin_anew_forget_what_had_them_before(tmp_path: Path) -> None:
@@ -61,10 +61,15 @@ def test_numbers_that_begin_anew_forget_what_had_them_before(tmp_path: Path) -> 
     journal.epoch(17)
     journal.numbered(1, 17, b"M115")
     journal.close()
-    story = read_story(tmp_path)
+    journal_data = read_journal(tmp_path)
 
-    assert (story.base, story.before, story.line, story.entries) == (17, 20, 0, 17)
-    assert story.entries_at(1) == 17
+    assert (journal_data.base, journal_data.before, journal_data.line, journal_data.entries) == (
+        17,
+        20,
+        0,
+        17,
+    )
+    assert journal_data.entries_at(1) == 17
 
 
 def test_a_printer_greeted_anew_has_other_lines_under_the_same_numbers(tmp_path: Path) -> None:
@@ -75,8 +80,8 @@ def test_a_printer_greeted_anew_has_other_lines_under_the_same_numbers(tmp_path:
         journal.numbered(2, 0, b"M105")
     journal.close()
 
-    assert read_story(tmp_path).entries_at(5) == 3
-    assert len(read_story(tmp_path).lines) == 2
+    assert read_journal(tmp_path).entries_at(5) == 3
+    assert len(read_journal(tmp_path).lines) == 2
 
 
 def test_the_time_of_the_loss_is_the_first_one(tmp_path: Path) -> None:
@@ -84,9 +89,9 @@ def test_the_time_of_the_loss_is_the_first_one(tmp_path: Path) -> None:
     journal.ended(f"{LOST}unplugged", 102.0)
     journal.ended("gave up", 132.0)
     journal.close()
-    story = read_story(tmp_path)
+    journal_data = read_journal(tmp_path)
 
-    assert (story.stopped, story.reason) == (102.0, f"{LOST}unplugged")
+    assert (journal_data.stopped, journal_data.reason) == (102.0, f"{LOST}unplugged")
 
 
 @given(cut=st.integers(0, 400), noise=st.binary(max_size=40))
@@ -99,10 +104,10 @@ def test_a_torn_end_tells_all_that_is_whole(
     whole = path.read_bytes()
     path.write_bytes(whole[:cut] + noise)
     kept = whole[:cut].count(b"\n")
-    story = read_story(folder)
+    journal_data = read_journal(folder)
 
-    assert story.line in {0, 12, 20}
-    assert story.line >= {0: 0, 1: 0, 2: 0, 3: 0, 4: 12, 5: 12, 6: 20}[kept]
+    assert journal_data.line in {0, 12, 20}
+    assert journal_data.line >= {0: 0, 1: 0, 2: 0, 3: 0, 4: 12, 5: 12, 6: 20}[kept]
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no full disk here")

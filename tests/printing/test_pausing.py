@@ -10,8 +10,8 @@ import pytest
 from printed import HEAT, scribble, tower
 from rig import SETUP, Rig, assert_same_beads, off_path, way
 
-from printer_slicer.printing import wishes
-from printer_slicer.printing.conductor import PrintPhase
+from printer_slicer.printing import commands
+from printer_slicer.printing.print_controller import PrintPhase
 from printer_slicer.sim.front_end import (
     KLIPPER,
     MARLIN_1_1,
@@ -35,20 +35,20 @@ def printed(text: str) -> Rig:
     return rig
 
 
-def paused_at(text: str, entries: list[int], pause: wishes.Pause, **given: Any) -> Rig:
+def paused_at(text: str, entries: list[int], pause: commands.Pause, **given: Any) -> Rig:
     """A print that is paused when so many commands were accepted, and goes on 3 s after it is parked."""
     rig = Rig(text, **given)
     rig.connect()
     left, since = list(entries), [0.0]
 
     def turn(now: float) -> None:
-        phase = rig.conductor.phase
+        phase = rig.controller.phase
         if phase is PrintPhase.RUNNING and left and rig.streamer.acknowledged >= left[0]:
             left.pop(0)
-            rig.wish(pause)
+            rig.submit(pause)
             since[0] = now
         elif phase is PrintPhase.WAITING and now > since[0] + 3.0:
-            rig.wish(wishes.Resume())
+            rig.submit(commands.Resume())
             since[0] = now + 1e9
 
     rig.run(turn)
@@ -66,7 +66,7 @@ def test_the_part_is_the_same_after_all_pauses(run: tuple[int, int], now: bool, 
     chance = Random(seed)
     entries = sorted(chance.sample(range(12, 230), pauses))
 
-    rig = paused_at(text, entries, wishes.Pause(now=now))
+    rig = paused_at(text, entries, commands.Pause(now=now))
 
     assert isinstance(rig.events[-1], Finished)
     assert rig.events[-1].verified
@@ -86,7 +86,7 @@ def test_the_part_is_the_same_after_all_pauses(run: tuple[int, int], now: bool, 
 
 
 def test_a_parked_nozzle_is_off_the_part_and_above_it() -> None:
-    rig = paused_at(tower(8), [150], wishes.Pause())
+    rig = paused_at(tower(8), [150], commands.Pause())
     parked = [end for _, end in rig.made if end[1] > 200]
 
     assert parked
@@ -104,13 +104,13 @@ def test_now_is_sooner_than_behind_the_plan() -> None:
         def turn(at: float) -> None:
             if rig.streamer.acknowledged >= 30 and not wished[0]:
                 wished[0] = at
-                rig.wish(wishes.Pause(now=now, park=False))
-            if rig.conductor.phase is PrintPhase.WAITING:
+                rig.submit(commands.Pause(now=now, park=False))
+            if rig.controller.phase is PrintPhase.WAITING:
                 waiting[0] = waiting[0] or at
                 board = rig.printer._board
                 board.mover.advance(at)
                 if not board.mover.busy:
-                    rig.wish(wishes.Stop())
+                    rig.submit(commands.Stop())
 
         rig.run(turn)
         return rig.port.now() - wished[0]
@@ -119,7 +119,7 @@ def test_now_is_sooner_than_behind_the_plan() -> None:
 
 
 def test_a_cold_pause_heats_up_again_before_it_goes_back() -> None:
-    rig = paused_at(tower(6), [120], wishes.Pause(cold=True))
+    rig = paused_at(tower(6), [120], commands.Pause(cold=True))
     lines = rig.of_job()
     cold = lines.index("M104 S0")
     hot = lines.index("M109 S200", cold)
@@ -135,13 +135,13 @@ def test_a_nozzle_temperature_set_in_a_cold_pause_holds_when_the_print_goes_on()
     wished = [False]
 
     def turn(_now: float) -> None:
-        phase = rig.conductor.phase
+        phase = rig.controller.phase
         if phase is PrintPhase.RUNNING and not wished[0] and rig.streamer.acknowledged >= 120:
-            rig.wish(wishes.Pause(cold=True))
+            rig.submit(commands.Pause(cold=True))
         elif phase is PrintPhase.WAITING and not wished[0]:
             wished[0] = True
-            rig.wish(wishes.SetTemperature("nozzle", 190.0))
-            rig.wish(wishes.Resume())
+            rig.submit(commands.SetTemperature("nozzle", 190.0))
+            rig.submit(commands.Resume())
 
     rig.run(turn)
     lines = rig.of_job()
@@ -152,7 +152,7 @@ def test_a_nozzle_temperature_set_in_a_cold_pause_holds_when_the_print_goes_on()
 
 def test_a_pause_here_moves_nothing() -> None:
     text = tower(5)
-    rig = paused_at(text, [100], wishes.Pause(park=False))
+    rig = paused_at(text, [100], commands.Pause(park=False))
 
     assert [line for line in rig.of_job() if line.startswith("G1 X")] == [
         line for line in printed(text).of_job() if line.startswith("G1 X")
@@ -161,7 +161,7 @@ def test_a_pause_here_moves_nothing() -> None:
 
 def test_a_cold_machine_does_not_pull_filament() -> None:
     text = "G28\nG90\nM83\n" + "".join(f"G1 X{10 + i % 50} F3000\n" for i in range(300))
-    rig = paused_at(text, [100], wishes.Pause())
+    rig = paused_at(text, [100], commands.Pause())
 
     assert not any("E" in line for line in rig.of_job() if line.startswith("G1"))
     assert rig.printer.report().n_violations == 0
@@ -200,7 +200,7 @@ def test_what_g90_does_to_relative_extrusion_is_the_firmwares_business(
     whole = Rig(text, front_end, setup)
     whole.connect()
     whole.run()
-    rig = paused_at(text, [60], wishes.Pause(), front_end=front_end, setup=setup)
+    rig = paused_at(text, [60], commands.Pause(), front_end=front_end, setup=setup)
 
     laid = 120 * 0.05 if counts else 0.05
     assert whole.printer._board.filament == pytest.approx(laid, abs=1e-6)
@@ -212,7 +212,7 @@ def test_what_g90_does_to_relative_extrusion_is_the_firmwares_business(
 def test_the_way_to_the_parking_place_is_within_the_bed_wherever_the_program_counts_from() -> None:
     text = HEAT + "G28\nG90\nM83\nG1 X110 Y110 Z0.2 F3000\nG92 X0 Y0\n"
     text += "".join(f"G1 X{i % 9} Y{i % 7} E0.05\n" for i in range(120))
-    rig = paused_at(text, [60], wishes.Pause())
+    rig = paused_at(text, [60], commands.Pause())
     reached = [end for _, end in rig.made]
 
     assert isinstance(rig.events[-1], Finished)
@@ -231,7 +231,7 @@ def test_a_pause_of_the_printer_s_own_ends_when_a_person_resumes() -> None:
             rig.printer._board.say("//action:paused")
         elif begun and rig.streamer.state is State.PAUSED and len(begun) == 1:
             begun.append(0)
-            rig.wish(wishes.Resume())
+            rig.submit(commands.Resume())
 
     rig.on_event = meddle
     rig.run()

@@ -11,11 +11,11 @@ from printed import HEAT
 from programs import LARGE, LINES, Executor, Line, program_of
 from rig import SETUP, Rig, assert_same_beads
 
-from printer_slicer.printing import wishes
-from printer_slicer.printing.conductor import PrintPhase
-from printer_slicer.printing.modes import Modes
+from printer_slicer.printing import commands
+from printer_slicer.printing.machine_state import PrintState
 from printer_slicer.printing.objects import LiveJob, Span
-from printer_slicer.printing.parking import come_back, leave, parked_at, pushed_by
+from printer_slicer.printing.parking import extruded_length, leave, park_state, return_to_part
+from printer_slicer.printing.print_controller import PrintPhase
 from printer_slicer.sim.board import Board
 from printer_slicer.sim.front_end import MARLIN_2_1
 from printer_slicer.stream.events import Finished
@@ -39,20 +39,20 @@ def test_leaving_never_goes_down_and_coming_back_leads_to_the_same_place(
     flavour: str, lines: list[Line], cold: bool
 ) -> None:
     setup = replace(SETUP, flavour=flavour)
-    executor, modes = Executor(flavour), Modes(flavour)
+    executor, modes = Executor(flavour), PrintState(flavour)
     for index, command in enumerate([*START, *program_of(lines)]):
         board = executor.do(command)
         modes.follow(command, index)
     before, z = state_of(board), board.position[2]
 
-    parked = parked_at(modes.stand, modes, setup, wishes.Pause(cold=cold), 0)
+    parked = park_state(modes.stand, modes, setup, commands.Pause(cold=cold), 0)
     script = leave(parked, modes, setup)
     for command in script:
         board = executor.do(command)
         assert board.position[2] >= z - 1e-6
     if parked.park and z < SETUP.top - 1e-3:
         assert board.position[2] > z
-    for command in come_back(parked, setup, pushed_by(script)):
+    for command in return_to_part(parked, setup, extruded_length(script)):
         board = executor.do(command)
 
     if modes.stand.speed:  # a speed that no command has named cannot be said again
@@ -110,11 +110,11 @@ def test_a_part_in_inches_is_the_same_after_a_pause(now: bool) -> None:
     def turn(at: float) -> None:
         if rig.streamer.acknowledged >= 30 and not wished[0]:
             wished[0] = at
-            rig.wish(wishes.Pause(now=now))
-        elif rig.conductor.phase is PrintPhase.WAITING and at > wished[0] + 10.0:
-            assert rig.conductor.parked is not None
-            parked.append(rig.conductor.parked.stand.place[2])
-            rig.wish(wishes.Resume())
+            rig.submit(commands.Pause(now=now))
+        elif rig.controller.phase is PrintPhase.WAITING and at > wished[0] + 10.0:
+            assert rig.controller.parked is not None
+            parked.append(rig.controller.parked.stand.place[2])
+            rig.submit(commands.Resume())
             wished[0] = 1e9
 
     rig.run(turn)
@@ -130,11 +130,11 @@ def test_a_part_in_inches_is_the_same_after_a_pause(now: bool) -> None:
 
 
 def test_what_is_said_between_inches_and_millimetres_does_not_reach_the_saved_place() -> None:
-    modes = Modes()
+    modes = PrintState()
     for command in (b"G28", b"G20", b"G1 X1 Y1 Z0.1", b"G21"):
         modes.follow(command)
 
-    parked = parked_at(modes.stand, modes, SETUP, wishes.Pause(), 4)
+    parked = park_state(modes.stand, modes, SETUP, commands.Pause(), 4)
 
     assert parked.stand.place == pytest.approx((25.4, 25.4, 2.54))
     assert parked.safe >= 2.54 + SETUP.lift

@@ -10,24 +10,26 @@ from contextlib import contextmanager
 from pathlib import Path
 from threading import Thread
 
-from printer_slicer.printing.setup import setup_of
-from printer_slicer.printing.shelf import Place, Print, begin, print_in
+from printer_slicer.printing.host_settings import host_settings_from
+from printer_slicer.printing.job_store import PortAddress, Print, begin, load_print
 from printer_slicer.profile import load_profile
 from tests.waiting import LAST_RESORT
 
 HOLD = (
-    "import sys\nfrom pathlib import Path\nfrom printer_slicer.printing.shelf import print_in\n"
-    "held = print_in(Path(sys.argv[1]))\nassert held.hold()\nprint('held', flush=True)\nsys.stdin.read()"
+    "import sys\nfrom pathlib import Path\nfrom printer_slicer.printing.job_store import load_print\n"
+    "held = load_print(Path(sys.argv[1]))\nassert held.hold()\nprint('held', flush=True)\nsys.stdin.read()"
 )
 
 
 def begun(folder: Path) -> Print:
-    return begin(folder, "job.gcode", b"G28\n", Place("/dev/null", 115200), setup_of(load_profile()))
+    return begin(
+        folder, "job.gcode", b"G28\n", PortAddress("/dev/null", 115200), host_settings_from(load_profile())
+    )
 
 
 def seen(folder: Path) -> Print:
     """The print as another program finds it."""
-    found = print_in(folder)
+    found = load_print(folder)
     assert found
     return found
 

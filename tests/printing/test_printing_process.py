@@ -32,12 +32,12 @@ from benchmarks.killing import of_job, one_job
 from printer_slicer.errors import Cancelled, PortError, PrintError, UsageError
 from printer_slicer.jobs import Job
 from printer_slicer.printing import Controls, print_job, resume_print
-from printer_slicer.printing import shelf as shelves
-from printer_slicer.printing.door import ask_door
-from printer_slicer.printing.journal import read_story
+from printer_slicer.printing import job_store as store
+from printer_slicer.printing.control_socket import send_control_command
+from printer_slicer.printing.journal import read_journal
 from printer_slicer.profile import load_profile
 from printer_slicer.slice_jobs import job_from
-from printer_slicer.stream.events import Accepted, Event, Note, Paused
+from printer_slicer.stream.events import Accepted, Event, Paused, StreamWarning
 from printer_slicer.stream.serial_port import SerialPort
 
 ROOT = Path(__file__).parents[2]
@@ -56,7 +56,7 @@ def job_in(folder: Path, text: str = LINES) -> Job:
 class Background:
     """A print in a thread of its own."""
 
-    def __init__(self, job: Job, port: Path, shelf: Path, *, reconnect: float = 0.0) -> None:
+    def __init__(self, job: Job, port: Path, job_store: Path, *, reconnect: float = 0.0) -> None:
         self.controls = Controls()
         self.events: list[Event] = []
         self.error: Exception | None = None
@@ -69,7 +69,7 @@ class Background:
                     PROFILE,
                     str(port),
                     controls=self.controls,
-                    shelf=shelf,
+                    job_store=job_store,
                     on_event=self.events.append,
                     reconnect=reconnect,
                 )
@@ -156,15 +156,15 @@ def test_only_its_owner_can_open_the_door_and_a_stale_one_is_replaced(tmp_path: 
         # Somebody who connects and says nothing keeps nobody waiting.
         with socket.socket(socket.AF_UNIX) as silent:
             silent.connect(str(where))
-            assert ask_door(folder, "status")["ok"]
-            assert not ask_door(folder, "nonsense")["ok"]
+            assert send_control_command(folder, "status")["ok"]
+            assert not send_control_command(folder, "nonsense")["ok"]
         printing.controls.stop()
         executed.go_on()
         printing.ended()
 
     assert not where.exists()
     with pytest.raises(PortError, match="does not answer"):
-        ask_door(folder, "status")
+        send_control_command(folder, "status")
 
 
 def test_an_emergency_stop_waits_for_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -221,7 +221,11 @@ def test_a_cable_that_is_pulled_and_plugged_in_again_costs_nothing(tmp_path: Pat
         executed.reached()
         pull()
         executed.go_on()
-        until(lambda: any(isinstance(event, Note) and "waiting" in event.text for event in printing.events))
+        until(
+            lambda: any(
+                isinstance(event, StreamWarning) and "waiting" in event.text for event in printing.events
+            )
+        )
         status = printing.controls.status_soon()
         plug()
         printing.ended()
@@ -229,7 +233,9 @@ def test_a_cable_that_is_pulled_and_plugged_in_again_costs_nothing(tmp_path: Pat
     assert printing.done, printing.error
     assert status["waits_for"].startswith(f"the printer to come back: {tmp_path}/port is gone")
     assert status["done"] > 50
-    assert any(isinstance(event, Note) and "kept its state" in event.text for event in printing.events)
+    assert any(
+        isinstance(event, StreamWarning) and "kept its state" in event.text for event in printing.events
+    )
     assert of_job(executed) == LINES.split("\n")[:-1]
 
 
@@ -245,8 +251,8 @@ def test_a_cable_that_stays_away_leaves_a_print_that_can_be_resumed(tmp_path: Pa
         plug()
 
         with pytest.raises(UsageError, match="unfinished"):
-            print_job(job, PROFILE, str(tmp_path / "port"), shelf=tmp_path / "prints")
-        left = shelves.find(tmp_path / "prints", "", running=False)
+            print_job(job, PROFILE, str(tmp_path / "port"), job_store=tmp_path / "prints")
+        left = store.find(tmp_path / "prints", "", running=False)
         # The file may be gone meanwhile.
         (tmp_path / "job.gcode").unlink()
         done = resume_print(left, job)
@@ -265,7 +271,7 @@ def test_an_unfinished_print_is_forgotten_only_when_that_is_said(tmp_path: Path)
         executed.go_on()
         printing.ended()
         plug()
-        print_job(job, PROFILE, str(tmp_path / "port"), shelf=tmp_path / "prints", discard=True)
+        print_job(job, PROFILE, str(tmp_path / "port"), job_store=tmp_path / "prints", discard=True)
 
     assert list((tmp_path / "prints").iterdir()) == []
 
@@ -275,7 +281,9 @@ def test_a_printer_that_was_reset_while_it_was_away_is_not_taken_up(tmp_path: Pa
     with served(tmp_path / "port", executed=executed):
         printing = Background(job_in(tmp_path), tmp_path / "port", tmp_path / "prints", reconnect=LAST_RESORT)
         executed.reached()
-    until(lambda: any(isinstance(event, Note) and "waiting" in event.text for event in printing.events))
+    until(
+        lambda: any(isinstance(event, StreamWarning) and "waiting" in event.text for event in printing.events)
+    )
     with served(tmp_path / "port") as executed:
         printing.ended()
 
@@ -296,7 +304,7 @@ def test_a_print_that_runs_is_not_resumed_besides(tmp_path: Path) -> None:
         printing = Background(job_in(tmp_path), tmp_path / "port", tmp_path / "prints")
         executed.reached()
         with pytest.raises(UsageError, match=told):
-            resume_print(shelves.find(tmp_path / "prints", "", running=True), job_in(tmp_path))
+            resume_print(store.find(tmp_path / "prints", "", running=True), job_in(tmp_path))
         printing.controls.cancel()
         executed.go_on()
         printing.ended()
@@ -310,7 +318,7 @@ def test_a_printer_that_was_reset_is_not_resumed_without_consent(tmp_path: Path)
         printing = Background(job_in(tmp_path, text), tmp_path / "port", tmp_path / "prints")
         first.reached()
     printing.ended()
-    left = shelves.find(tmp_path / "prints", "", running=False)
+    left = store.find(tmp_path / "prints", "", running=False)
     asked: list[str] = []
     with served(tmp_path / "port") as executed, pytest.raises(PrintError) as caught:
         resume_print(left, job_in(tmp_path, text), recover=lambda why: bool(asked.append(why)))
@@ -331,7 +339,7 @@ def test_with_consent_a_printer_that_was_reset_is_brought_back_and_goes_on(tmp_p
         printing = Background(job_in(tmp_path, text), tmp_path / "port", tmp_path / "prints")
         first.reached()
     printing.ended()
-    left = shelves.find(tmp_path / "prints", "", running=False)
+    left = store.find(tmp_path / "prints", "", running=False)
     asked: list[str] = []
     with served(tmp_path / "port", speed=0) as executed:
         done = resume_print(left, job_in(tmp_path, text), recover=lambda why: not asked.append(why))
@@ -351,22 +359,24 @@ def test_with_consent_a_printer_that_was_reset_is_brought_back_and_goes_on(tmp_p
 def test_a_full_disk_does_not_stop_the_print(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     if not Path("/dev/full").exists():
         pytest.skip("no full disk here")
-    begin = shelves.begin
+    begin = store.begin
 
-    def full(*arguments: object) -> shelves.Print:
+    def full(*arguments: object) -> store.Print:
         made = begin(*arguments)  # type: ignore[arg-type]
         (made.folder / "journal").unlink()
         (made.folder / "journal").symlink_to("/dev/full")
         return made
 
-    monkeypatch.setattr(shelves, "begin", full)
+    monkeypatch.setattr(store, "begin", full)
     with served(tmp_path / "port", speed=0) as executed:
         printing = Background(job_in(tmp_path), tmp_path / "port", tmp_path / "prints")
         printing.ended()
 
     assert printing.done, printing.error
     assert of_job(executed) == LINES.split("\n")[:-1]
-    assert any(isinstance(event, Note) and "could not be resumed" in event.text for event in printing.events)
+    assert any(
+        isinstance(event, StreamWarning) and "could not be resumed" in event.text for event in printing.events
+    )
 
 
 def test_a_file_that_is_changed_or_deleted_meanwhile_is_printed_as_it_was(tmp_path: Path) -> None:
@@ -386,7 +396,7 @@ def test_a_file_that_is_changed_or_deleted_meanwhile_is_printed_as_it_was(tmp_pa
 def test_a_place_where_nothing_can_be_written_is_refused_before_the_first_byte(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("", encoding="utf-8")
     with served(tmp_path / "port") as executed, pytest.raises(Exception, match="cannot be noted"):
-        print_job(job_in(tmp_path), PROFILE, str(tmp_path / "port"), shelf=tmp_path / "file" / "prints")
+        print_job(job_in(tmp_path), PROFILE, str(tmp_path / "port"), job_store=tmp_path / "file" / "prints")
 
     assert executed == []
 
@@ -416,7 +426,7 @@ def test_what_is_left_can_be_listed_and_forgotten(tmp_path: Path, monkeypatch: p
     (row,) = json.loads(resume("--list", "--json").out)
     (folder,) = (tmp_path / "prints").iterdir()
     assert row["job"] == "job.gcode"
-    assert row["accepted"] == read_story(folder).entries
+    assert row["accepted"] == read_journal(folder).entries
     assert resume("--discard").code == 0
     assert resume().code == 2
     assert "no print is unfinished" in resume("--list").out

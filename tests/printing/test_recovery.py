@@ -12,9 +12,9 @@ from rig import PROFILE, SETUP, Rig, warm, way
 from printer_slicer.errors import PrintError
 from printer_slicer.inspection.dry_run.machines import machine_of
 from printer_slicer.jobs import job_of_text
+from printer_slicer.printing.job_store import PortAddress, Print, begin
 from printer_slicer.printing.journal import LOST
-from printer_slicer.printing.recovery import Recovery, recovery
-from printer_slicer.printing.shelf import Place, Print, begin
+from printer_slicer.printing.recovery import RecoveryPlan, plan_recovery
 from printer_slicer.sim.front_end import MARLIN_2_1, MARLIN_2_1_ADVANCED
 from printer_slicer.sim.machine import Machine
 from printer_slicer.stream.events import Finished
@@ -32,7 +32,7 @@ def lose_power(
     job = job_of_text(
         "part.gcode", text.encode(), limits=SETUP.limits, corner=SETUP.low, flavour=SETUP.flavour
     )
-    print_ = begin(folder, job.name, job.text, Place("/dev/none", 250_000), SETUP)
+    print_ = begin(folder, job.name, job.text, PortAddress("/dev/none", 250_000), SETUP)
     front_end = MARLIN_2_1_ADVANCED if advanced else MARLIN_2_1
     rig = Rig(text, front_end, folder=print_.folder, machine=machine or machine_of(PROFILE.printer))
     rig.connect()
@@ -55,13 +55,15 @@ def lose_power(
     return rig, print_
 
 
-def recovered(text: str, folder: Path, entries: int, *, advanced: bool = False) -> tuple[Rig, Rig, Recovery]:
+def recovered(
+    text: str, folder: Path, entries: int, *, advanced: bool = False
+) -> tuple[Rig, Rig, RecoveryPlan]:
     """Both halves of a print, and what was done between."""
     before, print_ = lose_power(text, folder, entries, advanced=advanced)
     job = job_of_text(
         "part.gcode", text.encode(), limits=SETUP.limits, corner=SETUP.low, flavour=SETUP.flavour
     )
-    found = recovery(print_, job)
+    found = plan_recovery(print_, job)
     after = Rig(text, folder=print_.folder)
     after.connect(found)
     after.run()
@@ -179,7 +181,7 @@ def test_an_origin_that_was_moved_from_an_unknown_place_cannot_be_recovered(tmp_
         "part.gcode", text.encode(), limits=SETUP.limits, corner=SETUP.low, flavour=SETUP.flavour
     )
     with pytest.raises(PrintError) as caught:
-        recovery(print_, job)
+        plan_recovery(print_, job)
 
     assert str(caught.value) == (
         "part.gcode: where its G92 moved the origin to is not known\n"
@@ -192,10 +194,10 @@ def test_before_anything_was_printed_there_is_nothing_to_recover(tmp_path: Path)
     job = job_of_text(
         "part.gcode", text.encode(), limits=SETUP.limits, corner=SETUP.low, flavour=SETUP.flavour
     )
-    print_ = begin(tmp_path, job.name, job.text, Place("/dev/none", 250_000), SETUP)
+    print_ = begin(tmp_path, job.name, job.text, PortAddress("/dev/none", 250_000), SETUP)
 
     with pytest.raises(PrintError, match="nothing was printed yet"):
-        recovery(print_, job)
+        plan_recovery(print_, job)
 
 
 @pytest.mark.parametrize("heat", ["", "M104 S120\n", HEAT], ids=["none", "below the softening", "usual"])
@@ -205,7 +207,7 @@ def test_only_what_is_done_is_told(heat: str, tmp_path: Path) -> None:
     job = job_of_text(
         "part.gcode", text.encode(), limits=SETUP.limits, corner=SETUP.low, flavour=SETUP.flavour
     )
-    found = recovery(print_, job)
+    found = plan_recovery(print_, job)
     heated = [line for line in found.replay if line.startswith("M109")]
 
     assert ("warm the nozzle" in found.told) == bool(heated)

@@ -10,8 +10,8 @@ from printed import scribble, tower
 from rig import SETUP, Piece, Rig, laid, way
 
 from printer_slicer.jobs import job_of_text
-from printer_slicer.printing.recovery import recovery
-from printer_slicer.printing.shelf import Place, begin
+from printer_slicer.printing.job_store import PortAddress, begin
+from printer_slicer.printing.recovery import plan_recovery
 from printer_slicer.stream.events import Finished, Halted
 
 
@@ -20,7 +20,7 @@ def halves(text: str, folder: Path, entries: int, delay: float) -> tuple[list[Pi
     job = job_of_text(
         "part.gcode", text.encode(), limits=SETUP.limits, corner=SETUP.low, flavour=SETUP.flavour
     )
-    print_ = begin(folder, job.name, job.text, Place("/dev/none", 250_000), SETUP)
+    print_ = begin(folder, job.name, job.text, PortAddress("/dev/none", 250_000), SETUP)
     before = Rig(text, folder=print_.folder)
     before.connect()
     first: list[float] = []
@@ -43,7 +43,7 @@ def halves(text: str, folder: Path, entries: int, delay: float) -> tuple[list[Pi
     before.journal.close()
     print_.release()
     after = Rig(text, folder=print_.folder)
-    after.connect(recovery(print_, job))
+    after.connect(plan_recovery(print_, job))
     after.run()
     return laid(made), after
 

@@ -329,7 +329,7 @@ def test_what_firmware_looks_at_early_goes_out_ahead_of_everything_and_counts_fo
     talk, out = printing(["M109 S200", *moves(3)], bytewise=bytewise)
     assert out == [first(3, "M109 S200"), first(4, "G1 X1")]
 
-    talk.streamer.urge(b"M108")
+    talk.streamer.send_at_once(b"M108")
     assert talk.waits(0.0) == [b"\nM108"]
     talk.says("ok")
     assert talk.streamer.acknowledged == 1
@@ -341,9 +341,9 @@ def test_what_firmware_looks_at_early_goes_out_ahead_of_everything_and_counts_fo
 def test_what_cannot_be_sent_is_refused_and_before_the_greeting_nothing_is_urgent() -> None:
     talk, _ = printing(moves(2))
     with pytest.raises(UsageError):
-        talk.streamer.urge(b"M108\nM112")
+        talk.streamer.send_at_once(b"M108\nM112")
     unmet = Streamer([b"G28"])
-    unmet.urge(b"M108")
+    unmet.send_at_once(b"M108")
     assert b"M108" not in unmet.send(0.0)
 
 

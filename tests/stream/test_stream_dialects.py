@@ -8,12 +8,12 @@ from conversation import HOT, Conversation, first, lines_of, moves, printing
 from printer_slicer.errors import UsageError
 from printer_slicer.firmware import WIRE_DIALECTS, get_wire_dialect, wire_dialect_name
 from printer_slicer.gcode.lexer import parse
-from printer_slicer.stream.doubt import Doubt, Fate, same_twice
-from printer_slicer.stream.events import Asked, Finished, Halted, Identified, ResendAsked
+from printer_slicer.stream.events import Finished, Halted, Identified, Probe, ResendAsked
 from printer_slicer.stream.framing import checksum, frame_crc
 from printer_slicer.stream.protocol import Streamer
 from printer_slicer.stream.replies import LineError, Resend, read_reply
 from printer_slicer.stream.states import State
+from printer_slicer.stream.unacked_line import LineFate, UnackedLine, is_repeatable
 from printer_slicer.stream.window import Window
 
 REPRAP = "FIRMWARE_NAME: RepRapFirmware for Duet 2 WiFi/Ethernet FIRMWARE_VERSION: 3.4.6 ELECTRONICS: Duet"
@@ -156,7 +156,7 @@ def test_a_full_planner_needs_no_more_than_two() -> None:
 
 def test_a_port_that_is_quicker_than_its_speed_allows_is_none() -> None:
     window = Window(2, 127, 115_200)
-    window.speak(WIRE_DIALECTS["marlin"], emergency_parser=False)
+    window.set_dialect(WIRE_DIALECTS["marlin"], emergency_parser=False)
     for _ in range(3):
         window.timed(17, 0.001)
     window.accepted(200)
@@ -169,7 +169,7 @@ def test_a_port_that_is_quicker_than_its_speed_allows_is_none() -> None:
 
 def test_without_a_speed_no_port_is_too_quick() -> None:
     window = Window(2, 127)
-    window.speak(WIRE_DIALECTS["marlin"], emergency_parser=False)
+    window.set_dialect(WIRE_DIALECTS["marlin"], emergency_parser=False)
     for _ in range(9):
         window.timed(17, 0.0)
     window.accepted(400)
@@ -219,7 +219,7 @@ def test_a_count_that_cannot_be_is_asked_about_by_the_next_line() -> None:
     assert talk.says("echo: M110 N0", "ok") == []
     assert talk.waits(1.0) == [b"\n" + first(5, "M105")]
     assert talk.says("echo: M110 N0", "echo: M110 N4") == []
-    assert len(talk.happened(Asked)) == 2
+    assert len(talk.happened(Probe)) == 2
 
 
 def test_an_ok_too_many_before_the_count_is_told_does_no_harm() -> None:
@@ -319,20 +319,20 @@ def test_a_printer_without_a_word_is_given_up_in_doubt_too() -> None:
     ],
 )
 def test_some_commands_are_the_same_twice(command: bytes, relative: bool, same: bool) -> None:
-    assert same_twice(parse(command)[0], relative=relative) is same
+    assert is_repeatable(parse(command)[0], relative=relative) is same
 
 
 def test_a_position_that_fits_both_or_neither_tells_nothing() -> None:
     before, after = (0.0, 0.0, 0.0, 0.0), (1.0, 0.0, 0.0, None)
-    doubt = Doubt(before, after, repeatable=False)
+    doubt = UnackedLine(before, after, repeatable=False)
 
     for place in ((5.0, 0.0, 0.0, 0.0), None):
         doubt.place = place
-        assert doubt.closed() is Fate.OPEN
+        assert doubt.closed() is LineFate.OPEN
     doubt.bare_ok()
     doubt.bare_ok()
-    assert doubt.closed() is Fate.EXECUTED
-    assert Doubt(before, before, repeatable=True).closed() is Fate.LOST
+    assert doubt.closed() is LineFate.EXECUTED
+    assert UnackedLine(before, before, repeatable=True).closed() is LineFate.LOST
 
 
 # Where an ok means read.

@@ -18,7 +18,7 @@ from printer_slicer.sim.machine import Machine
 from printer_slicer.sim.printer import SimulatedPrinter
 from printer_slicer.sim.tally import Report
 from printer_slicer.stream.events import Event, PoorLink, ResendAsked
-from printer_slicer.stream.link_meter import LinkMeter, LinkSeen, Metered, poor_link
+from printer_slicer.stream.link_meter import LinkMeter, LinkStatistics, MeteredTransport, poor_link
 from printer_slicer.stream.protocol import Streamer
 from printer_slicer.stream.session import run
 
@@ -51,14 +51,14 @@ def seen(
     front_end: FrontEnd = MARLIN_2_1,
     window: int = 2,
     flip: float = 0.0,
-) -> tuple[LinkSeen, Report]:
+) -> tuple[LinkStatistics, Report]:
     """What a meter makes of a print over a cable of this kind, and what the printer counted."""
     printer = SimulatedPrinter(Machine(limits=LIMITS, coldest_extrusion=0.0), front_end, boots=False)
     damage = Damage(Random(7), flip=flip) if flip else None
     port = VirtualPort(printer, baud=baud, latency=latency, damage=damage)
     meter = LinkMeter(LIMITS)
     streamer = Streamer(commands, limits=LIMITS, window_lines=window)
-    run(streamer, Metered(port, meter, port.now), port.now, on_event=meter.heard)
+    run(streamer, MeteredTransport(port, meter, port.now), port.now, on_event=meter.heard)
     return meter.seen(), printer.report()
 
 
@@ -172,7 +172,7 @@ def test_without_limits_it_counts_and_does_not_judge_stalls() -> None:
 
 def test_what_it_listens_to_is_closed_with_it() -> None:
     port = VirtualPort(SimulatedPrinter(Machine(), MARLIN_2_1), latency=0.001)
-    Metered(port, LinkMeter(), port.now).close()
+    MeteredTransport(port, LinkMeter(), port.now).close()
     with pytest.raises(PortError):
         port.write(b"M105\n")
 
@@ -196,7 +196,12 @@ def test_a_bad_cable_is_warned_of_while_printing_and_at_the_end() -> None:
         resends.extend([event] if isinstance(event, ResendAsked) else [])
         told.extend(meter.warnings())
 
-    run(Streamer(circle(4000), limits=LIMITS), Metered(port, meter, port.now), port.now, on_event=hear)
+    run(
+        Streamer(circle(4000), limits=LIMITS),
+        MeteredTransport(port, meter, port.now),
+        port.now,
+        on_event=hear,
+    )
     last = meter.seen().warning
 
     assert last is not None

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from printer_slicer.gcode.lexer import parse
 from printer_slicer.gcode.state import MachineState, Move
 from printer_slicer.motion.rules import MotionLimits
-from printer_slicer.stream.watch import Patience
+from printer_slicer.stream.ack_timer import ResponseTimeout
 
 
 def follow(*commands: str) -> tuple[MachineState, list[Move | None]]:
@@ -21,7 +21,7 @@ def follow(*commands: str) -> tuple[MachineState, list[Move | None]]:
 
 
 def waits(*commands: str, limits: MotionLimits | None = LIMITS) -> list[float]:
-    tracker, patience = MachineState(), Patience(limits)
+    tracker, patience = MachineState(), ResponseTimeout(limits)
     allowed = []
     for command in commands:
         word, values = parse(command.encode())

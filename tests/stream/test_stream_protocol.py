@@ -8,15 +8,15 @@ from conversation import HOT, Conversation, again, first, moves, printing
 from printer_slicer.errors import UsageError
 from printer_slicer.stream.events import (
     Accepted,
-    Asked,
     Busy,
     Halted,
     Message,
+    Probe,
     ResendAsked,
     Temperature,
 )
-from printer_slicer.stream.ledger import Ledger
 from printer_slicer.stream.protocol import Streamer
+from printer_slicer.stream.send_history import SendHistory
 from printer_slicer.stream.states import ENDED, TRANSITIONS, State, Trigger
 
 
@@ -218,7 +218,7 @@ def test_an_error_and_a_request_that_disagree_are_asked_about(bytewise: bool) ->
 
     assert talk.says("Error:checksum mismatch, Last Line: 1", "Resend: 4", "ok") == []
     assert talk.waits(0.4) == [again(5, "M105")]
-    assert talk.happened(Asked) == [Asked(5)]
+    assert talk.happened(Probe) == [Probe(5)]
     assert talk.says(*refused_for_its_number(3)) == []
     assert talk.waits(0.3) == [again(3, "G28")]
 
@@ -591,7 +591,7 @@ def test_a_printer_that_lost_count_never_gets_the_job_again() -> None:
 
 
 def test_a_ledger_forgets_old_lines() -> None:
-    ledger = Ledger()
+    ledger = SendHistory()
     for number in range(1, 1001):
         ledger.add(b"G1 X%d" % number, number, 1.0)
         ledger.take(0.0)

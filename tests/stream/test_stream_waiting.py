@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from conversation import HOT, LIMITS, Conversation, printing
 
-from printer_slicer.stream.events import Asked, Finished
+from printer_slicer.stream.events import Finished, Probe
 from printer_slicer.stream.protocol import Streamer
 
 
@@ -66,7 +66,7 @@ def after_answers(seconds: float, answers: int = 150) -> Conversation:
 def seconds_until_asked(talk: Conversation) -> float:
     """How long nothing is said until the host asks."""
     begun = talk.now
-    while not talk.happened(Asked):
+    while not talk.happened(Probe):
         due = talk.streamer.wakeup()
         assert due is not None
         talk.waits(due - talk.now + 1e-6)
@@ -88,7 +88,7 @@ def test_an_answer_not_three_times_as_slow_as_one_before_is_never_missed() -> No
         assert talk.waits(seconds) == []
         talk.says("ok")
 
-    assert talk.happened(Asked) == []
+    assert talk.happened(Probe) == []
 
 
 def test_a_long_move_is_waited_for_as_before() -> None:

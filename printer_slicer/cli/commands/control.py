@@ -30,29 +30,31 @@ _SOON = 2.0  # s, timeout of `control status`
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `control`."""
-    parser.add_argument("wish", nargs="+", metavar="COMMAND", help="command and its value, see the examples")
+    parser.add_argument("words", nargs="+", metavar="COMMAND", help="command and its value, see the examples")
     parser.add_argument("--job", metavar="NAME", default="", help="name of the print, if several are running")
     add_output(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Send a command to the process of a print."""
-    from printer_slicer.printing.door import ask_door
-    from printer_slicer.printing.shelf import default_shelf, find
-    from printer_slicer.printing.wishes import Status, read_wish
+    from printer_slicer.printing.commands import Status, parse_command
+    from printer_slicer.printing.control_socket import send_control_command
+    from printer_slicer.printing.job_store import default_job_store, find
 
-    line = " ".join(arguments.wish)
-    wish = read_wish(line)
-    found = find(default_shelf(), arguments.job, running=True)
-    answer = ask_door(found.folder, line, **({"patience": _SOON} if isinstance(wish, Status) else {}))
+    line = " ".join(arguments.words)
+    command = parse_command(line)
+    found = find(default_job_store(), arguments.job, running=True)
+    answer = send_control_command(
+        found.folder, line, **({"patience": _SOON} if isinstance(command, Status) else {})
+    )
     if not answer["ok"]:
         message, _, remedy = str(answer["answer"]).partition("\n  ")
         raise UsageError(f"{answer['job']}: {message}", remedy=remedy)
-    if isinstance(wish, Status):
+    if isinstance(command, Status):
         answer = {"ok": True, "job": answer["job"], **json.loads(answer["answer"])}
     if arguments.json:
         print(json.dumps(answer))
-    elif isinstance(wish, Status):
+    elif isinstance(command, Status):
         say(arguments, _status(answer))
     else:
         say(arguments, f"{answer['job']}: {answer['answer']}")

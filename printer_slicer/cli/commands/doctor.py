@@ -14,7 +14,7 @@ from printer_slicer.cli.output import sanitize, say
 from printer_slicer.errors import PortError
 
 if TYPE_CHECKING:
-    from printer_slicer.doctor import Examination, PortCheck
+    from printer_slicer.doctor import PortCheck, PrinterDiagnosis
 
 __all__ = ["EXAMPLES", "add_arguments", "run"]
 
@@ -73,9 +73,9 @@ def _check_one(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _examine(arguments: argparse.Namespace) -> tuple[list[PortCheck], Examination | None]:
+def _examine(arguments: argparse.Namespace) -> tuple[list[PortCheck], PrinterDiagnosis | None]:
     """Return the checks of a port, and of its printer if the port can be opened."""
-    from printer_slicer.doctor import PortCheck, examine, state_of
+    from printer_slicer.doctor import PortCheck, diagnose_printer, state_of
     from printer_slicer.stream.serial_port import open_port
 
     checks = [] if "://" in arguments.port else list(state_of(arguments.port).checks())
@@ -86,7 +86,7 @@ def _examine(arguments: argparse.Namespace) -> tuple[list[PortCheck], Examinatio
     except PortError as error:
         return [*checks, PortCheck("open", "bad", str(error).splitlines()[0], error.remedy)], None
     try:
-        found = examine(port, monotonic, baud=arguments.baud)
+        found = diagnose_printer(port, monotonic, baud=arguments.baud)
     except PortError as error:
         return [*checks, PortCheck("open", "bad", str(error).splitlines()[0], error.remedy)], None
     finally:

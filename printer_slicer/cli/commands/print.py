@@ -24,7 +24,7 @@ from printer_slicer.texts import format_duration
 
 if TYPE_CHECKING:
     from printer_slicer.jobs import Job
-    from printer_slicer.printing import Done
+    from printer_slicer.printing import PrintResult
     from printer_slicer.profile import Profile
 
 __all__ = ["EXAMPLES", "add_arguments", "run"]
@@ -97,15 +97,15 @@ def _print_on_port(arguments: argparse.Namespace, job: Job, profile: Profile) ->
     from printer_slicer.cli.jobs import command_check
     from printer_slicer.cli.progress import print_with
     from printer_slicer.printing import print_job
-    from printer_slicer.printing.shelf import default_shelf
+    from printer_slicer.printing.job_store import default_job_store
 
-    def begin(**common: Any) -> Done:
+    def begin(**common: Any) -> PrintResult:
         """Print from the beginning."""
         return print_job(
             job,
             profile,
             arguments.port,
-            shelf=default_shelf(),
+            job_store=default_job_store(),
             discard=arguments.discard_unfinished,
             allow=command_check(profile, job.allowed),
             **common,

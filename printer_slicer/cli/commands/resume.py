@@ -12,9 +12,9 @@ from printer_slicer.cli.arguments import add_connection, add_output
 from printer_slicer.cli.output import sanitize, say
 
 if TYPE_CHECKING:
-    from printer_slicer.printing import Done
-    from printer_slicer.printing.setup import Setup
-    from printer_slicer.printing.shelf import Print
+    from printer_slicer.printing import PrintResult
+    from printer_slicer.printing.host_settings import HostSettings
+    from printer_slicer.printing.job_store import Print
 
 __all__ = ["EXAMPLES", "add_arguments", "run"]
 
@@ -47,18 +47,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Resume an interrupted print."""
-    from printer_slicer.printing import shelf as shelves
+    from printer_slicer.printing import job_store as store
 
-    shelf = shelves.default_shelf()
+    job_store = store.default_job_store()
     if arguments.list:
-        return _list(arguments, shelf)
-    for damage in shelves.damaged_prints(shelf):
+        return _list(arguments, job_store)
+    for damage in store.damaged_prints(job_store):
         if arguments.discard and arguments.name == damage.folder.name:
             damage.forget()
             say(arguments, f"{damage.folder.name}: deleted")
             return 0
         print(sanitize(f"printer-slicer: warning: {damage}\n  {damage.remedy}"), file=sys.stderr)
-    found = shelves.find(shelf, arguments.name, running=False)
+    found = store.find(job_store, arguments.name, running=False)
     if arguments.discard:
         found.forget()
         say(arguments, f"{found.name}, started {found.begun}: deleted")
@@ -94,14 +94,14 @@ def _resume(arguments: argparse.Namespace, found: Print) -> int:
         )
         return sys.stdin.readline().strip().lower() in {"y", "yes"}
 
-    def resume_rest(**common: Any) -> Done:
+    def resume_rest(**common: Any) -> PrintResult:
         """Print the rest of the job."""
         return resume_print(found, job, port=arguments.port, recover=recover, **_judged(setup), **common)
 
     return print_with(arguments, job, Path(f"{Path(found.name).stem}.checkpoint.json"), resume_rest)
 
 
-def _judged(setup: Setup) -> dict[str, Any]:
+def _judged(setup: HostSettings) -> dict[str, Any]:
     """Return the check of commands typed during the print, with the settings of its start."""
     from printer_slicer.cli.jobs import command_check
     from printer_slicer.profile import profile_from
@@ -109,23 +109,23 @@ def _judged(setup: Setup) -> dict[str, Any]:
     return {"allow": command_check(profile_from(setup.settings), setup.allowed)} if setup.settings else {}
 
 
-def _list(arguments: argparse.Namespace, shelf: Path) -> int:
-    from printer_slicer.printing.journal import read_story
-    from printer_slicer.printing.shelf import damaged_prints, on_shelf
+def _list(arguments: argparse.Namespace, job_store: Path) -> int:
+    from printer_slicer.printing.job_store import damaged_prints, stored_prints
+    from printer_slicer.printing.journal import read_journal
 
-    damaged = {damage.folder: damage for damage in damaged_prints(shelf)}
-    left = [one for one in on_shelf(shelf) if one.folder not in damaged and not one.running]
+    damaged = {damage.folder: damage for damage in damaged_prints(job_store)}
+    left = [one for one in stored_prints(job_store) if one.folder not in damaged and not one.running]
     rows = []
     for one in left:
-        story = read_story(one.folder)
+        journal_data = read_journal(one.folder)
         rows.append(
             {
                 "job": one.name,
                 "id": one.folder.name,
                 "port": one.port,
                 "begun": one.begun,
-                "accepted": story.entries,
-                "reason": story.reason or "the host process ended",
+                "accepted": journal_data.entries,
+                "reason": journal_data.reason or "the host process ended",
                 "damaged": False,
             }
         )

@@ -29,7 +29,7 @@ from printer_slicer.sim.machine import Machine
 from printer_slicer.sim.printer import SimulatedPrinter
 from printer_slicer.stream.events import Accepted, Event, Finished, Halted
 from printer_slicer.stream.protocol import Streamer
-from printer_slicer.stream.script import SAME_PLACE
+from printer_slicer.stream.send_queue import SAME_PLACE
 from printer_slicer.stream.session import run
 
 __all__ = ["dry_run", "layer_counter"]

@@ -21,18 +21,18 @@ from typing import TYPE_CHECKING, Final
 
 from printer_slicer.gcode.commands import Effect, commands_that
 from printer_slicer.gcode.lexer import parse
-from printer_slicer.stream.burst import Burst, BurstAnswer
+from printer_slicer.stream.ack_timer import AckTimer
 from printer_slicer.stream.framing import LONGEST, frame_crc
-from printer_slicer.stream.ledger import ASK, Ledger
-from printer_slicer.stream.watch import Watch
+from printer_slicer.stream.resend_burst import ResendBurst, ResendDecision
+from printer_slicer.stream.send_history import ASK, SendHistory
 from printer_slicer.stream.window import QUESTION_ROOM, Window
 
 if TYPE_CHECKING:
     from printer_slicer.firmware import WireDialect
-    from printer_slicer.stream.doubt import Doubt
     from printer_slicer.stream.replies import Ok
+    from printer_slicer.stream.unacked_line import UnackedLine
 
-__all__ = ["Flight"]
+__all__ = ["AckTracker"]
 
 _COUNT: Final = b"\nM110\n"
 """Asks for the number of the last line; with a number of its own it would set it."""
@@ -48,7 +48,7 @@ _ECHO: Final = 0.5
 """s in which a printer that was busy answers the questions that have piled up."""
 
 
-class Flight:
+class AckTracker:
     """Numbered lines from 1 on, with everything known about their fate.
 
     Attributes:
@@ -62,11 +62,11 @@ class Flight:
     """
 
     def __init__(self, window: Window, give_up: float) -> None:
-        self.ledger = Ledger()
-        self.burst = Burst()
-        self.watch = Watch(give_up)
+        self.ledger = SendHistory()
+        self.burst = ResendBurst()
+        self.watch = AckTimer(give_up)
         self.window = window
-        self.doubt: Doubt | None = None
+        self.doubt: UnackedLine | None = None
         self.strayed = False
         self.lost_count: int | None = None
         self._counts = self._ok_when_read = False
@@ -86,7 +86,7 @@ class Flight:
         self._unnumbered: deque[int] = deque()  # last line in front of each command without a number
         self._breaks, self._broken = 0, -inf
 
-    def speak(self, dialect: WireDialect, *, emergency_parser: bool) -> None:
+    def set_dialect(self, dialect: WireDialect, *, emergency_parser: bool) -> None:
         """The firmware is known now."""
         self._counts = dialect.reports_last_line
         self._ok_when_read = dialect.ok_when_read
@@ -96,7 +96,7 @@ class Flight:
         self._longest = dialect.max_line_bytes
         if dialect.checksum == "crc16":
             self.ledger.frame = frame_crc
-        self.window.speak(dialect, emergency_parser=emergency_parser)
+        self.window.set_dialect(dialect, emergency_parser=emergency_parser)
 
     def add(self, command: bytes, job: int, patience: float) -> None:
         """Give a command the next number; its ok comes within `patience`, s, of when it is its turn."""
@@ -155,7 +155,7 @@ class Flight:
         self.watch.ask(now)
         return _COUNT
 
-    def ask_where(self, doubt: Doubt, now: float) -> bytes:
+    def ask_where(self, doubt: UnackedLine, now: float) -> bytes:
         """Ask where the printer is, and then what tells that its answer to that is here."""
         self.window.error()
         self.watch.ask(now)
@@ -334,9 +334,9 @@ class Flight:
             verdict = burst.unrequested(ledger, now)
         else:
             verdict = burst.request(number, ledger, now)
-        if verdict is BurstAnswer.ASK:
+        if verdict is ResendDecision.ASK:
             self.watch.suspect(now)
-        elif verdict is BurstAnswer.LOST_COUNT:
+        elif verdict is ResendDecision.LOST_COUNT:
             self.lost_count = number
 
     def stray(self, now: float, *, refusal: bool) -> None:

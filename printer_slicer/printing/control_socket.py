@@ -1,8 +1,8 @@
-"""A local socket through which another process of the same user has wishes for a running print.
+"""Local socket through which other processes of the same user control a running print.
 
-One request per connection: a line as `wishes.read_wish` reads it, answered with one line of JSON. On systems with Unix
-sockets only their owner can open it; elsewhere it is a TCP port of this computer alone, and a secret that stands in a
-file for the owner's eyes comes first.
+Each connection carries one request: a line for `commands.parse_command`, answered with one line of JSON. On systems
+with Unix sockets only the owner can open the socket. Elsewhere it is a TCP port on the loopback interface, and each
+request starts with a secret token from a file that only the owner can read.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from threading import Thread
 from typing import TYPE_CHECKING, Any
 
 from printer_slicer.errors import PortError, UsageError
-from printer_slicer.printing.wishes import Status, Wish, read_wish
+from printer_slicer.printing.commands import PrintCommand, Status, parse_command
 
 if TYPE_CHECKING:
     from printer_slicer.printing.controls import Controls
 
-__all__ = ["ask_door", "open_door"]
+__all__ = ["send_control_command", "serve_control"]
 
 _ADDRESS = "control.json"
 _LONGEST = 4096
@@ -35,7 +35,7 @@ _HAS_UNIX = hasattr(socket, "AF_UNIX") and os.name == "posix"
 
 
 @contextmanager
-def open_door(folder: Path, controls: Controls, name: str) -> Iterator[None]:
+def serve_control(folder: Path, controls: Controls, name: str) -> Iterator[None]:
     """Answer for as long as the block runs; a door that cannot be opened is none, the print goes on.
 
     Args:
@@ -117,19 +117,23 @@ def _answer(connection: socket.socket, controls: Controls, name: str, token: str
             if not hmac.compare_digest(given, token):
                 return
         try:
-            answer: dict[str, Any] = {"ok": True, "job": name, "answer": _granted(controls, read_wish(line))}
+            answer: dict[str, Any] = {
+                "ok": True,
+                "job": name,
+                "answer": _granted(controls, parse_command(line)),
+            }
         except UsageError as error:
             answer = {"ok": False, "job": name, "answer": str(error)}
         connection.sendall(json.dumps(answer).encode() + b"\n")
 
 
-def _granted(controls: Controls, wish: Wish) -> str:
+def _granted(controls: Controls, command: PrintCommand) -> str:
     """Execute a command and return its result; status requests do not wait.
 
     Raises:
         UsageError: it cannot be executed.
     """
-    return json.dumps(controls.status_soon()) if isinstance(wish, Status) else controls.ask(wish)
+    return json.dumps(controls.status_soon()) if isinstance(command, Status) else controls.ask(command)
 
 
 def _read_line(connection: socket.socket) -> str:
@@ -147,7 +151,7 @@ def _read_line(connection: socket.socket) -> str:
     return data.decode("utf-8").rstrip("\n")
 
 
-def ask_door(folder: Path, line: str, patience: float = _PATIENCE) -> dict[str, Any]:
+def send_control_command(folder: Path, line: str, patience: float = _PATIENCE) -> dict[str, Any]:
     """Ask a running print; its answer: ok, job, answer.
 
     Args:

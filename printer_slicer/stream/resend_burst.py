@@ -18,9 +18,9 @@ from math import inf
 from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
-    from printer_slicer.stream.ledger import Ledger
+    from printer_slicer.stream.send_history import SendHistory
 
-__all__ = ["Burst", "BurstAnswer"]
+__all__ = ["ResendBurst", "ResendDecision"]
 
 _SETTLE: Final = 0.2
 """s without another request after which none is expected: longer than the latency of any usual port."""
@@ -31,7 +31,7 @@ _LONGEST: Final = 2 * _SETTLE
 _MOST_IDENTICAL: Final = 10
 
 
-class BurstAnswer(Enum):
+class ResendDecision(Enum):
     """What to make of a request."""
 
     GO_BACK = "go back"
@@ -39,7 +39,7 @@ class BurstAnswer(Enum):
     LOST_COUNT = "lost count"
 
 
-class Burst:
+class ResendBurst:
     """The requests since the last good answer.
 
     Attributes:
@@ -70,20 +70,20 @@ class Burst:
         self._latest = now + _LONGEST if first else self._latest
         self.until = min(now + _SETTLE, self._latest)
 
-    def unrequested(self, ledger: Ledger, now: float) -> BurstAnswer:
+    def unrequested(self, ledger: SendHistory, now: float) -> ResendDecision:
         """Take the claim for the request that should have followed it, with nothing to confirm it."""
         assert self.claim is not None
         number, self.claim = self.claim, None
         return self.request(number, ledger, now)
 
-    def request(self, number: int, ledger: Ledger, now: float) -> BurstAnswer:
+    def request(self, number: int, ledger: SendHistory, now: float) -> ResendDecision:
         """The printer asks for `number`; its ok is still to come."""
         first = not self.active
         claim, self.claim = self.claim, None
         self.swallow = True
         verdict = self._judge(number, claim, ledger)
-        self._doubted = number if verdict is BurstAnswer.ASK else None
-        if verdict is BurstAnswer.GO_BACK:
+        self._doubted = number if verdict is ResendDecision.ASK else None
+        if verdict is ResendDecision.GO_BACK:
             if number != self.wanted:
                 self.wanted = number
                 self._missing = max(ledger.cursor - number, 1)
@@ -91,14 +91,14 @@ class Burst:
         self._wait(now, first=first)
         return verdict
 
-    def _judge(self, number: int, claim: int | None, ledger: Ledger) -> BurstAnswer:
+    def _judge(self, number: int, claim: int | None, ledger: SendHistory) -> ResendDecision:
         if claim is not None and claim != number:
-            return BurstAnswer.ASK
+            return ResendDecision.ASK
         if ledger.accepted < number <= ledger.cursor:
-            return BurstAnswer.GO_BACK
+            return ResendDecision.GO_BACK
         if claim is None and number != self._doubted:
-            return BurstAnswer.ASK
-        return BurstAnswer.GO_BACK if ledger.proven < number <= ledger.top else BurstAnswer.LOST_COUNT
+            return ResendDecision.ASK
+        return ResendDecision.GO_BACK if ledger.proven < number <= ledger.top else ResendDecision.LOST_COUNT
 
     @property
     def active(self) -> bool:

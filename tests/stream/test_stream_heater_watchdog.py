@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 from printer_slicer.sim.front_end import FRONT_ENDS
 from printer_slicer.sim.machine import Machine
 from printer_slicer.sim.printer import SimulatedPrinter
-from printer_slicer.stream.events import Asked, Identified, Message, Reading, Temperature
-from printer_slicer.stream.watchdog import Alarm, Unprotected, Watchdog
+from printer_slicer.stream.events import Identified, Message, Probe, Reading, Temperature
+from printer_slicer.stream.heater_watchdog import HeaterAlarm, HeaterWatchdog, NoThermalProtection
 
 
 def test_silence_is_an_alarm_only_while_something_is_hot() -> None:
-    dog = Watchdog()
+    dog = HeaterWatchdog()
     assert dog.due == inf
     assert dog.check(1e6) is None
 
@@ -24,34 +24,34 @@ def test_silence_is_an_alarm_only_while_something_is_hot() -> None:
     assert dog.due == 15.0
     assert dog.check(14.9) is None
     alarm = dog.check(15.0)
-    assert alarm == Alarm(10.0, (("T", 200.0),))
+    assert alarm == HeaterAlarm(10.0, (("T", 200.0),))
     assert (
         str(alarm) == "no answer and no report for 10 s while heaters are on (T 200 °C): look at the printer"
     )
 
 
 def test_what_the_host_does_by_itself_is_no_sign_of_the_printer() -> None:
-    dog = Watchdog()
+    dog = HeaterWatchdog()
     dog.sent(b"M104 S200", 5.0)
-    dog.heard(Asked(7), 9.0)
+    dog.heard(Probe(7), 9.0)
     assert dog.due == 15.0
     dog.heard(Temperature((Reading("T", 180.0, None),)), 9.0)  # no target told: as it was
     assert (dog.due, dog.targets) == (19.0, {"T": 200.0})
 
 
 def test_an_alarm_is_raised_once_for_each_silence() -> None:
-    dog = Watchdog()
+    dog = HeaterWatchdog()
     dog.sent(b"M140 S60", 0.0)
     assert dog.check(11.0) is not None
     assert (dog.due, dog.check(500.0)) == (inf, None)
 
     dog.alive(501.0)
     assert dog.check(505.0) is None
-    assert dog.check(511.0) == Alarm(10.0, (("B", 60.0),))
+    assert dog.check(511.0) == HeaterAlarm(10.0, (("B", 60.0),))
 
 
 def test_answers_and_reports_put_it_off() -> None:
-    dog = Watchdog()
+    dog = HeaterWatchdog()
     dog.sent(b"M190 S60", 0.0)
     for now in range(1, 100, 9):
         assert dog.heard(Message("echo:busy: processing"), float(now)) is None
@@ -59,7 +59,7 @@ def test_answers_and_reports_put_it_off() -> None:
 
 
 def test_what_is_switched_off_is_not_watched_any_more() -> None:
-    dog = Watchdog()
+    dog = HeaterWatchdog()
     dog.sent(b"M109 R210", 0.0)
     dog.sent(b"M140 S60", 0.0)
     dog.sent(b"M104 S0", 1.0)
@@ -70,7 +70,7 @@ def test_what_is_switched_off_is_not_watched_any_more() -> None:
 
 def test_targets_are_learnt_from_reports_too() -> None:
     """A host that joins a running print, or a person at the display."""
-    dog = Watchdog()
+    dog = HeaterWatchdog()
     dog.heard(Temperature((Reading("T", 180.0, 210.0), Reading("B", 50.0, 60.0))), 3.0)
     assert dog.due == 13.0
     dog.heard(Temperature((Reading("T", 180.0, 0.0), Reading("B", 50.0, 0.0))), 5.0)
@@ -78,7 +78,7 @@ def test_targets_are_learnt_from_reports_too() -> None:
 
 
 def test_tools_are_told_apart() -> None:
-    dog = Watchdog()
+    dog = HeaterWatchdog()
     dog.sent(b"M104 T1 S200", 0.0)
     dog.sent(b"T0", 0.0)
     dog.sent(b"M104 S210", 0.0)
@@ -90,23 +90,25 @@ def test_tools_are_told_apart() -> None:
 
 
 def test_firmware_without_thermal_protection_is_worth_a_warning() -> None:
-    dog = Watchdog()
+    dog = HeaterWatchdog()
 
-    assert dog.heard(Identified("Marlin", (("THERMAL_PROTECTION", False),)), 0.0) == Unprotected("Marlin")
+    assert dog.heard(Identified("Marlin", (("THERMAL_PROTECTION", False),)), 0.0) == NoThermalProtection(
+        "Marlin"
+    )
     assert dog.heard(Identified("Marlin", (("THERMAL_PROTECTION", True),)), 0.0) is None
     assert dog.heard(Identified("Marlin", ()), 0.0) is None
-    assert "stay with the printer" in str(Unprotected(""))
+    assert "stay with the printer" in str(NoThermalProtection(""))
 
 
 @pytest.mark.parametrize("firmware", FRONT_ENDS)
 def test_its_last_words_make_a_printer_cold_that_waits_for_heat(firmware: str) -> None:
     printer = SimulatedPrinter(Machine(), FRONT_ENDS[firmware], boots=False)
-    dog = Watchdog()
+    dog = HeaterWatchdog()
     for command in (b"M140 S60", b"M104 S200", b"M109 S200"):
         dog.sent(command, 1.0)
         printer.receive(command + b"\n", 1.0)
     printer.send(5.0)
-    printer.receive(dog.farewell(), 5.0)
+    printer.receive(dog.shutdown_lines(), 5.0)
     # Not every firmware can be told to wait no longer.
     for now in range(6, 1000):
         printer.send(float(now))
@@ -115,19 +117,19 @@ def test_its_last_words_make_a_printer_cold_that_waits_for_heat(firmware: str) -
 
 
 def test_last_words_name_what_was_ever_on_and_nothing_else() -> None:
-    dog = Watchdog()
+    dog = HeaterWatchdog()
     dog.sent(b"M104 S0", 0.0)
-    assert dog.farewell() == b""
+    assert dog.shutdown_lines() == b""
     dog.sent(b"M104 S200", 0.0)
     dog.sent(b"M104 S0", 0.0)
-    assert b"\nM104 S0\n" in dog.farewell()
-    assert b"M140" not in dog.farewell()
+    assert b"\nM104 S0\n" in dog.shutdown_lines()
+    assert b"M140" not in dog.shutdown_lines()
 
 
 def test_last_words_count_heaters_that_others_switched_on() -> None:
     """A resumed print: what was sent before is read from its journal."""
-    dog = Watchdog()
-    words = dog.farewell([b"G28", b"M190 S60", b"T1", b"M109 S200"])
+    dog = HeaterWatchdog()
+    words = dog.shutdown_lines([b"G28", b"M190 S60", b"T1", b"M109 S200"])
     assert b"\nM140 S0\n" in words
     assert b"\nM104 T1 S0\n" in words
 
@@ -139,7 +141,7 @@ COMMANDS = st.sampled_from(
 
 @given(st.lists(st.tuples(COMMANDS, st.floats(0, 20)), max_size=30))
 def test_whatever_is_sent_the_alarm_comes_at_due_and_not_before(steps: list[tuple[bytes, float]]) -> None:
-    dog, now = Watchdog(), 0.0
+    dog, now = HeaterWatchdog(), 0.0
     for command, pause in steps:
         dog.sent(command, now)
         due = dog.due
@@ -153,9 +155,9 @@ def test_whatever_is_sent_the_alarm_comes_at_due_and_not_before(steps: list[tupl
             dog.alive(now)
     for name in dog.targets:
         assert name[0].encode() in (b"T", b"B")
-    assert dog.farewell().count(b" S0") >= 2 * len(dog.targets)
+    assert dog.shutdown_lines().count(b" S0") >= 2 * len(dog.targets)
 
 
 @pytest.mark.parametrize("command", [b"m104 s200", b"G10 P0 S200", b"M568 P0 S200"])
 def test_every_way_to_heat_the_nozzle_is_switched_off(command: bytes) -> None:
-    assert b"\nM104" in Watchdog().farewell([b"G28", command])
+    assert b"\nM104" in HeaterWatchdog().shutdown_lines([b"G28", command])

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Final
 from printer_slicer.firmware import flavour_of
 from printer_slicer.gcode.lexer import is_macro, parse, strip
 from printer_slicer.gcode.state import MachineState, Place
-from printer_slicer.stream.doubt import Doubt, same_twice
-from printer_slicer.stream.events import Finished, Spot
+from printer_slicer.stream.ack_timer import ResponseTimeout
+from printer_slicer.stream.events import AxisPositions, Finished
 from printer_slicer.stream.framing import LONGEST, check_commands
-from printer_slicer.stream.ledger import ASK
-from printer_slicer.stream.watch import Patience
+from printer_slicer.stream.send_history import ASK
+from printer_slicer.stream.unacked_line import UnackedLine, is_repeatable
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from printer_slicer.firmware import WireDialect
     from printer_slicer.motion.rules import MotionLimits
 
-__all__ = ["SAME_PLACE", "Script"]
+__all__ = ["SAME_PLACE", "SendQueue"]
 
 SAME_PLACE: Final = 0.05
 """mm; the printer says two decimals of single-precision numbers."""
@@ -29,7 +29,7 @@ _CLOSING: Final = (b"M400", ASK)
 _MOST_LOOKS: Final = 5
 
 
-class Script:
+class SendQueue:
     """All commands of a print that have no number yet.
 
     Attributes:
@@ -46,17 +46,17 @@ class Script:
         check_commands(commands, longest)
         self._longest = longest
         self.taken = 0
-        self.position: Spot | None = None
+        self.position: AxisPositions | None = None
         self._commands = commands
         self._end_script: deque[bytes] | None = None
         self._injected: deque[bytes] = deque()
         self._closing = deque(_CLOSING)
         self._looks = 0
-        self._patience = Patience(limits)
+        self._patience = ResponseTimeout(limits)
         self._machine = MachineState()
         self._command, self._before = b"", self._machine.place
 
-    def speak(self, dialect: WireDialect) -> None:
+    def set_dialect(self, dialect: WireDialect) -> None:
         """The firmware is known now."""
         self._machine.set_flavour(flavour_of(dialect))
 
@@ -136,11 +136,11 @@ class Script:
         """Return the position that the printer must report; none in inch mode, where firmwares report differently."""
         return (None, None, None, None) if self._machine.inches else self._machine.place
 
-    def doubt(self) -> Doubt:
+    def doubt(self) -> UnackedLine:
         """Questions about the last command that got its number."""
         word, values = parse(self._command)
-        repeatable = same_twice(word, relative=self._machine.relative(values))
-        return Doubt(self._before, self._place, repeatable=repeatable, asks=self._command == ASK)
+        repeatable = is_repeatable(word, relative=self._machine.relative(values))
+        return UnackedLine(self._before, self._place, repeatable=repeatable, asks=self._command == ASK)
 
     def finished(self, acknowledged: int) -> Finished:
         """How the print ended."""

@@ -22,9 +22,9 @@ from benchmarks.killing import of_job, served, start
 from printer_slicer.errors import PrintError
 from printer_slicer.inspection.dry_run.machines import front_end_of, machine_of
 from printer_slicer.printing import print_job
-from printer_slicer.printing.guard import watch
-from printer_slicer.printing.journal import HEATERS_OFF, read_story
-from printer_slicer.printing.shelf import print_in
+from printer_slicer.printing.heater_failsafe import watch
+from printer_slicer.printing.job_store import load_print
+from printer_slicer.printing.journal import HEATERS_OFF, read_journal
 from printer_slicer.profile import load_profile
 from printer_slicer.sim.front_end import KLIPPER
 from printer_slicer.sim.printer import SimulatedPrinter
@@ -86,8 +86,8 @@ def test_when_the_host_is_killed_and_nobody_comes_back_the_printer_is_made_cold(
         kill(begin("print", "--guard", "0.2"), executed)
         until(lambda: "M107" in executed)
         left = the_print(tmp_path)
-        until(lambda: read_story(left).states.get(HEATERS_OFF))
-        until(lambda: (found := print_in(left)) and not found.running)
+        until(lambda: read_journal(left).states.get(HEATERS_OFF))
+        until(lambda: (found := load_print(left)) and not found.running)
         said = ran(begin("resume"))
 
     done = of_job(executed)

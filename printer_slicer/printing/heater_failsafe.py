@@ -1,9 +1,9 @@
-"""A second process that outlives the host: if that dies without a word, it switches the heaters off after a while.
+"""Second process that switches the heaters off if the printing process dies.
 
-`guarded` starts it and tells it through a pipe when the print has ended. A pipe that closes without that means that
-the host is gone: killed, crashed, out of memory. Then the process waits for a new host to take the print up; if none
-does, it opens the port and says what `Watchdog.farewell` has to say. What it cannot help: a computer that loses its
-power, and a cable that is pulled. There the firmware's own protection is alone.
+`failsafe_process` starts it and reports the end of the print through a pipe. If the pipe closes without that report,
+the host was killed or crashed. The process then waits for a new host to resume the print. If none does, it opens the
+port and sends the commands of `HeaterWatchdog.shutdown_lines`. It cannot help when the computer loses its power or the
+cable is unplugged. Then only the protection in the firmware is left.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from typing import Final
 
 from printer_slicer.commands import split_gcode
 from printer_slicer.errors import PortError
-from printer_slicer.printing.journal import HEATERS_OFF, HOST, Journal, read_story
-from printer_slicer.printing.shelf import Print, print_in
+from printer_slicer.printing.job_store import Print, load_print
+from printer_slicer.printing.journal import HEATERS_OFF, HOST, Journal, read_journal
+from printer_slicer.stream.heater_watchdog import HeaterWatchdog
 from printer_slicer.stream.serial_port import open_port
-from printer_slicer.stream.watchdog import Watchdog
 
-__all__ = ["guarded", "main", "watch"]
+__all__ = ["failsafe_process", "main", "watch"]
 
 _DONE: Final = b"."
 _LOOK: Final = 0.5
@@ -37,14 +37,14 @@ _LISTEN: Final = 1.0
 
 
 @contextmanager
-def guarded(folder: Path, seconds: float) -> Iterator[None]:
+def failsafe_process(folder: Path, seconds: float) -> Iterator[None]:
     """While this runs a second process watches over the print in `folder`.
 
     Args:
         folder: of the print, on the shelf.
         seconds: that a new host has to take the print up.
     """
-    command = [sys.executable, "-m", "printer_slicer.printing.guard", str(folder), f"{seconds:g}"]
+    command = [sys.executable, "-m", "printer_slicer.printing.heater_failsafe", str(folder), f"{seconds:g}"]
     quiet = subprocess.DEVNULL
     # A session of its own: Ctrl-C and the end of the terminal are for the host.
     process = subprocess.Popen(  # noqa: S603 - our own program
@@ -73,7 +73,7 @@ def watch(folder: Path, seconds: float, clock: Callable[[], float] = monotonic) 
         seconds: time for a new host to resume it.
         clock: monotonic time, s.
     """
-    print_ = _left_alone(folder, seconds, clock)
+    print_ = _wait_for_new_host(folder, seconds, clock)
     if print_ is None:
         return 0
     try:
@@ -85,26 +85,26 @@ def watch(folder: Path, seconds: float, clock: Callable[[], float] = monotonic) 
     return 0
 
 
-def _left_alone(folder: Path, seconds: float, clock: Callable[[], float]) -> Print | None:
+def _wait_for_new_host(folder: Path, seconds: float, clock: Callable[[], float]) -> Print | None:
     """The print, held by this process, when nobody has taken it up for so long; None when somebody has, or ended it.
 
     Somebody who holds it has not taken it up yet: the printer may turn out to be lost, or a person is asked.
     """
-    host = _host_of(folder)
+    host = _last_host(folder)
     end, never = clock() + seconds, Flag()
     while True:
         never.wait(min(_LOOK, max(end - clock(), 0.01)))
-        print_ = print_in(folder)
-        if print_ is None or _host_of(folder) != host:
+        print_ = load_print(folder)
+        if print_ is None or _last_host(folder) != host:
             return None
         if clock() >= end and print_.hold():
             return print_
 
 
-def _host_of(folder: Path) -> str:
+def _last_host(folder: Path) -> str:
     """Which host had the print last."""
     try:
-        return str(read_story(folder).states.get(HOST, ""))
+        return str(read_journal(folder).states.get(HOST, ""))
     except OSError:
         return ""
 
@@ -115,9 +115,11 @@ def _switch_off(print_: Print) -> None:
     Raises:
         PortError: it is not there.
     """
-    story = read_story(print_.folder)
-    sent = split_gcode(print_.text).commands[: story.entries + _ON_ITS_WAY]
-    words = Watchdog().farewell([*sent, *(record.command for record in story.lines)], anyway=True)
+    journal_data = read_journal(print_.folder)
+    sent = split_gcode(print_.text).commands[: journal_data.entries + _ON_ITS_WAY]
+    words = HeaterWatchdog().shutdown_lines(
+        [*sent, *(record.command for record in journal_data.lines)], anyway=True
+    )
     port = open_port(print_.port, print_.baud)
     try:
         port.write(words)

@@ -13,11 +13,11 @@ from printer_slicer.printing.journal import dataclass_from_json
 if TYPE_CHECKING:
     from printer_slicer.profile import Profile
 
-__all__ = ["Setup", "setup_from", "setup_of"]
+__all__ = ["HostSettings", "host_settings_from", "parse_host_settings"]
 
 
 @dataclass(frozen=True, slots=True)
-class Setup:
+class HostSettings:
     """The printer, as the host sees it. Lengths mm, speeds mm/s.
 
     Attributes:
@@ -64,13 +64,13 @@ class Setup:
         return asdict(self)
 
 
-def setup_of(profile: Profile, allowed: Iterable[str] = ()) -> Setup:
+def host_settings_from(profile: Profile, allowed: Iterable[str] = ()) -> HostSettings:
     """What a profile says, and what was allowed against it."""
     from printer_slicer.profile import settings_of  # noqa: PLC0415 - a setup that is there needs no profile
 
     printer = profile.printer
     low, high = printer.corners
-    return Setup(
+    return HostSettings(
         flavour=printer.flavour,
         limits=limits_of(printer),
         window_bytes=printer.receive_buffer - 1,
@@ -88,13 +88,13 @@ def setup_of(profile: Profile, allowed: Iterable[str] = ()) -> Setup:
     )
 
 
-def setup_from(values: Mapping[str, Any]) -> Setup:
+def parse_host_settings(values: Mapping[str, Any]) -> HostSettings:
     """What `as_json` gave.
 
     Raises:
         TypeError: a value has the wrong type.
     """
-    setup = dataclass_from_json(Setup, values)
+    setup = dataclass_from_json(HostSettings, values)
     if setup.flavour not in FIRMWARES:
         raise TypeError(f"flavour is {setup.flavour!r}, which this version does not support")
     return setup

@@ -28,6 +28,7 @@ __all__ = [
     "CancelObject",
     "Flow",
     "Pause",
+    "PrintCommand",
     "Resume",
     "Say",
     "SetFan",
@@ -35,8 +36,7 @@ __all__ = [
     "Speed",
     "Status",
     "Stop",
-    "Wish",
-    "read_wish",
+    "parse_command",
 ]
 
 
@@ -110,9 +110,9 @@ class BabyStep:
 
 @dataclass(frozen=True, slots=True)
 class Say:
-    """One line of G-code."""
+    """Send one line of G-code."""
 
-    command: str
+    gcode: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,7 +132,7 @@ class Stop:
     """Emergency: M112, ahead of everything."""
 
 
-Wish: TypeAlias = (
+PrintCommand: TypeAlias = (
     Pause
     | Resume
     | Cancel
@@ -151,33 +151,35 @@ Wish: TypeAlias = (
 _PAUSE_WORDS: Final = frozenset({"now", "cold", "here"})
 
 
-def _pause(rest: str) -> Wish:
+def _pause(rest: str) -> PrintCommand:
     words = set(rest.split())
     if unknown := words - _PAUSE_WORDS:
         raise UsageError(f"pause {min(unknown)}: not known", remedy="pause [now] [cold] [here]")
     return Pause(now="now" in words, cold="cold" in words, park="here" not in words)
 
 
-def _bare(wish: Callable[[], Wish]) -> Callable[[str], Wish]:
-    def read(rest: str) -> Wish:
+def _bare(build: Callable[[], PrintCommand]) -> Callable[[str], PrintCommand]:
+    def read(rest: str) -> PrintCommand:
         if rest:
             raise UsageError(f"{rest}: nothing is expected here", remedy="leave it out")
-        return wish()
+        return build()
 
     return read
 
 
-def _text(wish: Callable[[str], Wish], what: str) -> Callable[[str], Wish]:
-    def read(rest: str) -> Wish:
+def _text(build: Callable[[str], PrintCommand], what: str) -> Callable[[str], PrintCommand]:
+    def read(rest: str) -> PrintCommand:
         if not rest or not rest.isprintable():
             raise UsageError(f"expected {what}", remedy="in one line, without control characters")
-        return wish(rest)
+        return build(rest)
 
     return read
 
 
-def _value(wish: Callable[[float], Wish], low: float, high: float, unit: str) -> Callable[[str], Wish]:
-    def read(rest: str) -> Wish:
+def _value(
+    build: Callable[[float], PrintCommand], low: float, high: float, unit: str
+) -> Callable[[str], PrintCommand]:
+    def read(rest: str) -> PrintCommand:
         try:
             value = float(rest)
         except ValueError:
@@ -186,12 +188,12 @@ def _value(wish: Callable[[float], Wish], low: float, high: float, unit: str) ->
             raise UsageError(
                 f"{rest or 'nothing'}: expected {low:g} to {high:g} {unit}", remedy="give a number"
             )
-        return wish(value)
+        return build(value)
 
     return read
 
 
-WORDS: Final[Mapping[str, Callable[[str], Wish]]] = {
+WORDS: Final[Mapping[str, Callable[[str], PrintCommand]]] = {
     "pause": _pause,
     "resume": _bare(Resume),
     "cancel": _bare(Cancel),
@@ -210,7 +212,7 @@ WORDS: Final[Mapping[str, Callable[[str], Wish]]] = {
 """First word to how the rest of the line is read."""
 
 
-def read_wish(line: str) -> Wish:
+def parse_command(line: str) -> PrintCommand:
     """The wish that a line says.
 
     Raises:

@@ -12,16 +12,23 @@ from typing import Any, Final
 
 from printer_slicer.gcode.lexer import parse
 from printer_slicer.gcode.state import ModalState
-from printer_slicer.printing.journal import HEATERS_OFF, Journal, Story, dataclass_from_json
-from printer_slicer.printing.modes import SCRIPT, Modes
+from printer_slicer.printing.host_settings import HostSettings
+from printer_slicer.printing.journal import HEATERS_OFF, Journal, JournalData, dataclass_from_json
+from printer_slicer.printing.machine_state import SCRIPT, PrintState
 from printer_slicer.printing.objects import LiveJob, Span
-from printer_slicer.printing.parking import Parked, come_back, parked_from
-from printer_slicer.printing.setup import Setup
-from printer_slicer.stream.attach import Attach
-from printer_slicer.stream.events import Spot
+from printer_slicer.printing.parking import ParkedState, parse_parked_state, return_to_part
+from printer_slicer.stream.events import AxisPositions
+from printer_slicer.stream.resync import Resync
 from printer_slicer.stream.session import Transport
 
-__all__ = ["Lost", "TakenUp", "ask_printer", "damage_in", "rebuild", "take_up"]
+__all__ = [
+    "PrinterStateLost",
+    "ResumePlan",
+    "find_journal_damage",
+    "find_resume_plan",
+    "query_printer",
+    "rebuild",
+]
 
 _BEHIND: Final = 8
 """Lines that may count as accepted on record and were not: an ok too many on a bad cable."""
@@ -31,12 +38,12 @@ _QUESTIONS: Final = ("M105", "M114", "M115", "M155", "M400")
 _SAME_PLACE: Final = 0.06
 
 
-class Lost(Exception):  # noqa: N818 - not a fault: what the printer knew is gone
+class PrinterStateLost(Exception):  # noqa: N818 - not a fault: what the printer knew is gone
     """The printer has not kept its state; says why."""
 
 
 @dataclass(frozen=True, slots=True)
-class TakenUp:
+class ResumePlan:
     """Where to go on.
 
     Attributes:
@@ -52,7 +59,7 @@ class TakenUp:
     entries: int
     job: LiveJob
     phase: str
-    parked: Parked | None
+    parked: ParkedState | None
     pushed: float
     replay: tuple[str, ...] = ()
     point: Mapping[str, Any] | None = None
@@ -68,7 +75,7 @@ class _States:
     """State of a pause in the journal, as far as a resume needs it."""
 
     phase: str = "printing"
-    parked: Parked | None = None
+    parked: ParkedState | None = None
     pushed: float = 0.0
     line: int = 0
     heaters_off: str = ""
@@ -76,27 +83,27 @@ class _States:
     recovering_at: Mapping[str, Any] | None = None
 
 
-def damage_in(story: Story, total: int) -> str:
+def find_journal_damage(journal_data: JournalData, total: int) -> str:
     """Return why a journal cannot be resumed; empty if it can.
 
     Args:
-        story: the journal.
+        journal_data: the journal.
         total: number of commands of the job.
     """
-    if story.damage:
-        return story.damage
-    most = max([story.base, story.entries, *(record.entries for record in story.lines)])
+    if journal_data.damage:
+        return journal_data.damage
+    most = max([journal_data.base, journal_data.entries, *(record.entries for record in journal_data.lines)])
     if most > total:
         return f"it lists {most} accepted commands, but the job has {total}"
     try:
         states = dataclass_from_json(
-            _States, {name: one for name, one in story.states.items() if one not in ({}, "")}
+            _States, {name: one for name, one in journal_data.states.items() if one not in ({}, "")}
         )
         if not all(isinstance(at, int) and 0 <= at <= total for at in states.cancelled_at.values()):
             return "a cancelled object has an invalid command number"
-        places: list[Parked | _Brought] = [states.parked] if states.parked else []
+        places: list[ParkedState | _RecoveryPosition] = [states.parked] if states.parked else []
         if states.recovering_at is not None:
-            places.append(dataclass_from_json(_Brought, states.recovering_at))
+            places.append(dataclass_from_json(_RecoveryPosition, states.recovering_at))
     except TypeError as error:
         return f"a state is invalid: {error}"
     beyond = [place.entries for place in places if not 0 <= place.entries <= total]
@@ -104,7 +111,7 @@ def damage_in(story: Story, total: int) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class _Brought:
+class _RecoveryPosition:
     """The position to which the printer returns."""
 
     entries: int
@@ -112,22 +119,27 @@ class _Brought:
     replay: tuple[str, ...]
 
 
-def ask_printer(
-    transport: Transport, clock: Callable[[], float], story: Story, journal: Journal | None = None
-) -> Attach:
+def query_printer(
+    transport: Transport,
+    clock: Callable[[], float],
+    journal_data: JournalData,
+    journal: Journal | None = None,
+) -> Resync:
     """Ask the printer what it took, and wait for its answers.
 
     Raises:
         PortError: the cable is gone.
     """
-    last = max([story.line, story.before, *(record.number for record in story.lines[-1:])])
-    attach = Attach(last)
+    last = max(
+        [journal_data.line, journal_data.before, *(record.number for record in journal_data.lines[-1:])]
+    )
+    attach = Resync(last)
     noted = False
     while not attach.done:
         if attach.line is not None and not noted and journal is not None:
             noted = True
             for number, question in attach.questions():
-                journal.numbered(number, story.entries_at(attach.line), question)
+                journal.numbered(number, journal_data.entries_at(attach.line), question)
         if data := attach.send(clock()):
             transport.write(data)
         due = attach.wakeup()
@@ -135,49 +147,55 @@ def ask_printer(
     return attach
 
 
-def take_up(
-    story: Story, attach: Attach, commands: Sequence[bytes], spans: tuple[Span, ...], setup: Setup
-) -> TakenUp:
+def find_resume_plan(
+    journal_data: JournalData,
+    attach: Resync,
+    commands: Sequence[bytes],
+    spans: tuple[Span, ...],
+    setup: HostSettings,
+) -> ResumePlan:
     """Where to go on, after the printer has answered.
 
     Raises:
         Lost: it has not kept its state.
     """
     line = attach.line
-    if story.states.get("phase") == "recovering":
-        raise Lost("it was being brought back to its place")
-    if off := story.states.get(HEATERS_OFF):
-        raise Lost(f"its heaters were switched off: {off}")
+    if journal_data.states.get("phase") == "recovering":
+        raise PrinterStateLost("it was being brought back to its place")
+    if off := journal_data.states.get(HEATERS_OFF):
+        raise PrinterStateLost(f"its heaters were switched off: {off}")
     if attach.reason or line is None:
-        raise Lost(attach.reason or "it does not say which line it took")
-    entries = _entries(story, line)
-    job = rebuild(story, line, commands, spans, setup.flavour)
+        raise PrinterStateLost(attach.reason or "it does not say which line it took")
+    entries = _entries(journal_data, line)
+    job = rebuild(journal_data, line, commands, spans, setup.flavour)
     job.follow(entries)
-    parked, pushed, replay = _parked(story, line, setup)
-    _insist_on_place(job.modes, attach.position)
-    phase = str(story.states.get("phase", "printing"))
+    parked, pushed, replay = _parked(journal_data, line, setup)
+    _check_position(job.modes, attach.position)
+    phase = str(journal_data.states.get("phase", "printing"))
     if phase == "returning" and parked is None:
         phase = "printing"
-    return TakenUp(entries, job, phase, parked, pushed, replay)
+    return ResumePlan(entries, job, phase, parked, pushed, replay)
 
 
-def _entries(story: Story, line: int) -> int:
-    if story.line == 0 and line in {story.before, 0, 1, 2}:
+def _entries(journal_data: JournalData, line: int) -> int:
+    if journal_data.line == 0 and line in {journal_data.before, 0, 1, 2}:
         # Numbers had just begun anew, or were about to: nothing of the job went out since.
-        return story.base
-    if line < 1 or not story.line - _BEHIND <= line <= story.line + _BEYOND:
-        raise Lost(f"it took line {line} last, and line {story.line} is on record")
-    return story.entries_at(line)
+        return journal_data.base
+    if line < 1 or not journal_data.line - _BEHIND <= line <= journal_data.line + _BEYOND:
+        raise PrinterStateLost(f"it took line {line} last, and line {journal_data.line} is on record")
+    return journal_data.entries_at(line)
 
 
 def rebuild(
-    story: Story, line: int, commands: Sequence[bytes], spans: tuple[Span, ...], flavour: str
+    journal_data: JournalData, line: int, commands: Sequence[bytes], spans: tuple[Span, ...], flavour: str
 ) -> LiveJob:
     """The job as it was sent so far: what was said between, what was given up; not followed beyond the last of that."""
     job = LiveJob(commands, spans, flavour=flavour)
-    given_up = sorted((at, name) for name, at in dict(story.states.get("cancelled_at", {})).items())
+    given_up = sorted((at, name) for name, at in dict(journal_data.states.get("cancelled_at", {})).items())
     happened = [(at, 0, name) for at, name in given_up]
-    happened += [(entries, 1, command.decode("latin-1")) for entries, command in story.others_until(line)]
+    happened += [
+        (entries, 1, command.decode("latin-1")) for entries, command in journal_data.others_until(line)
+    ]
     for entries, kind, text in sorted(happened, key=lambda one: one[:2]):
         if kind == 0:
             job.cancel(text, entries)
@@ -187,22 +205,24 @@ def rebuild(
     return job
 
 
-def _parked(story: Story, line: int, setup: Setup) -> tuple[Parked | None, float, tuple[str, ...]]:
+def _parked(
+    journal_data: JournalData, line: int, setup: HostSettings
+) -> tuple[ParkedState | None, float, tuple[str, ...]]:
     """What it has to come back to, and how much of that has happened."""
-    values = story.states.get("parked")
+    values = journal_data.states.get("parked")
     if not values:
         return None, 0.0, ()
-    parked, pushed = parked_from(values), float(story.states.get("pushed", 0.0))
-    first = int(story.states.get("line", 0))
-    since = [one.command for one in story.lines if first <= one.number <= line and one.command]
-    back = come_back(parked, setup, pushed) if story.states.get("phase") == "returning" else []
+    parked, pushed = parse_parked_state(values), float(journal_data.states.get("pushed", 0.0))
+    first = int(journal_data.states.get("line", 0))
+    since = [one.command for one in journal_data.lines if first <= one.number <= line and one.command]
+    back = return_to_part(parked, setup, pushed) if journal_data.states.get("phase") == "returning" else []
     left = list(parked.replay)
     for command in since:
         word, values_ = parse(command)
         if back and command == back[0]:
             back.pop(0)
         elif (
-            story.states.get("phase") == "returning"
+            journal_data.states.get("phase") == "returning"
             and not back
             and left
             and command == left[0].encode("latin-1")
@@ -211,15 +231,15 @@ def _parked(story: Story, line: int, setup: Setup) -> tuple[Parked | None, float
             continue
         if word == b"G1":
             pushed += values_.get(b"E", 0.0)
-    returned = story.states.get("phase") == "returning" and not back
+    returned = journal_data.states.get("phase") == "returning" and not back
     return None if returned else parked, pushed, tuple(left)
 
 
-def _insist_on_place(modes: Modes, said: Spot | None) -> None:
+def _check_position(modes: PrintState, said: AxisPositions | None) -> None:
     """The plan must end where the commands lead."""
     stand = modes.stand
     if said is None or stand.inches:  # firmwares report inches differently
         return
     for name, is_at, to_be in zip("xyz", said, (stand.x, stand.y, stand.z), strict=True):
         if is_at is not None and to_be is not None and abs(is_at - to_be) > _SAME_PLACE:
-            raise Lost(f"its {name} is {is_at:g}, and should be {to_be:g}")
+            raise PrinterStateLost(f"its {name} is {is_at:g}, and should be {to_be:g}")

@@ -12,9 +12,9 @@ from collections.abc import Sequence
 from typing import Final
 
 from printer_slicer.motion.rules import Block, Lookahead, MotionLimits, make_block
-from printer_slicer.printing.modes import Step
+from printer_slicer.printing.machine_state import Step
 
-__all__ = ["stopped_at"]
+__all__ = ["find_stop_position"]
 
 _WAITED: Final = 0.012
 """s between two oks that the cable alone does not explain."""
@@ -24,7 +24,7 @@ _START_DELAY: Final = 0.1
 """s that a standing machine waits for more moves."""
 
 
-def stopped_at(
+def find_stop_position(
     steps: Sequence[Step],
     accepted: Sequence[tuple[int, float]],
     lost: float | None,

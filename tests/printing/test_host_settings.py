@@ -5,30 +5,32 @@ from __future__ import annotations
 import json
 
 from printer_slicer.cli.commands.resume import _judged
-from printer_slicer.printing.setup import setup_from, setup_of
+from printer_slicer.printing.host_settings import host_settings_from, parse_host_settings
 from printer_slicer.profile import load_profile, profile_from
 
 
 def test_it_is_the_same_after_it_was_a_file() -> None:
-    setup = setup_of(load_profile("voron_trident_300", "abs"), ["cold"])
+    setup = host_settings_from(load_profile("voron_trident_300", "abs"), ["cold"])
 
-    kept = setup_from(json.loads(json.dumps(setup.as_json())))
+    kept = parse_host_settings(json.loads(json.dumps(setup.as_json())))
     assert kept.limits == setup.limits
     assert (kept.flavour, kept.allowed, kept.low, kept.high) == ("klipper", ("cold",), setup.low, setup.high)
     assert profile_from(kept.settings) == load_profile("voron_trident_300", "abs")
 
 
 def test_one_that_an_earlier_version_kept_judges_nothing() -> None:
-    old = setup_of(load_profile()).as_json()
+    old = host_settings_from(load_profile()).as_json()
     del old["settings"], old["allowed"]
 
-    assert _judged(setup_from(old)) == {}
+    assert _judged(parse_host_settings(old)) == {}
 
 
 def test_what_is_typed_after_a_resume_is_judged_as_before() -> None:
     profile = load_profile("marlin_220", "pla")
-    allow = _judged(setup_from(json.loads(json.dumps(setup_of(profile).as_json()))))["allow"]
-    lenient = _judged(setup_of(profile, ["cold"]))["allow"]
+    allow = _judged(parse_host_settings(json.loads(json.dumps(host_settings_from(profile).as_json()))))[
+        "allow"
+    ]
+    lenient = _judged(host_settings_from(profile, ["cold"]))["allow"]
 
     assert "260" in allow(b"M104 S400")
     assert allow(b"M302 P1")

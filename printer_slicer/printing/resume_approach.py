@@ -11,9 +11,9 @@ from printer_slicer.arrays import Float
 from printer_slicer.firmware import FLAVOURS
 from printer_slicer.gcode import read_moves
 from printer_slicer.jobs import Job
-from printer_slicer.printing.setup import Setup
+from printer_slicer.printing.host_settings import HostSettings
 
-__all__ = ["approach_from", "laid_points"]
+__all__ = ["extruded_points", "find_approach"]
 
 _DIRECTIONS: Final = 72
 _BESIDE: Final = 1.5  # mm from the way within which a bead counts as under it
@@ -22,7 +22,7 @@ _DEPTH: Final = 2.0  # mm below the nozzle that still count as printed part
 _SAMPLE: Final = 1.0  # mm between points on a bead
 
 
-def laid_points(job: Job, entries: int, setup: Setup) -> Float:
+def extruded_points(job: Job, entries: int, setup: HostSettings) -> Float:
     """(N, 3) points on all beads that the first entries of a job laid, mm."""
     moves = read_moves(job.commands[:entries], setup.low, FLAVOURS[setup.flavour])
     lays = (moves.delta[:, 3] > 0) & (moves.delta[:, :2] != 0).any(axis=1)
@@ -35,8 +35,8 @@ def laid_points(job: Job, entries: int, setup: Setup) -> Float:
     return points
 
 
-def approach_from(
-    points: Float, goal: tuple[float, float, float], setup: Setup
+def find_approach(
+    points: Float, goal: tuple[float, float, float], setup: HostSettings
 ) -> tuple[float, float] | None:
     """Where to come down beside the part, on the way to a place in its last layer.
 

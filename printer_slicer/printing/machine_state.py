@@ -15,7 +15,7 @@ from printer_slicer.gcode.commands import Effect, commands_that
 from printer_slicer.gcode.lexer import parse, parse_extended, strip
 from printer_slicer.gcode.state import MachineState, ModalState
 
-__all__ = ["SCRIPT", "Modes", "Step", "number"]
+__all__ = ["SCRIPT", "PrintState", "Step", "number"]
 
 _HISTORY: Final = 256
 """Commands that are remembered: more than the moves in any planner of Marlin's kind, and what lies between."""
@@ -58,7 +58,7 @@ class Step(NamedTuple):
         return self.before.known and not self.after.known
 
 
-class Modes:
+class PrintState:
     """Follows commands.
 
     Args:
@@ -95,7 +95,7 @@ class Modes:
         (low_x, low_y, high_x, high_y), (x, y, _) = self._box, self.machine.shift
         return low_x + x, low_y + y, high_x + x, high_y + y
 
-    def fork(self) -> Modes:
+    def fork(self) -> PrintState:
         """Return an independent copy without the remembered moves."""
         other = copy(self)
         other.machine = self.machine.fork()

@@ -16,7 +16,7 @@ from printer_slicer.stream.framing import frame
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-__all__ = ["ASK", "Ledger", "NumberedLine"]
+__all__ = ["ASK", "NumberedLine", "SendHistory"]
 
 ASK: Final = b"M105"
 """Harmless, and its answer cannot be mistaken for the answer to another line."""
@@ -46,7 +46,7 @@ class NumberedLine:
     sent: float = -inf
 
 
-class Ledger:
+class SendHistory:
     """Lines from 1 on.
 
     Attributes:

@@ -19,21 +19,21 @@ from printer_slicer.input_files import check_is_file, read_input
 if TYPE_CHECKING:
     from filelock import BaseFileLock
 
-    from printer_slicer.printing.setup import Setup
+    from printer_slicer.printing.host_settings import HostSettings
 
 __all__ = [
     "DamagedPrint",
-    "Place",
+    "JobStore",
+    "PortAddress",
     "Print",
-    "Shelf",
     "begin",
-    "damage_of",
     "damaged_prints",
-    "default_shelf",
+    "default_job_store",
     "find",
-    "on_shelf",
-    "print_in",
+    "find_damage",
+    "load_print",
     "same_port",
+    "stored_prints",
     "unfinished",
 ]
 
@@ -42,10 +42,10 @@ _MOST_HEAD = 1 << 24  # bytes
 _HEAD, _JOB, _LOCK = "head.json", "job.gcode", "lock"
 _IN_HEAD = {"name": str, "port": str, "baud": int, "begun": str, "boot": str, "setup": dict}
 _KINDS = {str: "a string", int: "an integer", dict: "an object"}
-Shelf = Path
+JobStore = Path
 
 
-def default_shelf() -> Path:
+def default_job_store() -> Path:
     """Where prints are kept: $PRINTER_SLICER_STATE, else the place for such things on this system."""
     if named := os.environ.get("PRINTER_SLICER_STATE"):
         return Path(named) / "prints"
@@ -76,11 +76,11 @@ class Print:
     _lock: BaseFileLock | None = None
 
     @property
-    def setup(self) -> Setup:
+    def setup(self) -> HostSettings:
         """The printer as the host saw it. It is read only on demand, because its module is slow to import."""
-        from printer_slicer.printing.setup import setup_from  # noqa: PLC0415 - slow
+        from printer_slicer.printing.host_settings import parse_host_settings  # noqa: PLC0415 - slow
 
-        return setup_from(self._setup)
+        return parse_host_settings(self._setup)
 
     @property
     def text(self) -> bytes:
@@ -179,14 +179,14 @@ class _InvalidHeadError(ValueError):
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class PortAddress:
     """A port and its speed."""
 
     port: str
     baud: int
 
 
-def begin(shelf: Shelf, name: str, text: bytes, place: Place, setup: Setup) -> Print:
+def begin(job_store: JobStore, name: str, text: bytes, place: PortAddress, setup: HostSettings) -> Print:
     """Put a new print on the shelf, held by this process.
 
     Raises:
@@ -194,7 +194,7 @@ def begin(shelf: Shelf, name: str, text: bytes, place: Place, setup: Setup) -> P
     """
     now = datetime.now(UTC).astimezone()
     plain = re.sub(r"[^A-Za-z0-9._-]+", "_", name)[:40]
-    folder = shelf / f"{now:%Y%m%d-%H%M%S-%f}-{plain}"
+    folder = job_store / f"{now:%Y%m%d-%H%M%S-%f}-{plain}"
     head = {
         "version": 1,
         "name": name,
@@ -205,7 +205,7 @@ def begin(shelf: Shelf, name: str, text: bytes, place: Place, setup: Setup) -> P
         "setup": setup.as_json(),
     }
     try:
-        shelf.mkdir(parents=True, exist_ok=True, mode=0o700)
+        job_store.mkdir(parents=True, exist_ok=True, mode=0o700)
         folder.mkdir(mode=0o700)
         (folder / _JOB).write_bytes(text)
         (folder / _HEAD).write_text(json.dumps(head), encoding="utf-8")
@@ -213,25 +213,25 @@ def begin(shelf: Shelf, name: str, text: bytes, place: Place, setup: Setup) -> P
     except OSError as error:
         rmtree(folder, ignore_errors=True)
         raise OutputError(
-            f"{shelf}: the print cannot be noted there: {error.strerror}",
+            f"{job_store}: the print cannot be noted there: {error.strerror}",
             remedy="make room, or set PRINTER_SLICER_STATE to another folder",
         ) from None
-    made = print_in(folder)
+    made = load_print(folder)
     assert made is not None
     made.hold()
     return made
 
 
-def on_shelf(shelf: Shelf) -> Iterator[Print]:
+def stored_prints(job_store: JobStore) -> Iterator[Print]:
     """All prints there, the oldest first."""
-    if not shelf.is_dir():
+    if not job_store.is_dir():
         return
-    for folder in sorted(shelf.iterdir()):
-        if found := print_in(folder):
+    for folder in sorted(job_store.iterdir()):
+        if found := load_print(folder):
             yield found
 
 
-def print_in(folder: Path) -> Print | None:
+def load_print(folder: Path) -> Print | None:
     """Return the print in this folder; None if there is none, or its head is invalid."""
     with suppress(_InvalidHeadError):
         return _print_in(folder)
@@ -263,12 +263,12 @@ def _print_in(folder: Path) -> Print | None:
     return Print(folder, *(head[name] for name in _IN_HEAD))
 
 
-def damage_of(print_: Print) -> DamagedPrint | None:
+def find_damage(print_: Print) -> DamagedPrint | None:
     """Return why a print cannot be resumed, as far as its files show; None if it can."""
     # Who only controls a print does without these.
     from printer_slicer.commands import split_gcode  # noqa: PLC0415
-    from printer_slicer.printing.journal import read_story  # noqa: PLC0415
-    from printer_slicer.printing.take_up import damage_in  # noqa: PLC0415
+    from printer_slicer.printing.journal import read_journal  # noqa: PLC0415
+    from printer_slicer.printing.reattach import find_journal_damage  # noqa: PLC0415
 
     try:
         _ = print_.setup
@@ -276,7 +276,7 @@ def damage_of(print_: Print) -> DamagedPrint | None:
         return DamagedPrint(print_.folder, _HEAD, f"the printer's setup is invalid: {error}")
     file = "journal"
     try:
-        story = read_story(print_.folder)
+        journal_data = read_journal(print_.folder)
         file = _JOB
         check_is_file(print_.folder / _JOB)
         total = len(split_gcode(print_.text).commands)
@@ -284,7 +284,7 @@ def damage_of(print_: Print) -> DamagedPrint | None:
         return DamagedPrint(print_.folder, file, f"it cannot be read: {error.strerror}")
     if not total:
         return DamagedPrint(print_.folder, _JOB, "it holds no commands")
-    why = damage_in(story, total)
+    why = find_journal_damage(journal_data, total)
     return DamagedPrint(print_.folder, "journal", why) if why else None
 
 
@@ -295,9 +295,9 @@ def _is_address(port: str) -> bool:
     return False
 
 
-def damaged_prints(shelf: Shelf) -> Iterator[DamagedPrint]:
+def damaged_prints(job_store: JobStore) -> Iterator[DamagedPrint]:
     """Yield damaged prints that are not running, the oldest first."""
-    for folder in sorted(shelf.iterdir()) if shelf.is_dir() else ():
+    for folder in sorted(job_store.iterdir()) if job_store.is_dir() else ():
         try:
             found = _print_in(folder)
         except _InvalidHeadError as error:
@@ -310,7 +310,7 @@ def damaged_prints(shelf: Shelf) -> Iterator[DamagedPrint]:
             except OSError as error:
                 yield DamagedPrint(folder, _LOCK, f"it cannot be locked: {error.strerror}")
                 continue
-            if not is_running and (damage := damage_of(found)):
+            if not is_running and (damage := find_damage(found)):
                 yield damage
 
 
@@ -319,28 +319,28 @@ def same_port(one: str, other: str) -> bool:
     return one == other or ("://" not in one and os.path.realpath(one) == os.path.realpath(other))
 
 
-def unfinished(shelf: Shelf, port: str) -> Print | None:
+def unfinished(job_store: JobStore, port: str) -> Print | None:
     """A print on this port that ended before its end, and that nobody prints now."""
-    for one in on_shelf(shelf):
+    for one in stored_prints(job_store):
         if same_port(one.port, port) and not one.is_running:
             return one
     return None
 
 
-def find(shelf: Shelf, name: str, *, running: bool) -> Print:
+def find(job_store: JobStore, name: str, *, running: bool) -> Print:
     """The print of this name, or the only one.
 
     Args:
-        shelf: where to look.
+        job_store: where to look.
         name: of the job or its folder, empty for the only one.
         running: whether it must be running, or must not be.
 
     Raises:
         UsageError: there is none, or more than one.
     """
-    known = list(on_shelf(shelf))
+    known = list(stored_prints(job_store))
     if not running:
-        damaged = {one.folder: one for one in damaged_prints(shelf)}
+        damaged = {one.folder: one for one in damaged_prints(job_store)}
         for one in known:
             if name and one.folder in damaged and name in {one.name, one.folder.name}:
                 raise damaged[one.folder].error()

@@ -13,10 +13,10 @@ from math import inf
 from typing import Final
 
 from printer_slicer.stream import replies
-from printer_slicer.stream.events import Busy, Spot, Temperature
+from printer_slicer.stream.events import AxisPositions, Busy, Temperature
 from printer_slicer.stream.framing import frame
 
-__all__ = ["Attach"]
+__all__ = ["Resync"]
 
 _AHEAD: Final = 100_000
 """Lines ahead of anything that was ever sent."""
@@ -34,7 +34,7 @@ _NO_REFUSAL: Final = 8
 _QUESTIONS: Final = (b"M105", b"M114")
 
 
-class Attach:
+class Resync:
     """The questions to a printer that was left.
 
     Args:
@@ -50,7 +50,7 @@ class Attach:
 
     def __init__(self, last: int) -> None:
         self.line: int | None = None
-        self.position: Spot | None = None
+        self.position: AxisPositions | None = None
         self.temperature: Temperature | None = None
         self.reason = ""
         self.done = False

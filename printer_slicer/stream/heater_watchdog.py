@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
     from printer_slicer.stream.events import Event
 
-__all__ = ["Alarm", "Unprotected", "Watchdog"]
+__all__ = ["HeaterAlarm", "HeaterWatchdog", "NoThermalProtection"]
 
 _SILENCE: Final = 10.0
 """s without an answer or a report while heaters are on; firmware that is busy says so every 2 s."""
@@ -48,7 +48,7 @@ _OFF: Final = {"T": b"M104%s S0", "B": b"M140 S0", "C": b"M141 S0"}
 
 
 @dataclass(frozen=True, slots=True)
-class Alarm:
+class HeaterAlarm:
     """The printer was silent for `seconds` while these heaters were on: name and °C as they were wanted."""
 
     seconds: float
@@ -60,7 +60,7 @@ class Alarm:
 
 
 @dataclass(frozen=True, slots=True)
-class Unprotected:
+class NoThermalProtection:
     """The firmware says that it does not guard its heaters."""
 
     firmware: str
@@ -71,11 +71,11 @@ class Unprotected:
 
 
 @dataclass(slots=True)
-class Watchdog:
+class HeaterWatchdog:
     """Watches over one connection.
 
     Call `sent` with each command that goes out, `heard` with each event (or `alive` for an answer that makes none), and
-    `check` when `due` has come. `farewell` is what to write when the host ends early.
+    `check` when `due` has come. `shutdown_lines` is what to write when the host ends early.
 
     Attributes:
         silence: s after which the alarm is raised, once for each silence.
@@ -105,7 +105,7 @@ class Watchdog:
             self._heard = max(self._heard, now)  # a printer that was cold may have been silent for long
         self._want(heater, target.celsius)
 
-    def heard(self, event: Event, now: float) -> Unprotected | None:
+    def heard(self, event: Event, now: float) -> NoThermalProtection | None:
         """Something happened; a warning if it gives reason for one."""
         if isinstance(event, _FROM_PRINTER):
             self.alive(now)
@@ -114,7 +114,7 @@ class Watchdog:
                 if reading.target is not None:
                     self._want(self._known(reading.name), reading.target)
         if isinstance(event, Identified) and ("THERMAL_PROTECTION", False) in event.capabilities:
-            return Unprotected(event.firmware)
+            return NoThermalProtection(event.firmware)
         return None
 
     def alive(self, now: float) -> None:
@@ -127,14 +127,14 @@ class Watchdog:
         """When to call `check`, s; infinite while nothing is on, and after the alarm."""
         return self._heard + self.silence if self.targets and not self._raised else inf
 
-    def check(self, now: float) -> Alarm | None:
+    def check(self, now: float) -> HeaterAlarm | None:
         """The alarm, if it is time for it."""
         if now < self.due:
             return None
         self._raised = True
-        return Alarm(now - self._heard, tuple(sorted(self.targets.items())))
+        return HeaterAlarm(now - self._heard, tuple(sorted(self.targets.items())))
 
-    def farewell(self, commands: Iterable[bytes] = (), *, anyway: bool = False) -> bytes:
+    def shutdown_lines(self, commands: Iterable[bytes] = (), *, anyway: bool = False) -> bytes:
         """What to write when the host ends before the print, empty if nothing was ever switched on.
 
         What was switched off again is named too: that line may be one of those that got lost.

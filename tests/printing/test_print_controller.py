@@ -11,10 +11,10 @@ from printed import tower
 from rig import SETUP, Rig, laid
 
 from printer_slicer.errors import UsageError
-from printer_slicer.printing import wishes
-from printer_slicer.printing.conductor import PrintPhase
+from printer_slicer.printing import commands
 from printer_slicer.printing.controls import Controls
-from printer_slicer.printing.objects import LiveJob, spans_of
+from printer_slicer.printing.objects import LiveJob, find_object_spans
+from printer_slicer.printing.print_controller import PrintPhase
 from printer_slicer.sim.front_end import MARLIN_2_0_AVR, MARLIN_2_1
 from printer_slicer.stream.events import (
     Action,
@@ -22,10 +22,10 @@ from printer_slicer.stream.events import (
     Finished,
     Halted,
     Message,
-    Note,
     Paused,
     Prompt,
     Resumed,
+    StreamWarning,
     Temperature,
 )
 from tests.effort import crossed
@@ -35,14 +35,14 @@ LINES = "G28\nG90\nM83\nG1 Z1 F600\n" + "".join(
 )
 
 
-def run_with(rig: Rig, at: dict[int, wishes.Wish]) -> Rig:
+def run_with(rig: Rig, at: dict[int, commands.PrintCommand]) -> Rig:
     """Print, and wish something when so many commands were accepted."""
     rig.connect()
     left = dict(at)
 
     def turn(_: float) -> None:
         for entries in [n for n in left if rig.streamer.acknowledged >= n]:
-            rig.wish(left.pop(entries))
+            rig.submit(left.pop(entries))
 
     rig.run(turn)
     assert not left
@@ -50,27 +50,29 @@ def run_with(rig: Rig, at: dict[int, wishes.Wish]) -> Rig:
 
 
 @pytest.mark.parametrize(
-    ("wish", "command"),
+    ("command", "gcode"),
     [
-        (wishes.Speed(80), "M220 S80"),
-        (wishes.Flow(95), "M221 S95"),
-        (wishes.SetTemperature("nozzle", 205), "M104 S205"),
-        (wishes.SetTemperature("bed", 55), "M140 S55"),
-        (wishes.SetFan(50), "M106 S128"),
-        (wishes.Say("M117 hello"), "M117 hello"),
+        (commands.Speed(80), "M220 S80"),
+        (commands.Flow(95), "M221 S95"),
+        (commands.SetTemperature("nozzle", 205), "M104 S205"),
+        (commands.SetTemperature("bed", 55), "M140 S55"),
+        (commands.SetFan(50), "M106 S128"),
+        (commands.Say("M117 hello"), "M117 hello"),
     ],
 )
-def test_a_wish_becomes_a_command_in_the_middle_of_the_job(wish: wishes.Wish, command: str) -> None:
-    rig = run_with(Rig(LINES), {100: wish})
-    where = rig.of_job().index(command)
+def test_a_wish_becomes_a_command_in_the_middle_of_the_job(
+    command: commands.PrintCommand, gcode: str
+) -> None:
+    rig = run_with(Rig(LINES), {100: command})
+    where = rig.of_job().index(gcode)
 
     assert 100 <= where <= 110
-    assert [line for line in rig.of_job() if line != command] == LINES.split("\n")[:-1]
+    assert [line for line in rig.of_job() if line != gcode] == LINES.split("\n")[:-1]
 
 
 def test_baby_steps_are_refused_by_a_firmware_that_says_it_has_none_and_are_words_of_klipper() -> None:
-    refused = run_with(Rig(LINES, replace(MARLIN_2_1, babysteps=False)), {50: wishes.BabyStep(0.02)})
-    klipper = run_with(Rig(LINES, setup=replace(SETUP, flavour="klipper")), {50: wishes.BabyStep(-0.02)})
+    refused = run_with(Rig(LINES, replace(MARLIN_2_1, babysteps=False)), {50: commands.BabyStep(0.02)})
+    klipper = run_with(Rig(LINES, setup=replace(SETUP, flavour="klipper")), {50: commands.BabyStep(-0.02)})
 
     assert isinstance(refused.answers[0], UsageError)
     assert "SET_GCODE_OFFSET Z_ADJUST=-0.020 MOVE=1" in klipper.of_job()
@@ -78,14 +80,14 @@ def test_baby_steps_are_refused_by_a_firmware_that_says_it_has_none_and_are_word
 
 def test_cancelling_a_file_in_inches_lifts_five_millimetres() -> None:
     text = tower(6).replace("G90\n", "G90\nG20\n", 1)
-    rig = run_with(Rig(text), {20: wishes.Cancel()})
+    rig = run_with(Rig(text), {20: commands.Cancel()})
     script = rig.of_job()[rig.of_job().index("M107") :]
 
     assert script.index("G21") < script.index("G1 Z5 F300")
 
 
 def test_cancelling_runs_the_end_script_off_the_part() -> None:
-    rig = run_with(Rig(tower(6)), {90: wishes.Cancel()})
+    rig = run_with(Rig(tower(6)), {90: commands.Cancel()})
     end = rig.events[-1]
 
     assert isinstance(end, Finished)
@@ -105,12 +107,12 @@ def test_cancelling_runs_the_end_script_off_the_part() -> None:
 def test_a_policy_may_refuse_what_a_person_types() -> None:
     rig = Rig(LINES)
     rig.connect()
-    rig.conductor._allow = lambda command: "not here" if command.startswith(b"M500") else ""
-    rig.wish(wishes.Say("M500"))
+    rig.controller._allow = lambda command: "not here" if command.startswith(b"M500") else ""
+    rig.submit(commands.Say("M500"))
 
     def later(_: float) -> None:
         if rig.streamer.acknowledged == 20:
-            rig.wish(wishes.Say("M500"))
+            rig.submit(commands.Say("M500"))
 
     rig.run(later)
 
@@ -119,7 +121,7 @@ def test_a_policy_may_refuse_what_a_person_types() -> None:
 
 
 def test_an_emergency_stop_goes_out_with_a_full_window_and_a_full_planner() -> None:
-    rig = run_with(Rig(LINES), {100: wishes.Stop()})
+    rig = run_with(Rig(LINES), {100: commands.Stop()})
 
     assert isinstance(rig.events[-1], Halted)
     rig.port.read(1.0)
@@ -127,7 +129,7 @@ def test_an_emergency_stop_goes_out_with_a_full_window_and_a_full_planner() -> N
 
 
 def test_the_status_tells_what_a_person_wants_to_know() -> None:
-    rig = run_with(Rig(tower(4, labels=True)), {60: wishes.Status()})
+    rig = run_with(Rig(tower(4, labels=True)), {60: commands.Status()})
     status = json.loads(str(rig.answers[0]))
 
     assert status["state"] == "streaming"
@@ -144,7 +146,7 @@ def seconds_of(rig: Rig, *, quiet: bool = False) -> float:
     """How long a print takes, with or without anybody asking for temperatures."""
     rig.connect()
     if quiet:
-        rig.conductor._identified = lambda _: None  # type: ignore[method-assign]
+        rig.controller._identified = lambda _: None  # type: ignore[method-assign]
     rig.run()
     assert rig.of_job() == rig.text.split("\n")[:-1]
     return rig.port.now()
@@ -180,11 +182,11 @@ def told(rig: Rig, *events: Event) -> None:
 
     def turn(now: float) -> None:
         if rig.streamer.acknowledged >= 50 and left:
-            rig.conductor._now = now
+            rig.controller._now = now
             while left:
-                rig.conductor.hear(left.pop(0))
-        if rig.conductor.phase is PrintPhase.WAITING:
-            rig.wish(wishes.Resume())
+                rig.controller.hear(left.pop(0))
+        if rig.controller.phase is PrintPhase.WAITING:
+            rig.submit(commands.Resume())
 
     rig.run(turn)
 
@@ -208,7 +210,7 @@ def test_a_printer_that_wants_a_pause_gets_one_off_the_part(event: Event) -> Non
     assert "G1 X5 Y215 F6000" in rig.of_job()
     assert isinstance(rig.events[-1], Finished)
     if event != Action("pause") and "M226" not in str(event):
-        assert any(isinstance(one, Note) and "filament" in one.text for one in rig.events)
+        assert any(isinstance(one, StreamWarning) and "filament" in one.text for one in rig.events)
 
 
 def test_a_printer_that_has_parked_by_itself_goes_on_by_itself() -> None:
@@ -219,10 +221,10 @@ def test_a_printer_that_has_parked_by_itself_goes_on_by_itself() -> None:
     def turn(now: float) -> None:
         if rig.streamer.acknowledged >= 50 and not said:
             said.append("paused")
-            rig.conductor.hear(Action("paused filament_runout 0"))
+            rig.controller.hear(Action("paused filament_runout 0"))
         elif said == ["paused"] and now > 20:
             said.append("resumed")
-            rig.conductor.hear(Action("resumed"))
+            rig.controller.hear(Action("resumed"))
 
     rig.run(turn)
 
@@ -243,8 +245,8 @@ def test_a_prompt_is_shown_with_its_buttons_and_answered_at_once() -> None:
     def turn(_: float) -> None:
         if rig.streamer.acknowledged >= 50 and asked:
             while asked:
-                rig.conductor.hear(asked.pop(0))
-            rig.wish(wishes.Answer(1))
+                rig.controller.hear(asked.pop(0))
+            rig.submit(commands.Answer(1))
 
     rig.run(turn)
     (prompt,) = (event for event in rig.events if isinstance(event, Prompt))
@@ -255,7 +257,7 @@ def test_a_prompt_is_shown_with_its_buttons_and_answered_at_once() -> None:
 
 
 def test_nobody_is_answered_who_does_not_ask() -> None:
-    rig = run_with(Rig(LINES), {50: wishes.Answer(0)})
+    rig = run_with(Rig(LINES), {50: commands.Answer(0)})
 
     assert isinstance(rig.answers[0], UsageError)
 
@@ -307,9 +309,9 @@ def test_a_thing_that_is_given_up_is_printed_no_further_and_the_others_as_if_it_
     whole = Rig(text, front_end)
     whole.connect()
     whole.run()
-    name = spans_of(text.encode())[1].name
+    name = find_object_spans(text.encode())[1].name
 
-    rig = run_with(Rig(text, front_end), {150: wishes.CancelObject(name)})
+    rig = run_with(Rig(text, front_end), {150: commands.CancelObject(name)})
 
     done = [bead for bead in rig.beads if 95 < bead[1][0] < 115]
     all_of_it = [bead for bead in whole.beads if 95 < bead[1][0] < 115]
@@ -336,8 +338,8 @@ def test_the_nozzle_does_not_wait_on_the_part_while_lines_are_left_out() -> None
     turns: list[tuple[float, int]] = []
 
     def turn(now: float) -> None:
-        if rig.streamer.acknowledged >= 150 and not rig.conductor._job.cancelled:
-            rig.wish(wishes.CancelObject("post1 id:1 copy 0"))
+        if rig.streamer.acknowledged >= 150 and not rig.controller._job.cancelled:
+            rig.submit(commands.CancelObject("post1 id:1 copy 0"))
         turns.append((now, rig.streamer.acknowledged))
 
     rig.run(turn)
@@ -348,7 +350,7 @@ def test_the_nozzle_does_not_wait_on_the_part_while_lines_are_left_out() -> None
 
 
 def test_a_thing_that_is_not_there_is_refused_with_those_that_are() -> None:
-    rig = run_with(Rig(three_posts(3, "m486", relative=True)), {20: wishes.CancelObject("cube")})
+    rig = run_with(Rig(three_posts(3, "m486", relative=True)), {20: commands.CancelObject("cube")})
 
     assert isinstance(rig.answers[0], UsageError)
     assert "post0, post1, post2" in str(rig.answers[0])
@@ -359,14 +361,14 @@ def test_klipper_leaves_things_out_by_itself() -> None:
         "M109 S200\n", "M109 S200\nEXCLUDE_OBJECT_DEFINE NAME=post0\n"
     )
     rig = Rig(text, replace(MARLIN_2_1, ignores_extended=True), setup=replace(SETUP, flavour="klipper"))
-    run_with(rig, {30: wishes.CancelObject("post1")})
+    run_with(rig, {30: commands.CancelObject("post1")})
 
     assert "EXCLUDE_OBJECT NAME=post1" in rig.of_job()
     assert len(rig.of_job()) == len(rig.commands) + 1
 
 
 def test_a_file_without_marks_has_no_things() -> None:
-    job = LiveJob([b"G28"], spans_of(b"G28\n"))
+    job = LiveJob([b"G28"], find_object_spans(b"G28\n"))
 
     assert job.names == []
     with pytest.raises(UsageError, match="no object"):
@@ -377,21 +379,21 @@ def test_a_file_without_marks_has_no_things() -> None:
 
 
 @pytest.mark.parametrize(
-    ("line", "wish"),
+    ("line", "command"),
     [
-        ("pause", wishes.Pause()),
-        ("pause now cold", wishes.Pause(now=True, cold=True)),
-        ("pause here", wishes.Pause(park=False)),
-        (" resume ", wishes.Resume()),
-        ("object my part", wishes.CancelObject("my part")),
-        ("speed 80", wishes.Speed(80)),
-        ("nozzle 210.5", wishes.SetTemperature("nozzle", 210.5)),
-        ("babystep -0.02", wishes.BabyStep(-0.02)),
-        ("say M117 hello", wishes.Say("M117 hello")),
+        ("pause", commands.Pause()),
+        ("pause now cold", commands.Pause(now=True, cold=True)),
+        ("pause here", commands.Pause(park=False)),
+        (" resume ", commands.Resume()),
+        ("object my part", commands.CancelObject("my part")),
+        ("speed 80", commands.Speed(80)),
+        ("nozzle 210.5", commands.SetTemperature("nozzle", 210.5)),
+        ("babystep -0.02", commands.BabyStep(-0.02)),
+        ("say M117 hello", commands.Say("M117 hello")),
     ],
 )
-def test_wishes_are_read(line: str, wish: wishes.Wish) -> None:
-    assert wishes.read_wish(line) == wish
+def test_wishes_are_read(line: str, command: commands.PrintCommand) -> None:
+    assert commands.parse_command(line) == command
 
 
 @pytest.mark.parametrize(
@@ -411,19 +413,19 @@ def test_wishes_are_read(line: str, wish: wishes.Wish) -> None:
 )
 def test_nonsense_is_refused_with_a_remedy(line: str) -> None:
     with pytest.raises(UsageError) as caught:
-        wishes.read_wish(line)
+        commands.parse_command(line)
     assert caught.value.remedy
 
 
 def test_what_is_paused_or_prints_already_says_so() -> None:
     rig = Rig(LINES)
     rig.connect()
-    left = [wishes.Resume(), wishes.Pause(), wishes.Pause(), wishes.Resume()]
+    left = [commands.Resume(), commands.Pause(), commands.Pause(), commands.Resume()]
 
     def turn(_: float) -> None:
         ready = rig.streamer.acknowledged >= 50
-        if ready and left and (len(left) > 2 or rig.conductor.phase is PrintPhase.WAITING):
-            rig.wish(left.pop(0))
+        if ready and left and (len(left) > 2 or rig.controller.phase is PrintPhase.WAITING):
+            rig.submit(left.pop(0))
 
     rig.run(turn)
 
@@ -438,6 +440,6 @@ def test_what_is_paused_or_prints_already_says_so() -> None:
 
 def test_a_wish_that_nobody_hears_is_given_up() -> None:
     with pytest.raises(UsageError) as caught:
-        Controls().ask(wishes.Pause(), timeout=0.01)
+        Controls().ask(commands.Pause(), timeout=0.01)
 
     assert str(caught.value) == "the print does not answer\n  is the printer connected?"

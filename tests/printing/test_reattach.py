@@ -9,11 +9,11 @@ import pytest
 from printed import scribble, tower
 from rig import SETUP, Rig, assert_same_beads
 
-from printer_slicer.printing import wishes
-from printer_slicer.printing.conductor import PrintPhase
-from printer_slicer.printing.journal import read_story
-from printer_slicer.printing.objects import spans_of
-from printer_slicer.printing.take_up import Lost, TakenUp, ask_printer, take_up
+from printer_slicer.printing import commands
+from printer_slicer.printing.journal import read_journal
+from printer_slicer.printing.objects import find_object_spans
+from printer_slicer.printing.print_controller import PrintPhase
+from printer_slicer.printing.reattach import PrinterStateLost, ResumePlan, find_resume_plan, query_printer
 from printer_slicer.sim.front_end import MARLIN_2_0_AVR, MARLIN_2_1, MARLIN_2_1_ADVANCED
 from printer_slicer.stream.events import Event, Finished
 from tests.effort import crossed, few_of
@@ -46,13 +46,13 @@ def kill_after(rig: Rig, turns: int) -> None:
         rig.port.write = write  # type: ignore[method-assign]
 
 
-def found_by_next_host(rig: Rig) -> TakenUp:
+def found_by_next_host(rig: Rig) -> ResumePlan:
     """What another host finds; some of what the printer says meanwhile goes nowhere."""
     assert rig.folder is not None
     rig.port.read(0.05)
-    story = read_story(rig.folder)
-    attach = ask_printer(rig.port, rig.port.now, story, rig.journal)
-    found = take_up(story, attach, rig.commands, spans_of(rig.text.encode()), SETUP)
+    journal_data = read_journal(rig.folder)
+    attach = query_printer(rig.port, rig.port.now, journal_data, rig.journal)
+    found = find_resume_plan(journal_data, attach, rig.commands, find_object_spans(rig.text.encode()), SETUP)
     assert rig.journal
     rig.journal.accepted(attach.questions()[-1][0], found.entries, rig.port.now())
     return found
@@ -87,7 +87,7 @@ def test_the_journal_never_names_more_than_the_printer_took(tmp_path: Path) -> N
 
     def look(_: float) -> None:
         if rig.streamer.acknowledged:
-            behind.append(len(rig.of_job()) - read_story(tmp_path).entries)
+            behind.append(len(rig.of_job()) - read_journal(tmp_path).entries)
 
     rig.run(look)
 
@@ -107,11 +107,11 @@ def test_a_host_killed_around_a_pause_leaves_no_trace_in_the_part(seed: int, tmp
     begun: list[float] = []
 
     def meddle(event: Event) -> None:
-        if rig.streamer.acknowledged >= 30 and rig.conductor.phase is PrintPhase.RUNNING and not begun:
+        if rig.streamer.acknowledged >= 30 and rig.controller.phase is PrintPhase.RUNNING and not begun:
             begun.append(rig.port.now())
-            rig.wish(wishes.Pause())
-        elif rig.conductor.phase is PrintPhase.WAITING:
-            rig.wish(wishes.Resume())
+            rig.submit(commands.Pause())
+        elif rig.controller.phase is PrintPhase.WAITING:
+            rig.submit(commands.Resume())
 
     rig.on_event = meddle
     kills = 0
@@ -136,7 +136,7 @@ def test_a_printer_that_was_reset_has_lost_its_state(tmp_path: Path) -> None:
         kill_after(rig, 150)
     rig.printer.reset(rig.port.now())
 
-    with pytest.raises(Lost, match=r"reset|took line"):
+    with pytest.raises(PrinterStateLost, match=r"reset|took line"):
         found_by_next_host(rig)
 
 
@@ -155,7 +155,7 @@ def test_a_printer_that_is_somewhere_else_has_lost_its_state(tmp_path: Path) -> 
     rig.port.write(b"\nG1 X7 Y7\n")
     rig.port.read(5.0)
 
-    with pytest.raises(Lost, match="its x is 7"):
+    with pytest.raises(PrinterStateLost, match="its x is 7"):
         found_by_next_host(rig)
 
 
@@ -166,5 +166,5 @@ def test_a_printer_that_never_answers_is_given_up(tmp_path: Path) -> None:
         kill_after(rig, 100)
     rig.port.write = lambda _: None  # type: ignore[method-assign]
 
-    with pytest.raises(Lost, match="does not answer"):
+    with pytest.raises(PrinterStateLost, match="does not answer"):
         found_by_next_host(rig)

@@ -9,9 +9,9 @@ from math import atan2, cos, hypot, pi, sin, sqrt
 from printer_slicer.gcode.commands import Effect, commands_that
 from printer_slicer.gcode.lexer import parse
 from printer_slicer.gcode.state import ModalState
-from printer_slicer.printing.modes import Step, number
+from printer_slicer.printing.machine_state import Step, number
 
-__all__ = ["nearest", "rest_of", "stand_at"]
+__all__ = ["nearest", "remaining_move", "state_at"]
 
 _MOVES = commands_that(Effect.MOVES)
 _ARCS = commands_that(Effect.ARC)
@@ -91,7 +91,7 @@ def nearest(steps: Sequence[Step], point: Point) -> tuple[int, float, float]:
     return -index, share, sqrt(least)
 
 
-def stand_at(step: Step, share: float) -> ModalState:
+def state_at(step: Step, share: float) -> ModalState:
     """How the printer stands after a share of a move."""
     x, y, z, e = _at(step, share)
     pulled = max(step.before.pulled - (e - step.before.e), 0.0)
@@ -106,9 +106,9 @@ def stand_at(step: Step, share: float) -> ModalState:
     )
 
 
-def rest_of(step: Step, share: float) -> bytes:
+def remaining_move(step: Step, share: float) -> bytes:
     """Return the command for the rest of a move from there, in the unit of the program."""
-    here, after = stand_at(step, share), step.after
+    here, after = state_at(step, share), step.after
     word = parse(step.command)[0]
     words = [word if word in _MOVES else b"G1"]  # G53 is for machine coordinates, and these are the program's
 

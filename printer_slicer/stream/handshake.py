@@ -7,10 +7,10 @@ from typing import Final
 
 from printer_slicer.firmware import WIRE_DIALECTS, WireDialect, wire_dialect_name
 from printer_slicer.stream.events import Identified
-from printer_slicer.stream.ledger import ASK
 from printer_slicer.stream.replies import Capability, Identity
+from printer_slicer.stream.send_history import ASK
 
-__all__ = ["Greeting"]
+__all__ = ["Handshake"]
 
 _RESTART_COUNT: Final = b"\nN0 M110 N0*125\n"
 _AGAIN: Final = 1.0
@@ -18,7 +18,7 @@ _MOST_INTRODUCTIONS: Final = 4
 """Line in which the name of the firmware is asked for the last time."""
 
 
-class Greeting:
+class Handshake:
     """Asks for line 0 until the printer answers, and collects what it says about itself.
 
     A board that resets when the port opens hears nothing at first, so asking goes on; its `start` makes the

@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from printer_slicer.motion.rules import MotionLimits
-    from printer_slicer.stream.ledger import NumberedLine
+    from printer_slicer.stream.send_history import NumberedLine
 
-__all__ = ["MARGIN", "Patience", "Watch"]
+__all__ = ["MARGIN", "AckTimer", "ResponseTimeout"]
 
 _USUAL_KEEPALIVE: Final = 2.0
 _LONGEST_KEEPALIVE: Final = 10.0
@@ -57,7 +57,7 @@ _MOST_QUESTIONS: Final = 6
 the printer has stopped reading, but then there is nobody to be told anything."""
 
 
-class Watch:
+class AckTimer:
     """The clock over the lines in flight.
 
     Attributes:
@@ -181,7 +181,7 @@ _EMPTIES_PLANNER: Final = commands_that(Effect.WAITS) - commands_that(Effect.WAI
 """A wait for heat ends at once where all is hot, and then moves may still be planned."""
 
 
-class Patience:
+class ResponseTimeout:
     """Gives each new command, in order, the longest time until its ok, in s, from when the line before it is accepted.
 
     An `ok` for a move means "has a place in the planner". So the printer keeps the host waiting until the oldest

@@ -17,17 +17,23 @@ from typing import TYPE_CHECKING, Any, Unpack
 from printer_slicer.diagnostics import insist
 from printer_slicer.errors import Cancelled, PortError, PrintError, UsageError
 from printer_slicer.jobs import Job
-from printer_slicer.printing import shelf as shelves
-from printer_slicer.printing import wishes
-from printer_slicer.printing.conductor import Conductor, Ticket
-from printer_slicer.printing.controls import Controls, Done, Options
-from printer_slicer.printing.journal import HEATERS_OFF, HOST, LOST, Journal, read_story
-from printer_slicer.printing.objects import LiveJob, spans_of
-from printer_slicer.printing.setup import Setup, setup_of
-from printer_slicer.printing.shelf import Print
-from printer_slicer.printing.take_up import Lost, TakenUp, ask_printer, damage_in, take_up
-from printer_slicer.stream.events import Event, Finished, Halted, Note
-from printer_slicer.stream.link_meter import LinkMeter, Metered
+from printer_slicer.printing import commands
+from printer_slicer.printing import job_store as store
+from printer_slicer.printing.controls import Controls, PrintOptions, PrintResult
+from printer_slicer.printing.host_settings import HostSettings, host_settings_from
+from printer_slicer.printing.job_store import Print
+from printer_slicer.printing.journal import HEATERS_OFF, HOST, LOST, Journal, read_journal
+from printer_slicer.printing.objects import LiveJob, find_object_spans
+from printer_slicer.printing.print_controller import PrintController, Request
+from printer_slicer.printing.reattach import (
+    PrinterStateLost,
+    ResumePlan,
+    find_journal_damage,
+    find_resume_plan,
+    query_printer,
+)
+from printer_slicer.stream.events import Event, Finished, Halted, StreamWarning
+from printer_slicer.stream.link_meter import LinkMeter, MeteredTransport
 from printer_slicer.stream.protocol import Streamer
 from printer_slicer.stream.serial_port import PortInfo, SerialPort, find_again, identity, open_port
 from printer_slicer.stream.session import run
@@ -36,12 +42,12 @@ if TYPE_CHECKING:
     from printer_slicer.profile import Profile
 
 __all__ = [
-    "Keeper",
+    "PrintSession",
     "answering",
     "forget_checkpoint",
-    "guarded_by",
     "print_job",
     "resume_print",
+    "run_heater_failsafe",
     "synced",
     "write_checkpoint",
 ]
@@ -54,8 +60,8 @@ _LOOK_FOR_PORT = 0.5
 
 
 def print_job(
-    job: Job, profile: Profile, port: str, *, baud: int | None = None, **options: Unpack[Options]
-) -> Done:
+    job: Job, profile: Profile, port: str, *, baud: int | None = None, **options: Unpack[PrintOptions]
+) -> PrintResult:
     """Send a job to a printer, line by line, and wait until it has executed all of it.
 
     Args:
@@ -64,7 +70,7 @@ def print_job(
         port: device or pyserial URL.
         baud: None takes the profile's.
         **options: `on_event` is told what happens; `checkpoint` is where to write how far the print came, if it does
-            not come to its end; `controls` is for other threads, to pause, change and cancel; `shelf` is the folder
+            not come to its end; `controls` is for other threads, to pause, change and cancel; `job_store` is the folder
             for what must be known to resume the print after anything, without one it cannot be; with `discard` an
             unfinished print on this port is forgotten; `reconnect` says how many s to wait for a printer whose cable
             was pulled, and needs a shelf; `dtr` is the level of the line that resets many boards, None: as the system
@@ -82,30 +88,30 @@ def print_job(
             terminal that is closed (SIGHUP) and a listener that can no longer be written to end no print.
     """
     insist(job.findings, job.allowed, name=job.name)
-    setup = setup_of(profile, job.allowed)
+    setup = host_settings_from(profile, job.allowed)
     speed = baud or setup.baud
-    shelf = options.get("shelf")
-    if shelf is not None:
-        _insist_on_finished(shelf, port, discard=options.get("discard", False))
+    job_store = options.get("job_store")
+    if job_store is not None:
+        _reject_unfinished(job_store, port, discard=options.get("discard", False))
     transport = open_port(port, speed, dtr=options.get("dtr"))
     print_ = None
     try:
-        if shelf is not None:
-            print_ = shelves.begin(shelf, job.name, job.text, shelves.Place(port, speed), setup)
+        if job_store is not None:
+            print_ = store.begin(job_store, job.name, job.text, store.PortAddress(port, speed), setup)
     except BaseException:
         transport.close()
         raise
-    return Keeper(job, setup, shelves.Place(port, speed), print_, options).go(transport, None)
+    return PrintSession(job, setup, store.PortAddress(port, speed), print_, options).go(transport, None)
 
 
 def resume_print(
-    print_: shelves.Print,
+    print_: store.Print,
     job: Job,
     *,
     port: str | None = None,
     recover: Callable[[str], bool] = lambda _: False,
-    **options: Unpack[Options],
-) -> Done:
+    **options: Unpack[PrintOptions],
+) -> PrintResult:
     """Go on with an unfinished print.
 
     If the printer has kept its state, at the next line; else, with consent, at the place where it stopped, after homing
@@ -121,19 +127,19 @@ def resume_print(
     Raises:
         As `print_job`; UsageError: somebody prints it already; PrintError: no consent.
     """
-    from printer_slicer.printing.recovery import recovery  # noqa: PLC0415 - rarely needed
+    from printer_slicer.printing.recovery import plan_recovery  # noqa: PLC0415 - rarely needed
 
     _take(print_, job)
-    place = shelves.Place(port or print_.port, print_.baud)
+    place = store.PortAddress(port or print_.port, print_.baud)
     transport = None
     try:
         transport = open_port(place.port, place.baud, dtr=options.get("dtr"))
-        keeper = Keeper(job, print_.setup, place, print_, options)
+        session = PrintSession(job, print_.setup, place, print_, options)
         try:
-            found = keeper.reattach(transport)
+            found = session.reattach(transport)
             found = replace(found, phase="returning" if found.waits else found.phase)
-        except Lost as lost:
-            plan = recovery(print_, job)
+        except PrinterStateLost as lost:
+            plan = plan_recovery(print_, job)
             if not recover(f"the printer cannot just go on: {lost}.\n{plan.told}"):
                 message = f"{job.name}: not resumed: {lost}"
                 raise PrintError(
@@ -145,10 +151,10 @@ def resume_print(
             transport.close()
         print_.release()
         raise
-    return keeper.go(transport, found)
+    return session.go(transport, found)
 
 
-def _take(print_: shelves.Print, job: Job) -> None:
+def _take(print_: store.Print, job: Job) -> None:
     """Take over an unfinished print.
 
     Raises:
@@ -156,18 +162,18 @@ def _take(print_: shelves.Print, job: Job) -> None:
     """
     if not print_.hold():
         raise UsageError(f"{print_.name}: is running", remedy="see `printer-slicer control status`")
-    if why := damage_in(read_story(print_.folder), len(job.commands)):
+    if why := find_journal_damage(read_journal(print_.folder), len(job.commands)):
         print_.release()
-        raise shelves.DamagedPrint(print_.folder, "journal", why).error()
+        raise store.DamagedPrint(print_.folder, "journal", why).error()
 
 
-def _insist_on_finished(shelf: Path, port: str, *, discard: bool) -> None:
+def _reject_unfinished(job_store: Path, port: str, *, discard: bool) -> None:
     """Never start over an unfinished print without a word.
 
     Raises:
         UsageError: there is one.
     """
-    while (left := shelves.unfinished(shelf, port)) is not None:
+    while (left := store.unfinished(job_store, port)) is not None:
         if not discard:
             raise UsageError(
                 f"{left.name}, begun {left.begun} on this port, is unfinished",
@@ -185,11 +191,16 @@ def _anything(_: bytes) -> str:
     return ""
 
 
-class Keeper:
+class PrintSession:
     """One print, from its first byte to its last, over as many connections as it takes."""
 
     def __init__(
-        self, job: Job, setup: Setup, place: shelves.Place, print_: shelves.Print | None, options: Options
+        self,
+        job: Job,
+        setup: HostSettings,
+        place: store.PortAddress,
+        print_: store.Print | None,
+        options: PrintOptions,
     ) -> None:
         self._job, self._setup, self._print = job, setup, print_
         self._port, self._baud = place.port, place.baud
@@ -201,15 +212,15 @@ class Keeper:
         self._guard = options.get("guard")
         self._journal = Journal(print_.folder) if print_ else None
         self._meter = LinkMeter(setup.limits)
-        self._spans = spans_of(job.text)
+        self._spans = find_object_spans(job.text)
         self._board: PortInfo | None = None
         self._transport: SerialPort | None = None
-        self._conductor: Conductor | None = None
+        self._conductor: PrintController | None = None
         self._streamer: Streamer | None = None
         self._done = 0
         self._interrupts = 0
 
-    def go(self, transport: SerialPort, found: TakenUp | None) -> Done:
+    def go(self, transport: SerialPort, found: ResumePlan | None) -> PrintResult:
         """Print to the end.
 
         Args:
@@ -231,9 +242,9 @@ class Keeper:
             self._close()
         end = self._finished()
         forget_checkpoint(self._checkpoint, self._job)
-        return Done(len(self._job.commands), monotonic() - begun, end.verified, self._meter.seen())
+        return PrintResult(len(self._job.commands), monotonic() - begun, end.verified, self._meter.seen())
 
-    def reattach(self, transport: SerialPort) -> TakenUp:
+    def reattach(self, transport: SerialPort) -> ResumePlan:
         """Ask the printer whether it has kept its state, and where it stands.
 
         Raises:
@@ -243,10 +254,10 @@ class Keeper:
         assert self._print is not None
         assert self._journal is not None
         if not self._print.same_boot:
-            raise Lost("the computer was restarted, and the end of the journal may be missing")
-        story = read_story(self._print.folder)
-        attach = ask_printer(transport, monotonic, story, self._journal)
-        found = take_up(story, attach, self._job.commands, self._spans, self._setup)
+            raise PrinterStateLost("the computer was restarted, and the end of the journal may be missing")
+        journal_data = read_journal(self._print.folder)
+        attach = query_printer(transport, monotonic, journal_data, self._journal)
+        found = find_resume_plan(journal_data, attach, self._job.commands, self._spans, self._setup)
         last = attach.questions()[-1][0]
         self._journal.accepted(last, found.entries, monotonic())
         return found
@@ -260,7 +271,7 @@ class Keeper:
 
     # One connection after the other.
 
-    def _connections(self, transport: SerialPort, found: TakenUp | None) -> None:
+    def _connections(self, transport: SerialPort, found: ResumePlan | None) -> None:
         while True:
             try:
                 self._connect(transport, found)
@@ -269,7 +280,7 @@ class Keeper:
             else:
                 return
 
-    def _connect(self, transport: SerialPort, found: TakenUp | None) -> None:
+    def _connect(self, transport: SerialPort, found: ResumePlan | None) -> None:
         """Stream over one connection until the end; if a listener fails, end the print in good order first."""
         self._transport = transport
         self._board = identity(self._port) or self._board
@@ -279,40 +290,40 @@ class Keeper:
             limits=self._setup.limits,
             window_bytes=self._setup.window_bytes,
             baud=self._baud,
-            obeys=False,
+            handle_actions=False,
             first=found.entries if found else 0,
         )
-        conductor = Conductor(
+        controller = PrintController(
             streamer, live, self._setup, journal=self._journal, listen=self._listen, allow=self._allow
         )
-        self._conductor, self._streamer = conductor, streamer
+        self._conductor, self._streamer = controller, streamer
         if self._journal:
             self._journal.state({HOST: f"{getpid()} {time_ns()}"})
             self._journal.epoch(streamer.acknowledged)
         if found and found.phase == "recovering" and self._journal:
             self._journal.state({"phase": "recovering", "recovering_at": found.point, HEATERS_OFF: ""})
         if found and found.phase == "cancelling":
-            conductor.want(Ticket(wishes.Cancel()))
+            controller.want(Request(commands.Cancel()))
         elif found and (found.parked or found.replay):
-            conductor.restore(found.parked, found.pushed, found.replay, waits=found.waits)
-        self._controls.bind(conductor, transport.wake)
+            controller.restore(found.parked, found.pushed, found.replay, waits=found.waits)
+        self._controls.bind(controller, transport.wake)
         try:
-            self._run(conductor)
-            self._switch_off(conductor)
+            self._run(controller)
+            self._switch_off(controller)
         except PortError:
             raise
         except Exception:
-            conductor.mute()
-            conductor.cancel()
-            self._run(conductor)
+            controller.mute()
+            controller.cancel()
+            self._run(controller)
             raise
 
-    def _switch_off(self, conductor: Conductor) -> None:
+    def _switch_off(self, controller: PrintController) -> None:
         """A printer that is given up may still hear: heaters off, if they may have been on."""
-        given_up = isinstance(conductor.ended, Halted) and not conductor.halted and self._guard != 0
+        given_up = isinstance(controller.ended, Halted) and not controller.halted and self._guard != 0
         if not given_up or self._transport is None or self._streamer is None:
             return
-        words = conductor.watchdog.farewell(self._job.commands[: self._streamer.taken])
+        words = controller.watchdog.shutdown_lines(self._job.commands[: self._streamer.taken])
         if not words:
             return
         if self._journal:
@@ -320,17 +331,17 @@ class Keeper:
         with suppress(PortError):
             self._transport.write(words)
 
-    def _run(self, conductor: Conductor) -> None:
+    def _run(self, controller: PrintController) -> None:
         """Run on through interruptions: they are wishes like the signals."""
         assert self._streamer is not None
         assert self._transport is not None
-        cable = Metered(self._transport, self._meter, monotonic)
+        cable = MeteredTransport(self._transport, self._meter, monotonic)
 
         def hear(event: Event) -> None:
             """Tell the meter, and whoever acts on it."""
             self._meter.heard(event)
             for one in (event, *self._meter.warnings()):
-                conductor.hear(one)
+                controller.hear(one)
 
         while True:
             try:
@@ -339,15 +350,15 @@ class Keeper:
                     cable,
                     monotonic,
                     on_event=hear,
-                    on_turn=conductor.on_turn,
-                    record=conductor.record,
+                    on_turn=controller.on_turn,
+                    record=controller.record,
                 )
             except KeyboardInterrupt:
                 self._interrupt()
             else:
                 return
 
-    def _again(self, error: PortError) -> tuple[SerialPort, TakenUp]:
+    def _again(self, error: PortError) -> tuple[SerialPort, ResumePlan]:
         """Wait until the printer is plugged in again, and take it up.
 
         Raises:
@@ -363,19 +374,19 @@ class Keeper:
         self._journal.ended(f"{LOST}{reason}", monotonic())
         if not self._reconnect or self._journal.failed:
             raise error
-        self._listen(Note(f"{reason}: waiting {self._reconnect:g} s for it to come back"))
+        self._listen(StreamWarning(f"{reason}: waiting {self._reconnect:g} s for it to come back"))
         transport = self._wait_for_port(error)
         try:
             found = self.reattach(transport)
-        except Lost as lost:
+        except PrinterStateLost as lost:
             transport.close()
             raise PortError(f"{reason}; it is back, but {lost}", remedy="printer-slicer resume") from None
-        self._listen(Note(f"it is back, and has kept its state after {found.entries} commands"))
+        self._listen(StreamWarning(f"it is back, and has kept its state after {found.entries} commands"))
         return transport, found
 
     def _wait_for_port(self, error: PortError) -> SerialPort:
         give_up = monotonic() + self._reconnect
-        while monotonic() < give_up and not self._controls.wants_end and not self._interrupts:
+        while monotonic() < give_up and not self._controls.has_end_request and not self._interrupts:
             self._controls.wanted.wait(_LOOK_FOR_PORT)
             self._controls.wanted.clear()
             address = (find_again(self._board) if self._board else "") or self._port
@@ -410,7 +421,7 @@ class Keeper:
         """The first one ends the print in good order, the second one halts the printer at once."""
         self._interrupts += 1
         if self._conductor is not None:
-            self._conductor.want(Ticket(wishes.Cancel() if self._interrupts == 1 else wishes.Stop()))
+            self._conductor.want(Request(commands.Cancel() if self._interrupts == 1 else commands.Stop()))
         if self._transport is not None:
             self._transport.wake()
 
@@ -423,7 +434,7 @@ class Keeper:
         with (
             synced(self._journal),
             answering(self._print, self._controls),
-            guarded_by(self._print, self._guard or 0.0),
+            run_heater_failsafe(self._print, self._guard or 0.0),
         ):
             yield
 
@@ -436,16 +447,16 @@ class Keeper:
 
     def _finished(self) -> Finished:
         """The end of a print that was neither halted nor cancelled."""
-        conductor = self._conductor
-        assert conductor is not None
-        end = conductor.ended
+        controller = self._conductor
+        assert controller is not None
+        end = controller.ended
         if isinstance(end, Finished):
             if not end.cancelled:
                 self._leave(keep=False, reason="done")
                 return end
             raise Cancelled(self._stopped(f"cancelled, {_OFF}", keep=False))
         assert isinstance(end, Halted)
-        kind = Cancelled if conductor.wished_end else PrintError
+        kind = Cancelled if controller.end_requests else PrintError
         raise kind(self._stopped(end.reason), remedy=self._look())
 
     def _look(self) -> str:
@@ -525,19 +536,19 @@ def synced(journal: Journal) -> Iterator[None]:
 @contextmanager
 def answering(print_: Print, controls: Controls) -> Iterator[None]:
     """Let other processes of this user have wishes."""
-    from printer_slicer.printing.door import open_door  # noqa: PLC0415 - sockets are only needed here
+    from printer_slicer.printing.control_socket import serve_control  # noqa: PLC0415 - sockets are only needed here
 
-    with open_door(print_.folder, controls, print_.name):
+    with serve_control(print_.folder, controls, print_.name):
         yield
 
 
 @contextmanager
-def guarded_by(print_: Print, seconds: float) -> Iterator[None]:
+def run_heater_failsafe(print_: Print, seconds: float) -> Iterator[None]:
     """Let the heaters go off if this process dies and nobody takes the print up within some seconds; 0: let them be."""
     if seconds <= 0:
         yield
         return
-    from printer_slicer.printing.guard import guarded  # noqa: PLC0415 - another process is only needed here
+    from printer_slicer.printing.heater_failsafe import failsafe_process  # noqa: PLC0415 - another process is only needed here
 
-    with guarded(print_.folder, seconds):
+    with failsafe_process(print_.folder, seconds):
         yield

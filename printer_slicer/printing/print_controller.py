@@ -17,33 +17,33 @@ from printer_slicer.errors import UsageError
 from printer_slicer.gcode.commands import Effect, commands_that
 from printer_slicer.gcode.lexer import parse, strip
 from printer_slicer.gcode.state import ModalState
-from printer_slicer.printing import wishes
-from printer_slicer.printing.along import nearest, rest_of, stand_at
+from printer_slicer.printing import commands
+from printer_slicer.printing.command_gcode import GCODE_COMMANDS, gcode_for
+from printer_slicer.printing.commands import PrintCommand
+from printer_slicer.printing.host_settings import HostSettings
 from printer_slicer.printing.journal import Journal
-from printer_slicer.printing.modes import SCRIPT
+from printer_slicer.printing.machine_state import SCRIPT
+from printer_slicer.printing.move_geometry import nearest, remaining_move, state_at
 from printer_slicer.printing.objects import LiveJob
-from printer_slicer.printing.orders import ORDERS, order_of
 from printer_slicer.printing.parking import (
-    Parked,
-    come_back,
+    ParkedState,
     end_script,
+    extruded_length,
     leave,
-    parked_at,
-    parking_place,
-    pushed_by,
+    park_state,
+    parking_position,
+    return_to_part,
 )
-from printer_slicer.printing.setup import Setup
-from printer_slicer.printing.wishes import Wish
 from printer_slicer.stream import events as told
 from printer_slicer.stream.events import Identified, Prompt, Reading, Temperature
 from printer_slicer.stream.framing import check_commands
-from printer_slicer.stream.ledger import ASK
+from printer_slicer.stream.heater_watchdog import HeaterWatchdog
 from printer_slicer.stream.protocol import Streamer
 from printer_slicer.stream.replies import Position, Unknown, read_reply
+from printer_slicer.stream.send_history import ASK
 from printer_slicer.stream.states import State
-from printer_slicer.stream.watchdog import Watchdog
 
-__all__ = ["REPORT", "Conductor", "PrintPhase", "Prompts", "Thermometer", "Ticket"]
+__all__ = ["REPORT", "PrintController", "PrintPhase", "Prompts", "Request", "TemperaturePoll"]
 
 _OFF_PATH: Final = 0.5  # mm between where the printer says that it stopped and the commanded path.
 
@@ -51,7 +51,7 @@ _WAITS_FOR_PERSON: Final = commands_that(Effect.WAITS_FOR_PERSON)
 _GIVE_UP: Final = 20.0  # s that M410 and the question behind it may take.
 
 
-class Conductor:
+class PrintController:
     """Steers one streamer.
 
     Args:
@@ -77,19 +77,19 @@ class Conductor:
         self,
         streamer: Streamer,
         job: LiveJob,
-        setup: Setup,
+        setup: HostSettings,
         *,
         journal: Journal | None = None,
         listen: Callable[[told.Event], None] = lambda _: None,
         allow: Callable[[bytes], str] = lambda _: "",
     ) -> None:
         self.phase = PrintPhase.RUNNING
-        self.parked: Parked | None = None
+        self.parked: ParkedState | None = None
         self.prompts = Prompts()
-        self.heat = Thermometer()
-        self.watchdog = Watchdog()
+        self.heat = TemperaturePoll()
+        self.watchdog = HeaterWatchdog()
         self.halted = self._waits_for_person = self._warned = False
-        self.wished_end = 0
+        self.end_requests = 0
         self.ended: told.Finished | told.Halted | None = None
         self.speed = self.flow = 100.0
         self._streamer = streamer
@@ -97,27 +97,27 @@ class Conductor:
         self._setup, self._journal = setup, journal
         self._listen = listen
         self._allow = allow
-        self._tickets: deque[Ticket] = deque()
+        self._tickets: deque[Request] = deque()
         self._can: told.Identified | None = None
         self._now = self._pushed = 0.0
-        self._pause = wishes.Pause()
+        self._pause = commands.Pause()
         self._said_place: tuple[float, float, float, float] | None = None
         self._stop_due, self._stop_sent = inf, 0
-        self._restore: tuple[Parked | None, float, tuple[str, ...], bool] | None = None
+        self._restore: tuple[ParkedState | None, float, tuple[str, ...], bool] | None = None
         self._scripted: deque[bytes] = deque()
-        self._handlers = self._granting()
+        self._handlers = self._command_handlers()
 
-    def _granting(self) -> dict[type, Callable[[Any], str]]:
+    def _command_handlers(self) -> dict[type, Callable[[Any], str]]:
         """What grants each kind of wish."""
         return {
-            **dict.fromkeys(ORDERS, self._on_order),
-            wishes.Pause: self._on_pause,
-            wishes.Resume: self._on_resume,
-            wishes.Cancel: lambda _: self.cancel(),
-            wishes.CancelObject: self._on_object,
-            wishes.Answer: self._on_answer,
-            wishes.Status: lambda _: json.dumps(self.status()),
-            wishes.Stop: lambda _: self.halt(),
+            **dict.fromkeys(GCODE_COMMANDS, self._on_order),
+            commands.Pause: self._on_pause,
+            commands.Resume: self._on_resume,
+            commands.Cancel: lambda _: self.cancel(),
+            commands.CancelObject: self._on_object,
+            commands.Answer: self._on_answer,
+            commands.Status: lambda _: json.dumps(self.status()),
+            commands.Stop: lambda _: self.halt(),
         }
 
     def status(self) -> dict[str, Any]:
@@ -128,9 +128,9 @@ class Conductor:
 
     # What the session calls.
 
-    def want(self, ticket: Ticket) -> None:
+    def want(self, request: Request) -> None:
         """A wish, granted at the next turn. May be called by any thread."""
-        self._tickets.append(ticket)
+        self._tickets.append(request)
 
     def on_turn(self, now: float) -> None:
         """Grant what is wished, and go on with what was begun."""
@@ -138,11 +138,11 @@ class Conductor:
         if self._restore is not None and self._streamer.state is State.STREAMING:
             self._take_over()
         while self._tickets:
-            ticket = self._tickets.popleft()
+            request = self._tickets.popleft()
             try:
-                ticket.done(self._handlers[type(ticket.wish)](ticket.wish))
+                request.done(self._handlers[type(request.command)](request.command))
             except UsageError as error:
-                ticket.done(error)
+                request.done(error)
         if self.phase is PrintPhase.STOPPING:
             self._stop_moving()
         elif self.phase is PrintPhase.LEAVING and self._streamer.idle:
@@ -152,13 +152,13 @@ class Conductor:
         if now >= self.heat.due:
             self._poll()
         if alarm := self.watchdog.check(now):
-            self._listen(told.Note(str(alarm)))
+            self._listen(told.StreamWarning(str(alarm)))
 
     def record(self, events: Sequence[told.Event]) -> None:
         """Note what must be known before the bytes that go with it are written."""
         journal = self._journal
         for event in events:
-            if isinstance(event, told.Numbered):
+            if isinstance(event, told.LineSent):
                 self._job.follow(event.job - (not event.command))
                 if event.command:
                     self.watchdog.sent(event.command, self._now)
@@ -171,7 +171,9 @@ class Conductor:
                     journal.accepted(self._streamer.accepted_line, event.acknowledged, self._now)
         if journal and journal.failed and not self._warned:
             self._warned = True
-            self._listen(told.Note(f"no journal ({journal.failed}): it goes on, but could not be resumed"))
+            self._listen(
+                told.StreamWarning(f"no journal ({journal.failed}): it goes on, but could not be resumed")
+            )
 
     def _author(self, command: bytes) -> int:
         """Who wants a command that is not of the job: -1 a person, else a script of ours."""
@@ -188,10 +190,10 @@ class Conductor:
 
     def hear(self, event: told.Event) -> None:
         """Act on what the streamer tells, and pass it on."""
-        if isinstance(event, told.Numbered):
+        if isinstance(event, told.LineSent):
             return
         if warning := self.watchdog.heard(event, self._now):
-            self._listen(told.Note(str(warning)))
+            self._listen(told.StreamWarning(str(warning)))
         if isinstance(event, told.Identified):
             self._identified(event)
         elif isinstance(event, told.Temperature):
@@ -216,36 +218,36 @@ class Conductor:
 
     def cancel(self) -> str:
         """Drop the rest of the job, and run the end script."""
-        self.wished_end += 1
+        self.end_requests += 1
         if self._streamer.state is State.CANCELLING:
             return "already cancelling"
         if self.phase is PrintPhase.STOPPING or self._waits_for_person:
-            self._streamer.urge(b"M108")
+            self._streamer.send_at_once(b"M108")
         modes = self._job.follow(self._streamer.taken)
         if self._journal:
             self._journal.state({"phase": "cancelling", "parked": None})
         self._scripted.clear()
-        self._streamer.cancel(end_script(modes, self._setup, parking_place(self._setup, modes)))
+        self._streamer.cancel(end_script(modes, self._setup, parking_position(self._setup, modes)))
         self.phase = PrintPhase.RUNNING
         self._listen(told.Stopping())
         return "cancelled"
 
     def halt(self) -> str:
         """Emergency stop."""
-        self.wished_end += 1
+        self.end_requests += 1
         self.halted = True
         self._streamer.emergency_stop()
         return "the printer was told to halt"
 
     # Pausing.
 
-    def _on_pause(self, wish: wishes.Pause) -> str:
+    def _on_pause(self, command: commands.Pause) -> str:
         if not self._prints:
             raise UsageError(f"it cannot pause: it is {self._state}", remedy="wait, or see `status`")
         self._streamer.pause()
-        self._pause = wish
+        self._pause = command
         if (
-            wish.now
+            command.now
             and self._setup.firmware.has_quick_stop
             and self._job.follow(self._streamer.taken).comparable
         ):
@@ -260,14 +262,14 @@ class Conductor:
         """Throw the planned moves away once nothing is in flight that could be planned behind them."""
         streamer = self._streamer
         if not self._stop_sent and streamer.idle:
-            self._streamer.urge(b"M410")
+            self._streamer.send_at_once(b"M410")
             streamer.inject(b"M400")
             streamer.inject(b"M114")
             self._stop_sent, self._stop_due = 1, self._now + _GIVE_UP
         elif self._stop_sent and self._said_place and streamer.idle:
             self._stopped_at(self._said_place)
         elif self._stop_sent and self._now >= self._stop_due:
-            self._listen(told.Note("the printer does not say where it stopped"))
+            self._listen(told.StreamWarning("the printer does not say where it stopped"))
             self._leave(self._parked(self._job.modes.stand))
 
     def _stopped_at(self, place: tuple[float, float, float, float]) -> None:
@@ -276,29 +278,29 @@ class Conductor:
         steps = list(modes.recent)
         index, share, off = nearest(steps, place)
         if off > _OFF_PATH:
-            self._listen(told.Note(f"it stopped {off:.2f} mm off its path"))
-        replay = [rest_of(steps[index], share)] if share < 1.0 else []
+            self._listen(told.StreamWarning(f"it stopped {off:.2f} mm off its path"))
+        replay = [remaining_move(steps[index], share)] if share < 1.0 else []
         replay += [step.command for step in steps[index + 1 :]]
         modes.recent = deque(steps[: index + 1], modes.recent.maxlen)
-        here = stand_at(steps[index], share)
+        here = state_at(steps[index], share)
         modes.stop_at(here)
         self._leave(replace(self._parked(here), replay=tuple(one.decode("latin-1") for one in replay)))
 
-    def _parked(self, stand: ModalState) -> Parked:
-        return parked_at(stand, self._job.modes, self._setup, self._pause, self._streamer.taken)
+    def _parked(self, stand: ModalState) -> ParkedState:
+        return park_state(stand, self._job.modes, self._setup, self._pause, self._streamer.taken)
 
-    def _leave(self, parked: Parked) -> None:
+    def _leave(self, parked: ParkedState) -> None:
         self.parked = parked
         script = leave(parked, self._job.modes, self._setup)
         self._pushed = 0.0
         self._note_phase(PrintPhase.LEAVING)
-        self._pushed = pushed_by(script)
+        self._pushed = extruded_length(script)
         self._perform(script)
         self._change(PrintPhase.LEAVING)
 
-    def _on_resume(self, _: wishes.Resume) -> str:
+    def _on_resume(self, _: commands.Resume) -> str:
         if self._waits_for_person and self.phase is PrintPhase.RUNNING:
-            self._streamer.urge(b"M108")
+            self._streamer.send_at_once(b"M108")
             return "told the printer to go on"
         if self.phase is PrintPhase.RUNNING and self._streamer.state is State.PAUSED:  # it paused by itself
             self._streamer.inject(self._setup.firmware.resume_command)
@@ -306,10 +308,10 @@ class Conductor:
             return "told the printer to go on"
         if self.phase in {PrintPhase.RUNNING, PrintPhase.RETURNING, PrintPhase.STOPPING}:
             raise UsageError(f"it cannot resume: it is {self._state}", remedy="see `status`")
-        self.come_back(self._pushed)
+        self.return_to_part(self._pushed)
         return "resuming"
 
-    def come_back(self, pushed: float) -> None:
+    def return_to_part(self, pushed: float) -> None:
         """Return to the place that was left, and go on.
 
         Args:
@@ -319,11 +321,13 @@ class Conductor:
         assert parked is not None
         self._pushed = pushed
         self._note_phase(PrintPhase.RETURNING)
-        back = come_back(parked, self._setup, pushed, inches=self._job.modes.machine.inches)
+        back = return_to_part(parked, self._setup, pushed, inches=self._job.modes.machine.inches)
         self._perform(back + [text.encode("latin-1") for text in parked.replay])
         self._change(PrintPhase.RETURNING)
 
-    def restore(self, parked: Parked | None, pushed: float, replay: Sequence[str], *, waits: bool) -> None:
+    def restore(
+        self, parked: ParkedState | None, pushed: float, replay: Sequence[str], *, waits: bool
+    ) -> None:
         """Take over a print that another host left while it was paused, or on its way, once it is connected.
 
         Args:
@@ -344,7 +348,7 @@ class Conductor:
             self._note_phase(PrintPhase.LEAVING)
             self._change(PrintPhase.WAITING)
         elif parked:
-            self.come_back(self._pushed)
+            self.return_to_part(self._pushed)
         else:
             self._perform([text.encode("latin-1") for text in replay])
             self._change(PrintPhase.RETURNING)
@@ -370,33 +374,32 @@ class Conductor:
 
     # Other wishes.
 
-    def _on_object(self, wish: wishes.CancelObject) -> str:
+    def _on_object(self, command: commands.CancelObject) -> str:
         job = self._job
-        name = job.cancel(wish.name, self._streamer.taken)
+        name = job.cancel(command.name, self._streamer.taken)
         cancel = self._setup.firmware.cancel_object_command
         if cancel is not None and job.marked_for_klipper:
             job.cancelled.discard(name)
             self._inject(cancel(name))
         elif self._journal:
             self._journal.state({"cancelled": sorted(job.cancelled), "cancelled_at": job.cancelled_at})
-        self._listen(told.Note(f"{name} is not printed any further"))
+        self._listen(told.StreamWarning(f"{name} is not printed any further"))
         return f"{name} is given up"
 
-    def _on_order(self, wish: Any) -> str:
-        command = order_of(wish, self._setup.firmware, self._can)
-        answer = self._inject(command)
-        if isinstance(wish, wishes.Speed):
-            self.speed = wish.percent
-        elif isinstance(wish, wishes.Flow):
-            self.flow = wish.percent
-        elif isinstance(wish, wishes.SetTemperature) and self.parked and wish.heater == "nozzle":
-            self.parked = replace(self.parked, hotend=wish.celsius)
+    def _on_order(self, command: Any) -> str:
+        answer = self._inject(gcode_for(command, self._setup.firmware, self._can))
+        if isinstance(command, commands.Speed):
+            self.speed = command.percent
+        elif isinstance(command, commands.Flow):
+            self.flow = command.percent
+        elif isinstance(command, commands.SetTemperature) and self.parked and command.heater == "nozzle":
+            self.parked = replace(self.parked, hotend=command.celsius)
         return answer
 
-    def _on_answer(self, wish: wishes.Answer) -> str:
+    def _on_answer(self, command: commands.Answer) -> str:
         if self.prompts.shown is None:
             raise UsageError("the printer asks nothing", remedy="see `status`")
-        self._streamer.urge(b"M876 S%d" % wish.choice)
+        self._streamer.send_at_once(b"M876 S%d" % command.choice)
         return "answered"
 
     def _inject(self, command: bytes) -> str:
@@ -425,8 +428,8 @@ class Conductor:
         word, _, rest = action.name.partition(" ")
         if word in {"pause", "filament_runout", "out_of_filament"} and self._prints:
             if word != "pause":
-                self._listen(told.Note("the filament has run out: put in a new one, then resume"))
-            self._on_pause(wishes.Pause())
+                self._listen(told.StreamWarning("the filament has run out: put in a new one, then resume"))
+            self._on_pause(commands.Pause())
         elif word == "paused" and self._prints:
             # It has parked by itself, and comes back by itself.
             self._streamer.pause()
@@ -436,7 +439,7 @@ class Conductor:
             if word == "resumed":
                 self._listen(told.Resumed())
         elif word == "resume" and self.phase in {PrintPhase.LEAVING, PrintPhase.WAITING}:
-            self.come_back(self._pushed)
+            self.return_to_part(self._pushed)
         elif word == "cancel":
             self.cancel()
         elif word.startswith("prompt_") and (prompt := self.prompts.hear(word, rest)) is not None:
@@ -453,8 +456,8 @@ class Conductor:
         """The firmware does not know a command: one that waits for a person is the host's to do."""
         if word in _WAITS_FOR_PERSON and self._prints:
             what = "change the filament, then resume" if word == b"M600" else "resume when ready"
-            self._listen(told.Note(f"{word.decode()} is not known here: {what}"))
-            self._on_pause(wishes.Pause())
+            self._listen(told.StreamWarning(f"{word.decode()} is not known here: {what}"))
+            self._on_pause(commands.Pause())
 
     # Temperatures.
 
@@ -489,7 +492,7 @@ class PrintPhase(Enum):
 
 
 @dataclass(slots=True)
-class Ticket:
+class Request:
     """A wish on its way.
 
     Attributes:
@@ -497,7 +500,7 @@ class Ticket:
         done: called with what became of it: words for a person, or the error.
     """
 
-    wish: Wish
+    command: PrintCommand
     done: Callable[[str | UsageError], None] = lambda _: None
 
 
@@ -536,7 +539,7 @@ class Prompts:
         return None
 
 
-class Thermometer:
+class TemperaturePoll:
     """When to ask for temperatures.
 
     Attributes:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from printer_slicer.stream.attach import Attach
 from printer_slicer.stream.framing import frame
+from printer_slicer.stream.resync import Resync
 
 FAR = b"\n%s\n" % frame(100_050, b"M105")
 REFUSAL = b"Error:Line Number is not Last Line Number+1, Last Line: 42\nResend: 43\nok\n"
@@ -17,9 +17,9 @@ def question(number: int, command: bytes) -> bytes:
     return b"\n%s\n" % frame(number, command)
 
 
-def found() -> Attach:
+def found() -> Resync:
     """Of a printer that has named its line."""
-    attach = Attach(50)
+    attach = Resync(50)
     assert attach.send(0.0) == FAR
     attach.receive(REFUSAL, 0.1)
     assert attach.line == 42
@@ -44,12 +44,12 @@ def test_the_refusal_names_the_line_and_two_questions_find_the_place() -> None:
 
 
 def test_before_the_line_is_known_there_is_nothing_to_ask_it_by() -> None:
-    assert Attach(50).questions() == ()
+    assert Resync(50).questions() == ()
 
 
 def test_one_refusal_that_says_the_number_once_is_asked_again() -> None:
     """A number that came once may have been damaged on its way."""
-    attach = Attach(50)
+    attach = Resync(50)
     attach.send(0.0)
     attach.receive(b"Resend: 48\n", 0.1)
     assert attach.line is None
@@ -59,7 +59,7 @@ def test_one_refusal_that_says_the_number_once_is_asked_again() -> None:
 
 
 def test_answers_to_lines_from_before_are_passed_over() -> None:
-    attach = Attach(50)
+    attach = Resync(50)
     attach.send(0.0)
     attach.receive(b"ok\nok\n" + HOT * 6 + REFUSAL, 0.1)
 
@@ -73,7 +73,7 @@ def test_answers_to_lines_from_before_are_passed_over() -> None:
 
 
 def test_firmware_that_takes_any_number_cannot_be_asked() -> None:
-    attach = Attach(50)
+    attach = Resync(50)
     for turn in range(8):
         assert not attach.done
         attach.send(2.0 * turn)
@@ -128,7 +128,7 @@ def test_a_printer_that_lost_its_state_says_so(said: bytes, reason: str) -> None
 
 
 def test_silence_ends_after_thirty_seconds_and_reports_that_come_by_themselves_are_no_sign_of_life() -> None:
-    attach = Attach(50)
+    attach = Resync(50)
     attach.send(0.0)
     for now in range(2, 30, 2):
         attach.receive(b" T:200.0 /200.0 B:60.0 /60.0 @:40 B@:20\n", float(now))
@@ -155,7 +155,7 @@ def test_a_busy_printer_that_was_not_asked_yet_is_asked_in_time() -> None:
 
 @pytest.mark.parametrize("noise", [b"\xff\x00\xfe\x80\n", b"x" * 5000 + b"\n", b"\r\n\n"])
 def test_noise_between_the_answers_does_no_harm(noise: bytes) -> None:
-    attach = Attach(50)
+    attach = Resync(50)
     attach.send(0.0)
     for data in (noise, REFUSAL[:30], REFUSAL[30:], noise):
         attach.receive(data, 0.1)

@@ -25,7 +25,7 @@ from printer_slicer.gcode.commands import Effect, commands_that
 if TYPE_CHECKING:
     from printer_slicer.gcode.state import Place
 
-__all__ = ["Doubt", "Fate", "same_twice"]
+__all__ = ["LineFate", "UnackedLine", "is_repeatable"]
 
 _CLOSE: Final = 0.006
 """mm; firmware says two or three decimals."""
@@ -36,7 +36,7 @@ _REPEATABLE: Final = commands_that(Effect.REPEATABLE)
 _LINES: Final = commands_that(Effect.MOVES) - commands_that(Effect.ARC)
 
 
-class Fate(Enum):
+class LineFate(Enum):
     """What became of the line."""
 
     EXECUTED = "executed"
@@ -45,12 +45,12 @@ class Fate(Enum):
     NEVER_KNOWN = "never known"
 
 
-def same_twice(word: bytes, *, relative: bool) -> bool:
+def is_repeatable(word: bytes, *, relative: bool) -> bool:
     """Whether a command twice in a row does the same as once; `relative`: as a move it counts from where it is."""
     return word in _REPEATABLE or word.startswith(b"T") or (word in _LINES and not relative)
 
 
-class Doubt:
+class UnackedLine:
     """The questions about one line.
 
     Args:
@@ -80,25 +80,25 @@ class Doubt:
         """The printer read something that was not sent, and says ok to that."""
         self._oks -= 1
 
-    def closed(self) -> Fate | None:
+    def closed(self) -> LineFate | None:
         """The answer with the temperatures is here: what became of the line; None if it may be the line's own."""
         if self._own_answer and self.place is None and not self._oks:
             self._own_answer = False
             return None
         self._rounds += 1
         fate = self._fate()
-        if fate is Fate.OPEN and self._rounds >= _ROUNDS:
-            return Fate.NEVER_KNOWN
+        if fate is LineFate.OPEN and self._rounds >= _ROUNDS:
+            return LineFate.NEVER_KNOWN
         self.pair, self.place, self._oks = True, None, 0
         return fate
 
-    def _fate(self) -> Fate:
+    def _fate(self) -> LineFate:
         was, is_now = (_fits(self.place, place) for place in self._places)
         if self.place is not None and was != is_now:
-            return Fate.EXECUTED if is_now else Fate.LOST
+            return LineFate.EXECUTED if is_now else LineFate.LOST
         if self._oks >= 2:
-            return Fate.EXECUTED
-        return Fate.LOST if self._repeatable else Fate.OPEN
+            return LineFate.EXECUTED
+        return LineFate.LOST if self._repeatable else LineFate.OPEN
 
 
 def _fits(told: Place | None, place: Place) -> bool:
