@@ -18,7 +18,7 @@ from printer_slicer.sim.front_end import FrontEnd
 from printer_slicer.sim.link import Direction, VirtualPort
 from printer_slicer.sim.machine import Machine
 from printer_slicer.sim.printer import SimulatedPrinter
-from printer_slicer.stream.events import Event, Finished, Halted, Probe, ResendAsked
+from printer_slicer.stream.events import Event, Finished, Halted, Probe, ResendRequested
 from printer_slicer.stream.protocol import Streamer
 from printer_slicer.stream.session import run
 
@@ -253,4 +253,4 @@ def print_over(setup: Setup, **changes: object) -> Trial:
 
 def questions(trial: Trial) -> int:
     """How often the host had to ask or to repeat."""
-    return trial.count(Probe, ResendAsked)
+    return trial.count(Probe, ResendRequested)

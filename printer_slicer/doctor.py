@@ -286,11 +286,11 @@ class PrinterDiagnosis:
             f"slice for it: --set printer.link_lines_per_second={int(0.95 * self.lines_per_second)}"
         )
         yield PortCheck("line rate", "warn" if slow else "good", rate, advice if slow else "")
-        if self.link.resends or self.link.questions:
+        if self.link.resends or self.link.lost_answers:
             yield PortCheck(
                 "errors",
                 "warn",
-                f"{self.link.resends} lines were asked for again, {self.link.questions} answers were missing",
+                f"{self.link.resends} lines were asked for again, {self.link.lost_answers} answers were missing",
                 "a better or shorter cable, another port, no hub",
             )
         else:
@@ -331,7 +331,7 @@ def diagnose_printer(
         answer_95=quantiles(waits, n=20)[-1] if len(waits) > 10 else None,
         lines_per_second=rate,
         wire=baud / 10 / (len(frame(100, _LINE)) + 1),
-        link=meter.seen(),
+        link=meter.statistics(),
         halted=listener.halted,
     )
 
@@ -359,7 +359,7 @@ class _Listener:
         self.temperatures: tuple[tuple[str, float], ...] = ()
 
     def __call__(self, event: Event) -> None:
-        self._meter.heard(event)
+        self._meter.on_event(event)
         if isinstance(event, Accepted):
             self.times.append(self._clock())
         elif isinstance(event, Identified):

@@ -24,7 +24,15 @@ from printer_slicer.sim.link import Damage, Direction, VirtualPort
 from printer_slicer.sim.machine import Machine
 from printer_slicer.sim.printer import SimulatedPrinter
 from printer_slicer.sim.pty_server import serve
-from printer_slicer.stream.events import Event, Finished, Halted, Identified, Probe, ResendAsked, Temperature
+from printer_slicer.stream.events import (
+    Event,
+    Finished,
+    Halted,
+    Identified,
+    Probe,
+    ResendRequested,
+    Temperature,
+)
 from printer_slicer.stream.protocol import Streamer
 from printer_slicer.stream.serial_port import open_port
 from printer_slicer.stream.session import run
@@ -184,7 +192,7 @@ def test_one_bad_byte_costs_one_repeat_on_every_firmware(window_lines: int) -> N
         bad = Print(job, front_end, once, window_lines=window_lines).run()
 
         assert bad.jobs_lines == wanted(job)
-        assert bad.count(ResendAsked) == 1
+        assert bad.count(ResendRequested) == 1
         assert bad.count(Probe) == 0
 
 
@@ -207,7 +215,7 @@ def test_a_clean_cable_sees_no_repeat_and_no_question(name: str, latency: float,
     clean = Print(LONG_JOB, FRONT_ENDS[name], latency=latency, knows_limits=knows_limits).run()
 
     assert clean.jobs_lines == wanted(LONG_JOB)
-    assert clean.count(ResendAsked, Probe) == 0
+    assert clean.count(ResendRequested, Probe) == 0
     assert isinstance(clean.end, Finished)
     assert clean.end.verified
     assert clean.port.now() > 900.0
@@ -222,7 +230,7 @@ def test_a_clean_cable_sees_no_question_from_a_printer_that_never_says_it_is_bus
     clean = Print(LONG_JOB, terse, knows_limits=knows_limits).run()
 
     assert clean.jobs_lines == wanted(LONG_JOB)
-    assert clean.count(ResendAsked, Probe) == 0
+    assert clean.count(ResendRequested, Probe) == 0
 
 
 def test_a_printer_that_says_seldom_that_it_is_busy_is_not_sent_a_line_twice() -> None:
@@ -231,7 +239,7 @@ def test_a_printer_that_says_seldom_that_it_is_busy_is_not_sent_a_line_twice() -
     clean = Print(LONG_JOB, seldom).run()
 
     assert clean.jobs_lines == wanted(LONG_JOB)
-    assert clean.count(ResendAsked) == 0
+    assert clean.count(ResendRequested) == 0
 
 
 def test_the_printer_says_who_it_is() -> None:
@@ -381,7 +389,7 @@ def test_a_job_that_is_cancelled_while_it_heats_does_not_heat_on(name: str) -> N
 
     assert isinstance(heating.end, Finished)
     assert heating.end.cancelled
-    assert heating.count(Probe, ResendAsked) == 0
+    assert heating.count(Probe, ResendRequested) == 0
     assert heating.executed[-5:] == ["M104 S0", "M107", "M400", "M105", "M114"]
     assert heating.port.now() < 20.0
 

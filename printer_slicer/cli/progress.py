@@ -25,11 +25,12 @@ from printer_slicer.stream.events import (
     Paused,
     PoorLink,
     Prompt,
-    ResendAsked,
+    ResendRequested,
     Resumed,
     Stopping,
     StreamWarning,
     Temperature,
+    event_kind,
 )
 from printer_slicer.texts import format_duration
 
@@ -106,9 +107,7 @@ class progress:  # noqa: N801 - used like a function
         if isinstance(event, Accepted):
             return
         if self._json and not isinstance(event, LineSent):
-            print(
-                json.dumps({"event": type(event).__name__.lower(), **asdict(event)}, default=str), flush=True
-            )
+            print(json.dumps({"event": event_kind(event), **asdict(event)}, default=str), flush=True)
         elif (not self._quiet and (text := _for_people(event))) or (
             self._verbose and (text := _as_line(event))
         ):
@@ -225,7 +224,7 @@ def _as_line(event: Event) -> str:
     """Format an event for --verbose; empty for others."""
     if isinstance(event, Message):
         return event.text
-    if isinstance(event, ResendAsked):
+    if isinstance(event, ResendRequested):
         return f"the printer requests a resend from line {event.number}"
     if isinstance(event, Temperature):
         wanted = {True: " (waiting)", False: ""}[event.waiting]

@@ -34,7 +34,7 @@ from printer_slicer.printing.parking import (
     parking_position,
     return_to_part,
 )
-from printer_slicer.stream import events as told
+from printer_slicer.stream import events as stream_events
 from printer_slicer.stream.events import Identified, Prompt, Reading, Temperature
 from printer_slicer.stream.framing import check_commands
 from printer_slicer.stream.heater_watchdog import HeaterWatchdog
@@ -80,7 +80,7 @@ class PrintController:
         setup: HostSettings,
         *,
         journal: Journal | None = None,
-        listen: Callable[[told.Event], None] = lambda _: None,
+        listen: Callable[[stream_events.Event], None] = lambda _: None,
         allow: Callable[[bytes], str] = lambda _: "",
     ) -> None:
         self.phase = PrintPhase.RUNNING
@@ -90,7 +90,7 @@ class PrintController:
         self.watchdog = HeaterWatchdog()
         self.halted = self._waits_for_person = self._warned = False
         self.end_requests = 0
-        self.ended: told.Finished | told.Halted | None = None
+        self.ended: stream_events.Finished | stream_events.Halted | None = None
         self.speed = self.flow = 100.0
         self._streamer = streamer
         self._job = job
@@ -98,7 +98,7 @@ class PrintController:
         self._listen = listen
         self._allow = allow
         self._tickets: deque[Request] = deque()
-        self._can: told.Identified | None = None
+        self._can: stream_events.Identified | None = None
         self._now = self._pushed = 0.0
         self._pause = commands.Pause()
         self._said_place: tuple[float, float, float, float] | None = None
@@ -152,27 +152,29 @@ class PrintController:
         if now >= self.heat.due:
             self._poll()
         if alarm := self.watchdog.check(now):
-            self._listen(told.StreamWarning(str(alarm)))
+            self._listen(stream_events.StreamWarning(str(alarm)))
 
-    def record(self, events: Sequence[told.Event]) -> None:
+    def record(self, events: Sequence[stream_events.Event]) -> None:
         """Note what must be known before the bytes that go with it are written."""
         journal = self._journal
         for event in events:
-            if isinstance(event, told.LineSent):
+            if isinstance(event, stream_events.LineSent):
                 self._job.follow(event.job - (not event.command))
                 if event.command:
                     self.watchdog.sent(event.command, self._now)
                     self._job.modes.follow(event.command, self._author(event.command))
                 if journal:
                     journal.numbered(event.number, event.job, event.command)
-            elif isinstance(event, told.Accepted):
+            elif isinstance(event, stream_events.Accepted):
                 self._job.follow(event.acknowledged)
                 if journal:
                     journal.accepted(self._streamer.accepted_line, event.acknowledged, self._now)
         if journal and journal.failed and not self._warned:
             self._warned = True
             self._listen(
-                told.StreamWarning(f"no journal ({journal.failed}): it goes on, but could not be resumed")
+                stream_events.StreamWarning(
+                    f"no journal ({journal.failed}): it goes on, but could not be resumed"
+                )
             )
 
     def _author(self, command: bytes) -> int:
@@ -188,26 +190,26 @@ class PrintController:
             self._scripted.append(command)
             self._streamer.inject(command)
 
-    def hear(self, event: told.Event) -> None:
+    def hear(self, event: stream_events.Event) -> None:
         """Act on what the streamer tells, and pass it on."""
-        if isinstance(event, told.LineSent):
+        if isinstance(event, stream_events.LineSent):
             return
         if warning := self.watchdog.heard(event, self._now):
-            self._listen(told.StreamWarning(str(warning)))
-        if isinstance(event, told.Identified):
+            self._listen(stream_events.StreamWarning(str(warning)))
+        if isinstance(event, stream_events.Identified):
             self._identified(event)
-        elif isinstance(event, told.Temperature):
+        elif isinstance(event, stream_events.Temperature):
             self.heat.read(event, self._now)
-        elif isinstance(event, told.Message):
+        elif isinstance(event, stream_events.Message):
             self._on_message(event)
-        elif isinstance(event, told.Busy):
+        elif isinstance(event, stream_events.Busy):
             self._waits_for_person = event.reason.startswith("paused for")
-        elif isinstance(event, told.Accepted):
+        elif isinstance(event, stream_events.Accepted):
             self._waits_for_person = False
-        elif isinstance(event, told.Finished | told.Halted):
+        elif isinstance(event, stream_events.Finished | stream_events.Halted):
             self.ended = event
         self._listen(event)
-        if isinstance(event, told.Action):
+        if isinstance(event, stream_events.Action):
             self._on_action(event)
 
     # Ends.
@@ -229,7 +231,7 @@ class PrintController:
         self._scripted.clear()
         self._streamer.cancel(end_script(modes, self._setup, parking_position(self._setup, modes)))
         self.phase = PrintPhase.RUNNING
-        self._listen(told.Stopping())
+        self._listen(stream_events.Stopping())
         return "cancelled"
 
     def halt(self) -> str:
@@ -269,7 +271,7 @@ class PrintController:
         elif self._stop_sent and self._said_place and streamer.idle:
             self._stopped_at(self._said_place)
         elif self._stop_sent and self._now >= self._stop_due:
-            self._listen(told.StreamWarning("the printer does not say where it stopped"))
+            self._listen(stream_events.StreamWarning("the printer does not say where it stopped"))
             self._leave(self._parked(self._job.modes.stand))
 
     def _stopped_at(self, place: tuple[float, float, float, float]) -> None:
@@ -278,7 +280,7 @@ class PrintController:
         steps = list(modes.recent)
         index, share, off = nearest(steps, place)
         if off > _OFF_PATH:
-            self._listen(told.StreamWarning(f"it stopped {off:.2f} mm off its path"))
+            self._listen(stream_events.StreamWarning(f"it stopped {off:.2f} mm off its path"))
         replay = [remaining_move(steps[index], share)] if share < 1.0 else []
         replay += [step.command for step in steps[index + 1 :]]
         modes.recent = deque(steps[: index + 1], modes.recent.maxlen)
@@ -362,9 +364,9 @@ class PrintController:
     def _change(self, phase: PrintPhase) -> None:
         self.phase = phase
         if phase is PrintPhase.WAITING:
-            self._listen(told.Paused("resume, or cancel"))
+            self._listen(stream_events.Paused("resume, or cancel"))
         elif phase is PrintPhase.RUNNING:
-            self._listen(told.Resumed())
+            self._listen(stream_events.Resumed())
 
     def _note_phase(self, phase: PrintPhase) -> None:
         if self._journal:
@@ -383,7 +385,7 @@ class PrintController:
             self._inject(cancel(name))
         elif self._journal:
             self._journal.state({"cancelled": sorted(job.cancelled), "cancelled_at": job.cancelled_at})
-        self._listen(told.StreamWarning(f"{name} is not printed any further"))
+        self._listen(stream_events.StreamWarning(f"{name} is not printed any further"))
         return f"{name} is given up"
 
     def _on_order(self, command: Any) -> str:
@@ -424,20 +426,22 @@ class PrintController:
 
     # The printer's wishes.
 
-    def _on_action(self, action: told.Action) -> None:
+    def _on_action(self, action: stream_events.Action) -> None:
         word, _, rest = action.name.partition(" ")
         if word in {"pause", "filament_runout", "out_of_filament"} and self._prints:
             if word != "pause":
-                self._listen(told.StreamWarning("the filament has run out: put in a new one, then resume"))
+                self._listen(
+                    stream_events.StreamWarning("the filament has run out: put in a new one, then resume")
+                )
             self._on_pause(commands.Pause())
         elif word == "paused" and self._prints:
             # It has parked by itself, and comes back by itself.
             self._streamer.pause()
-            self._listen(told.Paused(rest or "the printer waits for a person"))
+            self._listen(stream_events.Paused(rest or "the printer waits for a person"))
         elif word in {"resume", "resumed"} and self.phase is PrintPhase.RUNNING:
             self._streamer.resume()
             if word == "resumed":
-                self._listen(told.Resumed())
+                self._listen(stream_events.Resumed())
         elif word == "resume" and self.phase in {PrintPhase.LEAVING, PrintPhase.WAITING}:
             self.return_to_part(self._pushed)
         elif word == "cancel":
@@ -445,7 +449,7 @@ class PrintController:
         elif word.startswith("prompt_") and (prompt := self.prompts.hear(word, rest)) is not None:
             self._listen(prompt)
 
-    def _on_message(self, message: told.Message) -> None:
+    def _on_message(self, message: stream_events.Message) -> None:
         for reply in read_reply(message.text.encode()):
             if isinstance(reply, Position) and reply.e is not None:
                 self._said_place = reply.x, reply.y, reply.z, reply.e
@@ -456,12 +460,12 @@ class PrintController:
         """The firmware does not know a command: one that waits for a person is the host's to do."""
         if word in _WAITS_FOR_PERSON and self._prints:
             what = "change the filament, then resume" if word == b"M600" else "resume when ready"
-            self._listen(told.StreamWarning(f"{word.decode()} is not known here: {what}"))
+            self._listen(stream_events.StreamWarning(f"{word.decode()} is not known here: {what}"))
             self._on_pause(commands.Pause())
 
     # Temperatures.
 
-    def _identified(self, who: told.Identified) -> None:
+    def _identified(self, who: stream_events.Identified) -> None:
         self._can = who
         if self.heat.identified(who, self._now):
             self._streamer.inject(REPORT)

@@ -242,7 +242,9 @@ class PrintSession:
             self._close()
         end = self._finished()
         forget_checkpoint(self._checkpoint, self._job)
-        return PrintResult(len(self._job.commands), monotonic() - begun, end.verified, self._meter.seen())
+        return PrintResult(
+            len(self._job.commands), monotonic() - begun, end.verified, self._meter.statistics()
+        )
 
     def reattach(self, transport: SerialPort) -> ResumePlan:
         """Ask the printer whether it has kept its state, and where it stands.
@@ -256,9 +258,9 @@ class PrintSession:
         if not self._print.same_boot:
             raise PrinterStateLost("the computer was restarted, and the end of the journal may be missing")
         journal_data = read_journal(self._print.folder)
-        attach = query_printer(transport, monotonic, journal_data, self._journal)
-        found = find_resume_plan(journal_data, attach, self._job.commands, self._spans, self._setup)
-        last = attach.questions()[-1][0]
+        resync = query_printer(transport, monotonic, journal_data, self._journal)
+        found = find_resume_plan(journal_data, resync, self._job.commands, self._spans, self._setup)
+        last = resync.queries()[-1][0]
         self._journal.accepted(last, found.entries, monotonic())
         return found
 
@@ -339,7 +341,7 @@ class PrintSession:
 
         def hear(event: Event) -> None:
             """Tell the meter, and whoever acts on it."""
-            self._meter.heard(event)
+            self._meter.on_event(event)
             for one in (event, *self._meter.warnings()):
                 controller.hear(one)
 

@@ -133,23 +133,23 @@ def query_printer(
     last = max(
         [journal_data.line, journal_data.before, *(record.number for record in journal_data.lines[-1:])]
     )
-    attach = Resync(last)
+    resync = Resync(last)
     noted = False
-    while not attach.done:
-        if attach.line is not None and not noted and journal is not None:
+    while not resync.done:
+        if resync.line is not None and not noted and journal is not None:
             noted = True
-            for number, question in attach.questions():
-                journal.numbered(number, journal_data.entries_at(attach.line), question)
-        if data := attach.send(clock()):
+            for number, question in resync.queries():
+                journal.numbered(number, journal_data.entries_at(resync.line), question)
+        if data := resync.send(clock()):
             transport.write(data)
-        due = attach.wakeup()
-        attach.receive(transport.read(0.25 if due is None else min(max(due - clock(), 0.0), 0.25)), clock())
-    return attach
+        due = resync.wakeup()
+        resync.receive(transport.read(0.25 if due is None else min(max(due - clock(), 0.0), 0.25)), clock())
+    return resync
 
 
 def find_resume_plan(
     journal_data: JournalData,
-    attach: Resync,
+    resync: Resync,
     commands: Sequence[bytes],
     spans: tuple[Span, ...],
     setup: HostSettings,
@@ -159,18 +159,18 @@ def find_resume_plan(
     Raises:
         Lost: it has not kept its state.
     """
-    line = attach.line
+    line = resync.line
     if journal_data.states.get("phase") == "recovering":
         raise PrinterStateLost("it was being brought back to its place")
     if off := journal_data.states.get(HEATERS_OFF):
         raise PrinterStateLost(f"its heaters were switched off: {off}")
-    if attach.reason or line is None:
-        raise PrinterStateLost(attach.reason or "it does not say which line it took")
+    if resync.reason or line is None:
+        raise PrinterStateLost(resync.reason or "it does not say which line it took")
     entries = _entries(journal_data, line)
     job = rebuild(journal_data, line, commands, spans, setup.flavour)
     job.follow(entries)
     parked, pushed, replay = _parked(journal_data, line, setup)
-    _check_position(job.modes, attach.position)
+    _check_position(job.modes, resync.position)
     phase = str(journal_data.states.get("phase", "printing"))
     if phase == "returning" and parked is None:
         phase = "printing"

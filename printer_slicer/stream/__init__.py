@@ -1,1 +1,1 @@
-"""The host's end of the cable: lines in, bytes out, never a line lost or invented."""
+"""Host side of the serial protocol: send G-code line by line, and lose or repeat no line."""

@@ -1,8 +1,8 @@
-"""How long an answer may take if nothing is wrong, and when silence has lasted too long.
+"""Timeouts of acknowledgements: when to probe a silent printer, and when to give up.
 
-Three clues, from weak to strong: the patience for the line whose answer is due, less what the printer has never needed
-of it where motion is short; what it has shown of its habit to say that it is busy; a sign that something was lost
-(remains of an answer, `wait`). They only decide when to ask, never what happened: that is the printer's to say.
+Three clues count, from weak to strong: the response timeout of the oldest line in flight, shortened for short moves by
+measured response times; how regularly the printer reports that it is busy; and signs of a loss, such as the remains of
+an answer or `wait`. They only decide when to probe. The answer to the probe decides what was lost.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ __all__ = ["MARGIN", "AckTimer", "ResponseTimeout"]
 
 _USUAL_KEEPALIVE: Final = 2.0
 _LONGEST_KEEPALIVE: Final = 10.0
-"""s between two reports of being busy."""
+"""s between two busy reports."""
 
 _MISSED: Final = 2.5
-"""Intervals without a report after which a printer that reports is not busy."""
+"""Number of missed report intervals after which the printer no longer counts as busy."""
 
 _NEXT_REPORT: Final = 1.25
-"""Intervals after a report in which the next one, or the answer, comes."""
+"""Number of intervals after a report in which the next report or the answer arrives."""
 
 _HESITATE: Final = 0.3
-"""s between a sign of loss and the question: the answer may still be on its way."""
+"""s between a sign of loss and the probe: the answer may still arrive."""
 
 _ON_ITS_WAY: Final = 0.5
 
@@ -53,19 +53,22 @@ _AT_LEAST: Final = 0.25
 _ASK_AGAIN: Final = 1.0
 _ASK_AGAIN_LONGEST: Final = 8.0
 _MOST_QUESTIONS: Final = 6
-"""The first one fits into the receive buffer behind the lines in flight; the others may not, if nothing was lost and
-the printer has stopped reading, but then there is nobody to be told anything."""
+"""Maximum number of probes. The first fits into the receive buffer behind the lines in flight. Further ones may not if
+the printer has stopped reading, but then it does not answer anyway."""
 
 
 class AckTimer:
-    """The clock over the lines in flight.
+    """Timer for the acknowledgement of the oldest line in flight.
+
+    Args:
+        give_up: s until a printer that answers no probe counts as unresponsive.
 
     Attributes:
-        asked: questions since the last answer.
+        probes: number of probes since the last answer.
     """
 
     def __init__(self, give_up: float) -> None:
-        self.asked = 0
+        self.probes = 0
         self._give_up = give_up
         self._heard = -inf
         self._busy: float | None = None
@@ -76,90 +79,90 @@ class AckTimer:
         self._asked_last = inf
         self._answers, self._slowest = 0, 0.0
 
-    def learn(self, oldest: NumberedLine, now: float) -> None:
+    def learn_response_time(self, oldest: NumberedLine, now: float) -> None:
         """Record how much longer than its motion the acknowledgement of `oldest` took."""
-        if self.asked or isfinite(self._hint) or oldest.patience > _SHORT:
+        if self.probes or isfinite(self._hint) or oldest.timeout > _SHORT:
             return
         waited = now - max(oldest.sent, self._heard)
         self._answers += 1
-        self._slowest = max(self._slowest, waited - max(oldest.patience - MARGIN, 0.0) / 2)
+        self._slowest = max(self._slowest, waited - max(oldest.timeout - MARGIN, 0.0) / 2)
 
-    def answered(self, now: float, *, settled: bool = False) -> None:
-        """An answer came; `settled` when no doubt is left about which lines arrived."""
+    def on_answer(self, now: float, *, settled: bool = False) -> None:
+        """Handle an answer; `settled`: it shows reliably which lines arrived."""
         self._heard = now
         self._busy = None
-        self.asked = 0
+        self.probes = 0
         if settled:
             self._hint = inf
 
-    def busy(self, now: float) -> None:
-        """The printer says that it is busy: it lives, and it is in the habit of saying so."""
+    def on_busy(self, now: float) -> None:
+        """Handle a busy report, and learn the interval of such reports."""
         gap = now - self._busy if self._busy is not None else _USUAL_KEEPALIVE
         gap = min(max(gap, _USUAL_KEEPALIVE), _LONGEST_KEEPALIVE)
-        # It may have been told to report less often: believe the longest gap.
+        # The report interval may have been changed: use the longest one.
         self._quiet = max(_MISSED * gap, self._quiet if isfinite(self._quiet) else 0.0)
-        self.answered(now)
+        self.on_answer(now)
         self._busy = now
         self._gap = gap
 
-    def idle(self, oldest: NumberedLine, now: float) -> None:
-        """The printer says that it has nothing to do, while `oldest` waits for its answer."""
-        # Said just before the line arrived it means nothing.
+    def on_idle(self, oldest: NumberedLine, now: float) -> None:
+        """Handle an idle report while `oldest` waits for its acknowledgement."""
+        # A report sent just before the line arrived means nothing.
         if now - oldest.sent >= _ON_ITS_WAY:
-            self.suspect(now)
+            self.expect_loss(now)
 
-    def suspect(self, now: float) -> None:
-        """Something was lost: ask soon."""
+    def expect_loss(self, now: float) -> None:
+        """Probe soon, because something was lost."""
         self._hint = min(self._hint, now + _HESITATE)
 
     def due(self, oldest: NumberedLine) -> float:
-        """When to ask, or to ask again, while `oldest` waits for its answer, s; infinite for never."""
-        if not self.asked:
+        """Return when to probe, or to probe again, while `oldest` is unacknowledged, s; infinite for never."""
+        if not self.probes:
             return min(self._overdue(oldest), self._hint)
-        pause = min(_ASK_AGAIN * 2 ** (self.asked - 1), _ASK_AGAIN_LONGEST)
-        again = self._asked_last + pause if self.asked < _MOST_QUESTIONS else inf
+        pause = min(_ASK_AGAIN * 2 ** (self.probes - 1), _ASK_AGAIN_LONGEST)
+        again = self._asked_last + pause if self.probes < _MOST_QUESTIONS else inf
         return min(again, self._last_chance(oldest))
 
-    def given_up(self, oldest: NumberedLine, now: float) -> bool:
-        """Whether it has been asked long enough."""
-        return self.asked > 0 and now >= self._last_chance(oldest)
+    def has_given_up(self, oldest: NumberedLine, now: float) -> bool:
+        """Return whether the printer has been unresponsive for too long."""
+        return self.probes > 0 and now >= self._last_chance(oldest)
 
     def _overdue(self, oldest: NumberedLine) -> float:
-        """When the answer should have come."""
-        # What has just said that it is busy says so again before it is worth asking.
-        patience = self._patience(oldest)
-        patience = patience if self._busy is None else max(patience, _NEXT_REPORT * self._gap)
-        return max(oldest.sent, self._heard) + min(patience, self._quiet)
+        """Return when the acknowledgement is overdue, s."""
+        # A busy printer reports again before a probe makes sense.
+        timeout = self._timeout(oldest)
+        timeout = timeout if self._busy is None else max(timeout, _NEXT_REPORT * self._gap)
+        return max(oldest.sent, self._heard) + min(timeout, self._quiet)
 
-    def _patience(self, oldest: NumberedLine) -> float:
+    def _timeout(self, oldest: NumberedLine) -> float:
         """Return the timeout for the acknowledgement of `oldest`, s; for short motion from its response time."""
-        if self._answers < _EXPERIENCE or not MARGIN <= oldest.patience <= _SHORT:
-            return oldest.patience
+        if self._answers < _EXPERIENCE or not MARGIN <= oldest.timeout <= _SHORT:
+            return oldest.timeout
         margin = min(max(_SLOWER * self._slowest, _AT_LEAST), MARGIN)
-        return oldest.patience - MARGIN + margin
+        return oldest.timeout - MARGIN + margin
 
     def _last_chance(self, oldest: NumberedLine) -> float:
-        """When questions have remained unanswered for too long. A busy printer may not read them at all."""
+        """Return when to give up, s. A busy printer may not read the probes at all."""
         return max(self._asked_first, self._overdue(oldest)) + self._give_up
 
-    def ask(self, now: float) -> None:
-        """A question goes out."""
-        if not self.asked:
+    def on_probe(self, now: float) -> None:
+        """Record that a probe is sent."""
+        if not self.probes:
             self._asked_first = now
-        self.asked += 1
+        self.probes += 1
         self._asked_last = now
         self._hint = inf
 
 
 _PLANNER: Final = 64
-"""Moves in the largest planner of any firmware; more only makes the wait longer."""
+"""Number of moves in the largest planner of any firmware; a larger value only prolongs the timeout."""
 
 MARGIN: Final = 0.85
-"""s for everything that is not motion, when the machine is known: a lost newline costs less than a second, and a board
-that is busy with its display is not asked."""
+"""s for everything except motion, if the machine is known. A lost newline costs less than a second, and a board that
+redraws its display is not probed."""
 
 _WIDE_MARGIN: Final = 30.0
-"""s, when it is not: the acceleration and the true speeds hide in here."""
+"""The same, s, if the machine is unknown: it covers acceleration and actual speeds."""
 
 _AT_ONCE: Final = frozenset({b"M105", b"M115"})
 _SOON: Final = 3.0
@@ -169,26 +172,29 @@ _SLOWEST_Z: Final = 2.0
 """mm/s; firmware holds z back whatever the file asks for."""
 
 _UNNAMED_SPEED: Final = 5.0
-"""mm/s; below what any firmware takes before a file names a speed."""
+"""mm/s; lower than the initial speed of any firmware."""
 
 _MACRO: Final = 1800.0
 """s for a macro, which may heat."""
 
 _TOOL_CHANGE: Final = 600.0
-"""s; another tool may be picked up, and heated."""
+"""s; the printer may change and heat a tool."""
 
 _EMPTIES_PLANNER: Final = commands_that(Effect.WAITS) - commands_that(Effect.WAITS_FOR_HEAT)
-"""A wait for heat ends at once where all is hot, and then moves may still be planned."""
+"""Commands that wait until the planner is empty. A wait for heaters may return while moves are still planned."""
 
 
 class ResponseTimeout:
-    """Gives each new command, in order, the longest time until its ok, in s, from when the line before it is accepted.
+    """Computes the maximum time, s, from the acceptance of the previous line to the ok of each new command.
 
-    An `ok` for a move means "has a place in the planner". So the printer keeps the host waiting until the oldest
-    planned move ends: at most as long as the longest of the last moves takes. Other commands may wait until all of
-    them have ended. With the limits of the machine a move's time is that from rest to rest, which is longest; without
-    them it is twice the nominal time, and everything else is generous too. Commands that heat, home, probe or wait for
-    a person take their own time.
+    An `ok` for a move means that it has a place in the planner. So the printer delays it until the oldest planned move
+    ends, which takes at most as long as the longest recent move. Other commands may wait until all moves have ended.
+    With the limits of the machine, the time of a move is the time from rest to rest, an upper bound. Without them it is
+    twice the nominal time, and all margins are wide. Commands that heat, home, probe or wait for a user have times of
+    their own.
+
+    Args:
+        limits: motion limits of the machine, None if unknown.
     """
 
     def __init__(self, limits: MotionLimits | None = None) -> None:
@@ -197,18 +203,18 @@ class ResponseTimeout:
         self._slowdown = 1.0
         self._planned: deque[float] = deque(maxlen=_PLANNER)
 
-    def allow(self, word: bytes, values: Mapping[bytes, float], move: Move | None) -> float:
-        """Longest wait for the ok of a parsed command, s.
+    def estimate(self, word: bytes, values: Mapping[bytes, float], move: Move | None) -> float:
+        """Return the timeout of a parsed command, s.
 
         Args:
-            word: such as `G1`; empty: a macro, which may do anything.
-            values: its values.
-            move: what it moves, None if nothing.
+            word: command word such as `G1`; empty: a macro, which may do anything.
+            values: its parameters.
+            move: its move, None if it moves nothing.
         """
         if move is not None:
-            if duration := self._duration(move) * self._slowdown:  # a move of no length is not planned
+            if duration := self._duration(move) * self._slowdown:  # a move of zero length is not planned
                 self._planned.append(duration)
-            # Twice: firmware that cuts a move into pieces waits for the one before and for its own pieces.
+            # Twice, because firmware that splits a move waits for the previous move and for its own pieces.
             return 2 * max(self._planned, default=0.0) + self._margin
         if word in _AT_ONCE:
             return _SOON
@@ -222,7 +228,7 @@ class ResponseTimeout:
         return longest + _own_seconds(word)
 
     def _duration(self, move: Move) -> float:
-        """Upper bound of the time of a move, s."""
+        """Return an upper bound of the time of a move, s."""
         speed = move.speed or _UNNAMED_SPEED
         if self._limits is None:
             x, y, z, e = move.delta
@@ -232,7 +238,7 @@ class ResponseTimeout:
 
 
 def _own_seconds(word: bytes) -> float:
-    """Longest time that a command takes by itself, s. Longer is safe: it only delays the question, never the job."""
+    """Return the maximum execution time of a command, s. A larger value only delays a probe, never the job."""
     if not word:
         return _MACRO
     row = TABLE.get(word)

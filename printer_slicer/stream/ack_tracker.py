@@ -1,15 +1,15 @@
-"""The lines in flight: which answer belongs to which, what is in doubt, how many more may go out.
+"""Track the lines in flight: match acknowledgements, detect losses, and limit how many lines may follow.
 
-An ok does not say whose it is. The first row that fits decides:
+A plain ok does not name its line. The first row that applies decides:
 
     an ok...                                       acknowledges
     with a number                                  everything up to it
-    with temperatures, a question in flight        everything up to the newest question
-    with temperatures, right behind such a one     nothing: it answers an older question
-    right behind a refusal, or the remains of one  nothing
-    behind the lines in flight at an M108 or M110  nothing: it answers that
-    bare, where the answer has temperatures        nothing
-    for a line that was refused                    nothing
+    with temperatures, a probe in flight           everything up to the newest probe
+    with temperatures, right after such an ok      nothing: it answers an older probe
+    right after a rejection, or its remains        nothing
+    after the lines in flight at an M108 or M110   nothing: it answers that command
+    plain, where the answer has temperatures       nothing
+    for a rejected line                            nothing
     any other                                      the oldest line in flight
 """
 
@@ -35,325 +35,325 @@ if TYPE_CHECKING:
 __all__ = ["AckTracker"]
 
 _COUNT: Final = b"\nM110\n"
-"""Asks for the number of the last line; with a number of its own it would set it."""
+"""Queries the number of the last line; with a line number it would set it instead."""
 
 _BREAK_WAIT: Final = b"\nM108\n"
 _BREAK_AGAIN: Final = 2.0
 _MOST_BREAKS: Final = 6
-"""Times that one wait is told to end: all of them together fit into any receive buffer."""
+"""Maximum number of M108 per waiting command; all of them fit into any receive buffer."""
 
 _WAITS: Final = commands_that(Effect.ENDED_BY_M108)
 
 _ECHO: Final = 0.5
-"""s in which a printer that was busy answers the questions that have piled up."""
+"""s in which a printer that was busy answers the probes that have piled up."""
 
 
 class AckTracker:
-    """Numbered lines from 1 on, with everything known about their fate.
+    """Numbered lines and everything known about their acknowledgement.
 
     Attributes:
-        ledger: the lines.
-        burst: the error that is being settled.
-        watch: the clock over the oldest of them.
-        window: how many of them there may be.
-        doubt: questions about the only one of them, where firmware does not look at numbers; None while all is well.
-        strayed: a line was executed that nobody sent.
-        lost_count: line wanted by a printer that had it or can never have it; None while all is well.
+        history: the numbered lines.
+        resends: resend requests of the current error.
+        timer: timeouts of the oldest line in flight.
+        window: limit of lines in flight.
+        unacked: the single line in flight without acknowledgement, where the firmware ignores line numbers, else None.
+        has_executed_stray: whether the printer executed a line that was not sent.
+        lost_count: line requested by a printer that already has it or cannot need it yet; None if none.
     """
 
     def __init__(self, window: Window, give_up: float) -> None:
-        self.ledger = SendHistory()
-        self.burst = ResendBurst()
-        self.watch = AckTimer(give_up)
+        self.history = SendHistory()
+        self.resends = ResendBurst()
+        self.timer = AckTimer(give_up)
         self.window = window
-        self.doubt: UnackedLine | None = None
-        self.strayed = False
+        self.unacked: UnackedLine | None = None
+        self.has_executed_stray = False
         self.lost_count: int | None = None
         self._counts = self._ok_when_read = False
-        # Of the lines that may be in front of one when it is read.
-        self._patiences: deque[float] = deque(maxlen=1)
+        # Timeouts of the lines that may be ahead of a line when it is read.
+        self._timeouts: deque[float] = deque(maxlen=1)
         self._sequence = True
-        self._counted: int | None = None  # next line when M110 went out
+        self._counted: int | None = None  # next line when the query M110 was sent
         self._longest = LONGEST
         self._requested: int | None = None
-        self._echo_until = -inf
-        self._heat_with_ok = False
-        # Questions acknowledged whose temperatures are still to come, where they come apart.
-        self._heat_owed = 0
-        self._owed_until = -inf
+        self._late_answers_until = -inf
+        self._ok_has_temperatures = False
+        # Acknowledged probes whose temperatures follow in a separate report.
+        self._expected_temperatures = 0
+        self._expected_until = -inf
         self._idle_at = -inf
-        self._alone: int | None = None  # a question to a printer that had nothing else to do
-        self._unnumbered: deque[int] = deque()  # last line in front of each command without a number
-        self._breaks, self._broken = 0, -inf
+        self._lone_probe: int | None = None  # probe sent to a printer that was idle
+        self._unnumbered: deque[int] = deque()  # last line sent before each unnumbered command
+        self._breaks, self._last_break = 0, -inf
 
     def set_dialect(self, dialect: WireDialect, *, emergency_parser: bool) -> None:
-        """The firmware is known now."""
+        """Apply the rules of the reported firmware."""
         self._counts = dialect.reports_last_line
         self._ok_when_read = dialect.ok_when_read
         if dialect.ok_when_read:
-            self._patiences = deque(maxlen=dialect.queue_size + 2)
+            self._timeouts = deque(maxlen=dialect.queue_size + 2)
         self._sequence = dialect.checks_line_numbers
         self._longest = dialect.max_line_bytes
         if dialect.checksum == "crc16":
-            self.ledger.frame = frame_crc
+            self.history.frame = frame_crc
         self.window.set_dialect(dialect, emergency_parser=emergency_parser)
 
-    def add(self, command: bytes, job: int, patience: float) -> None:
-        """Give a command the next number; its ok comes within `patience`, s, of when it is its turn."""
-        self._patiences.append(patience)
-        self.ledger.add(command, job, sum(self._patiences))
+    def add(self, command: bytes, job: int, timeout: float) -> None:
+        """Assign the next line number to a command, which is acknowledged within `timeout`, s, once its turn comes."""
+        self._timeouts.append(timeout)
+        self.history.add(command, job, sum(self._timeouts))
 
     @property
     def due(self) -> float | None:
-        """When something must be done if nothing arrives, s; None for never."""
-        if self.burst.active:
-            return self.burst.until
-        if self.ledger.in_flight:
-            return self.watch.due(self.ledger.oldest)
-        return self._owed_until if self._heat_owed else None
+        """Return when to act if nothing arrives, s; None for never."""
+        if self.resends.is_active:
+            return self.resends.until
+        if self.history.in_flight:
+            return self.timer.due(self.history.oldest)
+        return self._expected_until if self._expected_temperatures else None
 
     def room(self) -> int:
-        """Bytes that the next line may have, with its line break, to join those in flight now."""
-        ledger = self.ledger
-        if not ledger.in_flight or ledger.cursor == self._requested:
+        """Return how many bytes the next line may have, with its line break, to be sent now."""
+        history = self.history
+        if not history.in_flight or history.cursor == self._requested:
             return self._longest + 1
         window = self.window
-        if ledger.in_flight >= window.lines:
+        if history.in_flight >= window.lines:
             return 0
-        return window.size - QUESTION_ROOM - ledger.bytes_in_flight
+        return window.size - QUESTION_ROOM - history.bytes_in_flight
 
-    def repeats(self) -> bool:
-        """Whether the next line, which has its number already, may go out now."""
-        return len(self.ledger.next.text) < self.room()
+    def can_resend(self) -> bool:
+        """Return whether the next line, which already has a number, may be sent now."""
+        return len(self.history.next.text) < self.room()
 
-    def overdue(self, now: float) -> bool:
-        """Whether an answer should have come by now."""
-        return self.ledger.in_flight > 0 and now >= self.watch.due(self.ledger.oldest)
+    def is_overdue(self, now: float) -> bool:
+        """Return whether an acknowledgement is overdue."""
+        return self.history.in_flight > 0 and now >= self.timer.due(self.history.oldest)
 
-    def ask(self, now: float) -> bytes:
-        """Send the next line ahead of its turn, so that the printer must say which line it wants."""
-        self.window.error()
-        self.burst.swallow = False
-        self.watch.ask(now)
-        if self.ledger.line(self.ledger.cursor - 1).sent <= self._idle_at:
-            self._alone = self.ledger.cursor
-        return self.ledger.take(now, break_first=True)
+    def probe(self, now: float) -> bytes:
+        """Send the next line early as a probe, so that the printer must name the line it wants."""
+        self.window.on_error()
+        self.resends.ignore_next_ok = False
+        self.timer.on_probe(now)
+        if self.history.line(self.history.cursor - 1).sent <= self._idle_at:
+            self._lone_probe = self.history.cursor
+        return self.history.send_next(now, break_first=True)
 
     @property
-    def can_count(self) -> bool:
-        """Whether to ask for the number of the last line first.
+    def can_probe_last_line(self) -> bool:
+        """Return whether to query the number of the last line first.
 
-        That question has no checksum, so not on a cable that damages lines: one flipped bit makes M112 of it.
+        That query has no checksum, so it is not used on a cable that damages lines: one flipped bit turns it into M112.
         """
-        return self._counts and not self.watch.asked and not self.window.careful
+        return self._counts and not self.timer.probes and not self.window.is_careful
 
-    def ask_count(self, now: float) -> bytes:
-        """Ask for the number of the last line that the printer took."""
-        self._counted = self.ledger.cursor
-        self._unnumbered.append(self.ledger.cursor - 1)
-        self.burst.swallow = False
-        self.watch.ask(now)
+    def probe_last_line(self, now: float) -> bytes:
+        """Query the number of the last accepted line."""
+        self._counted = self.history.cursor
+        self._unnumbered.append(self.history.cursor - 1)
+        self.resends.ignore_next_ok = False
+        self.timer.on_probe(now)
         return _COUNT
 
-    def ask_where(self, doubt: UnackedLine, now: float) -> bytes:
-        """Ask where the printer is, and then what tells that its answer to that is here."""
-        self.window.error()
-        self.watch.ask(now)
-        questions = (b"M114", ASK) if doubt.pair else (ASK,)
-        doubt.pair = False
-        # Their numbers mean nothing, but the checksum behind a number does.
+    def probe_position(self, unacked: UnackedLine, now: float) -> bytes:
+        """Query the position, then the temperatures, whose answer shows that the first answer has arrived."""
+        self.window.on_error()
+        self.timer.on_probe(now)
+        questions = (b"M114", ASK) if unacked.needs_position else (ASK,)
+        unacked.needs_position = False
+        # The firmware ignores the numbers, but it checks the checksum behind a number.
         return b"\n" + b"".join(
-            self.ledger.frame(self.ledger.cursor, question) + b"\n" for question in questions
+            self.history.frame(self.history.cursor, question) + b"\n" for question in questions
         )
 
-    def count(self, last: int, now: float) -> int | None:
-        """The printer took the lines up to `last`: up to which line to accept, None if to none.
+    def on_last_line(self, last: int, now: float) -> int | None:
+        """Handle a reported last line; return the line up to which to accept, None if none.
 
-        It read that question behind all lines sent before, so one that it does not count was lost.
+        The printer read that query after all lines sent before, so a line that it does not count was lost.
         """
         counted, self._counted = self._counted, None
-        ledger = self.ledger
+        history = self.history
         if counted is None:
             return None
-        self.burst.swallow = True
-        if self._unnumbered:  # else an ok of something else was taken for the one to this question
+        self.resends.ignore_next_ok = True
+        if self._unnumbered:  # otherwise another ok was taken for the answer to this query
             self._unnumbered.pop()
-        if not ledger.accepted <= last < ledger.cursor:
-            # Damaged, or of a printer that begins anew: the next line brings it out.
-            self.watch.suspect(now)
+        if not history.accepted <= last < history.cursor:
+            # The report is damaged, or the printer has restarted; the next line shows which.
+            self.timer.expect_loss(now)
             return None
         if last + 1 < counted:
-            self.request(last + 1, now)
-        return last if last > ledger.accepted else None
+            self.on_resend(last + 1, now)
+        return last if last > history.accepted else None
 
     @property
     def break_due(self) -> float:
-        """When to end the waiting of the oldest line, for heat or for a person; infinite if it does not wait."""
-        ledger = self.ledger
+        """Return when to break the wait of the oldest line, for heating or for a user; infinite if it does not wait."""
+        history = self.history
         if (
-            not ledger.in_flight
-            or parse(ledger.oldest.command)[0] not in _WAITS
+            not history.in_flight
+            or parse(history.oldest.command)[0] not in _WAITS
             or self._breaks >= _MOST_BREAKS
         ):
             return inf
-        return self._broken + _BREAK_AGAIN
+        return self._last_break + _BREAK_AGAIN
 
     def break_wait(self, now: float) -> bytes:
-        """What ends the waiting of the oldest line, nothing if it does not wait or was just told.
+        """Return an M108 that breaks the wait of the oldest line; empty if none is due.
 
-        Without a number, because only then firmware looks at it while another command is being executed. A command
-        that waits begins to wait when it is its turn, so it is told again until its ok comes.
+        It has no number, because firmware handles only unnumbered lines while it executes another command. A waiting
+        command starts to wait when its turn comes, so the M108 is repeated until the command is acknowledged.
         """
         if now < self.break_due:
             return b""
         self._breaks += 1
-        self._broken = now
+        self._last_break = now
         self.expect_unnumbered()
         return _BREAK_WAIT
 
     def expect_unnumbered(self) -> None:
-        """A command without number goes out now: its ok comes behind those of the lines in flight."""
-        self._unnumbered.append(self.ledger.cursor - 1)
+        """Record that an unnumbered command is sent now; its ok follows those of the lines in flight."""
+        self._unnumbered.append(self.history.cursor - 1)
 
     def accept(self, number: int, now: float, *, settled: bool = False) -> int:
-        """Count the lines up to `number` as accepted; entries of the job done then."""
-        ledger = self.ledger
-        if number == ledger.accepted + 1:
-            self.watch.learn(ledger.oldest, now)
-        self.window.accepted(number - ledger.accepted)
-        job = ledger.accept(number)
-        self.doubt = None
-        self._breaks, self._broken = 0, -inf
-        self.burst.calm(number)
-        self.watch.answered(now, settled=settled or not ledger.in_flight)
+        """Mark the lines up to `number` as accepted; return the number of accepted job entries."""
+        history = self.history
+        if number == history.accepted + 1:
+            self.timer.learn_response_time(history.oldest, now)
+        self.window.on_accepted(number - history.accepted)
+        job = history.accept(number)
+        self.unacked = None
+        self._breaks, self._last_break = 0, -inf
+        self.resends.on_accepted(number)
+        self.timer.on_answer(now, settled=settled or not history.in_flight)
         return job
 
-    def belongs_to(self, ok: Ok, now: float) -> int | None:
-        """The line up to which an ok acknowledges, None if it acknowledges nothing."""
-        ledger = self.ledger
+    def match_ok(self, ok: Ok, now: float) -> int | None:
+        """Return the line up to which an ok acknowledges, None if it acknowledges nothing."""
+        history = self.history
         if ok.planner is not None and ok.places is not None:
-            self.window.heard(ok.planner, ok.places)
+            self.window.on_queue_report(ok.planner, ok.places)
         if ok.number is not None:
-            if not ledger.accepted < ok.number < ledger.cursor:
+            if not history.accepted < ok.number < history.cursor:
                 return None
-            self._settle_unnumbered(ok.number)
+            self._drop_unnumbered(ok.number)
             return ok.number
         if ok.heat:
-            self._heat_with_ok = True
-            asked = ledger.find(ASK)
-            if asked is not None:
-                return self._answers(asked, now)
-            if now < self._echo_until or not self._sequence:
+            self._ok_has_temperatures = True
+            number = history.find(ASK)
+            if number is not None:
+                return self._match_probe(number, now)
+            if now < self._late_answers_until or not self._sequence:
                 return None
-        return None if self._answers_nothing(ok, now) else self._oldest(now)
+        return None if self._is_unmatched(ok, now) else self._match_oldest(now)
 
-    def _answers(self, asked: int, now: float) -> int:
-        """An ok with temperatures answers this question."""
-        self.burst.swallow = False
-        self._echo_until = now + _ECHO
-        self._settle_unnumbered(asked)
-        line = self.ledger.line(asked)
-        self.window.timed(len(line.text), now - line.sent)
-        return asked
+    def _match_probe(self, number: int, now: float) -> int:
+        """Handle an ok with temperatures that answers this probe."""
+        self.resends.ignore_next_ok = False
+        self._late_answers_until = now + _ECHO
+        self._drop_unnumbered(number)
+        line = self.history.line(number)
+        self.window.on_probe_answer(len(line.text), now - line.sent)
+        return number
 
-    def _answers_nothing(self, ok: Ok, now: float) -> bool:
-        """Whether an ok belongs to a refusal, to a command without number, or to nothing that was sent."""
-        ledger, burst = self.ledger, self.burst
-        if burst.claim is not None:
-            # The request between the error and this ok was lost; the error has named the line too.
-            self.request(None, now)
-        if burst.swallow:
-            burst.swallow = False
+    def _is_unmatched(self, ok: Ok, now: float) -> bool:
+        """Return whether an ok belongs to a rejection, to an unnumbered command, or to nothing that was sent."""
+        history, resends = self.history, self.resends
+        if resends.claimed_line is not None:
+            # The resend request before this ok was lost, but the error has named the line.
+            self.on_resend(None, now)
+        if resends.ignore_next_ok:
+            resends.ignore_next_ok = False
             return True
-        if self._unnumbered and ledger.accepted >= self._unnumbered[0]:
+        if self._unnumbered and history.accepted >= self._unnumbered[0]:
             self._unnumbered.popleft()
             return True
-        if ok.planner is not None and ledger.in_flight:
-            # Such firmware names the line; what has no name had no number, and nobody has sent that.
-            self.strayed = True
-        return self.strayed or not ledger.in_flight
+        if ok.planner is not None and history.in_flight:
+            # Such firmware names the line, so an ok without a number belongs to a line that the host has not sent.
+            self.has_executed_stray = True
+        return self.has_executed_stray or not history.in_flight
 
-    def _oldest(self, now: float) -> int | None:
-        """The oldest line in flight, which a bare ok is for, if it can be for any."""
-        ledger, burst = self.ledger, self.burst
-        oldest = ledger.accepted + 1
-        if burst.wanted is not None and oldest >= burst.wanted:
+    def _match_oldest(self, now: float) -> int | None:
+        """Return the oldest line in flight if a plain ok may acknowledge it, else None."""
+        history, resends = self.history, self.resends
+        oldest = history.accepted + 1
+        if resends.wanted is not None and oldest >= resends.wanted:
             return None
-        if ledger.oldest.command == ASK:
-            if self._heat_with_ok:
-                # One ok too many. Where lines are told apart by their answers, the count is right again.
-                self.watch.answered(now)
+        if history.oldest.command == ASK:
+            if self._ok_has_temperatures:
+                # This ok is surplus. Where answers identify their lines, the count is correct again.
+                self.timer.on_answer(now)
                 return None
             if self._ok_when_read:
-                self._heat_owed += 1
-                self._owed_until = now + ledger.oldest.patience
+                self._expected_temperatures += 1
+                self._expected_until = now + history.oldest.timeout
         return oldest
 
-    def owes(self, now: float) -> bool:
-        """Whether the printer has still to say the temperatures that it was asked for."""
-        return self._heat_owed > 0 and now < self._owed_until
+    def expects_temperatures(self, now: float) -> bool:
+        """Return whether the printer still has to report queried temperatures."""
+        return self._expected_temperatures > 0 and now < self._expected_until
 
-    def told(self) -> bool:
-        """Whether nothing is owed; what was owed for too long was lost, and is forgotten."""
-        owed, self._heat_owed = self._heat_owed, 0
+    def clear_expected_temperatures(self) -> bool:
+        """Forget overdue temperature reports; return whether there were none."""
+        owed, self._expected_temperatures = self._expected_temperatures, 0
         return not owed
 
-    def idle(self, now: float) -> None:
-        """The printer has nothing to do: whatever it had to say of earlier lines it has said."""
-        self._heat_owed = 0
+    def on_idle(self, now: float) -> None:
+        """Handle an idle report: all answers to earlier lines have been sent."""
+        self._expected_temperatures = 0
         self._idle_at = now
-        if self.ledger.in_flight:
-            self.watch.idle(self.ledger.oldest, now)
+        if self.history.in_flight:
+            self.timer.on_idle(self.history.oldest, now)
 
-    def reported(self) -> int | None:
-        """Temperatures came apart from any ok: the question that they answer, if its ok was lost, else None."""
-        alone, self._alone = self._alone, None
+    def match_temperatures(self) -> int | None:
+        """Match a temperature report without ok; return the probe whose ok was lost, else None."""
+        alone, self._lone_probe = self._lone_probe, None
         if alone is not None:
-            self._heat_owed = 0
-            return alone if alone > self.ledger.accepted else None
-        if self._heat_owed:
-            self._heat_owed -= 1
+            self._expected_temperatures = 0
+            return alone if alone > self.history.accepted else None
+        if self._expected_temperatures:
+            self._expected_temperatures -= 1
             return None
-        return self.ledger.find_oldest(ASK)
+        return self.history.find_oldest(ASK)
 
-    def _settle_unnumbered(self, number: int) -> None:
-        """Answers keep their order: what was asked ahead of a line is answered, or never will be, once that line is."""
+    def _drop_unnumbered(self, number: int) -> None:
+        """Drop unnumbered commands before a line that is acknowledged, because answers keep their order."""
         while self._unnumbered and self._unnumbered[0] < number:
             self._unnumbered.popleft()
             self._counted = None
 
-    def settles(self, ok: Ok) -> bool:
-        """Whether such an ok leaves no doubt which lines arrived."""
+    def is_conclusive(self, ok: Ok) -> bool:
+        """Return whether such an ok shows reliably which lines arrived."""
         return ok.number is not None or ok.heat
 
-    def request(self, number: int | None, now: float) -> None:
-        """Take note that the printer asks for a line; None: the one that an error has named."""
-        burst, ledger = self.burst, self.ledger
+    def on_resend(self, number: int | None, now: float) -> None:
+        """Handle a resend request for a line; None: the line that an error has named."""
+        resends, history = self.resends, self.history
         if number is None:
-            number = burst.claim
-            verdict = burst.unrequested(ledger, now)
+            number = resends.claimed_line
+            decision = resends.use_claimed_line(history, now)
         else:
-            verdict = burst.request(number, ledger, now)
-        if verdict is ResendDecision.ASK:
-            self.watch.suspect(now)
-        elif verdict is ResendDecision.LOST_COUNT:
+            decision = resends.on_request(number, history, now)
+        if decision is ResendDecision.PROBE:
+            self.timer.expect_loss(now)
+        elif decision is ResendDecision.LOST_COUNT:
             self.lost_count = number
 
-    def stray(self, now: float, *, refusal: bool) -> None:
-        """Something came that answers none of the lines in flight, or that cannot be read.
+    def on_stray_reply(self, now: float, *, refusal: bool) -> None:
+        """Handle a reply that is unreadable or answers none of the lines in flight.
 
         Args:
-            now: s.
-            refusal: an ok right behind it would mean no, or nothing.
+            now: time, s.
+            refusal: whether a following ok would belong to a rejection.
         """
-        if self.ledger.in_flight and self.doubt is None:
-            self.burst.swallow = self.burst.swallow or refusal
-            self.watch.suspect(now)
+        if self.history.in_flight and self.unacked is None:
+            self.resends.ignore_next_ok = self.resends.ignore_next_ok or refusal
+            self.timer.expect_loss(now)
 
     def go_back(self, wanted: int, now: float) -> int:
-        """Make `wanted` the next line; entries of the job that stay accepted."""
+        """Go back to line `wanted`; return the number of job entries that stay accepted."""
         self._requested = wanted
-        self.doubt = self._alone = None
-        self.window.error()
-        self.watch.answered(now, settled=True)
-        return self.ledger.rewind(wanted)
+        self.unacked = self._lone_probe = None
+        self.window.on_error()
+        self.timer.on_answer(now, settled=True)
+        return self.history.rewind(wanted)

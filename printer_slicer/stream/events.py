@@ -1,9 +1,10 @@
-"""What a streamer tells its owner, in the order in which it happened."""
+"""Events that a streamer reports, in the order in which they happened."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Final, TypeAlias
 
 __all__ = [
     "Accepted",
@@ -21,32 +22,33 @@ __all__ = [
     "Probe",
     "Prompt",
     "Reading",
-    "ResendAsked",
+    "ResendRequested",
     "Resumed",
     "Stopping",
     "StreamWarning",
     "Temperature",
+    "event_kind",
 ]
 
 AxisPositions: TypeAlias = tuple[float | None, float | None, float | None]
-"""x, y, z in mm; None where it is not known."""
+"""x, y, z in mm; None for an unknown coordinate."""
 
 
 @dataclass(frozen=True, slots=True)
 class Accepted:
-    """The printer took more of the job: its first `acknowledged` entries."""
+    """The printer has accepted the first `acknowledged` entries of the job."""
 
     acknowledged: int
 
 
 @dataclass(frozen=True, slots=True)
 class LineSent:
-    """Line `number` is about to go out for the first time, and it is not just the next entry of the job.
+    """A line that is not simply the next entry of the job is about to be sent for the first time.
 
     Attributes:
-        number: of the line; a number lower than the last one means that counting began anew.
-        job: entries of the job that are accepted once the line is.
-        command: what it says, empty for an entry of the job behind others that were left out.
+        number: line number; lower than the previous one if numbering has restarted.
+        job: number of job entries that are accepted once this line is accepted.
+        command: the command; empty for an entry of the job that follows skipped entries.
     """
 
     number: int
@@ -55,22 +57,22 @@ class LineSent:
 
 
 @dataclass(frozen=True, slots=True)
-class ResendAsked:
-    """The printer found an error on the wire and gets everything from line `number` again."""
+class ResendRequested:
+    """The printer detected a transmission error; everything from line `number` is sent again."""
 
     number: int
 
 
 @dataclass(frozen=True, slots=True)
 class Probe:
-    """The printer was silent or hard to read, so line `number` asks it for the truth."""
+    """An acknowledgement is missing or unreadable, so line `number` probes what the printer has received."""
 
     number: int
 
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """One heater: its name as the printer says it (T, T0, B, C), °C, and the wanted °C where told."""
+    """One heater: its name in reports (T, T0, B, C), its temperature and, if reported, its target, °C."""
 
     name: str
     actual: float
@@ -79,7 +81,7 @@ class Reading:
 
 @dataclass(frozen=True, slots=True)
 class Temperature:
-    """A report of all heaters; `waiting` when the printer does nothing else until they are warm."""
+    """Temperature report of all heaters; `waiting` while the printer waits for them to heat up."""
 
     readings: tuple[Reading, ...]
     waiting: bool = False
@@ -87,20 +89,20 @@ class Temperature:
 
 @dataclass(frozen=True, slots=True)
 class Busy:
-    """The printer lives and cannot answer yet: "processing", "paused for user"..."""
+    """The printer is busy and cannot answer yet; reasons are "processing", "paused for user" and others."""
 
     reason: str
 
 
 @dataclass(frozen=True, slots=True)
 class Identified:
-    """Who answered, and what it can do.
+    """The printer has reported its firmware and capabilities.
 
     Attributes:
-        firmware: its name, "" if it does not say.
-        capabilities: what it says it has or has not.
-        dialect: how it is spoken to, a key of `WIRE_DIALECTS`.
-        advice: what to know before streaming to it, "" if nothing.
+        firmware: name of the firmware, "" if not reported.
+        capabilities: reported capabilities, each with whether it is enabled.
+        dialect: dialect of the protocol, a key of `WIRE_DIALECTS`.
+        advice: advice about streaming to this firmware, "" if none.
     """
 
     firmware: str
@@ -109,20 +111,20 @@ class Identified:
     advice: str = ""
 
     def can(self, name: str) -> bool:
-        """Whether the firmware says that it has this capability."""
+        """Return whether the firmware reports this capability as enabled."""
         return (name, True) in self.capabilities
 
 
 @dataclass(frozen=True, slots=True)
 class Action:
-    """The printer asks its host for something: "pause", "resume", "cancel", "notification ..."."""
+    """Action command of the printer for its host: "pause", "resume", "cancel", "notification ..."."""
 
     name: str
 
 
 @dataclass(frozen=True, slots=True)
 class Prompt:
-    """The printer asks a person: text and buttons, both from outside; no text any more when it was answered."""
+    """Prompt of the printer for the user: untrusted text and buttons; the text is empty once it is closed."""
 
     text: str
     buttons: tuple[str, ...]
@@ -130,19 +132,19 @@ class Prompt:
 
 @dataclass(frozen=True, slots=True)
 class Paused:
-    """The print waits for a person; why."""
+    """The print is paused and waits for the user; `reason` says why."""
 
     reason: str
 
 
 @dataclass(frozen=True, slots=True)
 class Resumed:
-    """It goes on."""
+    """The print has resumed."""
 
 
 @dataclass(frozen=True, slots=True)
 class StreamWarning:
-    """The host tells its owner something that is no reason to stop."""
+    """Warning of the host that does not stop the print."""
 
     text: str
 
@@ -170,14 +172,14 @@ class PoorLink:
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """Anything else the printer said. Text from outside: never markup, never a command."""
+    """Any other text from the printer. It is untrusted: neither markup nor a command."""
 
     text: str
 
 
 @dataclass(frozen=True, slots=True)
 class Halted:
-    """The end before the end of the job, and why. `commands[:acknowledged]` were accepted."""
+    """The print ended early; `reason` says why. `commands[:acknowledged]` were accepted."""
 
     reason: str
     acknowledged: int
@@ -185,19 +187,19 @@ class Halted:
 
 @dataclass(frozen=True, slots=True)
 class Stopping:
-    """The owner of the host, or the printer, wants the end: the end script goes out as soon as it is taken."""
+    """The user or the printer has cancelled the print; the end script is sent next."""
 
 
 @dataclass(frozen=True, slots=True)
 class Finished:
-    """The printer has executed all it was sent.
+    """The printer has executed everything that was sent.
 
     Attributes:
-        acknowledged: entries of the job that it took; fewer than all only when cancelled.
-        cancelled: the rest of the job was dropped and the end script run instead.
-        position: where the printer says it is, None if it never said.
-        expected: where the commands lead.
-        verified: whether the two agree; None when they cannot be compared.
+        acknowledged: number of accepted job entries; fewer than all only after a cancel.
+        cancelled: whether the end script replaced the rest of the job.
+        position: position that the printer reports, None if it reported none.
+        expected: position at the end of the sent commands.
+        verified: whether the two positions agree; None if they cannot be compared.
     """
 
     acknowledged: int
@@ -210,7 +212,7 @@ class Finished:
 Event: TypeAlias = (
     Accepted
     | LineSent
-    | ResendAsked
+    | ResendRequested
     | Probe
     | Temperature
     | Busy
@@ -226,3 +228,15 @@ Event: TypeAlias = (
     | Stopping
     | Finished
 )
+
+_KINDS: Final[Mapping[type, str]] = {
+    ResendRequested: "resend",
+    StreamWarning: "warning",
+    PoorLink: "poor_link",
+    LineSent: "line_sent",
+}
+
+
+def event_kind(event: Event) -> str:
+    """Return the name of an event in JSON, such as `temperature` or `poor_link`."""
+    return _KINDS.get(type(event), type(event).__name__.lower())

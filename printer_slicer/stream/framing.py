@@ -1,11 +1,11 @@
-"""From a command to a line on the wire: number in front, checksum behind.
+"""Framing of commands: a line number in front and a checksum behind.
 
-The form is `N<number> <command>*<xor of all bytes before the star>`; RepRapFirmware also knows a CRC of 16 bits
-there, which it tells from the other by its five digits. Firmware cuts longer lines without a word, which takes
-the checksum away, so a numbered line that is too long can never get through.
+The form is `N<number> <command>*<xor of all bytes before the star>`. RepRapFirmware also accepts a CRC-16, which it
+recognizes by its five digits. Firmware silently truncates lines that are too long and so loses their checksum.
+Therefore a numbered line that is too long is never accepted.
 
 Source: Marlin documentation, "G-code: line numbers and checksums"; MAX_CMD_SIZE 96 holds 95 bytes. Duet3D's
-G-code dictionary, "Line numbers and checksums"; the polynomial is x^16 + x^12 + x^5 + 1, beginning with 0.
+G-code dictionary, "Line numbers and checksums"; the polynomial is x^16 + x^12 + x^5 + 1, with initial value 0.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ if TYPE_CHECKING:
 __all__ = ["LONGEST", "check_commands", "checksum", "command_room", "frame", "frame_crc"]
 
 LONGEST: Final = 95
-"""Bytes of a numbered line, without its line break."""
+"""Maximum length of a numbered line in bytes, without its line break."""
 
 _FRAME_ROOM: Final = 15  # b"N", nine digits, a blank, a star, three digits
 
 
 def checksum(data: bytes) -> int:
-    """Exclusive or of all bytes, 0 to 255."""
+    """Return the exclusive or of all bytes, 0 to 255."""
     bits = int.from_bytes(data, "little")
-    # Folded in halves, which is quicker than a loop over the bytes; what is longer than 256 of them is folded first.
+    # Fold the number in halves, which is faster than a loop over the bytes; reduce long data to 256 bytes first.
     while bits >> 2048:
         bits = (bits >> 2048) ^ (bits & (1 << 2048) - 1)
     bits ^= bits >> 1024
@@ -45,34 +45,34 @@ def checksum(data: bytes) -> int:
 
 
 def frame(number: int, command: bytes) -> bytes:
-    """The line on the wire, without its line break."""
+    """Return a numbered line with its XOR checksum, without its line break."""
     body = b"N%d %s" % (number, command)
     return b"%s*%d" % (body, checksum(body))
 
 
 def frame_crc(number: int, command: bytes) -> bytes:
-    """The same with a CRC of 16 bits, five digits, instead of the exclusive or."""
+    """Return a numbered line with a CRC-16 of five digits, without its line break."""
     body = b"N%d %s" % (number, command)
     return b"%s*%05d" % (body, crc_hqx(body, 0))
 
 
 def command_room(number: int, room: int) -> int:
-    """Bytes that a command may have so that its line with this number, and its line break, has `room`."""
+    """Return the maximum length of a command whose numbered line, with its line break, fits into `room` bytes."""
     return room - len(b"N%d *255\n" % number)
 
 
 def check_commands(commands: Sequence[bytes], longest: int = LONGEST) -> None:
-    """Refuse what can never be sent, before anything is.
+    """Reject commands that can never be sent.
 
     Args:
-        commands: as they stand in the job.
-        longest: bytes that the firmware reads of a line.
+        commands: entries of the job.
+        longest: maximum length of a line that the firmware reads, in bytes.
 
     Raises:
-        UsageError: a line is too long together with number and checksum, or holds a line break or a NUL.
+        UsageError: a line is too long with its number and checksum, or contains a line break or a NUL.
     """
     for index, command in enumerate(commands):
-        # Nearly all lines are short and clean: look closer only at the others.
+        # Nearly all lines are short and clean: check only the others in detail.
         if len(command) > LONGEST - _FRAME_ROOM or b"\n" in command or b"\r" in command or b"\0" in command:
             _check_command(index, strip(command), longest - _FRAME_ROOM)
 
@@ -80,8 +80,10 @@ def check_commands(commands: Sequence[bytes], longest: int = LONGEST) -> None:
 def _check_command(index: int, command: bytes, room: int) -> None:
     shown = command[:40].decode(errors="replace")
     if any(break_ in command for break_ in (b"\n", b"\r", b"\0")):
-        message = f"line {index + 1} holds a line break or a NUL inside: {shown!r}"
-        raise UsageError(message, remedy="give one command per line")
+        message = f"line {index + 1} contains a line break or a NUL: {shown!r}"
+        raise UsageError(message, remedy="Put each command on its own line")
     if len(command) > room:
         message = f"line {index + 1} is {len(command)} bytes long: {shown!r}..."
-        raise UsageError(message, remedy=f"printers cut lines silently; shorten it to {room} bytes")
+        raise UsageError(
+            message, remedy=f"Shorten it to {room} bytes; printers truncate longer lines silently"
+        )

@@ -1,4 +1,4 @@
-"""Meeting the printer: line numbers start anew, and it says who it is."""
+"""Handshake with the printer: restart line numbers and ask for firmware and capabilities."""
 
 from __future__ import annotations
 
@@ -15,17 +15,21 @@ __all__ = ["Handshake"]
 _RESTART_COUNT: Final = b"\nN0 M110 N0*125\n"
 _AGAIN: Final = 1.0
 _MOST_INTRODUCTIONS: Final = 4
-"""Line in which the name of the firmware is asked for the last time."""
+"""Number of the last line that asks for the name of the firmware."""
 
 
 class Handshake:
-    """Asks for line 0 until the printer answers, and collects what it says about itself.
+    """Resets line numbers until the printer answers, then collects its firmware and capabilities.
 
-    A board that resets when the port opens hears nothing at first, so asking goes on; its `start` makes the
-    next time at once.
+    A board that resets when the port opens receives nothing at first, so the request is repeated. When the board
+    reports `start`, it is repeated at once.
+
+    Args:
+        timeout: s until a printer that does not answer counts as missing.
+        dialect: key of `WIRE_DIALECTS`; None: chosen by the reported firmware.
 
     Attributes:
-        firmware: name of the firmware, None until it is said.
+        firmware: name of the firmware, None until reported.
     """
 
     def __init__(self, timeout: float, dialect: str | None = None) -> None:
@@ -37,26 +41,26 @@ class Handshake:
         self._opened: float | None = None
 
     @property
-    def begun(self) -> bool:
-        """Whether it has asked."""
+    def has_started(self) -> bool:
+        """Return whether a request was sent."""
         return self._opened is not None
 
     @property
     def due(self) -> float:
-        """When to ask next, s."""
+        """Return when to send the next request, s."""
         return self._at
 
-    def late(self, now: float) -> bool:
-        """Whether it has asked long enough."""
+    def has_timed_out(self, now: float) -> bool:
+        """Return whether the printer has not answered in time."""
         return self._opened is not None and now >= self._opened + self._timeout
 
-    def busy(self, now: float) -> None:
-        """The printer cannot answer yet, but lives: the time it has for it begins anew."""
+    def on_busy(self, now: float) -> None:
+        """Restart the timeout, because the printer reports that it is busy."""
         if self._opened is not None:
             self._opened = now
 
     def send(self, now: float) -> bytes:
-        """What to write now."""
+        """Return the bytes to write now."""
         if self._opened is None:
             self._opened = now
         if now < self._at:
@@ -64,39 +68,39 @@ class Handshake:
         self._at = now + _AGAIN
         return _RESTART_COUNT
 
-    def question(self, number: int) -> bytes | None:
-        """What to ask in line `number`, None after the last question.
+    def query(self, number: int) -> bytes | None:
+        """Return the query for line `number`; None after the last one.
 
-        The answer to the second shows how this firmware answers it, and that will settle doubts later. Where the name
-        got lost it is asked for again: how lines must be sent depends on it.
+        The answer to line 2 shows how this firmware reports temperatures, which later resolves lost acknowledgements.
+        If the name of the firmware got lost, it is requested again, because the dialect depends on it.
         """
         if number == 2:
             return ASK
         return b"M115" if number == 1 or (self.firmware is None and number <= _MOST_INTRODUCTIONS) else None
 
-    def forget(self, now: float) -> None:
-        """The printer has just begun, or does not count as it should: ask at once, within the same time."""
+    def restart(self, now: float) -> None:
+        """Start again at once, within the same timeout: the printer has restarted or counts wrongly."""
         self._at = now
         self.firmware = None
         self._capabilities.clear()
 
-    def hear(self, said: Identity | Capability) -> None:
-        """Note what the printer says about itself."""
-        if isinstance(said, Identity):
-            self.firmware = said.firmware
+    def on_reply(self, reply: Identity | Capability) -> None:
+        """Record the reported firmware or capability."""
+        if isinstance(reply, Identity):
+            self.firmware = reply.firmware
         else:
-            self._capabilities[said.name] = said.enabled
+            self._capabilities[reply.name] = reply.enabled
 
-    def can(self, name: str) -> bool:
-        """Whether the firmware says that it has this capability."""
+    def has_capability(self, name: str) -> bool:
+        """Return whether the firmware reports this capability as enabled."""
         return self._capabilities.get(name, False)
 
     @property
     def dialect(self) -> WireDialect:
-        """How to speak to it: as was wished, or as its name tells."""
+        """Return the chosen dialect, or the dialect of the reported firmware."""
         return WIRE_DIALECTS[self._dialect or wire_dialect_name(self.firmware or "")]
 
     def identified(self) -> Identified:
-        """What it knows about the printer."""
+        """Return what is known about the printer."""
         name = self._dialect or wire_dialect_name(self.firmware or "")
         return Identified(self.firmware or "", tuple(self._capabilities.items()), name, self.dialect.advice)

@@ -1,11 +1,11 @@
-"""Heaters that are on while nobody hears the printer: when to raise the alarm, and what the host says when it goes.
+"""Watch heaters while the printer is silent, and build the commands that switch them off when the host ends.
 
-The firmware guards its heaters (thermal protection); the host can only say that it hears nothing any more, and switch
-off what it switched on. Both ends of the cable may fail, so both are thought of: a printer that falls silent, and a
-host that ends, by its own will or by a signal. Where the host was killed, a second process says it. Over a cut cable
-nothing can be said: then the firmware is alone, which is why one without thermal protection is worth a warning.
+The thermal protection of the firmware guards the heaters. The host can only warn about a silent printer, and switch off
+heaters that it switched on. This covers a printer that stops answering, and a host that ends by itself or by a signal.
+If the host is killed, a second process sends the commands. Nothing reaches the printer over a broken cable. Therefore
+firmware without thermal protection causes a warning.
 
-No clock, no port: moments come in, events and bytes come out.
+There is no clock or port here: times come in, events and bytes come out.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from printer_slicer.stream.events import (
     Busy,
     Identified,
     Message,
-    ResendAsked,
+    ResendRequested,
     Temperature,
 )
 from printer_slicer.stream.framing import frame
@@ -35,13 +35,13 @@ if TYPE_CHECKING:
 __all__ = ["HeaterAlarm", "HeaterWatchdog", "NoThermalProtection"]
 
 _SILENCE: Final = 10.0
-"""s without an answer or a report while heaters are on; firmware that is busy says so every 2 s."""
+"""s without an answer or a report while heaters are on; busy firmware reports every 2 s."""
 
 _REPORTED: Final = {"nozzle": "T", "bed": "B", "chamber": "C"}
-"""Heater to its name in reports."""
+"""Name of each heater in reports."""
 
-_FROM_PRINTER: Final = (Accepted, Action, Busy, Identified, Message, ResendAsked, Temperature)
-"""Events that show that the printer lives; all others are the host's own."""
+_FROM_PRINTER: Final = (Accepted, Action, Busy, Identified, Message, ResendRequested, Temperature)
+"""Events that come from the printer; all others come from the host."""
 
 _MAY_HEAT: Final = (b"M", b"m", b"T", b"t", b"G10", b"g10")  # nearly all commands are moves
 _OFF: Final = {"T": b"M104%s S0", "B": b"M140 S0", "C": b"M141 S0"}
@@ -49,37 +49,42 @@ _OFF: Final = {"T": b"M104%s S0", "B": b"M140 S0", "C": b"M141 S0"}
 
 @dataclass(frozen=True, slots=True)
 class HeaterAlarm:
-    """The printer was silent for `seconds` while these heaters were on: name and °C as they were wanted."""
+    """The printer was silent for `seconds` while heaters were on.
+
+    Attributes:
+        seconds: s of silence.
+        heaters: name and target temperature, °C, of each heater that is on.
+    """
 
     seconds: float
     heaters: tuple[tuple[str, float], ...]
 
     def __str__(self) -> str:
         warm = ", ".join(f"{name} {target:g} °C" for name, target in self.heaters)
-        return f"no answer and no report for {self.seconds:.0f} s while heaters are on ({warm}): look at the printer"
+        return f"no answer from the printer for {self.seconds:.0f} s while heaters are on ({warm}): check the printer"
 
 
 @dataclass(frozen=True, slots=True)
 class NoThermalProtection:
-    """The firmware says that it does not guard its heaters."""
+    """The firmware reports that it has no thermal protection."""
 
     firmware: str
 
     def __str__(self) -> str:
         name = self.firmware or "the firmware"
-        return f"{name} has no thermal protection: a heater that runs away is stopped by nobody; stay with the printer"
+        return f"{name} has no thermal protection: nothing stops a heater fault; do not leave it unattended"
 
 
 @dataclass(slots=True)
 class HeaterWatchdog:
-    """Watches over one connection.
+    """Heater watchdog of one connection.
 
-    Call `sent` with each command that goes out, `heard` with each event (or `alive` for an answer that makes none), and
-    `check` when `due` has come. `shutdown_lines` is what to write when the host ends early.
+    Call `sent` with each sent command, `heard` with each event (or `alive` for an answer without an event), and `check`
+    once `due` has passed. `shutdown_lines` returns what to write when the host ends early.
 
     Attributes:
-        silence: s after which the alarm is raised, once for each silence.
-        targets: heater as commands and reports name it -> °C wanted, of those that are on.
+        silence: s of silence after which the alarm is raised, once per silence.
+        targets: target temperature, °C, of each heater that is on, by its name in commands and reports.
     """
 
     silence: float = _SILENCE
@@ -90,7 +95,7 @@ class HeaterWatchdog:
     _tool: str = ""
 
     def sent(self, command: bytes, now: float) -> None:
-        """A command goes to the printer, without number and checksum."""
+        """Record a command sent to the printer, without number and checksum."""
         word, values = parse(command)
         if word.startswith(b"T") and word[1:].isdigit():
             self._tool = word[1:].decode()
@@ -102,51 +107,51 @@ class HeaterWatchdog:
         if heater == "T":
             heater += self._tool if target.tool is None else f"{target.tool}"
         if not self.targets:
-            self._heard = max(self._heard, now)  # a printer that was cold may have been silent for long
-        self._want(heater, target.celsius)
+            self._heard = max(self._heard, now)  # a cold printer may have been silent for long
+        self._set_target(heater, target.celsius)
 
     def heard(self, event: Event, now: float) -> NoThermalProtection | None:
-        """Something happened; a warning if it gives reason for one."""
+        """Process an event; return a warning if the firmware has no thermal protection."""
         if isinstance(event, _FROM_PRINTER):
             self.alive(now)
         if isinstance(event, Temperature):
             for reading in event.readings:
                 if reading.target is not None:
-                    self._want(self._known(reading.name), reading.target)
+                    self._set_target(self._heater_of_report(reading.name), reading.target)
         if isinstance(event, Identified) and ("THERMAL_PROTECTION", False) in event.capabilities:
             return NoThermalProtection(event.firmware)
         return None
 
     def alive(self, now: float) -> None:
-        """The printer answered."""
+        """Record that the printer answered."""
         self._heard = now
         self._raised = False
 
     @property
     def due(self) -> float:
-        """When to call `check`, s; infinite while nothing is on, and after the alarm."""
+        """Return when to call `check`, s; infinite while no heater is on, and after the alarm."""
         return self._heard + self.silence if self.targets and not self._raised else inf
 
     def check(self, now: float) -> HeaterAlarm | None:
-        """The alarm, if it is time for it."""
+        """Return the alarm if it is due."""
         if now < self.due:
             return None
         self._raised = True
         return HeaterAlarm(now - self._heard, tuple(sorted(self.targets.items())))
 
     def shutdown_lines(self, commands: Iterable[bytes] = (), *, anyway: bool = False) -> bytes:
-        """What to write when the host ends before the print, empty if nothing was ever switched on.
+        """Return the lines that switch the heaters off; empty if none was ever switched on.
 
-        What was switched off again is named too: that line may be one of those that got lost.
+        Heaters that were switched off before are included, because that line may have been lost.
 
         Args:
-            commands: that were sent besides those told by `sent`.
-            anyway: nozzle and bed are named whatever was sent: a macro of the printer may have switched them on.
+            commands: sent commands that were not passed to `sent`.
+            anyway: include nozzle and bed in any case, because a macro of the printer may have switched them on.
 
         Returns:
-            Lines without numbers, which most firmware takes at any time, and the same once more behind a new count, for
-            firmware that takes no others; twice does no harm. A wait for heat is broken off first (M108), or the
-            printer would not read the rest before it is warm.
+            Lines without numbers, which most firmware accepts at any time, then the same lines with new numbers, for
+            firmware that accepts no others. M108 comes first, because the printer reads nothing else while it waits
+            for a heater.
         """
         for command in commands:
             if command.startswith(_MAY_HEAT):
@@ -162,11 +167,11 @@ class HeaterWatchdog:
         counted = [frame(number, line) for number, line in enumerate([b"M110 N0", *lines])]
         return b"\n" + b"\n".join([*lines, *counted]) + b"\n"
 
-    def _known(self, name: str) -> str:
-        """A report says T for the tool in use; where tools were named, T is one of them."""
+    def _heater_of_report(self, name: str) -> str:
+        """Return the heater that a report means: T is the active tool."""
         return "T" + self._tool if name == "T" else name
 
-    def _want(self, heater: str, target: float) -> None:
+    def _set_target(self, heater: str, target: float) -> None:
         if target > 0:
             self.targets[heater] = target
             self._used.add(heater)

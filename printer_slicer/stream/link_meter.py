@@ -1,8 +1,8 @@
-"""What a link was like: rate, latency, repeats, how often the machine waited for a line; how good the cable is.
+"""Measure a serial link: throughput, latency, resends, buffer underruns and the quality of the cable.
 
-Fed with the bytes of both directions and their moments; it decides nothing and keeps little, however long the print is.
-An answer that is held back because the planner is full says nothing about the link, so the planner is followed, too,
-and such answers are left out of the latency. The same account of the planner tells where it ran dry.
+The meter receives the bytes of both directions with their times. It makes no decisions, and its memory does not grow
+with the length of the print. A full planner delays answers, which says nothing about the link. So the meter models the
+planner and leaves such answers out of the latency. The same model counts buffer underruns.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from printer_slicer.gcode.lexer import number_and_command, parse, strip
 from printer_slicer.gcode.state import MachineState
 from printer_slicer.motion.planner_clock import PlannerClock
 from printer_slicer.motion.rules import make_block
-from printer_slicer.stream.events import PoorLink, Probe, ResendAsked
+from printer_slicer.stream.events import PoorLink, Probe, ResendRequested
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -33,36 +33,35 @@ _OK: Final = re.compile(rb"ok\b(?: N(\d+))?")
 _RESEND: Final = re.compile(rb"(?:Resend:|rs )\s*N?:?\s*(\d+)")
 
 _STEPS: Final = 16
-"""Steps of the histogram of latencies per doubling: 4 %."""
+"""Steps of the latency histogram per doubling: 4 %."""
 
 _WAITS: Final = commands_that(Effect.WAITS)
 _QUICK: Final = (
     commands_that(Effect.MOVES | Effect.MODE | Effect.SETS_POSITION | Effect.FAN)
     | {code for code, row in TABLE.items() if row.heater}
 ) - _WAITS
-"""Commands that are answered at once if there is room for them."""
+"""Commands that are acknowledged at once if the queue has room."""
 
 _PARTIAL: Final = 1024
 
 
 @dataclass(frozen=True, slots=True)
 class LinkStatistics:
-    """What a link was like. Times in s.
+    """Statistics of a link. Times in s.
 
     Attributes:
-        lines: that were answered, each once.
-        seconds: from the first line to the last answer, without what heating, homing and people took.
-        lines_per_second: of these two.
-        most_lines_per_second: answered in one second, the most there were.
-        bytes_sent: to the printer.
-        latency, latency_95: until an answer was there: half of them, and 95 % of them, took no longer; None without
-            any answer that nothing but the link held back.
-        resends: lines that the printer asked for again.
-        repeated: lines that were sent again for it.
-        questions: asked because an answer was missing or could not be read.
-        warning: what is wrong with the cable; None if it is good.
-        stalls, stalled_seconds: how often and how long the machine stood still because no line had come, by the model
-            of its planner.
+        lines: number of acknowledged lines, each counted once.
+        seconds: time from the first line to the last answer, without heating, homing and waiting for users.
+        lines_per_second: average throughput.
+        most_lines_per_second: largest number of lines acknowledged within one second.
+        bytes_sent: number of bytes sent to the printer.
+        latency, latency_95: median and 95th percentile of the response time; None if the planner or a slow command
+            delayed every answer.
+        resends: number of resend requests.
+        resent_lines: number of lines sent again.
+        lost_answers: number of acknowledgements that were missing or unreadable.
+        underruns, underrun_seconds: number and total time of buffer underruns, by the model of the planner.
+        warning: warning about the cable; None if it is good.
     """
 
     lines: int
@@ -73,34 +72,34 @@ class LinkStatistics:
     latency: float | None
     latency_95: float | None
     resends: int
-    repeated: int
-    questions: int
-    stalls: int
-    stalled_seconds: float
+    resent_lines: int
+    lost_answers: int
+    underruns: int
+    underrun_seconds: float
     warning: PoorLink | None = None
 
     def __str__(self) -> str:
         times = (
-            f"answers after {self.latency * 1000:.3g} ms, 95 % within {self.latency_95 * 1000:.3g} ms"
+            f"latency {self.latency * 1000:.3g} ms, 95 % within {self.latency_95 * 1000:.3g} ms"
             if self.latency is not None and self.latency_95 is not None
-            else "no answer that only the link held back"
+            else "latency unknown"
         )
         waits = (
-            f"the machine waited for lines {self.stalls} times, {self.stalled_seconds:.2f} s"
-            if self.stalls
-            else "the machine never waited for lines"
+            f"{self.underruns} buffer underruns ({self.underrun_seconds:.3g} s)"
+            if self.underruns
+            else "no buffer underruns"
         )
         return (
-            f"{self.lines_per_second:.0f} lines/s, at most {self.most_lines_per_second} in a second; {times}; "
-            f"{self.resends} resends, {self.questions} questions; {waits}"
+            f"{self.lines_per_second:.0f} lines/s, peak {self.most_lines_per_second}; {times}; "
+            f"{self.resends} resends, {self.lost_answers} lost answers; {waits}"
         )
 
 
 class LinkMeter:
-    """Listens to both directions of a link.
+    """Collects statistics from both directions of a link.
 
     Args:
-        limits: of the machine; without them nothing is said about waiting.
+        limits: motion limits of the machine; None: buffer underruns are not counted.
     """
 
     def __init__(self, limits: MotionLimits | None = None) -> None:
@@ -117,11 +116,13 @@ class LinkMeter:
         self._lines = self._bytes = self._resends = self._repeated = 0
         self._quality = LinkQuality()
         self._first = self._last = inf
-        self._own = 0.0  # s that commands took for themselves
-        self._stood = False  # the last line did, and what was behind it had to wait
+        self._waiting_seconds = 0.0  # s that waiting commands took
+        self._last_waited = (
+            False  # whether the last line was one that waits, so that the next line was delayed
+        )
 
     def sent(self, data: bytes, now: float) -> None:
-        """Bytes handed to the link at `now`, s."""
+        """Record bytes sent at `now`, s."""
         self._bytes += len(data)
         for line in data.split(b"\n"):
             number, command = number_and_command(line)
@@ -137,9 +138,9 @@ class LinkMeter:
             self._first = min(self._first, now)
             self._pending.append((number, command, now))
 
-    def heard(self, event: Event) -> None:
-        """What the streamer made of it: only it knows which lines are questions."""
-        self._quality.heard(event)
+    def on_event(self, event: Event) -> None:
+        """Count an event of the streamer: only the streamer knows which lines are probes."""
+        self._quality.on_event(event)
 
     def warnings(self) -> tuple[PoorLink, ...]:
         """Return a warning about the cable whenever its errors have doubled; otherwise nothing."""
@@ -147,7 +148,7 @@ class LinkMeter:
         return () if found is None else (found,)
 
     def received(self, data: bytes, now: float) -> None:
-        """Bytes that came from the link at `now`, s."""
+        """Record bytes received at `now`, s."""
         if not data:
             return
         *lines, self._partial = (self._partial + data).split(b"\n")
@@ -158,9 +159,9 @@ class LinkMeter:
             elif found := _RESEND.match(line):
                 self._go_back(int(found[1]))
 
-    def seen(self) -> LinkStatistics:
-        """All of it, until now."""
-        seconds = max(self._last - self._first - self._own, 0.0) if self._lines else 0.0
+    def statistics(self) -> LinkStatistics:
+        """Return the statistics so far."""
+        seconds = max(self._last - self._first - self._waiting_seconds, 0.0) if self._lines else 0.0
         return LinkStatistics(
             lines=self._lines,
             seconds=seconds,
@@ -170,22 +171,22 @@ class LinkMeter:
             latency=self._quantile(0.5),
             latency_95=self._quantile(0.95),
             resends=self._resends,
-            repeated=self._repeated,
-            questions=self._quality.lost_answers,
-            stalls=self._clock.stalls if self._clock else 0,
-            stalled_seconds=self._clock.stalled_seconds if self._clock else 0.0,
+            resent_lines=self._repeated,
+            lost_answers=self._quality.lost_answers,
+            underruns=self._clock.stalls if self._clock else 0,
+            underrun_seconds=self._clock.stalled_seconds if self._clock else 0.0,
             warning=poor_link(self._lines, self._quality.resends, self._quality.lost_answers),
         )
 
     def _go_back(self, number: int) -> None:
-        """What was sent from here on will be sent again."""
+        """Handle a resend request: lines from `number` on will be sent again."""
         self._resends += 1
         self._swallow = True
         while self._pending and self._pending[-1][0] >= number:
             self._pending.pop()
 
     def _acknowledge(self, number: int | None, now: float) -> None:
-        """An ok: of one line, or of all up to a number."""
+        """Handle an ok, for one line or for all lines up to a number."""
         if self._swallow:
             self._swallow = False
             if number is None:
@@ -193,17 +194,17 @@ class LinkMeter:
         last = number if number is not None else (self._pending[0][0] if self._pending else 0)
         while self._pending and self._pending[0][0] <= last:
             _, command, sent = self._pending.popleft()
-            self._done(command, sent, now)
+            self._record(command, sent, now)
 
-    def _done(self, command: bytes, sent: float, now: float) -> None:
-        """A line was answered."""
+    def _record(self, command: bytes, sent: float, now: float) -> None:
+        """Record the acknowledgement of a line."""
         since = max(sent, self._last) if self._lines else sent
         word, values = parse(command)
         move = self._machine.apply(word, values, command)
-        held = self._stood or (self._clock is not None and self._clock.full(since))
-        self._stood = word in _WAITS
-        if self._stood:
-            self._own += now - since
+        held = self._last_waited or (self._clock is not None and self._clock.full(since))
+        self._last_waited = word in _WAITS
+        if self._last_waited:
+            self._waiting_seconds += now - since
             if self._clock:
                 self._clock.stand_still(now)
         elif word in _QUICK and not held:
@@ -219,7 +220,7 @@ class LinkMeter:
         self._most = max(self._most, self._second[1])
 
     def _quantile(self, share: float) -> float | None:
-        """Latency that this share of answers did not exceed; the middle of its step."""
+        """Return the latency at this quantile: the middle of its histogram step."""
         wanted = share * self._latencies.total()
         for step in sorted(self._latencies):
             wanted -= self._latencies[step]
@@ -229,7 +230,7 @@ class LinkMeter:
 
 
 class MeteredTransport:
-    """A transport that lets a meter listen."""
+    """Transport that passes all bytes to a meter."""
 
     def __init__(self, inner: Transport, meter: LinkMeter, clock: Callable[[], float]) -> None:
         self._inner = inner
@@ -237,18 +238,18 @@ class MeteredTransport:
         self._clock = clock
 
     def write(self, data: bytes) -> None:
-        """Hand over all bytes."""
+        """Write all bytes."""
         self._meter.sent(data, self._clock())
         self._inner.write(data)
 
     def read(self, timeout: float) -> bytes:
-        """What has come."""
+        """Return received bytes; wait at most `timeout` s for the first."""
         data = self._inner.read(timeout)
         self._meter.received(data, self._clock())
         return data
 
     def close(self) -> None:
-        """Let go of it."""
+        """Close the inner transport."""
         self._inner.close()
 
 
@@ -258,15 +259,15 @@ _LIKELY: Final = 0.25
 """Expected number of undetected damaged lines from which damage is called likely."""
 
 _FEW: Final = 5
-"""Resends, or lost acknowledgements, that happen on any cable."""
+"""Number of resends or lost acknowledgements that is normal on any cable."""
 
 _PER_1000: Final = 2.0
-"""Of either, the rate that a good cable stays below."""
+"""Rate of resends or lost acknowledgements per 1000 lines that a good cable stays below."""
 
 _MANY: Final = 50
-"""Of either, the count that causes a warning in a print of any length."""
+"""Number of resends or lost acknowledgements that causes a warning in a print of any length."""
 
-_CHECK: Final = "use a short cable with ferrites, away from motors and heaters, and a USB port of its own"
+_CHECK: Final = "Use a short cable with ferrites, away from motors and heaters, and a USB port of its own"
 
 
 class LinkQuality:
@@ -283,21 +284,21 @@ class LinkQuality:
 
     def __init__(self) -> None:
         self.resends = self.lost_answers = 0
-        self._told = 0
+        self._warned_at = 0
 
-    def heard(self, event: Event) -> None:
+    def on_event(self, event: Event) -> None:
         """Count an event."""
-        self.resends += isinstance(event, ResendAsked)
+        self.resends += isinstance(event, ResendRequested)
         self.lost_answers += isinstance(event, Probe)
 
     def warning(self, lines: int) -> PoorLink | None:
         """Return a warning after this number of lines; None if there is nothing new."""
         count = self.resends + self.lost_answers
-        if count < 2 * self._told:
+        if count < 2 * self._warned_at:
             return None
         found = poor_link(lines, self.resends, self.lost_answers)
         if found is not None:
-            self._told = count
+            self._warned_at = count
         return found
 
 
@@ -321,5 +322,5 @@ def poor_link(lines: int, resends: int, lost_answers: int) -> PoorLink | None:
         )
     if undetected >= _LIKELY:
         parts.append("undetected damage is likely")
-    text = f"bad cable: {'; '.join(parts)}: {_CHECK}"
+    text = f"bad cable: {'; '.join(parts)}. {_CHECK}"
     return PoorLink(lines, resends, lost_answers, round(per_1000, 3), round(undetected, 3), text)

@@ -1,7 +1,7 @@
-"""Reading one line of the printer: what it means, whatever the firmware's way of saying it.
+"""Parse the lines of a printer into replies that do not depend on the firmware.
 
-Damage on the way back has no checksum to show itself. So a line that looks like the remains of an answer is
-told apart (`Garbled`) from text that is merely unknown, and the streamer then asks instead of guessing.
+Replies have no checksum, so damage cannot be detected with certainty. A line that looks like the remains of an answer
+becomes `Garbled` instead of `Message`, and the streamer then sends a probe.
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ __all__ = [
 
 @dataclass(frozen=True, slots=True)
 class Ok:
-    """One more line is done with.
+    """Acknowledgement of a line.
 
     Attributes:
-        number: all lines up to this one are, if it is told.
-        heat: it carries temperatures, as M105's.
-        planner: free places of the planner, if told.
-        places: free places of the command queue, if told.
+        number: line up to which it acknowledges, None if not reported.
+        heat: whether it contains temperatures, as the answer to M105 does.
+        planner: free places of the planner, None if not reported.
+        places: free places of the command queue, None if not reported.
     """
 
     number: int | None = None
@@ -53,14 +53,14 @@ class Ok:
 
 @dataclass(frozen=True, slots=True)
 class Resend:
-    """Line `number` is the next one the printer will take."""
+    """Resend request: the printer accepts line `number` next."""
 
     number: int
 
 
 @dataclass(frozen=True, slots=True)
 class LineError:
-    """Why a line was refused; names the wanted one a second time, ahead of the `Resend`."""
+    """Error about a rejected line; it names the wanted line before the `Resend` does."""
 
     wanted: int
     text: str
@@ -68,24 +68,24 @@ class LineError:
 
 @dataclass(frozen=True, slots=True)
 class Wait:
-    """The printer has nothing to do."""
+    """Report that the printer is idle."""
 
 
 @dataclass(frozen=True, slots=True)
 class Started:
-    """The printer has just begun: all it knew is lost."""
+    """Report that the printer has just started and has lost its state."""
 
 
 @dataclass(frozen=True, slots=True)
 class Stopped:
-    """The printer will not go on: killed, a heater out of control, an error of Klipper's."""
+    """Report that the printer has halted: killed, a thermal error, or an error of Klipper."""
 
     text: str
 
 
 @dataclass(frozen=True, slots=True)
 class Unknown:
-    """A command that the printer does not know, as it read it."""
+    """Report of an unknown command, as the printer read it."""
 
     command: bytes
     text: str
@@ -93,21 +93,21 @@ class Unknown:
 
 @dataclass(frozen=True, slots=True)
 class LastLine:
-    """Number of the last line that the printer took, as M110 alone tells it."""
+    """Number of the last accepted line, the answer to a plain M110."""
 
     number: int
 
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """Name of the firmware."""
+    """Report of the firmware name."""
 
     firmware: str
 
 
 @dataclass(frozen=True, slots=True)
 class Capability:
-    """Whether the firmware can do one thing."""
+    """Report of one capability of the firmware."""
 
     name: str
     enabled: bool
@@ -115,7 +115,7 @@ class Capability:
 
 @dataclass(frozen=True, slots=True)
 class Position:
-    """Where the motion planned so far ends: x, y, z, and e if told, mm."""
+    """Reported end position of the planned motion: x, y, z, and e if reported, mm."""
 
     x: float
     y: float
@@ -126,7 +126,7 @@ class Position:
 
 @dataclass(frozen=True, slots=True)
 class Garbled:
-    """Remains of an answer; `refusal` when it may have been a `Resend`, so that an ok behind it means no."""
+    """Damaged answer; `refusal`: it may have been a `Resend`, so the next ok may belong to a rejection."""
 
     text: str
     refusal: bool
@@ -152,7 +152,7 @@ Reply: TypeAlias = (
 )
 
 WithText: TypeAlias = Unknown | Position | Garbled
-"""Replies that are also shown as they came."""
+"""Replies that are also reported as text."""
 
 _REPORTS: Final = (Temperature, Position, Identity)
 _PLAIN_OK: Final = (Ok(),)  # nearly every line is this one
@@ -176,7 +176,7 @@ _STARTED: Final = re.compile(
     rb"^[^ -~]*(?:start|External Reset|Brown out Reset|Watchdog Reset|Software Reset|Smoothie)$"
     rb"|^RepRapFirmware .* is up and running|^// Klipper state: Ready"
 )
-"""A board that begins says so, often behind bytes that no speed was agreed for yet."""
+"""A board reports its start, often after bytes sent at another baud rate."""
 _SENSIBLE_CONTROL: Final = re.compile(r"[^\x00-\x08\x0a-\x1f\x7f]*")
 _RESEND_LETTERS: Final = "Resend:"
 _RESEND_LONGEST: Final = 20  # "Resend: " with a number of nine digits, and some damage
@@ -216,13 +216,13 @@ _PATTERNS: Final[tuple[tuple[re.Pattern[bytes], Callable[[re.Match[bytes]], tupl
     (re.compile(rb"^Cap:(\w+):([01])$"), lambda m: (Capability(_text(m[1]), m[2] == b"1"),)),
     (_POSITION, _position),
 )
-"""First match wins; the most urgent and the most certain stand first."""
+"""The first match wins; urgent and unambiguous patterns come first."""
 
 
 def read_reply(line: bytes) -> tuple[Reply, ...]:
-    """What one line says, without its line break; nothing for an empty line.
+    """Parse one line without its line break; an empty line gives no reply.
 
-    Two things in one line come in the order in which they count: `ok T:...` is a report and then an ok.
+    Several replies in one line are returned in processing order: `ok T:...` is a report, then an ok.
     """
     line = line.strip()
     if line == b"ok":
@@ -233,12 +233,12 @@ def read_reply(line: bytes) -> tuple[Reply, ...]:
         number, planner, places = (int(value) if value else None for value in found.groups())
         return (Ok(number, planner=planner, places=places),)
     if _OK_AND.match(line):
-        told = [reply for reply in _read_text(line[3:]) if not isinstance(reply, Garbled | Message)]
-        # Where it says steps too, `B:` and `C:` are motors.
-        placed = any(isinstance(reply, Position) for reply in told)
+        parsed = [reply for reply in _read_text(line[3:]) if not isinstance(reply, Garbled | Message)]
+        # In a position report `B:` and `C:` are motors.
+        placed = any(isinstance(reply, Position) for reply in parsed)
         ok = Ok(heat=not placed and _HEATER.search(line) is not None)
-        # A report belongs to its ok; anything else is the next answer, and the line break between is damaged.
-        return (*told, ok) if all(isinstance(reply, _REPORTS) for reply in told) else (ok, *told)
+        # A report belongs to its ok; anything else is the next answer after a damaged line break.
+        return (*parsed, ok) if all(isinstance(reply, _REPORTS) for reply in parsed) else (ok, *parsed)
     return _read_text(line)
 
 
@@ -265,7 +265,7 @@ def _temperature(line: bytes) -> Temperature:
 
 
 def _resembles_resend(text: str) -> bool:
-    """Whether at least five of the seven characters of `Resend:` stand there in order."""
+    """Return whether the text contains at least five of the seven characters of `Resend:` in order."""
     if len(text) > _RESEND_LONGEST:
         return False
     position = kept = 0

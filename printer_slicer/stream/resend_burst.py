@@ -1,14 +1,14 @@
-"""One error on the wire, however many requests to send again it causes.
+"""Handle all resend requests of one transmission error as one.
 
-With k lines in flight behind the bad one, firmware with flow control refuses each of them too (1 + k
-requests); firmware that empties its buffer asks once. So the streamer waits until all are there, or a moment
-has passed without one, and goes back once. The number of a refused line is said twice, in the error and in
-the request: only when both agree, or the same is said again, is a surprising number believed.
+If k lines are in flight behind the damaged line, firmware with flow control rejects each of them too and sends 1 + k
+requests. Firmware that empties its buffer sends one request. So the streamer waits for all requests, or until none has
+arrived for a moment, and then goes back once. The number of a rejected line arrives twice, in the error and in the
+request. An unexpected number is believed only if both agree, or if it is repeated.
 
-    request names a line          in flight, next   accepted   certainly accepted, never made
-    alone                         go back           ask        ask
-    error agrees, or said twice   go back           go back    the printer has lost count
-    error disagrees               ask               ask        ask
+    requested line                in flight, next   accepted   certainly accepted, not yet sent
+    request alone                 go back           probe      probe
+    error agrees, or repeated     go back           go back    the printer has lost count
+    error disagrees               probe             probe      probe
 """
 
 from __future__ import annotations
@@ -23,101 +23,101 @@ if TYPE_CHECKING:
 __all__ = ["ResendBurst", "ResendDecision"]
 
 _SETTLE: Final = 0.2
-"""s without another request after which none is expected: longer than the latency of any usual port."""
+"""s without another request after which none is expected; longer than the latency of common ports."""
 
 _LONGEST: Final = 2 * _SETTLE
-"""s from the first request to going back: firmware that asks again and again must not be waited for until it stops."""
+"""Maximum time, s, from the first request to going back, because some firmware repeats its request endlessly."""
 
 _MOST_IDENTICAL: Final = 10
 
 
 class ResendDecision(Enum):
-    """What to make of a request."""
+    """How to handle a resend request."""
 
     GO_BACK = "go back"
-    ASK = "ask"
+    PROBE = "probe"
     LOST_COUNT = "lost count"
 
 
 class ResendBurst:
-    """The requests since the last good answer.
+    """Resend requests since the last good acknowledgement.
 
     Attributes:
-        wanted: line to go back to, None while there is no error.
-        until: when to go back at the latest, s.
-        claim: line named by an error whose request has not come yet.
-        swallow: whether the next ok belongs to a refusal.
+        wanted: line to go back to, None if there is no error.
+        until: time at which to go back at the latest, s.
+        claimed_line: line named by an error whose resend request has not arrived yet.
+        ignore_next_ok: whether the next ok belongs to a rejected line.
     """
 
     def __init__(self) -> None:
         self.wanted: int | None = None
-        self.claim: int | None = None
+        self.claimed_line: int | None = None
         self.until = inf
-        self.swallow = False
+        self.ignore_next_ok = False
         self._latest = inf
-        self._doubted: int | None = None
+        self._unconfirmed: int | None = None
         self._missing = 0
         self._last: int | None = None
         self._identical = 0
 
-    def error(self, wanted: int, now: float) -> None:
-        """An error names the wanted line; the request proper comes next, unless it gets lost."""
-        first, self.claim = not self.active, wanted
+    def on_error(self, wanted: int, now: float) -> None:
+        """Handle an error that names the wanted line; its resend request follows unless it is lost."""
+        first, self.claimed_line = not self.is_active, wanted
         self._wait(now, first=first)
 
     def _wait(self, now: float, *, first: bool) -> None:
-        """Wait a moment for more, but not for ever."""
+        """Wait for more requests, up to a limit."""
         self._latest = now + _LONGEST if first else self._latest
         self.until = min(now + _SETTLE, self._latest)
 
-    def unrequested(self, ledger: SendHistory, now: float) -> ResendDecision:
-        """Take the claim for the request that should have followed it, with nothing to confirm it."""
-        assert self.claim is not None
-        number, self.claim = self.claim, None
-        return self.request(number, ledger, now)
+    def use_claimed_line(self, history: SendHistory, now: float) -> ResendDecision:
+        """Treat the line named by the error as requested, because the request itself did not arrive."""
+        assert self.claimed_line is not None
+        number, self.claimed_line = self.claimed_line, None
+        return self.on_request(number, history, now)
 
-    def request(self, number: int, ledger: SendHistory, now: float) -> ResendDecision:
-        """The printer asks for `number`; its ok is still to come."""
-        first = not self.active
-        claim, self.claim = self.claim, None
-        self.swallow = True
-        verdict = self._judge(number, claim, ledger)
-        self._doubted = number if verdict is ResendDecision.ASK else None
-        if verdict is ResendDecision.GO_BACK:
+    def on_request(self, number: int, history: SendHistory, now: float) -> ResendDecision:
+        """Handle a resend request for `number`; its ok is still to come."""
+        first = not self.is_active
+        claimed_line, self.claimed_line = self.claimed_line, None
+        self.ignore_next_ok = True
+        decision = self._decide(number, claimed_line, history)
+        self._unconfirmed = number if decision is ResendDecision.PROBE else None
+        if decision is ResendDecision.GO_BACK:
             if number != self.wanted:
                 self.wanted = number
-                self._missing = max(ledger.cursor - number, 1)
+                self._missing = max(history.cursor - number, 1)
             self._missing -= 1
         self._wait(now, first=first)
-        return verdict
+        return decision
 
-    def _judge(self, number: int, claim: int | None, ledger: SendHistory) -> ResendDecision:
-        if claim is not None and claim != number:
-            return ResendDecision.ASK
-        if ledger.accepted < number <= ledger.cursor:
+    def _decide(self, number: int, claimed_line: int | None, history: SendHistory) -> ResendDecision:
+        if claimed_line is not None and claimed_line != number:
+            return ResendDecision.PROBE
+        if history.accepted < number <= history.cursor:
             return ResendDecision.GO_BACK
-        if claim is None and number != self._doubted:
-            return ResendDecision.ASK
-        return ResendDecision.GO_BACK if ledger.proven < number <= ledger.top else ResendDecision.LOST_COUNT
+        if claimed_line is None and number != self._unconfirmed:
+            return ResendDecision.PROBE
+        return ResendDecision.GO_BACK if history.proven < number <= history.top else ResendDecision.LOST_COUNT
 
     @property
-    def active(self) -> bool:
-        """Whether there is an error to settle before anything else is sent."""
-        return self.wanted is not None or self.claim is not None
+    def is_active(self) -> bool:
+        """Return whether an error must be handled before anything else is sent."""
+        return self.wanted is not None or self.claimed_line is not None
 
-    def calm(self, accepted: int) -> None:
-        """Lines up to `accepted` were accepted after all: no doubt is left from before."""
-        self._doubted = None
+    def on_accepted(self, accepted: int) -> None:
+        """Drop requests for lines up to `accepted`, which were accepted after all."""
+        self._unconfirmed = None
         if self.wanted is not None and self.wanted <= accepted:
             self._forget()
 
-    def ready(self, now: float) -> bool:
-        """Whether all requests of this error are there, or no more of them is expected."""
-        complete = self.claim is None and self._missing <= 0 and not self.swallow
+    def is_settled(self, now: float) -> bool:
+        """Return whether all requests of this error have arrived or no more are expected."""
+        complete = self.claimed_line is None and self._missing <= 0 and not self.ignore_next_ok
         return complete or now >= self.until
 
-    def end(self) -> bool:
-        """Forget the error, the streamer goes back now; False when it was told the same too often."""
+    def finish(self) -> bool:
+        """Close the error before going back; return False after too many identical requests."""
         self._identical = self._identical + 1 if self.wanted == self._last else 1
         self._last = self.wanted
         self._forget()
@@ -125,6 +125,6 @@ class ResendBurst:
 
     def _forget(self) -> None:
         self.wanted = None
-        self.swallow = False
+        self.ignore_next_ok = False
         self.until = self._latest = inf
         self._missing = 0

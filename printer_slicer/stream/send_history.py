@@ -1,8 +1,8 @@
-"""The numbered lines: which exist, which went out, which were accepted.
+"""History of the numbered lines: which exist, which were sent, which were accepted.
 
-Lines in flight are always the gap between `accepted` and `cursor`, so an acknowledgement moves the one and a
-resend the other, and no count can drift. A number belongs to its line for ever: sending a number again always
-sends the same line, which is why it is safe to believe the printer whenever it names the line it wants.
+The lines in flight are those between `accepted` and `cursor`. An acknowledgement moves the first and a resend moves the
+second, so no separate count can drift. A number always belongs to the same line. Therefore it is safe to send whatever
+line the printer requests.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 __all__ = ["ASK", "NumberedLine", "SendHistory"]
 
 ASK: Final = b"M105"
-"""Harmless, and its answer cannot be mistaken for the answer to another line."""
+"""Probe: a harmless command whose answer cannot be mistaken for the answer to another line."""
 
 _CERTAIN_AFTER: Final = 16
-"""A line was accepted for certain when this many later ones were: each of them would have exposed the gap."""
+"""A line was certainly accepted once this many later lines were: each of them would have exposed the gap."""
 
 _KEPT: Final = 2 * _CERTAIN_AFTER
 
@@ -32,29 +32,29 @@ class NumberedLine:
     """One numbered line.
 
     Attributes:
-        command: without number and checksum.
-        text: with both.
-        job: entries of the job that are accepted once this line is.
-        patience: longest time until its ok from when the line before it was accepted, s.
-        sent: when it last went out, s.
+        command: command without number and checksum.
+        text: line with both.
+        job: number of job entries that are accepted once this line is.
+        timeout: maximum time, s, from the acceptance of the previous line to the ok of this one.
+        sent: time at which it was last sent, s.
     """
 
     command: bytes
     text: bytes
     job: int
-    patience: float
+    timeout: float
     sent: float = -inf
 
 
 class SendHistory:
-    """Lines from 1 on.
+    """The numbered lines, starting at 1.
 
     Attributes:
         accepted: highest line that counts as accepted.
-        proven: highest line that certainly was; a printer that wants one of these again has lost count.
-        cursor: next line to go out.
-        top: next number that no line has yet.
-        frame: makes the text of a line out of its number and command.
+        proven: highest line that was certainly accepted; a printer that requests one up to it has lost count.
+        cursor: number of the next line to send.
+        top: next unused number.
+        frame: function that frames a number and a command as a line.
     """
 
     def __init__(self) -> None:
@@ -67,34 +67,34 @@ class SendHistory:
 
     @property
     def in_flight(self) -> int:
-        """Lines sent and not yet accepted."""
+        """Return the number of lines sent and not yet accepted."""
         return self.cursor - self.accepted - 1
 
     @property
     def bytes_in_flight(self) -> int:
-        """Bytes of these lines, with their line breaks."""
+        """Return the bytes of these lines, with their line breaks."""
         return sum(len(self._lines[number].text) + 1 for number in range(self.accepted + 1, self.cursor))
 
     @property
     def oldest(self) -> NumberedLine:
-        """The line whose answer comes next. Only while lines are in flight."""
+        """Return the line whose answer is due next. Valid only while lines are in flight."""
         return self._lines[self.accepted + 1]
 
     @property
     def next(self) -> NumberedLine:
-        """The line that goes out next. Only while `cursor` is below `top`."""
+        """Return the line to send next. Valid only while `cursor` is below `top`."""
         return self._lines[self.cursor]
 
-    def add(self, command: bytes, job: int, patience: float) -> None:
-        """Give a command the next number."""
-        self._lines[self.top] = NumberedLine(command, self.frame(self.top, command), job, patience)
+    def add(self, command: bytes, job: int, timeout: float) -> None:
+        """Assign the next number to a command."""
+        self._lines[self.top] = NumberedLine(command, self.frame(self.top, command), job, timeout)
         self.top += 1
 
-    def take(self, now: float, *, break_first: bool = False) -> bytes:
-        """Bytes of the next line, which is in flight from now on; after a line break if asked for.
+    def send_next(self, now: float, *, break_first: bool = False) -> bytes:
+        """Return the bytes of the next line, which is then in flight; `break_first` puts a line break in front.
 
-        A repeat always begins with one: should the break of the copy before be lost, the copies would else be
-        read as one line, and the xor of three copies is the xor of one.
+        A resent line always starts with a line break. If the break of the previous copy were lost, the copies would
+        otherwise be read as one line, and the XOR of three copies equals that of one.
         """
         line = self.next
         start = b"\n" if break_first or line.sent != -inf else b""
@@ -103,39 +103,39 @@ class SendHistory:
         return b"%s%s\n" % (start, line.text)
 
     def accept(self, number: int) -> int:
-        """Count the lines up to `number`, one in flight, as accepted; entries of the job done then."""
+        """Mark the lines up to `number`, a line in flight, as accepted; return the number of accepted job entries."""
         for old in range(self.accepted + 1, number + 1):
             self._lines.pop(old - _KEPT, None)
         self.accepted = number
-        self.prove(number - _CERTAIN_AFTER)
+        self.mark_proven(number - _CERTAIN_AFTER)
         return self._lines[number].job
 
-    def prove(self, number: int) -> None:
-        """Count all lines up to `number` as certainly accepted."""
+    def mark_proven(self, number: int) -> None:
+        """Mark all lines up to `number` as certainly accepted."""
         self.proven = max(self.proven, number)
 
     def line(self, number: int) -> NumberedLine:
-        """A line in flight."""
+        """Return a line in flight."""
         return self._lines[number]
 
     def find(self, command: bytes) -> int | None:
-        """Number of the newest line in flight with this command."""
+        """Return the number of the newest line in flight with this command, None if none."""
         for number in range(self.cursor - 1, self.accepted, -1):
             if self._lines[number].command == command:
                 return number
         return None
 
     def find_oldest(self, command: bytes) -> int | None:
-        """Number of the oldest line in flight with this command."""
+        """Return the number of the oldest line in flight with this command, None if none."""
         numbers = range(self.accepted + 1, self.cursor)
         return next((number for number in numbers if self._lines[number].command == command), None)
 
     def commands(self) -> list[bytes]:
-        """The commands in flight."""
+        """Return the commands in flight."""
         return [self._lines[number].command for number in range(self.accepted + 1, self.cursor)]
 
     def rewind(self, number: int) -> int:
-        """Go back so that `number`, above `proven`, goes out next; entries of the job that stay accepted."""
+        """Go back so that line `number`, above `proven`, is sent next; return the number of accepted job entries."""
         self.cursor = number
         self.accepted = min(self.accepted, number - 1)
         return self._lines[self.accepted].job if self.accepted else 0

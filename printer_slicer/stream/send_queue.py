@@ -1,4 +1,4 @@
-"""What is sent, in which order: injected commands, the job or the end script, the questions at the end."""
+"""Queue of commands to send: injected commands, the job or the end script, and the closing queries."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ if TYPE_CHECKING:
     from printer_slicer.firmware import WireDialect
     from printer_slicer.motion.rules import MotionLimits
 
-__all__ = ["SAME_PLACE", "SendQueue"]
+__all__ = ["POSITION_TOLERANCE", "SendQueue"]
 
-SAME_PLACE: Final = 0.05
-"""mm; the printer says two decimals of single-precision numbers."""
+POSITION_TOLERANCE: Final = 0.05
+"""mm; printers report two decimals of single-precision numbers."""
 
 _CLOSING: Final = (b"M400", ASK)
-_MOST_LOOKS: Final = 5
+_MOST_POSITION_QUERIES: Final = 5
 
 
 class SendQueue:
-    """All commands of a print that have no number yet.
+    """All commands of a print that have no line number yet.
 
     Attributes:
-        taken: entries of the job that have been given out.
-        position: where the printer says it is, None until it says so.
+        taken: number of job entries that have left the queue.
+        position: position reported by the printer, None until reported.
 
     Raises:
         UsageError: an entry of the job can never be sent.
@@ -51,48 +51,48 @@ class SendQueue:
         self._end_script: deque[bytes] | None = None
         self._injected: deque[bytes] = deque()
         self._closing = deque(_CLOSING)
-        self._looks = 0
-        self._patience = ResponseTimeout(limits)
+        self._position_queries = 0
+        self._timeout = ResponseTimeout(limits)
         self._machine = MachineState()
         self._command, self._before = b"", self._machine.place
 
     def set_dialect(self, dialect: WireDialect) -> None:
-        """The firmware is known now."""
+        """Apply the rules of the reported firmware."""
         self._machine.set_flavour(flavour_of(dialect))
 
     def inject(self, command: bytes) -> None:
-        """Give this out next.
+        """Queue a command ahead of the job.
 
         Raises:
             UsageError: it can never be sent.
         """
         check_commands([command], self._longest)
         self._injected.append(command)
-        self.reopen()
+        self.restart_closing()
 
     @property
     def injected(self) -> int:
-        """Commands that a person wants and that were not given out yet."""
+        """Return the number of injected commands that are still queued."""
         return len(self._injected)
 
     def cancel(self, end_script: Sequence[bytes]) -> None:
-        """Give out the end script instead of the rest of the job."""
+        """Replace the rest of the job by the end script."""
         self._end_script = deque(end_script)
         self._injected.clear()
 
-    def reopen(self) -> None:
-        """The motion goes on: the questions at the end are to be asked again."""
+    def restart_closing(self) -> None:
+        """Send the closing queries again, because the motion continues."""
         self._closing = deque(_CLOSING)
-        self._looks = 0
+        self._position_queries = 0
 
     def next_injected(self, room: int) -> bytes | None:
-        """The next command that a person wants, None if there is none or it is longer than `room`."""
+        """Return the next injected command; None if there is none or it is longer than `room` bytes."""
         return _next_of(self._injected, room)
 
     def next_of_job(self, room: int) -> bytes | None:
-        """The next command of the job, or of the end script once cancelled.
+        """Return the next command of the job, or of the end script after a cancel.
 
-        None at its end, and for one that is longer than `room` bytes, which stays the next.
+        None at the end, and if the next command is longer than `room` bytes; then it stays in the queue.
         """
         if self._end_script is not None:
             return _next_of(self._end_script, room)
@@ -105,23 +105,25 @@ class SendQueue:
                 return command
         return None
 
-    def next_of_closing(self) -> bytes | None:
-        """Wait for the end of the motion, then ask where the printer is; None when nothing is left to ask.
+    def next_closing_query(self) -> bytes | None:
+        """Return the next command that waits for the end of the motion and queries the position; None after the last.
 
-        The question between is answered like no other, so an ok too many can make nobody believe in an early
-        end; and a printer that has lost the last lines is not where they lead.
+        The temperature query between them has a unique answer, so a surplus ok cannot suggest an early end. A printer
+        that has lost the last lines reports another position than expected.
         """
         if self._closing:
             return self._closing.popleft()
-        # A report may be lost or damaged: look again before believing that something is wrong.
-        if self._looks == 0 or (self._looks < _MOST_LOOKS and not self._satisfied()):
-            self._looks += 1
+        # A report may be lost or damaged: query again before reporting a wrong position.
+        if self._position_queries == 0 or (
+            self._position_queries < _MOST_POSITION_QUERIES and not self._satisfied()
+        ):
+            self._position_queries += 1
             self.position = None
             return b"M114"
         return None
 
-    def follow(self, command: bytes) -> float:
-        """Take note of a command that gets its number now; longest time until its ok, s."""
+    def track(self, command: bytes) -> float:
+        """Track a command that gets its line number now; return its timeout, s."""
         word, values = parse(command)
         self._before = self._place
         self._command = command
@@ -129,21 +131,21 @@ class SendQueue:
         macro = is_macro(command)
         if macro:
             self._machine.forget_position()
-        return self._patience.allow(b"" if macro else word or b"SET", values, move)
+        return self._timeout.estimate(b"" if macro else word or b"SET", values, move)
 
     @property
     def _place(self) -> Place:
-        """Return the position that the printer must report; none in inch mode, where firmwares report differently."""
+        """Return the position that the printer must report; unknown in inch mode, where firmwares differ."""
         return (None, None, None, None) if self._machine.inches else self._machine.place
 
-    def doubt(self) -> UnackedLine:
-        """Questions about the last command that got its number."""
+    def make_unacked_line(self) -> UnackedLine:
+        """Return the queries about the last command that got a line number."""
         word, values = parse(self._command)
         repeatable = is_repeatable(word, relative=self._machine.relative(values))
-        return UnackedLine(self._before, self._place, repeatable=repeatable, asks=self._command == ASK)
+        return UnackedLine(self._before, self._place, repeatable=repeatable, is_probe=self._command == ASK)
 
-    def finished(self, acknowledged: int) -> Finished:
-        """How the print ended."""
+    def make_finished(self, acknowledged: int) -> Finished:
+        """Return the result of the print."""
         return Finished(
             acknowledged=acknowledged,
             cancelled=self._end_script is not None,
@@ -156,12 +158,12 @@ class SendQueue:
         return self.position is not None and self._verified() is not False
 
     def _verified(self) -> bool | None:
-        """Whether the printer is where the commands lead, None if that cannot be said."""
+        """Return whether the printer is at the end position of the commands, None if unknown."""
         if self.position is None:
             return None
         pairs = zip(self.position, self._place[:3], strict=True)
         misses = [abs(is_at - to_be) for is_at, to_be in pairs if is_at is not None and to_be is not None]
-        return max(misses) <= SAME_PLACE if misses else None
+        return max(misses) <= POSITION_TOLERANCE if misses else None
 
 
 def _next_of(commands: deque[bytes], room: int) -> bytes | None:

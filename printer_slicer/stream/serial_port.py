@@ -1,7 +1,7 @@
-"""Serial ports and their look-alikes: opening, errors with a way out, what is plugged in, and who has it open.
+"""Serial ports: open them with clear errors, list them, and find the processes that use them.
 
-The only file of the host that imports pyserial. Addresses are names of devices (`/dev/ttyACM0`, `COM3`) or URLs that
-pyserial understands (`socket://host:port`, `rfc2217://host:port`, `loop://`).
+This is the only module of the host that imports pyserial. Addresses are device names (`/dev/ttyACM0`, `COM3`) or URLs
+that pyserial supports (`socket://host:port`, `rfc2217://host:port`, `loop://`).
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ _WRITE_TIMEOUT: Final = 5.0
 _CHUNK: Final = 4096
 
 _OVER_TELNET: Final = "rfc2217://"
-_GLANCE: Final = 0.02
-"""s; over RFC 2217 every change of the timeout settles all settings of the port anew, so it stays this short one."""
+_TELNET_TIMEOUT: Final = 0.02
+"""Fixed short timeout, s: over RFC 2217 every change of the timeout negotiates all settings of the port again."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,10 +45,10 @@ class PortInfo:
     """A serial port of this computer.
 
     Attributes:
-        device: its name, such as `/dev/ttyACM0`; may be another one after the cable was pulled.
-        by_id: a name that stays with the board, "" if there is none.
-        description: what the board says it is.
-        vid, pid: USB vendor and product, None if it is not on USB.
+        device: device name, such as `/dev/ttyACM0`; it may change after the cable was unplugged.
+        by_id: persistent name of the board, "" if there is none.
+        description: description reported by the board.
+        vid, pid: USB vendor and product id, None if it is not a USB port.
         serial: serial number of the board, "" if it has none.
     """
 
@@ -61,23 +61,23 @@ class PortInfo:
 
     @property
     def address(self) -> str:
-        """The name to open it by: the lasting one if there is one."""
+        """Return the address to open: the persistent name if there is one."""
         return self.by_id or self.device
 
 
 def list_ports(by_id: Path = _BY_ID) -> list[PortInfo]:
-    """The serial ports of this computer, those on USB first: a printer hardly ever is on another.
+    """List the serial ports of this computer, USB ports first.
 
     Args:
-        by_id: folder of lasting names, links to the devices.
+        by_id: folder of persistent names, which are links to the devices.
     """
-    names = _lasting_names(by_id)
+    names = _persistent_names(by_id)
     ports = [_port_info(port, names) for port in serial_list.comports()]
     return sorted(ports, key=lambda port: (port.vid is None, port.device))
 
 
-def _lasting_names(folder: Path) -> dict[str, str]:
-    """Device to lasting name."""
+def _persistent_names(folder: Path) -> dict[str, str]:
+    """Return the persistent name of each device."""
     if not folder.is_dir():
         return {}
     return {str(link.resolve()): str(link) for link in sorted(folder.iterdir())}
@@ -95,18 +95,20 @@ def _port_info(port: ListPortInfo, names: dict[str, str]) -> PortInfo:
 
 
 def identity(address: str, ports: Sequence[PortInfo] | None = None) -> PortInfo | None:
-    """What is known about the board behind a device name; None for a URL, and for a device that is no USB board."""
+    """Return the port information of a device; None for a URL or an unknown device."""
     there = list_ports() if ports is None else ports
     real = os.path.realpath(address)
     return next((port for port in there if real in {os.path.realpath(port.device), port.by_id}), None)
 
 
 def find_again(board: PortInfo, ports: Sequence[PortInfo] | None = None) -> str:
-    """Where a board is now, empty if it is not there: its device may have another name after the cable was pulled.
+    """Return the current device of a board, empty if it is not connected.
+
+    The device name may have changed after the cable was unplugged.
 
     Args:
-        board: as `identity` knew it.
-        ports: what is plugged in; None looks.
+        board: the board, as returned by `identity`.
+        ports: connected ports; None lists them.
     """
     there = list_ports() if ports is None else ports
     for port in there:
@@ -120,25 +122,25 @@ def find_again(board: PortInfo, ports: Sequence[PortInfo] | None = None) -> str:
 
 
 def open_port(address: str, baud: int = 115200, *, dtr: bool | None = None) -> SerialPort:
-    """The port behind an address, for this program alone.
+    """Open a port for exclusive use.
 
     Args:
-        address: device, lasting name, or URL.
-        baud: its speed.
-        dtr: the wanted level of the line that resets many boards when it rises; None: as the system does, which raises
-            it. It is not let fall at the end, so the next one who opens the port resets nothing.
+        address: device, persistent name, or URL.
+        baud: baud rate.
+        dtr: level of the DTR line, whose rising edge resets many boards; None: the default of the system, which raises
+            it. DTR is not dropped on close, so opening the port again does not reset the board.
 
     Raises:
-        PortError: it does not exist, is in use, may not be opened, or cannot do this speed.
+        PortError: the port does not exist, is in use, may not be opened, or does not support this baud rate.
     """
-    # Nobody else can write into a TCP connection, and its handler would ignore the wish.
+    # A TCP connection is always exclusive, and its handler ignores this setting.
     exclusive = None if "://" in address else True
     try:
         port = serial.serial_for_url(
             address,
             baudrate=baud,
-            timeout=_GLANCE if address.startswith(_OVER_TELNET) else 0,
-            # pyserial's RFC 2217 refuses one; what it writes goes into a socket.
+            timeout=_TELNET_TIMEOUT if address.startswith(_OVER_TELNET) else 0,
+            # pyserial's RFC 2217 port rejects a write timeout; it writes into a socket.
             write_timeout=None if address.startswith(_OVER_TELNET) else _WRITE_TIMEOUT,
             exclusive=exclusive,
             do_not_open=True,
@@ -147,16 +149,16 @@ def open_port(address: str, baud: int = 115200, *, dtr: bool | None = None) -> S
             port.dtr = dtr
         port.open()
     except (serial.SerialException, OSError, ValueError, TypeError) as error:
-        raise _refused(address, error) from error
-    # The usual 16 ms of a USB-UART would cost two thirds of the speed. Not every port has the switch.
+        raise _open_error(address, error) from error
+    # The usual latency timer of 16 ms would cost two thirds of the throughput. Not every port supports the switch.
     with contextlib.suppress(AttributeError, NotImplementedError, OSError, ValueError):
         port.set_low_latency_mode(True)
-    _keep_dtr(port)
+    _preserve_dtr(port)
     return SerialPort(port, address)
 
 
-def _keep_dtr(port: serial.Serial) -> None:
-    """Let DTR stay when the port is closed, or its owner killed: a printer must not be reset by a host that goes."""
+def _preserve_dtr(port: serial.Serial) -> None:
+    """Keep DTR when the port is closed or the process is killed, so that the printer is not reset."""
     if sys.platform == "win32":
         return
     with contextlib.suppress(AttributeError, OSError, ValueError, termios.error):
@@ -166,54 +168,54 @@ def _keep_dtr(port: serial.Serial) -> None:
 
 
 class SerialPort:
-    """A transport over an open port of pyserial."""
+    """Transport over an open pyserial port."""
 
     def __init__(self, port: serial.Serial, address: str) -> None:
         self._port = port
         self._address = address
         self._descriptor = _descriptor(port)
-        self._ear, self._bell = os.pipe() if self._descriptor is not None else (-1, -1)
-        if self._bell >= 0:
-            os.set_blocking(self._ear, False)
-            os.set_blocking(self._bell, False)
+        self._wake_reader, self._wake_writer = os.pipe() if self._descriptor is not None else (-1, -1)
+        if self._wake_writer >= 0:
+            os.set_blocking(self._wake_reader, False)
+            os.set_blocking(self._wake_writer, False)
 
     def wake(self) -> None:
-        """End a `read` that waits, now or the next one. May be called by any thread, and by a signal handler."""
-        if self._bell >= 0:
-            # A full pipe wakes as well.
+        """Interrupt the current or the next `read`. May be called by any thread and by a signal handler."""
+        if self._wake_writer >= 0:
+            # A full pipe wakes the reader as well.
             with contextlib.suppress(BlockingIOError, OSError):
-                os.write(self._bell, b"!")
+                os.write(self._wake_writer, b"!")
         else:
             with contextlib.suppress(AttributeError, OSError, ValueError, TypeError):
                 self._port.cancel_read()
 
     def write(self, data: bytes) -> None:
-        """Hand over all bytes.
+        """Write all bytes.
 
         Raises:
-            PortError: the printer is gone, or takes nothing for 5 s.
+            PortError: the connection is lost, or the printer accepts no data for 5 s.
         """
-        with self._gone():
+        with self._port_errors():
             self._port.write(data)
 
     def read(self, timeout: float) -> bytes:
-        """What has come, as soon as there is something, empty after `timeout` seconds without.
+        """Return received bytes; empty if none arrive within `timeout` seconds.
 
         Raises:
-            PortError: the printer is gone.
+            PortError: the connection is lost.
         """
-        with self._gone():
+        with self._port_errors():
             if self._descriptor is not None:
-                # Changing pyserial's own timeout would configure the port anew, each time.
-                ready, _, _ = select.select([self._descriptor, self._ear], [], [], timeout)
-                if self._ear in ready:
-                    os.read(self._ear, _CHUNK)
+                # Changing pyserial's own timeout would reconfigure the port each time.
+                ready, _, _ = select.select([self._descriptor, self._wake_reader], [], [], timeout)
+                if self._wake_reader in ready:
+                    os.read(self._wake_reader, _CHUNK)
                 return bytes(self._port.read(_CHUNK)) if self._descriptor in ready else b""
             first = self._first_byte(timeout)
             return first + bytes(self._port.read(self._port.in_waiting)) if first else b""
 
     def _first_byte(self, timeout: float) -> bytes:
-        """A byte that has come within `timeout` seconds, or none."""
+        """Return one byte, or none if none arrives within `timeout` seconds."""
         if not self._address.startswith(_OVER_TELNET):
             self._port.timeout = timeout
             return bytes(self._port.read(1))
@@ -224,30 +226,30 @@ class SerialPort:
         return first
 
     def close(self) -> None:
-        """Let go of the port."""
+        """Close the port."""
         self._descriptor = None
-        for end in {self._ear, self._bell} - {-1}:
+        for end in {self._wake_reader, self._wake_writer} - {-1}:
             os.close(end)
-        self._ear = self._bell = -1
-        # A port whose cable was pulled may complain; there is nothing left to lose.
+        self._wake_reader = self._wake_writer = -1
+        # A port whose cable was unplugged may raise an error, which does not matter any more.
         with contextlib.suppress(OSError, ValueError):
             self._port.close()
 
     @contextlib.contextmanager
-    def _gone(self) -> Iterator[None]:
+    def _port_errors(self) -> Iterator[None]:
         try:
             yield
         except serial.SerialTimeoutException as error:
-            message = f"{self._address} takes no bytes"
-            raise PortError(message, remedy="switch the printer off and on, and look at the cable") from error
+            message = f"{self._address}: the printer accepts no data"
+            raise PortError(message, remedy="Switch the printer off and on, and check the cable") from error
         except (OSError, TypeError, ValueError) as error:
-            # pyserial says OSError for a pulled plug, TypeError or ValueError for a port that is closed.
-            message = f"{self._address} is gone: {error}"
-            raise PortError(message, remedy="look at cable and power of the printer") from error
+            # pyserial raises OSError for an unplugged cable, TypeError or ValueError for a closed port.
+            message = f"{self._address}: connection lost: {error}"
+            raise PortError(message, remedy="Check the cable and power of the printer") from error
 
 
 def _descriptor(port: serial.Serial) -> int | None:
-    """A file descriptor that `select` can wait for, None where there is none."""
+    """Return a file descriptor that `select` can wait for, None if there is none."""
     try:
         descriptor = port.fileno()
         select.select([descriptor], [], [], 0.0)
@@ -256,52 +258,56 @@ def _descriptor(port: serial.Serial) -> int | None:
     return int(descriptor)
 
 
-def _refused(address: str, error: Exception) -> PortError:
-    """Why a port cannot be opened, and the way out."""
+def _open_error(address: str, error: Exception) -> PortError:
+    """Return the error for a port that cannot be opened, with a remedy."""
     code = getattr(error, "errno", None)
     if code in {errno.EACCES, errno.EPERM}:
-        remedy = "sudo usermod -aG dialout $USER (on Arch: uucp), then log in again"
-        return PortError(f"{address}: you may not open it", remedy=remedy)
+        remedy = "Run sudo usermod -aG dialout $USER (on Arch: uucp), then log in again"
+        return PortError(f"{address}: permission denied", remedy=remedy)
     if code in {errno.EBUSY, errno.EAGAIN}:
-        remedy = "close the other program: a slicer, a monitor, a second copy of this one"
+        remedy = "Close the other program: a slicer, a serial monitor, or another print"
         owner = next(
             (f"{name} (process {number})" for number, name in holders(os.path.realpath(address))), ""
         )
         return PortError(f"{address} is in use by {owner or 'another program'}", remedy=remedy)
     if code in {errno.ENOENT, errno.ENODEV, errno.ENXIO}:
-        return PortError(f"there is no port {address}", remedy=_what_is_there(list_ports()))
+        return PortError(f"there is no port {address}", remedy=_available_ports(list_ports()))
     if code == errno.ENOTTY or "Inappropriate ioctl" in str(error):
-        return PortError(f"{address} is not a serial port", remedy=_what_is_there(list_ports()))
+        return PortError(f"{address} is not a serial port", remedy=_available_ports(list_ports()))
     if "://" in address:
-        remedy = "an address on the network is socket://HOST:PORT or rfc2217://HOST:PORT"
-        # pyserial passes on what goes wrong inside it when the number of the port is missing.
+        remedy = "Use socket://HOST:PORT or rfc2217://HOST:PORT for an address on the network"
+        # pyserial raises an internal error if the port number is missing.
         reason = "the port number is missing" if "NoneType" in str(error) else error
         return PortError(f"{address} cannot be opened: {reason}", remedy=remedy)
-    return PortError(f"{address} cannot be opened: {error}", remedy="look at the name and the speed")
+    return PortError(f"{address} cannot be opened: {error}", remedy="Check the port name and the baud rate")
 
 
-def _what_is_there(ports: list[PortInfo]) -> str:
+def _available_ports(ports: list[PortInfo]) -> str:
     if not ports:
-        return "no serial port was found: look at cable and power"
-    return "found: " + ", ".join(port.address for port in ports)
+        return "No serial port was found. Check the cable and power"
+    return "Available ports: " + ", ".join(port.address for port in ports)
 
 
 def holders(device: str, proc: Path = Path("/proc")) -> Iterator[tuple[int, str]]:
-    """Number and name of each other process that has a device open, named as links lead to it.
+    """Yield number and name of each other process that has a device open.
 
-    Those of other people are not to be seen, and nobody is found where there is no such folder. Source: Linux's
-    documentation of /proc/PID/fd and /proc/PID/comm.
+    Processes of other users are not visible, and systems without `proc` yield none. Source: Linux documentation of
+    /proc/PID/fd and /proc/PID/comm.
+
+    Args:
+        device: resolved path of the device.
+        proc: folder of the process file system.
     """
     for folder in sorted(proc.glob("[0-9]*")):
         if folder.name == str(os.getpid()):
             continue
-        # Processes come and go, and those of others do not show what they have open.
+        # Processes may end meanwhile, and those of other users do not show their open files.
         with contextlib.suppress(OSError):
-            if any(_leads(link, device) for link in (folder / "fd").iterdir()):
+            if any(_points_to(link, device) for link in (folder / "fd").iterdir()):
                 yield int(folder.name), (folder / "comm").read_text(errors="replace").strip()
 
 
-def _leads(link: Path, device: str) -> bool:
+def _points_to(link: Path, device: str) -> bool:
     try:
         return str(link.readlink()) == device
     except OSError:

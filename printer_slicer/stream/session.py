@@ -23,22 +23,22 @@ def run(  # noqa: PLR0913 - all but three have a good default
     record: Callable[[Sequence[Event]], None] = lambda _: None,
     longest_wait: float = 0.25,
 ) -> None:
-    """Stream until the printer is done, or halted; `streamer.state` tells which.
+    """Stream until the print is done or halted; `streamer.state` says which.
 
-    It may be left by any exception, such as Ctrl-C, and called again with the same streamer: what was cut off
-    on its way is found missing and sent again. So a caller may cancel in between and run the end script.
+    After any exception, such as Ctrl-C, it may be called again with the same streamer: truncated lines are detected and
+    sent again. So a caller may cancel in between and run the end script.
 
     Args:
-        streamer: what to say.
-        transport: whom to say it to.
-        clock: seconds, from any beginning, never backwards.
-        on_event: called with each event; it may call the methods of the streamer.
-        on_turn: called with the time before each sending: the place to grant what other threads wish.
-        record: called with the events, before the bytes that go with them are written.
-        longest_wait: s after which a wish of another thread, to pause or to stop, is noticed.
+        streamer: the streamer to run.
+        transport: connection to the printer.
+        clock: monotonic time, s.
+        on_event: called with each event; it may call methods of the streamer.
+        on_turn: called with the time before each write, to execute commands of other threads.
+        record: called with the events before the corresponding bytes are written.
+        longest_wait: maximum delay of a command from another thread, s.
 
     Raises:
-        PortError: the cable is gone.
+        PortError: the connection is lost.
     """
     while True:
         on_turn(clock())
@@ -49,7 +49,7 @@ def run(  # noqa: PLR0913 - all but three have a good default
             transport.write(data)
         for event in events:
             on_event(event)
-        # A listener may end the print, and that is told too.
+        # A listener may end the print, which causes further events.
         while events := streamer.events():
             record(events)
             for event in events:
@@ -62,21 +62,21 @@ def run(  # noqa: PLR0913 - all but three have a good default
 
 
 class Transport(Protocol):
-    """Bytes to and from a printer: a serial port, a socket, a simulated cable."""
+    """Byte stream to and from a printer: a serial port, a socket or a simulated cable."""
 
     def write(self, data: bytes) -> None:
-        """Hand over all bytes.
+        """Write all bytes.
 
         Raises:
-            PortError: the other end is gone or takes nothing.
+            PortError: the connection is lost or accepts no data.
         """
 
     def read(self, timeout: float) -> bytes:
-        """What has come, as soon as there is something, empty after `timeout` seconds without.
+        """Return received bytes; empty if none arrive within `timeout` seconds.
 
         Raises:
-            PortError: the other end is gone.
+            PortError: the connection is lost.
         """
 
     def close(self) -> None:
-        """Let go of it; once is enough, twice does no harm."""
+        """Close the connection; may be called again."""

@@ -1,4 +1,4 @@
-"""All states of a streamer and all ways from one to another. There are no others."""
+"""States of a streamer and all transitions between them."""
 
 from __future__ import annotations
 
@@ -12,33 +12,33 @@ __all__ = ["ENDED", "TRANSITIONS", "State", "Trigger"]
 
 
 class State(Enum):
-    """What the streamer is doing."""
+    """State of the streamer."""
 
     CONNECTING = "connecting"
-    """Asks until the printer answers and starts its line numbers anew."""
+    """Resets line numbers until the printer answers."""
     IDENTIFYING = "identifying"
-    """Waits for the answer to line 1, who are you: after it, a printer that wants line 1 was reset."""
+    """Waits for the firmware's answer to line 1; a printer that requests line 1 after that was reset."""
     STREAMING = "streaming"
     PAUSED = "paused"
-    """Sends nothing of the job, only what is injected."""
+    """Sends only injected commands, nothing of the job."""
     CANCELLING = "cancelling"
     """Sends the end script instead of the rest of the job."""
     FINISHING = "finishing"
-    """Waits until the motion ends and asks where the printer is."""
+    """Waits for the end of the motion and queries the position."""
     DONE = "done"
     HALTED = "halted"
 
 
 class Trigger(Enum):
-    """What may happen to it."""
+    """Event that changes the state."""
 
     GREETED = "the printer answered"
     IDENTIFIED = "line 1 is answered"
-    RESTARTED = "the printer has lost count"
+    RESTARTED = "the printer was reset"
     PAUSE = "pause"
     RESUME = "resume"
     CANCEL = "cancel"
-    ACCEPTED = "the printer took everything"
+    ACCEPTED = "the printer accepted everything"
     FINISH = "the motion ended"
     HALT = "halt"
 
@@ -83,6 +83,6 @@ TRANSITIONS: Final[Mapping[State, Mapping[Trigger, State]]] = {
     State.DONE: {},
     State.HALTED: {},
 }
-"""What is not listed has no effect."""
+"""A trigger that is not listed has no effect."""
 
 ENDED: Final = frozenset(state for state, ways in TRANSITIONS.items() if not ways)

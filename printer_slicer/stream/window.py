@@ -1,21 +1,21 @@
-"""How many lines may be in flight: two at first, one after an error, more only where that cannot do harm.
+"""Limit of lines in flight: two at first, one after an error, more only where it is safe.
 
-Why not always more: Marlin throws away what has arrived when a line is bad. What is still on the wire then begins in
-the middle of a line; without its number it needs no checksum, and is executed. With two lines in flight the second has
-arrived before the error is told, with three the third has not.
+More are not always safe: after a damaged line Marlin discards received data. The data that arrives next then starts in
+the middle of a line. Without a number it needs no checksum and is executed. With two lines in flight the second has
+arrived before the error is reported; with three the third has not.
 
-lines           where
-one             always, where the firmware does not look at line numbers, see `doubt`
-one             for 300 lines after any error or doubt on this cable, and never more than two again
-three and more  the firmware refuses lines without a number: it cannot execute the tail of one
-three and more  answers come sooner than the set speed of a serial port could bring them: the port is USB all the way,
-                which loses nothing and makes the sender wait
-three and more  `ok N P B`, which would show that a tail was executed, says that the planner runs dry, and there was no
-                error in 500 lines: the cable is good, and the printer needs them
-two             everywhere else
+lines          condition
+one            the firmware ignores line numbers, see `unacked_line`
+one            for 300 lines after any error on this cable, and never more than two again
+three or more  the firmware rejects lines without a number, so it cannot execute the tail of a line
+three or more  answers arrive faster than the baud rate allows: the link is native USB, which has flow control and
+               loses nothing
+three or more  `ok N P B` reports that the planner runs empty, and 500 lines had no error: the cable is good and the
+               printer needs the lines. Such oks would also reveal that the tail of a line was executed
+two            otherwise
 
-Three and more are never more than the commands that the firmware reads ahead, less one place kept free so that it can
-read M112; all of them where an emergency parser sees M112 as it arrives.
+The limit never exceeds the firmware's command queue. One place of it stays free so that the firmware can read M112,
+unless an emergency parser reads M112 as it arrives.
 """
 
 from __future__ import annotations
@@ -28,41 +28,41 @@ if TYPE_CHECKING:
 __all__ = ["QUESTION_ROOM", "Window"]
 
 QUESTION_ROOM: Final = 16
-"""Bytes of the window kept for a question about the lines in flight."""
+"""Bytes of the window reserved for a probe."""
 
 _CAREFUL_LINES: Final = 300
 """Lines sent one at a time after an error."""
 
 _CLEAN_LINES: Final = 200
-"""Lines without an error before more than two are sent."""
+"""Lines without an error before more than two may be in flight."""
 
 _CLEAN_FOR_ADVANCED: Final = 500
 
 _QUICK_ANSWERS: Final = 3
-"""Answers that came too soon for a serial port, before it is believed to be none."""
+"""Number of answers faster than the baud rate allows before the link counts as native USB."""
 
 _SHORTEST_ANSWER: Final = len("ok T:20.0 /0.0\n")
 _BITS: Final = 10  # of a byte, with start and stop
 _FAR_TOO_SOON: Final = 0.7
 
 _DRY: Final = 0.75
-"""Share of the planner that is free when it runs dry."""
+"""Free share of the planner from which it counts as running empty."""
 
 _DRY_ANSWERS: Final = 32
-"""Answers in a row that say so."""
+"""Number of consecutive answers that report it."""
 
 
 class Window:
     """The limit of lines and bytes in flight.
 
     Args:
-        lines: at first, and at most on a cable that is not known to be better.
-        size: bytes; the receive buffer holds one more.
-        baud: of the serial port, if that means anything; without it no port is found to be quicker.
+        lines: limit of lines at the start, and on any cable that is not known to be better.
+        size: limit of bytes; the receive buffer holds one more.
+        baud: baud rate of the serial port; None: native USB is not detected.
 
     Attributes:
-        lines: that may be in flight now.
-        size: bytes that may be in flight now.
+        lines: current limit of lines in flight.
+        size: current limit of bytes in flight.
     """
 
     def __init__(self, lines: int, size: int, baud: int | None = None) -> None:
@@ -70,35 +70,35 @@ class Window:
         self._first = lines
         self._baud = baud
         self._most = lines
-        self._places = 0  # commands read ahead, as `ok B` shows; 0 as long as it does not
-        self._planner = 0  # moves that fit into the planner, as `ok P` shows
-        self._dry = 0  # answers in a row that say that the planner runs dry
+        self._places = 0  # size of the command queue as `ok B` shows; 0 while unknown
+        self._planner = 0  # size of the planner as `ok P` shows
+        self._dry = 0  # consecutive answers that report an almost empty planner
         self._dialect: WireDialect | None = None
         self._parser = False
         self._careful = self._clean = self._quick = 0
         self._bad = False
 
     def set_dialect(self, dialect: WireDialect, *, emergency_parser: bool) -> None:
-        """The firmware is known now."""
+        """Apply the rules of the reported firmware."""
         self._dialect, self._parser = dialect, emergency_parser
         if not dialect.checks_line_numbers:
-            # A line behind a lost one would be executed without it.
+            # A line after a lost one would be executed without it.
             self._first = 1
         self._settle()
 
     @property
-    def careful(self) -> bool:
-        """Whether an error was not long ago."""
+    def is_careful(self) -> bool:
+        """Return whether there was an error recently."""
         return self._careful > 0
 
-    def error(self) -> None:
-        """A line or an answer was lost or damaged: one line at a time for a while, and never more than two again."""
+    def on_error(self) -> None:
+        """Handle a lost or damaged line or answer: one line at a time for a while, then never more than two."""
         self._careful = _CAREFUL_LINES
         self._bad = True
         self.lines = 1
 
-    def accepted(self, count: int) -> None:
-        """So many lines were accepted."""
+    def on_accepted(self, count: int) -> None:
+        """Count accepted lines."""
         self._clean += count
         if self._careful:
             self._careful = max(0, self._careful - count)
@@ -107,22 +107,22 @@ class Window:
         elif self._clean % _CLEAN_LINES < count:
             self._settle()
 
-    def timed(self, size: int, seconds: float) -> None:
-        """A question of `size` bytes was answered in so many seconds, by what answers nothing else."""
+    def on_probe_answer(self, size: int, seconds: float) -> None:
+        """Record the response time, s, of a probe of `size` bytes."""
         if self._baud is None:
             return
         soonest = (size + _SHORTEST_ANSWER) * _BITS / self._baud
         self._quick = self._quick + 1 if seconds < _FAR_TOO_SOON * soonest else 0
 
-    def heard(self, planner: int, places: int) -> None:
-        """An ok told the free places of the planner and of the command queue."""
+    def on_queue_report(self, planner: int, places: int) -> None:
+        """Handle an ok that reports the free places of the planner and of the command queue."""
         self._planner = max(self._planner, planner)
-        # The command that is answered still holds its place.
+        # The acknowledged command still occupies its place.
         self._places = max(self._places, places + 1)
         self._dry = self._dry + 1 if planner >= _DRY * self._planner else 0
 
     def _settle(self) -> None:
-        """Set the limits anew."""
+        """Recompute the limits."""
         if self._careful:
             return
         self.lines = self._first

@@ -196,7 +196,7 @@ def test_a_port_that_somebody_else_prints_on_is_a_port_error(tmp_path: Path) -> 
         outcome = typed("print", BOX, "--port", "port", "-q", *QUICK, cwd=tmp_path)
 
     assert outcome.code == 4
-    assert is_message(outcome, "port is in use", "close the other program")
+    assert is_message(outcome, "port is in use", "Close the other program")
 
 
 # Not to the end
@@ -431,7 +431,7 @@ def test_a_print_over_a_bad_cable_says_so_while_it_runs_and_at_its_end(tmp_path:
     assert outcome.code == 0, outcome.err
     if json_:
         told = events(outcome.out)
-        warnings = [event for event in told if event["event"] == "poorlink"]
+        warnings = [event for event in told if event["event"] == "poor_link"]
         last = told[-1]["link"]["warning"]
         assert warnings
         assert warnings[0]["resends"] + warnings[0]["lost_answers"] <= last["resends"] + last["lost_answers"]

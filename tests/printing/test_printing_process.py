@@ -289,7 +289,7 @@ def test_a_printer_that_was_reset_while_it_was_away_is_not_taken_up(tmp_path: Pa
 
     assert isinstance(printing.error, PrintError)
     assert re.fullmatch(
-        rf"job\.gcode: {tmp_path}/port is gone: [^;]+; it is back, but it took line 0 last, and line \d+ is on record"
+        rf"job\.gcode: {tmp_path}/port: connection lost: [^;]+; reconnected, but its last accepted line is 0, not \d+"
         r" \(after \d+ of 604 commands\)\n  look at the printer, [^;]+; the part is not finished; printer-slicer resume"
         r" goes on with it",
         str(printing.error),

@@ -51,10 +51,10 @@ def found_by_next_host(rig: Rig) -> ResumePlan:
     assert rig.folder is not None
     rig.port.read(0.05)
     journal_data = read_journal(rig.folder)
-    attach = query_printer(rig.port, rig.port.now, journal_data, rig.journal)
-    found = find_resume_plan(journal_data, attach, rig.commands, find_object_spans(rig.text.encode()), SETUP)
+    resync = query_printer(rig.port, rig.port.now, journal_data, rig.journal)
+    found = find_resume_plan(journal_data, resync, rig.commands, find_object_spans(rig.text.encode()), SETUP)
     assert rig.journal
-    rig.journal.accepted(attach.questions()[-1][0], found.entries, rig.port.now())
+    rig.journal.accepted(resync.queries()[-1][0], found.entries, rig.port.now())
     return found
 
 

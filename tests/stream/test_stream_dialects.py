@@ -8,7 +8,7 @@ from conversation import HOT, Conversation, first, lines_of, moves, printing
 from printer_slicer.errors import UsageError
 from printer_slicer.firmware import WIRE_DIALECTS, get_wire_dialect, wire_dialect_name
 from printer_slicer.gcode.lexer import parse
-from printer_slicer.stream.events import Finished, Halted, Identified, Probe, ResendAsked
+from printer_slicer.stream.events import Finished, Halted, Identified, Probe, ResendRequested
 from printer_slicer.stream.framing import checksum, frame_crc
 from printer_slicer.stream.protocol import Streamer
 from printer_slicer.stream.replies import LineError, Resend, read_reply
@@ -124,7 +124,7 @@ def test_more_than_two_lines_go_out_where_a_tail_is_refused_and_no_error_was_see
     talk.waits(1.0)
     after = accept(talk, 800)
     assert max(after) <= 2
-    assert talk.streamer._flight.ledger.in_flight <= 2
+    assert talk.streamer._tracker.history.in_flight <= 2
 
 
 def test_more_than_two_lines_never_go_out_where_a_tail_would_be_executed() -> None:
@@ -135,7 +135,7 @@ def test_more_than_two_lines_never_go_out_where_a_tail_would_be_executed() -> No
 
 def advanced(talk: Conversation, count: int, planner: int) -> int:
     """Lines sent for so many numbered oks that tell so many free places of the planner."""
-    begin = talk.streamer._flight.ledger.accepted + 1
+    begin = talk.streamer._tracker.history.accepted + 1
     return sum(len(talk.says(f"ok N{begin + i} P{planner} B3")) for i in range(count))
 
 
@@ -144,7 +144,7 @@ def test_more_go_out_when_numbered_oks_tell_that_the_planner_runs_dry() -> None:
     assert len(out) == 2
 
     assert advanced(talk, 700, planner=15) == 702  # four places, and a parser that sees M112 behind them
-    assert talk.streamer._flight.ledger.in_flight == 4
+    assert talk.streamer._tracker.history.in_flight == 4
 
 
 def test_a_full_planner_needs_no_more_than_two() -> None:
@@ -158,12 +158,12 @@ def test_a_port_that_is_quicker_than_its_speed_allows_is_none() -> None:
     window = Window(2, 127, 115_200)
     window.set_dialect(WIRE_DIALECTS["marlin"], emergency_parser=False)
     for _ in range(3):
-        window.timed(17, 0.001)
-    window.accepted(200)
+        window.on_probe_answer(17, 0.001)
+    window.on_accepted(200)
 
     assert (window.lines, window.size) == (3, 6 * 96)
-    window.timed(17, 0.1)
-    window.accepted(200)
+    window.on_probe_answer(17, 0.1)
+    window.on_accepted(200)
     assert window.lines == 2
 
 
@@ -171,8 +171,8 @@ def test_without_a_speed_no_port_is_too_quick() -> None:
     window = Window(2, 127)
     window.set_dialect(WIRE_DIALECTS["marlin"], emergency_parser=False)
     for _ in range(9):
-        window.timed(17, 0.0)
-    window.accepted(400)
+        window.on_probe_answer(17, 0.0)
+    window.on_accepted(400)
 
     assert window.lines == 2
 
@@ -208,7 +208,7 @@ def test_the_count_brings_a_lost_line_out() -> None:
     talk.waits(31.5)
 
     assert talk.says("echo: M110 N3", "ok") == [b"\n" + first(4, "G1 X2")]
-    assert talk.happened(ResendAsked) == [ResendAsked(4)]
+    assert talk.happened(ResendRequested) == [ResendRequested(4)]
     assert talk.streamer.acknowledged == 1
 
 
@@ -287,7 +287,7 @@ def test_what_cannot_be_known_ends_the_print() -> None:
 
     (halted,) = talk.happened(Halted)
     assert isinstance(halted, Halted)
-    assert halted.reason == "nobody can know whether line 6 was executed: G2 X0 Y0 I5 F6000"
+    assert halted.reason == "unknown whether line 6 was executed: G2 X0 Y0 I5 F6000"
     assert halted.acknowledged == 3
 
 
@@ -324,15 +324,15 @@ def test_some_commands_are_the_same_twice(command: bytes, relative: bool, same: 
 
 def test_a_position_that_fits_both_or_neither_tells_nothing() -> None:
     before, after = (0.0, 0.0, 0.0, 0.0), (1.0, 0.0, 0.0, None)
-    doubt = UnackedLine(before, after, repeatable=False)
+    unacked = UnackedLine(before, after, repeatable=False)
 
     for place in ((5.0, 0.0, 0.0, 0.0), None):
-        doubt.place = place
-        assert doubt.closed() is LineFate.OPEN
-    doubt.bare_ok()
-    doubt.bare_ok()
-    assert doubt.closed() is LineFate.EXECUTED
-    assert UnackedLine(before, before, repeatable=True).closed() is LineFate.LOST
+        unacked.position = place
+        assert unacked.resolve() is LineFate.OPEN
+    unacked.on_bare_ok()
+    unacked.on_bare_ok()
+    assert unacked.resolve() is LineFate.EXECUTED
+    assert UnackedLine(before, before, repeatable=True).resolve() is LineFate.LOST
 
 
 # Where an ok means read.
@@ -413,7 +413,7 @@ def test_a_storm_of_requests_without_ok_is_obeyed_a_few_times_and_then_ends_the_
     assert talk.streamer.state is State.HALTED
     (halted,) = talk.happened(Halted)
     assert isinstance(halted, Halted)
-    assert "does not accept line 3" in halted.reason
+    assert "keeps rejecting line 3" in halted.reason
 
 
 def test_remains_that_say_nothing_are_not_taken_for_the_answer_to_a_line() -> None:

@@ -25,9 +25,7 @@ def test_silence_is_an_alarm_only_while_something_is_hot() -> None:
     assert dog.check(14.9) is None
     alarm = dog.check(15.0)
     assert alarm == HeaterAlarm(10.0, (("T", 200.0),))
-    assert (
-        str(alarm) == "no answer and no report for 10 s while heaters are on (T 200 °C): look at the printer"
-    )
+    assert str(alarm) == "no answer from the printer for 10 s while heaters are on (T 200 °C): check the printer"
 
 
 def test_what_the_host_does_by_itself_is_no_sign_of_the_printer() -> None:
@@ -97,7 +95,7 @@ def test_firmware_without_thermal_protection_is_worth_a_warning() -> None:
     )
     assert dog.heard(Identified("Marlin", (("THERMAL_PROTECTION", True),)), 0.0) is None
     assert dog.heard(Identified("Marlin", ()), 0.0) is None
-    assert "stay with the printer" in str(NoThermalProtection(""))
+    assert "do not leave it unattended" in str(NoThermalProtection(""))
 
 
 @pytest.mark.parametrize("firmware", FRONT_ENDS)

@@ -17,7 +17,7 @@ from printer_slicer.sim.link import Damage, VirtualPort
 from printer_slicer.sim.machine import Machine
 from printer_slicer.sim.printer import SimulatedPrinter
 from printer_slicer.sim.tally import Report
-from printer_slicer.stream.events import Event, PoorLink, ResendAsked
+from printer_slicer.stream.events import Event, PoorLink, ResendRequested
 from printer_slicer.stream.link_meter import LinkMeter, LinkStatistics, MeteredTransport, poor_link
 from printer_slicer.stream.protocol import Streamer
 from printer_slicer.stream.session import run
@@ -58,8 +58,8 @@ def seen(
     port = VirtualPort(printer, baud=baud, latency=latency, damage=damage)
     meter = LinkMeter(LIMITS)
     streamer = Streamer(commands, limits=LIMITS, window_lines=window)
-    run(streamer, MeteredTransport(port, meter, port.now), port.now, on_event=meter.heard)
-    return meter.seen(), printer.report()
+    run(streamer, MeteredTransport(port, meter, port.now), port.now, on_event=meter.on_event)
+    return meter.statistics(), printer.report()
 
 
 @pytest.mark.parametrize("front_end", [MARLIN_2_1, MARLIN_2_1_ADVANCED], ids=["plain", "advanced"])
@@ -68,15 +68,15 @@ def test_what_it_counts_is_what_the_printer_counts(front_end: FrontEnd, baud: in
     told, counted = seen(circle(1500), baud=baud, front_end=front_end)
 
     assert told.lines == counted.lines - 1  # one has no number: the greeting
-    assert (told.resends, told.repeated, told.questions) == (0, 0, 0)
-    assert told.stalls == pytest.approx(counted.starvations, rel=0.1, abs=3)
-    assert told.stalled_seconds == pytest.approx(counted.starved_seconds, rel=0.1, abs=0.05)
+    assert (told.resends, told.resent_lines, told.lost_answers) == (0, 0, 0)
+    assert told.underruns == pytest.approx(counted.starvations, rel=0.1, abs=3)
+    assert told.underrun_seconds == pytest.approx(counted.starved_seconds, rel=0.1, abs=0.05)
 
 
 def test_a_link_that_is_quick_enough_is_not_waited_for() -> None:
     told, counted = seen(circle(1500), baud=500_000)
 
-    assert (told.stalls, counted.starvations) == (0, 0)
+    assert (told.underruns, counted.starvations) == (0, 0)
     assert 220 < told.lines_per_second < 300  # the way to the circle takes its time, too
 
 
@@ -97,7 +97,7 @@ def test_answers_that_a_full_planner_holds_back_are_no_latency() -> None:
 
     assert told.latency_95 is not None
     assert told.latency_95 < 0.02
-    assert told.stalls == 0
+    assert told.underruns == 0
 
 
 def test_time_that_commands_take_for_themselves_does_not_make_the_link_slow() -> None:
@@ -114,9 +114,9 @@ def test_resends_and_questions_are_counted() -> None:
 
     assert counted.line_errors > 5
     assert told.resends == pytest.approx(counted.resends, abs=3)  # some requests are damaged on their way
-    assert told.repeated >= told.resends
+    assert told.resent_lines >= told.resends
     assert told.lines >= 2000
-    assert told.questions > 0
+    assert told.lost_answers > 0
 
 
 @given(st.lists(st.binary(max_size=40)), st.lists(st.binary(max_size=40)))
@@ -126,17 +126,17 @@ def test_any_bytes_are_taken(there: list[bytes], back: list[bytes]) -> None:
         meter.sent(data, i)
     for i, data in enumerate([*back, b"\nok\nok N9\nResend: 2\nok\nok\nok\n"]):
         meter.received(data, 1000.0 + i)
-    told = meter.seen()
+    told = meter.statistics()
 
     assert told.lines >= 0
     assert str(told)
 
 
 def test_nothing_seen_is_said_as_such() -> None:
-    told = LinkMeter().seen()
+    told = LinkMeter().statistics()
 
     assert (told.lines, told.lines_per_second, told.latency) == (0, 0.0, None)
-    assert "no answer" in str(told)
+    assert "latency unknown" in str(told)
 
 
 def test_it_does_not_matter_how_bytes_are_cut() -> None:
@@ -149,8 +149,8 @@ def test_it_does_not_matter_how_bytes_are_cut() -> None:
     for byte in answers:
         meters[1].received(bytes([byte]), 10.0)
 
-    assert meters[0].seen() == meters[1].seen()
-    assert meters[0].seen().lines == 3
+    assert meters[0].statistics() == meters[1].statistics()
+    assert meters[0].statistics().lines == 3
 
 
 def test_an_ok_that_names_its_line_counts_even_right_behind_a_request() -> None:
@@ -158,7 +158,7 @@ def test_an_ok_that_names_its_line_counts_even_right_behind_a_request() -> None:
     for number in (1, 2):
         meter.sent(b"N%d G1 X%d F600*99\n" % (number, number), float(number))
     meter.received(b"Resend: 2\nok N1 P15 B3\n", 3.0)
-    assert meter.seen().lines == 1
+    assert meter.statistics().lines == 1
 
 
 def test_without_limits_it_counts_and_does_not_judge_stalls() -> None:
@@ -166,8 +166,8 @@ def test_without_limits_it_counts_and_does_not_judge_stalls() -> None:
     for number, command in enumerate([b"G28", b"G1 X5 F600", b"G4 P100"], 1):
         meter.sent(b"N%d %s*99\n" % (number, command), float(number))
         meter.received(b"ok\n", number + 0.5)
-    told = meter.seen()
-    assert (told.lines, told.stalls, told.stalled_seconds) == (3, 0, 0.0)
+    told = meter.statistics()
+    assert (told.lines, told.underruns, told.underrun_seconds) == (3, 0, 0.0)
 
 
 def test_what_it_listens_to_is_closed_with_it() -> None:
@@ -192,8 +192,8 @@ def test_a_bad_cable_is_warned_of_while_printing_and_at_the_end() -> None:
     meter, told, resends = LinkMeter(LIMITS), list[PoorLink](), list[Event]()
 
     def hear(event: Event) -> None:
-        meter.heard(event)
-        resends.extend([event] if isinstance(event, ResendAsked) else [])
+        meter.on_event(event)
+        resends.extend([event] if isinstance(event, ResendRequested) else [])
         told.extend(meter.warnings())
 
     run(
@@ -202,7 +202,7 @@ def test_a_bad_cable_is_warned_of_while_printing_and_at_the_end() -> None:
         port.now,
         on_event=hear,
     )
-    last = meter.seen().warning
+    last = meter.statistics().warning
 
     assert last is not None
     assert last.resends == len(resends) > 20
@@ -210,7 +210,7 @@ def test_a_bad_cable_is_warned_of_while_printing_and_at_the_end() -> None:
     assert f"{last.resends} resends" in last.text
     assert "per 1000 lines" in last.text
     assert "undetected damage is likely" in last.text
-    assert "use a short cable" in last.text
+    assert "Use a short cable" in last.text
     assert told
     assert told[0].lines < last.lines / 2
     # Each one tells of at least twice as much as the one before.

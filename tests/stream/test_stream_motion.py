@@ -21,11 +21,11 @@ def follow(*commands: str) -> tuple[MachineState, list[Move | None]]:
 
 
 def waits(*commands: str, limits: MotionLimits | None = LIMITS) -> list[float]:
-    tracker, patience = MachineState(), ResponseTimeout(limits)
+    tracker, timeout = MachineState(), ResponseTimeout(limits)
     allowed = []
     for command in commands:
         word, values = parse(command.encode())
-        allowed.append(patience.allow(word, values, tracker.apply(word, values)))
+        allowed.append(timeout.estimate(word, values, tracker.apply(word, values)))
     return allowed
 
 

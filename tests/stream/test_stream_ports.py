@@ -51,7 +51,7 @@ def test_a_device_can_be_opened_only_once() -> None:
     ):
         open_port(name)
 
-    assert "close the other program" in caught.value.remedy
+    assert "Close the other program" in caught.value.remedy
 
 
 def test_a_printer_that_vanishes_while_it_is_read_is_reported() -> None:
@@ -61,10 +61,10 @@ def test_a_printer_that_vanishes_while_it_is_read_is_reported() -> None:
     os.close(slave)
     os.close(master)
 
-    with pytest.raises(PortError, match="is gone") as caught:
+    with pytest.raises(PortError, match="connection lost") as caught:
         port.read(1.0)
     assert "cable" in caught.value.remedy
-    with pytest.raises(PortError, match="is gone"):
+    with pytest.raises(PortError, match="connection lost"):
         port.write(b"M105\n")
     port.close()
 
@@ -84,7 +84,7 @@ def test_a_closed_port_neither_reads_nor_writes_and_can_be_closed_again() -> Non
 def test_a_printer_that_takes_nothing_is_reported() -> None:
     with terminal() as (_, name):
         inner = serial.Serial(name, timeout=0, write_timeout=0.01)
-        with closing(SerialPort(inner, name)) as port, pytest.raises(PortError, match="takes no bytes"):
+        with closing(SerialPort(inner, name)) as port, pytest.raises(PortError, match="accepts no data"):
             port.write(b"x" * 1_000_000)
 
 
@@ -107,7 +107,7 @@ def test_bytes_pass_both_ways_through_a_socket() -> None:
             thread.join()
 
             assert heard == b"heard M105\n"
-            with pytest.raises(PortError, match="is gone"):
+            with pytest.raises(PortError, match="connection lost"):
                 port.read(5.0)
 
 
@@ -122,7 +122,7 @@ def test_a_missing_port_is_reported_with_those_that_exist() -> None:
     with pytest.raises(PortError, match="there is no port /dev/does-not-exist") as caught:
         open_port("/dev/does-not-exist")
 
-    assert "found" in caught.value.remedy
+    assert "Available ports" in caught.value.remedy
 
 
 def test_a_port_that_cannot_do_what_is_asked_is_reported() -> None:
@@ -137,20 +137,20 @@ def test_a_port_that_cannot_do_what_is_asked_is_reported() -> None:
 @pytest.mark.parametrize(
     ("code", "message", "remedy"),
     [
-        (errno.EACCES, "you may not open it", "dialout"),
-        (errno.EBUSY, "in use by another program", "close the other program"),
-        (errno.ENODEV, "there is no port", "found"),
-        (errno.EIO, "cannot be opened", "speed"),
+        (errno.EACCES, "permission denied", "dialout"),
+        (errno.EBUSY, "in use by another program", "Close the other program"),
+        (errno.ENODEV, "there is no port", "Available ports"),
+        (errno.EIO, "cannot be opened", "baud rate"),
     ],
 )
 def test_every_refusal_of_the_system_has_a_remedy(code: int, message: str, remedy: str) -> None:
-    error = serial_port._refused("/dev/ttyACM0", serial.SerialException(code, os.strerror(code)))
+    error = serial_port._open_error("/dev/ttyACM0", serial.SerialException(code, os.strerror(code)))
 
     assert message in str(error)
     assert remedy in error.remedy
 
 
-def test_ports_are_listed_by_their_lasting_names(tmp_path: Path) -> None:
+def test_ports_are_listed_by_their_persistent_names(tmp_path: Path) -> None:
     device = tmp_path / "ttyACM0"
     device.touch()
     by_id = tmp_path / "by-id"
@@ -159,7 +159,7 @@ def test_ports_are_listed_by_their_lasting_names(tmp_path: Path) -> None:
 
     raw = ListPortInfo(str(device))
     raw.description, raw.vid, raw.pid, raw.serial_number = "Printer", 0x2C99, 0x0002, "42"
-    names = serial_port._lasting_names(by_id)
+    names = serial_port._persistent_names(by_id)
     info = serial_port._port_info(raw, names)
 
     assert info == PortInfo(str(device), str(by_id / "usb-Printer_42"), "Printer", 0x2C99, 2, "42")
@@ -167,7 +167,7 @@ def test_ports_are_listed_by_their_lasting_names(tmp_path: Path) -> None:
 
 
 def test_a_port_without_a_lasting_name_is_opened_by_its_device(tmp_path: Path) -> None:
-    info = serial_port._port_info(ListPortInfo("/dev/ttyS0"), serial_port._lasting_names(tmp_path / "none"))
+    info = serial_port._port_info(ListPortInfo("/dev/ttyS0"), serial_port._persistent_names(tmp_path / "none"))
 
     assert info.address == "/dev/ttyS0"
     assert info.vid is None
@@ -183,5 +183,5 @@ def test_the_list_of_ports_of_this_computer_can_be_made() -> None:
 def test_the_remedy_for_a_missing_port_names_the_ports_that_exist() -> None:
     found = [PortInfo("/dev/ttyACM0", "", "", None, None, "")]
 
-    assert serial_port._what_is_there(found) == "found: /dev/ttyACM0"
-    assert "no serial port was found" in serial_port._what_is_there([])
+    assert serial_port._available_ports(found) == "Available ports: /dev/ttyACM0"
+    assert "No serial port was found" in serial_port._available_ports([])

@@ -12,7 +12,7 @@ from printer_slicer.stream.events import (
     Halted,
     Message,
     Probe,
-    ResendAsked,
+    ResendRequested,
     Temperature,
 )
 from printer_slicer.stream.protocol import Streamer
@@ -96,7 +96,7 @@ def test_every_way_to_ask_for_a_line_is_understood(request_line: str, bytewise: 
     out = talk.says(request_line, "ok", request_line, "ok")
 
     assert out == [again(4, "G1 X2")]
-    assert talk.happened(ResendAsked) == [ResendAsked(4)]
+    assert talk.happened(ResendRequested) == [ResendRequested(4)]
 
 
 def test_firmware_that_refuses_every_line_behind_the_bad_one_gets_them_once(bytewise: bool) -> None:
@@ -106,7 +106,7 @@ def test_firmware_that_refuses_every_line_behind_the_bad_one_gets_them_once(byte
     assert talk.says(*refused_for_its_number(3)) == [again(3, "G1 X1")]
     assert talk.says("ok") == [again(4, "G1 X2")]
     assert talk.says("ok") == [first(5, "G1 X3")]
-    assert talk.happened(ResendAsked) == [ResendAsked(3)]
+    assert talk.happened(ResendRequested) == [ResendRequested(3)]
 
 
 def test_firmware_that_empties_its_buffer_gets_them_once_after_a_moment(bytewise: bool) -> None:
@@ -175,7 +175,7 @@ def test_ten_equal_requests_end_it_with_a_reason(bytewise: bool) -> None:
     assert repeats == [[again(4, "G90")]] * 9 + [[]]
     assert talk.streamer.state is State.HALTED
     assert talk.happened(Halted) == [
-        Halted("the printer does not accept line 4, whatever is sent", 1),
+        Halted("the printer keeps rejecting line 4", 1),
     ]
 
 
@@ -269,14 +269,14 @@ def test_a_printer_that_was_reset_gets_nothing_more(bytewise: bool) -> None:
     assert talk.waits(60.0) == []
     assert talk.streamer.done
     (halted,) = talk.happened(Halted)
-    assert halted == Halted("the printer was reset: it wants line 1, and line 8 is next", 3)
+    assert halted == Halted("the printer was reset: it requests line 1, but line 8 is next", 3)
 
 
 def test_a_printer_that_starts_in_the_middle_gets_nothing_more(bytewise: bool) -> None:
     talk, _ = printing(moves(9), bytewise=bytewise)
 
     assert talk.says("start", "ok", "ok") == []
-    assert talk.happened(Halted) == [Halted("the printer was reset: it has just started", 0)]
+    assert talk.happened(Halted) == [Halted("the printer was reset: it has restarted", 0)]
 
 
 def test_the_end_is_told_last_also_if_it_comes_with_an_answer(bytewise: bool) -> None:
@@ -284,7 +284,7 @@ def test_the_end_is_told_last_also_if_it_comes_with_an_answer(bytewise: bool) ->
 
     talk.says("ok", "start", "ok")
 
-    assert talk.events[-2:] == [Accepted(1), Halted("the printer was reset: it has just started", 1)]
+    assert talk.events[-2:] == [Accepted(1), Halted("the printer was reset: it has restarted", 1)]
 
 
 def test_a_reset_that_is_told_without_an_error_is_believed_the_second_time(bytewise: bool) -> None:
@@ -591,11 +591,11 @@ def test_a_printer_that_lost_count_never_gets_the_job_again() -> None:
 
 
 def test_a_ledger_forgets_old_lines() -> None:
-    ledger = SendHistory()
+    history = SendHistory()
     for number in range(1, 1001):
-        ledger.add(b"G1 X%d" % number, number, 1.0)
-        ledger.take(0.0)
-        ledger.accept(number)
+        history.add(b"G1 X%d" % number, number, 1.0)
+        history.send_next(0.0)
+        history.accept(number)
 
-    assert len(ledger._lines) < 64
-    assert ledger.proven == 1000 - 16
+    assert len(history._lines) < 64
+    assert history.proven == 1000 - 16

@@ -29,7 +29,7 @@ from printer_slicer.sim.machine import Machine
 from printer_slicer.sim.printer import SimulatedPrinter
 from printer_slicer.stream.events import Accepted, Event, Finished, Halted
 from printer_slicer.stream.protocol import Streamer
-from printer_slicer.stream.send_queue import SAME_PLACE
+from printer_slicer.stream.send_queue import POSITION_TOLERANCE
 from printer_slicer.stream.session import run
 
 __all__ = ["dry_run", "layer_counter"]
@@ -218,5 +218,5 @@ def _finished(said: str, job: Job) -> Finished:
         cancelled=False,
         position=position,
         expected=job.end,
-        verified=max(misses) <= SAME_PLACE if misses else None,
+        verified=max(misses) <= POSITION_TOLERANCE if misses else None,
     )
