@@ -159,7 +159,7 @@ class Granting:
     def __init__(self) -> None:
         self.wanted: list[object] = []
 
-    def want(self, request: Request) -> None:
+    def submit(self, request: Request) -> None:
         self.wanted.append(request.command)
         request.done("the printer was told to halt")
 

@@ -85,22 +85,22 @@ CALLS: Final[dict[str, tuple[Callable[[], Any], str, str]]] = {
     ),
     "a line break in a command": (
         lambda: check_commands([b"G1 X1", b"G1 X2\nG1 X3"]),
-        "line 2 holds a line break or a NUL inside: 'G1 X2\\nG1 X3'",
-        "one command per line",
+        "line 2 contains a line break or a NUL: 'G1 X2\\nG1 X3'",
+        "each command on its own line",
     ),
     "a command that printers cut": (
         lambda: check_commands([b"M117 " + b"x" * 200]),
         "line 1 is 205 bytes long: 'M117 xxx",
-        "shorten it to",
+        "Shorten it to",
     ),
-    "a wish for nothing": (lambda: parse_command(""), "nothing: not known", "one of "),
-    "a wish that there is not": (lambda: parse_command("dance"), "dance: not known", "pause"),
+    "a command for nothing": (lambda: parse_command(""), "unknown command", "Use one of "),
+    "an unknown command": (lambda: parse_command("dance"), "unknown command 'dance'", "pause"),
     "a pause of no kind": (
         lambda: parse_command("pause soon"),
-        "pause soon: not known",
+        "unknown option 'soon' of pause",
         "pause [now] [cold] [here]",
     ),
-    "a speed that is none": (lambda: parse_command("speed fast"), "fast: expected", "give a number"),
+    "a speed that is none": (lambda: parse_command("speed fast"), "fast: expected", "Enter a number"),
 }
 
 

@@ -140,7 +140,9 @@ class progress:  # noqa: N801 - used like a function
             self._bar(done)
 
 
-def print_with(arguments: argparse.Namespace, job: Job, checkpoint: Path, begin: Callable[..., PrintResult]) -> int:
+def print_with(
+    arguments: argparse.Namespace, job: Job, checkpoint: Path, begin: Callable[..., PrintResult]
+) -> int:
     """Print with progress and keys, and print the result.
 
     Args:

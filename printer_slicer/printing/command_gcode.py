@@ -1,4 +1,4 @@
-"""Wishes that are one command each, in the words of the firmware."""
+"""G-code of the commands that consist of one G-code line."""
 
 from __future__ import annotations
 
@@ -15,7 +15,9 @@ __all__ = ["GCODE_COMMANDS", "gcode_for"]
 
 def _baby_step(command: commands.BabyStep, firmware: Firmware, who: Identified | None) -> bytes:
     if who is not None and ("BABYSTEPPING", False) in who.capabilities:
-        raise UsageError("this firmware has no baby-steps", remedy="build it with BABYSTEPPING")
+        raise UsageError(
+            "this firmware does not support baby-steps", remedy="Build the firmware with BABYSTEPPING"
+        )
     return firmware.baby_step_command(command.mm)
 
 
@@ -29,13 +31,13 @@ GCODE_COMMANDS: Final[Mapping[type, Callable[[Any, Firmware, Identified | None],
     commands.Say: lambda command, *_: command.gcode.encode("utf-8", "replace"),
     commands.BabyStep: _baby_step,
 }
-"""Kind of wish to command: the wish, the firmware, and what it says that it can do."""
+"""Function that builds the G-code of each kind of command, from the command, the firmware and its capabilities."""
 
 
 def gcode_for(command: commands.PrintCommand, firmware: Firmware, who: Identified | None) -> bytes:
-    """The command that grants a wish of one of these kinds.
+    """Return the G-code of a command of one of these kinds.
 
     Raises:
-        UsageError: the firmware cannot.
+        UsageError: the firmware does not support it.
     """
     return GCODE_COMMANDS[type(command)](command, firmware, who)

@@ -1,13 +1,13 @@
-"""What a person, or a program, may want of a running print: one value per wish, and how it is typed.
+"""Commands for a running print, and how they are typed.
 
-pause [now] [cold] [here]     when what is planned has ended, or at once; without heat; without parking
+pause [now] [cold] [here]     pause after the planned moves or at once; let the nozzle cool down; do not park
 resume, cancel, stop          stop halts the printer like its emergency button
-object NAME                   give up one of several things on the plate
-speed PERCENT, flow PERCENT   factors over what the file says
+object NAME                   cancel one object on the plate
+speed PERCENT, flow PERCENT   factors on the values in the file
 nozzle C, bed C, fan PERCENT
-babystep MM                   nozzle up, or down with a minus sign
-say COMMAND                   one line of G-code
-answer N                      press a button of the printer's question
+babystep MM                   move the nozzle up, or down if negative
+say COMMAND                   send one line of G-code
+answer N                      press a button of the printer's prompt
 status
 """
 
@@ -42,12 +42,12 @@ __all__ = [
 
 @dataclass(frozen=True, slots=True)
 class Pause:
-    """Pause.
+    """Pause the print.
 
     Attributes:
-        now: stop within the planned moves, not behind them.
-        cold: let the nozzle cool down; the bed stays warm, or the part would come loose.
-        park: pull back filament, lift, and go off the part.
+        now: stop within the planned moves, not after them.
+        cold: let the nozzle cool down; the bed stays warm, so that the part does not come loose.
+        park: retract, lift, and move off the part.
     """
 
     now: bool = False
@@ -57,38 +57,38 @@ class Pause:
 
 @dataclass(frozen=True, slots=True)
 class Resume:
-    """Go on after a pause, from where it was and as it was."""
+    """Resume after a pause at the same position and with the same settings."""
 
 
 @dataclass(frozen=True, slots=True)
 class Cancel:
-    """Drop the rest of the job and run the end script."""
+    """Cancel the job and run the end script."""
 
 
 @dataclass(frozen=True, slots=True)
 class CancelObject:
-    """Print no more of one thing on the plate, by its name or number."""
+    """Cancel one object on the plate, by its name or number."""
 
     name: str
 
 
 @dataclass(frozen=True, slots=True)
 class Speed:
-    """Percent of the speeds of the file."""
+    """Set the speed, in percent of the speeds in the file."""
 
     percent: float
 
 
 @dataclass(frozen=True, slots=True)
 class Flow:
-    """Percent of the filament of the file."""
+    """Set the flow, in percent of the flow in the file."""
 
     percent: float
 
 
 @dataclass(frozen=True, slots=True)
 class SetTemperature:
-    """Another wanted temperature, °C: `heater` is nozzle or bed."""
+    """Set a target temperature, °C; `heater` is nozzle or bed."""
 
     heater: str
     celsius: float
@@ -96,14 +96,14 @@ class SetTemperature:
 
 @dataclass(frozen=True, slots=True)
 class SetFan:
-    """Percent of the part fan, until the file changes it."""
+    """Set the part fan, in percent, until the file changes it."""
 
     percent: float
 
 
 @dataclass(frozen=True, slots=True)
 class BabyStep:
-    """Move the nozzle by so many mm, up or down, and everything that follows with it."""
+    """Move the nozzle and all following moves up by `mm`, down if negative."""
 
     mm: float
 
@@ -117,19 +117,19 @@ class Say:
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """The button that a person chose when the printer asked, counted from 0."""
+    """Press a button of the printer's prompt, counted from 0."""
 
     choice: int
 
 
 @dataclass(frozen=True, slots=True)
 class Status:
-    """How it stands."""
+    """Return the status."""
 
 
 @dataclass(frozen=True, slots=True)
 class Stop:
-    """Emergency: M112, ahead of everything."""
+    """Halt the printer at once with M112."""
 
 
 PrintCommand: TypeAlias = (
@@ -154,14 +154,14 @@ _PAUSE_WORDS: Final = frozenset({"now", "cold", "here"})
 def _pause(rest: str) -> PrintCommand:
     words = set(rest.split())
     if unknown := words - _PAUSE_WORDS:
-        raise UsageError(f"pause {min(unknown)}: not known", remedy="pause [now] [cold] [here]")
+        raise UsageError(f"unknown option {min(unknown)!r} of pause", remedy="Use pause [now] [cold] [here]")
     return Pause(now="now" in words, cold="cold" in words, park="here" not in words)
 
 
 def _bare(build: Callable[[], PrintCommand]) -> Callable[[str], PrintCommand]:
     def read(rest: str) -> PrintCommand:
         if rest:
-            raise UsageError(f"{rest}: nothing is expected here", remedy="leave it out")
+            raise UsageError(f"unexpected argument {rest!r}", remedy="Remove it")
         return build()
 
     return read
@@ -170,7 +170,7 @@ def _bare(build: Callable[[], PrintCommand]) -> Callable[[str], PrintCommand]:
 def _text(build: Callable[[str], PrintCommand], what: str) -> Callable[[str], PrintCommand]:
     def read(rest: str) -> PrintCommand:
         if not rest or not rest.isprintable():
-            raise UsageError(f"expected {what}", remedy="in one line, without control characters")
+            raise UsageError(f"expected {what}", remedy="Use one line without control characters")
         return build(rest)
 
     return read
@@ -186,7 +186,8 @@ def _value(
             value = float("nan")
         if not isfinite(value) or not low <= value <= high:
             raise UsageError(
-                f"{rest or 'nothing'}: expected {low:g} to {high:g} {unit}", remedy="give a number"
+                f"{rest or 'nothing'}: expected {low:g} to {high:g} {unit}".rstrip(),
+                remedy="Enter a number in this range",
             )
         return build(value)
 
@@ -199,7 +200,7 @@ WORDS: Final[Mapping[str, Callable[[str], PrintCommand]]] = {
     "cancel": _bare(Cancel),
     "stop": _bare(Stop),
     "status": _bare(Status),
-    "object": _text(CancelObject, "the name or number of a thing on the plate"),
+    "object": _text(CancelObject, "the name or number of an object on the plate"),
     "say": _text(Say, "a line of G-code"),
     "speed": _value(Speed, 10, 500, "%"),
     "flow": _value(Flow, 10, 300, "%"),
@@ -209,16 +210,16 @@ WORDS: Final[Mapping[str, Callable[[str], PrintCommand]]] = {
     "babystep": _value(BabyStep, -2, 2, "mm"),
     "answer": _value(lambda value: Answer(int(value)), 0, 99, ""),
 }
-"""First word to how the rest of the line is read."""
+"""Parser of the arguments of each command, by its first word."""
 
 
 def parse_command(line: str) -> PrintCommand:
-    """The wish that a line says.
+    """Parse a command line.
 
     Raises:
-        UsageError: it says none.
+        UsageError: it is not a valid command.
     """
     word, _, rest = line.strip().partition(" ")
     if word not in WORDS:
-        raise UsageError(f"{word or 'nothing'}: not known", remedy="one of " + ", ".join(WORDS))
+        raise UsageError(f"unknown command {word!r}", remedy="Use one of " + ", ".join(WORDS))
     return WORDS[word](rest.strip())

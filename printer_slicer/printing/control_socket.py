@@ -29,19 +29,19 @@ __all__ = ["send_control_command", "serve_control"]
 
 _ADDRESS = "control.json"
 _LONGEST = 4096
-_PATIENCE = 12.0
-_PATH_LIMIT = 100  # bytes; the name of a socket may be no longer than 104 on some systems
+_TIMEOUT = 12.0
+_PATH_LIMIT = 100  # bytes; some systems limit socket paths to 104
 _HAS_UNIX = hasattr(socket, "AF_UNIX") and os.name == "posix"
 
 
 @contextmanager
 def serve_control(folder: Path, controls: Controls, name: str) -> Iterator[None]:
-    """Answer for as long as the block runs; a door that cannot be opened is none, the print goes on.
+    """Answer control requests within a `with` block; if the socket cannot be opened, the print continues without it.
 
     Args:
-        folder: of the print, for its owner alone; holds the address.
-        controls: of the print.
-        name: of the job.
+        folder: private folder of the print; it holds the address.
+        controls: controls of the print.
+        name: name of the job.
     """
     try:
         listener, address = _listener(folder)
@@ -59,7 +59,7 @@ def serve_control(folder: Path, controls: Controls, name: str) -> Iterator[None]
         with suppress(OSError):
             listener.shutdown(socket.SHUT_RDWR)
         listener.close()
-        thread.join(_PATIENCE)
+        thread.join(_TIMEOUT)
         with suppress(OSError):
             Path(address["path"]).unlink() if "path" in address else None
         with suppress(OSError):
@@ -67,7 +67,7 @@ def serve_control(folder: Path, controls: Controls, name: str) -> Iterator[None]
 
 
 def _listener(folder: Path) -> tuple[socket.socket, dict[str, Any]]:
-    """A listening socket, and where it is."""
+    """Return a listening socket and its address."""
     if not _HAS_UNIX:
         listener = socket.create_server(("127.0.0.1", 0))
         return listener, {"port": listener.getsockname()[1], "token": secrets.token_urlsafe(32)}
@@ -75,7 +75,7 @@ def _listener(folder: Path) -> tuple[socket.socket, dict[str, Any]]:
     if len(os.fsencode(path)) > _PATH_LIMIT:
         path = Path(tempfile.mkdtemp(prefix="printer-slicer-")) / "control.sock"
     with suppress(FileNotFoundError):
-        path.unlink()  # of a process that was killed: the print is ours, so nobody listens there
+        path.unlink()  # left by a killed process: this process holds the print, so nothing listens there
     listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     try:
         before = os.umask(0o177)
@@ -91,26 +91,26 @@ def _listener(folder: Path) -> tuple[socket.socket, dict[str, Any]]:
 
 
 def _write_private(path: Path, text: str) -> None:
-    """A file that only its owner reads."""
+    """Write a file that only its owner can read."""
     handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
     with os.fdopen(handle, "w", encoding="utf-8") as file:
         file.write(text)
 
 
 def _serve(listener: socket.socket, controls: Controls, name: str, token: str) -> None:
-    """Answer one after the other, until the socket is closed."""
+    """Accept connections until the socket is closed."""
     while True:
         try:
             connection, _ = listener.accept()
         except OSError:
             return
-        # One thread each: a process that connects and says nothing must not keep an emergency stop waiting.
+        # One thread per connection, so that an idle connection does not delay an emergency stop.
         Thread(target=_answer, args=(connection, controls, name, token), daemon=True).start()
 
 
 def _answer(connection: socket.socket, controls: Controls, name: str, token: str) -> None:
     with connection, suppress(OSError, ValueError):
-        connection.settimeout(_PATIENCE)
+        connection.settimeout(_TIMEOUT)
         line = _read_line(connection)
         if token:
             given, _, line = line.partition(" ")
@@ -120,14 +120,14 @@ def _answer(connection: socket.socket, controls: Controls, name: str, token: str
             answer: dict[str, Any] = {
                 "ok": True,
                 "job": name,
-                "answer": _granted(controls, parse_command(line)),
+                "answer": _execute(controls, parse_command(line)),
             }
         except UsageError as error:
             answer = {"ok": False, "job": name, "answer": str(error)}
         connection.sendall(json.dumps(answer).encode() + b"\n")
 
 
-def _granted(controls: Controls, command: PrintCommand) -> str:
+def _execute(controls: Controls, command: PrintCommand) -> str:
     """Execute a command and return its result; status requests do not wait.
 
     Raises:
@@ -137,10 +137,10 @@ def _granted(controls: Controls, command: PrintCommand) -> str:
 
 
 def _read_line(connection: socket.socket) -> str:
-    """A line, without its end.
+    """Read a line, without its line break.
 
     Raises:
-        ValueError: it has none, or is too long.
+        ValueError: the line is incomplete or too long.
     """
     data = b""
     while not data.endswith(b"\n"):
@@ -151,40 +151,41 @@ def _read_line(connection: socket.socket) -> str:
     return data.decode("utf-8").rstrip("\n")
 
 
-def send_control_command(folder: Path, line: str, patience: float = _PATIENCE) -> dict[str, Any]:
-    """Ask a running print; its answer: ok, job, answer.
+def send_control_command(folder: Path, line: str, timeout: float = _TIMEOUT) -> dict[str, Any]:
+    """Send a command to a running print; return its answer with the keys ok, job and answer.
 
     Args:
         folder: folder of the print.
         line: the command.
-        patience: timeout, s.
+        timeout: timeout, s.
 
     Raises:
-        PortError: nobody answers.
+        PortError: the print does not answer.
     """
     if not (folder / _ADDRESS).exists():
         raise PortError(
-            "the print does not answer yet: it is waiting for its port or for the printer's state",
-            remedy="try again in a few seconds; if its process has ended: printer-slicer resume",
+            "the print does not answer yet: it is waiting for its port or its printer",
+            remedy="Try again in a few seconds. If its process has ended, run printer-slicer resume",
         )
     try:
         address = json.loads((folder / _ADDRESS).read_text(encoding="utf-8"))
         if "path" in address:
             connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-            connection.settimeout(patience)
+            connection.settimeout(timeout)
             connection.connect(address["path"])
         else:
-            connection = socket.create_connection(("127.0.0.1", address["port"]), timeout=patience)
+            connection = socket.create_connection(("127.0.0.1", address["port"]), timeout=timeout)
             line = f"{address['token']} {line}"
         with connection:
             connection.sendall(line.encode() + b"\n")
             return dict(json.loads(_read_line(connection)))
     except TimeoutError:
         raise PortError(
-            f"the print does not answer within {patience:g} s: its process is stopped, or the computer is busy",
-            remedy="try again; if its process has ended: printer-slicer resume",
+            f"the print does not answer within {timeout:g} s: its process is stopped, or the computer is busy",
+            remedy="Try again. If its process has ended, run printer-slicer resume",
         ) from None
     except (OSError, ValueError, KeyError) as error:
         raise PortError(
-            f"the print does not answer: {error}", remedy="if its process is gone: printer-slicer resume"
+            f"the print does not answer: {error}",
+            remedy="If its process has ended, run printer-slicer resume",
         ) from None

@@ -1,4 +1,4 @@
-"""Controls of a running print, for other threads and processes; what may be wanted of a print, and what it comes to."""
+"""Control of a running print from other threads, options of a print, and its result."""
 
 from __future__ import annotations
 
@@ -19,25 +19,25 @@ from printer_slicer.stream.link_meter import LinkStatistics
 
 __all__ = ["Controls", "Listen", "PrintOptions", "PrintResult"]
 
-_PATIENCE = 10.0
+_TIMEOUT = 10.0
 _SOON = 1.5
-"""Timeout for a status request, s; then the last known status is returned."""
+"""Timeout of a status request, s; after it the last known status is returned."""
 _CONNECTING = "the port to open and the printer to answer"
 _BUSY = "the print process, which is writing to its port or gets no CPU time"
 
 
 class Controls:
-    """The handle of a print: make one, give it to `print_job`, call it from any other thread."""
+    """Handle of a print: create one, pass it to `print_job`, and call it from any other thread."""
 
     def __init__(self) -> None:
         self._lock = Lock()
         self._early: deque[Request] = deque()
-        self._conductor: PrintController | None = None
+        self._controller: PrintController | None = None
         self._wake: Callable[[], None] = lambda: None
         self._waits_for = _CONNECTING
         self._known: dict[str, Any] = {}
-        self.wanted = Flag()
-        """Set when something is wanted while there is no printer to tell it to."""
+        self.requested = Flag()
+        """Set when a command is submitted while no printer is connected."""
 
     def bind(
         self,
@@ -54,95 +54,95 @@ class Controls:
             waits_for: what the print is waiting for without a conductor.
         """
         with self._lock:
-            if self._conductor is not None and controller is None:
-                self._known = self._conductor.status()
+            if self._controller is not None and controller is None:
+                self._known = self._controller.status()
             self._waits_for = waits_for
-            self._conductor, self._wake = controller, wake
+            self._controller, self._wake = controller, wake
             while controller is not None and self._early:
-                controller.want(self._early.popleft())
-            self.wanted.clear()
+                controller.submit(self._early.popleft())
+            self.requested.clear()
 
-    def want(self, request: Request) -> None:
-        """Wish, and do not wait."""
+    def submit(self, request: Request) -> None:
+        """Submit a request without waiting for its result."""
         with self._lock:
-            if self._conductor is None:
+            if self._controller is None:
                 self._early.append(request)
-                self.wanted.set()
+                self.requested.set()
                 return
-            self._conductor.want(request)
+            self._controller.submit(request)
             wake = self._wake
         wake()
 
     @property
     def has_end_request(self) -> bool:
-        """Whether somebody who was not heard yet wants the print to end."""
+        """Return whether a queued request would end the print."""
         with self._lock:
             return any(
                 isinstance(request.command, commands.Cancel | commands.Stop) for request in self._early
             )
 
-    def ask(self, command: commands.PrintCommand, timeout: float = _PATIENCE) -> str:
-        """Wish, and wait for the answer.
+    def ask(self, command: commands.PrintCommand, timeout: float = _TIMEOUT) -> str:
+        """Submit a command and wait for its result.
 
         Raises:
-            UsageError: it cannot be granted, or nobody answers.
+            UsageError: it cannot be executed, or the print does not answer.
         """
         answered, answers = Flag(), list[str | UsageError]()
 
         def done(answer: str | UsageError) -> None:
-            """The session has answered."""
+            """Store the answer of the session."""
             answers.append(answer)
             answered.set()
 
-        self.want(Request(command, done))
+        self.submit(Request(command, done))
         if not answered.wait(timeout):
-            raise UsageError("the print does not answer", remedy="is the printer connected?")
+            raise UsageError("the print does not answer", remedy="Check that the printer is connected")
         if isinstance(answers[0], UsageError):
             raise answers[0]
         return answers[0]
 
     def pause(self, *, now: bool = False, cold: bool = False, park: bool = True) -> None:
-        """Pause, see `commands.Pause`."""
+        """Pause the print, see `commands.Pause`."""
         self.ask(commands.Pause(now=now, cold=cold, park=park))
 
     def resume(self) -> None:
-        """Go on."""
+        """Resume the print."""
         self.ask(commands.Resume())
 
     def cancel(self) -> None:
-        """Drop the rest, run the end script."""
+        """Cancel the print and run the end script."""
         self.ask(commands.Cancel())
 
     def cancel_object(self, name: str) -> None:
-        """Print no more of one thing on the plate."""
+        """Cancel one object on the plate, by its name or number."""
         self.ask(commands.CancelObject(name))
 
     def speed(self, percent: float) -> None:
-        """Percent of the file's speeds."""
+        """Set the speed, in percent of the speeds in the file."""
         self.ask(commands.Speed(percent))
 
     def flow(self, percent: float) -> None:
-        """Percent of the file's filament."""
+        """Set the flow, in percent of the flow in the file."""
         self.ask(commands.Flow(percent))
 
     def heat(self, heater: str, celsius: float) -> None:
-        """Another temperature for nozzle or bed."""
+        """Set the target temperature of nozzle or bed, °C."""
         self.ask(commands.SetTemperature(heater, celsius))
 
     def baby_step(self, mm: float) -> None:
-        """Nozzle up, or down."""
+        """Move the nozzle up by `mm`, down if negative."""
         self.ask(commands.BabyStep(mm))
 
     def say(self, gcode: str) -> None:
-        """One line of G-code."""
+        """Send one line of G-code."""
         self.ask(commands.Say(gcode))
 
     def answer(self, choice: int) -> None:
-        """A button of the printer's question."""
+        """Press a button of the printer's prompt, counted from 0."""
         self.ask(commands.Answer(choice))
 
     def status(self) -> dict[str, Any]:
-        """How it stands."""
+        """Return the status of the print."""
         return dict(json.loads(self.ask(commands.Status())))
 
     def status_soon(self, timeout: float = _SOON) -> dict[str, Any]:
@@ -152,7 +152,7 @@ class Controls:
             timeout: s to wait for the print.
         """
         with self._lock:
-            waits_for = "" if self._conductor is not None else self._waits_for
+            waits_for = "" if self._controller is not None else self._waits_for
         if not waits_for:
             try:
                 self._known = dict(json.loads(self.ask(commands.Status(), timeout)))
@@ -163,8 +163,8 @@ class Controls:
         return self._known | {"state": "waiting", "waits_for": waits_for}
 
     def stop(self) -> None:
-        """Emergency stop; it waits for nothing."""
-        self.want(Request(commands.Stop()))
+        """Halt the printer at once with M112."""
+        self.submit(Request(commands.Stop()))
 
 
 Listen = Callable[[Event], None]
@@ -172,13 +172,13 @@ Listen = Callable[[Event], None]
 
 @dataclass(frozen=True, slots=True)
 class PrintResult:
-    """A print that came to its end.
+    """Result of a completed print.
 
     Attributes:
-        commands: of the job, all acknowledged.
-        seconds: from the first byte to the last answer.
-        verified: the printer says that it is where the job ends; None where it cannot be compared.
-        link: what the cable was like.
+        commands: number of commands of the job, all acknowledged.
+        seconds: time from the first byte to the last answer.
+        verified: whether the printer reports the end position of the job; None if it cannot be compared.
+        link: statistics of the link.
     """
 
     commands: int
@@ -188,7 +188,7 @@ class PrintResult:
 
 
 class PrintOptions(TypedDict, total=False):
-    """What may be wanted of a print besides job and port; see `print_job`."""
+    """Options of a print; see `print_job`."""
 
     on_event: Listen
     checkpoint: Path | None

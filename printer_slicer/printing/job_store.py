@@ -1,4 +1,4 @@
-"""The folder of prints that are running or unfinished."""
+"""Store of running and unfinished prints: one folder per print."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ JobStore = Path
 
 
 def default_job_store() -> Path:
-    """Where prints are kept: $PRINTER_SLICER_STATE, else the place for such things on this system."""
+    """Return the folder of the store: $PRINTER_SLICER_STATE, or the state folder of the platform."""
     if named := os.environ.get("PRINTER_SLICER_STATE"):
         return Path(named) / "prints"
     from platformdirs import user_state_path  # noqa: PLC0415 - slow, and only needed here
@@ -56,14 +56,14 @@ def default_job_store() -> Path:
 
 @dataclass(slots=True)
 class Print:
-    """A print on the shelf.
+    """A stored print.
 
     Attributes:
-        folder: with `head.json`, `job.gcode`, `journal`.
-        name: of the job.
-        port, baud: where it was printed.
-        begun: when, as people write it.
-        boot: which run of the computer that was.
+        folder: folder with `head.json`, `job.gcode` and `journal`.
+        name: name of the job.
+        port, baud: port and baud rate of the print.
+        begun: local time of the start, as text.
+        boot: id of the boot of the computer at the start.
     """
 
     folder: Path
@@ -77,23 +77,23 @@ class Print:
 
     @property
     def setup(self) -> HostSettings:
-        """The printer as the host saw it. It is read only on demand, because its module is slow to import."""
+        """Return the settings of the printer. They are read on demand, because their module is slow to import."""
         from printer_slicer.printing.host_settings import parse_host_settings  # noqa: PLC0415 - slow
 
         return parse_host_settings(self._setup)
 
     @property
     def text(self) -> bytes:
-        """The G-code as it was when the print began."""
+        """Return the copy of the G-code."""
         return (self.folder / _JOB).read_bytes()
 
     @property
     def same_boot(self) -> bool:
-        """Whether the computer has run since the print began: only then the last second of the journal is there."""
+        """Return whether the computer has not restarted; else the last second of the journal may be missing."""
         return bool(self.boot) and self.boot == _boot()
 
     def hold(self) -> bool:
-        """Make it this process's print; whether it was nobody else's."""
+        """Lock the print for this process; return False if another process holds it."""
         return self._try_to_hold(_PROBE_SECONDS)
 
     def _try_to_hold(self, seconds: float) -> bool:
@@ -110,14 +110,14 @@ class Print:
         return True
 
     def release(self) -> None:
-        """Let others have it."""
+        """Release the lock."""
         if self._lock:
             self._lock.release()
             self._lock = None
 
     @property
     def is_running(self) -> bool:
-        """The same as `running`, of one that may be damaged: what nobody can hold nobody prints."""
+        """Return whether a process prints it; False if its lock is damaged."""
         try:
             return self.running
         except OSError:
@@ -125,10 +125,10 @@ class Print:
 
     @property
     def running(self) -> bool:
-        """Whether a process prints it just now.
+        """Return whether a process prints it.
 
         Raises:
-            OSError: that cannot be found out: its lock is no file.
+            OSError: its lock is not a file.
         """
         if self._lock:
             return True
@@ -163,7 +163,7 @@ class DamagedPrint:
     @property
     def remedy(self) -> str:
         """What to do about it."""
-        return f"it cannot be resumed; delete it with printer-slicer resume --discard {self.folder.name}"
+        return f"Delete it with printer-slicer resume --discard {self.folder.name}; it cannot be resumed"
 
     def error(self) -> UsageError:
         """Return the error for an attempt to resume it."""
@@ -180,17 +180,17 @@ class _InvalidHeadError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class PortAddress:
-    """A port and its speed."""
+    """A port and its baud rate."""
 
     port: str
     baud: int
 
 
 def begin(job_store: JobStore, name: str, text: bytes, place: PortAddress, setup: HostSettings) -> Print:
-    """Put a new print on the shelf, held by this process.
+    """Store a new print, held by this process.
 
     Raises:
-        OutputError: it cannot be put there.
+        OutputError: it cannot be stored.
     """
     now = datetime.now(UTC).astimezone()
     plain = re.sub(r"[^A-Za-z0-9._-]+", "_", name)[:40]
@@ -213,8 +213,8 @@ def begin(job_store: JobStore, name: str, text: bytes, place: PortAddress, setup
     except OSError as error:
         rmtree(folder, ignore_errors=True)
         raise OutputError(
-            f"{job_store}: the print cannot be noted there: {error.strerror}",
-            remedy="make room, or set PRINTER_SLICER_STATE to another folder",
+            f"{job_store}: cannot store the print: {error.strerror}",
+            remedy="Free some space, or set PRINTER_SLICER_STATE to another folder",
         ) from None
     made = load_print(folder)
     assert made is not None
@@ -223,7 +223,7 @@ def begin(job_store: JobStore, name: str, text: bytes, place: PortAddress, setup
 
 
 def stored_prints(job_store: JobStore) -> Iterator[Print]:
-    """All prints there, the oldest first."""
+    """Yield the stored prints, the oldest first."""
     if not job_store.is_dir():
         return
     for folder in sorted(job_store.iterdir()):
@@ -315,12 +315,12 @@ def damaged_prints(job_store: JobStore) -> Iterator[DamagedPrint]:
 
 
 def same_port(one: str, other: str) -> bool:
-    """Whether two addresses mean the same port."""
+    """Return whether two addresses mean the same port."""
     return one == other or ("://" not in one and os.path.realpath(one) == os.path.realpath(other))
 
 
 def unfinished(job_store: JobStore, port: str) -> Print | None:
-    """A print on this port that ended before its end, and that nobody prints now."""
+    """Return an unfinished print on this port that is not running, None if there is none."""
     for one in stored_prints(job_store):
         if same_port(one.port, port) and not one.is_running:
             return one
@@ -328,12 +328,12 @@ def unfinished(job_store: JobStore, port: str) -> Print | None:
 
 
 def find(job_store: JobStore, name: str, *, running: bool) -> Print:
-    """The print of this name, or the only one.
+    """Find the print of this name, or the only one.
 
     Args:
-        job_store: where to look.
-        name: of the job or its folder, empty for the only one.
-        running: whether it must be running, or must not be.
+        job_store: the store.
+        name: name of the job or of its folder, empty for the only print.
+        running: whether to look among running or unfinished prints.
 
     Raises:
         UsageError: there is none, or more than one.
@@ -353,17 +353,20 @@ def find(job_store: JobStore, name: str, *, running: bool) -> Print:
     what = f"no {kind} print" if not named else f"{len(named)} {kind} prints"
     there = "; ".join(f"{one.name} on {one.port}, begun {one.begun} ({one.folder.name})" for one in known)
     raise UsageError(
-        what + (f" {name}" if name else ""), remedy=f"there are: {there}" if there else "there is none at all"
+        what + (f" {name}" if name else ""),
+        remedy=f"Available: {there}"
+        if there
+        else "Run printer-slicer resume --list to see unfinished prints",
     )
 
 
 def _lasting(port: str) -> str:
-    """An address that another process in another folder understands."""
+    """Return an address that is valid in any working directory."""
     return port if "://" in port else str(Path(port).absolute())
 
 
 def _boot() -> str:
-    """Which run of the computer this is."""
+    """Return the id of the current boot of the computer."""
     with suppress(OSError):
         return Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip()
     return ""

@@ -1,9 +1,9 @@
-"""Several things on one plate: which entries print which, and how one of them is left out.
+"""Objects on one plate: which entries print which object, and how a cancelled object is skipped.
 
-Its moves are not sent, nor what says how to read them; everything else between its marks is, so that heat, fan and
-limits stay as the file wants them. In the places of the last moves stand the few commands that make height, filament,
-origin and modes those that the file counts on behind the thing. The nozzle stays where it was until the next thing's
-first move, which follows at once.
+Its moves are not sent, nor commands that change how moves are read. All other commands between its marks are sent, so
+that heaters, fan and limits stay as in the file. The last of its moves are replaced by the few commands that restore
+height, filament, origin and modes for the next object. The nozzle stays in place until the first move of the next
+object.
 
 Sources: OctoPrint's comments (`; printing object`), Marlin's and Duet3D's M486, Klipper's EXCLUDE_OBJECT.
 """
@@ -42,7 +42,7 @@ _NEAR: Final = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Span:
-    """Entries `first` to before `end` of the job print the thing `name`."""
+    """Entries of the job from `first` to before `end` that print the object `name`."""
 
     name: str
     first: int
@@ -50,7 +50,7 @@ class Span:
 
 
 def find_object_spans(text: bytes) -> tuple[Span, ...]:
-    """The marks of a G-code text; none where it has no marks."""
+    """Find the marked objects in a G-code text; empty if there are none."""
     if not any(hint in text for hint in _HINTS):
         return ()
     spans: list[Span] = []
@@ -70,7 +70,7 @@ def find_object_spans(text: bytes) -> tuple[Span, ...]:
 
 
 def _mark(line: bytes, names: dict[str, str], inside: str) -> str | None:
-    """The thing that begins in this line, empty where one ends, None in any other line."""
+    """Return the object that starts in this line, empty at the end of one, None for any other line."""
     if found := _COMMENT.match(line):
         return "" if found[1] else found[2].decode(errors="replace")
     if found := _WORDS.match(line):
@@ -126,7 +126,7 @@ class LiveJob(Sequence[bytes]):
 
     @property
     def names(self) -> list[str]:
-        """The things on the plate, in the order in which they come."""
+        """Return the names of the objects in printing order."""
         return list(dict.fromkeys(span.name for span in self._spans))
 
     def as_json(self) -> dict[str, Any]:
@@ -154,24 +154,24 @@ class LiveJob(Sequence[bytes]):
         return iter(self._commands)
 
     def cancel(self, name: str, taken: int) -> str:
-        """Give up a thing from entry `taken` on; its name.
+        """Cancel an object from entry `taken` on; return its name.
 
         Raises:
-            UsageError: there is no such thing.
+            UsageError: there is no such object.
         """
         names = self.names
         if name not in names and name.isdecimal() and int(name) < len(names):
             name = names[int(name)]
         if name not in names:
-            there = ", ".join(names) if names else "the file marks none"
-            raise UsageError(f"no object {name!r}", remedy=f"there are: {there}")
+            there = ", ".join(names) if names else "none, because the file marks no objects"
+            raise UsageError(f"no object named {name!r}", remedy=f"Objects: {there}")
         self.cancelled.add(name)
         self.cancelled_at.setdefault(name, taken)
         self._looked = max(self._looked, taken)
         return name
 
     def follow(self, until: int) -> PrintState:
-        """Follow the entries before `until`; the modes then."""
+        """Follow the entries before `until`; return the state after them."""
         for index in range(self.followed, until):
             self.modes.follow(self[index], index)
         self.followed = max(self.followed, until)
@@ -211,7 +211,7 @@ class LiveJob(Sequence[bytes]):
         self._changed |= dict(zip(moves[len(moves) - len(amends) :], amends, strict=True))
 
     def _comes_anyway(self, end: int, stand: ModalState) -> bool:
-        """Whether the first move behind leads to a place of its own without laying plastic."""
+        """Return whether the first move after the object is a travel to an absolute position."""
         for index in range(end, min(end + _LOOK_AHEAD, len(self._commands))):
             word, values = parse(self._commands[index])
             if word in {b"G0", b"G1"} and (b"X" in values or b"Y" in values):

@@ -1,6 +1,6 @@
-"""What happens around the stream of a job: pauses, wishes of people, the printer's own questions, temperatures.
+"""Control a print around the streamer: pauses, commands of users, prompts of the printer, temperatures.
 
-Without I/O, clock or thread, like the streamer that it steers; `session.run` calls `on_turn`, `record` and `hear`.
+Like the streamer, it has no I/O, clock or thread; `session.run` calls `on_turn`, `record` and `hear`.
 """
 
 from __future__ import annotations
@@ -45,31 +45,31 @@ from printer_slicer.stream.states import State
 
 __all__ = ["REPORT", "PrintController", "PrintPhase", "Prompts", "Request", "TemperaturePoll"]
 
-_OFF_PATH: Final = 0.5  # mm between where the printer says that it stopped and the commanded path.
+_OFF_PATH: Final = 0.5  # mm between the reported stop position and the commanded path
 
 _WAITS_FOR_PERSON: Final = commands_that(Effect.WAITS_FOR_PERSON)
-_GIVE_UP: Final = 20.0  # s that M410 and the question behind it may take.
+_GIVE_UP: Final = 20.0  # s that M410 and the position query after it may take
 
 
 class PrintController:
-    """Steers one streamer.
+    """Controls one streamer.
 
     Args:
-        streamer: made with `obeys=False` and the same entries as `job`.
+        streamer: created with `handle_actions=False` and the same entries as `job`.
         job: the entries as they are sent.
         setup: the printer.
-        journal: where to note what must survive; None for nowhere.
-        listen: is told what happens, the streamer's events and some more.
-        allow: a reason why a command that a person typed is refused, empty if it is not.
+        journal: journal for a later resume; None: no journal.
+        listen: called with the events of the streamer and some more.
+        allow: returns why a command typed by a user is rejected, empty if it is allowed.
 
     Attributes:
-        phase: where the print is.
-        parked: what it comes back to, while it is not running.
-        prompts: the question of the printer.
-        heat: temperatures as reported last.
-        watchdog: what it knows of the heaters.
+        phase: current phase of the print.
+        parked: state to return to, while the print is not running.
+        prompts: prompts of the printer.
+        heat: last reported temperatures.
+        watchdog: heater watchdog.
         halted: whether the printer was told to halt.
-        wished_end: how often somebody wanted the end.
+        end_requests: number of requests to end the print.
         ended: the last event, once there is one.
     """
 
@@ -88,7 +88,7 @@ class PrintController:
         self.prompts = Prompts()
         self.heat = TemperaturePoll()
         self.watchdog = HeaterWatchdog()
-        self.halted = self._waits_for_person = self._warned = False
+        self.halted = self._waits_for_user = self._warned = False
         self.end_requests = 0
         self.ended: stream_events.Finished | stream_events.Halted | None = None
         self.speed = self.flow = 100.0
@@ -97,20 +97,20 @@ class PrintController:
         self._setup, self._journal = setup, journal
         self._listen = listen
         self._allow = allow
-        self._tickets: deque[Request] = deque()
-        self._can: stream_events.Identified | None = None
+        self._requests: deque[Request] = deque()
+        self._identity: stream_events.Identified | None = None
         self._now = self._pushed = 0.0
         self._pause = commands.Pause()
-        self._said_place: tuple[float, float, float, float] | None = None
+        self._reported_position: tuple[float, float, float, float] | None = None
         self._stop_due, self._stop_sent = inf, 0
         self._restore: tuple[ParkedState | None, float, tuple[str, ...], bool] | None = None
         self._scripted: deque[bytes] = deque()
         self._handlers = self._command_handlers()
 
     def _command_handlers(self) -> dict[type, Callable[[Any], str]]:
-        """What grants each kind of wish."""
+        """Return the handler of each kind of command."""
         return {
-            **dict.fromkeys(GCODE_COMMANDS, self._on_order),
+            **dict.fromkeys(GCODE_COMMANDS, self._on_gcode_command),
             commands.Pause: self._on_pause,
             commands.Resume: self._on_resume,
             commands.Cancel: lambda _: self.cancel(),
@@ -121,24 +121,24 @@ class PrintController:
         }
 
     def status(self) -> dict[str, Any]:
-        """How it stands, as JSON holds it."""
+        """Return the status for JSON."""
         own = {"state": self._state, "speed_percent": self.speed, "flow_percent": self.flow}
         own |= {"done": self._streamer.acknowledged, "total": len(self._job)}
         return own | self.heat.as_json() | self._job.as_json() | self.prompts.as_json()
 
-    # What the session calls.
+    # Called by the session.
 
-    def want(self, request: Request) -> None:
-        """A wish, granted at the next turn. May be called by any thread."""
-        self._tickets.append(request)
+    def submit(self, request: Request) -> None:
+        """Queue a request for the next turn. May be called by any thread."""
+        self._requests.append(request)
 
     def on_turn(self, now: float) -> None:
-        """Grant what is wished, and go on with what was begun."""
+        """Execute requests and continue the current phase."""
         self._now = now
         if self._restore is not None and self._streamer.state is State.STREAMING:
-            self._take_over()
-        while self._tickets:
-            request = self._tickets.popleft()
+            self._restore_state()
+        while self._requests:
+            request = self._requests.popleft()
             try:
                 request.done(self._handlers[type(request.command)](request.command))
             except UsageError as error:
@@ -155,14 +155,14 @@ class PrintController:
             self._listen(stream_events.StreamWarning(str(alarm)))
 
     def record(self, events: Sequence[stream_events.Event]) -> None:
-        """Note what must be known before the bytes that go with it are written."""
+        """Record events in the journal before the corresponding bytes are written."""
         journal = self._journal
         for event in events:
             if isinstance(event, stream_events.LineSent):
                 self._job.follow(event.job - (not event.command))
                 if event.command:
                     self.watchdog.sent(event.command, self._now)
-                    self._job.modes.follow(event.command, self._author(event.command))
+                    self._job.modes.follow(event.command, self._origin(event.command))
                 if journal:
                     journal.numbered(event.number, event.job, event.command)
             elif isinstance(event, stream_events.Accepted):
@@ -173,25 +173,25 @@ class PrintController:
             self._warned = True
             self._listen(
                 stream_events.StreamWarning(
-                    f"no journal ({journal.failed}): it goes on, but could not be resumed"
+                    f"the journal cannot be written ({journal.failed}): the print continues, but cannot be resumed"
                 )
             )
 
-    def _author(self, command: bytes) -> int:
-        """Who wants a command that is not of the job: -1 a person, else a script of ours."""
+    def _origin(self, command: bytes) -> int:
+        """Return the origin of a command that is not from the job: -1 for a user, SCRIPT for the host."""
         if self._scripted and self._scripted[0] == strip(command):
             self._scripted.popleft()
             return SCRIPT
         return -1
 
-    def _perform(self, script: Sequence[bytes]) -> None:
-        """Send commands ahead of the job that belong to it from now on."""
+    def _send_script(self, script: Sequence[bytes]) -> None:
+        """Send commands of the host ahead of the job."""
         for command in script:
             self._scripted.append(command)
             self._streamer.inject(command)
 
     def hear(self, event: stream_events.Event) -> None:
-        """Act on what the streamer tells, and pass it on."""
+        """Process an event of the streamer and pass it to the listener."""
         if isinstance(event, stream_events.LineSent):
             return
         if warning := self.watchdog.heard(event, self._now):
@@ -203,9 +203,9 @@ class PrintController:
         elif isinstance(event, stream_events.Message):
             self._on_message(event)
         elif isinstance(event, stream_events.Busy):
-            self._waits_for_person = event.reason.startswith("paused for")
+            self._waits_for_user = event.reason.startswith("paused for")
         elif isinstance(event, stream_events.Accepted):
-            self._waits_for_person = False
+            self._waits_for_user = False
         elif isinstance(event, stream_events.Finished | stream_events.Halted):
             self.ended = event
         self._listen(event)
@@ -214,16 +214,16 @@ class PrintController:
 
     # Ends.
 
-    def mute(self) -> None:
-        """Tell nobody any more: the listener has failed."""
+    def stop_reporting(self) -> None:
+        """Stop reporting events, because the listener has failed."""
         self._listen = lambda _: None
 
     def cancel(self) -> str:
-        """Drop the rest of the job, and run the end script."""
+        """Cancel the job and run the end script."""
         self.end_requests += 1
         if self._streamer.state is State.CANCELLING:
             return "already cancelling"
-        if self.phase is PrintPhase.STOPPING or self._waits_for_person:
+        if self.phase is PrintPhase.STOPPING or self._waits_for_user:
             self._streamer.send_at_once(b"M108")
         modes = self._job.follow(self._streamer.taken)
         if self._journal:
@@ -235,17 +235,19 @@ class PrintController:
         return "cancelled"
 
     def halt(self) -> str:
-        """Emergency stop."""
+        """Halt the printer with M112."""
         self.end_requests += 1
         self.halted = True
         self._streamer.emergency_stop()
-        return "the printer was told to halt"
+        return "emergency stop sent"
 
     # Pausing.
 
     def _on_pause(self, command: commands.Pause) -> str:
-        if not self._prints:
-            raise UsageError(f"it cannot pause: it is {self._state}", remedy="wait, or see `status`")
+        if not self._is_printing:
+            raise UsageError(
+                f"cannot pause: the print is {self._state}", remedy="Wait, or run `control status`"
+            )
         self._streamer.pause()
         self._pause = command
         if (
@@ -253,34 +255,34 @@ class PrintController:
             and self._setup.firmware.has_quick_stop
             and self._job.follow(self._streamer.taken).comparable
         ):
-            self._said_place = None
+            self._reported_position = None
             self._stop_due, self._stop_sent = self._now + _GIVE_UP, 0
             self._change(PrintPhase.STOPPING)
             return "stopping"
         self._leave(self._parked(self._job.follow(self._streamer.taken).stand))
-        return "pausing behind the planned moves"
+        return "pausing after the planned moves"
 
     def _stop_moving(self) -> None:
-        """Throw the planned moves away once nothing is in flight that could be planned behind them."""
+        """Discard the planned moves (M410) once no line in flight could be planned after them."""
         streamer = self._streamer
         if not self._stop_sent and streamer.idle:
             self._streamer.send_at_once(b"M410")
             streamer.inject(b"M400")
             streamer.inject(b"M114")
             self._stop_sent, self._stop_due = 1, self._now + _GIVE_UP
-        elif self._stop_sent and self._said_place and streamer.idle:
-            self._stopped_at(self._said_place)
+        elif self._stop_sent and self._reported_position and streamer.idle:
+            self._on_stopped(self._reported_position)
         elif self._stop_sent and self._now >= self._stop_due:
-            self._listen(stream_events.StreamWarning("the printer does not say where it stopped"))
+            self._listen(stream_events.StreamWarning("the printer does not report where it stopped"))
             self._leave(self._parked(self._job.modes.stand))
 
-    def _stopped_at(self, place: tuple[float, float, float, float]) -> None:
-        """Find out what of the planned moves was not made."""
+    def _on_stopped(self, place: tuple[float, float, float, float]) -> None:
+        """Determine which planned moves were not executed."""
         modes = self._job.follow(self._streamer.taken)
         steps = list(modes.recent)
         index, share, off = nearest(steps, place)
         if off > _OFF_PATH:
-            self._listen(stream_events.StreamWarning(f"it stopped {off:.2f} mm off its path"))
+            self._listen(stream_events.StreamWarning(f"the printer stopped {off:.2f} mm away from its path"))
         replay = [remaining_move(steps[index], share)] if share < 1.0 else []
         replay += [step.command for step in steps[index + 1 :]]
         modes.recent = deque(steps[: index + 1], modes.recent.maxlen)
@@ -295,69 +297,71 @@ class PrintController:
         self.parked = parked
         script = leave(parked, self._job.modes, self._setup)
         self._pushed = 0.0
-        self._note_phase(PrintPhase.LEAVING)
+        self._record_phase(PrintPhase.LEAVING)
         self._pushed = extruded_length(script)
-        self._perform(script)
+        self._send_script(script)
         self._change(PrintPhase.LEAVING)
 
     def _on_resume(self, _: commands.Resume) -> str:
-        if self._waits_for_person and self.phase is PrintPhase.RUNNING:
+        if self._waits_for_user and self.phase is PrintPhase.RUNNING:
             self._streamer.send_at_once(b"M108")
-            return "told the printer to go on"
-        if self.phase is PrintPhase.RUNNING and self._streamer.state is State.PAUSED:  # it paused by itself
+            return "told the printer to continue"
+        if (
+            self.phase is PrintPhase.RUNNING and self._streamer.state is State.PAUSED
+        ):  # the printer paused by itself
             self._streamer.inject(self._setup.firmware.resume_command)
             self._streamer.resume()
-            return "told the printer to go on"
+            return "told the printer to continue"
         if self.phase in {PrintPhase.RUNNING, PrintPhase.RETURNING, PrintPhase.STOPPING}:
-            raise UsageError(f"it cannot resume: it is {self._state}", remedy="see `status`")
+            raise UsageError(f"cannot resume: the print is {self._state}", remedy="Run `control status`")
         self.return_to_part(self._pushed)
         return "resuming"
 
     def return_to_part(self, pushed: float) -> None:
-        """Return to the place that was left, and go on.
+        """Return to the part and resume.
 
         Args:
-            pushed: mm of filament since then; negative for what is pulled back.
+            pushed: mm of filament extruded since parking; negative for retracted.
         """
         parked = self.parked
         assert parked is not None
         self._pushed = pushed
-        self._note_phase(PrintPhase.RETURNING)
+        self._record_phase(PrintPhase.RETURNING)
         back = return_to_part(parked, self._setup, pushed, inches=self._job.modes.machine.inches)
-        self._perform(back + [text.encode("latin-1") for text in parked.replay])
+        self._send_script(back + [text.encode("latin-1") for text in parked.replay])
         self._change(PrintPhase.RETURNING)
 
     def restore(
         self, parked: ParkedState | None, pushed: float, replay: Sequence[str], *, waits: bool
     ) -> None:
-        """Take over a print that another host left while it was paused, or on its way, once it is connected.
+        """Take over a paused or parking print from another host once the printer is connected.
 
         Args:
-            parked: what it comes back to; None: it is there.
-            pushed: mm of filament since it was left.
-            replay: thrown-away moves that are still to be made.
-            waits: whether it goes on waiting for a person.
+            parked: state to return to; None: the printer is already there.
+            pushed: mm of filament extruded since parking.
+            replay: discarded moves that are still to be made.
+            waits: whether the print stays paused.
         """
         self._restore = (parked, pushed, tuple(replay), waits)
 
-    def _take_over(self) -> None:
+    def _restore_state(self) -> None:
         assert self._restore is not None
         parked, self._pushed, replay, waits = self._restore
         self._restore = None
         self.parked = parked and replace(parked, replay=replay)
         self._streamer.pause()
         if parked and waits:
-            self._note_phase(PrintPhase.LEAVING)
+            self._record_phase(PrintPhase.LEAVING)
             self._change(PrintPhase.WAITING)
         elif parked:
             self.return_to_part(self._pushed)
         else:
-            self._perform([text.encode("latin-1") for text in replay])
+            self._send_script([text.encode("latin-1") for text in replay])
             self._change(PrintPhase.RETURNING)
 
     def _go_on(self) -> None:
         self.parked = None
-        self._note_phase(PrintPhase.RUNNING)
+        self._record_phase(PrintPhase.RUNNING)
         self._streamer.resume()
         self._change(PrintPhase.RUNNING)
 
@@ -368,13 +372,13 @@ class PrintController:
         elif phase is PrintPhase.RUNNING:
             self._listen(stream_events.Resumed())
 
-    def _note_phase(self, phase: PrintPhase) -> None:
+    def _record_phase(self, phase: PrintPhase) -> None:
         if self._journal:
             parked = self.parked.as_json() if self.parked else None
             state = {"phase": phase.value, "pushed": self._pushed, "line": self._streamer.next_line}
             self._journal.state({**state, "parked": parked, "recovering_at": None})
 
-    # Other wishes.
+    # Other commands.
 
     def _on_object(self, command: commands.CancelObject) -> str:
         job = self._job
@@ -385,11 +389,11 @@ class PrintController:
             self._inject(cancel(name))
         elif self._journal:
             self._journal.state({"cancelled": sorted(job.cancelled), "cancelled_at": job.cancelled_at})
-        self._listen(stream_events.StreamWarning(f"{name} is not printed any further"))
-        return f"{name} is given up"
+        self._listen(stream_events.StreamWarning(f"object {name} cancelled"))
+        return f"object {name} cancelled"
 
-    def _on_order(self, command: Any) -> str:
-        answer = self._inject(gcode_for(command, self._setup.firmware, self._can))
+    def _on_gcode_command(self, command: Any) -> str:
+        answer = self._inject(gcode_for(command, self._setup.firmware, self._identity))
         if isinstance(command, commands.Speed):
             self.speed = command.percent
         elif isinstance(command, commands.Flow):
@@ -400,16 +404,19 @@ class PrintController:
 
     def _on_answer(self, command: commands.Answer) -> str:
         if self.prompts.shown is None:
-            raise UsageError("the printer asks nothing", remedy="see `status`")
+            raise UsageError("the printer has no open prompt", remedy="Run `control status`")
         self._streamer.send_at_once(b"M876 S%d" % command.choice)
         return "answered"
 
     def _inject(self, command: bytes) -> str:
         if self._streamer.state not in {State.STREAMING, State.PAUSED}:
-            raise UsageError(f"not now: it is {self._state}", remedy="wait until it prints")
+            raise UsageError(
+                f"cannot send a command: the print is {self._state}", remedy="Wait until the print is running"
+            )
         if reason := self._allow(command):
             raise UsageError(
-                f"{command.decode(errors='replace')}: {reason}", remedy="allow it by name, or leave it"
+                f"{command.decode(errors='replace')}: {reason}",
+                remedy="Use --allow NAME when you start the print to permit it",
             )
         check_commands([command])
         self._streamer.inject(command)
@@ -420,24 +427,22 @@ class PrintController:
         return self.phase.value if self.phase is not PrintPhase.RUNNING else self._streamer.state.value
 
     @property
-    def _prints(self) -> bool:
-        """Lines of the job go out, and nobody has asked for anything else."""
+    def _is_printing(self) -> bool:
+        """Return whether the job is being sent and no other phase is active."""
         return self.phase is PrintPhase.RUNNING and self._streamer.state is State.STREAMING
 
-    # The printer's wishes.
+    # Requests of the printer.
 
     def _on_action(self, action: stream_events.Action) -> None:
         word, _, rest = action.name.partition(" ")
-        if word in {"pause", "filament_runout", "out_of_filament"} and self._prints:
+        if word in {"pause", "filament_runout", "out_of_filament"} and self._is_printing:
             if word != "pause":
-                self._listen(
-                    stream_events.StreamWarning("the filament has run out: put in a new one, then resume")
-                )
+                self._listen(stream_events.StreamWarning("filament runout: load new filament, then resume"))
             self._on_pause(commands.Pause())
-        elif word == "paused" and self._prints:
-            # It has parked by itself, and comes back by itself.
+        elif word == "paused" and self._is_printing:
+            # It has parked by itself, and returns by itself.
             self._streamer.pause()
-            self._listen(stream_events.Paused(rest or "the printer waits for a person"))
+            self._listen(stream_events.Paused(rest or "the printer waits for the user"))
         elif word in {"resume", "resumed"} and self.phase is PrintPhase.RUNNING:
             self._streamer.resume()
             if word == "resumed":
@@ -452,40 +457,42 @@ class PrintController:
     def _on_message(self, message: stream_events.Message) -> None:
         for reply in read_reply(message.text.encode()):
             if isinstance(reply, Position) and reply.e is not None:
-                self._said_place = reply.x, reply.y, reply.z, reply.e
+                self._reported_position = reply.x, reply.y, reply.z, reply.e
             elif isinstance(reply, Unknown):
                 self._on_unknown(parse(reply.command)[0])
 
     def _on_unknown(self, word: bytes) -> None:
-        """The firmware does not know a command: one that waits for a person is the host's to do."""
-        if word in _WAITS_FOR_PERSON and self._prints:
+        """Pause for a command that the firmware does not know and that waits for the user."""
+        if word in _WAITS_FOR_PERSON and self._is_printing:
             what = "change the filament, then resume" if word == b"M600" else "resume when ready"
-            self._listen(stream_events.StreamWarning(f"{word.decode()} is not known here: {what}"))
+            self._listen(
+                stream_events.StreamWarning(f"the firmware does not support {word.decode()}: {what}")
+            )
             self._on_pause(commands.Pause())
 
     # Temperatures.
 
     def _identified(self, who: stream_events.Identified) -> None:
-        self._can = who
+        self._identity = who
         if self.heat.identified(who, self._now):
             self._streamer.inject(REPORT)
 
     def _poll(self) -> None:
-        """Ask for temperatures, where that delays nothing and the last question was answered."""
+        """Query temperatures if nothing else is queued."""
         self.heat.wait(self._now)
         if self._streamer.state in {State.STREAMING, State.PAUSED} and not self._streamer.injected:
             self._streamer.inject(ASK)
 
 
 class PrintPhase(Enum):
-    """Where a print is between running and waiting.
+    """Phase of a print between running and paused.
 
-    phase       leads to
+    phase       next
     running     leaving (pause), stopping (pause now)
-    stopping    leaving, when the printer has said where it stopped
-    leaving     waiting, when it is off the part
+    stopping    leaving, after the printer has reported its position
+    leaving     waiting, after the nozzle has left the part
     waiting     returning (resume)
-    returning   running, when it is back at its place
+    returning   running, after the nozzle is back at its position
     """
 
     RUNNING = "printing"
@@ -497,11 +504,11 @@ class PrintPhase(Enum):
 
 @dataclass(slots=True)
 class Request:
-    """A wish on its way.
+    """A queued command.
 
     Attributes:
-        wish: what is wanted.
-        done: called with what became of it: words for a person, or the error.
+        command: the command.
+        done: called with the result, a text for users or the error.
     """
 
     command: PrintCommand
@@ -509,14 +516,18 @@ class Request:
 
 
 REPORT: Final = b"M155 S2"
-"""Tells a firmware that can to report temperatures by itself."""
+"""Command that makes the firmware report temperatures by itself."""
 
 _POLL: Final = 5.0
-"""s between two questions for temperatures, where the firmware does not report them by itself."""
+"""s between two temperature queries, if the firmware does not report by itself."""
 
 
 class Prompts:
-    """Attributes: `shown` is the question that waits for an answer, None without one."""
+    """Prompts of the printer.
+
+    Attributes:
+        shown: the open prompt, None if there is none.
+    """
 
     def __init__(self) -> None:
         self.shown: Prompt | None = None
@@ -524,12 +535,12 @@ class Prompts:
         self._buttons: list[str] = []
 
     def as_json(self) -> dict[str, Any]:
-        """For the status."""
+        """Return this part of the status."""
         shown = self.shown
         return {"prompt": {"text": shown.text, "buttons": shown.buttons} if shown else None}
 
     def hear(self, word: str, rest: str) -> Prompt | None:
-        """One action of the printer; what a person shall see now, an empty prompt when the question is over."""
+        """Process an action of the printer; return the prompt to show, an empty one when it is closed, else None."""
         if word == "prompt_begin":
             self._text, self._buttons = rest, []
         elif word in {"prompt_choice", "prompt_button"}:
@@ -544,11 +555,11 @@ class Prompts:
 
 
 class TemperaturePoll:
-    """When to ask for temperatures.
+    """Temperature readings, and when to query them.
 
     Attributes:
-        readings: as reported last.
-        due: when to ask, s; infinite where that is not needed.
+        readings: last reported temperatures.
+        due: time of the next query, s; infinite if the firmware reports by itself.
     """
 
     def __init__(self) -> None:
@@ -557,20 +568,20 @@ class TemperaturePoll:
         self._reports = False
 
     def as_json(self) -> dict[str, Any]:
-        """For the status."""
+        """Return this part of the status."""
         return {"temperatures": {one.name: [one.actual, one.target] for one in self.readings}}
 
     def identified(self, who: Identified, now: float) -> bool:
-        """Who the printer is; whether to tell it to report by itself."""
+        """Process the capabilities; return whether to make the firmware report by itself."""
         self._reports = who.can("AUTOREPORT_TEMP")
         self.wait(now)
         return self._reports
 
     def read(self, temperature: Temperature, now: float) -> None:
-        """A report came."""
+        """Process a temperature report."""
         self.readings = temperature.readings
         self.wait(now)
 
     def wait(self, now: float) -> None:
-        """Ask later."""
+        """Postpone the next query."""
         self.due = inf if self._reports else now + _POLL

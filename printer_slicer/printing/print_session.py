@@ -1,4 +1,4 @@
-"""Print a job over a serial port: wishes, Ctrl-C, a journal, and a checkpoint if it does not come to its end."""
+"""Print a job over a serial port, with commands of users, Ctrl-C, a journal, and a checkpoint if it ends early."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ __all__ = [
 # Ctrl-C and system shutdown.
 _ENDS = (signal.SIGINT, signal.SIGTERM)
 _OFF = "heaters and fan are off"
-_LOOK = "look at the printer, its cable and its power before you go on; the part is not finished"
+_LOOK = "Check the printer, its cable and its power; the part is not finished"
 _LOOK_FOR_PORT = 0.5
 
 
@@ -140,10 +140,10 @@ def resume_print(
             found = replace(found, phase="returning" if found.waits else found.phase)
         except PrinterStateLost as lost:
             plan = plan_recovery(print_, job)
-            if not recover(f"the printer cannot just go on: {lost}.\n{plan.told}"):
+            if not recover(f"the printer has lost its state: {lost}.\n{plan.told}"):
                 message = f"{job.name}: not resumed: {lost}"
                 raise PrintError(
-                    message, remedy="printer-slicer resume --recover does what was told"
+                    message, remedy="Use printer-slicer resume --recover to run the recovery steps above"
                 ) from None
             found = plan
     except BaseException:
@@ -161,14 +161,14 @@ def _take(print_: store.Print, job: Job) -> None:
         UsageError: another process prints it, or its journal is invalid.
     """
     if not print_.hold():
-        raise UsageError(f"{print_.name}: is running", remedy="see `printer-slicer control status`")
+        raise UsageError(f"{print_.name} is already running", remedy="Run printer-slicer control status")
     if why := find_journal_damage(read_journal(print_.folder), len(job.commands)):
         print_.release()
         raise store.DamagedPrint(print_.folder, "journal", why).error()
 
 
 def _reject_unfinished(job_store: Path, port: str, *, discard: bool) -> None:
-    """Never start over an unfinished print without a word.
+    """Reject a new print if one on this port is unfinished.
 
     Raises:
         UsageError: there is one.
@@ -177,22 +177,22 @@ def _reject_unfinished(job_store: Path, port: str, *, discard: bool) -> None:
         if not discard:
             raise UsageError(
                 f"{left.name}, begun {left.begun} on this port, is unfinished",
-                remedy="printer-slicer resume goes on with it; print --discard-unfinished forgets it",
+                remedy="Run printer-slicer resume to continue it, or print --discard-unfinished to delete it",
             )
         left.forget()
 
 
 def _nobody(_: Event) -> None:
-    """Is told what happens."""
+    """Ignore an event."""
 
 
 def _anything(_: bytes) -> str:
-    """Is allowed."""
+    """Allow any command."""
     return ""
 
 
 class PrintSession:
-    """One print, from its first byte to its last, over as many connections as it takes."""
+    """One print from start to end, over any number of connections."""
 
     def __init__(
         self,
@@ -215,7 +215,7 @@ class PrintSession:
         self._spans = find_object_spans(job.text)
         self._board: PortInfo | None = None
         self._transport: SerialPort | None = None
-        self._conductor: PrintController | None = None
+        self._controller: PrintController | None = None
         self._streamer: Streamer | None = None
         self._done = 0
         self._interrupts = 0
@@ -225,7 +225,7 @@ class PrintSession:
 
         Args:
             transport: the open port.
-            found: where to go on, None at the beginning.
+            found: where to resume, None at the start.
 
         Raises:
             As `print_job`.
@@ -247,11 +247,11 @@ class PrintSession:
         )
 
     def reattach(self, transport: SerialPort) -> ResumePlan:
-        """Ask the printer whether it has kept its state, and where it stands.
+        """Find out whether the printer has kept its state, and where to resume.
 
         Raises:
-            Lost: it has not.
-            PortError: the cable is gone.
+            PrinterStateLost: it has not.
+            PortError: the connection is lost.
         """
         assert self._print is not None
         assert self._journal is not None
@@ -298,14 +298,14 @@ class PrintSession:
         controller = PrintController(
             streamer, live, self._setup, journal=self._journal, listen=self._listen, allow=self._allow
         )
-        self._conductor, self._streamer = controller, streamer
+        self._controller, self._streamer = controller, streamer
         if self._journal:
             self._journal.state({HOST: f"{getpid()} {time_ns()}"})
             self._journal.epoch(streamer.acknowledged)
         if found and found.phase == "recovering" and self._journal:
             self._journal.state({"phase": "recovering", "recovering_at": found.point, HEATERS_OFF: ""})
         if found and found.phase == "cancelling":
-            controller.want(Request(commands.Cancel()))
+            controller.submit(Request(commands.Cancel()))
         elif found and (found.parked or found.replay):
             controller.restore(found.parked, found.pushed, found.replay, waits=found.waits)
         self._controls.bind(controller, transport.wake)
@@ -315,13 +315,13 @@ class PrintSession:
         except PortError:
             raise
         except Exception:
-            controller.mute()
+            controller.stop_reporting()
             controller.cancel()
             self._run(controller)
             raise
 
     def _switch_off(self, controller: PrintController) -> None:
-        """A printer that is given up may still hear: heaters off, if they may have been on."""
+        """Switch the heaters off after an aborted print, if they may be on."""
         given_up = isinstance(controller.ended, Halted) and not controller.halted and self._guard != 0
         if not given_up or self._transport is None or self._streamer is None:
             return
@@ -329,12 +329,12 @@ class PrintSession:
         if not words:
             return
         if self._journal:
-            self._journal.state({HEATERS_OFF: "the print was given up"})
+            self._journal.state({HEATERS_OFF: "the print was aborted"})
         with suppress(PortError):
             self._transport.write(words)
 
     def _run(self, controller: PrintController) -> None:
-        """Run on through interruptions: they are wishes like the signals."""
+        """Run the stream; interruptions become commands."""
         assert self._streamer is not None
         assert self._transport is not None
         cable = MeteredTransport(self._transport, self._meter, monotonic)
@@ -361,12 +361,12 @@ class PrintSession:
                 return
 
     def _again(self, error: PortError) -> tuple[SerialPort, ResumePlan]:
-        """Wait until the printer is plugged in again, and take it up.
+        """Wait until the printer is connected again, and reattach to it.
 
         Raises:
-            PortError: it is not, or it has lost its state.
+            PortError: it does not reconnect, or it has lost its state.
         """
-        self._controls.bind(None, waits_for=f"the printer to come back: {str(error).splitlines()[0]}")
+        self._controls.bind(None, waits_for=f"the printer to reconnect: {str(error).splitlines()[0]}")
         self._done = self._streamer.acknowledged if self._streamer else self._done
         if self._transport is not None:
             self._transport.close()
@@ -376,21 +376,25 @@ class PrintSession:
         self._journal.ended(f"{LOST}{reason}", monotonic())
         if not self._reconnect or self._journal.failed:
             raise error
-        self._listen(StreamWarning(f"{reason}: waiting {self._reconnect:g} s for it to come back"))
+        self._listen(StreamWarning(f"{reason}: waiting {self._reconnect:g} s for the printer to reconnect"))
         transport = self._wait_for_port(error)
         try:
             found = self.reattach(transport)
         except PrinterStateLost as lost:
             transport.close()
-            raise PortError(f"{reason}; it is back, but {lost}", remedy="printer-slicer resume") from None
-        self._listen(StreamWarning(f"it is back, and has kept its state after {found.entries} commands"))
+            raise PortError(
+                f"{reason}; reconnected, but {lost}", remedy="Run printer-slicer resume"
+            ) from None
+        self._listen(
+            StreamWarning(f"reconnected: the printer has kept its state after {found.entries} commands")
+        )
         return transport, found
 
     def _wait_for_port(self, error: PortError) -> SerialPort:
         give_up = monotonic() + self._reconnect
         while monotonic() < give_up and not self._controls.has_end_request and not self._interrupts:
-            self._controls.wanted.wait(_LOOK_FOR_PORT)
-            self._controls.wanted.clear()
+            self._controls.requested.wait(_LOOK_FOR_PORT)
+            self._controls.requested.clear()
             address = (find_again(self._board) if self._board else "") or self._port
             with suppress(PortError):
                 transport = open_port(address, self._baud, dtr=self._dtr)
@@ -402,7 +406,7 @@ class PrintSession:
 
     @contextmanager
     def _signals(self) -> Iterator[None]:
-        """Count the signals instead of being interrupted by them; only the main thread gets any."""
+        """Count signals instead of being interrupted by them; only the main thread receives any."""
         if current_thread() is not main_thread():
             yield
             return
@@ -420,16 +424,16 @@ class PrintSession:
         self._interrupt()
 
     def _interrupt(self) -> None:
-        """The first one ends the print in good order, the second one halts the printer at once."""
+        """Cancel the print on the first signal; halt the printer on the second."""
         self._interrupts += 1
-        if self._conductor is not None:
-            self._conductor.want(Request(commands.Cancel() if self._interrupts == 1 else commands.Stop()))
+        if self._controller is not None:
+            self._controller.submit(Request(commands.Cancel() if self._interrupts == 1 else commands.Stop()))
         if self._transport is not None:
             self._transport.wake()
 
     @contextmanager
     def _company(self) -> Iterator[None]:
-        """What runs beside a print that is on the shelf."""
+        """Run the background services of a stored print."""
         if self._print is None or self._journal is None:
             yield
             return
@@ -448,8 +452,8 @@ class PrintSession:
             self._transport.close()
 
     def _finished(self) -> Finished:
-        """The end of a print that was neither halted nor cancelled."""
-        controller = self._conductor
+        """Return the end of a completed print, or raise the error of another end."""
+        controller = self._controller
         assert controller is not None
         end = controller.ended
         if isinstance(end, Finished):
@@ -462,7 +466,7 @@ class PrintSession:
         raise kind(self._stopped(end.reason), remedy=self._look())
 
     def _look(self) -> str:
-        return _LOOK if self._print is None else f"{_LOOK}; printer-slicer resume goes on with it"
+        return _LOOK if self._print is None else f"{_LOOK}. Run printer-slicer resume to continue"
 
     def _leave(self, *, keep: bool, reason: str) -> None:
         """Close the journal, and keep it only if the print can be resumed."""
@@ -483,14 +487,14 @@ class PrintSession:
 
 
 def forget_checkpoint(checkpoint: Path | None, job: Job) -> None:
-    """A print that came to its end leaves no checkpoint, nor that of an earlier try."""
+    """Delete the checkpoint of a completed print, also that of an earlier try."""
     with suppress(OSError, ValueError, TypeError, KeyError):  # the print is good all the same
         if checkpoint is not None and json.loads(checkpoint.read_bytes())["job"] == job.name:
             checkpoint.unlink()
 
 
 def write_checkpoint(job: Job, done: int, checkpoint: Path | None, reason: str) -> str:
-    """Write how far a print came, so many entries of the job; the same in words."""
+    """Write a checkpoint with the number of accepted job entries; return the same as text."""
     layer = job.layer_of(done)
     where = f"after {done} of {len(job.commands)} commands" + (f", in layer {layer}" if layer else "")
     message = f"{job.name}: {reason} ({where})"
@@ -513,12 +517,12 @@ def write_checkpoint(job: Job, done: int, checkpoint: Path | None, reason: str) 
 
 
 _SYNC = 1.0
-"""s between two times that the journal is brought to the disk."""
+"""s between two syncs of the journal to disk."""
 
 
 @contextmanager
 def synced(journal: Journal) -> Iterator[None]:
-    """Bring the journal to the disk once a second, where that delays no line."""
+    """Sync the journal to disk once a second, in a thread that delays no line."""
     stop = Flag()
 
     def work() -> None:
@@ -537,7 +541,7 @@ def synced(journal: Journal) -> Iterator[None]:
 
 @contextmanager
 def answering(print_: Print, controls: Controls) -> Iterator[None]:
-    """Let other processes of this user have wishes."""
+    """Let other processes of this user control the print."""
     from printer_slicer.printing.control_socket import serve_control  # noqa: PLC0415 - sockets are only needed here
 
     with serve_control(print_.folder, controls, print_.name):
@@ -546,7 +550,7 @@ def answering(print_: Print, controls: Controls) -> Iterator[None]:
 
 @contextmanager
 def run_heater_failsafe(print_: Print, seconds: float) -> Iterator[None]:
-    """Let the heaters go off if this process dies and nobody takes the print up within some seconds; 0: let them be."""
+    """Switch the heaters off if this process dies and nobody resumes the print within `seconds`; 0: leave them on."""
     if seconds <= 0:
         yield
         return

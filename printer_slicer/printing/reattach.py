@@ -1,7 +1,7 @@
-"""Taking up a print that another host, or this one before the cable was pulled, had to leave.
+"""Resume a print on a printer that has kept its state, after the host or the cable was lost.
 
-The journal says what the last lines were, the printer says which of them it took, and where its plan ends. If that
-agrees, the printer has kept its state: nothing is sent again, and nothing is left out.
+The journal holds the last lines that were sent. The printer reports which of them it accepted, and the end position of
+its planned motion. If both agree, the printer has kept its state, and no line is repeated or skipped.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ __all__ = [
 ]
 
 _BEHIND: Final = 8
-"""Lines that may count as accepted on record and were not: an ok too many on a bad cable."""
+"""Number of lines that the journal may wrongly list as accepted, because of surplus oks on a bad cable."""
 
 _BEYOND: Final = 64
 _QUESTIONS: Final = ("M105", "M114", "M115", "M155", "M400")
@@ -39,21 +39,21 @@ _SAME_PLACE: Final = 0.06
 
 
 class PrinterStateLost(Exception):  # noqa: N818 - not a fault: what the printer knew is gone
-    """The printer has not kept its state; says why."""
+    """The printer has lost its state; the message says why."""
 
 
 @dataclass(frozen=True, slots=True)
 class ResumePlan:
-    """Where to go on.
+    """Where and how to resume.
 
     Attributes:
-        entries: of the job that the printer has.
+        entries: number of job entries that the printer has accepted.
         job: the entries, followed up to there.
-        phase: what the host was doing: "printing", "parking", "returning", "cancelling"...
-        parked: what to come back to, None while printing and when it has come back.
-        pushed: mm of filament since it was left.
-        replay: what is left of thrown-away moves, or what is sent before the rest.
-        point: where a printer that had lost its state is brought to, as the journal holds it.
+        phase: phase of the print: "printing", "parking", "returning", "cancelling"...
+        parked: state to return to, None if the nozzle is on the part.
+        pushed: mm of filament extruded since parking.
+        replay: rest of discarded moves, or commands sent before the rest of the job.
+        point: recovery position for a printer that has lost its state, as in the journal.
     """
 
     entries: int
@@ -66,7 +66,7 @@ class ResumePlan:
 
     @property
     def waits(self) -> bool:
-        """Whether it was paused, and waits for a person."""
+        """Return whether the print was paused."""
         return self.phase == "parking"
 
 
@@ -125,10 +125,10 @@ def query_printer(
     journal_data: JournalData,
     journal: Journal | None = None,
 ) -> Resync:
-    """Ask the printer what it took, and wait for its answers.
+    """Query the printer for its last line and position, and wait for the answers.
 
     Raises:
-        PortError: the cable is gone.
+        PortError: the connection is lost.
     """
     last = max(
         [journal_data.line, journal_data.before, *(record.number for record in journal_data.lines[-1:])]
@@ -154,18 +154,18 @@ def find_resume_plan(
     spans: tuple[Span, ...],
     setup: HostSettings,
 ) -> ResumePlan:
-    """Where to go on, after the printer has answered.
+    """Return where to resume, from the answers of the printer.
 
     Raises:
-        Lost: it has not kept its state.
+        PrinterStateLost: it has not kept its state.
     """
     line = resync.line
     if journal_data.states.get("phase") == "recovering":
-        raise PrinterStateLost("it was being brought back to its place")
+        raise PrinterStateLost("a recovery was interrupted")
     if off := journal_data.states.get(HEATERS_OFF):
-        raise PrinterStateLost(f"its heaters were switched off: {off}")
+        raise PrinterStateLost(f"its heaters were switched off ({off})")
     if resync.reason or line is None:
-        raise PrinterStateLost(resync.reason or "it does not say which line it took")
+        raise PrinterStateLost(resync.reason or "it does not report its last line")
     entries = _entries(journal_data, line)
     job = rebuild(journal_data, line, commands, spans, setup.flavour)
     job.follow(entries)
@@ -182,14 +182,14 @@ def _entries(journal_data: JournalData, line: int) -> int:
         # Numbers had just begun anew, or were about to: nothing of the job went out since.
         return journal_data.base
     if line < 1 or not journal_data.line - _BEHIND <= line <= journal_data.line + _BEYOND:
-        raise PrinterStateLost(f"it took line {line} last, and line {journal_data.line} is on record")
+        raise PrinterStateLost(f"its last accepted line is {line}, not {journal_data.line}")
     return journal_data.entries_at(line)
 
 
 def rebuild(
     journal_data: JournalData, line: int, commands: Sequence[bytes], spans: tuple[Span, ...], flavour: str
 ) -> LiveJob:
-    """The job as it was sent so far: what was said between, what was given up; not followed beyond the last of that."""
+    """Rebuild the job as sent so far, with user commands and cancelled objects."""
     job = LiveJob(commands, spans, flavour=flavour)
     given_up = sorted((at, name) for name, at in dict(journal_data.states.get("cancelled_at", {})).items())
     happened = [(at, 0, name) for at, name in given_up]
@@ -208,7 +208,7 @@ def rebuild(
 def _parked(
     journal_data: JournalData, line: int, setup: HostSettings
 ) -> tuple[ParkedState | None, float, tuple[str, ...]]:
-    """What it has to come back to, and how much of that has happened."""
+    """Return the parked state, and how much of the return has happened."""
     values = journal_data.states.get("parked")
     if not values:
         return None, 0.0, ()
@@ -236,10 +236,10 @@ def _parked(
 
 
 def _check_position(modes: PrintState, said: AxisPositions | None) -> None:
-    """The plan must end where the commands lead."""
+    """Check that the planned motion ends where the commands lead."""
     stand = modes.stand
     if said is None or stand.inches:  # firmwares report inches differently
         return
     for name, is_at, to_be in zip("xyz", said, (stand.x, stand.y, stand.z), strict=True):
         if is_at is not None and to_be is not None and abs(is_at - to_be) > _SAME_PLACE:
-            raise PrinterStateLost(f"its {name} is {is_at:g}, and should be {to_be:g}")
+            raise PrinterStateLost(f"its {name} is {is_at:g} mm instead of {to_be:g} mm")

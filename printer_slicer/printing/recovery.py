@@ -1,7 +1,7 @@
-"""Going on with a print on a printer that has lost its state: what is sent before the rest of the job.
+"""Resume a print on a printer that has lost its state: the commands sent before the rest of the job.
 
-soften the nozzle - z as the journal has it - lift over everything printed - home x and y - heat - prime beside the
-part - come down outside of it - over the place - down - filament, modes and speed as they were - the rest
+soften the nozzle - restore z from the journal - lift over the part - home x and y - heat - prime beside the part -
+come down outside of it - move to the position - lower - restore filament, modes and speed - rest of the job
 """
 
 from __future__ import annotations
@@ -27,24 +27,24 @@ from printer_slicer.stream.protocol import RESET
 __all__ = ["Point", "RecoveryPlan", "find_recovery_point", "plan_recovery", "recovery_script"]
 
 _SOFT: Final = 150.0
-"""°C at which plastic lets go of a nozzle that stuck in it, and does not drip yet."""
+"""°C at which the nozzle comes loose from the plastic without dripping."""
 
 _OVER: Final = 1.0
-"""mm over the layer at which the nozzle comes in from outside."""
+"""mm above the layer at which the nozzle approaches from outside."""
 
 _COLD: Final = "The job sets no nozzle temperature: heat nozzle and bed by hand first."
 
-_REMEDY: Final = "print it anew: printer-slicer print --discard-unfinished"
+_REMEDY: Final = "Start again with printer-slicer print --discard-unfinished"
 
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """Where a print is taken up again.
+    """Position at which a print resumes.
 
     Attributes:
-        entries: of the job that are not sent again.
-        stand: of the printer there.
-        replay: commands to be sent first, such as the rest of a move.
+        entries: number of job entries that are not sent again.
+        stand: machine state at this position.
+        replay: commands to send first, such as the rest of a move.
     """
 
     entries: int
@@ -52,27 +52,27 @@ class Point:
     replay: tuple[bytes, ...] = ()
 
     def as_json(self) -> dict[str, Any]:
-        """As the journal holds it."""
+        """Return it for the journal."""
         replay = [command.decode("latin-1") for command in self.replay]
         return {"entries": self.entries, "stand": asdict(self.stand), "replay": replay}
 
 
 @dataclass(frozen=True, slots=True)
 class RecoveryPlan(ResumePlan):
-    """What will be done. See `ResumePlan`.
+    """Plan of a recovery, see `ResumePlan`.
 
     Attributes:
-        told: the same in words.
+        told: the steps as text.
     """
 
     told: str = ""
 
 
 def plan_recovery(print_: Print, job: Job) -> RecoveryPlan:
-    """What it takes to go on with a print whose printer has lost its state.
+    """Plan the recovery of a print whose printer has lost its state.
 
     Raises:
-        PrintError: it cannot be done: too early, or where the nozzle was is not known.
+        PrintError: recovery is impossible: nothing was printed, or the position of the nozzle is unknown.
     """
     journal_data = read_journal(print_.folder)
     lost = _lost(journal_data, same_boot=print_.same_boot)
@@ -82,9 +82,9 @@ def plan_recovery(print_: Print, job: Job) -> RecoveryPlan:
     point = find_recovery_point(journal_data, live, lost, print_.setup)
     modes = live.modes
     if None in modes.machine.offset[:2]:
-        raise PrintError(f"{job.name}: where its G92 moved the origin to is not known", remedy=_REMEDY)
+        raise PrintError(f"{job.name}: the origin set by its G92 is unknown", remedy=_REMEDY)
     if not point.stand.known or modes.box is None:
-        raise PrintError(f"{job.name}: nothing was printed yet", remedy=_REMEDY)
+        raise PrintError(f"{job.name}: nothing has been printed yet", remedy=_REMEDY)
     script = recovery_script(job, point, modes, print_.setup)
     told = _told(job, point, modes, print_.setup)
     rest = LiveJob(job.commands, find_object_spans(job.text), point.entries)
@@ -122,7 +122,7 @@ def _told(job: Job, point: Point, modes: PrintState, setup: HostSettings) -> str
 
 
 def _lost(journal_data: JournalData, *, same_boot: bool) -> float | None:
-    """When the printer was lost, s; None: long after the host was, so it made all it had planned."""
+    """Return when the printer lost its state, s; None: long after the host ended, so all planned moves were made."""
     if journal_data.stopped is not None and journal_data.reason.startswith(LOST):
         return journal_data.stopped
     if journal_data.stopped is None and same_boot:
@@ -172,7 +172,7 @@ def find_recovery_point(
 
 
 def recovery_script(job: Job, point: Point, modes: PrintState, setup: HostSettings) -> list[bytes]:
-    """The commands before the rest of the job."""
+    """Return the commands before the rest of the job."""
     x, y, z = point.stand.place
     machine = modes.machine
     safe = max(min((z if modes.highest is None else max(modes.highest, z)) + setup.lift, setup.top), z)
@@ -214,7 +214,7 @@ def recovery_script(job: Job, point: Point, modes: PrintState, setup: HostSettin
 
 
 def _settings(modes: PrintState) -> list[bytes]:
-    """What was set and stays, said again."""
+    """Return the persistent settings as commands."""
     script = [modes.machine.tool_command] if modes.machine.tool_command else []
     for command, inches in modes.sticky.values():
         script += [b"G20", command, b"G21"] if inches else [command]

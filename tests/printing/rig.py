@@ -196,7 +196,7 @@ class Rig:
 
     def submit(self, command: commands.PrintCommand) -> None:
         """Somebody wants something."""
-        self.controller.want(Request(command, self.answers.append))
+        self.controller.submit(Request(command, self.answers.append))
 
     @property
     def made(self) -> list[Piece]:

@@ -28,7 +28,7 @@ class Deaf:
     def status(self) -> dict[str, Any]:
         return dict(KNOWN)
 
-    def want(self, request: Request) -> None:
+    def submit(self, request: Request) -> None:
         self.tickets.append(request)
         if not self._deaf:
             request.done(json.dumps(self.status()))
@@ -76,4 +76,4 @@ def test_a_process_that_stands_still_is_named(tmp_path: Path) -> None:
         listener.listen()
         (tmp_path / "control.json").write_text(json.dumps({"path": str(tmp_path / "s")}), encoding="utf-8")
         with pytest.raises(PortError, match=r"does not answer within 0\.01 s: its process is stopped"):
-            send_control_command(tmp_path, "status", patience=0.01)
+            send_control_command(tmp_path, "status", timeout=0.01)

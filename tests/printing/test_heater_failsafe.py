@@ -130,7 +130,7 @@ def test_a_resume_that_comes_to_nothing_leaves_the_guard_where_it_is(begin: Begi
         try:
             until(lambda: looked[0])
             assert ran(begin("resume")) == 5
-            assert b"does not count lines" in (tmp_path / "said").read_bytes()
+            assert b"does not check line numbers" in (tmp_path / "said").read_bytes()
             assert "M104 S0" not in executed
         finally:
             now[0] = 11.0

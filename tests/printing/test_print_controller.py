@@ -430,9 +430,9 @@ def test_what_is_paused_or_prints_already_says_so() -> None:
     rig.run(turn)
 
     assert [str(answer) for answer in rig.answers] == [
-        "it cannot resume: it is streaming\n  see `status`",
-        "pausing behind the planned moves",
-        "it cannot pause: it is paused\n  wait, or see `status`",
+        "cannot resume: the print is streaming\n  Run `control status`",
+        "pausing after the planned moves",
+        "cannot pause: the print is paused\n  Wait, or run `control status`",
         "resuming",
     ]
     assert isinstance(rig.events[-1], Finished)
@@ -442,4 +442,4 @@ def test_a_wish_that_nobody_hears_is_given_up() -> None:
     with pytest.raises(UsageError) as caught:
         Controls().ask(commands.Pause(), timeout=0.01)
 
-    assert str(caught.value) == "the print does not answer\n  is the printer connected?"
+    assert str(caught.value) == "the print does not answer\n  Check that the printer is connected"

@@ -231,7 +231,7 @@ def test_a_cable_that_is_pulled_and_plugged_in_again_costs_nothing(tmp_path: Pat
         printing.ended()
 
     assert printing.done, printing.error
-    assert status["waits_for"].startswith(f"the printer to come back: {tmp_path}/port is gone")
+    assert status["waits_for"].startswith(f"the printer to reconnect: {tmp_path}/port: connection lost")
     assert status["done"] > 50
     assert any(
         isinstance(event, StreamWarning) and "kept its state" in event.text for event in printing.events
@@ -290,15 +290,15 @@ def test_a_printer_that_was_reset_while_it_was_away_is_not_taken_up(tmp_path: Pa
     assert isinstance(printing.error, PrintError)
     assert re.fullmatch(
         rf"job\.gcode: {tmp_path}/port: connection lost: [^;]+; reconnected, but its last accepted line is 0, not \d+"
-        r" \(after \d+ of 604 commands\)\n  look at the printer, [^;]+; the part is not finished; printer-slicer resume"
-        r" goes on with it",
+        r" \(after \d+ of 604 commands\)\n  Check the printer, [^;]+; the part is not finished\."
+        r" Run printer-slicer resume to continue",
         str(printing.error),
     )
     assert not any(line.startswith("G") for line in executed)
 
 
 def test_a_print_that_runs_is_not_resumed_besides(tmp_path: Path) -> None:
-    told = r"^job\.gcode: is running\n  see `printer-slicer control status`$"
+    told = r"^job\.gcode is already running\n  Run printer-slicer control status$"
     executed = after(20)
     with served(tmp_path / "port", executed=executed):
         printing = Background(job_in(tmp_path), tmp_path / "port", tmp_path / "prints")
@@ -324,8 +324,8 @@ def test_a_printer_that_was_reset_is_not_resumed_without_consent(tmp_path: Path)
         resume_print(left, job_in(tmp_path, text), recover=lambda why: bool(asked.append(why)))
 
     assert re.fullmatch(
-        r"job\.gcode: not resumed: it took line 0 last, and line \d+ is on record\n"
-        r"  printer-slicer resume --recover does what was told",
+        r"job\.gcode: not resumed: its last accepted line is 0, not \d+\n"
+        r"  Use printer-slicer resume --recover to run the recovery steps above",
         str(caught.value),
     )
     assert "home x and y only" in asked[0]
@@ -375,7 +375,7 @@ def test_a_full_disk_does_not_stop_the_print(tmp_path: Path, monkeypatch: pytest
     assert printing.done, printing.error
     assert of_job(executed) == LINES.split("\n")[:-1]
     assert any(
-        isinstance(event, StreamWarning) and "could not be resumed" in event.text for event in printing.events
+        isinstance(event, StreamWarning) and "cannot be resumed" in event.text for event in printing.events
     )
 
 
@@ -395,7 +395,7 @@ def test_a_file_that_is_changed_or_deleted_meanwhile_is_printed_as_it_was(tmp_pa
 
 def test_a_place_where_nothing_can_be_written_is_refused_before_the_first_byte(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("", encoding="utf-8")
-    with served(tmp_path / "port") as executed, pytest.raises(Exception, match="cannot be noted"):
+    with served(tmp_path / "port") as executed, pytest.raises(Exception, match="cannot store the print"):
         print_job(job_in(tmp_path), PROFILE, str(tmp_path / "port"), job_store=tmp_path / "file" / "prints")
 
     assert executed == []

@@ -136,7 +136,7 @@ def test_a_printer_that_was_reset_has_lost_its_state(tmp_path: Path) -> None:
         kill_after(rig, 150)
     rig.printer.reset(rig.port.now())
 
-    with pytest.raises(PrinterStateLost, match=r"reset|took line"):
+    with pytest.raises(PrinterStateLost, match=r"reset|last accepted line"):
         found_by_next_host(rig)
 
 

@@ -184,8 +184,8 @@ def test_an_origin_that_was_moved_from_an_unknown_place_cannot_be_recovered(tmp_
         plan_recovery(print_, job)
 
     assert str(caught.value) == (
-        "part.gcode: where its G92 moved the origin to is not known\n"
-        "  print it anew: printer-slicer print --discard-unfinished"
+        "part.gcode: the origin set by its G92 is unknown\n"
+        "  Start again with printer-slicer print --discard-unfinished"
     )
 
 
@@ -196,7 +196,7 @@ def test_before_anything_was_printed_there_is_nothing_to_recover(tmp_path: Path)
     )
     print_ = begin(tmp_path, job.name, job.text, PortAddress("/dev/none", 250_000), SETUP)
 
-    with pytest.raises(PrintError, match="nothing was printed yet"):
+    with pytest.raises(PrintError, match="nothing has been printed yet"):
         plan_recovery(print_, job)
 
 

@@ -25,7 +25,9 @@ def test_silence_is_an_alarm_only_while_something_is_hot() -> None:
     assert dog.check(14.9) is None
     alarm = dog.check(15.0)
     assert alarm == HeaterAlarm(10.0, (("T", 200.0),))
-    assert str(alarm) == "no answer from the printer for 10 s while heaters are on (T 200 °C): check the printer"
+    assert (
+        str(alarm) == "no answer from the printer for 10 s while heaters are on (T 200 °C): check the printer"
+    )
 
 
 def test_what_the_host_does_by_itself_is_no_sign_of_the_printer() -> None:

@@ -167,7 +167,9 @@ def test_ports_are_listed_by_their_persistent_names(tmp_path: Path) -> None:
 
 
 def test_a_port_without_a_lasting_name_is_opened_by_its_device(tmp_path: Path) -> None:
-    info = serial_port._port_info(ListPortInfo("/dev/ttyS0"), serial_port._persistent_names(tmp_path / "none"))
+    info = serial_port._port_info(
+        ListPortInfo("/dev/ttyS0"), serial_port._persistent_names(tmp_path / "none")
+    )
 
     assert info.address == "/dev/ttyS0"
     assert info.vid is None

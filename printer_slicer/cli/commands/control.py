@@ -45,7 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
     command = parse_command(line)
     found = find(default_job_store(), arguments.job, running=True)
     answer = send_control_command(
-        found.folder, line, **({"patience": _SOON} if isinstance(command, Status) else {})
+        found.folder, line, **({"timeout": _SOON} if isinstance(command, Status) else {})
     )
     if not answer["ok"]:
         message, _, remedy = str(answer["answer"]).partition("\n  ")
