@@ -11,15 +11,15 @@ import numpy as np
 from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.geometry import (
     Areas,
+    ConnectedAreas,
     Lines,
-    Pieces,
     difference,
     hatch,
     intersection,
     offset,
     offset_open,
-    pieces_of,
-    swept,
+    split_connected,
+    sweep_areas,
     union,
 )
 from printer_slicer.geometry.boxes import Boxes
@@ -96,13 +96,13 @@ def find_bridges(
         reach: (L,) mm of anchors on the supports, and (L,) radians, usual direction.
     """
     anchor, usual = reach
-    pieces = pieces_of(grown)
+    pieces = split_connected(grown)
     turn, held = bridge_angles(pieces, below, spacing, usual)
     loose = pieces.on_layers(grown.n_layers, np.flatnonzero(~held))
     pieces, turn = pieces.take(np.flatnonzero(held)), turn[held]
     # Add half a line on both sides.
     own = pieces.beside(offset(air, spacing / 2))
-    along = swept(own, anchor[pieces.layer, None] * np.stack([np.cos(turn), np.sin(turn)], axis=1))
+    along = sweep_areas(own, anchor[pieces.layer, None] * np.stack([np.cos(turn), np.sin(turn)], axis=1))
     return Bridges(intersection(along, pieces.areas), pieces.layer, turn, loose)
 
 

@@ -20,14 +20,14 @@ from printer_slicer.arrays import Bool, Float, Int, consecutive, frozen_array, r
 from printer_slicer.combine_layers import area_savings, choose_groups, last_layers, tallest_groups
 from printer_slicer.geometry import (
     Areas,
-    Pieces,
+    ConnectedAreas,
     Polylines,
     difference,
+    find_enclosing_rings,
     offset,
     offset_open,
-    pieces_of,
-    rings_around,
-    stroked,
+    split_connected,
+    stroke_lines,
     window_intersection,
 )
 from printer_slicer.geometry.clipping import spans
@@ -248,11 +248,11 @@ def shared_pieces(bands: PerimeterBands, groups: Int) -> Pieces:
     """
     own = np.arange(len(groups))
     shared = _wide(bands.shared(np.where(last_layers(groups) == own, groups, own), own))
-    pieces = pieces_of(shared)
+    pieces = split_connected(shared)
     rings = np.bincount(pieces.areas.ring_layer, minlength=pieces.count)
     worth = (rings > 1) | (pieces.areas.area() >= 2 * _PEN * _SHORTEST)
     kept = pieces.on_layers(shared.n_layers, np.flatnonzero(worth))
-    return pieces_of(offset(kept, 1.5 * _PEN))
+    return split_connected(offset(kept, 1.5 * _PEN))
 
 
 def _wide(bands: Areas) -> Areas:
@@ -324,7 +324,7 @@ def _stretches(some: Toolpaths, pieces: Pieces, groups: Int) -> tuple[PathSpans,
     made = cut_paths(some, spans)
     size = np.diff(made.start)
     middle = made.xy[made.start[:-1] + size // 2 - 1] + made.xy[made.start[:-1] + size // 2]
-    ring = rings_around(area, middle / 2, last[made.layer])
+    ring = find_enclosing_rings(area, middle / 2, last[made.layer])
     piece = np.append(pieces.areas.ring_layer, -1)[ring]
     good = np.flatnonzero(np.append(_alike(made, piece, pieces.count, groups), False)[piece])
     return spans.take(good), piece[good]

@@ -10,7 +10,15 @@ from dataclasses import replace
 import numpy as np
 
 from printer_slicer.arrays import Float
-from printer_slicer.geometry import Areas, difference, normalize, offset, offset_open, rings_around, union
+from printer_slicer.geometry import (
+    Areas,
+    difference,
+    find_enclosing_rings,
+    normalize,
+    offset,
+    offset_open,
+    union,
+)
 from printer_slicer.model import Sections
 from printer_slicer.profile import Profile
 
@@ -40,7 +48,7 @@ def _offset_outlines(solid: Areas, outward: float, holes_by: float) -> Areas:
     if not outer.n_rings:
         return solid
     # Each outer ring and its holes get a layer of their own, so that islands inside a hole stay separate.
-    owner = rings_around(outer, holes.xy[holes.ring_start[:-1]], holes.ring_layer)
+    owner = find_enclosing_rings(outer, holes.xy[holes.ring_start[:-1]], holes.ring_layer)
     alone = Areas(outer.xy, outer.ring_start, np.arange(outer.n_rings), outer.n_rings)
     order = np.argsort(owner, kind="stable")
     order = order[owner[order] >= 0]

@@ -14,7 +14,7 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, frozen_array
 from printer_slicer.errors import PartError
-from printer_slicer.geometry.nearest import Outlines
+from printer_slicer.geometry.segment_index import OutlineIndex
 from printer_slicer.model import Mesh, Sections
 
 __all__ = ["Deviation", "measure_deviation"]
@@ -99,7 +99,7 @@ def _distance_to_stack(points: Float, sections: Sections) -> Float:
     """(n,) from each point to the boundary of the stack: the walls beside it, then all that is above and below."""
     planes = np.concatenate([[0.0], sections.plan.top])
     xy, z = np.ascontiguousarray(points[:, :2]), points[:, 2]
-    outlines = Outlines(sections.solid, xy.min(axis=0), xy.max(axis=0))
+    outlines = OutlineIndex(sections.solid, xy.min(axis=0), xy.max(axis=0))
     home = np.clip(np.searchsorted(planes[1:], z), 0, sections.plan.n_layers - 1).astype(np.int64)
     outside = np.maximum(z - planes[home + 1], planes[home] - z)
     best: Float = np.hypot(outlines.distance(xy, home), np.maximum(outside, 0.0))
@@ -110,7 +110,7 @@ def _distance_to_stack(points: Float, sections: Sections) -> Float:
 
 
 def _search(
-    outlines: Outlines, planes: Float, start: tuple[Float, Float, Int, Bool], best: Float, step: int
+    outlines: OutlineIndex, planes: Float, start: tuple[Float, Float, Int, Bool], best: Float, step: int
 ) -> None:
     """Lower `best` by what lies above (step 1) or below (step -1) each point, layer by layer.
 

@@ -12,9 +12,16 @@ from itertools import pairwise
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, boxes, distinct, run_starts
-from printer_slicer.geometry import Areas, depths, difference, offset, rings_around, window_intersection
+from printer_slicer.geometry import (
+    Areas,
+    depths,
+    difference,
+    find_enclosing_rings,
+    offset,
+    window_intersection,
+)
 from printer_slicer.geometry.depth import near_outlines
-from printer_slicer.geometry.planes import spread
+from printer_slicer.geometry.facet_topology import spread
 from printer_slicer.model import Sections, Toolpaths
 
 __all__ = ["grade_overhangs"]
@@ -176,7 +183,7 @@ def _one_sided(pieces: _Pieces, some: Int, middle: Float, layer: Int, air: Areas
     begins = np.flatnonzero(
         (np.diff(some, prepend=-2) != 1) | (np.diff(pieces.path.take(some), prepend=-1) != 0)
     )
-    found = rings_around(air, middle.take(begins, axis=0), layer.take(begins))
+    found = find_enclosing_rings(air, middle.take(begins, axis=0), layer.take(begins))
     hangs = (found >= 0) & (np.append(air.ring_area(), 0)[found] > 0)
     return np.repeat(np.where(hangs, 0.0, 1.0), np.diff(begins, append=len(some)))
 

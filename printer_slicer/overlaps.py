@@ -10,8 +10,8 @@ import numpy as np
 from printer_slicer.arrays import Float, Int, consecutive
 from printer_slicer.geometry import Areas, intersection, normalize
 from printer_slicer.geometry.boxes import Boxes
-from printer_slicer.geometry.crossing import section_contours
-from printer_slicer.geometry.pieces import pieces_of
+from printer_slicer.geometry.connected_areas import split_connected
+from printer_slicer.geometry.plane_sections import section_contours
 from printer_slicer.model import Mesh
 
 __all__ = ["Overlap", "find_collisions", "find_overlaps"]
@@ -61,7 +61,7 @@ def _measure_overlaps(common: Areas) -> tuple[Float, Float]:
     if not common.n_rings:
         return np.zeros((0, 2)), np.zeros(0)
     whole = normalize(common.restacked(np.arange(common.n_rings), np.zeros(common.n_rings, np.int64), 1))
-    areas = pieces_of(whole).areas
+    areas = split_connected(whole).areas
     low, high = areas.boxes()
     size, area = high - low, areas.area()
     counts = (size > _LEAST).all(axis=1) & (area > _LEAST**2)

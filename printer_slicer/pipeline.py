@@ -12,7 +12,7 @@ from typing import Unpack
 from printer_slicer.adhesion import add_adhesion, place_on_raft
 from printer_slicer.curves import fit_arcs
 from printer_slicer.extrusion import extrude
-from printer_slicer.healing import refuse_repaired, repair
+from printer_slicer.healing import repair, require_no_repair
 from printer_slicer.labelling import label_moves
 from printer_slicer.link_limiter import limit_link
 from printer_slicer.model import LayerPlan, Mesh, Program, Regions, Walls
@@ -62,7 +62,7 @@ def slice_stages(  # noqa: PLR0913 - all options have defaults
     report("repairing")
     repaired, repairs = repair(mesh)
     if strict:
-        refuse_repaired(mesh.name, repairs)
+        require_no_repair(mesh.name, repairs)
     report("placing")
     part = place(repaired, profile.printer, placement)
     shift = repaired.bounds[0] - part.bounds[0]
@@ -72,7 +72,7 @@ def slice_stages(  # noqa: PLR0913 - all options have defaults
     stages = slice_planned(part, plan, profile, report, strategies)
     repairs = replace(repairs, done=(*repairs.done, *section_repairs(stages.sections, shift)))
     if strict:
-        refuse_repaired(part.name, repairs)
+        require_no_repair(part.name, repairs)
     return replace(stages, repairs=repairs, shift=shift)
 
 

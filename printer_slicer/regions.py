@@ -28,7 +28,7 @@ from printer_slicer.geometry import (
     intersection,
     offset,
     offset_open,
-    pieces_of,
+    split_connected,
     union,
     window_intersection,
     window_intersections,
@@ -72,7 +72,7 @@ def classify(sections: Sections, walls: Walls, profile: Profile) -> Regions:
     scraps = _over(scraps, _below(infill)).merge(
         _narrow(difference(hanging, down.merge(up).merge(infill)), width)
     )
-    bridges = bridges.with_scraps(pieces_of(scraps), width / 4)
+    bridges = bridges.with_scraps(split_connected(scraps), width / 4)
     open_to_air = skin.merge(bridges.covered()).merge(up)
     covered = difference(inside, infill.merge(open_to_air))
     internal = find_internal_bridges(covered, _below(infill), width, rules.anchor)
@@ -195,7 +195,7 @@ def _without_dots(shell: Areas, width: Float) -> Areas:
 
     Such pieces are useless beside internal infill. Areas too small for internal infill become solid anyway.
     """
-    pieces = pieces_of(shell)
+    pieces = split_connected(shell)
     large = pieces.areas.area() >= _DOT * width[pieces.layer] ** 2
     return pieces.on_layers(shell.n_layers, np.flatnonzero(large))
 

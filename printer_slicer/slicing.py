@@ -9,11 +9,11 @@ import numpy as np
 from printer_slicer.arrays import Float, Int, scatter
 from printer_slicer.errors import MeshError, PartError
 from printer_slicer.geometry import Areas, difference, normalize, offset, simplify, union
-from printer_slicer.geometry.closing import Chords, LooseEnds, close_by_chords, close_near
-from printer_slicer.geometry.crossing import Crossings, crossings_of
-from printer_slicer.geometry.joints import cycles
-from printer_slicer.geometry.planes import connected, edge_faults
-from printer_slicer.geometry.slabs import slab_shadows
+from printer_slicer.geometry.connectivity import cycles
+from printer_slicer.geometry.contour_closing import Chords, LooseEnds, close_near, close_with_chords
+from printer_slicer.geometry.facet_topology import find_edge_faults, label_bodies
+from printer_slicer.geometry.plane_sections import Crossings, crossings_of
+from printer_slicer.geometry.slab_projection import project_slabs
 from printer_slicer.model import Contours, Gap, LayerPlan, Mesh, MeshFaults, Repair, Sections
 
 __all__ = ["contours", "cut", "find_gaps", "find_mesh_faults", "section_repairs"]
@@ -77,7 +77,7 @@ def _contained_areas(mesh: Mesh, plan: LayerPlan, rings: Areas) -> Areas:
     """
     section = normalize(rings)
     if plan.containment == "positive":
-        shadow = normalize(slab_shadows(mesh.triangles, plan.bottom, plan.top))
+        shadow = normalize(project_slabs(mesh.triangles, plan.bottom, plan.top))
         return offset(simplify(union(section, shadow), _FINE), _FINE)
     return offset(simplify(_common_areas(mesh, plan, section), _FINE), -_FINE)
 
@@ -87,13 +87,13 @@ def _common_areas(mesh: Mesh, plan: LayerPlan, section: Areas) -> Areas:
 
     Overlapping bodies hide parts of each other's surface, so each body is processed alone; voids are inverted bodies.
     """
-    body = connected(mesh.triangles)
+    body = label_bodies(mesh.triangles)
     if body.max(initial=0) == 0:
-        return difference(section, normalize(slab_shadows(mesh.triangles, plan.bottom, plan.top)))
+        return difference(section, normalize(project_slabs(mesh.triangles, plan.bottom, plan.top)))
     solid, hollow = Areas.empty(plan.n_layers), Areas.empty(plan.n_layers)
     for number in range(int(body.max()) + 1):
         one = Mesh(mesh.triangles[body == number], mesh.name)
-        shadow = normalize(slab_shadows(one.triangles, plan.bottom, plan.top))
+        shadow = normalize(project_slabs(one.triangles, plan.bottom, plan.top))
         if one.volume >= 0:
             solid = union(solid, difference(normalize(_cut_rings(one, plan).areas), shadow))
         else:
@@ -145,7 +145,7 @@ def section_repairs(
 
 def find_mesh_faults(mesh: Mesh) -> MeshFaults:
     """Find edges where the mesh is open, inconsistently oriented, or not a manifold, in coordinates of the mesh."""
-    return MeshFaults(*edge_faults(mesh.triangles))
+    return MeshFaults(*find_edge_faults(mesh.triangles))
 
 
 class _Rings(NamedTuple):
@@ -255,7 +255,7 @@ def _close_ends(following: Int, loose: LooseEnds, n_pairs: int) -> tuple[Chords,
         begin = np.concatenate([loose.xy[tail], loose.xy[chords.tail]])
         end = np.concatenate([loose.xy[following[tail]], loose.xy[chords.head]])
         planes = np.concatenate([loose.plane[tail], loose.plane[chords.tail]])
-        chords = Chords.merged([chords, close_by_chords(left, begin, end, planes, n_pairs)])
+        chords = Chords.merged([chords, close_with_chords(left, begin, end, planes, n_pairs)])
     return chords, left
 
 

@@ -28,7 +28,7 @@ _SEAM: Final = 0.5  # mm between the ends of a closed path
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Pieces:
+class ConnectedAreas:
     """Beads cut into pieces of 0.25 mm or less, in order.
 
     Attributes:
@@ -100,7 +100,7 @@ class Ground:
         self._window = window
         self._top = np.zeros((window.deep, window.wide))
 
-    def pieces(self, beads: Extrusions, window: CellWindow) -> Pieces:
+    def pieces(self, beads: Extrusions, window: CellWindow) -> ConnectedAreas:
         """The beads, all with their height and within the window, in pieces that know whether they hang.
 
         A piece rests where plastic or bed lies at most half its height under its lower side, under it or within a
@@ -114,7 +114,7 @@ class Ground:
         reach = max(round(beads.usual_width / window.cell), 1)
         around = highest_around(self._top[window.within(self._window)], reach)
         hanging = around[window.cells(middle)] < lowest[bead]
-        return Pieces(bead, middle, (beads.length / count)[bead], hanging)
+        return ConnectedAreas(bead, middle, (beads.length / count)[bead], hanging)
 
     def lay(self, fill: Float, window: CellWindow, z: float, *, support: bool = False) -> None:
         """Cells that are filled hold plastic up to z now; on supports the part begins a little higher."""
@@ -122,7 +122,7 @@ class Ground:
         np.maximum(here, np.where(fill > _FULL, z + _CONTACT * support, 0.0), out=here)
 
 
-def air_of(beads: Extrusions, layer: int, pieces: Pieces) -> Air:
+def air_of(beads: Extrusions, layer: int, pieces: ConnectedAreas) -> Air:
     """The stretches over air in one layer, and which of them are bridges.
 
     Args:

@@ -14,7 +14,7 @@ from printer_slicer.arrays import Float
 from printer_slicer.deviation import Deviation, measure_deviation
 from printer_slicer.errors import PartError
 from printer_slicer.geometry import Areas
-from printer_slicer.geometry.nearest import Outlines, distance_to_segments
+from printer_slicer.geometry.segment_index import OutlineIndex, distance_to_segments
 from printer_slicer.model import LayerPlan, Mesh, Sections
 from printer_slicer.slicing import cut
 from tests.effort import examples
@@ -197,7 +197,7 @@ def test_outlines_know_inside_from_outside_and_how_far(areas: Areas, seed: int) 
     level = corners - rng.uniform(0, 5, (len(corners), 1)) * np.array([1.0, 0.0])
     points = np.concatenate([rng.uniform(-40, 40, (60, 2)), corners, level, corners + np.array([0.0, 1.0])])
     layer = rng.integers(4, size=len(points))
-    outlines = Outlines(areas, points.min(axis=0), points.max(axis=0))
+    outlines = OutlineIndex(areas, points.min(axis=0), points.max(axis=0))
 
     inside, distance = outlines.inside(points, layer), outlines.distance(points, layer)
 

@@ -139,7 +139,7 @@ def test_a_tail_that_can_be_no_facets_is_left_out_and_told(tmp_path: Path, tail:
     model = load_model(write(tmp_path, binary_stl(BOX) + tail[:length]))
 
     assert np.array_equal(model.mesh.triangles, BOX)
-    assert model.notes == (f"{length} bytes after the last facet can be no facets and are left out",)
+    assert model.notes == (f"{length} bytes after the last facet are not facets and are left out",)
 
 
 @pytest.mark.parametrize("padding", [b"", bytes(500), bytes(500_000), TEXT[:2500], COLOURS[:2500]])
@@ -150,7 +150,7 @@ def test_facets_in_a_tail_are_never_left_out(tmp_path: Path, padding: bytes, sec
     second = second if len(padding) < 600 or not padding.strip(b"\0") else binary_stl(more)[84:]
     message = fault(write(tmp_path, binary_stl(BOX) + padding + second))
 
-    assert "announces 12 facets" in message
+    assert "states 12 facets" in message
 
 
 def test_a_coordinate_too_far_out_is_named_with_what_to_do(tmp_path: Path) -> None:
@@ -167,16 +167,16 @@ def test_a_coordinate_too_far_out_is_named_with_what_to_do(tmp_path: Path) -> No
 def test_a_cut_off_binary_stl_tells_how_many_facets_are_left(tmp_path: Path) -> None:
     message = fault(write(tmp_path, binary_stl(BOX)[:-120]))
 
-    assert "announces 12 facets" in message
-    assert "holds 9" in message
+    assert "states 12 facets" in message
+    assert "contains 9" in message
 
 
 @pytest.mark.parametrize("announced", [5, 11, 13, 0x7FFFFFFF])
 def test_a_wrong_number_of_facets_is_not_believed(tmp_path: Path, announced: int) -> None:
     message = fault(write(tmp_path, binary_stl(BOX, announced=announced)))
 
-    assert f"announces {announced} facets" in message
-    assert "holds 12" in message
+    assert f"states {announced} facets" in message
+    assert "contains 12" in message
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -1e30])
@@ -192,19 +192,19 @@ def test_a_vertex_that_is_not_a_number_is_named_by_line(tmp_path: Path, bad: str
     lines = ascii_stl(BOX).splitlines()
     lines[9 + 3] = f"vertex 0 0 {bad}"
 
-    assert f"line 13: vertex with the coordinate '{bad}'" in fault(write(tmp_path, "\n".join(lines)))
+    assert f"line 13: a vertex has the coordinate '{bad}'" in fault(write(tmp_path, "\n".join(lines)))
 
 
 @pytest.mark.parametrize(
     ("line", "text", "message"),
     [
-        (4, "vertex 1,5 0 0", "line 5: '1,5' where a number should be"),
-        (5, "vertex 1 0", "line 7: 'endloop' where a number should be"),
-        (5, "", "line 6: 'endloop' where 'vertex' should be"),
-        (5, "vertex 1 0 0 1", "line 6: '1' where 'endloop' should be"),
-        (1, "facet", "line 3: 'outer' where 'normal' should be"),
-        (20, "rubbish", "line 21: 'rubbish' where 'endloop' should be"),
-        (8, "endsolid part", "line 10: 'outer' where 'facet' should be"),
+        (4, "vertex 1,5 0 0", "line 5: expected a number, found '1,5'"),
+        (5, "vertex 1 0", "line 7: expected a number, found 'endloop'"),
+        (5, "", "line 6: expected 'vertex', found 'endloop'"),
+        (5, "vertex 1 0 0 1", "line 6: expected 'endloop', found '1'"),
+        (1, "facet", "line 3: expected 'normal', found 'outer'"),
+        (20, "rubbish", "line 21: expected 'endloop', found 'rubbish'"),
+        (8, "endsolid part", "line 10: expected 'facet', found 'outer'"),
     ],
 )
 def test_a_damaged_ascii_stl_is_named_by_line(tmp_path: Path, line: int, text: str, message: str) -> None:
@@ -220,8 +220,8 @@ def test_a_damaged_ascii_stl_is_named_by_line(tmp_path: Path, line: int, text: s
 @pytest.mark.parametrize(
     ("kept", "message"),
     [
-        (6, "line 6: the file ends within a facet"),
-        (7, "line 7: the file ends within a facet"),
+        (6, "line 6: the file ends in the middle of a facet"),
+        (7, "line 7: the file ends in the middle of a facet"),
         (1, "line 1: the file ends without 'endsolid'"),
     ],
 )
@@ -234,7 +234,7 @@ def test_a_cut_off_ascii_stl_is_named_by_its_last_line(tmp_path: Path, kept: int
 def test_a_solid_that_ends_within_a_facet_is_named_by_line(tmp_path: Path) -> None:
     lines = [*ascii_stl(BOX).splitlines()[:5], "endsolid part"]
 
-    assert "line 6: the solid ends within a facet" in fault(write(tmp_path, "\n".join(lines)))
+    assert "line 6: the solid ends in the middle of a facet" in fault(write(tmp_path, "\n".join(lines)))
 
 
 # Files that are no parts
@@ -298,7 +298,7 @@ def test_facets_without_area_are_dropped(tmp_path: Path) -> None:
 
 
 def test_nothing_but_facets_without_area_is_not_a_part(tmp_path: Path) -> None:
-    assert "has an area" in fault(write(tmp_path, binary_stl(np.repeat(BOX[:, :1], 3, axis=1))))
+    assert "zero area" in fault(write(tmp_path, binary_stl(np.repeat(BOX[:, :1], 3, axis=1))))
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])

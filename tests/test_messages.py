@@ -23,9 +23,9 @@ from printer_slicer.geometry import Areas
 from printer_slicer.geometry.engine import engine_named
 from printer_slicer.mesh_io import export_stl, load_mesh
 from printer_slicer.mesh_io.binary_stl import _corners
-from printer_slicer.mesh_io.files import opened
+from printer_slicer.mesh_io.files import open_model_file
 from printer_slicer.mesh_io.limits import LIMITS
-from printer_slicer.mesh_io.units import checked_unit
+from printer_slicer.mesh_io.units import check_unit
 from printer_slicer.model import LayerPlan, Sections
 from printer_slicer.printing.commands import parse_command
 from printer_slicer.saving import save
@@ -79,8 +79,8 @@ CALLS: Final[dict[str, tuple[Callable[[], Any], str, str]]] = {
         "clipper",
     ),
     "a unit of length that there is not": (
-        lambda: checked_unit("yard"),
-        "units 'yard' are not known",
+        lambda: check_unit("yard"),
+        "unknown unit 'yard'",
         "inch",
     ),
     "a line break in a command": (
@@ -128,7 +128,7 @@ def test_the_message_says_what_and_the_remedy(case: str) -> None:
             "--heights 1:2:3:4: expected LOW:HIGH",
             "0.1:0.3:0.02",
         ),
-        (["slice", "story.txt"], "story.txt: not a mesh in any known format", ".stl"),
+        (["slice", "story.txt"], "story.txt: not a model in a supported format", ".stl"),
         (["doctor", "nowhere"], "nowhere: ", ""),
     ],
 )
@@ -155,7 +155,7 @@ def test_a_file_that_becomes_shorter_while_it_is_read_is_told(tmp_path: Path) ->
     export_stl(box(), tmp_path / "part.stl")
 
     with (
-        opened(tmp_path / "part.stl", LIMITS, lambda _: None) as source,
+        open_model_file(tmp_path / "part.stl", LIMITS, lambda _: None) as source,
         pytest.raises(PrinterSlicerError, match=r"part\.stl: the file became shorter while it was read"),
     ):
         _corners(source, 13)  # of 12

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from printer_slicer import bead
 from printer_slicer.arrays import Bool, Float
 from printer_slicer.geometry import Areas, normalize
-from printer_slicer.geometry.voronoi import medial_axis
+from printer_slicer.geometry.medial_axis import medial_axis
 from printer_slicer.model import LayerPlan, Sections, Walls
 from printer_slicer.perimeters import fill_narrow, lay_walls
 from printer_slicer.roles import Role

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from printer_slicer import bead
-from printer_slicer.geometry import intersection, offset_open, pieces_of
+from printer_slicer.geometry import intersection, offset_open, split_connected
 from printer_slicer.geometry.engine import ENGINES, using_engine
 from printer_slicer.mesh_io import load_mesh
 from printer_slicer.model import Areas, LayerPlan, Mesh, Regions, Sections, Walls

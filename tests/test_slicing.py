@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from printer_slicer.arrays import Float
 from printer_slicer.errors import MeshError, PartError
-from printer_slicer.geometry.crossing import section_areas
 from printer_slicer.geometry.engine import ENGINES, using_engine
+from printer_slicer.geometry.plane_sections import section_areas
 from printer_slicer.model import LayerPlan, Mesh, Sections
 from printer_slicer.slicing import contours, cut, find_gaps
 from tests.parts import (

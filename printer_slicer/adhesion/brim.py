@@ -19,11 +19,11 @@ from printer_slicer.errors import PartError
 from printer_slicer.geometry import (
     clip_outlines,
     difference,
+    find_enclosing_rings,
     intersection,
     normalize,
     offset,
     offset_open,
-    rings_around,
     union,
 )
 from printer_slicer.model import Areas, Sections, Toolpaths

@@ -16,7 +16,7 @@ import numpy as np
 from printer_slicer.cli.output import sanitize, warn
 from printer_slicer.cli.settings import changes_from
 from printer_slicer.errors import PartError
-from printer_slicer.healing import refuse_repaired, repair
+from printer_slicer.healing import repair, require_no_repair
 from printer_slicer.mesh_io import Model, load_model
 from printer_slicer.placing import Placement, copy_in_grid, join, transform
 from printer_slicer.profile import profile_with, settings_of

@@ -177,7 +177,7 @@ def _beads(coverage: Coverage, layer: int, view: _View) -> Iterator[Shape]:
         ends = np.stack([beads.begin, beads.end], axis=1).reshape(-1, 2)
         n = beads.n_beads
         radius = np.maximum(beads.width * _SEEN / 2, 0.01)
-        drawn = stroked(ends, np.arange(n + 1) * 2, np.zeros(n, np.int64), radius, 1)
+        drawn = stroke_lines(ends, np.arange(n + 1) * 2, np.zeros(n, np.int64), radius, 1)
         name = _AIR if one == len(Purpose) else _BEAD.get(Purpose(one), _OTHER)
         yield from _filled(drawn, 0, view, name, "air" if one == len(Purpose) else "bead")
 

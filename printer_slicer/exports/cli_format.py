@@ -55,7 +55,7 @@ def write_cli(sections: Sections, *, binary: bool, units_mm: float = CLI_UNITS) 
         OutputError: layers thinner than the unit, or, in the binary kind, numbers too large to be exact.
     """
     if not 1e-6 <= units_mm <= 1.0:
-        raise UsageError(f"CLI units of {units_mm:g} mm", remedy="choose between 0.000001 and 1 mm")
+        raise UsageError(f"CLI units of {units_mm:g} mm", remedy="Choose between 0.000001 and 1 mm")
     rounded = on_grid(sections.solid, units_mm)
     z = np.rint(np.concatenate([[0.0], sections.plan.top]) / units_mm).astype(np.int64)
     _check(rounded, z, units_mm, binary=binary)
@@ -70,13 +70,13 @@ def _check(rounded: Rounded, z: Int, units: float, *, binary: bool) -> None:
     if (np.diff(z) <= 0).any():
         layer = int(np.flatnonzero(np.diff(z) <= 0)[0])
         raise OutputError(
-            f"layer {layer + 1} is thinner than the CLI unit of {units:g} mm", remedy="choose a finer unit"
+            f"layer {layer + 1} is thinner than the CLI unit of {units:g} mm", remedy="Choose a finer unit"
         )
     largest = max(int(np.abs(rounded.xy).max(initial=0)), int(z[-1]))
     if binary and largest > _EXACT:
         raise OutputError(
             f"binary CLI holds whole numbers up to {_EXACT} exactly; at {units:g} mm a unit, {largest} are needed",
-            remedy="choose a coarser unit, or ASCII",
+            remedy="Choose a coarser unit, or ASCII",
         )
 
 

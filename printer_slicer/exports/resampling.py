@@ -37,9 +37,9 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, consecutive
 from printer_slicer.errors import UsageError
-from printer_slicer.exports.contact import clearance, contacts
+from printer_slicer.exports.ring_clearance import clearance, contacts
 from printer_slicer.geometry import Areas
-from printer_slicer.geometry.nearest import distance_to_segments
+from printer_slicer.geometry.segment_index import distance_to_segments
 
 __all__ = ["resample", "smooth"]
 
@@ -70,7 +70,7 @@ def smooth(areas: Areas, bound: float) -> Areas:
         UsageError: a bound that is not over 0.
     """
     if not (bound > 0 and isfinite(bound)):
-        raise UsageError(f"a contour cannot be smoothed within {bound:g} mm", remedy="choose a bound over 0")
+        raise UsageError(f"a contour cannot be smoothed within {bound:g} mm", remedy="Choose a bound over 0")
     if not areas.n_rings:
         return areas
     refined, original = _refined(areas, _STEP * bound, _PASSES)
@@ -99,17 +99,17 @@ def resample(areas: Areas, spacing: float, bound: float) -> Areas:
         UsageError: a spacing that is not over 0 or takes more than 20 million points, or a bound under 0.
     """
     if not spacing > 0:
-        raise UsageError(f"points cannot be {spacing:g} mm apart", remedy="choose a distance over 0")
+        raise UsageError(f"points cannot be {spacing:g} mm apart", remedy="Choose a distance over 0")
     if not (bound >= 0 and isfinite(bound)):
         raise UsageError(
-            f"a contour cannot be sampled within {bound:g} mm", remedy="choose a bound of 0 or more"
+            f"a contour cannot be sampled within {bound:g} mm", remedy="Choose a bound of 0 or more"
         )
     if not areas.n_rings:
         return areas
     if float(areas.ring_length().sum()) / spacing > _MOST_POINTS:
         raise UsageError(
             f"points {spacing:g} mm apart are more than {_MOST_POINTS // 10**6} million",
-            remedy="choose a larger distance",
+            remedy="Choose a larger distance",
         )
     corners = _needed(areas, _thirds(areas), bound)
     dense, chosen = _spaced(areas, corners, spacing)

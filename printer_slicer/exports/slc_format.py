@@ -47,7 +47,7 @@ def write_slc(sections: Sections) -> bytes:
         layer = int(np.flatnonzero(np.diff(z) <= 0)[0])
         raise OutputError(
             f"layer {layer + 1} is too thin for the 32-bit numbers of SLC",
-            remedy="plan thicker layers, or write .cli or .svg, which hold finer ones",
+            remedy="Plan thicker layers, or write .cli or .svg, which hold finer ones",
         )
     head = _header(rounded, float(z[-1])) + _RESERVED
     return head + _table(plan) + b"".join(_layers(rounded, z.tolist()))
@@ -80,7 +80,7 @@ def _table(plan: LayerPlan) -> bytes:
     if len(runs) > _MOST_RUNS:
         raise OutputError(
             f"an SLC file has at most {_MOST_RUNS} runs of equal layers; this plan has {len(runs)}",
-            remedy="plan fewer different heights (--heights), or write .cli or .svg",
+            remedy="Plan fewer different heights (--heights), or write .cli or .svg",
         )
     counts = np.array([count for count, _ in runs])
     bottom = plan.bottom[np.cumsum(counts) - counts]

@@ -64,7 +64,7 @@ def write_svgs(sections: Sections, *, digits: int = SVG_DIGITS) -> Iterator[tupl
 def _prepared(sections: Sections, digits: int) -> tuple[str, list[str]]:
     """The beginning of the drawing, and the path data of each layer."""
     if not 0 <= digits <= _MOST_DIGITS:
-        raise UsageError(f"{digits} digits in an SVG", remedy=f"choose between 0 and {_MOST_DIGITS}")
+        raise UsageError(f"{digits} digits in an SVG", remedy=f"Choose between 0 and {_MOST_DIGITS}")
     rounded = on_grid(sections.solid, 10.0**-digits)
     box = (
         np.concatenate([rounded.xy.min(axis=0), rounded.xy.max(axis=0)])

@@ -9,6 +9,7 @@ run both.
 from printer_slicer.geometry.anchoring import anchor
 from printer_slicer.geometry.areas import Areas, Lines
 from printer_slicer.geometry.clipping import clip_lines
+from printer_slicer.geometry.connected_areas import ConnectedAreas, split_connected
 from printer_slicer.geometry.depth import depths
 from printer_slicer.geometry.engine import (
     difference,
@@ -18,25 +19,24 @@ from printer_slicer.geometry.engine import (
     offset_open,
     outlines_within,
     simplify,
-    stroked,
+    stroke_lines,
     union,
     window_intersection,
     window_intersections,
 )
 from printer_slicer.geometry.hatching import chain_rows, hatch, row_ends
 from printer_slicer.geometry.hull import convex_hull
-from printer_slicer.geometry.inside import crossed, crossings, rings_around
 from printer_slicer.geometry.outlines import clip_outlines
-from printer_slicer.geometry.pieces import Pieces, pieces_of
 from printer_slicer.geometry.polygons import Polygons
 from printer_slicer.geometry.polylines import Polylines
+from printer_slicer.geometry.ring_queries import crossed, crossings, find_enclosing_rings
 from printer_slicer.geometry.staircases import staircases
-from printer_slicer.geometry.sweeping import swept
+from printer_slicer.geometry.sweeping import sweep_areas
 
 __all__ = [
     "Areas",
+    "ConnectedAreas",
     "Lines",
-    "Pieces",
     "Polygons",
     "Polylines",
     "anchor",
@@ -48,19 +48,19 @@ __all__ = [
     "crossings",
     "depths",
     "difference",
+    "find_enclosing_rings",
     "hatch",
     "intersection",
     "normalize",
     "offset",
     "offset_open",
     "outlines_within",
-    "pieces_of",
-    "rings_around",
     "row_ends",
     "simplify",
+    "split_connected",
     "staircases",
-    "stroked",
-    "swept",
+    "stroke_lines",
+    "sweep_areas",
     "union",
     "window_intersection",
     "window_intersections",

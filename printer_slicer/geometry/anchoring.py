@@ -17,8 +17,8 @@ from printer_slicer.arrays import (
     run_starts,
 )
 from printer_slicer.geometry.areas import Areas
-from printer_slicer.geometry.blunting import blunted, reach_of_corner
-from printer_slicer.geometry.joints import chain_steps
+from printer_slicer.geometry.connectivity import chain_steps
+from printer_slicer.geometry.corner_cutting import cut_sharp_corners, reach_of_corner
 from printer_slicer.geometry.polylines import Polylines
 
 __all__ = ["anchor"]
@@ -58,7 +58,7 @@ def anchor(areas: Areas, lines: Polylines, *, longest: float, hook: float, apart
     hooks = _hooks(ways, mate, hook)
     mate, hooks = _loops_opened(mate, joints, hooks)
     joined, corner = _assembled(lines, outline, mate, joints, hooks)
-    return blunted(joined, corner, areas, apart) if apart else joined
+    return cut_sharp_corners(joined, corner, areas, apart) if apart else joined
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from printer_slicer.arrays import Float, Int, boxes
 from printer_slicer.geometry.areas import Areas
-from printer_slicer.geometry.mitering import mitered
+from printer_slicer.geometry.mitering import miter_rings
 from printer_slicer.geometry.polygons import (
     CLEARANCE,
     MITER_LIMIT,
@@ -252,7 +252,7 @@ def _mitered(layers: list[Rings], distance: Float, limit: float) -> list[Rings]:
         return layers
     count = np.where(moving, [len(rings) for rings in layers], 0)
     start = np.cumsum([0, *map(len, rings)])
-    xy, start = mitered(np.concatenate(rings), start, np.repeat(distance * STEPS_PER_MM, count), limit)
+    xy, start = miter_rings(np.concatenate(rings), start, np.repeat(distance * STEPS_PER_MM, count), limit)
     ends = zip(start.tolist(), start[1:].tolist(), strict=False)
     moved = [xy[begin:end] for begin, end in ends]
     last = np.cumsum(count)

@@ -285,9 +285,9 @@ def _begins_inside(areas: Areas, lines: Polylines, which: Int) -> Bool:
     inside = np.zeros(len(which), np.bool_)
     near = np.flatnonzero(((point >= low[layer]) & (point <= high[layer])).all(axis=1))
     if len(near):
-        from printer_slicer.geometry.nearest import Outlines  # noqa: PLC0415 - only few lines need a search tree
+        from printer_slicer.geometry.segment_index import OutlineIndex  # noqa: PLC0415 - only few lines need a search tree
 
         known = areas.of_layers(layer[near])
-        outlines = Outlines(known, point[near].min(axis=0), point[near].max(axis=0))
+        outlines = OutlineIndex(known, point[near].min(axis=0), point[near].max(axis=0))
         inside[near] = outlines.inside(point[near], layer[near])
     return inside

@@ -6,7 +6,7 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, consecutive, distinct
 from printer_slicer.geometry.areas import Areas
-from printer_slicer.geometry.planes import spread
+from printer_slicer.geometry.facet_topology import spread
 from printer_slicer.geometry.vectors import cross, dot, nearest_share
 
 __all__ = ["depths", "near_outlines"]

@@ -32,7 +32,7 @@ __all__ = [
     "offset_open",
     "outlines_within",
     "simplify",
-    "stroked",
+    "stroke_lines",
     "union",
     "using_engine",
     "window_intersection",
@@ -70,7 +70,7 @@ def engine_named(name: str) -> Polygons:
     if name not in ENGINES:
         raise UsageError(
             f"unknown geometry engine {name!r} in {VARIABLE}",
-            remedy=f"use one of: {', '.join(ENGINES)}",
+            remedy=f"Use one of: {', '.join(ENGINES)}",
         )
     return ENGINES[name]()
 
@@ -181,7 +181,7 @@ def offset_open(areas: Areas, distance: float | Float, limit: float = MITER_LIMI
     return _put_back(engine.store(engine.opened(layers, by[some], limit)), some, areas.n_layers)
 
 
-def stroked(xy: Float, start: Int, layer: Int, radius: Float, n_layers: int) -> Areas:
+def stroke_lines(xy: Float, start: Int, layer: Int, radius: Float, n_layers: int) -> Areas:
     """What lies within a radius of polylines: lines drawn with round pens, layer by layer.
 
     Round ends and corners follow the circle to 0.005 mm, from within. Radii are rounded to 0.001 mm, so that lines of

@@ -6,7 +6,7 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, consecutive, per_layer
 from printer_slicer.geometry.areas import Areas, Lines
-from printer_slicer.geometry.joints import chain_ends
+from printer_slicer.geometry.connectivity import chain_ends
 
 __all__ = ["chain_rows", "columns", "hatch", "row_ends"]
 

@@ -16,7 +16,7 @@ import numpy as np
 from printer_slicer.arrays import Bool, Float, Int, next_in_ring
 from printer_slicer.geometry.polygons import MITER_LIMIT
 
-__all__ = ["mitered"]
+__all__ = ["miter_rings"]
 
 _ROUND: Final = (
     0.5  # cosine of the turn up to which inner corners are joined where their edges are long enough
@@ -36,7 +36,7 @@ class _Corners(NamedTuple):
     length: Float
 
 
-def mitered(xy: Int, start: Int, distance: Float, limit: float = MITER_LIMIT) -> tuple[Int, Int]:
+def miter_rings(xy: Int, start: Int, distance: Float, limit: float = MITER_LIMIT) -> tuple[Int, Int]:
     """Rings moved outward, which is to the right, with their corners prolonged to points.
 
     Args:

@@ -8,12 +8,12 @@ from printer_slicer.arrays import Float
 from printer_slicer.geometry.areas import Areas
 from printer_slicer.geometry.engine import normalize
 
-__all__ = ["swept"]
+__all__ = ["sweep_areas"]
 
 _NOTHING = 1e-6  # mm; less than the steps of the engines' grids
 
 
-def swept(areas: Areas, way: Float) -> Areas:
+def sweep_areas(areas: Areas, way: Float) -> Areas:
     """What areas pass over that are moved from `way` behind to `way` ahead of where they are.
 
     Args:

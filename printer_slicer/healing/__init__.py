@@ -10,16 +10,16 @@ from collections.abc import Callable
 from weakref import WeakKeyDictionary
 
 from printer_slicer.errors import MeshError
-from printer_slicer.healing.alike import face_alike
+from printer_slicer.healing.consistent_winding import orient_consistently
 from printer_slicer.healing.duplicates import drop_duplicates, drop_sheets, join_corners
 from printer_slicer.healing.facets import Facets
 from printer_slicer.healing.holes import fill_holes
-from printer_slicer.healing.loose import drop_loose
-from printer_slicer.healing.outward import face_outward
+from printer_slicer.healing.orient_outward import orient_outward
+from printer_slicer.healing.shells import drop_loose_facets
 from printer_slicer.healing.soundness import is_sound
 from printer_slicer.model import Mesh, Repair, Repairs
 
-__all__ = ["refuse_repaired", "repair"]
+__all__ = ["repair", "require_no_repair"]
 
 _Step = Callable[[Facets], tuple[Facets, list[Repair]]]
 _sound: WeakKeyDictionary[Mesh, bool] = WeakKeyDictionary()
@@ -32,10 +32,10 @@ def repair(mesh: Mesh) -> tuple[Mesh, Repairs]:
     1. Facets that are there more than once are dropped but for one, or altogether where they bound nothing.
     2. Corners at open edges are joined when they are near, see `join_corners`; then facets may be there twice again.
     3. Sheets without thickness that end at a whole surface are dropped.
-    4. Loose facets that bound nothing are dropped, see `drop_loose`.
+    4. Loose facets that bound nothing are dropped, see `drop_loose_facets`.
     5. Neighbours face the same way: the lesser part of each patch is turned round.
     6. Holes are filled, see `fill_holes`.
-    7. Shells face outward, unless they are voids, see `face_outward`.
+    7. Shells face outward, unless they are voids, see `orient_outward`.
 
     A mesh that needs nothing of this is returned as it is.
 
@@ -49,7 +49,7 @@ def repair(mesh: Mesh) -> tuple[Mesh, Repairs]:
     return mended, repairs
 
 
-def refuse_repaired(name: str, repairs: Repairs) -> None:
+def require_no_repair(name: str, repairs: Repairs) -> None:
     """For those who want no repair.
 
     Raises:
@@ -60,7 +60,7 @@ def refuse_repaired(name: str, repairs: Repairs) -> None:
         x, y, z = first.places[0]
         raise MeshError(
             f"{name}: needs repair: {first.kind}: {first.count}, the first at x {x:.2f} y {y:.2f} z {z:.2f}",
-            remedy="leave out --strict to slice it repaired, or mend it in the program that made it",
+            remedy="Leave out --strict to slice the repaired part, or repair it in the program that made it",
         )
 
 
@@ -73,10 +73,10 @@ def _repaired(mesh: Mesh) -> tuple[Mesh, Repairs]:
         join_corners,
         drop_duplicates,
         drop_sheets,
-        drop_loose,
-        lambda some: face_alike(some, mesh.name),
+        drop_loose_facets,
+        lambda some: orient_consistently(some, mesh.name),
         fill_holes,
-        face_outward,
+        orient_outward,
     ]
     done: list[Repair] = []
     for step in steps:
@@ -85,7 +85,7 @@ def _repaired(mesh: Mesh) -> tuple[Mesh, Repairs]:
     if not len(facets.corners):
         raise MeshError(
             f"{mesh.name}: the facets enclose no volume",
-            remedy="close the surface of the part, or give it a thickness",
+            remedy="Close the surface of the part, or give it a thickness",
         )
     items = tuple(item.without_facets() for item in mesh.objects)
     return (Mesh(facets.triangles, mesh.name, items), Repairs(tuple(done))) if done else (mesh, Repairs())

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int
-from printer_slicer.geometry.joints import close_groups, linked
-from printer_slicer.geometry.planes import with_others_around
+from printer_slicer.geometry.connectivity import group_close_points, label_components
+from printer_slicer.geometry.facet_topology import may_have_neighbours
 from printer_slicer.healing.facets import Facets
 from printer_slicer.healing.nesting import runs_around
 from printer_slicer.model import Repair
@@ -49,11 +49,11 @@ def _joined(facets: Facets, reach: float) -> tuple[Facets, list[Repair]]:
     loose = np.flatnonzero(is_loose)
     for shift in (0.0, 0.5):  # what is at a border of the first cells is in the middle of the second ones
         # What is up to two reaches apart may be joined, in crowds.
-        loose = loose[with_others_around(facets.points[loose], 2 * reach, shift=shift)]
+        loose = loose[may_have_neighbours(facets.points[loose], 2 * reach, shift=shift)]
     loose = loose[np.lexsort(facets.points[loose].T[::-1])]
     if not len(loose):
         return facets, []
-    group = close_groups(facets.points[loose], reach)
+    group = group_close_points(facets.points[loose], reach)
     firsts = np.unique(group, return_index=True)[1]
     if len(firsts) == len(loose):
         return facets, []
@@ -183,7 +183,7 @@ def _sheets(facets: Facets, patch: Int, n_patches: int) -> Bool:
     at_crowded = border & (others > 0) & candidate[pair_patch]
     order = np.argsort(pair_edge[at_crowded], kind="stable")
     e, p = pair_edge[at_crowded][order], pair_patch[at_crowded][order]
-    together = linked(np.stack([p[1:], p[:-1]])[:, e[1:] == e[:-1]], n_patches)
+    together = label_components(np.stack([p[1:], p[:-1]])[:, e[1:] == e[:-1]], n_patches)
     ranked = np.lexsort((np.arange(n_patches), area, ~candidate, together))
     smallest = ranked[np.unique(together[ranked], return_index=True)[1]]
     go = np.zeros(n_patches, np.bool_)

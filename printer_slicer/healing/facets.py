@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int
-from printer_slicer.geometry.joints import linked, welded
-from printer_slicer.geometry.planes import corner_keys
+from printer_slicer.geometry.connectivity import label_components, weld_keys
+from printer_slicer.geometry.facet_topology import corner_keys
 
 __all__ = ["Facets"]
 
@@ -43,7 +43,7 @@ class Facets:
         after = corners[:, [1, 2, 0]]
         low, high = np.minimum(corners, after), np.maximum(corners, after)
         key = low * np.int64(len(points)) + high
-        number, firsts = welded(key.ravel().view(np.uint64))
+        number, firsts = weld_keys(key.ravel().view(np.uint64))
         edges, n_edges = number.reshape(-1, 3).astype(np.int64), len(firsts)
         turns = np.where(corners < after, 1, -1)
         count = np.bincount(edges.ravel(), minlength=n_edges)
@@ -54,7 +54,7 @@ class Facets:
     def read(cls, triangles: Float) -> Facets:
         """From loose triangles (F, 3, 3): equal coordinates make equal corners."""
         flat = triangles.reshape(-1, 3)
-        number, firsts = welded(corner_keys(flat))
+        number, firsts = weld_keys(corner_keys(flat))
         if not np.array_equal(flat[firsts][number], flat):  # two places of one key: next to never
             _, first, inverse = np.unique(flat, axis=0, return_index=True, return_inverse=True)
             firsts, number = first.astype(np.int32), inverse.astype(np.int32)
@@ -94,4 +94,4 @@ class Facets:
 
     def patches(self) -> Int:
         """(F,) the patch of each facet, from 0: facets that hang together by edges that two facets share."""
-        return linked(self.pairs()[0], len(self.corners))
+        return label_components(self.pairs()[0], len(self.corners))

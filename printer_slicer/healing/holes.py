@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, next_in_ring
-from printer_slicer.geometry.joints import cycles, linked, welded
-from printer_slicer.geometry.planes import spread
+from printer_slicer.geometry.connectivity import cycles, label_components, weld_keys
+from printer_slicer.geometry.facet_topology import spread
 from printer_slicer.geometry.vectors import dot, nearest_share
 from printer_slicer.healing.facets import Facets
 from printer_slicer.model import Repair
@@ -114,7 +114,7 @@ def _holes(facets: Facets) -> _Holes:
     at[begin] = np.arange(len(begin))
     # Walks that come to a corner where this is not so are left out.
     usable = alone[begin] & alone[end]
-    group = linked(np.stack([begin, end]), len(facets.points))
+    group = label_components(np.stack([begin, end]), len(facets.points))
     usable &= np.bincount(group[begin], ~usable, len(facets.points))[group[begin]] == 0
     chosen = np.flatnonzero(usable)
     if not len(chosen):
@@ -133,8 +133,8 @@ def _are_facets(facets: Facets, holes: _Holes) -> Bool:
     corners = np.sort(holes.corner[holes.start[:-1][triple][:, None] + np.arange(3)], axis=1)
     a, b, c = np.concatenate([np.sort(facets.corners, axis=1), corners]).T
     n_points = np.int64(len(facets.points))
-    pair = welded((a * n_points + b).view(np.uint64))[0]
-    number = welded((pair * n_points + c).view(np.uint64))[0]
+    pair = weld_keys((a * n_points + b).view(np.uint64))[0]
+    number = weld_keys((pair * n_points + c).view(np.uint64))[0]
     result = np.zeros(len(holes.size), np.bool_)
     result[triple] = np.isin(number[len(facets.corners) :], number[: len(facets.corners)])
     return result
@@ -180,7 +180,7 @@ def _cracks(points: Float, holes: _Holes) -> Bool:
 
 def _within_share(facets: Facets, holes: _Holes, area: Float) -> Bool:
     """(H,) whether the holes of a body are small beside what there is of it."""
-    body = linked(facets.corners.T, len(facets.points))
+    body = label_components(facets.corners.T, len(facets.points))
     n_bodies = int(body.max()) + 1
     there = np.bincount(body[facets.corners[:, 0]], np.linalg.norm(facets.normals, axis=1) / 2, n_bodies)
     of_hole = body[holes.corner[holes.start[:-1]]]

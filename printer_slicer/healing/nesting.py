@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from printer_slicer.arrays import Float, Int
-from printer_slicer.geometry.planes import spread
+from printer_slicer.geometry.facet_topology import spread
 
 __all__ = ["covers", "runs_around"]
 

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from printer_slicer.arrays import Bool, Float
-from printer_slicer.geometry.joints import Index, linked, welded
-from printer_slicer.geometry.planes import edge_keys, keys_of
+from printer_slicer.geometry.connectivity import Index, label_components, weld_keys
+from printer_slicer.geometry.facet_topology import edge_keys, keys_of
 
 __all__ = ["is_sound"]
 
@@ -57,13 +57,13 @@ def _edges_of(tag: _Keys) -> _Edges:
     """What is left of a block when its facets are joined two by two, from the keys of the corners (3, n)."""
     key, upward = edge_keys(tag).ravel(), (tag < tag[[1, 2, 0]]).ravel()
     n = tag.shape[1]
-    number, firsts = welded(key)
+    number, firsts = weld_keys(key)
     passes = np.bincount(number, minlength=len(firsts)), np.bincount(number[upward], minlength=len(firsts))
     joined = (passes[0] == 2) & (passes[1] == 1)
     beside = np.zeros((2, len(firsts)), np.int32)
     for side, which in enumerate((np.flatnonzero(upward), np.flatnonzero(~upward))):
         beside[side, number[which]] = which % n
-    piece = linked(beside.compress(joined, axis=1), n)
+    piece = label_components(beside.compress(joined, axis=1), n)
     alone = np.flatnonzero(~joined[number])
     return _Edges(key[alone], upward[alone], piece[alone % n].astype(np.int32), int(piece.max()) + 1)
 
@@ -77,10 +77,10 @@ def _close(blocks: list[_Edges]) -> bool:
     n_edges = len(key) // 2
     if 2 * n_edges != len(key) or np.count_nonzero(upward) != n_edges:
         return False
-    number, firsts = welded(key)
+    number, firsts = weld_keys(key)
     if len(firsts) != n_edges:
         return False
     beside = np.full((2, n_edges), -1, np.int32)
     for side, which in enumerate((np.flatnonzero(upward), np.flatnonzero(~upward))):
         beside[side, number[which]] = piece[which]
-    return int(beside.min(initial=0)) >= 0 and int(linked(beside, int(offset[-1])).max()) == 0
+    return int(beside.min(initial=0)) >= 0 and int(label_components(beside, int(offset[-1])).max()) == 0

@@ -15,17 +15,17 @@ from printer_slicer.arrays import Bool, Float, Int, distinct
 from printer_slicer.bridges import find_internal_bridges
 from printer_slicer.geometry import (
     Areas,
+    ConnectedAreas,
     Lines,
-    Pieces,
     Polylines,
     difference,
     hatch,
     intersection,
     offset,
     offset_open,
-    pieces_of,
+    split_connected,
     staircases,
-    stroked,
+    stroke_lines,
     union,
 )
 from printer_slicer.model import Regions

@@ -9,7 +9,7 @@ import numpy as np
 from printer_slicer.arrays import Bool, Float, Int, run_starts
 from printer_slicer.geometry import Areas, Polylines
 from printer_slicer.geometry.clipping import clipped
-from printer_slicer.geometry.joints import chain_ends
+from printer_slicer.geometry.connectivity import chain_ends
 from printer_slicer.geometry.planar import SegmentTree
 from printer_slicer.geometry.vectors import feet
 

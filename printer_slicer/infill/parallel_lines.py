@@ -10,12 +10,12 @@ from printer_slicer import bead
 from printer_slicer.arrays import Float, Int
 from printer_slicer.geometry import (
     Areas,
+    ConnectedAreas,
     Lines,
-    Pieces,
     difference,
     offset,
     offset_open,
-    pieces_of,
+    split_connected,
     staircases,
 )
 from printer_slicer.infill.bridge_anchors import HatchGrids, extensions_to_walls, join_bridge_lines
@@ -156,7 +156,7 @@ def _share(areas: Areas, laid: Float, filled: Float) -> Float:
 
 
 def _amid(
-    plan: LayerPlan, pieces: Pieces, stairs: Areas, role: Int, profile: Profile
+    plan: LayerPlan, pieces: ConnectedAreas, stairs: Areas, role: Int, profile: Profile
 ) -> tuple[Toolpaths, Float]:
     """Fill gaps between rows; return the paths and the area (P,) mm² that they fill in each piece."""
     left = pieces_of(offset_open(difference(pieces.areas, stairs), _SLIT))

@@ -80,7 +80,7 @@ def _bridges(regions: Regions, profile: Profile) -> list[Toolpaths]:
 def _internal_bridges(regions: Regions, profile: Profile) -> list[Toolpaths]:
     """Return the lines of internal bridges."""
     plan, quality = regions.plan, profile.quality
-    pieces = pieces_of(regions.internal_bridge)
+    pieces = split_connected(regions.internal_bridge)
     angle = np.zeros(pieces.count)
     angle[pieces.of_ring] = regions.internal_bridge_angle
     beads = _usual(plan, pieces, _all(pieces, Role.INTERNAL_BRIDGE), angle, profile)

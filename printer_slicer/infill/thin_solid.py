@@ -9,7 +9,15 @@ import numpy as np
 
 from printer_slicer import bead
 from printer_slicer.arrays import Bool, Float, Int, lengths
-from printer_slicer.geometry import Areas, Pieces, difference, offset, offset_open, outlines_within, stroked
+from printer_slicer.geometry import (
+    Areas,
+    ConnectedAreas,
+    difference,
+    offset,
+    offset_open,
+    outlines_within,
+    stroke_lines,
+)
 from printer_slicer.model import LayerPlan, Regions, Toolpaths
 from printer_slicer.profile import Profile
 from printer_slicer.roles import Role
@@ -93,7 +101,7 @@ def _filled(plan: LayerPlan, strips: Pieces, lines: _Lines, gap: Float) -> tuple
     fits &= wide >= height
     kept = fits[piece]
     xy, size, piece = xy.compress(np.repeat(kept, size), axis=0), size[kept], piece[kept]
-    covered = stroked(xy, np.append(0, np.cumsum(size)), piece, wide[piece] / 2, strips.count)
+    covered = stroke_lines(xy, np.append(0, np.cumsum(size)), piece, wide[piece] / 2, strips.count)
     bare = offset_open(difference(strips.areas.of_layers(fits), covered), _SLIT)
     fits &= bare.area() < _BARE * area
     kept = fits[piece]

@@ -6,7 +6,7 @@ import numpy as np
 
 from printer_slicer import bead
 from printer_slicer.arrays import Float, Int
-from printer_slicer.geometry import Pieces, offset
+from printer_slicer.geometry import ConnectedAreas, offset
 from printer_slicer.model import LayerPlan, Toolpaths
 from printer_slicer.perimeters import fill_pieces
 from printer_slicer.profile import Profile

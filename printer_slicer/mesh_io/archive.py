@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from printer_slicer.mesh_io.files import ModelFile
     from printer_slicer.mesh_io.limits import Limits
 
-__all__ = ["Archive", "unpacking"]
+__all__ = ["Archive", "open_archive"]
 
 PIECE: Final = 1 << 20
 """Bytes unpacked at a time."""
@@ -56,7 +56,7 @@ class Archive:
         """
         info = self._members.get(_plain(name))
         if info is None:
-            raise MeshError(f"{self.path}: the archive has no '{name[:200]}'", remedy=EXPORT_AGAIN)
+            raise MeshError(f"{self.path}: the archive does not contain '{name[:200]}'", remedy=EXPORT_AGAIN)
         self._check(info)
         with self._zip.open(info) as file:
             while piece := file.read(PIECE):
@@ -70,12 +70,12 @@ class Archive:
         """Refuse what is not worth beginning to unpack."""
         if info.flag_bits & 1:
             raise MeshError(
-                f"{self.path}: it is encrypted", remedy="Export the part again without a password."
+                f"{self.path}: the archive is encrypted", remedy="Export the part again without a password"
             )
         if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
             raise MeshError(
-                f"{self.path}: packed in a way that 3MF does not allow ({info.compress_type})",
-                remedy="Pack it again as an ordinary ZIP archive.",
+                f"{self.path}: compressed with a method that 3MF does not allow ({info.compress_type})",
+                remedy="Pack it again as an ordinary ZIP archive",
             )
         if self._expanded + info.file_size > self._limits.expanded_bytes:
             raise self._bomb(
@@ -90,7 +90,7 @@ class Archive:
     def _bomb(self, what: str) -> MeshError:
         return MeshError(
             f"{self.path}: {what}",
-            remedy="Do not trust the file; if it is your own, export it as binary STL.",
+            remedy="Do not trust the file; if it is your own, export it as binary STL",
         )
 
 
@@ -104,7 +104,7 @@ def _check_directory(source: ModelFile, limits: Limits) -> None:
     end = source.file.read()
     at = end.rfind(b"PK\5\6")
     if at < 0 or len(end) < at + ENTRY_LEFT:
-        raise MeshError(f"{source.path}: not a sound ZIP archive: it has no directory", remedy=COPY_AGAIN)
+        raise MeshError(f"{source.path}: not a valid ZIP archive: it has no directory", remedy=COPY_AGAIN)
     (length,) = struct.unpack_from("<L", end, at + 12)
     large = end.rfind(b"PK\6\6", 0, at)
     if length == 0xFFFFFFFF and large >= 0 and len(end) >= large + 48:
@@ -112,13 +112,13 @@ def _check_directory(source: ModelFile, limits: Limits) -> None:
     most = limits.members * (DIRECTORY_ENTRY + LONGEST_NAME)
     if length > min(most, source.size):
         raise MeshError(
-            f"{source.path}: the directory of the archive has {length} bytes; at most {most} are read",
+            f"{source.path}: the directory of the archive has {length} bytes; the limit is {most}",
             remedy=COPY_AGAIN,
         )
 
 
 @contextmanager
-def unpacking(source: ModelFile, limits: Limits) -> Iterator[Archive]:
+def open_archive(source: ModelFile, limits: Limits) -> Iterator[Archive]:
     """The archive in a file, open.
 
     Raises:
@@ -128,10 +128,10 @@ def unpacking(source: ModelFile, limits: Limits) -> Iterator[Archive]:
         archive = Archive(source, limits)
         if len(archive.names) > limits.members:
             raise MeshError(
-                f"{source.path}: {len(archive.names)} files in the archive; at most {limits.members} are read",
-                remedy="Do not trust the file; if it is your own, export it as binary STL.",
+                f"{source.path}: {len(archive.names)} files in the archive; the limit is {limits.members}",
+                remedy="Do not trust the file; if it is your own, export it as binary STL",
             )
         yield archive
     except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, ValueError) as error:
         reason = str(error).partition("\n")[0][:200] or type(error).__name__
-        raise MeshError(f"{source.path}: not a sound ZIP archive: {reason}", remedy=COPY_AGAIN) from error
+        raise MeshError(f"{source.path}: not a valid ZIP archive: {reason}", remedy=COPY_AGAIN) from error

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from printer_slicer.mesh_io.files import ModelFile
     from printer_slicer.mesh_io.limits import Limits
 
-__all__ = ["looks_like_ascii_stl", "read_ascii_stl"]
+__all__ = ["is_ascii_stl", "read_ascii_stl"]
 
 GRAMMAR: Final = (
     b"facet normal # # # outer loop vertex # # # vertex # # # vertex # # # endloop endfacet".split()
@@ -34,11 +34,11 @@ PADDING: Final = b"\0\x1a"
 """What programs leave behind the end of a text: zeros, and the mark of an end that CP/M and DOS had."""
 
 
-class _OddError(Exception):
+class _MalformedError(Exception):
     """Something is not as it should be; where is looked for then."""
 
 
-def looks_like_ascii_stl(source: ModelFile) -> bool:
+def is_ascii_stl(source: ModelFile) -> bool:
     """Whether it begins like an ASCII STL and has next to no zero bytes, of which every binary one has many."""
     head = source.head
     if head.startswith((b"\xff\xfe", b"\xfe\xff")):
@@ -61,15 +61,15 @@ def read_ascii_stl(source: ModelFile, limits: Limits) -> tuple[Float, list[str]]
     """
     try:
         pieces, last = _facets(_whole_lines(source), source, limits)
-    except _OddError:
+    except _MalformedError:
         try:
             pieces, last = _facets(_without_normals(source), source, limits)
-        except _OddError:
+        except _MalformedError:
             raise _fault(source) from None
     count = sum(map(len, pieces))
     corners = np.zeros((count, 3, 3))
     np.concatenate([np.zeros((0, 3, 3)), *pieces], out=corners)
-    cut = f"the file ends without 'endsolid', behind {count} whole facets: it may have been cut off"
+    cut = f"the file ends without 'endsolid' after {count} complete facets: it may be truncated"
     return corners, [] if last == b"end" else [cut]
 
 
@@ -86,7 +86,7 @@ def _facets(texts: Iterator[bytes], source: ModelFile, limits: Limits) -> tuple[
         count += n_facets
         check_facets(count, source.path, limits)
     if left or (last != b"end" and not count):
-        raise _OddError
+        raise _MalformedError
     return pieces, last
 
 
@@ -104,7 +104,7 @@ def _whole_lines(source: ModelFile) -> Iterator[bytes]:
         rest = text[end:]
         if len(rest) > LONGEST_LINE:
             raise MeshError(
-                f"{source.path}: a line of over {LONGEST_LINE} bytes is no line of an STL",
+                f"{source.path}: a line is longer than {LONGEST_LINE} bytes, which no STL needs",
                 remedy=EXPORT_AGAIN,
             )
         yield text[:end]
@@ -151,15 +151,15 @@ def _corners(words: list[bytes]) -> Float:
     n_facets = len(words) // n_words
     for place, word in FIXED:
         if words[place::n_words].count(word) != n_facets:
-            raise _OddError
+            raise _MalformedError
     corners = np.zeros((n_facets, 9))
     try:
         for column, place in enumerate(COORDINATES):
             corners[:, column] = list(map(float, words[place::n_words]))
     except ValueError:
-        raise _OddError from None
+        raise _MalformedError from None
     if not np.isfinite(corners).all():
-        raise _OddError
+        raise _MalformedError
     return corners.reshape(-1, 3, 3)
 
 
@@ -181,7 +181,7 @@ def _fault(source: ModelFile) -> MeshError:
         last_used = number if words else last_used
         if words and words[0] in (b"solid", b"endsolid"):
             if place:
-                return fault("the solid ends within a facet", COPY_AGAIN)
+                return fault("the solid ends in the middle of a facet", COPY_AGAIN)
             inside = words[0] == b"solid"
             continue
         for word in words:
@@ -190,8 +190,8 @@ def _fault(source: ModelFile) -> MeshError:
             place = (place + 1) % len(GRAMMAR)
     number = last_used
     if place:
-        return fault("the file ends within a facet", COPY_AGAIN)
-    return fault("the file ends without 'endsolid'" if inside else "no 'solid' here", COPY_AGAIN)
+        return fault("the file ends in the middle of a facet", COPY_AGAIN)
+    return fault("the file ends without 'endsolid'" if inside else "'solid' is missing", COPY_AGAIN)
 
 
 def _not_as_wanted(word: bytes, place: int) -> str:
@@ -199,16 +199,16 @@ def _not_as_wanted(word: bytes, place: int) -> str:
     wanted = GRAMMAR[place]
     found = word[:40].decode("ascii", "replace")
     if wanted != b"#":
-        return "" if word == wanted else f"'{found}' where '{wanted.decode()}' should be"
+        return "" if word == wanted else f"expected '{wanted.decode()}', found '{found}'"
     try:
         finite = np.isfinite(float(word))
     except ValueError:
-        return f"'{found}' where a number should be"
-    return "" if finite or place not in COORDINATES else f"vertex with the coordinate '{found}'"
+        return f"expected a number, found '{found}'"
+    return "" if finite or place not in COORDINATES else f"a vertex has the coordinate '{found}'"
 
 
 def _remedy(word: bytes, place: int) -> str:
     """What to do about it."""
     if GRAMMAR[place] == b"#" and b"," in word:
-        return "Export the part again with decimal points: set the program's language or region to English."
+        return "Export the part again with decimal points: set the program's language or region to English"
     return EXPORT_AGAIN

@@ -19,11 +19,18 @@ if TYPE_CHECKING:
     from printer_slicer.arrays import Float, Int
     from printer_slicer.mesh_io.limits import Limits
 
-__all__ = ["OpenObject", "Shelf", "Use", "assembled", "shares", "turned_over"]
+__all__ = [
+    "ObjectBuilder",
+    "ObjectReference",
+    "ObjectTable",
+    "assemble",
+    "count_facets_by_object",
+    "is_mirrored",
+]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Use:
+class ObjectReference:
     """An object placed in another one, or on the plate.
 
     Attributes:
@@ -35,30 +42,30 @@ class Use:
     matrix: Float | None = None
 
 
-class Shelf:
+class ObjectTable:
     """Objects by number while a file is read, and how much they hold."""
 
     def __init__(self, path: Path, limits: Limits) -> None:
-        self.bodies: dict[Hashable, OpenObject] = {}
+        self.bodies: dict[Hashable, ObjectBuilder] = {}
         self._path, self._limits = path, limits
-        self._last = OpenObject("no object")
+        self._last = ObjectBuilder("no object")
         self._n_numbers = [0, 0]
         self._n_uses = 0
 
-    def begin(self, key: Hashable, name: str) -> OpenObject:
+    def begin(self, key: Hashable, name: str) -> ObjectBuilder:
         """A new object.
 
         Raises:
             ValueError: there is one of that number.
         """
         if key in self.bodies:
-            raise ValueError(f"{name} is there twice")
+            raise ValueError(f"{name} is defined twice")
         self._n_numbers = self._held()
-        self._last = self.bodies[key] = OpenObject(name)
-        self.count_use()
+        self._last = self.bodies[key] = ObjectBuilder(name)
+        self.count_reference()
         return self._last
 
-    def count_use(self) -> None:
+    def count_reference(self) -> None:
         """An object more, or one placed more.
 
         Raises:
@@ -82,7 +89,7 @@ class Shelf:
 
 
 @dataclass(slots=True, eq=False)
-class OpenObject:
+class ObjectBuilder:
     """An object while it is read.
 
     Attributes:
@@ -96,7 +103,7 @@ class OpenObject:
     name: str
     xyz: array[float] = field(default_factory=lambda: array("d"))
     corners: array[int] = field(default_factory=lambda: array("q"))
-    parts: list[Use] = field(default_factory=list)
+    parts: list[ObjectReference] = field(default_factory=list)
     label: str = ""
 
     def indices(self, path: Path) -> Int:
@@ -110,14 +117,18 @@ class OpenObject:
         if len(indices) and not (indices.min() >= 0 and indices.max() < n_vertices):
             facet, corner = np.argwhere((indices < 0) | (indices >= n_vertices))[0]
             raise MeshError(
-                f"{path}: {self.name}: facet {facet + 1} has vertex {indices[facet, corner]} of {n_vertices}",
+                f"{path}: {self.name}: facet {facet + 1} uses vertex {indices[facet, corner]} of {n_vertices}",
                 remedy=EXPORT_AGAIN,
             )
         return indices
 
 
-def assembled(
-    roots: Sequence[Use], bodies: Mapping[Hashable, OpenObject], path: Path, limits: Limits, scale: float
+def assemble(
+    roots: Sequence[ObjectReference],
+    bodies: Mapping[Hashable, ObjectBuilder],
+    path: Path,
+    limits: Limits,
+    scale: float,
 ) -> Float:
     """(F, 3, 3) corners of everything on the plate.
 
@@ -142,7 +153,7 @@ def assembled(
             points = points @ matrix[:3, :3] + matrix[3, :3]
         points = points * scale if scale != 1 else points
         faces = indices[id(body)]
-        faces = faces[:, ::-1] if matrix is not None and turned_over(matrix) else faces
+        faces = faces[:, ::-1] if matrix is not None and is_mirrored(matrix) else faces
         for start in range(0, len(faces), BLOCK):
             part = faces[start : start + BLOCK]
             triangles[begin : begin + len(part)] = points[part]
@@ -150,10 +161,10 @@ def assembled(
     return triangles
 
 
-def shares(
-    roots: Sequence[Use], bodies: Mapping[Hashable, OpenObject], path: Path, limits: Limits
+def count_facets_by_object(
+    roots: Sequence[ObjectReference], bodies: Mapping[Hashable, ObjectBuilder], path: Path, limits: Limits
 ) -> list[tuple[str, int]]:
-    """What each thing on the plate is called, and how many of the facets of `assembled` it has; they come in turn."""
+    """What each thing on the plate is called, and how many of the facets of `assemble` it has; they come in turn."""
     found = []
     for root in roots:
         placed = _placements([root], bodies, path, limits)
@@ -161,31 +172,31 @@ def shares(
     return [(name, count) for name, count in found if count]
 
 
-def turned_over(matrix: Float) -> bool:
+def is_mirrored(matrix: Float) -> bool:
     """Whether a (4, 4) or (3, 3) matrix mirrors, so that facets must be turned to keep the outside out."""
     return bool(np.linalg.det(matrix[:3, :3]) < 0)
 
 
 def _placements(
-    roots: Sequence[Use], bodies: Mapping[Hashable, OpenObject], path: Path, limits: Limits
-) -> list[tuple[OpenObject, Float | None]]:
+    roots: Sequence[ObjectReference], bodies: Mapping[Hashable, ObjectBuilder], path: Path, limits: Limits
+) -> list[tuple[ObjectBuilder, Float | None]]:
     """Every object with facets, as often as it is placed, with the matrix that brings it to the plate."""
-    placed: list[tuple[OpenObject, Float | None]] = []
+    placed: list[tuple[ObjectBuilder, Float | None]] = []
     n_facets = n_vertices = n_seen = 0
-    waiting: list[tuple[Use, Float | None, int]] = [(use, None, 0) for use in reversed(roots)]
+    waiting: list[tuple[ObjectReference, Float | None, int]] = [(use, None, 0) for use in reversed(roots)]
     while waiting:
         use, outer, depth = waiting.pop()
         n_seen += 1
         body = bodies.get(use.key)
         if body is None:
             raise MeshError(
-                f"{path}: there is no object {_spoken(use.key)}, but it is placed", remedy=EXPORT_AGAIN
+                f"{path}: object {_spoken(use.key)} is placed but not defined", remedy=EXPORT_AGAIN
             )
         if depth > limits.nesting or n_seen + len(waiting) > limits.instances:
-            what = f"over {limits.nesting} objects within each other" if depth > limits.nesting else ""
+            what = f"objects are nested more than {limits.nesting} deep" if depth > limits.nesting else ""
             raise MeshError(
-                f"{path}: {body.name}: {what or f'over {limits.instances} objects are placed'}",
-                remedy="An object may hold itself; export the part again, or as binary STL.",
+                f"{path}: {body.name}: {what or f'more than {limits.instances} objects are placed'}",
+                remedy="Check that no object contains itself, then export the part again",
             )
         matrix = _composed(use.matrix, outer)
         if len(body.corners):

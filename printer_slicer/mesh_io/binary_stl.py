@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from printer_slicer.mesh_io.limits import Limits
     from printer_slicer.model import Mesh
 
-__all__ = ["announces_its_size", "export_stl", "read_binary_stl"]
+__all__ = ["export_stl", "is_sized_binary_stl", "read_binary_stl"]
 
 FACET: Final = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 HEADER_SIZE: Final = 84
@@ -33,7 +33,7 @@ UNCOUNTED: Final = (0, 0xFFFFFFFF)
 """What programs that write while they compute leave in place of the number of facets."""
 
 
-def announces_its_size(source: ModelFile) -> bool:
+def is_sized_binary_stl(source: ModelFile) -> bool:
     """Whether this is a binary STL of exactly the announced length.
 
     The word `solid` at the start says nothing: binary files begin with it too.
@@ -63,17 +63,17 @@ def read_binary_stl(source: ModelFile, limits: Limits) -> tuple[Float, list[str]
     n_present, rest = divmod(source.size - HEADER_SIZE, FACET.itemsize)
     notes = []
     if n_announced in UNCOUNTED and n_present and rest == 0 and not _ends_in_zeros(source):
-        notes.append(f"the header does not count the facets; all {n_present} in the file are read")
+        notes.append(f"the header does not state the number of facets; all {n_present} in the file are read")
         n_announced = n_present
     tail = source.size - HEADER_SIZE - n_announced * FACET.itemsize
     has_more = tail >= FACET.itemsize and not _only_zeros(source, tail)
     if tail < 0 or (has_more and _may_be_facets(source, tail)):
         raise MeshError(
-            f"{path}: the header announces {n_announced} facets, but the file holds {n_present}",
+            f"{path}: the header states {n_announced} facets, but the file contains {n_present}",
             remedy=COPY_AGAIN,
         )
     if has_more:
-        notes.append(f"{tail} bytes after the last facet can be no facets and are left out")
+        notes.append(f"{tail} bytes after the last facet are not facets and are left out")
     check_facets(n_announced, path, limits)
     return _corners(source, n_announced), notes
 
@@ -146,7 +146,7 @@ def export_stl(mesh: Mesh, path: str | os.PathLike[str]) -> None:
             for part in blocks(mesh.n_facets):
                 file.write(_facets(mesh.triangles[part]).tobytes())
     except OSError as error:
-        raise OutputError(f"{path}: {error.strerror}", remedy="Choose another place to write to.") from error
+        raise OutputError(f"{path}: {error.strerror}", remedy="Write to another folder") from error
 
 
 def _facets(triangles: Float) -> np.ndarray[tuple[int], np.dtype[np.void]]:

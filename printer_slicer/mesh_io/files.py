@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from printer_slicer.mesh_io.limits import Limits
 
-__all__ = ["CHUNK", "ModelFile", "Progress", "opened", "without_byte_order_mark"]
+__all__ = ["CHUNK", "ModelFile", "Progress", "open_model_file", "strip_byte_order_mark"]
 
 Progress = Callable[[float], None]
 """Is told the share that is read, 0 to 1."""
@@ -88,8 +88,8 @@ class ModelFile:
 def _too_long(path: Path, size: int, limit: int) -> MeshError:
     """A file that is too long to be read."""
     return MeshError(
-        f"{path}: {size} bytes; at most {limit} are read of such a file",
-        remedy="Export the part with fewer facets, or as binary STL.",
+        f"{path}: {size} bytes; the limit for this format is {limit}",
+        remedy="Export the part with fewer facets, or as binary STL",
     )
 
 
@@ -102,24 +102,26 @@ def _open(path: Path, limits: Limits) -> BufferedReader:
     try:
         return open_input(path, limits.pipe_seconds)
     except FileNotFoundError as error:
-        remedy = "From a pipe: /dev/stdin." if str(path) == "-" else "Check the name and the folder."
+        remedy = "Use /dev/stdin to read from a pipe" if str(path) == "-" else "Check the name and the folder"
         raise UsageError(f"{path}: no such file", remedy=remedy) from error
     except IsADirectoryError as error:
-        raise UsageError(f"{path}: is a folder, not a file", remedy="Name one file in it.") from error
+        raise UsageError(
+            f"{path}: is a folder, not a file", remedy="Give the path of a file in it"
+        ) from error
     except PermissionError as error:
-        raise UsageError(f"{path}: reading it is not allowed", remedy="Check its permissions.") from error
+        raise UsageError(f"{path}: permission denied", remedy="Check its permissions") from error
     except TimeoutError as error:
         raise UsageError(
-            f"{path}: {error.strerror}", remedy="Start the program that writes to it first."
+            f"{path}: {error.strerror}", remedy="Start the program that writes to it first"
         ) from error
     except OSError as error:
-        raise UsageError(f"{path}: cannot be read: {error.strerror}", remedy="Check the path.") from error
+        raise UsageError(f"{path}: cannot be read: {error.strerror}", remedy="Check the path") from error
     except ValueError as error:  # a zero byte in the name
-        raise UsageError(f"{str(path)!r}: not a possible file name", remedy="Check the name.") from error
+        raise UsageError(f"{str(path)!r}: not a possible file name", remedy="Check the name") from error
 
 
 @contextmanager
-def opened(path: Path, limits: Limits, progress: Progress) -> Iterator[ModelFile]:
+def open_model_file(path: Path, limits: Limits, progress: Progress) -> Iterator[ModelFile]:
     """The file, open.
 
     Raises:
@@ -137,13 +139,13 @@ def opened(path: Path, limits: Limits, progress: Progress) -> Iterator[ModelFile
             if not source.head:
                 raise MeshError(
                     f"{path}: the file is empty",
-                    remedy="Copy or download the file again; if that does not help, export the part again.",
+                    remedy="Copy or download the file again; if that does not help, export the part again",
                 )
             if source.size > limits.file_bytes:
                 raise _too_long(path, source.size, limits.file_bytes)
             yield source
         except OSError as error:
-            raise UsageError(f"{path}: cannot be read: {error.strerror}", remedy="Check the disk.") from error
+            raise UsageError(f"{path}: cannot be read: {error.strerror}", remedy="Check the disk") from error
 
 
 def _spooled(pipe: BufferedReader, spool: BufferedRandom, path: Path, limits: Limits) -> BufferedRandom:
@@ -158,7 +160,7 @@ def _spooled(pipe: BufferedReader, spool: BufferedRandom, path: Path, limits: Li
     return spool
 
 
-def without_byte_order_mark(data: bytes) -> bytes:
+def strip_byte_order_mark(data: bytes) -> bytes:
     """Text as UTF-8 that begins with its first letter."""
     for mark, name in UTF_16.items():
         if data.startswith(mark):

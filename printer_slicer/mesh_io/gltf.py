@@ -18,8 +18,8 @@ import numpy as np
 
 from printer_slicer.errors import MeshError
 from printer_slicer.input_files import read_input
-from printer_slicer.mesh_io.assembly import OpenObject, Use, assembled
-from printer_slicer.mesh_io.files import without_byte_order_mark
+from printer_slicer.mesh_io.assembly import ObjectBuilder, ObjectReference, assemble
+from printer_slicer.mesh_io.files import strip_byte_order_mark
 from printer_slicer.mesh_io.limits import check_facets, check_instances, check_vertices
 from printer_slicer.mesh_io.soundness import COPY_AGAIN, EXPORT_AGAIN
 from printer_slicer.mesh_io.units import UNITS
@@ -51,7 +51,7 @@ KNOWN: Final = (
 """How the names of extensions begin that are followed, or do not change what is read here."""
 PACKING: Final = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression")
 SCENE: Final = ("scene", 0)
-TOGETHER: Final = "Keep the files of a glTF together, or export it as GLB."
+TOGETHER: Final = "Keep the files of a glTF together, or export it as GLB"
 UPRIGHT: Final = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
 """glTF's y points up, ours is z; for rows."""
 
@@ -98,13 +98,13 @@ class _Document:
         count, columns = int(accessor["count"]), COLUMNS[accessor["type"]]
         kind = np.dtype(COMPONENTS[accessor["componentType"]])
         if not 0 <= count <= 3 * self._limits.facets:
-            raise ValueError(f"an accessor of {count} items")
+            raise ValueError(f"an accessor has {count} items")
         if "bufferView" in accessor:
             numbers = self._numbers(accessor, kind, count, columns)
         elif count <= self._length:
             numbers = np.zeros((count, columns), dtype=kind)
         else:
-            raise ValueError(f"{count} items without any bytes")
+            raise ValueError(f"an accessor of {count} items has no data")
         if "sparse" in accessor:
             numbers = self._replaced(numbers, accessor["sparse"])
         if accessor.get("normalized"):
@@ -134,7 +134,7 @@ class _Document:
     def notes(self) -> list[str]:
         """What deserves a look."""
         return [
-            f"{number} meshes are {what}, which is not followed: they are read as they were drawn"
+            f"{number} meshes are {what}: this is ignored, and their rest shape is used"
             for number, what in (
                 (self.n_bent, "bent by a skeleton"),
                 (self.n_morphed, "changed by morph weights"),
@@ -159,9 +159,9 @@ class _Document:
         stride = int(view.get("byteStride", least))
         buffer = self._buffer(view)
         if min(start, length, offset) < 0 or stride < least or start + length > len(buffer):
-            raise ValueError("a part of the buffer that is not there")
+            raise ValueError("a buffer view lies outside its buffer")
         if count and offset + (count - 1) * stride + least > length:
-            raise ValueError(f"{count} items do not fit their part of the buffer")
+            raise ValueError(f"{count} items do not fit into their buffer view")
         return np.ndarray(
             (count, columns), kind, buffer[start : start + length], offset, (stride, kind.itemsize)
         )
@@ -173,10 +173,10 @@ class _Document:
             uri = self.tree["buffers"][number].get("uri")
             if uri is None:
                 self.check_packed(view)
-                raise ValueError(f"the bytes of buffer {number} are not there")
+                raise ValueError(f"buffer {number} has no data")
             head, comma, text = str(uri).partition(",")
             if not comma or not head.lower().startswith("data:") or not head.lower().endswith("base64"):
-                raise ValueError("a part of it is in another file")
+                raise ValueError("a buffer is in another file")
             self._buffers[number] = base64.b64decode(text, validate=True)
         return self._buffers[number]
 
@@ -217,7 +217,7 @@ def read_glb(
         is_own = tree.get("buffers") and tree["buffers"][0].get("uri") is None
         return _read_scene(tree, {0: binary} if is_own else {}, path, limits, unit, y_up=y_up)
     except FAULTS as error:
-        raise MeshError(f"{path}: not a sound .glb file: {_reason_of(error)}", remedy=COPY_AGAIN) from error
+        raise MeshError(f"{path}: not a valid .glb file: {_reason_of(error)}", remedy=COPY_AGAIN) from error
 
 
 def read_gltf(
@@ -235,14 +235,14 @@ def read_gltf(
         MeshError: it is no sound file, a file it names is missing or outside of its folder, or it has too many facets.
     """
     try:
-        tree = json.loads(without_byte_order_mark(data))
+        tree = json.loads(strip_byte_order_mark(data))
         _check_version(tree)
         _check_extensions(tree, path)
         buffers = _buffers(tree, path, limits.file_bytes - len(data))
         return _read_scene(tree, buffers, path, limits, unit)
     except FAULTS as error:
         raise MeshError(
-            f"{path}: not a sound .gltf file: {_reason_of(error)}", remedy=EXPORT_AGAIN
+            f"{path}: not a valid .gltf file: {_reason_of(error)}", remedy=EXPORT_AGAIN
         ) from error
 
 
@@ -278,7 +278,7 @@ def _read_scene(
     bodies[SCENE] = _scene(tree)
     own_unit = unit or "m"
     return (
-        assembled([Use(SCENE, UPRIGHT if y_up else None)], bodies, path, limits, UNITS[own_unit]),
+        assemble([ObjectReference(SCENE, UPRIGHT if y_up else None)], bodies, path, limits, UNITS[own_unit]),
         own_unit,
         document.notes(),
     )
@@ -287,15 +287,15 @@ def _read_scene(
 def _reason_of(error: Exception) -> str:
     """What to say of one of `FAULTS`."""
     reason = str(error).partition("\n")[0][:200] or type(error).__name__
-    return f"no {reason}" if isinstance(error, KeyError) else reason
+    return f"missing key {reason}" if isinstance(error, KeyError) else reason
 
 
 def _check_version(tree: object) -> None:
     if not isinstance(tree, dict):
-        raise TypeError("no JSON object")
+        raise TypeError("the text is not a JSON object")
     version = str(tree.get("asset", {}).get("version", "2.0"))
     if not version.startswith("2."):
-        raise ValueError(f"glTF of version {version[:20]}; 2.0 is read")
+        raise ValueError(f"glTF version {version[:20]} is not supported; only 2.0 is")
 
 
 def _buffers(tree: dict[str, Any], path: Path, left: int) -> dict[int, bytes]:
@@ -312,17 +312,19 @@ def _buffers(tree: dict[str, Any], path: Path, left: int) -> dict[int, bytes]:
     found: dict[int, bytes] = {}
     buffers = tree.get("buffers", [])
     if not isinstance(buffers, list):
-        raise MeshError(f"{path}: not a sound .gltf file: 'buffers' is no list", remedy=EXPORT_AGAIN)
+        raise MeshError(f"{path}: not a valid .gltf file: 'buffers' is not a list", remedy=EXPORT_AGAIN)
     for number, buffer in enumerate(buffers):
         uri = buffer.get("uri") if isinstance(buffer, dict) else None
         if not isinstance(uri, str):
             raise MeshError(
-                f"{path}: not a sound .gltf file: buffer {number} has no 'uri'", remedy=EXPORT_AGAIN
+                f"{path}: not a valid .gltf file: buffer {number} has no 'uri'", remedy=EXPORT_AGAIN
             )
         data = _written_out(uri, number, path) if uri[:5].lower() == "data:" else _beside(uri, path, left)
         wanted = buffer.get("byteLength")
         if isinstance(wanted, int) and len(data) < wanted:
-            raise MeshError(f"{path}: buffer {number} has {len(data)} of {wanted} bytes", remedy=EXPORT_AGAIN)
+            raise MeshError(
+                f"{path}: buffer {number} has only {len(data)} of {wanted} bytes", remedy=EXPORT_AGAIN
+            )
         left -= len(data)
         found[number] = data
     return found
@@ -337,7 +339,7 @@ def _written_out(uri: str, number: int, path: Path) -> bytes:
         kind = ""
     if not kind.lower().endswith(";base64"):
         raise MeshError(
-            f"{path}: not a sound .gltf file: buffer {number} is not valid base64", remedy=EXPORT_AGAIN
+            f"{path}: not a valid .gltf file: buffer {number} is not valid base64", remedy=EXPORT_AGAIN
         )
     return data
 
@@ -358,18 +360,18 @@ def _beside(uri: str, path: Path, most: int) -> bytes:
         # A backslash parts folders on some systems only: taken so on all, nothing is outside on one alone.
         target = (folder / unquote(uri).replace("\\", "/")).resolve()
         if ":" in uri.partition("/")[0] or not target.is_relative_to(folder):
-            raise MeshError(f"{path}: names a file outside of its folder: {uri!r}", remedy=TOGETHER)
+            raise MeshError(f"{path}: refers to a file outside its folder: {uri!r}", remedy=TOGETHER)
         return read_input(target, most)
     except (FileNotFoundError, IsADirectoryError, NotADirectoryError):
-        raise MeshError(f"{path}: names a file that is not beside it: {uri!r}", remedy=TOGETHER) from None
+        raise MeshError(f"{path}: refers to a missing file: {uri!r}", remedy=TOGETHER) from None
     except RuntimeError:  # of older Pythons, for links that lead to each other
-        raise MeshError(f"{path}: names a link in a circle: {uri!r}", remedy=TOGETHER) from None
+        raise MeshError(f"{path}: refers to a circular link: {uri!r}", remedy=TOGETHER) from None
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else error
         if isinstance(error, OSError) and error.errno == errno.EFBIG:
-            reason = f"it is longer than the {max(most, 0)} bytes left by the limit for all its files"
+            reason = f"it is longer than the {max(most, 0)} bytes that remain of the limit for all files"
         raise MeshError(
-            f"{path}: names a file that cannot be read: {uri!r}: {reason}", remedy=TOGETHER
+            f"{path}: refers to a file that cannot be read: {uri!r}: {reason}", remedy=TOGETHER
         ) from None
 
 
@@ -377,24 +379,24 @@ def _chunks(data: bytes, limits: Limits) -> tuple[dict[str, Any], memoryview]:
     """The text of a GLB, and its bytes; none where it has none."""
     magic, version, _ = struct.unpack_from("<4sLL", data)
     if magic != b"glTF" or version != 2:
-        raise ValueError("not binary glTF of version 2")
+        raise ValueError("it is not binary glTF version 2")
     chunks: dict[int, memoryview] = {}
     place, view = 12, memoryview(data)
     while place + 8 <= len(data):
         length, kind = struct.unpack_from("<LL", data, place)
         if place + 8 + length > len(data):
-            raise ValueError(f"a chunk of {length} bytes, but only {len(data) - place - 8} are left")
+            raise ValueError(f"a chunk has {length} bytes, but only {len(data) - place - 8} are left")
         chunks.setdefault(kind, view[place + 8 : place + 8 + length])
         place += 8 + length
     if len(chunks[JSON_CHUNK]) > limits.json_bytes:
-        raise ValueError(f"{len(chunks[JSON_CHUNK])} bytes of text; at most {limits.json_bytes} are read")
+        raise ValueError(f"{len(chunks[JSON_CHUNK])} bytes of JSON; the limit is {limits.json_bytes}")
     tree = json.loads(bytes(chunks[JSON_CHUNK]))
     if not isinstance(tree, dict):
-        raise TypeError("no JSON object")
+        raise TypeError("the text is not a JSON object")
     return tree, chunks.get(BINARY_CHUNK, memoryview(b""))
 
 
-def _scene(tree: dict[str, Any]) -> OpenObject:
+def _scene(tree: dict[str, Any]) -> ObjectBuilder:
     """What stands in the scene."""
     nodes, scenes = tree.get("nodes", []), tree.get("scenes", [])
     if scenes:
@@ -402,24 +404,26 @@ def _scene(tree: dict[str, Any]) -> OpenObject:
     else:
         children = {_index(child) for node in nodes for child in node.get("children", [])}
         begin = [index for index in range(len(nodes)) if index not in children]
-    return OpenObject("the scene", parts=[Use(("node", index), _matrix(nodes[index])) for index in begin])
+    return ObjectBuilder(
+        "the scene", parts=[ObjectReference(("node", index), _matrix(nodes[index])) for index in begin]
+    )
 
 
-def _bodies(document: _Document) -> dict[Hashable, OpenObject]:
+def _bodies(document: _Document) -> dict[Hashable, ObjectBuilder]:
     """Nodes and the meshes they hold."""
-    bodies: dict[Hashable, OpenObject] = {}
+    bodies: dict[Hashable, ObjectBuilder] = {}
     nodes = document.tree.get("nodes", [])
     for index, node in enumerate(nodes):
-        body = bodies["node", index] = OpenObject(f"node {index}")
+        body = bodies["node", index] = ObjectBuilder(f"node {index}")
         if "mesh" in node:
             key = ("mesh", _index(node["mesh"]))
             if key not in bodies:
                 bodies[key] = _mesh(document, key[1])
             document.n_bent += "skin" in node
             document.n_morphed += _is_morphed(node, document.tree["meshes"][key[1]])
-            body.parts += [Use(key, matrix) for matrix in _instances(document, node)]
+            body.parts += [ObjectReference(key, matrix) for matrix in _instances(document, node)]
         children = [_index(child) for child in node.get("children", [])]
-        body.parts += [Use(("node", child), _matrix(nodes[child])) for child in children]
+        body.parts += [ObjectReference(("node", child), _matrix(nodes[child])) for child in children]
     return bodies
 
 
@@ -442,7 +446,7 @@ def _instances(document: _Document, node: dict[str, Any]) -> Sequence[Float | No
     }
     counts = {len(numbers) for numbers in places.values()}
     if len(counts) != 1:
-        raise ValueError("instances that are not placed, or by lists of different lengths")
+        raise ValueError("the instance attributes are missing or differ in length")
     count = counts.pop()
     document.count_instances(count)
     return list(
@@ -454,9 +458,9 @@ def _instances(document: _Document, node: dict[str, Any]) -> Sequence[Float | No
     )
 
 
-def _mesh(document: _Document, index: int) -> OpenObject:
+def _mesh(document: _Document, index: int) -> ObjectBuilder:
     """The facets of all primitives of a mesh."""
-    body = OpenObject(f"mesh {index}")
+    body = ObjectBuilder(f"mesh {index}")
     for primitive in document.tree["meshes"][index]["primitives"]:
         mode = primitive.get("mode", TRIANGLES)
         if mode not in (TRIANGLES, STRIP, FAN) or "POSITION" not in primitive["attributes"]:
@@ -465,13 +469,13 @@ def _mesh(document: _Document, index: int) -> OpenObject:
             document.check_packed(primitive)
         points = document.array(primitive["attributes"]["POSITION"])
         if points.shape[1] != 3:
-            raise ValueError("positions that are not x, y, z")
+            raise ValueError("the vertex positions do not have three coordinates")
         if "indices" in primitive:
             corners = document.array(primitive["indices"])[:, 0].astype(np.int64)
         else:
             corners = np.arange(len(points), dtype=np.int64)
         if len(corners) and not (corners.min() >= 0 and corners.max() < len(points)):
-            raise ValueError(f"a facet with vertex {corners.max()} of {len(points)}")
+            raise ValueError(f"a facet uses vertex {corners.max()} of {len(points)}")
         document.count(len(points), len(corners) // 3 if mode == TRIANGLES else len(corners))
         faces = _faces(corners, mode) + len(body.xyz) // 3
         body.xyz.frombytes(points.astype(np.float64).tobytes())
@@ -487,8 +491,8 @@ def _accessors(primitive: dict[str, Any]) -> list[Any]:
 def _unknown(path: Path, extension: str) -> MeshError:
     """What to say of a file that cannot be read without an extension."""
     return MeshError(
-        f"{path}: the file needs the glTF extension '{extension[:60]}', which is not known here",
-        remedy="Export it without compression, or as STL or 3MF.",
+        f"{path}: the file requires the glTF extension '{extension[:60]}', which is not supported",
+        remedy="Export it without compression, or as STL or 3MF",
     )
 
 
@@ -521,7 +525,7 @@ def _matrix(node: dict[str, Any]) -> Float | None:
 def _matrices(translation: Float, rotation: Float, scale: Float) -> Float:
     """(N, 4, 4) for rows, of shifts (N, 3), quaternions (N, 4), their real part last, and scales (N, 3)."""
     if translation.shape[1] != 3 or rotation.shape[1] != 4 or scale.shape[1] != 3:
-        raise ValueError("what is moved in other than three directions")
+        raise ValueError("a transform has the wrong number of components")
     matrices = np.zeros((len(translation), 4, 4))
     x, y, z, w = rotation.T
     matrices[:, :3, :3] = np.array(
@@ -539,12 +543,12 @@ def _matrices(translation: Float, rotation: Float, scale: Float) -> Float:
 
 def _finite(matrices: Float) -> Float:
     if not np.isfinite(matrices).all():
-        raise ValueError("a node that is moved by no number")
+        raise ValueError("the transform of a node is not finite")
     return matrices
 
 
 def _index(value: object) -> int:
     """A place in a list; Python would count negative ones from the end."""
     if not isinstance(value, int) or value < 0:
-        raise ValueError(f"{str(value)[:20]} where an index should be")
+        raise ValueError(f"expected an index, found {str(value)[:20]}")
     return value

@@ -67,8 +67,8 @@ def check_facets(count: int, path: Path, limits: Limits) -> None:
     """
     if count > limits.facets:
         raise MeshError(
-            f"{path}: {count} facets; at most {limits.facets} are read",
-            remedy="Export the part with fewer facets, or raise `Limits.facets` from Python.",
+            f"{path}: {count} facets; the limit is {limits.facets}",
+            remedy="Export the part with fewer facets, or raise `Limits.facets` from Python",
         )
 
 
@@ -80,8 +80,8 @@ def check_vertices(count: int, path: Path, limits: Limits, most: int = 1) -> Non
     """
     if count > most * limits.facets:
         raise MeshError(
-            f"{path}: {count} vertices; at most {most * limits.facets} are read",
-            remedy="Export the part with fewer facets, or raise `Limits.facets` from Python.",
+            f"{path}: {count} vertices; the limit is {most * limits.facets}",
+            remedy="Export the part with fewer facets, or raise `Limits.facets` from Python",
         )
 
 
@@ -93,6 +93,6 @@ def check_instances(count: int, path: Path, limits: Limits) -> None:
     """
     if count > limits.instances:
         raise MeshError(
-            f"{path}: over {limits.instances} objects are placed",
-            remedy="Join the objects in the program that made them, or export the part as STL.",
+            f"{path}: more than {limits.instances} objects are placed",
+            remedy="Join the objects in the program that made them, or export the part as STL",
         )

@@ -69,13 +69,13 @@ class XmlReader:
                 n_fed += len(piece)
                 self.check()
                 if len(self._names) > self.limits.names:
-                    raise self.fault(f"over {self.limits.names} different names")
+                    raise self.fault(f"more than {self.limits.names} different names")
                 # Else one endless tag would be looked through from its start again and again.
                 if n_fed - self._parser.CurrentByteIndex > self.limits.xml_token + len(piece):
-                    raise self.fault(f"markup of over {self.limits.xml_token} bytes without an end")
+                    raise self.fault(f"a tag is longer than {self.limits.xml_token} bytes")
             self._parser.Parse(b"", True)
         except expat.ExpatError as error:
-            raise MeshError(f"{self.path}:{self._what} not sound XML: {error}", remedy=COPY_AGAIN) from error
+            raise MeshError(f"{self.path}:{self._what} not valid XML: {error}", remedy=COPY_AGAIN) from error
         except (ValueError, OverflowError, LookupError, UnicodeError) as error:
             reason = str(error).partition("\n")[0][:120]
             raise self.fault(reason[:1].lower() + reason[1:]) from error
@@ -96,7 +96,7 @@ class XmlReader:
     def _start(self, name: str, attributes: list[str]) -> None:
         self._depth += 1
         if self._depth > self.limits.xml_depth:
-            raise self.fault(f"over {self.limits.xml_depth} elements within each other")
+            raise self.fault(f"elements are nested more than {self.limits.xml_depth} deep")
         handler = self._starts.get(name)
         if handler:
             handler(attributes)
@@ -109,13 +109,13 @@ class XmlReader:
 
     def _declare(self, prefix: str | None, namespace: str) -> None:
         if len(self.namespaces) >= self.limits.names:
-            raise self.fault(f"over {self.limits.names} namespaces")
+            raise self.fault(f"more than {self.limits.names} namespaces")
         self.namespaces[prefix or ""] = namespace
 
     def _refuse_document_type(self, *_: object) -> None:
         raise self.fault(
-            "a document type is declared, which no mesh needs and which can hold traps",
-            "Do not trust the file; if it is your own, remove the line that begins with <!DOCTYPE.",
+            "the file declares a document type, which is unsafe and not needed for a mesh",
+            "Do not trust the file; if it is your own, remove the line that begins with <!DOCTYPE",
         )
 
 
@@ -141,4 +141,4 @@ def _value(attributes: list[str], name: str) -> str:
     for place in range(0, len(attributes), 2):
         if attributes[place] == name:
             return attributes[place + 1]
-    raise LookupError(f"no '{name}' here")
+    raise LookupError(f"the attribute '{name}' is missing")

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from printer_slicer.mesh_io.assembly import OpenObject
+from printer_slicer.mesh_io.assembly import ObjectBuilder
 from printer_slicer.mesh_io.markup import XmlReader
 
 if TYPE_CHECKING:
@@ -104,17 +104,17 @@ class Modifiers(XmlReader):
             return None
         self._n_marked += 1
         if self._n_marked > self.limits.instances:
-            raise self.fault(f"over {self.limits.instances} volumes")
+            raise self.fault(f"more than {self.limits.instances} volumes")
         return _Volume(self._name, self._kind)
 
-    def name(self, bodies: dict[Hashable, OpenObject], part: str) -> None:
+    def name(self, bodies: dict[Hashable, ObjectBuilder], part: str) -> None:
         """Call the objects of a model file what the slicer calls them, where the model has no names."""
         for number, name in self.names.items():
             body = bodies.get((part, number))
             if body is not None:
                 body.label = body.label or name
 
-    def taken_from(self, bodies: dict[Hashable, OpenObject], part: str) -> list[str]:
+    def taken_from(self, bodies: dict[Hashable, ObjectBuilder], part: str) -> list[str]:
         """Take these volumes out of the objects of a model file.
 
         Returns:
@@ -130,7 +130,7 @@ class Modifiers(XmlReader):
                 keep[max(first, 0) : max(last + 1, 0)] = False
                 taken.append(volume)
             corners = np.frombuffer(body.corners, dtype=np.int64).reshape(-1, 3)[keep]
-            bodies[part, number] = OpenObject(
+            bodies[part, number] = ObjectBuilder(
                 body.name, body.xyz, array("q", corners.tobytes()), body.parts, body.label
             )
         for (number, child), volume in self.components.items():
@@ -139,7 +139,7 @@ class Modifiers(XmlReader):
                 continue
             kept = [use for use in body.parts if not (isinstance(use.key, tuple) and use.key[1] == child)]
             taken += [volume] * (len(body.parts) - len(kept))
-            bodies[part, number] = OpenObject(body.name, body.xyz, body.corners, kept, body.label)
+            bodies[part, number] = ObjectBuilder(body.name, body.xyz, body.corners, kept, body.label)
         return _notes(taken)
 
 
@@ -152,11 +152,11 @@ def _notes(taken: Sequence[_Volume]) -> list[str]:
     notes = [f"{count} settings, supports or other volumes {verb} left out: {_listed(taken)}"]
     if holes := [volume for volume in taken if volume.kind.lower() in HOLES]:
         them = (
-            "1 of them is a hole, which is"
+            "1 of them is a negative volume and is"
             if len(holes) == 1
-            else f"{len(holes)} of them are holes, which are"
+            else f"{len(holes)} of them are negative volumes and are"
         )
-        notes.append(f"{them} not cut: {_listed(holes)}")
+        notes.append(f"{them} not cut out: {_listed(holes)}")
     return notes
 
 

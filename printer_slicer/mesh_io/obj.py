@@ -15,7 +15,7 @@ import numpy as np
 
 from printer_slicer.errors import MeshError
 from printer_slicer.mesh_io.limits import check_facets, check_vertices
-from printer_slicer.mesh_io.polygons import triangulated
+from printer_slicer.mesh_io.polygons import triangulate_polygons
 from printer_slicer.mesh_io.soundness import EXPORT_AGAIN
 from printer_slicer.mesh_io.tables import NUMBER, numbers_in
 
@@ -47,7 +47,7 @@ UNREAD: Final = {
 """Statements that draw something without facets."""
 
 
-class _OddError(Exception):
+class _MalformedError(Exception):
     """Something is not as it should be; where is looked for then."""
 
 
@@ -74,7 +74,7 @@ def read_obj(source: ModelFile, limits: Limits) -> tuple[Float, list[str]]:
             n_surfaces += text.count(b"\nsurf ") + text.startswith(b"surf ")
             check_vertices(n_vertices, source.path, limits)
             check_facets(max(n_faces, n_facets), source.path, limits)
-    except _OddError:
+    except _MalformedError:
         raise _fault(source, None) from None
     corner = np.concatenate(corners)
     del corners
@@ -82,8 +82,10 @@ def read_obj(source: ModelFile, limits: Limits) -> tuple[Float, list[str]]:
         raise _fault(source, n_vertices)
     if not n_facets:
         raise _nothing(source)
-    notes = [f"{n_surfaces} free-form surfaces are not read"] if n_surfaces else []
-    return triangulated(np.concatenate(vertices), np.concatenate(counts), corner, source.path, limits), notes
+    notes = [f"{n_surfaces} free-form surfaces are left out"] if n_surfaces else []
+    return triangulate_polygons(
+        np.concatenate(vertices), np.concatenate(counts), corner, source.path, limits
+    ), notes
 
 
 def _pieces(source: ModelFile) -> Iterator[bytes]:
@@ -95,7 +97,7 @@ def _pieces(source: ModelFile) -> Iterator[bytes]:
         rest = text[end:]
         if len(rest) > LONGEST_LINE:
             raise MeshError(
-                f"{source.path}: a line of over {LONGEST_LINE} bytes is no line of an OBJ",
+                f"{source.path}: a line is longer than {LONGEST_LINE} bytes, which no OBJ needs",
                 remedy=EXPORT_AGAIN,
             )
         if end:
@@ -142,7 +144,7 @@ class _Lines:
             return np.zeros((0, 3))
         numbers = _numbers(text, "f8", counts)
         if counts.min() < 3:
-            raise _OddError
+            raise _MalformedError
         if counts.min() == counts.max():
             return numbers.reshape(len(counts), -1)[:, :3]
         xyz: Float = numbers[(np.cumsum(counts) - counts)[:, None] + np.arange(3)]
@@ -164,7 +166,7 @@ class _Lines:
         known = (n_before + np.cumsum(self._is_vertex))[self._is_face]
         corners = np.where(numbers < 0, np.repeat(known, counts) + numbers, numbers - 1)
         if corners.min() < 0:
-            raise _OddError
+            raise _MalformedError
         return counts, corners
 
     def _words_of(self, chosen: NDArray[np.bool_]) -> tuple[NDArray[np.uint8], Int]:
@@ -179,7 +181,7 @@ class _Lines:
         slash = text == ord("/")
         if slash.any():
             if (slash[1:] & blank[:-1]).any():
-                raise _OddError
+                raise _MalformedError
             marks = np.flatnonzero(blank | slash)
             behind = np.repeat(slash[marks], np.diff(marks, append=len(text)))  # the first byte is blank
             text[behind] = BLANK
@@ -194,9 +196,9 @@ def _numbers(text: NDArray[np.uint8], kind: str, counts: Int) -> NDArray[Any]:
     try:
         numbers = numbers_in(text.tobytes(), kind)
     except ValueError:
-        raise _OddError from None
+        raise _MalformedError from None
     if len(numbers) != counts.sum():
-        raise _OddError
+        raise _MalformedError
     return numbers
 
 
@@ -232,15 +234,15 @@ def _fault(source: ModelFile, n_vertices: int | None) -> MeshError:
             wrong = _wrong_face(words[1:], known, n_vertices)
         if wrong:
             return MeshError(f"{source.path}, line {number}: {wrong}", remedy=EXPORT_AGAIN)
-    return MeshError(f"{source.path}: not a sound .obj file", remedy=EXPORT_AGAIN)
+    return MeshError(f"{source.path}: not a valid .obj file", remedy=EXPORT_AGAIN)
 
 
 def _wrong_vertex(words: list[bytes]) -> str:
     """What is wrong with a vertex; empty where nothing is."""
     for word in words:
         if not NUMBER.fullmatch(word):
-            return f"'{_spoken(word)}' where a number should be"
-    return "" if len(words) >= 3 else f"a vertex of {len(words)} coordinates"
+            return f"expected a number, found '{_spoken(word)}'"
+    return "" if len(words) >= 3 else f"a vertex has only {len(words)} coordinates"
 
 
 def _wrong_face(words: list[bytes], known: int, n_vertices: int | None) -> str:
@@ -248,14 +250,14 @@ def _wrong_face(words: list[bytes], known: int, n_vertices: int | None) -> str:
     for word in words:
         match = CORNER.fullmatch(word)
         if match is None:
-            return f"'{_spoken(word)}' where the number of a vertex should be"
+            return f"expected a vertex number, found '{_spoken(word)}'"
         corner = int(match[1][:20])
         if corner == 0:
-            return "a face has vertex 0; they are counted from 1"
+            return "a face uses vertex 0; vertices are numbered from 1"
         if corner < -known:
-            return f"a face has vertex {corner}, but only {known} stand before it"
+            return f"a face uses vertex {corner}, but only {known} vertices come before it"
         if n_vertices is not None and corner > n_vertices:
-            return f"a face has vertex {corner} of {n_vertices}"
+            return f"a face uses vertex {corner} of {n_vertices}"
     return ""
 
 
@@ -267,4 +269,4 @@ def _nothing(source: ModelFile) -> MeshError:
     """What to say of a file without facets."""
     found = {UNREAD[words[0]] for _, words in _statements(source) if words and words[0] in UNREAD}
     only = f", only {' and '.join(sorted(found))}" if found else ""
-    return MeshError(f"{source.path}: there are no facets in it{only}", remedy=EXPORT_AGAIN)
+    return MeshError(f"{source.path}: the file contains no facets{only}", remedy=EXPORT_AGAIN)

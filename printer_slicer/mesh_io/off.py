@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from printer_slicer.mesh_io.limits import check_facets
-from printer_slicer.mesh_io.polygons import triangulated, whole
+from printer_slicer.mesh_io.polygons import triangulate_polygons, whole
 from printer_slicer.mesh_io.tables import Bytes, Column, Element, Property, TableBody, Words, read_table
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ def read_off(data: bytes, path: Path, limits: Limits) -> Float:
     text = re.sub(rb"#[^\r\n]*", b"", data).decode("ascii", "replace")
     keyword = KEYWORD.match(text)
     if keyword is None or keyword[4]:
-        raise ValueError("its points have other than three coordinates")
+        raise ValueError("its points do not have three coordinates")
     body = text[keyword.end() :]
     try:
         return _read_lines(body, path, limits)
@@ -64,14 +64,16 @@ def _read_lines(text: str, path: Path, limits: Limits) -> Float:
     lines = [line for line in text.splitlines() if line and not line.isspace()]
     announced = lines[0].split() if lines else []
     if len(announced) < 2 or not all(word.isdecimal() for word in announced[:2]):
-        raise ValueError("the numbers of vertices and faces do not stand at its beginning")
+        raise ValueError("the numbers of vertices and faces are missing at the start")
     n_vertices, n_faces = int(announced[0]), int(announced[1])
     if n_vertices + n_faces > len(lines) - 1:
-        raise ValueError(f"{n_vertices} vertices and {n_faces} faces in {len(lines) - 1} lines")
+        raise ValueError(
+            f"{n_vertices} vertices and {n_faces} faces are stated, but only {len(lines) - 1} lines follow"
+        )
     check_facets(n_faces, path, limits)
     vertices = _numbers(lines[1 : n_vertices + 1], range(3), "vertex")
     counts, corners = _faces(lines[n_vertices + 1 : n_vertices + n_faces + 1])
-    return triangulated(vertices, counts, corners, path, limits)
+    return triangulate_polygons(vertices, counts, corners, path, limits)
 
 
 def _read_counted(text: str, n_behind: int, path: Path, limits: Limits) -> Float | None:
@@ -88,7 +90,7 @@ def _read_counted(text: str, n_behind: int, path: Path, limits: Limits) -> Float
         vertices, faces, end = _tables(body, announced, begin, n_behind, (CORNERS,))
         whole_rows = len(lines) == 1 + sum(announced)
         if end == body.end and not whole_rows and (faces.counts >= 3).all():
-            return triangulated(vertices, faces.counts, whole(faces.values), path, limits)
+            return triangulate_polygons(vertices, faces.counts, whole(faces.values), path, limits)
     except (ValueError, LookupError, OverflowError):
         pass
     return None
@@ -97,14 +99,14 @@ def _read_counted(text: str, n_behind: int, path: Path, limits: Limits) -> Float
 def _read_binary(data: bytes, head: re.Match[bytes], path: Path, limits: Limits) -> Float:
     """The same, of what follows the first line."""
     if head[4]:
-        raise ValueError("its points have other than three coordinates")
+        raise ValueError("its points do not have three coordinates")
     body = Bytes(data, ">")
     if body.end < 12:
-        raise ValueError("the numbers of vertices and faces do not stand at its beginning")
+        raise ValueError("the numbers of vertices and faces are missing at the start")
     announced = body.number(0, "i4"), body.number(4, "i4")
     check_facets(announced[1], path, limits)
     vertices, faces, _ = _tables(body, announced, 12, _behind(head), (CORNERS, COLOUR))
-    return triangulated(vertices, faces.counts, faces.values.astype(np.int64), path, limits)
+    return triangulate_polygons(vertices, faces.counts, faces.values.astype(np.int64), path, limits)
 
 
 def _behind(head: re.Match[bytes] | re.Match[str]) -> int:
@@ -141,7 +143,7 @@ def _faces(lines: list[str]) -> tuple[Int, Int]:
     for number, line in enumerate(lines):
         word = line.split(None, 1)[0]
         if not (word.isdecimal() and len(word) < 10 and 2 * int(word) < len(line)):
-            raise ValueError(f"face {number + 1}: '{line.strip()[:60]}'")
+            raise ValueError(f"face {number + 1} is malformed: '{line.strip()[:60]}'")
         counts[number] = int(word)
     begin = np.cumsum(counts) - counts
     corners = np.zeros(int(counts.sum()), np.int64)
@@ -161,5 +163,5 @@ def _numbers(lines: Sequence[str], columns: range, what: str) -> Float:
     try:
         numbers: Float = np.loadtxt(lines, usecols=columns, ndmin=2, comments=None)
     except ValueError:
-        raise ValueError(f"a {what} without {len(columns)} numbers in its line") from None
+        raise ValueError(f"a {what} does not have {len(columns)} numbers in its line") from None
     return numbers

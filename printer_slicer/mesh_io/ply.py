@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from printer_slicer.mesh_io.limits import check_facets
-from printer_slicer.mesh_io.polygons import triangulated, whole
+from printer_slicer.mesh_io.polygons import triangulate_polygons, whole
 from printer_slicer.mesh_io.tables import Bytes, Column, Element, Property, TableBody, Words, read_table
 
 if TYPE_CHECKING:
@@ -64,7 +64,7 @@ def read_ply(data: bytes, path: Path, limits: Limits) -> Float:
             counts.append(np.full(len(facets), 3))
             corners.append(facets.ravel())
     vertices = vertices.astype(np.float64)
-    return triangulated(vertices, np.concatenate(counts), np.concatenate(corners), path, limits)
+    return triangulate_polygons(vertices, np.concatenate(counts), np.concatenate(corners), path, limits)
 
 
 def _unrolled(counts: Int, corners: Int) -> Int:
@@ -84,7 +84,7 @@ def _header(data: bytes) -> tuple[list[Element], str, int]:
     head = re.match(rb"ply[ \t]*(\r\n|\n|\r)", data)
     end = re.compile(rb"(?<=[\r\n])end_header[ \t]*").search(data, 0, LONGEST_HEADER)
     if head is None or end is None:
-        raise ValueError("it has no header")
+        raise ValueError("the header is missing")
     order, elements = "none", list[Element]()
     for line in data[head.end() : end.start()].decode("ascii", "replace").splitlines():
         match line.split():
@@ -98,9 +98,9 @@ def _header(data: bytes) -> tuple[list[Element], str, int]:
             case [] | ["comment", *_] | ["obj_info", *_]:
                 pass
             case _:
-                raise ValueError(f"'{line[:60]}' in the header")
+                raise ValueError(f"unknown line '{line[:60]}' in the header")
     if order == "none":
-        raise ValueError("the header names no format")
+        raise ValueError("the header does not state the format")
     after = head[1] if data.startswith(head[1], end.end()) else b""
     return elements, order, end.end() + len(after)
 
@@ -111,7 +111,7 @@ def _property(words: Sequence[str]) -> Property:
             return Property(name, TYPES[kind])
         case ["list", count, kind, name] if kind in TYPES and TYPES.get(count, "f")[0] != "f":
             return Property(name, TYPES[kind], TYPES[count])
-    raise ValueError(f"property '{' '.join(words)[:60]}' in the header")
+    raise ValueError(f"unknown property '{' '.join(words)[:60]}' in the header")
 
 
 def _named(columns: dict[str, Column], element: Element, *names: str) -> Column:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from printer_slicer.arrays import Float, Int
     from printer_slicer.mesh_io.limits import Limits
 
-__all__ = ["triangulated", "whole"]
+__all__ = ["triangulate_polygons", "whole"]
 
 MOST_CORNERS: Final = 64
 """Polygons of more corners, where they are not convex, are fans from their first corner: others are not tried."""
@@ -32,12 +32,12 @@ def whole(values: Float) -> Int:
         ValueError: one is none.
     """
     if not (np.abs(values) < 1 << 53).all() or not (values == np.rint(values)).all():
-        raise ValueError("the number of a vertex that is no whole number")
+        raise ValueError("a vertex number is not a whole number")
     numbers: Int = values.astype(np.int64)
     return numbers
 
 
-def triangulated(vertices: Float, counts: Int, corners: Int, path: Path, limits: Limits) -> Float:
+def triangulate_polygons(vertices: Float, counts: Int, corners: Int, path: Path, limits: Limits) -> Float:
     """(T, 3, 3) corners of the facets that polygons are cut into, in their order.
 
     A polygon is cut into a fan from its first corner. Where that folds, since the polygon is not convex, the corner
@@ -58,7 +58,7 @@ def triangulated(vertices: Float, counts: Int, corners: Int, path: Path, limits:
     if len(corners) and not (corners.min() >= 0 and corners.max() < len(vertices)):
         wrong = int(np.flatnonzero((corners < 0) | (corners >= len(vertices)))[0])
         polygon = int(np.searchsorted(np.cumsum(counts), wrong, side="right"))
-        raise ValueError(f"face {polygon + 1} has vertex {corners[wrong]} of {len(vertices)}")
+        raise ValueError(f"face {polygon + 1} uses vertex {corners[wrong]} of {len(vertices)}")
     if len(counts) and (counts == 3).all():
         check_facets(len(counts), path, limits)
         return np.asarray(vertices[corners.reshape(-1, 3)])

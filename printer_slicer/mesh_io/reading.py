@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from printer_slicer.errors import MeshError, UsageError
-from printer_slicer.mesh_io.ascii_stl import looks_like_ascii_stl, read_ascii_stl
-from printer_slicer.mesh_io.binary_stl import announces_its_size, read_binary_stl
-from printer_slicer.mesh_io.files import ModelFile, Progress, opened, without_byte_order_mark
+from printer_slicer.mesh_io.ascii_stl import is_ascii_stl, read_ascii_stl
+from printer_slicer.mesh_io.binary_stl import is_sized_binary_stl, read_binary_stl
+from printer_slicer.mesh_io.files import ModelFile, Progress, open_model_file, strip_byte_order_mark
 from printer_slicer.mesh_io.limits import LIMITS, Limits
-from printer_slicer.mesh_io.soundness import COPY_AGAIN, blocks, sound
-from printer_slicer.mesh_io.units import UNITS, checked_unit, unit_advice
+from printer_slicer.mesh_io.soundness import COPY_AGAIN, blocks, drop_folded_facets
+from printer_slicer.mesh_io.units import UNITS, check_unit, unit_advice
 from printer_slicer.model import Mesh, PlateObject
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ class Model:
     n_folded: int = 0
     notes: tuple[str, ...] = ()
 
-    def doubts(self, room: Float | None = None) -> str:
+    def size_warning(self, room: Float | None = None) -> str:
         """What makes the size of the part doubtful, and the unit it was probably meant in; empty where nothing does.
 
         Args:
@@ -134,12 +134,12 @@ def load_model(
         UsageError, MeshError: as for `load_mesh`.
     """
     path = Path(path)
-    unit = checked_unit(units) if units is not None else None
-    with opened(path, limits, progress) as source, np.errstate(all="ignore"):
+    unit = check_unit(units) if units is not None else None
+    with open_model_file(path, limits, progress) as source, np.errstate(all="ignore"):
         kind = _kind(source)
         triangles, own_unit, notes, *shares = _READERS[kind](source, kind, unit, limits)
         items = _items(shares[0] if shares else [], triangles, path.stem)
-        kept, n_folded = sound(triangles, path)
+        kept, n_folded = drop_folded_facets(triangles, path)
     items = tuple(item.without_facets() for item in items) if n_folded else items
     return Model(Mesh(kept, path.stem, items), path, kind, own_unit, n_folded, tuple(notes))
 
@@ -156,11 +156,12 @@ def _items(shares: list[tuple[str, int]], triangles: Float, name: str) -> tuple[
 
 def _kind(source: ModelFile) -> str:
     """The format: by what the file begins with where that is certain, else by its extension, else by its content."""
-    if announces_its_size(source):
+    if is_sized_binary_stl(source):
         return "stl"
     if source.head.startswith(PACKED):
         raise UsageError(
-            f"{source.path}: a packed file, not a mesh", remedy="Unpack it, and name the model in it."
+            f"{source.path}: a compressed archive, not a model",
+            remedy="Unpack it and give the path of the model in it",
         )
     suffix = source.path.suffix.lower().removeprefix(".")
     suffix = ALIASES.get(suffix, suffix)
@@ -174,14 +175,16 @@ def _kind(source: ModelFile) -> str:
     if suffix in FORMATS:
         return suffix
     if suffix == "amf" or AMF.search(source.head[:4096]):
-        raise UsageError(f"{source.path}: AMF files are not read", remedy="Export the part as 3MF or STL.")
-    if looks_like_ascii_stl(source):
+        raise UsageError(
+            f"{source.path}: AMF files are not supported", remedy="Export the part as 3MF or STL"
+        )
+    if is_ascii_stl(source):
         return "stl"
     if VERTEX.search(source.head) and FACE.search(source.whole(LIMITS.text_bytes)):
         return "obj"
     names = ", ".join(f".{name}" for name in FORMATS)
     raise UsageError(
-        f"{source.path}: not a mesh in any known format", remedy=f"Export the part as one of {names}."
+        f"{source.path}: not a model in a supported format", remedy=f"Export the part as one of {names}"
     )
 
 
@@ -193,7 +196,7 @@ Result = tuple["Float", str, list[str]] | tuple["Float", str, list[str], list[tu
 
 
 def _read_stl(source: ModelFile, _kind: str, unit: str | None, limits: Limits) -> Result:
-    if not announces_its_size(source) and looks_like_ascii_stl(source):
+    if not is_sized_binary_stl(source) and is_ascii_stl(source):
         triangles, notes = read_ascii_stl(source, limits)
     else:
         triangles, notes = read_binary_stl(source, limits)
@@ -201,10 +204,10 @@ def _read_stl(source: ModelFile, _kind: str, unit: str | None, limits: Limits) -
 
 
 def _read_zip(source: ModelFile, _kind: str, unit: str | None, limits: Limits) -> Result:
-    from printer_slicer.mesh_io.archive import unpacking  # noqa: PLC0415
+    from printer_slicer.mesh_io.archive import open_archive  # noqa: PLC0415
     from printer_slicer.mesh_io.three_mf import read_three_mf  # noqa: PLC0415
 
-    with unpacking(source, limits) as archive:
+    with open_archive(source, limits) as archive:
         return read_three_mf(archive, limits, unit)
 
 
@@ -224,9 +227,7 @@ def _read_step(source: ModelFile, _kind: str, unit: str | None, limits: Limits) 
     from printer_slicer.mesh_io.step import read_step  # noqa: PLC0415
 
     if unit is not None:
-        raise UsageError(
-            f"{source.path}: a STEP file says itself what its numbers mean", remedy="Use --scale instead."
-        )
+        raise UsageError(f"{source.path}: a STEP file states its own unit", remedy="Use --scale instead")
     return read_step(source.whole(limits.text_bytes), source.path, limits)
 
 
@@ -243,12 +244,12 @@ def _read_table(source: ModelFile, kind: str, unit: str | None, limits: Limits) 
 
     read = read_ply if kind == "ply" else read_off
     try:
-        triangles = read(without_byte_order_mark(source.whole(limits.text_bytes)), source.path, limits)
+        triangles = read(strip_byte_order_mark(source.whole(limits.text_bytes)), source.path, limits)
     except MeshError:
         raise
     except (ValueError, LookupError, TypeError, ArithmeticError) as error:
         reason = str(error).partition("\n")[0][:200] or type(error).__name__
-        raise MeshError(f"{source.path}: not a sound .{kind} file: {reason}", remedy=COPY_AGAIN) from error
+        raise MeshError(f"{source.path}: not a valid .{kind} file: {reason}", remedy=COPY_AGAIN) from error
     return _scaled(triangles, unit or "mm"), unit or "mm", []
 
 

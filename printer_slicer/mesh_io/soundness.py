@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from printer_slicer.arrays import Float
 
-__all__ = ["BLOCK", "COPY_AGAIN", "EXPORT_AGAIN", "LARGEST", "blocks", "sound"]
+__all__ = ["BLOCK", "COPY_AGAIN", "EXPORT_AGAIN", "LARGEST", "blocks", "drop_folded_facets"]
 
 BLOCK: Final = 1 << 13
 """Facets looked at together: 0.6 MiB of float64, which stays in the cache."""
@@ -24,12 +24,12 @@ BLOCK: Final = 1 << 13
 LARGEST: Final = 1e7
 """mm; a coordinate beyond 10 km is damage, and its cube would drown the volume."""
 
-EXPORT_AGAIN: Final = "Export the part again from the program that made it."
+EXPORT_AGAIN: Final = "Export the part again from the program that made it"
 TOO_FAR: Final = (
-    "Coordinates up to 10 km are read: say with --units what the numbers mean, if that is something smaller,"
-    " or move the part to the origin in the program that made it, and export it again."
+    "Give a smaller unit with --units if the numbers are not millimetres,"
+    " or move the part to the origin and export it again; the limit is 10 km"
 )
-COPY_AGAIN: Final = "Copy or download the file again; if that does not help, export the part again."
+COPY_AGAIN: Final = "Copy or download the file again; if that does not help, export the part again"
 
 
 def blocks(count: int) -> Iterator[slice]:
@@ -38,7 +38,7 @@ def blocks(count: int) -> Iterator[slice]:
         yield slice(start, min(start + BLOCK, count))
 
 
-def sound(triangles: Float, path: Path) -> tuple[Float, int]:
+def drop_folded_facets(triangles: Float, path: Path) -> tuple[Float, int]:
     """The triangles that can bound a part. Which way they face, and whether they bound one, is for repair to find.
 
     Args:
@@ -52,10 +52,10 @@ def sound(triangles: Float, path: Path) -> tuple[Float, int]:
         MeshError: there is no facet, no extent, or a coordinate that is none.
     """
     if len(triangles) == 0:
-        raise MeshError(f"{path}: there are no facets in it", remedy=EXPORT_AGAIN)
+        raise MeshError(f"{path}: the file contains no facets", remedy=EXPORT_AGAIN)
     kept = _unfolded(triangles, path)
     if len(kept) == 0:
-        raise MeshError(f"{path}: none of its facets has an area", remedy=EXPORT_AGAIN)
+        raise MeshError(f"{path}: all its facets have zero area", remedy=EXPORT_AGAIN)
     for name, size in zip("xyz", Mesh(kept).size.tolist(), strict=True):
         if size <= 0:
             raise MeshError(f"{path}: the part is flat: it does not extend in {name}", remedy=EXPORT_AGAIN)

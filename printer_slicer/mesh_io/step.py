@@ -53,8 +53,8 @@ def read_step(data: bytes, path: Path, limits: Limits) -> tuple[Float, str, list
     """
     if not _is_installed("cascadio"):
         raise UsageError(
-            f"{path}: reading STEP needs the package cascadio",
-            remedy="python -m pip install 'printer-slicer[step]', or export the part as STL or 3MF",
+            f"{path}: reading STEP files needs the package cascadio",
+            remedy="Run python -m pip install 'printer-slicer[step]', or export the part as STL or 3MF",
         )
     # Named by us: the library must never be given a name from elsewhere, nor guess the format by it.
     with TemporaryDirectory(prefix="printer-slicer-") as folder:
@@ -62,7 +62,7 @@ def read_step(data: bytes, path: Path, limits: Limits) -> tuple[Float, str, list
         given.write_bytes(data)
         _convert([str(given), str(made), str(STEP_TOLERANCE), str(STEP_ANGLE)], path, limits)
         if not made.is_file() or not (converted := made.read_bytes()):
-            raise MeshError(f"{path}: not a sound STEP file, or one without solids", remedy=COPY_AGAIN)
+            raise MeshError(f"{path}: not a valid STEP file, or it contains no solids", remedy=COPY_AGAIN)
     # Told by trying: it writes metres as glTF wants, but leaves z up.
     triangles, _, notes = read_glb(converted, path, limits, "m", y_up=False)
     return triangles, "mm", notes
@@ -92,13 +92,13 @@ def _convert(arguments: list[str], path: Path, limits: Limits) -> None:
         )
     except subprocess.TimeoutExpired as error:
         raise MeshError(
-            f"{path}: no facets after {limits.step_seconds:g} s",
-            remedy="Export the part as STL or 3MF from CAD.",
+            f"{path}: the STEP conversion took longer than {limits.step_seconds:g} s",
+            remedy="Export the part as STL or 3MF from CAD",
         ) from error
     if done.returncode:
         words = done.stderr.decode("utf-8", "replace").strip().splitlines()
-        why = words[-1][:_SHOWN] if words else f"it ended with {done.returncode}"
+        why = words[-1][:_SHOWN] if words else f"exit code {done.returncode}"
         raise MeshError(
-            f"{path}: OpenCASCADE makes nothing of it: {why}",
-            remedy="Export the part as STL or 3MF from CAD.",
+            f"{path}: OpenCASCADE cannot convert it: {why}",
+            remedy="Export the part as STL or 3MF from CAD",
         )

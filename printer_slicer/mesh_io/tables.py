@@ -222,7 +222,7 @@ def numbers_in(text: bytes, kind: str) -> NDArray[Any]:
 
 
 def _no_number(word: bytes) -> ValueError:
-    return ValueError(f"'{word[:60].decode('ascii', 'replace')}' where a number should be")
+    return ValueError(f"expected a number, found '{word[:60].decode('ascii', 'replace')}'")
 
 
 def read_table(
@@ -240,7 +240,9 @@ def read_table(
         ValueError: there are too few bytes or words for it.
     """
     if not 0 <= element.number <= body.end:
-        raise ValueError(f"{element.number} of element '{element.name[:40]}' in {body.end} bytes or words")
+        raise ValueError(
+            f"element '{element.name[:40]}' states {element.number} rows, but only {body.end} bytes or words follow"
+        )
     if not element.number:
         return {}, start
     first, counts, stride = _row(body, element, start)
@@ -269,7 +271,7 @@ def _row(body: TableBody, element: Element, at: int) -> tuple[list[int], list[in
         counts.append(count)
         at += count * body.size(one.kind)
         if count < 0 or at > body.end:
-            raise ValueError(f"the file ends, or makes no sense, within element '{element.name[:40]}'")
+            raise ValueError(f"the file ends or is damaged within element '{element.name[:40]}'")
     return places, counts, at - begin
 
 

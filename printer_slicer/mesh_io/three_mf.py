@@ -16,11 +16,17 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from printer_slicer.errors import MeshError
-from printer_slicer.mesh_io.assembly import OpenObject, Shelf, Use, assembled, shares
+from printer_slicer.mesh_io.assembly import (
+    ObjectBuilder,
+    ObjectReference,
+    ObjectTable,
+    assemble,
+    count_facets_by_object,
+)
 from printer_slicer.mesh_io.markup import XmlReader, number_in, whole_in
 from printer_slicer.mesh_io.modifiers import MOST_NAMED, read_modifiers
 from printer_slicer.mesh_io.soundness import EXPORT_AGAIN
-from printer_slicer.mesh_io.units import UNITS, named_unit
+from printer_slicer.mesh_io.units import UNITS, parse_unit
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -61,10 +67,10 @@ USUAL_START: Final = "3d/3dmodel.model"
 class _Model:
     """One model file of an archive, as far as it matters."""
 
-    shelf: Shelf
+    objects: ObjectTable
     unit: str = "millimeter"
     kinds: dict[Hashable, str] = field(default_factory=dict)
-    items: list[Use] = field(default_factory=list)
+    items: list[ObjectReference] = field(default_factory=list)
     n_unprintable: int = 0
     painted: Counter[tuple[Hashable, str]] = field(default_factory=Counter)
     """Object and a value of PAINT -> facets."""
@@ -75,11 +81,11 @@ class _ModelReader(XmlReader):
 
     def __init__(self, path: Path, limits: Limits, part: str) -> None:
         super().__init__(path, limits, part)
-        self.model = _Model(Shelf(path, limits))
-        self.check = self.model.shelf.check  # type: ignore[method-assign]
+        self.model = _Model(ObjectTable(path, limits))
+        self.check = self.model.objects.check  # type: ignore[method-assign]
         self._part = part
         self._key: Hashable = None
-        self._body = OpenObject("no object")
+        self._body = ObjectBuilder("no object")
         for name, handler in {
             "model": self._begin_model,
             "object": self._begin_object,
@@ -97,14 +103,14 @@ class _ModelReader(XmlReader):
             extension = self.namespaces.get(prefix, prefix)
             if not extension.startswith(UNDERSTOOD):
                 raise self.fault(
-                    f"the file needs the 3MF extension '{extension[:100]}', which is not known here",
-                    "Export the part as a plain mesh, or as STL.",
+                    f"the file requires the 3MF extension '{extension[:100]}', which is not supported",
+                    "Export the part as a plain mesh, or as STL",
                 )
 
     def _begin_object(self, attributes: list[str]) -> None:
         given = dict(zip(attributes[::2], attributes[1::2], strict=True))
         self._key = key = (self._part, _number(given.get("id", "")))
-        self._body = self.model.shelf.begin(key, f"object {key[1]}")
+        self._body = self.model.objects.begin(key, f"object {key[1]}")
         self._body.label = given.get("name", "")
         self.model.kinds[key] = given.get("type", "model")
 
@@ -134,11 +140,13 @@ class _ModelReader(XmlReader):
         else:
             self.model.items.append(self._use(given))
 
-    def _use(self, given: dict[str, str]) -> Use:
+    def _use(self, given: dict[str, str]) -> ObjectReference:
         """An object that is placed, in this or another model file."""
-        self.model.shelf.count_use()
+        self.model.objects.count_reference()
         part = next((_absolute(given[name]) for name in PATH if name in given), self._part)
-        return Use((part, _number(given.get("objectid", ""))), self._matrix(given.get("transform", "")))
+        return ObjectReference(
+            (part, _number(given.get("objectid", ""))), self._matrix(given.get("transform", ""))
+        )
 
     def _matrix(self, text: str) -> Float | None:
         """(4, 4) of the twelve numbers of a transform."""
@@ -146,7 +154,7 @@ class _ModelReader(XmlReader):
             return None
         numbers = [float(word) for word in text.split()]
         if len(numbers) != 12 or not all(map(math.isfinite, numbers)):
-            raise self.fault(f"a transform has 12 numbers, not '{text[:80]}'")
+            raise self.fault(f"a transform must have 12 numbers, found '{text[:80]}'")
         matrix = np.eye(4)
         matrix[:, :3] = np.reshape(numbers, (4, 3))
         return matrix
@@ -185,7 +193,7 @@ def read_three_mf(
     """
     path, start = archive.path, _start(archive, limits)
     first = _read(archive, limits, start)
-    own_unit = unit or named_unit(first.unit, path)
+    own_unit = unit or parse_unit(first.unit, path)
     bodies, kinds, painted = _with_more(archive, limits, start, first)
     modifiers = read_modifiers(archive, limits)
     modifiers.name(bodies, start)
@@ -193,13 +201,14 @@ def read_three_mf(
     _without_other_kinds(bodies, kinds, notes)
     notes += _paint_notes(painted, bodies)
     if first.n_unprintable:
-        notes.append(f"{_items(first.n_unprintable)} not to be printed and left out")
+        notes.append(f"{_items(first.n_unprintable)} marked as not printable and left out")
     if not first.items:
         raise MeshError(
-            f"{path}: there is nothing in it to build", remedy="Mark a part as printable, and export again."
+            f"{path}: the file contains no printable object",
+            remedy="Mark a part as printable, then export the file again",
         )
-    triangles = assembled(first.items, bodies, path, limits, UNITS[own_unit])
-    return triangles, own_unit, notes, shares(first.items, bodies, path, limits)
+    triangles = assemble(first.items, bodies, path, limits, UNITS[own_unit])
+    return triangles, own_unit, notes, count_facets_by_object(first.items, bodies, path, limits)
 
 
 def _read(archive: Archive, limits: Limits, part: str) -> _Model:
@@ -210,19 +219,19 @@ def _read(archive: Archive, limits: Limits, part: str) -> _Model:
 
 def _with_more(
     archive: Archive, limits: Limits, start: str, first: _Model
-) -> tuple[dict[Hashable, OpenObject], dict[Hashable, str], Counter[tuple[Hashable, str]]]:
+) -> tuple[dict[Hashable, ObjectBuilder], dict[Hashable, str], Counter[tuple[Hashable, str]]]:
     """Objects, their kinds and what is painted on them.
 
     Those of the model files that the first one takes objects from, as items or components, are among them.
 
     These must not take from others in turn.
     """
-    bodies, kinds, painted = dict(first.shelf.bodies), dict(first.kinds), Counter(first.painted)
+    bodies, kinds, painted = dict(first.objects.bodies), dict(first.kinds), Counter(first.painted)
     uses = [*first.items, *(use for body in bodies.values() for use in body.parts)]
     wanted = {use.key[0] for use in uses if isinstance(use.key, tuple)}
     for part in sorted(wanted - {start}):
         model = _read(archive, limits, part)
-        bodies |= model.shelf.bodies
+        bodies |= model.objects.bodies
         kinds |= model.kinds
         painted += model.painted
     return bodies, kinds, painted
@@ -242,23 +251,23 @@ def _start(archive: Archive, limits: Limits) -> str:
     if others:
         listed = ", ".join(name[:60] for name in others[:3]) + (", ..." if len(others) > 3 else "")
         raise MeshError(
-            f"{archive.path}: an archive of files ({listed}), not a 3MF",
-            remedy="Unpack it, and name the models that were in it; those that are named together are one plate.",
+            f"{archive.path}: a ZIP archive of models ({listed}), not a 3MF",
+            remedy="Unpack it and give the paths of the models in it; models given together share one plate",
         )
-    raise MeshError(f"{archive.path}: the archive holds no 3D model", remedy=EXPORT_AGAIN)
+    raise MeshError(f"{archive.path}: the archive contains no 3D model", remedy=EXPORT_AGAIN)
 
 
 def _without_other_kinds(
-    bodies: dict[Hashable, OpenObject], kinds: dict[Hashable, str], notes: list[str]
+    bodies: dict[Hashable, ObjectBuilder], kinds: dict[Hashable, str], notes: list[str]
 ) -> None:
     """Empty the objects that are no part: supports, surfaces and others."""
     for key, kind in kinds.items():
         if kind != "model":
             notes.append(f"{bodies[key].name} is of type '{kind[:40]}' and left out")
-            bodies[key] = OpenObject(bodies[key].name)
+            bodies[key] = ObjectBuilder(bodies[key].name)
 
 
-def _paint_notes(painted: Counter[tuple[Hashable, str]], bodies: dict[Hashable, OpenObject]) -> list[str]:
+def _paint_notes(painted: Counter[tuple[Hashable, str]], bodies: dict[Hashable, ObjectBuilder]) -> list[str]:
     """What is painted on facets and not followed, a line for each kind of it."""
     owners = {use.key: body.label for body in bodies.values() if body.label for use in body.parts}
     notes = []
@@ -269,7 +278,7 @@ def _paint_notes(painted: Counter[tuple[Hashable, str]], bodies: dict[Hashable, 
             listed = ", ".join(f"'{name[:40]}'" for name in list(names)[:MOST_NAMED])
             more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
             count = "1 facet" if sum(found.values()) == 1 else f"{sum(found.values())} facets"
-            notes.append(f"paint for {what} is not used: {count} of {listed}{more}")
+            notes.append(f"painted {what} are ignored: {count} of {listed}{more}")
     return notes
 
 

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
     from printer_slicer.arrays import Float
 
-__all__ = ["SPOKEN", "UNITS", "checked_unit", "likely_unit", "named_unit", "unit_advice"]
+__all__ = ["SPOKEN", "UNITS", "check_unit", "likely_unit", "parse_unit", "unit_advice"]
 
 UNITS: Final[Mapping[str, float]] = {
     "mm": 1.0,
@@ -65,18 +65,18 @@ LARGE_ORDER: Final = ("mm", "inch", "cm", "micron")
 """How files come to be too large, the most frequent first."""
 
 
-def checked_unit(unit: str) -> str:
+def check_unit(unit: str) -> str:
     """The unit, if there is one of that name.
 
     Raises:
         UsageError: there is not.
     """
     if unit not in UNITS:
-        raise UsageError(f"units {unit!r} are not known", remedy=f"known: {', '.join(UNITS)}")
+        raise UsageError(f"unknown unit {unit!r}", remedy=f"Use one of: {', '.join(UNITS)}")
     return unit
 
 
-def named_unit(name: str, path: Path) -> str:
+def parse_unit(name: str, path: Path) -> str:
     """The key in UNITS of a unit as a file names it.
 
     Raises:
@@ -85,8 +85,8 @@ def named_unit(name: str, path: Path) -> str:
     unit = OTHER_NAMES.get(name.strip().lower(), name.strip().lower())
     if unit not in UNITS:
         raise MeshError(
-            f"{path}: lengths in '{name[:40]}'",
-            remedy=f"Say what they mean with --units: {', '.join(UNITS)}.",
+            f"{path}: unknown unit '{name[:40]}'",
+            remedy=f"Give the unit with --units: {', '.join(UNITS)}",
         )
     return unit
 

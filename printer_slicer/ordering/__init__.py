@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from printer_slicer.arrays import Bool, Int, consecutive
-from printer_slicer.geometry import rings_around
+from printer_slicer.geometry import find_enclosing_rings
 from printer_slicer.model import Areas, Sections, Toolpaths
 from printer_slicer.ordering.line_splitting import split_lines
 from printer_slicer.ordering.loop_starts import start_near_nozzle, start_near_seams
@@ -57,7 +57,7 @@ def _find_islands(paths: Toolpaths, solid: Areas) -> Int:
     many = np.flatnonzero(np.diff(outlines.layer_start) > 1)
     member = np.isin(paths.layer, many)
     if member.any():
-        found = rings_around(outlines, paths.xy[paths.start[:-1]][member], paths.layer[member])
+        found = find_enclosing_rings(outlines, paths.xy[paths.start[:-1]][member], paths.layer[member])
         island[member] = np.where(found < 0, outlines.n_rings, found)
     return island
 

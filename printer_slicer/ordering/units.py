@@ -62,8 +62,8 @@ def group_units(paths: Toolpaths, island: Int, clusters: WallClusters, profile: 
     number, turn = np.arange(n), np.arange(n)
     number[clusters.path], turn[clusters.path] = clusters.cluster, clusters.turn
     place[clusters.path], step[clusters.path] = place[clusters.cluster], step[clusters.cluster]
-    swept = paths.chain_id >= 0
-    number[swept] = n + paths.chain_id[swept]
+    sweep_areas = paths.chain_id >= 0
+    number[sweep_areas] = n + paths.chain_id[sweep_areas]
     order = np.lexsort((turn, number, step, place, paths.layer))
     begins = np.diff(number[order], prepend=-1) != 0
     start = np.append(np.flatnonzero(begins), n)
@@ -77,7 +77,7 @@ def group_units(paths: Toolpaths, island: Int, clusters: WallClusters, profile: 
         step[first],
         paths.xy[paths.start[:-1][first]],
         paths.xy[ends[last]],
-        ~paths.closed[first] & ((np.diff(start) == 1) | swept[first]),
+        ~paths.closed[first] & ((np.diff(start) == 1) | sweep_areas[first]),
     )
 
 

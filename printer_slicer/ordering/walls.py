@@ -13,7 +13,7 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.geometry.boxes import Boxes
-from printer_slicer.geometry.nearest import distance_to_segments
+from printer_slicer.geometry.segment_index import distance_to_segments
 from printer_slicer.model import Toolpaths
 from printer_slicer.ordering.loops import Loops, start_at
 from printer_slicer.ordering.seams import external_loops

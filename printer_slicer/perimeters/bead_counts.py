@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, unique_inverse
-from printer_slicer.geometry.joints import linked
+from printer_slicer.geometry.connectivity import label_components
 from printer_slicer.perimeters.beading import Beading
 from printer_slicer.perimeters.graph import AxisGraph, crossings, low_and_high
 
@@ -137,7 +137,7 @@ def _spurs(graph: AxisGraph, corner: Bool, central: Bool, count: Int, floor: Flo
 def _on_top(graph: AxisGraph, rising: Int, below: Int, decided: Bool, beading: Beading) -> Int:
     """Return counts (n,) for rising pieces that form only a bulge where runs meet; -1 for others."""
     ends, radius = graph.ends, graph.radius
-    group = linked(ends[rising].T, len(radius))
+    group = label_components(ends[rising].T, len(radius))
     low, up = low_and_high(ends.take(rising, axis=0), radius)
     highest = _extreme(np.maximum, group[ends[rising, 0]], radius[up], len(radius), 0.0)
     summit = radius[up] >= highest[group[up]] - 1e-9
@@ -157,7 +157,7 @@ def _central(graph: AxisGraph, used: Bool, wide: Bool, beading: Beading) -> tupl
     """Return pieces (E,) of nearly constant thickness, and for rising pieces the point (E,) they rise from, else -1."""
     ends, radius = graph.ends, graph.radius
     central = used & (graph.steepness <= _SHARPEST)
-    of_point = linked(ends[central].T, len(radius))
+    of_point = label_components(ends[central].T, len(radius))
     length = np.bincount(of_point[ends[central, 0]], graph.length[central], len(radius))
     # A short run with one rising piece is the end of a corner; a waist has two or more.
     low, high = low_and_high(ends, radius)
@@ -196,7 +196,7 @@ def _without_short_runs(graph: AxisGraph, central: Bool, count: Int, wide: Bool,
         own = count[piece]
         key = ends * (beading.full + 1) + own[:, None]
         ports, number = unique_inverse(key.ravel())
-        run_of_port = linked(number.reshape(-1, 2).T, len(ports))
+        run_of_port = label_components(number.reshape(-1, 2).T, len(ports))
         run = run_of_port[number.reshape(-1, 2)[:, 0]]
         n_runs = int(run_of_port.max()) + 1
         runs = _Runs(

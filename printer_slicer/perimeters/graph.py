@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from printer_slicer.arrays import Float, Int, compact_ids, consecutive
+from printer_slicer.geometry.medial_axis import MedialAxis, follow_parts
 from printer_slicer.geometry.vectors import norm
-from printer_slicer.geometry.voronoi import MedialAxis, ways_of_parts
 
 __all__ = ["AxisGraph", "crossings", "low_and_high"]
 
@@ -127,7 +127,7 @@ class AxisGraph:
             np.concatenate([self.layer, self.layer[ends[piece, 0]]]),
             points.ravel(),
             _feet(self.foot, owner, low, high),
-            ways_of_parts(self.following, count),
+            follow_parts(self.following, count),
             self.steepness[owner],
             self.origin[owner],
         )

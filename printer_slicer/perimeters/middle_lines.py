@@ -8,8 +8,8 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, distinct, lengths, run_starts
 from printer_slicer.geometry.boxes import Boxes
-from printer_slicer.geometry.joints import cycles
-from printer_slicer.geometry.planes import spread
+from printer_slicer.geometry.connectivity import cycles
+from printer_slicer.geometry.facet_topology import spread
 from printer_slicer.geometry.vectors import dot, norm
 from printer_slicer.perimeters.beading import Beading
 from printer_slicer.perimeters.graph import low_and_high

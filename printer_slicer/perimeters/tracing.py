@@ -14,7 +14,7 @@ import numpy as np
 from printer_slicer.arrays import Bool, Float, Int, consecutive, distinct, run_starts
 from printer_slicer.geometry import Areas
 from printer_slicer.geometry.boxes import Boxes
-from printer_slicer.geometry.joints import cycles
+from printer_slicer.geometry.connectivity import cycles
 from printer_slicer.geometry.vectors import cross, feet, norm
 from printer_slicer.perimeters.layout import BeadLayout
 

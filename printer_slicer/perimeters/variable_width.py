@@ -9,9 +9,9 @@ import numpy as np
 from printer_slicer.arrays import Bool, Float, Int, distinct
 from printer_slicer.geometry import Areas, normalize, offset, simplify
 from printer_slicer.geometry.boxes import Boxes
-from printer_slicer.geometry.joints import linked
+from printer_slicer.geometry.connectivity import label_components
+from printer_slicer.geometry.medial_axis import CHORD, MedialAxis, medial_axis
 from printer_slicer.geometry.vectors import norm
-from printer_slicer.geometry.voronoi import CHORD, MedialAxis, medial_axis
 from printer_slicer.model import reorder_ragged
 from printer_slicer.perimeters.bead_counts import CountedGraph, count_beads
 from printer_slicer.perimeters.beading import Beading
@@ -150,7 +150,7 @@ def _partly_wide(solid: Areas, axis: MedialAxis, given: CountedGraph) -> Bool:
     foot = graph.foot.take(half, axis=0)
     way = foot[:, 1] - foot[:, 0]
     covered = np.bincount(ring, norm(way), minlength=solid.n_rings)
-    area = linked(ring.reshape(-1, 2).T, solid.n_rings)
+    area = label_components(ring.reshape(-1, 2).T, solid.n_rings)
     wide = np.zeros(solid.n_rings, np.bool_)
     wide[area[covered < solid.ring_length() - _SAME]] = True
     return wide[area]
@@ -209,7 +209,7 @@ def _needed(given: CountedGraph, beading: Beading, n_layers: int) -> tuple[Count
     """Return the connected pieces with a narrow place, their layers (L,), and the layers with incomplete ones."""
     graph = given.graph
     ends, layer = graph.ends, graph.piece_layer
-    group = linked(ends[given.used].T, len(graph.xy))
+    group = label_components(ends[given.used].T, len(graph.xy))
     narrow = given.central & (given.count < beading.full)
     open_ended = np.zeros(len(graph.xy), np.bool_)
     open_ended[group[ends[given.wide].ravel()]] = True

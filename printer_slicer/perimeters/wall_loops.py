@@ -8,7 +8,7 @@ import numpy as np
 
 from printer_slicer import bead
 from printer_slicer.arrays import Bool, Float, Int
-from printer_slicer.geometry import Areas, Pieces
+from printer_slicer.geometry import Areas, ConnectedAreas
 from printer_slicer.model import LayerPlan, Toolpaths, reorder_ragged
 from printer_slicer.perimeters.beading import Beading
 from printer_slicer.perimeters.fixed_width import fixed_width_loops
@@ -88,7 +88,7 @@ def fill_narrow(
 
 
 def fill_pieces(
-    pieces: Pieces, role: Int, plan: LayerPlan, profile: Profile, *, beads: int
+    pieces: ConnectedAreas, role: Int, plan: LayerPlan, profile: Profile, *, beads: int
 ) -> tuple[Toolpaths, Int]:
     """Fill pieces like `fill_narrow`; pieces may touch each other, and each has its own role (P,).
 

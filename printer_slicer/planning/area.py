@@ -18,7 +18,7 @@ from __future__ import annotations
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int
-from printer_slicer.geometry.crossing import section_areas
+from printer_slicer.geometry.plane_sections import section_areas
 from printer_slicer.model import LayerPlan, Mesh
 from printer_slicer.planning.z_steps import ZSteps, fill_with_layers
 from printer_slicer.profile import AreaPlanner, Profile

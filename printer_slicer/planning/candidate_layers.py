@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from printer_slicer.arrays import Bool, Float, Int, frozen_array
-from printer_slicer.geometry.slabs import BESIDE
+from printer_slicer.geometry.slab_projection import BESIDE
 from printer_slicer.model import Mesh
 from printer_slicer.planning.height_grid import HeightGrid, HeightRow, event_planes, list_layers
 from printer_slicer.planning.layer_times import LayerTimes
@@ -18,7 +18,7 @@ from printer_slicer.planning.shortest_path import ArcGraph
 from printer_slicer.planning.z_steps import ZSteps, fill_with_layers
 from printer_slicer.profile import Profile
 from printer_slicer.surface import Surface, read_surface
-from printer_slicer.surface.runs import runs_by_length
+from printer_slicer.surface.vertical_runs import runs_by_length
 
 __all__ = ["CandidateLayers"]
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from printer_slicer.arrays import Float, next_in_ring
 from printer_slicer.geometry import Areas, simplify
-from printer_slicer.geometry.crossing import section_contours
+from printer_slicer.geometry.plane_sections import section_contours
 from printer_slicer.profile import Profile
 from printer_slicer.surface import Surface
 

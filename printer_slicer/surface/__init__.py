@@ -3,19 +3,19 @@
 from printer_slicer.surface.certificate import (
     Certificate,
     Surface,
-    Worst,
+    WorstLayer,
     certificate_comments,
     certify,
     layer_bounds,
     read_surface,
 )
 from printer_slicer.surface.flats import find_flats
-from printer_slicer.surface.thin import thin_areas
+from printer_slicer.surface.thin_features import thin_areas
 
 __all__ = [
     "Certificate",
     "Surface",
-    "Worst",
+    "WorstLayer",
     "certificate_comments",
     "certify",
     "find_flats",

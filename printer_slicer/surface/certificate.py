@@ -17,17 +17,17 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from printer_slicer.arrays import Float, frozen_array
-from printer_slicer.geometry.slabs import BESIDE
+from printer_slicer.geometry.slab_projection import BESIDE
 from printer_slicer.model import LayerPlan, Mesh
 from printer_slicer.repr_svg import SvgRepr
 from printer_slicer.surface.contacts import Contacts, find_contacts
-from printer_slicer.surface.runs import run_bounds, steepest
-from printer_slicer.surface.shadow import Shadow, throw
+from printer_slicer.surface.shadow import Shadow, project_surface
+from printer_slicer.surface.vertical_runs import run_bounds, steepest
 
 __all__ = [
     "Certificate",
     "Surface",
-    "Worst",
+    "WorstLayer",
     "certificate_comments",
     "certify",
     "layer_bounds",
@@ -61,7 +61,7 @@ class Surface:
 
 
 @dataclass(frozen=True, slots=True)
-class Worst:
+class WorstLayer:
     """Where the bound of a plan is attained, and by what.
 
     Attributes:
@@ -100,7 +100,7 @@ class Certificate(SvgRepr):
     missing: float
     overshoot: float
     area: float
-    worst: Worst
+    worst: WorstLayer
 
     def __post_init__(self) -> None:
         for name in ("bound", "volume"):
@@ -153,7 +153,7 @@ def read_surface(mesh: Mesh) -> Surface:
 
 def _surface(mesh: Mesh) -> Surface:
     contacts, area = find_contacts(mesh)
-    up, down = throw(mesh)
+    up, down = project_surface(mesh)
     return Surface(mesh.triangles, contacts, contacts.mirrored(), up, down, area, mesh.height)
 
 
@@ -243,7 +243,7 @@ def _shadow_over(up: Shadow, top: float, height: float) -> float:
     return float((height - top) * up.under(planes, including=True)[1] - (everything - below))
 
 
-def _worst(surface: Surface, plan: LayerPlan, rising: Float, falling: Float, missing: float) -> Worst:
+def _worst(surface: Surface, plan: LayerPlan, rising: Float, falling: Float, missing: float) -> WorstLayer:
     """The layer with the largest bound, and the contact that weighs most in it."""
     bound = np.maximum(rising, falling)
     layer = int(bound.argmax())
@@ -251,7 +251,7 @@ def _worst(surface: Surface, plan: LayerPlan, rising: Float, falling: Float, mis
     if missing > bound[layer] or bound[layer] <= 0:
         x, y, _ = surface.triangles.reshape(-1, 3)[surface.triangles[:, :, 2].argmax()]
         kind = "top" if missing > 0 else "none"
-        return Worst(plan.n_layers - 1, surface.height, float(x), float(y), kind, max(missing, 0.0))
+        return WorstLayer(plan.n_layers - 1, surface.height, float(x), float(y), kind, max(missing, 0.0))
     whole = plan.containment != "mid"
     if rising[layer] >= falling[layer]:
         begin, end, contacts, turn = bottom if whole else cut, top, surface.contacts, 1
@@ -263,7 +263,7 @@ def _worst(surface: Surface, plan: LayerPlan, rising: Float, falling: Float, mis
     x, y, z, kind = _place(surface.triangles, source, z, flat=bool(flat))
     if end > surface.height and contacts is surface.contacts and z >= surface.height - _ROUNDING:
         kind = "top"
-    return Worst(layer, z, x, y, kind, float(bound[layer]))
+    return WorstLayer(layer, z, x, y, kind, float(bound[layer]))
 
 
 def _place(triangles: Float, source: int, z: float, *, flat: bool) -> tuple[float, float, float, str]:

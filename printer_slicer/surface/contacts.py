@@ -25,8 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from printer_slicer.arrays import Bool, Float, Int, distinct, frozen_array
-from printer_slicer.geometry.joints import welded
-from printer_slicer.geometry.planes import edge_keys, keys_of
+from printer_slicer.geometry.connectivity import weld_keys
+from printer_slicer.geometry.facet_topology import edge_keys, keys_of
 from printer_slicer.model import Mesh
 from printer_slicer.surface.envelope import Envelope
 
@@ -88,7 +88,7 @@ class _Marks(NamedTuple):
     def kept(cls, blocks: Sequence[_Marks]) -> Int:
         """The numbers of those that no block refuses."""
         place, key, refused = (np.concatenate(column) for column in zip(*blocks, strict=True))
-        number, firsts = welded(np.concatenate([key, refused]))
+        number, firsts = weld_keys(np.concatenate([key, refused]))
         gone = np.zeros(len(firsts), np.bool_)
         gone[number[len(key) :]] = True
         return np.asarray(place[~gone[number[: len(key)]]])
@@ -182,9 +182,11 @@ def _marked(
     What is there twice within the block is known to no other block where facets share it by twos, as they do edges.
     """
     flat = key.ravel()
-    number, firsts = welded(flat)
+    number, firsts = weld_keys(flat)
     candidates = firsts.astype(np.int64) if wanted is None else np.flatnonzero(wanted)
-    abroad = np.bincount(number, minlength=len(firsts)) == 1 if in_two else np.ones(len(firsts), np.bool_)
+    outside_field = (
+        np.bincount(number, minlength=len(firsts)) == 1 if in_two else np.ones(len(firsts), np.bool_)
+    )
     corner, facet = np.divmod(candidates, key.shape[1])
     place = 3 * (begin + facet) + corner
     found = []
@@ -192,7 +194,7 @@ def _marked(
         gone = np.zeros(len(firsts), np.bool_)
         gone[number[refused.ravel()]] = True
         kept = ~gone[number[candidates]]
-        found.append(_Marks(place[kept], flat[candidates[kept]], flat[firsts[gone & abroad]]))
+        found.append(_Marks(place[kept], flat[candidates[kept]], flat[firsts[gone & outside_field]]))
     return found[0], found[1]
 
 

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float
-from printer_slicer.surface.covers import handed_down, level_of, note
+from printer_slicer.surface.range_maximum import level_of, note_range, spread_maxima
 
 __all__ = ["Envelope"]
 
@@ -41,9 +41,9 @@ class Envelope:
         last = np.minimum(np.floor((high - self._bottom) / self._size).astype(np.int64), self._n) - 1
         some = np.flatnonzero(first <= last)
         first, last, rise = first[some], last[some], rise[some]
-        note(self._covers, first, last, rise)
+        note_range(self._covers, first, last, rise)
         # The least of 2^k bins from each on.
-        self._least = [handed_down(self._covers.copy())]
+        self._least = [spread_maxima(self._covers.copy())]
         for k in range(len(self._covers) - 1):
             shorter = self._least[-1]
             self._least.append(np.minimum(shorter[: -(1 << k)], shorter[1 << k :]))

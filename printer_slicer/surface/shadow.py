@@ -18,10 +18,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from printer_slicer.arrays import Float, Int, frozen_array
-from printer_slicer.geometry.planes import spread
+from printer_slicer.geometry.facet_topology import spread
 from printer_slicer.model import Mesh
 
-__all__ = ["Shadow", "throw"]
+__all__ = ["Shadow", "project_surface"]
 
 _PAIRS_AT_ONCE = 2_000_000
 _AT_ONCE = 1 << 15  # facets whose columns stay in the processor's cache
@@ -169,7 +169,7 @@ def _parabolas(reach: tuple[Int, Int], base: Float, bend: Float, apex: Float, n:
     return total[:n]
 
 
-def throw(mesh: Mesh) -> tuple[Shadow, Shadow]:
+def project_surface(mesh: Mesh) -> tuple[Shadow, Shadow]:
     """The shadows of the facets that face up, and of those that face down."""
     nothing = np.zeros((4, 0))
     blocks = [_thrown(mesh.triangles[at : at + _AT_ONCE]) for at in range(0, mesh.n_facets, _AT_ONCE)]

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from printer_slicer.arrays import Bool, Int
-from printer_slicer.geometry.nearest import Outlines
-from printer_slicer.geometry.planes import spread
+from printer_slicer.geometry.facet_topology import spread
+from printer_slicer.geometry.segment_index import OutlineIndex
 from printer_slicer.model import Sections, Toolpaths, Travels, leaves
 from printer_slicer.profile import Profile
-from printer_slicer.travels.avoiding import rerouted
+from printer_slicer.travels.rerouting import reroute
 from printer_slicer.travels.routes import Routes, straight
-from printer_slicer.travels.scars import over_top_skin
+from printer_slicer.travels.top_surface import crosses_top_infill
 
 __all__ = ["travel"]
 
@@ -28,11 +28,11 @@ def travel(paths: Toolpaths, sections: Sections, profile: Profile) -> Travels:
     if paths.n_paths < 2:
         return Travels.straight(np.zeros(paths.n_paths, np.bool_), np.zeros(paths.n_paths, np.int64))
     every = np.concatenate([begin, end])
-    outlines = Outlines(sections.solid, every.min(axis=0), every.max(axis=0))
+    outlines = OutlineIndex(sections.solid, every.min(axis=0), every.max(axis=0))
     ways = straight(begin[1:], end[1:], paths.layer[1:])
     crossings = ways.crossings(outlines)
     if profile.quality.avoid_crossing:
-        ways, crossings = rerouted(ways, crossings, sections.solid, outlines, profile)
+        ways, crossings = reroute(ways, crossings, sections.solid, outlines, profile)
     retract = _retracted(paths, ways, crossings, profile)
     route, place = spread(ways.count)
     between = (place > 0) & (place < ways.count[route] - 1)
@@ -52,5 +52,5 @@ def _retracted(paths: Toolpaths, ways: Routes, crossings: Int, profile: Profile)
     if printer.retract_inside:
         result |= long & (length > printer.retract_inside)
     some = np.flatnonzero(long & ~result)
-    result[some] = over_top_skin(paths, ways.take(some), some + 1)
+    result[some] = crosses_top_infill(paths, ways.take(some), some + 1)
     return result & (printer.retract_length > 0)

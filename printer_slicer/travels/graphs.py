@@ -12,20 +12,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, consecutive, run_starts
-from printer_slicer.geometry.planes import spread
+from printer_slicer.geometry.facet_topology import spread
 from printer_slicer.geometry.vectors import cross
-from printer_slicer.travels.ground import OFF, Ground
-from printer_slicer.travels.known import Known
-from printer_slicer.travels.shortest import Links, shortest
+from printer_slicer.travels.known_obstacles import KnownObstacles
+from printer_slicer.travels.routing_field import OFF, RoutingField
+from printer_slicer.travels.shortest_paths import GraphEdges, find_shortest_paths
 
-__all__ = ["Found", "WayQueries", "cheapest", "effort"]
+__all__ = ["FoundRoutes", "RouteQueries", "estimate_work", "find_cheapest_routes"]
 
 _MOST = 1024  # corners that are looked at for a way, those that make it least longer
 _AHEAD = 32  # corners farther along the way to which legs are looked at: where there are no more, all of them
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class WayQueries:
+class RouteQueries:
     """Ways to be found.
 
     Attributes:
@@ -43,10 +43,10 @@ class WayQueries:
     limit: Float
     free: Float
 
-    def take(self, some: Int) -> WayQueries:
+    def take(self, some: Int) -> RouteQueries:
         """Some of them."""
         names = ("begin", "end", "layer", "own", "limit", "free")
-        return WayQueries(*(getattr(self, name)[some] for name in names))
+        return RouteQueries(*(getattr(self, name)[some] for name in names))
 
     @property
     def straight(self) -> Float:
@@ -55,7 +55,7 @@ class WayQueries:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Found:
+class FoundRoutes:
     """Ways that were found.
 
     Attributes:
@@ -68,14 +68,14 @@ class Found:
     corners: Int
     count: Int
 
-    def take(self, some: Int) -> Found:
+    def take(self, some: Int) -> FoundRoutes:
         """Some of them."""
         first = np.cumsum(self.count) - self.count
         corners = self.corners[consecutive(first[some], self.count[some])]
-        return Found(self.there[some], corners, self.count[some])
+        return FoundRoutes(self.there[some], corners, self.count[some])
 
 
-def effort(asked: WayQueries, reach: Float, known: Known, ground: Ground) -> Int:
+def estimate_work(asked: RouteQueries, reach: Float, known: KnownObstacles, ground: RoutingField) -> Int:
     """(W,) how many legs are looked at for each way, about."""
     way, ring = known.pairs
     _, count = _window(asked, reach, way, ring, ground)
@@ -84,7 +84,9 @@ def effort(asked: WayQueries, reach: Float, known: Known, ground: Ground) -> Int
     return np.asarray(total + seen * np.minimum(seen, _AHEAD))
 
 
-def cheapest(asked: WayQueries, reach: Float, known: Known, ground: Ground) -> Found:
+def find_cheapest_routes(
+    asked: RouteQueries, reach: Float, known: KnownObstacles, ground: RoutingField
+) -> FoundRoutes:
     """The shortest ways of no more than `reach` (W,) mm, tolls counted, if there were only the known rings."""
     n_ways = len(asked.own)
     seen = _seen(asked, reach, known, ground)
@@ -92,13 +94,13 @@ def cheapest(asked: WayQueries, reach: Float, known: Known, ground: Ground) -> F
     meeting = ground.met(asked.begin, asked.end, asked.layer)
     straight = _priced(asked.straight, np.arange(n_ways), meeting, known, ground)
     links = [
-        Links(begin, end, straight),
+        GraphEdges(begin, end, straight),
         *_spokes((asked.begin, begin), (asked.end, end), asked, seen, known, ground),
         *_chords(reach, asked, seen, known, ground),
     ]
-    cost, nodes, count = shortest(Links.joined(links), begin, end, len(seen.way) + 2 * n_ways)
+    cost, nodes, count = find_shortest_paths(GraphEdges.joined(links), begin, end, len(seen.way) + 2 * n_ways)
     there = cost <= reach + asked.free
-    return Found(there, seen.corner[nodes[np.repeat(there, count)]], np.where(there, count, 0))
+    return FoundRoutes(there, seen.corner[nodes[np.repeat(there, count)]], np.where(there, count, 0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -119,14 +121,14 @@ class _Seen:
     count: Int
 
 
-def _window(asked: WayQueries, reach: Float, way: Int, ring: Int, ground: Ground) -> tuple[Int, Int]:
+def _window(asked: RouteQueries, reach: Float, way: Int, ring: Int, ground: RoutingField) -> tuple[Int, Int]:
     """(n,) the first corner of each ring that may lie on the way with it, and how many follow, by their x."""
     middle, half = (asked.begin + asked.end)[:, 0] / 2, (asked.end - asked.begin)[:, 1] / 2
     wide = np.sqrt(np.maximum(reach**2 / 4 - half**2, 0.0))  # of the ellipse around both ends
     return ground.between((middle - wide)[way], (middle + wide)[way], ring)
 
 
-def _seen(asked: WayQueries, reach: Float, known: Known, ground: Ground) -> _Seen:
+def _seen(asked: RouteQueries, reach: Float, known: KnownObstacles, ground: RoutingField) -> _Seen:
     """The corners of known rings within the ellipse of each way."""
     way, ring = known.pairs
     first, count = _window(asked, reach, way, ring, ground)
@@ -145,8 +147,8 @@ _Ends = tuple[Float, Int]  # (W, 2) places and (W,) nodes
 
 
 def _spokes(  # noqa: PLR0917 - both ends are of one kind
-    begin: _Ends, end: _Ends, asked: WayQueries, seen: _Seen, known: Known, ground: Ground
-) -> list[Links]:
+    begin: _Ends, end: _Ends, asked: RouteQueries, seen: _Seen, known: KnownObstacles, ground: RoutingField
+) -> list[GraphEdges]:
     """The legs from the begins of ways to corners, and from corners to the ends."""
     made, rank = [], spread(seen.count)[1]
     last = seen.count[seen.way] - 1 - rank
@@ -158,10 +160,12 @@ def _spokes(  # noqa: PLR0917 - both ends are of one kind
         meeting = ground.met(ends[way], ground.corners.place[seen.corner[some]], asked.layer[way])
         made.append((nodes[way], some, _priced(length[some], way, meeting, known, ground)))
     (near, first, out), (far, last, back) = made
-    return [Links(near, first, out), Links(last, far, back)]
+    return [GraphEdges(near, first, out), GraphEdges(last, far, back)]
 
 
-def _chords(reach: Float, asked: WayQueries, seen: _Seen, known: Known, ground: Ground) -> list[Links]:
+def _chords(
+    reach: Float, asked: RouteQueries, seen: _Seen, known: KnownObstacles, ground: RoutingField
+) -> list[GraphEdges]:
     """The legs between corners of the same way, in both directions."""
     place = ground.corners.place
     more = np.minimum(seen.count[seen.way] - spread(seen.count)[1] - 1, _AHEAD)
@@ -191,17 +195,19 @@ def _chords(reach: Float, asked: WayQueries, seen: _Seen, known: Known, ground: 
     leg = np.repeat(np.arange(len(way)), times[number])
     rings = ring[order][consecutive(begin, times[number])]
     cost = _priced(length, way, (leg, rings), known, ground)
-    return [Links(one, other, cost), Links(other, one, cost)]
+    return [GraphEdges(one, other, cost), GraphEdges(other, one, cost)]
 
 
-def _priced(length: Float, way: Int, meeting: tuple[Int, Int], known: Known, ground: Ground) -> Float:
+def _priced(
+    length: Float, way: Int, meeting: tuple[Int, Int], known: KnownObstacles, ground: RoutingField
+) -> Float:
     """(n,) mm of legs with the tolls of the known rings that they meet; inf where they may not go."""
     leg, ring = meeting
     hits = np.bincount(leg[known.holds(way[leg], ring)], minlength=len(length))
     return np.asarray(length + np.where(hits > 0, ground.toll * np.maximum(hits, 1), 0.0))
 
 
-def _passes(place: Float, corner: Int, ground: Ground) -> Bool:
+def _passes(place: Float, corner: Int, ground: RoutingField) -> Bool:
     """(n,) whether a leg from `place` (n, 2) passes the corner (n,) with both of its sides on the same hand."""
     corners = ground.corners
     tip = corners.tip[corner]

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from printer_slicer.arrays import Float, Int, consecutive
-from printer_slicer.geometry.nearest import Outlines
-from printer_slicer.geometry.planes import spread
-from printer_slicer.travels.graphs import Found
-from printer_slicer.travels.ground import Corners
+from printer_slicer.geometry.facet_topology import spread
+from printer_slicer.geometry.segment_index import OutlineIndex
+from printer_slicer.travels.graphs import FoundRoutes
+from printer_slicer.travels.routing_field import Corners
 
-__all__ = ["Routes", "eased", "straight", "through", "without_stops"]
+__all__ = ["Routes", "build_routes", "drop_repeated_points", "ease_corners", "straight"]
 
 _TRIES = (1.0, 0.5, 0.0)  # of the way that corners are moved
 
@@ -50,7 +50,7 @@ class Routes:
         step = np.hypot(*(self.xy[point + 1] - self.xy[point]).T)
         return np.bincount(route, weights=step, minlength=len(self.count)).astype(np.float64)
 
-    def crossings(self, outlines: Outlines) -> Int:
+    def crossings(self, outlines: OutlineIndex) -> Int:
         """(W,) how often each crosses outlines of its layer."""
         route, point = self.legs
         hits = outlines.crossings(self.xy[point], self.xy[point + 1], self.layer[route])
@@ -76,7 +76,9 @@ def straight(begin: Float, end: Float, layer: Int) -> Routes:
     return Routes(np.stack([begin, end], axis=1).reshape(-1, 2), np.full(len(layer), 2), layer)
 
 
-def through(ends: Routes, entries: tuple[Float, Float], found: Found, corners: Corners) -> tuple[Routes, Int]:
+def build_routes(
+    ends: Routes, entries: tuple[Float, Float], found: FoundRoutes, corners: Corners
+) -> tuple[Routes, Int]:
     """The routes that were found, as tight as they are, and (C,) which of their points are corners.
 
     Args:
@@ -97,8 +99,8 @@ def through(ends: Routes, entries: tuple[Float, Float], found: Found, corners: C
     return Routes(xy, count, ends.layer), own
 
 
-def eased(
-    tight: Routes, own: Int, step: Float, most: tuple[Int, Float], outlines: Outlines
+def ease_corners(
+    tight: Routes, own: Int, step: Float, most: tuple[Int, Float], outlines: OutlineIndex
 ) -> tuple[Routes, Int]:
     """The routes with corners farther away from what they turn around, and how many outlines each crosses.
 
@@ -132,7 +134,7 @@ def eased(
     return result, hits
 
 
-def without_stops(routes: Routes) -> Routes:
+def drop_repeated_points(routes: Routes) -> Routes:
     """The routes without points that stand where the one before does."""
     route, place = spread(routes.count)
     kept = (place == 0) | (np.abs(np.diff(routes.xy, axis=0, prepend=np.inf)).max(axis=1) > 0)

@@ -11,12 +11,12 @@ from __future__ import annotations
 import numpy as np
 
 from printer_slicer.arrays import Float, Int
-from printer_slicer.geometry.planes import spread
-from printer_slicer.travels.graphs import Found, WayQueries, cheapest, effort
-from printer_slicer.travels.ground import Ground
-from printer_slicer.travels.known import Known
+from printer_slicer.geometry.facet_topology import spread
+from printer_slicer.travels.graphs import FoundRoutes, RouteQueries, estimate_work, find_cheapest_routes
+from printer_slicer.travels.known_obstacles import KnownObstacles
+from printer_slicer.travels.routing_field import RoutingField
 
-__all__ = ["routed"]
+__all__ = ["find_routes"]
 
 _LONGER = np.array([0.5, 2.0, 8.0, 32.0, np.inf])  # mm than the straight way: where it is sought
 _ROUNDS = 24  # of learning; what is not found then is far from straight
@@ -24,13 +24,13 @@ _AT_ONCE = 1 << 20  # legs that are looked at: what is compared stays small
 _WORK = 1 << 26  # legs that are looked at in all: seconds; ways that are left then are straight
 
 
-def routed(asked: WayQueries, ground: Ground) -> Found:
+def find_routes(asked: RouteQueries, ground: RoutingField) -> FoundRoutes:
     """The shortest ways, tolls counted."""
     n_ways, straight, work = len(asked.own), asked.straight, 0
     there, level = np.zeros(n_ways, np.bool_), np.zeros(n_ways, np.int64)
     left, none = np.flatnonzero(straight <= asked.limit), np.zeros(0, np.int64)
     of_way, passed = [none], [none]
-    known = Known(none, ground.areas.n_rings).joined(
+    known = KnownObstacles(none, ground.areas.n_rings).joined(
         *_own(asked, ground, asked.begin, asked.end, np.arange(n_ways))
     )
     for _ in range(_ROUNDS):
@@ -40,7 +40,7 @@ def routed(asked: WayQueries, ground: Ground) -> Found:
         if work > _WORK:
             break
         for some in parts:
-            found = cheapest(asked.take(some), reach[some], known.of(some), ground)
+            found = find_cheapest_routes(asked.take(some), reach[some], known.of(some), ground)
             way, ring = _met(found, asked.take(some), ground)
             new = ~known.holds(some[way], ring)
             known = known.joined(some[way[new]], ring[new])
@@ -56,18 +56,20 @@ def routed(asked: WayQueries, ground: Ground) -> Found:
             break
     way, corners = np.concatenate(of_way), np.concatenate(passed)
     order = np.argsort(way, kind="stable")
-    return Found(there, corners[order], np.bincount(way, minlength=n_ways).astype(np.int64))
+    return FoundRoutes(there, corners[order], np.bincount(way, minlength=n_ways).astype(np.int64))
 
 
-def _parts(left: Int, asked: WayQueries, reach: Float, known: Known, ground: Ground) -> tuple[list[Int], int]:
+def _parts(
+    left: Int, asked: RouteQueries, reach: Float, known: KnownObstacles, ground: RoutingField
+) -> tuple[list[Int], int]:
     """The ways `left` (n,), some at a time, and how many legs are looked at for them."""
     if not len(left):
         return [], 0
-    work = np.cumsum(effort(asked.take(left), reach[left], known.of(left), ground))
+    work = np.cumsum(estimate_work(asked.take(left), reach[left], known.of(left), ground))
     return np.split(left, np.searchsorted(work, np.arange(_AT_ONCE, work[-1], _AT_ONCE))), int(work[-1])
 
 
-def _met(found: Found, asked: WayQueries, ground: Ground) -> tuple[Int, Int]:
+def _met(found: FoundRoutes, asked: RouteQueries, ground: RoutingField) -> tuple[Int, Int]:
     """Which of the ways that are there meet which rings of their field."""
     count = np.where(found.there, found.count + 2, 0)
     first = np.cumsum(count) - count
@@ -80,7 +82,7 @@ def _met(found: Found, asked: WayQueries, ground: Ground) -> tuple[Int, Int]:
     return _own(asked, ground, xy[leg], xy[leg + 1], owner[leg])
 
 
-def _own(asked: WayQueries, ground: Ground, begin: Float, end: Float, way: Int) -> tuple[Int, Int]:
+def _own(asked: RouteQueries, ground: RoutingField, begin: Float, end: Float, way: Int) -> tuple[Int, Int]:
     """The ways (n,) whose legs from `begin` to `end` (n, 2) meet rings of their own field, and these rings."""
     leg, ring = ground.met(begin, end, asked.layer[way])
     own = ground.own[ring] == asked.own[way[leg]]

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from printer_slicer.arrays import Float
 from printer_slicer.errors import UsageError
 from printer_slicer.exports import resample, smooth
-from printer_slicer.exports.contact import clearance, contacts
+from printer_slicer.exports.ring_clearance import clearance, contacts
 from printer_slicer.geometry import Areas
 from tests.parts import shapely
 from tests.strategies import box, clean_areas

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from printer_slicer.arrays import Float, Int
 from printer_slicer.geometry import Areas, normalize, offset
 from printer_slicer.geometry.clipper import combine, load
-from printer_slicer.geometry.mitering import mitered
+from printer_slicer.geometry.mitering import miter_rings
 from printer_slicer.geometry.polygons import MITER_LIMIT
 
 MM = 100_000
@@ -20,7 +20,7 @@ MM = 100_000
 def moved(ring: list[tuple[float, float]], by: float) -> Int:
     """One ring, mm, moved outward by mm: steps, before any union."""
     xy = np.rint(np.array(ring) * MM).astype(np.int64)
-    return mitered(xy, np.array([0, len(xy)]), np.array([by * MM]))[0]
+    return miter_rings(xy, np.array([0, len(xy)]), np.array([by * MM]))[0]
 
 
 def theirs(areas: Areas, by: float) -> list[list[Int]]:
@@ -108,7 +108,7 @@ def test_points_that_are_there_twice_count_once() -> None:
 def test_a_ring_that_is_one_point_is_nothing() -> None:
     xy = np.array([[0, 0], [0, 0], [0, 0], [5, 5], [9, 5], [9, 9]])
 
-    points, start = mitered(xy, np.array([0, 3, 6]), np.array([1.0, 1.0]))
+    points, start = miter_rings(xy, np.array([0, 3, 6]), np.array([1.0, 1.0]))
 
     assert start.tolist() == [0, 0, len(points)]
 

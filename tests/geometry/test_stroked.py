@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from printer_slicer.geometry import Areas, difference, stroked
+from printer_slicer.geometry import Areas, difference, stroke_lines
 from printer_slicer.geometry.engine import ENGINES, using_engine
 from printer_slicer.geometry.polygons import ROUND_TOLERANCE
 
@@ -22,7 +22,7 @@ def drawn(
     xy = np.array([point for line in lines for point in line], np.float64)
     start = np.cumsum([0, *map(len, lines)])
     layers = np.array(layer or [0] * len(lines))
-    return stroked(xy, start, layers, np.array(radius), int(layers.max()) + 1)
+    return stroke_lines(xy, start, layers, np.array(radius), int(layers.max()) + 1)
 
 
 def round_loss(radius: float) -> float:
@@ -71,7 +71,7 @@ def test_a_closed_line_leaves_its_inside_open(engine: str) -> None:
 def test_no_lines_cover_nothing() -> None:
     nothing = np.zeros(0, np.int64)
 
-    assert stroked(np.zeros((0, 2)), np.zeros(1, np.int64), nothing, np.zeros(0), 3).area().tolist() == [
+    assert stroke_lines(np.zeros((0, 2)), np.zeros(1, np.int64), nothing, np.zeros(0), 3).area().tolist() == [
         0,
         0,
         0,
@@ -82,9 +82,9 @@ def test_lines_without_width_and_layers_that_are_not_there_are_refused() -> None
     line, start = np.array([[0.0, 0.0], [1.0, 0.0]]), np.array([0, 2])
 
     with pytest.raises(ValueError, match="over 0"):
-        stroked(line, start, np.array([0]), np.array([0.0]), 1)
+        stroke_lines(line, start, np.array([0]), np.array([0.0]), 1)
     with pytest.raises(ValueError, match="leaves the 1 layers"):
-        stroked(line, start, np.array([1]), np.array([0.5]), 1)
+        stroke_lines(line, start, np.array([1]), np.array([0.5]), 1)
 
 
 place = st.tuples(st.integers(-40, 40), st.integers(-40, 40)).map(lambda p: (p[0] / 4, p[1] / 4))

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from printer_slicer.geometry import Areas, swept
+from printer_slicer.geometry import Areas, sweep_areas
 from printer_slicer.geometry.engine import ENGINES, using_engine
 from tests.parts import shape, shapely
 from tests.strategies import box, clean_areas
@@ -19,7 +19,7 @@ def test_swept_areas_are_all_the_places_on_the_way(engine: str, areas: Areas, tu
     ways = far * np.array([[np.cos(turn), np.sin(turn)], [0.0, 1.0]])
 
     with using_engine(engine):
-        result = swept(areas, ways)
+        result = sweep_areas(areas, ways)
 
     for layer, way in enumerate(ways):
         area, found = shape(areas, layer), shape(result, layer)
@@ -35,13 +35,13 @@ def test_a_way_shorter_than_any_step_is_none(engine: str) -> None:
     areas = Areas.from_rings([[box(0, 0, 10, 10)]])
 
     with using_engine(engine):
-        assert swept(areas, np.array([[1e-308, 1e-308]])).area() == pytest.approx([100])
+        assert sweep_areas(areas, np.array([[1e-308, 1e-308]])).area() == pytest.approx([100])
 
 
 def test_a_square_is_longer_by_twice_the_way_and_a_narrow_hole_is_closed() -> None:
     areas = Areas.from_rings([[box(0, 0, 10, 10), box(4, 3, 6, 7)[::-1]]])
 
-    result = swept(areas, np.array([[1.5, 0.0]]))
+    result = sweep_areas(areas, np.array([[1.5, 0.0]]))
 
     assert result.area() == pytest.approx([13 * 10])
-    assert swept(areas, np.array([[0.0, 1.5]])).area() == pytest.approx([13 * 10 - 2 * 1])
+    assert sweep_areas(areas, np.array([[0.0, 1.5]])).area() == pytest.approx([13 * 10 - 2 * 1])

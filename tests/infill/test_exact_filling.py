@@ -11,7 +11,15 @@ from hypothesis import strategies as st
 
 from printer_slicer import bead
 from printer_slicer.arrays import Float
-from printer_slicer.geometry import Areas, difference, normalize, offset, offset_open, pieces_of, stroked
+from printer_slicer.geometry import (
+    Areas,
+    difference,
+    normalize,
+    offset,
+    offset_open,
+    split_connected,
+    stroke_lines,
+)
 from printer_slicer.infill import infill_paths
 from printer_slicer.inspection.coverage.measurement import coverage_of
 from printer_slicer.inspection.coverage.stack import stack_of
@@ -35,7 +43,7 @@ def strokes(paths: Toolpaths) -> Areas:
     xy = np.stack([paths.xy[begin], paths.xy[following[begin]]], axis=1).reshape(-1, 2)
     width = (paths.width[begin] + paths.width[following[begin]]) / 2
     layer = np.repeat(paths.layer, np.diff(paths.start))[begin]
-    return stroked(xy, 2 * np.arange(len(begin) + 1), layer, width / 2, paths.plan.n_layers)
+    return stroke_lines(xy, 2 * np.arange(len(begin) + 1), layer, width / 2, paths.plan.n_layers)
 
 
 def filled(solid: Areas, height: float) -> tuple[Toolpaths, Toolpaths, Areas]:
@@ -87,7 +95,7 @@ def test_solid_areas_hold_what_they_should_within_a_percent_and_a_little_in_each
     area = float(inside.area().sum())
     # No bead is narrower than one can be, nor too short to be worth a stop: and rows do not reach into pointed
     # corners: in each scrap 0.4 mm² may be wrong.
-    scraps = pieces_of(inside).count
+    scraps = split_connected(inside).count
     assert float(fills(infill).sum()) / height == pytest.approx(area, abs=0.01 * area + 0.4 * scraps)
 
 
@@ -98,7 +106,7 @@ def test_nothing_solid_stays_bare(rings: list[Float], height: float) -> None:
     bare = difference(inside, strokes(Toolpaths.joined(walls.plan, [walls, infill])))
     area = float(inside.area().sum())
     wider = [float(offset_open(bare, gap / 2).area().sum()) for gap in (0.1, 0.2, 0.35)]
-    scraps = pieces_of(inside).count
+    scraps = split_connected(inside).count
     # Rows do not reach into pointed corners, nor round beads into cusps.
     assert wider[0] <= 0.005 * area + 0.4 * scraps
     assert wider[1] <= 0.002 * area + 0.4 * scraps

@@ -73,4 +73,4 @@ def test_a_file_that_may_not_be_read_is_told_as_that(tmp_path: Path) -> None:
     with pytest.raises(UsageError) as caught:
         load_mesh(path)
 
-    assert str(caught.value) == f"{path}: reading it is not allowed\n  Check its permissions."
+    assert str(caught.value) == f"{path}: permission denied\n  Check its permissions"

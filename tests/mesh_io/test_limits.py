@@ -130,7 +130,7 @@ def test_an_encrypted_member_is_refused(tmp_path: Path) -> None:
 def test_an_archive_in_an_archive_is_no_part(tmp_path: Path) -> None:
     inner: dict[str, str | bytes] = {"3D/3dmodel.model": three_mf(MODEL)}
 
-    assert "not sound XML" in fault(tmp_path, zipped(inner, zipfile.ZIP_STORED), "part.3mf")
+    assert "not valid XML" in fault(tmp_path, zipped(inner, zipfile.ZIP_STORED), "part.3mf")
 
 
 # XML
@@ -153,17 +153,19 @@ def test_entities_of_every_kind_are_refused(head: str, text: str, tmp_path: Path
     document = MODEL.replace("<model ", f"{head}<model ")
     document = document.replace("<resources>", f"<resources><metadata name='x'>{text}</metadata>")
 
-    assert "a document type is declared" in fault(tmp_path, three_mf(document), "part.3mf")
+    assert "declares a document type" in fault(tmp_path, three_mf(document), "part.3mf")
 
 
 def test_the_relations_of_an_archive_are_read_with_the_same_care(tmp_path: Path) -> None:
     content = zipped({"_rels/.rels": LAUGHS + "<x>&a9;</x>", "3D/3dmodel.model": MODEL})
 
-    assert "a document type is declared" in fault(tmp_path, content, "part.3mf")
+    assert "declares a document type" in fault(tmp_path, content, "part.3mf")
 
 
 def test_deep_markup_is_refused(tmp_path: Path) -> None:
-    assert "64 elements within" in fault(tmp_path, stored("<model>" + "<a>" * 100_000), "part.3mf")
+    assert "elements are nested more than 64" in fault(
+        tmp_path, stored("<model>" + "<a>" * 100_000), "part.3mf"
+    )
 
 
 @pytest.mark.parametrize(
@@ -199,7 +201,7 @@ def test_copies_count_as_facets(tmp_path: Path) -> None:
     limits = replace(LIMITS, facets=30)
 
     assert load_mesh(write(tmp_path, three_mf(MODEL), "part.3mf"), limits=limits).n_facets == 12
-    assert "36 facets; at most 30" in fault(
+    assert "36 facets; the limit is 30" in fault(
         tmp_path, three_mf(model_xml({1: mesh_xml()}, item(1) * 3)), "part.3mf", limits
     )
 
@@ -222,27 +224,27 @@ def test_what_swells_in_memory_is_refused_while_it_is_read(name: str, tmp_path: 
     content = stored(f"<model><resources>{SWOLLEN[name]}")
     message = fault(tmp_path, content, "part.3mf", replace(LIMITS, facets=1000, instances=1000))
 
-    assert "at most 1000 are read" in message or "over 10" in message, message
+    assert "the limit" in message or "more than 10" in message, message
 
 
 def test_vertices_without_facets_count_when_they_are_copied(tmp_path: Path) -> None:
     corners = np.tile(CORNERS, (100, 1))
     content = three_mf(model_xml({1: mesh_xml(corners)}, item(1) * 50))
 
-    assert "vertices; at most 3000" in fault(tmp_path, content, "part.3mf", replace(LIMITS, facets=1000))
+    assert "vertices; the limit is 3000" in fault(tmp_path, content, "part.3mf", replace(LIMITS, facets=1000))
 
 
 def test_primitives_that_share_their_bytes_are_counted_each(tmp_path: Path) -> None:
     primitive = {"attributes": {"POSITION": 0}, "indices": 1}
     content = glb_box(meshes=[{"primitives": [primitive] * 100}])
 
-    assert "at most 300 are read" in fault(tmp_path, content, "part.glb", replace(LIMITS, facets=300))
+    assert "the limit" in fault(tmp_path, content, "part.glb", replace(LIMITS, facets=300))
 
 
 def test_the_text_of_a_glb_has_a_limit_of_its_own(tmp_path: Path) -> None:
     content = glb_box(extras=[[]] * 1000)
 
-    assert "bytes of text; at most 2000" in fault(
+    assert "bytes of JSON; the limit is 2000" in fault(
         tmp_path, content, "part.glb", replace(LIMITS, json_bytes=2000)
     )
 
@@ -250,12 +252,12 @@ def test_the_text_of_a_glb_has_a_limit_of_its_own(tmp_path: Path) -> None:
 def test_every_format_keeps_the_limit_of_facets(tmp_path: Path) -> None:
     for name, content in every_format().items():
         message = fault(tmp_path, content, name, replace(LIMITS, facets=3))
-        assert "at most 3 are read" in message or "an accessor of 36 items" in message, (name, message)
+        assert "the limit" in message or "36 items" in message, (name, message)
 
 
 def test_every_format_keeps_the_limit_of_the_file(tmp_path: Path) -> None:
     for name, content in every_format().items():
-        assert f"{len(content)} bytes; at most 100" in fault(
+        assert f"{len(content)} bytes; the limit for this format is 100" in fault(
             tmp_path, content, name, replace(LIMITS, file_bytes=100)
         )
 
@@ -264,7 +266,7 @@ def test_every_format_keeps_the_limit_of_the_file(tmp_path: Path) -> None:
 def test_what_is_read_as_a_whole_has_a_limit_of_its_own(tmp_path: Path, name: str) -> None:
     content = every_format()[name]
 
-    assert "at most 50 are read" in fault(tmp_path, content, name, replace(LIMITS, text_bytes=50))
+    assert "the limit" in fault(tmp_path, content, name, replace(LIMITS, text_bytes=50))
 
 
 HUGE = {
@@ -284,7 +286,7 @@ def test_a_small_file_that_announces_much_is_refused_without_making_room(name: s
 
 
 def test_a_line_without_end_is_no_stl(tmp_path: Path) -> None:
-    assert "no line of an STL" in fault(tmp_path, "solid x\nfacet " + "9" * 40_000_000, "part.stl")
+    assert "which no STL needs" in fault(tmp_path, "solid x\nfacet " + "9" * 40_000_000, "part.stl")
 
 
 def test_a_unit_that_is_none_is_refused(tmp_path: Path) -> None:

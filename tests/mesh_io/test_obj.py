@@ -162,31 +162,31 @@ def test_a_hundred_thousand_objects_of_a_facet_are_read(tmp_path: Path) -> None:
 
 
 FAULTS = {
-    "two coordinates": (POINTS + "v 1 2 # 3\n" + TRIANGLES, "line 9: a vertex of 2 coordinates"),
-    "none": (TRIANGLES + "v\n" + POINTS, "line 13: a vertex of 0 coordinates"),
-    "no number": (POINTS.replace("v 2.0 3.0", "v 2,0 3.0", 1) + TRIANGLES, "line 4: '2,0' where a number should be"),
-    "two numbers in one": (POINTS.replace("v 2.0 3.0", "v 2-1", 1) + TRIANGLES, "line 4: '2-1' where a number"),
+    "two coordinates": (POINTS + "v 1 2 # 3\n" + TRIANGLES, "line 9: a vertex has only 2 coordinates"),
+    "none": (TRIANGLES + "v\n" + POINTS, "line 13: a vertex has only 0 coordinates"),
+    "no number": (POINTS.replace("v 2.0 3.0", "v 2,0 3.0", 1) + TRIANGLES, "line 4: expected a number, found '2,0'"),
+    "two numbers in one": (POINTS.replace("v 2.0 3.0", "v 2-1", 1) + TRIANGLES, "line 4: expected a number"),
     "no coordinate": (POINTS.replace("2.0", "nan", 1) + TRIANGLES, "has the coordinate nan"),
-    "vertex 0": (POINTS + "f 1 2 3\nf 1 0 3\n", "line 10: a face has vertex 0"),
-    "too far back": (TRIANGLES + POINTS + "\n\nf -1 -8 -9\n", "line 23: a face has vertex -9, but only 8 stand"),
-    "too far": (obj() + "# more\nf 1 2 9\n", "line 22: a face has vertex 9 of 8"),
-    "behind continued lines": (POINTS + "f 1 \\\n2 3\nf 1 \\\n2 9\n", "line 11: a face has vertex 9 of 8"),
+    "vertex 0": (POINTS + "f 1 2 3\nf 1 0 3\n", "line 10: a face uses vertex 0"),
+    "too far back": (TRIANGLES + POINTS + "\n\nf -1 -8 -9\n", "line 23: a face uses vertex -9, but only 8 vertices"),
+    "too far": (obj() + "# more\nf 1 2 9\n", "line 22: a face uses vertex 9 of 8"),
+    "behind continued lines": (POINTS + "f 1 \\\n2 3\nf 1 \\\n2 9\n", "line 11: a face uses vertex 9 of 8"),
     "in a face of many lines": (
         POINTS + "f " + "1 \\\n" * 200_000 + "x 3\n",
-        "line 9: 'x' where the number of a vertex",
+        "line 9: expected a vertex number, found 'x'",
     ),
-    "a fraction": (POINTS + "f 1 2 3.5\n", "line 9: '3.5' where the number of a vertex should be"),
-    "a name": (POINTS + "f 1 2 three\n", "line 9: 'three' where the number of a vertex should be"),
-    "no vertex": (POINTS + "f /1 2/2 3/3\n", "line 9: '/1' where the number of a vertex should be"),
-    "glued": (POINTS + "f /1 1-2 3\n", "line 9: '/1' where the number of a vertex should be"),
-    "endless number": (POINTS + f"f 1 2 {'9' * 5000}\n", "line 9: a face has vertex 99999999999999999999 of 8"),
-    "zero bytes": (POINTS + "f 1 2 3\0\n", "line 9: '3\0' where the number of a vertex should be"),
-    "points and lines": (POINTS + "p 1 2\nl 1 2 3\n", "no facets in it, only lines and points"),
-    "surfaces": (POINTS + "surf 0 1 0 1 1 2 3 4\nend\n", "no facets in it, only free-form surfaces"),
-    "faces of two": (POINTS + "f 1 2\nf 1\nf\n", "no facets in it"),
-    "nothing": ("v 0 0 0\n", "no facets in it"),
-    "an endless line": ("v 0 0 0\n" + (17 << 20) * " ", "a line of over 16777216 bytes"),
-    "endless continuation": ("\\\n" * (9 << 20), "a line of over 16777216 bytes"),
+    "a fraction": (POINTS + "f 1 2 3.5\n", "line 9: expected a vertex number, found '3.5'"),
+    "a name": (POINTS + "f 1 2 three\n", "line 9: expected a vertex number, found 'three'"),
+    "no vertex": (POINTS + "f /1 2/2 3/3\n", "line 9: expected a vertex number, found '/1'"),
+    "glued": (POINTS + "f /1 1-2 3\n", "line 9: expected a vertex number, found '/1'"),
+    "endless number": (POINTS + f"f 1 2 {'9' * 5000}\n", "line 9: a face uses vertex 99999999999999999999 of 8"),
+    "zero bytes": (POINTS + "f 1 2 3\0\n", "line 9: expected a vertex number, found '3\0'"),
+    "points and lines": (POINTS + "p 1 2\nl 1 2 3\n", "contains no facets, only lines and points"),
+    "surfaces": (POINTS + "surf 0 1 0 1 1 2 3 4\nend\n", "contains no facets, only free-form surfaces"),
+    "faces of two": (POINTS + "f 1 2\nf 1\nf\n", "contains no facets"),
+    "nothing": ("v 0 0 0\n", "contains no facets"),
+    "an endless line": ("v 0 0 0\n" + (17 << 20) * " ", "a line is longer than 16777216 bytes"),
+    "endless continuation": ("\\\n" * (9 << 20), "a line is longer than 16777216 bytes"),
 }  # fmt: skip
 
 
@@ -197,7 +197,7 @@ def test_what_is_wrong_is_said_with_its_line(tmp_path: Path, content: str, messa
 
 def test_free_form_surfaces_beside_facets_are_told(tmp_path: Path) -> None:
     assert read(tmp_path, obj() + "surf 0 1 0 1 1 2 3 4\nend\n").notes == (
-        "1 free-form surfaces are not read",
+        "1 free-form surfaces are left out",
     )
 
 
@@ -205,9 +205,9 @@ def test_limits_hold(tmp_path: Path) -> None:
     path = write(tmp_path, POINTS + faces_of(QUADS), "part.obj")
 
     assert load_mesh(path, limits=Limits(facets=12)).n_facets == 12
-    with pytest.raises(MeshError, match="12 facets; at most 11 are read"):
+    with pytest.raises(MeshError, match="12 facets; the limit is 11"):
         load_mesh(path, limits=Limits(facets=11))
-    with pytest.raises(MeshError, match="8 vertices; at most 7 are read"):
+    with pytest.raises(MeshError, match="8 vertices; the limit is 7"):
         load_mesh(path, limits=Limits(facets=7))
-    with pytest.raises(MeshError, match="1000 facets; at most 100 are read"):
+    with pytest.raises(MeshError, match="1000 facets; the limit is 100"):
         load_mesh(write(tmp_path, POINTS + "f 1\n" * 1000, "part.obj"), limits=Limits(facets=100))

@@ -31,7 +31,7 @@ def test_a_step_file_says_its_unit_and_keeps_z_up(tmp_path: Path, prefix: str, m
     np.testing.assert_allclose(model.mesh.bounds, [[0, 0, 0], [1, 2, 2]], atol=1e-5)
     assert model.mesh.n_facets == 12
     assert (model.kind, model.unit) == ("step", "mm")
-    assert "in inches? --scale 25.4 makes it 25.4 x 50.8 x 50.8 mm" in model.doubts()
+    assert "in inches? --scale 25.4 makes it 25.4 x 50.8 x 50.8 mm" in model.size_warning()
 
 
 @needs_cascadio
@@ -46,7 +46,7 @@ def test_a_step_file_without_solids_is_refused(tmp_path: Path) -> None:
 
 
 def test_the_unit_of_a_step_file_cannot_be_changed(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="says itself") as caught:
+    with pytest.raises(UsageError, match="states its own unit") as caught:
         load_model(write(tmp_path, step_box(2, 3, 4), "part.step"), units="inch")
     assert "--scale" in caught.value.remedy
 
@@ -61,7 +61,7 @@ def with_package(folder: Path, code: str, monkeypatch: pytest.MonkeyPatch) -> No
 @pytest.mark.parametrize(
     ("code", "why"),
     [
-        ("import os\nos.abort()", f"it ended with {-SIGABRT}"),
+        ("import os\nos.abort()", f"exit code {-SIGABRT}"),
         ("raise ImportError('libGL.so.1: no such file')", "ImportError: libGL.so.1: no such file"),
     ],
     ids=["crash", "half installed"],
@@ -75,7 +75,7 @@ def test_a_conversion_that_fails_says_why(
         load_mesh(path)
 
     assert str(caught.value) == (
-        f"{path}: OpenCASCADE makes nothing of it: {why}\n  Export the part as STL or 3MF from CAD."
+        f"{path}: OpenCASCADE cannot convert it: {why}\n  Export the part as STL or 3MF from CAD"
     )
 
 
@@ -87,7 +87,8 @@ def test_a_conversion_that_takes_too_long_is_given_up(
     with pytest.raises(MeshError) as caught:
         load_mesh(path, limits=Limits(step_seconds=0.01))
 
-    assert str(caught.value) == f"{path}: no facets after 0.01 s\n  Export the part as STL or 3MF from CAD."
+    wrong = "the STEP conversion took longer than 0.01 s"
+    assert str(caught.value) == f"{path}: {wrong}\n  Export the part as STL or 3MF from CAD"
 
 
 def test_without_the_package_the_command_that_installs_it_is_told(tmp_path: Path) -> None:
@@ -104,5 +105,5 @@ def test_without_the_package_the_command_that_installs_it_is_told(tmp_path: Path
     )
     done = subprocess.run([sys.executable, "-c", code, str(path)], capture_output=True, text=True, check=True)
 
-    assert "reading STEP needs the package cascadio" in done.stdout
+    assert "reading STEP files needs the package cascadio" in done.stdout
     assert "python -m pip install 'printer-slicer[step]'" in done.stdout

@@ -20,7 +20,7 @@ from printer_slicer.mesh_io import Limits, Model, export_stl, load_mesh, load_mo
 from printer_slicer.mesh_io.files import CHUNK
 from printer_slicer.model import Mesh
 
-CUT = "the file ends without 'endsolid', behind {} whole facets: it may have been cut off"
+CUT = "the file ends without 'endsolid' after {} complete facets: it may be truncated"
 
 
 def read(folder: Path, content: str | bytes, name: str = "part.stl") -> Model:
@@ -41,13 +41,13 @@ def test_a_program_that_did_not_count_its_facets_is_forgiven_and_told(tmp_path: 
     model = read(tmp_path, binary_stl(announced=announced))
 
     assert np.array_equal(model.mesh.triangles, BOX)
-    assert model.notes == ("the header does not count the facets; all 12 in the file are read",)
+    assert model.notes == ("the header does not state the number of facets; all 12 in the file are read",)
 
 
 @pytest.mark.parametrize("announced", [0, 0xFFFFFFFF], ids=["zero", "all-ones"])
 def test_without_a_count_nothing_but_whole_facets_is_believed(tmp_path: Path, announced: int) -> None:
     for tail in (b"x" * 20, b"\0" * 50):
-        assert "announces" in fault(tmp_path, binary_stl(announced=announced) + tail)
+        assert "states" in fault(tmp_path, binary_stl(announced=announced) + tail)
 
 
 @pytest.mark.parametrize(
@@ -68,7 +68,7 @@ def test_a_zero_byte_in_a_text_is_named_by_its_line(tmp_path: Path) -> None:
     content = (ascii_stl() * 3).encode()
     place = content.find(b"endloop")
 
-    assert "line 7: '\0ndloop' where 'endloop' should be" in fault(
+    assert "line 7: expected 'endloop', found '\0ndloop'" in fault(
         tmp_path, content[:place] + b"\0" + content[place + 1 :]
     )
 
@@ -102,7 +102,7 @@ def test_a_part_may_come_out_of_a_pipe(name: str) -> None:
 def test_a_pipe_without_end_is_refused() -> None:
     if not Path("/dev/zero").exists():
         pytest.skip("this system has no /dev/zero")
-    with pytest.raises(MeshError, match="at most 3000000"):
+    with pytest.raises(MeshError, match="the limit for this format is 3000000"):
         load_mesh("/dev/zero", limits=Limits(file_bytes=3_000_000))
 
 
@@ -154,13 +154,13 @@ def test_normals_may_be_anything(tmp_path: Path, normal: str) -> None:
 def test_behind_a_senseless_normal_other_faults_are_found(tmp_path: Path) -> None:
     text = ascii_stl().replace("facet normal", "facet normal nan() #", 1).replace("2.0", "2,0", 1)
 
-    assert "'2,0' where a number should be" in fault(tmp_path, text)
+    assert "expected a number, found '2,0'" in fault(tmp_path, text)
 
 
 def test_decimal_commas_are_named_with_what_to_do(tmp_path: Path) -> None:
     message = fault(tmp_path, ascii_stl().replace("2.0", "2,0"))
 
-    assert "line 6: '2,0' where a number should be" in message
+    assert "line 6: expected a number, found '2,0'" in message
     assert "decimal points" in message
 
 
@@ -178,7 +178,7 @@ def test_a_text_longer_than_one_chunk_is_read_whole(tmp_path: Path) -> None:
     assert np.array_equal(load_mesh(write(tmp_path, content, "part.stl")).triangles, triangles)
     late = content.replace(b"vertex", b"vertax", 25_001).replace(b"vertax", b"vertex", 25_000)
     line = late[: late.find(b"vertax")].count(b"\n") + 1
-    assert f"line {line}: 'vertax' where 'vertex' should be" in fault(tmp_path, late)
+    assert f"line {line}: expected 'vertex', found 'vertax'" in fault(tmp_path, late)
     cut = read(tmp_path, content[:-12])
     assert np.array_equal(cut.mesh.triangles, triangles)
     assert cut.notes == (CUT.format(12_000),)
@@ -200,8 +200,8 @@ def test_padding_within_a_text_is_not_left_out(tmp_path: Path) -> None:
     text = ascii_stl().encode()
     place = text.find(b"facet normal", 500)
 
-    assert "where 'facet' should be" in fault(tmp_path, text[:place] + 30 * b"\x1a" + text[place:])
-    assert "line 3: the file ends within a facet" in fault(
+    assert "expected 'facet'" in fault(tmp_path, text[:place] + 30 * b"\x1a" + text[place:])
+    assert "line 3: the file ends in the middle of a facet" in fault(
         tmp_path, b"\n".join(text.split(b"\n")[:3]) + 9 * b"\0"
     )
 
@@ -282,14 +282,14 @@ def test_a_file_with_the_wrong_extension_is_known_by_how_it_begins(tmp_path: Pat
 def test_an_amf_is_refused_with_the_formats_to_use(tmp_path: Path, name: str) -> None:
     path = write(tmp_path, "<?xml version='1.0'?>\n<amf unit='millimeter'><object id='1'/></amf>", name)
 
-    with pytest.raises(UsageError, match=r"part\S*: AMF files are not read") as caught:
+    with pytest.raises(UsageError, match=r"part\S*: AMF files are not supported") as caught:
         load_mesh(path)
 
-    assert caught.value.remedy == "Export the part as 3MF or STL."
+    assert caught.value.remedy == "Export the part as 3MF or STL"
 
 
 def test_a_packed_amf_is_refused_with_the_formats_to_use(tmp_path: Path) -> None:
     path = write(tmp_path, zipped({"part.amf": "<amf/>"}), "part.amf")
 
-    with pytest.raises(UsageError, match="AMF files are not read"):
+    with pytest.raises(UsageError, match="AMF files are not supported"):
         load_mesh(path)

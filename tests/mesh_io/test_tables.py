@@ -93,7 +93,7 @@ def test_any_rows_are_read_whole_and_not_beyond_the_end(rows: list[Row], kind: s
     body = body_of(rows, kind)
     expect_rows(body, rows)
 
-    with pytest.raises(ValueError, match=r"ends, or makes no sense|in .* bytes or words"):
+    with pytest.raises(ValueError, match=r"is damaged|bytes or words"):
         read_table(body, Element("face", len(rows) + 1, ROW), 0, {"corners"})
 
 
@@ -133,7 +133,7 @@ def test_a_list_that_makes_no_sense_is_told_wherever_it_stands() -> None:
     for rows in (5, 40_000):
         good = b"\x01\0\0\0\0" + b"\0" * rows
         element = Element("face", rows + 2, (Property("corners", "i4", "i1"),))
-        for bad, told in ((b"\xff", "makes no sense"), (b"\x7f\0", "ends")):
+        for bad, told in ((b"\xff", "is damaged"), (b"\x7f\0", "ends")):
             with pytest.raises(ValueError, match=told):
                 read_table(Bytes(good + bad, "<"), element, 0, {"corners"})
 
@@ -144,10 +144,10 @@ def test_a_word_that_is_no_number_counts_only_where_it_is_asked_for() -> None:
     columns, _ = read_table(Words(" ".join(rows).encode()), element, 0, {"corners"})
 
     assert columns["corners"].values.tolist() == [7, 8, 9] * 30_000
-    with pytest.raises(ValueError, match="'red' where a number should be"):
+    with pytest.raises(ValueError, match="expected a number, found 'red'"):
         read_table(Words(" ".join(rows).encode()), element, 0, {"colour"})
     for nth, word in ((1, "two 7 8 red"), (-1, "one 9 no")):
         wrong = list(rows)
         wrong[nth] = word
-        with pytest.raises(ValueError, match=f"'{word[:3]}' where a number should be"):
+        with pytest.raises(ValueError, match=f"expected a number, found '{word[:3]}'"):
             read_table(Words(" ".join(wrong).encode()), element, 0, {"corners"})

@@ -106,11 +106,11 @@ def test_what_is_not_to_be_printed_is_left_out_and_told(tmp_path: Path) -> None:
     model = read(tmp_path, model_xml({1: mesh_xml()}, item(1) + item(1, MOVED, ' printable="0"')))
 
     assert model.mesh.n_facets == 12
-    assert model.notes == ("1 item is not to be printed and left out",)
+    assert model.notes == ("1 item is marked as not printable and left out",)
 
 
 def test_a_file_with_nothing_to_print_is_refused(tmp_path: Path) -> None:
-    assert "nothing in it to build" in fault(
+    assert "no printable object" in fault(
         tmp_path, three_mf(model_xml({1: mesh_xml()}, item(1, (), ' printable="0"')))
     )
 
@@ -143,7 +143,7 @@ def test_a_first_model_file_may_hold_nothing_but_items(tmp_path: Path) -> None:
     model = read(tmp_path, text, {"3D/o.model": model_xml({1: mesh_xml()}, "")})
 
     assert np.array_equal(model.mesh.triangles, BOX)
-    assert "the archive has no '3d/o.model'" in fault(tmp_path, three_mf(text))
+    assert "the archive does not contain '3d/o.model'" in fault(tmp_path, three_mf(text))
 
 
 def test_metadata_colours_and_unknown_elements_are_ignored(tmp_path: Path) -> None:
@@ -246,7 +246,7 @@ def test_a_volume_that_only_changes_settings_is_not_printed_bambu(tmp_path: Path
 
     assert np.array_equal(model.mesh.triangles, BOX)
     assert "left out: 'Bore' (negative_part)" in model.notes[0]
-    assert model.notes[1] == "1 of them is a hole, which is not cut: 'Bore' (negative_part)"
+    assert model.notes[1] == "1 of them is a negative volume and is not cut out: 'Bore' (negative_part)"
 
 
 def painted(mesh: str, **counts: int) -> str:
@@ -272,9 +272,9 @@ def test_what_is_painted_is_named_prusa(tmp_path: Path) -> None:
     )
 
     assert model.notes == (
-        "paint for supports is not used: 3 facets of 'lid'",
-        "paint for seams is not used: 3 facets of 'lid', 'object 2'",
-        "paint for colours is not used: 12 facets of 'lid'",
+        "painted supports are ignored: 3 facets of 'lid'",
+        "painted seams are ignored: 3 facets of 'lid', 'object 2'",
+        "painted colours are ignored: 12 facets of 'lid'",
     )
     assert model.mesh.n_facets == 36
 
@@ -285,9 +285,9 @@ def test_what_is_painted_is_named_bambu(tmp_path: Path) -> None:
     config = '<config><object id="3"><metadata key="name" value="Box"/></object></config>'
 
     assert read(tmp_path, text, {"Metadata/model_settings.config": config}).notes == (
-        "paint for supports is not used: 2 facets of 'Box'",
-        "paint for colours is not used: 1 facet of 'Box'",
-        "paint for fuzzy skin is not used: 4 facets of 'Box'",
+        "painted supports are ignored: 2 facets of 'Box'",
+        "painted colours are ignored: 1 facet of 'Box'",
+        "painted fuzzy skin are ignored: 4 facets of 'Box'",
     )
 
 
@@ -313,28 +313,28 @@ def test_objects_without_a_name_are_called_what_the_slicer_calls_them(tmp_path: 
 BEAMS = "http://schemas.microsoft.com/3dmanufacturing/beamlattice/2017/02"
 ONE = model_xml({1: mesh_xml()}, item(1))
 FAULTS = {
-    "vertex beyond the last": (ONE.replace('v1="0"', 'v1="99"', 1), "object 1: facet 1 has vertex 99 of 8"),
+    "vertex beyond the last": (ONE.replace('v1="0"', 'v1="99"', 1), "object 1: facet 1 uses vertex 99 of 8"),
     "vertex before the first": (ONE.replace('v1="0"', 'v1="-1"', 1), "vertex -1 of 8"),
     "vertex far beyond": (ONE.replace('v1="0"', f'v1="{10**30}"', 1), "line 1"),
     "no number": (ONE.replace('x="2.0"', 'x="two"', 1), "line 1: could not convert"),
-    "missing coordinate": (ONE.replace(' z="0.0"', "", 1), "line 1: no 'z' here"),
+    "missing coordinate": (ONE.replace(' z="0.0"', "", 1), "line 1: the attribute 'z' is missing"),
     "decimal comma": (ONE.replace('x="2.0"', 'x="2,0"', 1), "could not convert"),
-    "object missing": (model_xml({1: mesh_xml()}, item(9)), "there is no object 9"),
+    "object missing": (model_xml({1: mesh_xml()}, item(9)), "object 9 is placed but not defined"),
     "object twice": (
-        ONE.replace("</resources>", f'<object id="1">{mesh_xml()}</object></resources>'), "object 1 is there twice"
+        ONE.replace("</resources>", f'<object id="1">{mesh_xml()}</object></resources>'), "object 1 is defined twice"
     ),
-    "object in itself": (model_xml({1: group(component(1))}, item(1)), "objects within each other"),
-    "objects in a circle": (model_xml({1: group(component(2)), 2: group(component(1))}, item(1)), "within each other"),
-    "short transform": (model_xml({1: mesh_xml()}, item(1, (1, 0, 0))), "a transform has 12 numbers"),
-    "endless transform": (model_xml({1: mesh_xml()}, item(1, (float("inf"),) * 12)), "a transform has 12 numbers"),
-    "no facets": (model_xml({1: "<mesh/>"}, item(1)), "there are no facets"),
-    "cut off": (ONE[:-200], "not sound XML"),
-    "no XML": ("hello", "not sound XML"),
+    "object in itself": (model_xml({1: group(component(1))}, item(1)), "nested more than"),
+    "objects in a circle": (model_xml({1: group(component(2)), 2: group(component(1))}, item(1)), "nested more than"),
+    "short transform": (model_xml({1: mesh_xml()}, item(1, (1, 0, 0))), "a transform must have 12 numbers"),
+    "endless transform": (model_xml({1: mesh_xml()}, item(1, (float("inf"),) * 12)), "must have 12 numbers"),
+    "no facets": (model_xml({1: "<mesh/>"}, item(1)), "the file contains no facets"),
+    "cut off": (ONE[:-200], "not valid XML"),
+    "no XML": ("hello", "not valid XML"),
     "extension": (
         model_xml({1: mesh_xml()}, item(1), more=f' xmlns:b="{BEAMS}" requiredextensions="p b"'),
-        f"needs the 3MF extension '{BEAMS}'",
+        f"requires the 3MF extension '{BEAMS}'",
     ),
-    "other namespace": (ONE.replace(CORE, "urn:other"), "nothing in it to build"),
+    "other namespace": (ONE.replace(CORE, "urn:other"), "no printable object"),
 }  # fmt: skip
 
 
@@ -344,7 +344,7 @@ def test_a_broken_model_is_refused_with_what_is_wrong(text: str, message: str, t
 
 
 def test_an_archive_without_a_model_is_refused(tmp_path: Path) -> None:
-    assert "holds no 3D model" in fault(tmp_path, zipped({"readme.txt": "hello"}))
+    assert "contains no 3D model" in fault(tmp_path, zipped({"readme.txt": "hello"}))
 
 
 def test_an_archive_of_other_models_is_refused_with_their_names(tmp_path: Path) -> None:
@@ -353,14 +353,14 @@ def test_an_archive_of_other_models_is_refused_with_their_names(tmp_path: Path) 
     for name in ("kit.zip", "kit.3mf"):
         with pytest.raises(MeshError) as caught:
             load_mesh(write(tmp_path, packed, name))
-        assert "an archive of files (left.stl, right.stl), not a 3MF" in str(caught.value)
+        assert "a ZIP archive of models (left.stl, right.stl), not a 3MF" in str(caught.value)
         assert "Unpack it" in caught.value.remedy
 
 
 def test_a_model_file_that_is_missing_is_named(tmp_path: Path) -> None:
     text = model_xml({8: group(component(1, (), "/3D/other.model"))}, item(8))
 
-    assert "has no '3d/other.model'" in fault(tmp_path, three_mf(text))
+    assert "does not contain '3d/other.model'" in fault(tmp_path, three_mf(text))
 
 
 def test_names_that_lead_out_of_the_archive_lead_nowhere(tmp_path: Path) -> None:
@@ -375,14 +375,14 @@ def test_a_damaged_archive_is_refused(tmp_path: Path) -> None:
     flipped = bytearray(good)
     flipped[len(good) // 2] ^= 255
 
-    assert "not a sound ZIP archive" in fault(tmp_path, bytes(flipped))
+    assert "not a valid ZIP archive" in fault(tmp_path, bytes(flipped))
     assert "has no directory" in fault(tmp_path, good[:-30])
 
 
 def test_ways_of_packing_that_3mf_does_not_allow_are_refused(tmp_path: Path) -> None:
     packed = zipped({"3D/3dmodel.model": ONE}, zipfile.ZIP_LZMA)
 
-    assert "packed in a way" in fault(tmp_path, packed)
+    assert "compressed with a method" in fault(tmp_path, packed)
 
 
 def test_the_items_of_a_plate_are_things_of_their_own(tmp_path: Path) -> None:

@@ -84,12 +84,12 @@ def test_a_model_says_what_makes_it_doubtful(tmp_path: Path) -> None:
 
     assert (
         "a.stl: the part is only 0.02 x 0.03 x 0.04 mm; were the numbers of the file meant in metres?"
-        in small.doubts()
+        in small.size_warning()
     )
-    assert "--units m makes it 20 x 30 x 40 mm" in small.doubts()
-    assert "b.glb: the part is 2000 x 4000 x 3000 mm" in large.doubts(ROOM)
-    assert "millimetres? --units mm makes it 2 x 4 x 3 mm" in large.doubts(ROOM)
-    assert usual.doubts() == ""
+    assert "--units m makes it 20 x 30 x 40 mm" in small.size_warning()
+    assert "b.glb: the part is 2000 x 4000 x 3000 mm" in large.size_warning(ROOM)
+    assert "millimetres? --units mm makes it 2 x 4 x 3 mm" in large.size_warning(ROOM)
+    assert usual.size_warning() == ""
 
 
 def test_the_command_line_knows_the_same_units() -> None:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int
-from printer_slicer.geometry.nearest import Outlines
+from printer_slicer.geometry.segment_index import OutlineIndex
 from printer_slicer.model import LayerPlan, Mesh, Sections
 from tests.parts import shapely
 
@@ -180,7 +180,7 @@ def in_stack(points: Float, mesh: Mesh, stack: Sections | LayerPlan) -> tuple[Bo
 
 def _held_by_section(points: Float, layer: Int, _: Mesh, sections: Any) -> tuple[Bool, Bool]:
     xy = points[:, :2]
-    outlines = Outlines(sections.solid, xy.min(axis=0), xy.max(axis=0))
+    outlines = OutlineIndex(sections.solid, xy.min(axis=0), xy.max(axis=0))
     return outlines.inside(xy, layer), outlines.distance(xy, layer) > UNSURE
 
 

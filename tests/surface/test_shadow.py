@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from printer_slicer.arrays import Float
 from printer_slicer.model import Mesh
-from printer_slicer.surface.shadow import Shadow, throw
+from printer_slicer.surface.shadow import Shadow, project_surface
 from tests.parts import box, cone, joined, pyramid, shapely, sheared_prism, sphere, step_pyramid, without
 
 PARTS: Final[Mapping[str, Mesh]] = {
@@ -86,7 +86,7 @@ each_part = pytest.mark.parametrize("name", PARTS)
 def test_the_shadow_under_a_plane_is_the_area_of_the_clipped_facets(name: str) -> None:
     mesh = PARTS[name]
     planes = clear_of_corners(mesh, np.sort(np.random.default_rng(1).uniform(-0.2, mesh.height + 0.2, 25)))
-    up, down = throw(mesh)
+    up, down = project_surface(mesh)
 
     assert up.under(planes) == pytest.approx(direct(mesh, 1, planes), abs=1e-9)
     assert down.under(planes) == pytest.approx(direct(mesh, -1, planes), abs=1e-9)
@@ -96,7 +96,7 @@ def test_the_shadow_under_a_plane_is_the_area_of_the_clipped_facets(name: str) -
 def test_at_the_corners_a_plane_may_count_what_lies_in_it_or_not(name: str) -> None:
     mesh = PARTS[name]
     planes = np.unique(mesh.triangles[:, :, 2])[-6:]
-    for side, shadow in zip((1, -1), throw(mesh), strict=True):
+    for side, shadow in zip((1, -1), project_surface(mesh), strict=True):
         a_hair_below = direct(mesh, side, planes - 1e-9)
         assert shadow.under(planes) == pytest.approx(a_hair_below, abs=1e-6)
         assert shadow.under(planes, including=True) == pytest.approx(direct(mesh, side, planes), abs=1e-6)
@@ -104,7 +104,7 @@ def test_at_the_corners_a_plane_may_count_what_lies_in_it_or_not(name: str) -> N
 
 @each_part
 def test_closed_parts_throw_as_much_shadow_up_as_down(name: str) -> None:
-    up, down = throw(PARTS[name])
+    up, down = project_surface(PARTS[name])
 
     if name != "open":
         assert up.area.sum() == pytest.approx(down.area.sum(), rel=1e-12)
@@ -119,7 +119,7 @@ def test_the_integral_is_that_of_the_shadow_under_every_plane_below(name: str) -
     mesh = PARTS[name]
     levels = np.unique(mesh.triangles[:, :, 2])
     planes = np.sort(np.append(np.random.default_rng(2).uniform(-0.2, mesh.height + 0.3, 6), levels[[0, -1]]))
-    for shadow in throw(mesh):
+    for shadow in project_surface(mesh):
         expected = [integrated(shadow, float(z)) for z in planes]
         assert shadow.integral(planes) == pytest.approx(expected, abs=1e-9)
 
@@ -127,7 +127,7 @@ def test_the_integral_is_that_of_the_shadow_under_every_plane_below(name: str) -
 def test_the_integral_over_a_closed_part_is_its_volume() -> None:
     """What lies over the shadow that faces down and under the one that faces up is the part."""
     for mesh in (pyramid(4, 2), sphere(1.5), sheared_prism(2, 2, 1.5)):
-        up, down = throw(mesh)
+        up, down = project_surface(mesh)
         top = np.array([mesh.height])
         assert (down.integral(top) - up.integral(top))[0] == pytest.approx(mesh.volume, rel=1e-9)
 
@@ -159,7 +159,7 @@ def partial_including(shadow: Shadow) -> Callable[[Float], Float]:
 
 
 def test_no_planes_and_no_facets_are_nothing() -> None:
-    up, _ = throw(pyramid(4, 2))
+    up, _ = project_surface(pyramid(4, 2))
     nothing: Any = np.zeros(0)
     empty = Shadow(nothing, nothing, nothing, nothing)
 
@@ -176,7 +176,7 @@ def test_on_a_lattice_the_integral_is_exact_within_the_rule_of_its_steps(name: s
     mesh = PARTS[name]
     n_cells = int(mesh.height / cell) + 3
     planes = lattice(cell, n_cells)
-    for shadow in throw(mesh):
+    for shadow in project_surface(mesh):
         exact = shadow.integral(planes)
         sloped = shadow.high > shadow.low
         share = shadow.area[sloped].sum()
@@ -188,7 +188,7 @@ def test_on_a_lattice_the_integral_is_exact_within_the_rule_of_its_steps(name: s
 @each_part
 def test_on_a_finer_lattice_the_integral_comes_as_near_as_one_likes(name: str) -> None:
     mesh = PARTS[name]
-    for shadow in throw(mesh):
+    for shadow in project_surface(mesh):
         errors = []
         for cell in (0.1, 0.01, 0.001):
             n_cells = int(mesh.height / cell) + 1
@@ -212,7 +212,7 @@ def test_what_lies_between_two_planes_of_the_lattice_is_exact_on_it(seed: int) -
 def test_a_tall_part_of_many_facets_keeps_its_digits_on_the_lattice() -> None:
     """Sums of parabolas over 200 mm must not leave their rounding behind."""
     mesh = cone(20, 200, 400)
-    up, _ = throw(mesh)
+    up, _ = project_surface(mesh)
     n_cells = 40_000
     planes = lattice(0.005, n_cells)
     error = np.abs(up.on_lattice(0.005, n_cells) - up.integral(planes))

@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.geometry.crossing import section_areas
+from printer_slicer.geometry.plane_sections import section_areas
 from printer_slicer.model import Mesh
 from tests.parts import box, box_with_hole, joined, sphere, sphere_area, without
 from tests.torture.bodies import (
@@ -125,13 +125,13 @@ def _cases() -> Mapping[str, Case]:
             MIDDLE,
             (100, 87, 100),
         ),
-        "a void that is there twice, as its box": Case(
+        "a void that is defined twice, as its box": Case(
             joined([box(), box(), inside_out(inner), inside_out(inner)]),
             MIDDLE,
             (100, 84, 100),
             repairs=(DROPPED,),
         ),
-        "a box that is there twice around a void": Case(
+        "a box that is defined twice around a void": Case(
             joined([box(), box(), inside_out(inner)]), MIDDLE, (100, 84, 100), repairs=(DROPPED,)
         ),
         "a box with a void, all inside out": Case(
@@ -220,7 +220,7 @@ def _cases() -> Mapping[str, Case]:
             ball_areas(cuts=(5.0,)),
             3.0,
         ),
-        "an edge split on one side only": boxes(100, t_junction(), CRACKS),
+        "an edge split on one-sided": boxes(100, t_junction(), CRACKS),
         "an edge split beside its line": boxes(100, t_junction((0, 0.01, 0)), tolerance=0.06),
         "an edge split far beside its line": boxes(100, t_junction((0, 0.4, 0)), tolerance=2.1),
         "a crack of 0.0005 mm": boxes(100, cracked_box(0.0005), JOINED, tolerance=0.02),
@@ -271,7 +271,7 @@ def _cases() -> Mapping[str, Case]:
         ),
         "facets without area": boxes(100, folded(box())),
         "facets like needles": boxes(100, needles()),
-        "a strip with one side": Case(moebius(), (5.0, 12.0), refused="one side only"),
+        "a strip with one side": Case(moebius(), (5.0, 12.0), refused="one-sided"),
         "a cup of one sheet": boxes(100, cup(), FILLED),
         "half a pipe of one sheet": Case(half_pipe(), (5.0,), refused="surface is open"),
         "one upright sheet": Case(

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from printer_slicer.arrays import Float
-from printer_slicer.geometry.crossing import section_areas
+from printer_slicer.geometry.plane_sections import section_areas
 from printer_slicer.healing import repair
 from printer_slicer.model import LayerPlan, Mesh
 from printer_slicer.pipeline import slice_stages

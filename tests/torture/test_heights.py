@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.arrays import Float
-from printer_slicer.geometry.crossing import section_areas
+from printer_slicer.geometry.plane_sections import section_areas
 from printer_slicer.healing import repair
 from printer_slicer.model import LayerPlan, Mesh
 from printer_slicer.slicing import cut

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from printer_slicer.arrays import Float
 from printer_slicer.errors import PartError
-from printer_slicer.geometry.crossing import section_areas
+from printer_slicer.geometry.plane_sections import section_areas
 from printer_slicer.healing import repair
 from printer_slicer.model import LayerPlan, Mesh, Repairs, Sections
 from printer_slicer.slicing import cut, section_repairs

@@ -26,7 +26,7 @@ def bracket(bosses: tuple[tuple[int, int], ...], size: int) -> Mesh:
     return joined([box((40, 30, 1.0)), *feet], "bracket")
 
 
-def unretracted_over_tops(stages: Stages, shortest: float) -> Iterator[str]:
+def unretracted_over_tops(stages: Stages, find_shortest_paths: float) -> Iterator[str]:
     """Travels over top surfaces that are printed before in their layer, sampled, farther than a bead from both ends."""
     paths, travels = stages.toolpaths, stages.travels
     tops = paths.role == Role.TOP_SOLID_INFILL
@@ -41,7 +41,7 @@ def unretracted_over_tops(stages: Stages, shortest: float) -> Iterator[str]:
         for index in np.flatnonzero((paths.layer == layer) & ~travels.retract)[1:].tolist():
             line = way(paths, travels, index)
             length = shapely.length(shapely.LineString(line))
-            if paths.layer[index - 1] != layer or length <= shortest:
+            if paths.layer[index - 1] != layer or length <= find_shortest_paths:
                 continue
             at = np.arange(0.5, length - 0.5, STEP)
             points = shapely.points(

@@ -15,11 +15,11 @@ from printer_slicer.arrays import Float
 from printer_slicer.geometry import Areas
 from printer_slicer.model import Sections
 from printer_slicer.travels import travel
-from printer_slicer.travels.graphs import WayQueries
-from printer_slicer.travels.rooms import rooms_of
-from printer_slicer.travels.routes import straight, through
-from printer_slicer.travels.routing import routed
-from printer_slicer.travels.shortest import Links, shortest
+from printer_slicer.travels.graphs import RouteQueries
+from printer_slicer.travels.inset_regions import inset_regions
+from printer_slicer.travels.routes import build_routes, straight
+from printer_slicer.travels.routing import find_routes
+from printer_slicer.travels.shortest_paths import GraphEdges, find_shortest_paths
 from tests.parts import layers, profile, shape, shapely
 from tests.strategies import clean_areas
 from tests.travels.places import length_of, places, way
@@ -40,7 +40,7 @@ def test_the_shortest_ways_through_graphs_are_found(seed: int) -> None:
         count = int(rng.integers(0, 25))
         tail, head = first + rng.integers(0, n_nodes, (2, count))
         length = rng.choice([1.0, 2.0, 2.5, 7.0, np.inf], count)
-        parts.append(Links(tail, head, length))
+        parts.append(GraphEdges(tail, head, length))
         graph = nx.DiGraph()
         graph.add_nodes_from(range(first, first + n_nodes))
         for a, b, mm in zip(tail.tolist(), head.tolist(), length.tolist(), strict=True):
@@ -48,7 +48,7 @@ def test_the_shortest_ways_through_graphs_are_found(seed: int) -> None:
                 graph.add_edge(a, b, mm=mm)
         graphs.append(graph)
     begin = np.arange(n_graphs) * n_nodes
-    length, nodes, count = shortest(Links.joined(parts), begin, begin + 1, n_graphs * n_nodes)
+    length, nodes, count = find_shortest_paths(GraphEdges.joined(parts), begin, begin + 1, n_graphs * n_nodes)
 
     passed = np.split(nodes, np.cumsum(count)[:-1])
     for graph, a, mm, between in zip(graphs, begin.tolist(), length.tolist(), passed, strict=True):
@@ -94,18 +94,18 @@ def within(areas: Areas, seed: int, count: int) -> Float:
 @given(areas=clean_areas(1), seed=seeds)
 def test_ways_in_rooms_are_the_shortest(areas: Areas, seed: int) -> None:
     points = within(areas, seed, 6)
-    rooms = rooms_of(areas, BOX, 0.1)
+    rooms = inset_regions(areas, BOX, 0.1)
     pairs = np.array(list(combinations(range(6), 2)))
     layer = np.zeros(len(pairs), np.int64)
-    (begin, room), (end, other) = (rooms.entered(points[side], layer) for side in pairs.T)
+    (begin, room), (end, other) = (rooms.locate(points[side], layer) for side in pairs.T)
     same = np.flatnonzero((room == other) & (room >= 0))
-    asked = WayQueries(
+    asked = RouteQueries(
         begin[same], end[same], layer[same], room[same], np.full(len(same), np.inf), np.zeros(len(same))
     )
-    found = routed(asked, rooms.ground)
+    found = find_routes(asked, rooms.ground)
 
     assert found.there.all()
-    tight, _ = through(
+    tight, _ = build_routes(
         straight(begin[same], end[same], layer[same]), (begin[same], end[same]), found, rooms.ground.corners
     )
     area = shape(rooms.ground.areas, 0)

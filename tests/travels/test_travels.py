@@ -13,7 +13,7 @@ from printer_slicer.geometry import Areas
 from printer_slicer.model import LayerPlan, Sections, Toolpaths
 from printer_slicer.roles import Role
 from printer_slicer.travels import travel
-from printer_slicer.travels.worth import longest_worthwhile
+from printer_slicer.travels.detour_limit import detour_limits
 from tests.parts import profile, shape, shapely
 from tests.strategies import clean_areas
 from tests.travels.places import length_of, places, sections_of, travelled, way
@@ -128,7 +128,7 @@ def test_time_is_what_decides() -> None:
         **{"speeds.travel": 100},
     )
 
-    assert longest_worthwhile(np.array([30.0]), wanted) == pytest.approx(30 + 100 * 2 * (5 / 25 + 25 / 500))
+    assert detour_limits(np.array([30.0]), wanted) == pytest.approx(30 + 100 * 2 * (5 / 25 + 25 / 500))
 
 
 def test_nothing_is_avoided_where_that_is_not_asked_for() -> None:
@@ -312,7 +312,7 @@ def test_ways_keep_their_promises(areas: Areas, seed: int, detour: float) -> Non
             assert solid.buffer(1e-9).contains(drawn)
         if hits == 0 and len(line) > 2:
             # Outside of the part ways are longer by no more than the tolls they save.
-            assert length_of(line) <= float(longest_worthwhile(np.array([straight]), wanted)[0]) + 30
+            assert length_of(line) <= float(detour_limits(np.array([straight]), wanted)[0]) + 30
         assert travels.retract[index] == (hits > 0)
 
 

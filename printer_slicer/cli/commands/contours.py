@@ -92,7 +92,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Slice a model, write its contours, and print by how much they were changed."""
     from printer_slicer.cli.facts import repair_facts, repair_sentences
     from printer_slicer.cli.models import repaired_plate
-    from printer_slicer.healing import refuse_repaired
+    from printer_slicer.healing import require_no_repair
     from printer_slicer.model import Repairs
     from printer_slicer.pipeline import plan_part
     from printer_slicer.placing import place

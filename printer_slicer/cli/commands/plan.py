@@ -75,7 +75,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     from printer_slicer.cli.facts import certificate_facts, repair_facts
     from printer_slicer.cli.models import plate_name, repaired_plate, with_projects
-    from printer_slicer.healing import refuse_repaired
+    from printer_slicer.healing import require_no_repair
     from printer_slicer.model import Repairs
     from printer_slicer.pipeline import plan_part
     from printer_slicer.placing import place
@@ -97,7 +97,7 @@ def run(arguments: argparse.Namespace) -> int:
         sections = cut(part, chosen, profile.quality.resolution)
         repairs = Repairs((*repairs.done, *section_repairs(sections, shift)))
         if arguments.strict:
-            refuse_repaired(part.name, repairs)
+            require_no_repair(part.name, repairs)
         rows = _compare(
             part, profile, chosen, _plan_progress(arguments, report), everything=arguments.compare
         )

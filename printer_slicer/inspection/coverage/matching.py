@@ -9,7 +9,7 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, boxes
 from printer_slicer.geometry import Areas
-from printer_slicer.geometry.nearest import Outlines
+from printer_slicer.geometry.segment_index import OutlineIndex
 from printer_slicer.inspection.coverage.extrusions import Extrusions, Purpose, spread_out
 from printer_slicer.inspection.coverage.stack import Stack
 from printer_slicer.inspection.deposition.marks import NOT_PART
@@ -85,7 +85,7 @@ def fitted(stack: Stack, sections: Areas, rounds: int = 6) -> Match:
         return Match((0.0, 0.0), np.inf, 0.0)
     point, bead = spread_out(beads.take(chosen), _POINTS)
     half, layer = beads.width[chosen][bead] / 2, layer[chosen][bead]
-    outlines = Outlines(sections, point.min(axis=0) - 10, point.max(axis=0) + 10)
+    outlines = OutlineIndex(sections, point.min(axis=0) - 10, point.max(axis=0) + 10)
     shift = np.zeros(2)
     for _ in range(rounds):
         normal, depth = _depth(outlines, sections, point - shift, layer)
@@ -120,7 +120,7 @@ def apart(stack: Stack, sections: Areas) -> Bool:
         return result
     some = beads.take(doubtful)
     places = np.concatenate([some.begin, (some.begin + some.end) / 2, some.end])
-    outlines = Outlines(sections, places.min(axis=0) - 1, places.max(axis=0) + 1)
+    outlines = OutlineIndex(sections, places.min(axis=0) - 1, places.max(axis=0) + 1)
     layers = np.tile(layer[doubtful], 3)
     away = (outlines.distance(places, layers) > _FAR) & ~outlines.inside(places, layers)
     new = (np.abs(some.begin[1:] - some.end[:-1]).max(axis=1) > 1e-3) | (np.diff(layer[doubtful]) != 0)
@@ -136,7 +136,7 @@ def _outer(beads: Extrusions) -> Bool:
     return outer if outer.any() else ~np.isin(beads.purpose, NOT_PART)
 
 
-def _depth(outlines: Outlines, sections: Areas, points: Float, layer: Int) -> tuple[Float, Float]:
+def _depth(outlines: OutlineIndex, sections: Areas, points: Float, layer: Int) -> tuple[Float, Float]:
     """Inward normals (P, 2) of the nearest outlines, and how deep inside each point lies, mm; inf without one."""
     segment = outlines.nearest(points, layer)
     begin = sections.xy[segment]

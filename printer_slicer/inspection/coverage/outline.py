@@ -9,7 +9,7 @@ import numpy as np
 
 from printer_slicer.arrays import Float, Int, consecutive, frozen_array
 from printer_slicer.geometry import Areas
-from printer_slicer.geometry.nearest import Outlines
+from printer_slicer.geometry.segment_index import OutlineIndex
 
 __all__ = ["OutlineError", "outline_error", "sampled"]
 
@@ -61,7 +61,7 @@ def outline_error(sections: Areas, printed: Areas, speck: float = 0.0) -> Outlin
     area = sections.ring_area()
     counted = sections.select((area <= 0) | (area >= speck))
     for own, other in ((counted, printed), (printed, sections)):
-        points, layer, weight, distance = _measured(own, Outlines(other, low, high))
+        points, layer, weight, distance = _measured(own, OutlineIndex(other, low, high))
         known = np.isfinite(distance)
         parts.append((points[known], layer[known], weight[known], distance[known]))
     points, layer, weight, distance = (np.concatenate(column) for column in zip(*parts, strict=True))
@@ -79,7 +79,7 @@ def outline_error(sections: Areas, printed: Areas, speck: float = 0.0) -> Outlin
     return OutlineError(p95, largest, place)
 
 
-def _measured(own: Areas, other: Outlines) -> tuple[Float, Int, Float, Float]:
+def _measured(own: Areas, other: OutlineIndex) -> tuple[Float, Int, Float, Float]:
     """Points along all outlines (P, 2), their layers, the length that each stands for, and its distance, mm."""
     points, layer, weight, after = sampled(own)
     distance = other.distance(points, layer)

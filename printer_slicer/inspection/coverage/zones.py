@@ -13,11 +13,11 @@ from printer_slicer.geometry import (
     normalize,
     offset,
     offset_open,
-    stroked,
+    stroke_lines,
     union,
     window_intersection,
 )
-from printer_slicer.geometry.nearest import Outlines
+from printer_slicer.geometry.segment_index import OutlineIndex
 from printer_slicer.inspection.coverage.extrusions import Extrusions, Purpose, spread_out
 from printer_slicer.inspection.coverage.stack import Stack
 
@@ -57,7 +57,7 @@ def footprint(stack: Stack, chosen: Bool) -> Areas:
     xy[place] = beads.end
     xy[place[first] - 1] = beads.begin[first]
     start = np.append(0, np.cumsum(size + 1))
-    return stroked(xy, start, layer[first], radius[first], stack.n_layers)
+    return stroke_lines(xy, start, layer[first], radius[first], stack.n_layers)
 
 
 def shell_depth(stack: Stack, sections: Areas) -> float:
@@ -74,7 +74,7 @@ def shell_depth(stack: Stack, sections: Areas) -> float:
         return 2 * float(np.average(beads.width[known], weights=beads.length[known])) if known.any() else 1.0
     place, bead = spread_out(beads.take(walls), _POINTS)
     bead = walls[bead]
-    depth = Outlines(sections, place.min(axis=0) - 1, place.max(axis=0) + 1).distance(place, layer[bead])
+    depth = OutlineIndex(sections, place.min(axis=0) - 1, place.max(axis=0) + 1).distance(place, layer[bead])
     near = depth < _FARTHEST
     if not near.any():
         return 1.0
@@ -96,7 +96,7 @@ def _thickness(stack: Stack, sections: Areas) -> float:
     turns = np.flatnonzero((layer >= 0) & stack.rising[layer])
     place, bead = spread_out(beads.take(turns), _POINTS)
     bead = turns[bead]
-    outlines = Outlines(sections, place.min(axis=0) - 1, place.max(axis=0) + 1)
+    outlines = OutlineIndex(sections, place.min(axis=0) - 1, place.max(axis=0) + 1)
     own = layer[bead]
     low, high = np.maximum(own - 1, 0), np.minimum(own + 1, stack.n_layers - 1)
     under, depth, over = (outlines.distance(place, one) for one in (low, own, high))
@@ -134,7 +134,7 @@ def body_of(covered: Areas, core: Areas, sections: Areas, tolerance: float) -> A
         return body
     low, high = missing.xy.min(axis=0), missing.xy.max(axis=0)
     ring = missing.point_ring
-    shallow = Outlines(sections, low, high).distance(missing.xy, missing.ring_layer[ring]) <= tolerance
+    shallow = OutlineIndex(sections, low, high).distance(missing.xy, missing.ring_layer[ring]) <= tolerance
     reaches_out = np.bincount(ring, weights=shallow, minlength=missing.n_rings) > 0
     return union(body, normalize(missing.select(~reaches_out)))
 

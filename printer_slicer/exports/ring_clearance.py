@@ -1,0 +1,139 @@
+"""Edges of a stack that come near each other: how far other rings are, and where a ring meets itself.
+
+Edge `i` of a stack runs from point `i` to the point after it around its ring.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Final
+
+import numpy as np
+
+from printer_slicer.arrays import Bool, Float, Int
+from printer_slicer.geometry import Areas
+from printer_slicer.geometry.facet_topology import spread
+from printer_slicer.geometry.planar import SegmentTree
+from printer_slicer.geometry.segment_index import distance_to_segments
+from printer_slicer.geometry.vectors import cross
+
+__all__ = ["clearance", "contacts"]
+
+_SAME: Final = 1e-9  # mm; what is nearer than this touches
+_RUN: Final = 16  # edges that are looked for together
+_AT_ONCE: Final = 2048  # runs to look around; in dense contours each may have hundreds of others in reach
+
+
+def clearance(areas: Areas, reach: float) -> Float:
+    """(N,) mm from each edge to the nearest edge of another ring of its layer, `reach` where none is nearer."""
+    result = np.full(len(areas.xy), reach)
+    for here, there in _near(areas, reach, same_ring=False):
+        gap = _distance(areas, here, there)
+        np.minimum.at(result, here, gap)
+        np.minimum.at(result, there, gap)
+    return result
+
+
+def contacts(areas: Areas) -> tuple[Int, Int]:
+    """Pairs of edges of the same ring that cross or touch, other than neighbours in the point that they share."""
+    found = [(np.zeros(0, np.int64), np.zeros(0, np.int64))]
+    for here, there in _near(areas, _SAME, same_ring=True):
+        meet = _meet(areas, here, there)
+        found.append((here[meet], there[meet]))
+    firsts, seconds = zip(*found, strict=True)
+    return np.concatenate(firsts), np.concatenate(seconds)
+
+
+def _meet(areas: Areas, first: Int, second: Int) -> Bool:
+    """(P,) whether the edges of each pair of one ring have more in common than the point that neighbours share."""
+    following = areas.following
+    closes = following[second] == first  # the last edge of a ring and its first
+    first, second = np.where(closes, second, first), np.where(closes, first, second)
+    neighbours = following[first] == second
+    gap = np.zeros(len(first))
+    gap[~neighbours] = _distance(areas, first[~neighbours], second[~neighbours])
+    # Two edges from one point touch elsewhere only where the far end of one lies on the other.
+    begin, corner = areas.xy[first[neighbours]], areas.xy[second[neighbours]]
+    end = areas.xy[following[second[neighbours]]]
+    folded = np.minimum(distance_to_segments(begin, corner, end), distance_to_segments(end, begin, corner))
+    gap[neighbours] = folded
+    return np.asarray(gap <= _SAME)
+
+
+def _near(areas: Areas, reach: float, *, same_ring: bool) -> Iterator[tuple[Int, Int]]:
+    """Pairs of edges of one layer whose boxes are at most `reach` apart, the lower index first, some at a time.
+
+    Edges that follow one another are near to each other, so runs of them are looked for, and then what is in the runs
+    is compared.
+
+    Args:
+        areas: the contours.
+        reach: mm.
+        same_ring: whether both edges of a pair are of the same ring, or of different ones.
+    """
+    if not areas.n_rings:
+        return
+    sizes = np.diff(areas.ring_start)
+    ring, number = spread(-(-sizes // _RUN))
+    first = areas.ring_start[ring] + number * _RUN
+    last = np.append(first[1:], len(areas.xy))
+    begin, end = areas.xy, areas.xy[areas.following]
+    # Twice the reach, since far from the origin the corners of the boxes are rounded.
+    low, high = np.minimum(begin, end) - reach, np.maximum(begin, end) + reach
+    box_low, box_high = np.minimum.reduceat(low, first), np.maximum.reduceat(high, first)
+    # One tree for all layers: each has a cell of its own on a square lattice, too far from the others to be met.
+    span = float((box_high.max(axis=0) - box_low.min(axis=0)).max())
+    side = int(np.ceil(np.sqrt(areas.n_layers)))
+    cell = np.column_stack(np.divmod(areas.ring_layer[ring], side)) * (span + 1.0)
+    box_low, box_high = box_low + cell, box_high + cell
+    tree = SegmentTree(np.stack([box_low, box_high], axis=1))
+    # Runs as rows; what is missing in short ones meets nothing.
+    edge = first[:, None] + np.arange(_RUN)
+    there = edge < last[:, None]
+    edge = np.minimum(edge, len(areas.xy) - 1)
+    lows = [np.where(there, column[edge], np.inf) for column in low.T]
+    highs = [np.where(there, column[edge], -np.inf) for column in high.T]
+    for at in range(0, len(first), _AT_ONCE):
+        one, other = tree.meeting(box_low[at : at + _AT_ONCE], box_high[at : at + _AT_ONCE])
+        one += at
+        wanted = np.flatnonzero((one <= other) & ((ring[one] == ring[other]) == same_ring))
+        for begin_at in range(0, len(wanted), _AT_ONCE):
+            some = wanted[begin_at : begin_at + _AT_ONCE]
+            run, here, beside = _meeting_boxes(lows, highs, one[some], other[some])
+            lower, higher = first[one[some][run]] + here, first[other[some][run]] + beside
+            once = lower < higher
+            yield lower[once], higher[once]
+
+
+def _meeting_boxes(
+    lows: Sequence[Float], highs: Sequence[Float], one: Int, other: Int
+) -> tuple[Int, Int, Int]:
+    """For pairs (P,) of rows of boxes: the pair, the place in one row and in the other of boxes that touch.
+
+    Args:
+        lows: (R, n) lower bounds of the boxes, along x and along y.
+        highs: (R, n) upper ones.
+        one: (P,) a row.
+        other: (P,) another.
+    """
+    meet = np.ones((len(one), lows[0].shape[1], lows[0].shape[1]), np.bool_)
+    for low, high in zip(lows, highs, strict=True):
+        meet &= low[one][:, :, None] <= high[other][:, None, :]
+        meet &= high[one][:, :, None] >= low[other][:, None, :]
+    pair, here, beside = np.nonzero(meet)
+    return pair, here, beside
+
+
+def _distance(areas: Areas, first: Int, second: Int) -> Float:
+    """(P,) mm between the edges of each pair, 0 where they cross."""
+    following = areas.following
+    a, b = areas.xy[first], areas.xy[following[first]]
+    c, d = areas.xy[second], areas.xy[following[second]]
+    ends = [distance_to_segments(*way) for way in ((a, c, d), (b, c, d), (c, a, b), (d, a, b))]
+    crossing = (_side(a, b, c) * _side(a, b, d) < 0) & (_side(c, d, a) * _side(c, d, b) < 0)
+    return np.where(crossing, 0.0, np.minimum.reduce(ends))
+
+
+def _side(a: Float, b: Float, point: Float) -> Float:
+    """(P,) positive where the point lies to the left of the way from a to b."""
+    return cross(b - a, point - a)

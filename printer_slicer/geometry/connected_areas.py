@@ -1,0 +1,108 @@
+"""The connected pieces of the areas of a stack, each as an entry of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from printer_slicer.arrays import Float, Int, frozen_array
+from printer_slicer.geometry.areas import Areas
+from printer_slicer.geometry.boxes import Boxes
+from printer_slicer.geometry.ring_queries import find_enclosing_rings
+
+__all__ = ["ConnectedAreas", "split_connected"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ConnectedAreas:
+    """Connected areas one by one: what can be asked of the layers of a stack can be asked of them.
+
+    Attributes:
+        areas: P entries instead of layers, one outer ring and its holes each.
+        layer: (P,) ascending, the layer on which each piece lies.
+        of_ring: (R,) the piece that each ring of the stack belongs to; -1 where it belongs to none.
+    """
+
+    areas: Areas
+    layer: Int
+    of_ring: Int
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "layer", frozen_array(self.layer, np.int64, (self.areas.n_layers,)))
+        object.__setattr__(self, "of_ring", frozen_array(self.of_ring, np.int64, (-1,)))
+
+    def take(self, which: Int) -> ConnectedAreas:
+        """Some of the pieces (n,), ascending."""
+        number = np.full(self.count + 1, -1)  # the last one for rings that belong to none
+        number[which] = np.arange(len(which))
+        return ConnectedAreas(self.areas.for_each(which), self.layer[which], number[self.of_ring])
+
+    @classmethod
+    def joined(cls, parts: Sequence[ConnectedAreas]) -> tuple[ConnectedAreas, Int]:
+        """All pieces of several stacks, by layer, and (P,) which stack each is of; `of_ring` has the rings of all."""
+        layer = np.concatenate([part.layer for part in parts])
+        count = [part.count for part in parts]
+        source = np.repeat(np.arange(len(parts)), count)
+        order = np.argsort(layer, kind="stable")
+        number = np.zeros(len(layer) + 1, np.int64)
+        number[order] = np.arange(len(layer))
+        number[-1] = -1
+        first = np.cumsum([0, *count]).tolist()
+        piece = np.concatenate(
+            [number[part.areas.ring_layer + n] for part, n in zip(parts, first, strict=False)]
+        )
+        sizes = np.concatenate([np.diff(part.areas.ring_start) for part in parts])
+        xy = np.concatenate([part.areas.xy for part in parts])
+        rings = Areas(xy, np.append(0, np.cumsum(sizes)), np.zeros_like(piece), 1)
+        sorted_rings = np.argsort(piece, kind="stable")
+        areas = rings.restacked(sorted_rings, piece[sorted_rings], len(layer))
+        of_ring = [
+            number[np.where(part.of_ring < 0, -1, part.of_ring + n)]
+            for part, n in zip(parts, first, strict=False)
+        ]
+        return cls(areas, layer[order], np.concatenate(of_ring)), source[order]
+
+    @property
+    def count(self) -> int:
+        """How many pieces."""
+        return len(self.layer)
+
+    def mean_width(self) -> Float:
+        """(P,) mm: what a long strip of the same area and outline is wide."""
+        return np.asarray(2 * self.areas.area() / self.areas.length())
+
+    def beside(self, areas: Areas) -> Areas:
+        """For each piece the rings of a stack, on its layer, whose boxes meet the box around it."""
+        low, high = self.areas.boxes()
+        own = Boxes(low, high, self.layer)
+        piece, ring = own.overlapping(Boxes.of_rings(areas))
+        order = np.lexsort((ring, piece))
+        return areas.restacked(ring[order], piece[order], self.count)
+
+    def on_layers(self, n_layers: int, which: Int) -> Areas:
+        """Some of the pieces (n,), ascending, put back on the layers of the stack."""
+        rings = np.flatnonzero(np.isin(self.areas.ring_layer, which))
+        return self.areas.restacked(rings, self.layer[self.areas.ring_layer[rings]], n_layers)
+
+
+def split_connected(areas: Areas) -> ConnectedAreas:
+    """The connected pieces of clean areas, by layer and in the order of their outer rings.
+
+    What touches in a point only is apart.
+    """
+    outer = areas.ring_area() > 0
+    solids, holes = np.flatnonzero(outer), np.flatnonzero(~outer)
+    owner = np.zeros(areas.n_rings, np.int64)
+    owner[solids] = np.arange(len(solids))
+    if len(holes):
+        # Holes may touch their outer ring at corners, but not along sides.
+        first = areas.ring_start[holes]
+        probes = (areas.xy[first] + areas.xy[first + 1]) / 2
+        found = find_enclosing_rings(areas.take(solids), probes, areas.ring_layer[holes])
+        owner[holes] = found
+    # A ring of no area that lies in none belongs to nothing.
+    order = np.argsort(owner, kind="stable")[int((owner < 0).sum()) :]
+    entries = areas.restacked(order, owner[order], len(solids))
+    return ConnectedAreas(entries, areas.ring_layer[solids], owner)

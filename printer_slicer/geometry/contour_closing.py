@@ -1,0 +1,237 @@
+"""Open contours: which loose end goes on at which loose beginning, in whatever order they are given."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from printer_slicer.arrays import Bool, Float, Int
+from printer_slicer.geometry.facet_topology import may_have_neighbours, spread
+from printer_slicer.geometry.ring_queries import any_crossing
+
+__all__ = ["Chords", "LooseEnds", "close_near", "close_with_chords"]
+
+_TIERS = (1e-6, 1e-3, 1e-2, 0.1, 0.3)
+"""mm; ends are looked for this near before they are looked for farther away, so that few are left for that."""
+_PAIRS_PER_END = 20
+_MANY_PAIRS = 200_000
+"""Where each loose end has more than so many others near it, and there are more than so many in all, or where more
+pairs than these are left to try chords between, a surface is in shreds: looking on would take minutes, for nothing."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LooseEnds:
+    """Nodes of the contours of all planes that have nothing after them, and as many that have nothing before them.
+
+    Attributes:
+        xy: (N, 2) mm, all nodes.
+        plane: (N,) of each node.
+        tails: (n,) nodes without a follower.
+        heads: (n,) nodes that follow none; as many on each plane as there are tails.
+    """
+
+    xy: Float
+    plane: Int
+    tails: Int
+    heads: Int
+
+    @classmethod
+    def of(cls, following: Int, xy: Float, plane: Int) -> LooseEnds:
+        """From the follower of each node, -1 where there is none."""
+        is_head = np.ones(len(following), np.bool_)
+        is_head[following[following >= 0]] = False
+        return cls(xy, plane, np.flatnonzero(following < 0), np.flatnonzero(is_head))
+
+    @property
+    def n_pairs(self) -> int:
+        """Pairs of a tail and a head of the same plane."""
+        return int((np.bincount(self.plane[self.tails]) ** 2).sum())
+
+    def without(self, joined: Chords) -> LooseEnds:
+        """Those that are left when the chords are drawn."""
+        return LooseEnds(
+            self.xy,
+            self.plane,
+            self.tails[~np.isin(self.tails, joined.tail)],
+            self.heads[~np.isin(self.heads, joined.head)],
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Chords:
+    """Straight ways that close contours.
+
+    Attributes:
+        tail: (C,) node at which each begins.
+        head: (C,) node at which it ends.
+        width: (C,) mm, its length.
+    """
+
+    tail: Int
+    head: Int
+    width: Float
+
+    @classmethod
+    def none(cls) -> Chords:
+        """No chord."""
+        return cls(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))
+
+    @classmethod
+    def merged(cls, some: Sequence[Chords]) -> Chords:
+        """All together."""
+        return cls(
+            np.concatenate([chords.tail for chords in some]),
+            np.concatenate([chords.head for chords in some]),
+            np.concatenate([chords.width for chords in some]),
+        )
+
+
+def close_near(loose: LooseEnds, reach: float) -> Chords:
+    """Chords of at most `reach` mm between loose ends of a plane, the shortest first, every end once.
+
+    Raises:
+        OverflowError: too many ends lie near each other to be compared.
+    """
+    chords = Chords.none()
+    for radius in (*(tier for tier in _TIERS if tier < reach), reach):
+        if not len(loose.tails):
+            break
+        found = _shortest_first(loose, *_near(loose, radius))
+        chords, loose = Chords.merged([chords, found]), loose.without(found)
+    return chords
+
+
+def _near(loose: LooseEnds, radius: float) -> tuple[Int, Int]:
+    """All pairs (tail, head) of one plane not farther apart than the radius.
+
+    Cells are as wide as the radius and numbered by plane, row, column: the three cells of a row in which a near head
+    can lie follow one another. Tails ask in the order of their cells, so what is searched stays in the cache.
+
+    Raises:
+        OverflowError: too many to be compared.
+    """
+    node = np.concatenate([loose.tails, loose.heads])
+    maybe = may_have_neighbours(loose.xy[node], radius, plane=loose.plane[node])
+    tails, heads = loose.tails[maybe[: len(loose.tails)]], loose.heads[maybe[len(loose.tails) :]]
+    if not len(tails) or not len(heads):
+        return tails[:0], heads[:0]
+    key, row = _cells(loose, np.concatenate([tails, heads]), radius)
+    by_tail, by_head = (np.argsort(part, kind="stable") for part in (key[: len(tails)], key[len(tails) :]))
+    tails, tail_key = tails[by_tail], key[: len(tails)][by_tail]
+    heads, head_key = heads[by_head], key[len(by_tail) :][by_head]
+    found: list[tuple[Int, Int]] = []
+    total = 0
+    for shift in (-row, 0, row):
+        first = np.searchsorted(head_key, tail_key + (shift - 1))
+        last = np.searchsorted(head_key, tail_key + (shift + 1), side="right")
+        total += int((last - first).sum())
+        if total > _PAIRS_PER_END * len(loose.tails) + _MANY_PAIRS:
+            raise OverflowError
+        owner, place = spread(last - first)
+        tail, head = tails[owner], heads[first[owner] + place]
+        near = ((loose.xy[tail] - loose.xy[head]) ** 2).sum(axis=1) <= radius**2
+        found.append((tail[near], head[near]))
+    return np.concatenate([tail for tail, _ in found]), np.concatenate([head for _, head in found])
+
+
+def _cells(loose: LooseEnds, node: Int, width: float) -> tuple[Int, int]:
+    """(n,) the number of the cell of each node, and by how much it differs from that of the next row of its plane.
+
+    Rows and planes do not touch: the cell after the last one of a row is none of the next. Where 62 bits would not
+    do, cells are wider.
+    """
+    xy, plane = loose.xy[node], loose.plane[node]
+    row_length = 1 << (62 - (int(plane.max()) + 1).bit_length()) // 2
+    low, high = xy.min(axis=0), xy.max(axis=0)
+    width = max(width, float((high - low).max()) / (row_length - 4))
+    column, row = np.floor((xy - low) / width).astype(np.int64).T + 1
+    return (plane * row_length + row) * row_length + column, row_length
+
+
+def _shortest_first(loose: LooseEnds, tail: Int, head: Int) -> Chords:
+    """Of the pairs the shortest, then the shortest of those that do not use its ends, and so on.
+
+    In each round every pair is taken that is the shortest of both of its ends; that comes to the same.
+    """
+    gap = loose.xy[tail] - loose.xy[head]
+    width = np.hypot(gap[:, 0], gap[:, 1])
+    # Ties are decided by where the ends lie, not by their numbers.
+    order = np.lexsort((*loose.xy[head].T, *loose.xy[tail].T, width))
+    tail, head, width = tail[order], head[order], width[order]
+    chosen = np.zeros(len(tail), np.bool_)
+    left = np.arange(len(tail))
+    best_tail, best_head = np.zeros(len(loose.xy), np.int64), np.zeros(len(loose.xy), np.int64)
+    while len(left):
+        # The last to write is the first of the order.
+        best_tail[tail[left[::-1]]] = left[::-1]
+        best_head[head[left[::-1]]] = left[::-1]
+        mutual = left[(best_tail[tail[left]] == left) & (best_head[head[left]] == left)]
+        chosen[mutual] = True
+        used = np.isin(tail[left], tail[mutual]) | np.isin(head[left], head[mutual])
+        left = left[~used]
+    return Chords(tail[chosen], head[chosen], width[chosen])
+
+
+def close_with_chords(
+    loose: LooseEnds, begin: Float, end: Float, segment_plane: Int, n_pairs: int = 0
+) -> Chords:
+    """Chords of any length between loose ends of a plane: the shortest first that crosses nothing.
+
+    Args:
+        loose: ends that are left.
+        begin: (S, 2) mm, where the segments of all contours begin.
+        end: (S, 2) mm, where they end.
+        segment_plane: (S,).
+        n_pairs: of ends compared on other planes, which count too.
+
+    Returns:
+        The chords; ends between which every chord would cross a contour are left loose, and so are those of all planes
+        above.
+
+    Raises:
+        OverflowError: there are too many ends to try.
+    """
+    chords = Chords.none()
+    planes, counts = np.unique(loose.plane[loose.tails], return_counts=True)
+    if n_pairs + loose.n_pairs > _MANY_PAIRS:
+        raise OverflowError
+    order = np.argsort(segment_plane, kind="stable")
+    begin, end, segment_plane = begin[order], end[order], segment_plane[order]
+    for plane, count in zip(planes.tolist(), counts.tolist(), strict=True):
+        here = slice(*np.searchsorted(segment_plane, [plane, plane + 1]))
+        tails = loose.tails[loose.plane[loose.tails] == plane]
+        heads = loose.heads[loose.plane[loose.heads] == plane]
+        found = _uncrossed(loose.xy, tails, heads, begin[here], end[here])
+        chords = Chords.merged([chords, found])
+        if len(found.tail) < count:
+            break
+    return chords
+
+
+def _uncrossed(xy: Float, tails: Int, heads: Int, begin: Float, end: Float) -> Chords:
+    """Chords of one plane, the shortest first, that cross neither a segment nor each other."""
+    gap = xy[tails][:, None] - xy[heads][None]
+    width = np.hypot(gap[:, :, 0], gap[:, :, 1]).ravel()
+    tail, head = np.repeat(tails, len(heads)), np.tile(heads, len(tails))
+    order = np.lexsort((*xy[head].T, *xy[tail].T, width))
+    used: set[int] = set()
+    chosen = []
+    for k in order.tolist():
+        ends = int(tail[k]), int(head[k]) + len(xy)  # tails and heads are numbered apart
+        if used.isdisjoint(ends) and not _crosses(xy[tail[k]], xy[head[k]], begin, end):
+            used.update(ends)
+            chosen.append(k)
+            begin, end = np.vstack([begin, xy[tail[k]]]), np.vstack([end, xy[head[k]]])
+    return Chords(tail[chosen], head[chosen], width[chosen])
+
+
+def _crosses(start: Float, stop: Float, begin: Float, end: Float) -> bool:
+    """Whether a chord crosses a segment that does not share an end with it."""
+    apart: Bool = np.ones(len(begin), np.bool_)
+    for point in (start, stop):
+        apart &= (begin != point).any(axis=1) & (end != point).any(axis=1)
+    if not apart.any():
+        return False
+    return bool(any_crossing(start[None], stop[None], begin[apart], end[apart])[0])

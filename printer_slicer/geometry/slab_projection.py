@@ -1,0 +1,74 @@
+"""What the surface covers, seen from above, between two heights: facets clipped to slabs and projected."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from printer_slicer.arrays import Float, Int
+from printer_slicer.geometry.areas import Areas
+from printer_slicer.geometry.facet_topology import spread
+from printer_slicer.geometry.vectors import cross
+
+__all__ = ["BESIDE", "project_slabs"]
+
+BESIDE = 2e-5
+"""mm; what 32-bit coordinates leave of a height that was meant to be a border: slabs leave it out at both ends."""
+_NO_AREA = 1e-9  # mm²
+
+
+def project_slabs(triangles: Float, bottom: Float, top: Float) -> Areas:
+    """Projections of the parts of all facets that lie within each slab, as rings that may overlap.
+
+    Facets that only touch a slab from outside, upright facets, and what lies within rounding of a border are left out.
+
+    Args:
+        triangles: (F, 3, 3) mm.
+        bottom: (L,) mm, ascending.
+        top: (L,) mm, ascending; slabs may touch but not overlap.
+    """
+    low, high = bottom + BESIDE, top - BESIDE
+    z = triangles[:, :, 2]
+    first = np.searchsorted(high, z.min(axis=1), side="right")
+    last = np.searchsorted(low, z.max(axis=1), side="left")
+    flat = triangles[..., :2]
+    area = cross(flat[:, 1] - flat[:, 0], flat[:, 2] - flat[:, 0])
+    facets = np.flatnonzero(np.abs(area) > _NO_AREA)
+    owner, place = spread(np.maximum(last - first, 0)[facets])
+    facet = facets[owner]
+    slab = first[facet] + place
+    # Counter-clockwise from above, whichever way the facet looks.
+    corners = np.where((area[facet] > 0)[:, None, None], triangles[facet], triangles[facet][:, ::-1])
+    xy, size = _clipped(corners, low[slab], high[slab])
+    layers, order = slab[size > 0], np.argsort(slab[size > 0], kind="stable")
+    return _rings(xy, size[size > 0], layers, order, len(bottom))
+
+
+def _clipped(corners: Float, low: Float, high: Float) -> tuple[Float, Int]:
+    """Points of the triangles (n, 3, 3) between the heights `low` and `high` (n,), and how many of each.
+
+    The edges of a clipped triangle are the clipped edges of the triangle, in their order, joined by straight lines.
+    """
+    begin, end = corners, corners[:, [1, 2, 0]]
+    rise = end[:, :, 2] - begin[:, :, 2]
+    level = rise == 0
+    share = [
+        np.clip((border[:, None] - begin[:, :, 2]) / np.where(level, 1.0, rise), 0, 1)
+        for border in (low, high)
+    ]
+    enter, leave = np.where(rise > 0, share[0], share[1]), np.where(rise > 0, share[1], share[0])
+    within = (begin[:, :, 2] >= low[:, None]) & (begin[:, :, 2] <= high[:, None])
+    enter, leave = np.where(level, 0.0, enter), np.where(level, 1.0, leave)
+    kept = np.where(level, within, enter < leave)
+    step = (end - begin)[:, :, :2]
+    points = np.stack(
+        [begin[:, :, :2] + enter[:, :, None] * step, begin[:, :, :2] + leave[:, :, None] * step], axis=2
+    )
+    return points[kept].reshape(-1, 2), 2 * kept.sum(axis=1)
+
+
+def _rings(xy: Float, size: Int, layer: Int, order: Int, n_layers: int) -> Areas:
+    """Rings of the given sizes, put in the order of their layers."""
+    start = np.cumsum(size) - size
+    owner, place = spread(size[order])
+    moved = xy[start[order][owner] + place]
+    return Areas(moved, np.concatenate([[0], np.cumsum(size[order])]), layer[order], n_layers)

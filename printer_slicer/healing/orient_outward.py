@@ -1,0 +1,186 @@
+"""Bodies that face inward are turned, with their voids; voids of bodies that face outward stay as they are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from printer_slicer.arrays import Bool, Float, Int
+from printer_slicer.geometry.connectivity import label_components
+from printer_slicer.healing.facets import Facets
+from printer_slicer.healing.holes import CRACK
+from printer_slicer.healing.nesting import covers, runs_around
+from printer_slicer.model import Repair
+
+__all__ = ["enclosed_volume", "orient_outward"]
+
+_INWARD = 1e-3  # of the size of a facet: how far a place is moved off it
+_NO_VOLUME = 1e-9  # mm³
+_CLEAR = 1e-3  # of its area to the power of 1.5: what an open surface must enclose to have an inside
+_MOSTLY = 0.5
+_FEW = 2000  # open shells that are held against each other
+_LOOKS = 6  # places of an outward shell besides the largest facet that must all be within another
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Shells:
+    """The surface in pieces that face one way each: closed shells, and open ones within a crack's width of each other.
+
+    Attributes:
+        of_facet: (F,) the shell of each facet.
+        volume: (S,) mm³, signed.
+        closed: (S,).
+        clear: (S,) whether a shell encloses enough to have an inside.
+    """
+
+    of_facet: Int
+    volume: Float
+    closed: Bool
+    clear: Bool
+
+    @classmethod
+    def of(cls, facets: Facets) -> _Shells:
+        """Closed patches each by itself, open ones that hang together as one."""
+        patch = facets.patches()
+        n_patches = int(patch.max(initial=-1)) + 1
+        closed = _closed(facets, patch, n_patches)
+        shell = _open_together(facets, patch, closed)[patch]
+        n_shells = int(shell.max(initial=-1)) + 1
+        whole = np.ones(n_shells, np.bool_)
+        whole[shell[~closed[patch]]] = False
+        volume, area = enclosed_volume(facets, shell, n_shells)
+        clear = np.abs(volume) > np.where(whole, _NO_VOLUME, _CLEAR * area**1.5)
+        return cls(shell, volume, whole, clear)
+
+
+def orient_outward(facets: Facets) -> tuple[Facets, list[Repair]]:
+    """With every shell facing outward, but for voids.
+
+    A shell that faces inward is a void if it lies within the solid, as the larger shells around it say; otherwise it is
+    turned. With it turn those that faced outward in it: what the file has inside out, it has inside out with its voids.
+    The largest are judged first.
+    """
+    shells = _Shells.of(facets)
+    inward = shells.clear & (shells.volume < 0)
+    if not inward.any():
+        return facets, []
+    turn = _to_turn(facets, shells, inward)
+    if not turn.any():
+        return facets, []
+    done = []
+    for kind, some in (("shells turned outward", turn & inward), ("voids turned inward", turn & ~inward)):
+        if some.any():
+            first = np.unique(shells.of_facet, return_index=True)[1][some]
+            done.append(Repair(kind, facets.middles[first]))
+    return facets.turned(turn[shells.of_facet]), done
+
+
+def enclosed_volume(facets: Facets, shell: Int, n_shells: int) -> tuple[Float, Float]:
+    """(n_shells,) signed volume, mm³, and area, mm², of each shell; open ones end at the middle of their border."""
+    origin = np.zeros((n_shells, 3))
+    origin[shell[::-1]] = facets.points[facets.corners[::-1, 0]]
+    border = facets.count[facets.edges] == 1
+    owner = np.repeat(shell, 3)[border.ravel()]
+    n_border = np.bincount(owner, minlength=n_shells)
+    for axis in range(3):
+        total = np.bincount(owner, facets.points[facets.corners[border], axis], n_shells)
+        origin[:, axis] = np.where(n_border > 0, total / np.maximum(n_border, 1), origin[:, axis])
+    a, b, c = (facets.triangles - origin[shell][:, None]).transpose(1, 0, 2)
+    volume = np.bincount(shell, np.einsum("ij,ij->i", a, np.cross(b, c)) / 6, n_shells)
+    area = np.bincount(shell, np.linalg.norm(facets.normals, axis=1) / 2, n_shells)
+    return volume.astype(np.float64), area.astype(np.float64)
+
+
+def _closed(facets: Facets, patch: Int, n_patches: int) -> Bool:
+    """(n_patches,) whether the facets of each patch alone pass every edge as often in both directions."""
+    key, inverse = np.unique(
+        np.repeat(patch, 3) * np.int64(len(facets.count)) + facets.edges.ravel(), return_inverse=True
+    )
+    net = np.bincount(inverse.ravel(), facets.turns.ravel())
+    return np.asarray(np.bincount(key[net != 0] // len(facets.count), minlength=n_patches) == 0)
+
+
+def _open_together(facets: Facets, patch: Int, closed: Bool) -> Int:
+    """(P,) the shell of each patch: open ones whose envelopes are within the width of a crack are one."""
+    open_ones = np.flatnonzero(~closed)
+    if not 1 < len(open_ones) <= _FEW:
+        return np.arange(len(closed))
+    low, high = _envelopes(facets, patch, len(closed))
+    low, high = low[open_ones] - CRACK / 2, high[open_ones] + CRACK / 2
+    near = ((low[:, None] <= high[None]) & (high[:, None] >= low[None])).all(axis=2)
+    pairs = open_ones[np.stack(np.nonzero(near))]
+    return label_components(pairs, len(closed))
+
+
+def _envelopes(facets: Facets, shell: Int, n_shells: int) -> tuple[Float, Float]:
+    """(n_shells, 3) lowest and highest corner around each shell."""
+    order = np.argsort(shell, kind="stable")
+    first = np.searchsorted(shell[order], np.arange(n_shells))
+    corners = facets.triangles.take(order, axis=0)
+    return np.minimum.reduceat(corners.min(axis=1), first), np.maximum.reduceat(corners.max(axis=1), first)
+
+
+def _to_turn(facets: Facets, shells: _Shells, inward: Bool) -> Bool:
+    """(S,) which shells are to be turned, see `orient_outward`."""
+    asked = np.flatnonzero(inward | _may_be_voids(facets, shells, inward))
+    places, asker = _places(facets, shells, asked, inward)
+    found = [
+        look(facets.triangles[some], shells.of_facet[some], places)
+        for look, some in (
+            (runs_around, shells.closed[shells.of_facet]),
+            (covers, (~shells.closed & shells.clear)[shells.of_facet]),
+        )
+        if some.any()
+    ]
+    place, other, around = (np.concatenate(column) for column in zip(*found, strict=True))
+    size = np.abs(shells.volume)
+    larger = size[other] > size[asker[place]]
+    place, other, around = place[larger], other[larger], around[larger]
+    order = np.argsort(asker[place], kind="stable")
+    place, other, around = place[order], other[order], around[order]
+    begin, end = (np.searchsorted(asker[place], asked, side=side) for side in ("left", "right"))
+    turn = np.zeros(len(inward), np.bool_)
+    for k in np.argsort(-size[asked], kind="stable").tolist():
+        shell, these = asked[k], slice(int(begin[k]), int(end[k]))
+        if inward[shell]:
+            turn[shell] = (around[these] * np.where(turn[other[these]], -1, 1)).sum() < _MOSTLY
+        else:
+            within = other[these][np.abs(around[these]) >= _MOSTLY]
+            parents, seen = np.unique(within, return_counts=True)
+            parents = parents[seen == _LOOKS + 1]
+            turn[shell] = len(parents) > 0 and bool(turn[parents[np.argmin(size[parents])]])
+    return turn
+
+
+def _may_be_voids(facets: Facets, shells: _Shells, inward: Bool) -> Bool:
+    """(S,) shells that face outward and whose envelope lies in that of a larger one that faces inward."""
+    from printer_slicer.geometry.planar import SegmentTree  # noqa: PLC0415 - shapely only when it is needed
+
+    low, high = _envelopes(facets, shells.of_facet, len(inward))
+    around, outward = np.flatnonzero(inward), np.flatnonzero(shells.clear & ~inward)
+    tree = SegmentTree(np.stack([low[around, :2], high[around, :2]], axis=1))
+    one, other = tree.meeting(low[outward, :2], high[outward, :2])
+    one, other = outward[one], around[other]
+    within = ((low[one] >= low[other]) & (high[one] <= high[other])).all(axis=1)
+    within &= np.abs(shells.volume[one]) < np.abs(shells.volume[other])
+    result = np.zeros(len(inward), np.bool_)
+    result[one[within]] = True
+    return result
+
+
+def _places(facets: Facets, shells: _Shells, asked: Int, inward: Bool) -> tuple[Float, Int]:
+    """(n, 3) places just within shells, and (n,) the shell: behind its largest facet, for outward ones more."""
+    normals = facets.normals
+    size = np.linalg.norm(normals, axis=1)
+    order = np.lexsort((size, shells.of_facet))
+    last = np.searchsorted(shells.of_facet[order], asked, side="right") - 1
+    first = np.searchsorted(shells.of_facet[order], asked)
+    chosen, asker = [order[last]], [asked]
+    several = np.flatnonzero(~inward[asked])
+    for look in range(_LOOKS):  # spread over its facets from small to large
+        chosen.append(order[first + (last - first) * look // _LOOKS][several])
+        asker.append(asked[several])
+    facet, shell = np.concatenate(chosen), np.concatenate(asker)
+    off = np.where(inward[shell], 1, -1) * _INWARD / np.sqrt(np.maximum(size[facet], 1e-300))
+    return facets.middles[facet] + off[:, None] * normals[facet], shell

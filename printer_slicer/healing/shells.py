@@ -1,0 +1,68 @@
+"""Facets that lie about: flat pieces of surface beside the part or through it, which bound nothing."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from printer_slicer.arrays import Bool, Float, Int
+from printer_slicer.geometry.vectors import feet
+from printer_slicer.healing.facets import Facets
+from printer_slicer.healing.holes import CRACK
+from printer_slicer.healing.orient_outward import enclosed_volume
+from printer_slicer.model import Repair
+
+__all__ = ["drop_loose_facets"]
+
+_FLAT = 1e-3  # of its area to the power of 1.5: a piece that encloses less has no inside
+_MOST = 0.05  # of the area of the mesh
+_MOST_EDGES = 100_000  # open ones that are held against each other
+
+
+def drop_loose_facets(facets: Facets) -> tuple[Facets, list[Repair]]:
+    """Without flat pieces that share no edge with others, none of whose edges runs along an open edge of another.
+
+    Along is: both ends and the middle are within the width of a crack.
+
+    Something else is left. Where that is open too, they are at most a twentieth of the surface; otherwise all stay, for
+    the mesh may be nothing but such pieces, to be closed section by section.
+    """
+    open_edge = facets.count[facets.edges] == 1
+    if not open_edge.any() or int(open_edge.sum()) > _MOST_EDGES:
+        return facets, []
+    patch = facets.patches()
+    n_patches = int(patch.max()) + 1
+    volume, area = enclosed_volume(facets, patch, n_patches)
+    n_open = np.bincount(patch, open_edge.sum(axis=1), n_patches)
+    joint = np.bincount(patch, (facets.count[facets.edges] > 2).any(axis=1), n_patches) > 0
+    loose = (n_open > 0) & ~joint & (np.abs(volume) <= _FLAT * area**1.5)
+    loose[_beside_others(facets, patch, open_edge, loose)] = False
+    open_beside = bool(((n_open > 0) & ~loose).any())
+    if not loose.any() or loose.all() or (open_beside and area[loose].sum() > _MOST * area.sum()):
+        return facets, []
+    gone = loose[patch]
+    return facets.kept(~gone), [Repair("loose facets dropped", facets.middles[gone])]
+
+
+def _beside_others(facets: Facets, patch: Int, open_edge: Bool, loose: Bool) -> Int:
+    """(n,) those of the `loose` (P,) patches that have an open edge along those of other patches."""
+    from printer_slicer.geometry.planar import SegmentTree  # noqa: PLC0415 - shapely only when it is needed
+
+    if not loose.any():
+        return np.zeros(0, np.int64)
+    owner = np.repeat(patch, 3)[open_edge.ravel()]
+    begin = facets.points[facets.corners[open_edge]]
+    end = facets.points[facets.corners[:, [1, 2, 0]][open_edge]]
+    tree = SegmentTree(np.stack([begin[:, :2], end[:, :2]], axis=1))
+    own = np.flatnonzero(loose[owner])
+    beside = np.ones(len(own), np.bool_)
+    for point in (begin[own], (begin[own] + end[own]) / 2, end[own]):
+        place, other = tree.meeting(point[:, :2] - CRACK, point[:, :2] + CRACK)
+        apart = owner[own[place]] == owner[other]
+        near = ~apart & (_distance(point[place], begin[other], end[other]) <= CRACK)
+        beside &= np.bincount(place[near], minlength=len(own)) > 0
+    return np.unique(owner[own[beside]])
+
+
+def _distance(point: Float, begin: Float, end: Float) -> Float:
+    """(n,) mm from each point (n, 3) to its straight line from `begin` to `end`."""
+    return np.asarray(np.linalg.norm(point - feet(point, begin, end)[0], axis=1))
