@@ -1,4 +1,4 @@
-"""Areas as the numbers that a file can hold: whole units, or 32-bit floats."""
+"""Round areas to the numbers that a file format holds: whole units or 32-bit floats."""
 
 from __future__ import annotations
 

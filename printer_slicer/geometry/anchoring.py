@@ -28,7 +28,7 @@ _LEANS = 0.05  # cosine of the angle between line and outline: under that it sta
 
 
 def anchor(areas: Areas, lines: Polylines, *, longest: float, hook: float, apart: float = 0.0) -> Polylines:
-    """The lines with their ends joined along the outlines they lie on.
+    """Join the ends of lines along the outlines on which they lie.
 
     Each end is joined to one of its two neighbours on the outline where the way to it is no longer than `longest`: as
     many as can be, and of the ways to join as many the one that takes the least length (on outlines with an odd number

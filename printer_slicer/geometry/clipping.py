@@ -21,7 +21,7 @@ _NOTHING = 2e-5  # mm; pieces shorter than the steps of the grid
 
 
 def clip_lines(areas: Areas, lines: Polylines) -> Polylines:
-    """The parts of open lines that lie within the areas, by ascending layer and line.
+    """Clip open lines to the areas; the parts are ordered by layer and line.
 
     Both are rounded to the grid of the areas, 0.01 µm, and then everything about which segment crosses which edge is
     decided in whole numbers, as if all lines were moved aside by less than any number: so no case is special, and each

@@ -1,4 +1,4 @@
-"""What belongs together: equal keys, linked items, chains; whole arrays, no order of the items matters but for ties."""
+"""Connectivity of items given as arrays: equal keys, linked items, chains and cycles."""
 
 from __future__ import annotations
 

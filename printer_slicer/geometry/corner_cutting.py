@@ -1,4 +1,4 @@
-"""Corners so sharp that a bead would lie on itself, cut off."""
+"""Cut off corners so sharp that an extrusion would overlap itself."""
 
 from __future__ import annotations
 

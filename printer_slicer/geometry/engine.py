@@ -101,7 +101,7 @@ def _engine() -> Polygons:
 
 
 def normalize(areas: Areas) -> Areas:
-    """Clean areas that cover what the rings wind around more often to the left than to the right.
+    """Return clean areas of everything with a positive winding number.
 
     Overlapping or self-crossing shells merge; a ring that runs clockwise on its own covers nothing.
     """
@@ -110,7 +110,7 @@ def normalize(areas: Areas) -> Areas:
 
 
 def union(a: Areas, b: Areas) -> Areas:
-    """What is in `a` or in `b`, layer by layer.
+    """Return the union of `a` and `b`, layer by layer.
 
     Raises:
         ValueError: the stacks have different numbers of layers.
@@ -120,7 +120,7 @@ def union(a: Areas, b: Areas) -> Areas:
 
 
 def difference(a: Areas, b: Areas) -> Areas:
-    """What is in `a` but not in `b`, layer by layer.
+    """Return `a` without `b`, layer by layer.
 
     Raises:
         ValueError: the stacks have different numbers of layers.
@@ -130,7 +130,7 @@ def difference(a: Areas, b: Areas) -> Areas:
 
 
 def intersection(a: Areas, b: Areas) -> Areas:
-    """What is in `a` and in `b`, layer by layer.
+    """Return the intersection of `a` and `b`, layer by layer.
 
     Raises:
         ValueError: the stacks have different numbers of layers.
@@ -157,7 +157,7 @@ def offset(areas: Areas, distance: float | Float, *, join: Join = "miter") -> Ar
 
 
 def offset_open(areas: Areas, distance: float | Float, limit: float = MITER_LIMIT) -> Areas:
-    """The areas without what is narrower than twice `distance`: shrunk, then grown again.
+    """Remove what is narrower than twice `distance`: shrink the areas, then grow them again.
 
     The result lies within the original: what the pointed joins add beyond it is cut away. Corners of 60° and
     more that survive keep their points; sharper ones are cut off square.
@@ -182,7 +182,7 @@ def offset_open(areas: Areas, distance: float | Float, limit: float = MITER_LIMI
 
 
 def stroke_lines(xy: Float, start: Int, layer: Int, radius: Float, n_layers: int) -> Areas:
-    """What lies within a radius of polylines: lines drawn with round pens, layer by layer.
+    """Return the area within a radius of polylines, layer by layer, as if drawn with a round pen.
 
     Round ends and corners follow the circle to 0.005 mm, from within. Radii are rounded to 0.001 mm, so that lines of
     nearly one width are drawn together.

@@ -73,7 +73,7 @@ def _crossings(areas: Areas, axis: Float, spacing: Float, phase: Float) -> tuple
 
 
 def chain_rows(lines: Lines, *, max_turn: float | Float) -> tuple[Float, Int, Int]:
-    """The lines of a hatch joined into zigzags over neighbouring rows.
+    """Join the lines of a hatch into zigzags over neighbouring rows.
 
     Two lines of neighbouring rows are joined if each is the only line of its row beside the other, and if the
     step from end to end is at most `max_turn`. Which of the two sides a zigzag turns at first is chosen for

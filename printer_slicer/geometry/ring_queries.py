@@ -1,4 +1,4 @@
-"""Points in rings, lines across rings."""
+"""Find the rings around points, and where straight lines cross rings."""
 
 from __future__ import annotations
 

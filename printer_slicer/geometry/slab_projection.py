@@ -1,4 +1,4 @@
-"""What the surface covers, seen from above, between two heights: facets clipped to slabs and projected."""
+"""Clip facets to slabs between two heights and project them onto the bed."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ _NOTHING = 1e-6  # mm; less than the steps of the engines' grids
 
 
 def sweep_areas(areas: Areas, way: Float) -> Areas:
-    """What areas pass over that are moved from `way` behind to `way` ahead of where they are.
+    """Return the area that areas cover while they move from `-way` to `+way`.
 
     Args:
         areas: clean areas.

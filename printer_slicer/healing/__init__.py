@@ -27,7 +27,7 @@ _sound: WeakKeyDictionary[Mesh, bool] = WeakKeyDictionary()
 
 
 def repair(mesh: Mesh) -> tuple[Mesh, Repairs]:
-    """The mesh as a surface that bounds a solid, as far as it can be made one, and what was done to it.
+    """Repair a mesh so that it bounds a solid as far as possible, and report what was done.
 
     1. Facets that are there more than once are dropped but for one, or altogether where they bound nothing.
     2. Corners at open edges are joined when they are near, see `join_corners`; then facets may be there twice again.
@@ -50,7 +50,7 @@ def repair(mesh: Mesh) -> tuple[Mesh, Repairs]:
 
 
 def require_no_repair(name: str, repairs: Repairs) -> None:
-    """For those who want no repair.
+    """Raise an error if a mesh needed repair.
 
     Raises:
         MeshError: there was one; names the first.

@@ -1,4 +1,4 @@
-"""Which way facets face: neighbours the same way."""
+"""Make the winding of neighbouring facets consistent."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["orient_consistently"]
 
 
 def orient_consistently(facets: Facets, name: str) -> tuple[Facets, list[Repair]]:
-    """With neighbours facing the same way: in each patch the facets with less area are turned round.
+    """Flip facets until neighbours face the same way; in each patch the side with less area is flipped.
 
     Every facet is two items, as it is and turned; neighbours link the items that face alike. A patch of one side only
     links both items of one facet.

@@ -22,7 +22,7 @@ _SINGLE_STEPS = 4 * 2.0**-24  # of a coordinate: what is lost by a few roundings
 
 
 def join_corners(facets: Facets) -> tuple[Facets, list[Repair]]:
-    """With near corners at open edges joined: every group of them moves to the place of its first along x, y, z.
+    """Join corners of open edges that are close together; each group moves to its first corner by x, y, z.
 
     First those nearer than a micrometre (a ten thousandth of a small part, or what 32-bit numbers tell apart);
     where edges stay open, those nearer than a quarter of a mm and a tenth of the shortest edge of the facets there, so
@@ -66,7 +66,7 @@ def _joined(facets: Facets, reach: float) -> tuple[Facets, list[Repair]]:
 
 
 def drop_duplicates(facets: Facets) -> tuple[Facets, list[Repair]]:
-    """Without the copies of facets that are there more than once, whichever way the copies face.
+    """Drop duplicate facets, whichever way the copies face.
 
     Copies that hang together are judged together. One stays where the surface around them ends at them, and where
     they are a whole shell of their own. Where the surface around them is whole without them, those that face opposite

@@ -57,7 +57,7 @@ class _Holes:
 
 
 def fill_holes(facets: Facets) -> tuple[Facets, list[Repair]]:
-    """With holes closed by facets between their corners.
+    """Fill holes with facets between their corners.
 
     A hole is a closed walk along edges that lack a facet. One of three corners gets the facet that is missing; one with
     more gets a fan, where its corners lie in a plane or nearly (a quarter of its width), where it is no side of a

@@ -1,4 +1,4 @@
-"""Bodies that face inward are turned, with their voids; voids of bodies that face outward stay as they are."""
+"""Orient shells outward: flip bodies that face inward together with their voids."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class _Shells:
 
 
 def orient_outward(facets: Facets) -> tuple[Facets, list[Repair]]:
-    """With every shell facing outward, but for voids.
+    """Flip shells until every shell except a void faces outward.
 
     A shell that faces inward is a void if it lies within the solid, as the larger shells around it say; otherwise it is
     turned. With it turn those that faced outward in it: what the file has inside out, it has inside out with its voids.

@@ -1,4 +1,4 @@
-"""Facets that lie about: flat pieces of surface beside the part or through it, which bound nothing."""
+"""Drop loose shells: flat open surfaces beside or through the part that enclose no volume."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _MOST_EDGES = 100_000  # open ones that are held against each other
 
 
 def drop_loose_facets(facets: Facets) -> tuple[Facets, list[Repair]]:
-    """Without flat pieces that share no edge with others, none of whose edges runs along an open edge of another.
+    """Drop flat shells that share no edge with others and run along no open edge of another.
 
     Along is: both ends and the middle are within the width of a crack.
 

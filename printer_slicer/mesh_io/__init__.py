@@ -1,4 +1,4 @@
-"""A file becomes a `Mesh`, and a `Mesh` a file.
+"""Read and write model files.
 
 One module per format; `reading` chooses between them, and `soundness` judges what came out. STL and OBJ are read
 piece by piece, 3MF as a stream of XML, GLB, PLY and OFF from their arrays; STEP goes through OpenCASCADE,

@@ -1,4 +1,4 @@
-"""ZIP archives from anywhere: only what is asked for is unpacked, piece by piece, and only within limits."""
+"""Unpack members of untrusted ZIP archives, block by block and within limits."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ PADDING: Final = b"\0\x1a"
 
 
 class _MalformedError(Exception):
-    """Something is not as it should be; where is looked for then."""
+    """The text is malformed; the place is searched for afterwards."""
 
 
 def is_ascii_stl(source: ModelFile) -> bool:

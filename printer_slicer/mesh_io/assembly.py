@@ -43,7 +43,7 @@ class ObjectReference:
 
 
 class ObjectTable:
-    """Objects by number while a file is read, and how much they hold."""
+    """Objects by number while a file is read, with counts checked against the limits."""
 
     def __init__(self, path: Path, limits: Limits) -> None:
         self.bodies: dict[Hashable, ObjectBuilder] = {}

@@ -1,4 +1,4 @@
-"""Files as bytes: opened once, read in blocks or whole, with errors that people understand."""
+"""Open model files and read them as bytes, in blocks or whole."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How large a file may be before it is refused: against files made to exhaust the machine that reads them."""
+"""Limits for model files, which protect the machine from files made to exhaust it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""XML from anywhere, read element by element with expat.
+"""Read untrusted XML element by element with expat.
 
 A document type is refused, and with it entities of every kind: expanding, external, nested. So nothing is ever fetched
 or multiplied. Depth and length of the markup are limited, and the text between the tags is not kept.

@@ -48,7 +48,7 @@ UNREAD: Final = {
 
 
 class _MalformedError(Exception):
-    """Something is not as it should be; where is looked for then."""
+    """The text is malformed; the place is searched for afterwards."""
 
 
 def read_obj(source: ModelFile, limits: Limits) -> tuple[Float, list[str]]:

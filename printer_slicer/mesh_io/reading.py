@@ -1,4 +1,4 @@
-"""A file of any known format becomes a `Model`."""
+"""Read a model file of any supported format into a `Model`."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class Model:
     notes: tuple[str, ...] = ()
 
     def size_warning(self, room: Float | None = None) -> str:
-        """What makes the size of the part doubtful, and the unit it was probably meant in; empty where nothing does.
+        """Warn about an implausible size and name the probable unit; empty if the size is plausible.
 
         Args:
             room: (3,) what the printer prints, mm; None: 2 m each way.

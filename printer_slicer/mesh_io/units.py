@@ -1,4 +1,4 @@
-"""What the numbers of a file mean, and what they were probably meant to mean."""
+"""Units of length in model files, and guessing the unit that was meant."""
 
 from __future__ import annotations
 

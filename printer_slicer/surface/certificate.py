@@ -145,7 +145,7 @@ _read: WeakKeyDictionary[Mesh, Surface] = WeakKeyDictionary()
 
 
 def read_surface(mesh: Mesh) -> Surface:
-    """The surface of a part that stands on z = 0; asked for twice, it is read once."""
+    """Return the surface of a part that stands on z = 0; the result is cached per mesh."""
     if mesh not in _read:
         _read[mesh] = _surface(mesh)
     return _read[mesh]
@@ -180,7 +180,7 @@ def _downward(surface: Surface, start: Float, end: Float) -> Float:
 
 
 def certify(surface: Surface, plan: LayerPlan) -> Certificate:
-    """What is proven about a plan for this part.
+    """Certify a layer plan: bound its deviation and volume error for this part.
 
     Args:
         surface: of the part.
@@ -204,7 +204,7 @@ def certify(surface: Surface, plan: LayerPlan) -> Certificate:
 
 
 def certificate_comments(certificate: Certificate) -> tuple[str, ...]:
-    """What is proven, as comments of a G-code file."""
+    """Format a certificate as comments of a G-code file."""
     worst = certificate.worst
     return (
         f"layer heights = {len(set(certificate.plan.height.tolist()))}",

@@ -1,4 +1,4 @@
-"""What lies under steeper contacts everywhere, and so adds nothing to a bound."""
+"""Filter contacts that steeper contacts cover everywhere, because they add nothing to a bound."""
 
 from __future__ import annotations
 

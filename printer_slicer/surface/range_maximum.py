@@ -1,4 +1,4 @@
-"""The largest of the values whose range covers each place.
+"""Find the largest of the values whose range covers each position.
 
 A range is covered by two overlapping ones whose length is a power of two; those are noted by length and start, and
 handed down from each length to its half: the sparse table of Bender and Farach-Colton, 2000, filled from above.

@@ -17,7 +17,7 @@ __all__ = ["travel"]
 
 
 def travel(paths: Toolpaths, sections: Sections, profile: Profile) -> Travels:
-    """The ways between paths in printing order.
+    """Plan the travels between paths in printing order.
 
     Ways whose ends lie in one piece of the part go around its holes and corners, if they are not much longer than
     straight ones; others cross as few outlines as they can at little cost. The filament is pulled back where a way

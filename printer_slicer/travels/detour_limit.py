@@ -1,4 +1,4 @@
-"""How much longer a way may be that needs no retraction."""
+"""Limits for the length of detours that avoid a retraction."""
 
 from __future__ import annotations
 

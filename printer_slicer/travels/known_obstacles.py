@@ -1,4 +1,4 @@
-"""What is known of what stands in which way."""
+"""Rings that are known to block each route."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Ways that cross outlines, led around them where that is worth it."""
+"""Lead travels around the outlines that they cross, where the detour is worth it."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ _WORK = 1 << 26  # legs that are looked at in all: seconds; ways that are left t
 
 
 def find_routes(asked: RouteQueries, ground: RoutingField) -> FoundRoutes:
-    """The shortest ways, tolls counted."""
+    """Find the shortest routes, including tolls for crossed outlines."""
     n_ways, straight, work = len(asked.own), asked.straight, 0
     there, level = np.zeros(n_ways, np.bool_), np.zeros(n_ways, np.int64)
     left, none = np.flatnonzero(straight <= asked.limit), np.zeros(0, np.int64)

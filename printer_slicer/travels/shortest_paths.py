@@ -1,4 +1,4 @@
-"""The shortest ways through many small graphs at once."""
+"""Shortest paths through many small graphs at once."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Ways over top skin: what oozes there, or drags, is seen."""
+"""Find travels that cross top solid infill, where oozing would be visible."""
 
 from __future__ import annotations
 
