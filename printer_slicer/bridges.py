@@ -65,7 +65,7 @@ class Bridges:
         """Return all unsupported areas, on the layers of the stack."""
         return self.of_stack()[0].merge(self.loose)
 
-    def with_scraps(self, scraps: Pieces, near: Float) -> Bridges:
+    def with_scraps(self, scraps: ConnectedAreas, near: Float) -> Bridges:
         """Add scraps within `near` (L,) mm of a bridge to the bridge that they touch most."""
         around = offset(self.areas, near[self.layer])
         own, scrap = Boxes(*around.boxes(), self.layer).overlapping(
@@ -125,7 +125,9 @@ def find_internal_bridges(solid: Areas, below: Areas, width: float | Float, anch
     return intersection(difference(solid, beside), offset(over, width))
 
 
-def bridge_angles(pieces: Pieces, below: Areas, spacing: Float, usual: float | Float) -> tuple[Float, Bool]:
+def bridge_angles(
+    pieces: ConnectedAreas, below: Areas, spacing: Float, usual: float | Float
+) -> tuple[Float, Bool]:
     """Return the direction (P,) of each bridge's lines, radians, and whether any line is supported at an end.
 
     Directions 15° apart are tried, then 5° to either side of the best one, then the direction of the longest side. The

@@ -234,14 +234,14 @@ def find_bands(inner: Toolpaths, sections: Sections, regions: Regions, width: fl
     """
     n, own = inner.plan.n_layers, np.arange(inner.plan.n_layers)
     xy, start, layer = supported_runs(inner)
-    drawn = stroked(xy, start, layer, np.full(len(layer), _PEN), n)
+    drawn = stroke_lines(xy, start, layer, np.full(len(layer), _PEN), n)
     both = window_intersection(drawn, own - 1, own + 1)
     bridges = offset(regions.bridge.merge(regions.internal_bridge), width)
     above = window_intersection(sections.solid, own + 1, own + 2)
     return PerimeterBands(_wide(difference(both, bridges)), difference(drawn, offset(above, -width / 2)))
 
 
-def shared_pieces(bands: PerimeterBands, groups: Int) -> Pieces:
+def shared_pieces(bands: PerimeterBands, groups: Int) -> ConnectedAreas:
     """Return the pieces of each group's perimeters that are worth combining, grown around the perimeters.
 
     Each piece is on the last layer of its group and contains a span of perimeter on every layer of the group.
@@ -316,7 +316,7 @@ def _groups(bands: PerimeterBands, plan: LayerPlan, lowest: Int, infill: Areas, 
     return choose_groups(several)
 
 
-def _stretches(some: Toolpaths, pieces: Pieces, groups: Int) -> tuple[PathSpans, Int]:
+def _stretches(some: Toolpaths, pieces: ConnectedAreas, groups: Int) -> tuple[PathSpans, Int]:
     """Return the spans of paths to combine, and the piece (S,) that contains each span."""
     last = last_layers(groups)
     area = pieces.on_layers(len(groups), np.arange(pieces.count))

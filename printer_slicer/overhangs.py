@@ -214,7 +214,7 @@ def _resolved(under: tuple[Areas, Areas], points: Float, layer: Int, reach: floa
     order = np.argsort(layer[probe], kind="stable")
     found = np.full(len(probe), -1)
     # Far from all outlines below, testing the overhanging areas is equivalent, and they have fewer outlines.
-    found[order] = rings_around(air, points[probe[order]], layer[probe[order]])
+    found[order] = find_enclosing_rings(air, points[probe[order]], layer[probe[order]])
     hangs = (found >= 0) & (np.append(air.ring_area(), 0)[found] > 0)
     depth[unknown] = np.where(hangs[which], -reach, reach)
     return depth

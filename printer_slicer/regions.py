@@ -230,7 +230,7 @@ def _worth_it(infill: Areas, width: Float, rules: _Rules) -> tuple[Areas, Areas]
     untouched, infill = infill.of_layers(as_they_are), infill.of_layers(~as_they_are)
     # Opening cuts off sharp corners; parts narrower than an extrusion stay there.
     narrow = offset_open(difference(infill, offset_open(infill, _NARROW / 2 * width)), width / 3)
-    pieces = pieces_of(difference(infill, narrow))
+    pieces = split_connected(difference(infill, narrow))
     large = pieces.areas.area() >= rules.smallest[pieces.layer]
     kept = pieces.on_layers(infill.n_layers, np.flatnonzero(large))
     return kept.merge(untouched), difference(infill, kept)
@@ -238,14 +238,14 @@ def _worth_it(infill: Areas, width: Float, rules: _Rules) -> tuple[Areas, Areas]
 
 def _over(scraps: Areas, infill: Areas) -> Areas:
     """Return the scraps that lie mostly over internal infill; as solid infill they would be unsupported."""
-    pieces = pieces_of(scraps)
+    pieces = split_connected(scraps)
     area = intersection(pieces.areas, pieces.beside(infill)).area()
     return pieces.on_layers(scraps.n_layers, np.flatnonzero(area > pieces.areas.area() / 2))
 
 
 def _narrow(beside: Areas, width: Float) -> Areas:
     """Return the pieces too narrow for two extrusions side by side."""
-    pieces = pieces_of(beside)
+    pieces = split_connected(beside)
     slim = pieces.mean_width() < 2 * width[pieces.layer]
     return pieces.on_layers(beside.n_layers, np.flatnonzero(slim))
 

@@ -447,7 +447,7 @@ def test_faceted_slopes_leave_no_solid_dots_beside_the_walls() -> None:
     vase = load_mesh(Path(__file__).parents[1] / "sample_parts" / "vase.stl")
     _, _, regions = classified(vase, layers(300, 0.2), plain(slope_shell_ratio=1))
 
-    pieces = pieces_of(regions.solid_infill)
+    pieces = split_connected(regions.solid_infill)
     below = regions.internal_infill.raised(1).for_each(pieces.layer)
     hanging = intersection(pieces.areas, below).area() > 0.3 * pieces.areas.area()
     assert pieces.count > 200

@@ -95,7 +95,7 @@ def _find_zones(first: Areas) -> _BrimLimits:
     bodies, holes = first.select(solid), first.select(~solid)
     # Test the middle of a side, which lies on no other ring even where two touch at a corner.
     middle = (bodies.xy + bodies.xy[bodies.following])[bodies.ring_start[:-1]] / 2
-    zone = rings_around(
+    zone = find_enclosing_rings(
         Areas(holes.xy, holes.ring_start, holes.ring_layer, first.n_layers), middle, bodies.ring_layer
     )
     n_zones = holes.n_rings + 1
@@ -162,7 +162,7 @@ def _by_body(lines: list[Float], zone: Int, grounds: Areas) -> list[int]:
     middle = np.array([line[len(line) // 2 - 1 : len(line) // 2 + 1].mean(axis=0) for line in lines])
     by_zone = np.argsort(zone, kind="stable")
     ground = np.zeros(len(lines), np.int64)
-    ground[by_zone] = rings_around(grounds, middle.reshape(-1, 2)[by_zone], zone[by_zone])
+    ground[by_zone] = find_enclosing_rings(grounds, middle.reshape(-1, 2)[by_zone], zone[by_zone])
     groups = [np.flatnonzero(ground == one) for one in np.unique(ground).tolist()]
     order: list[int] = []
     here = begin[0] if len(lines) else np.zeros(2)

@@ -75,7 +75,7 @@ def plate_from(arguments: argparse.Namespace, printer: Printer, report: Stages) 
             model.mesh, scale=factors[:3] if factors else 1.0, rotate=arguments.rotate or (0.0, 0.0, 0.0)
         )
         warnings += [f"{path.name}: {note}" for note in model.notes]
-        doubts = model.doubts(room) if factors is None and arguments.units is None else ""
+        doubts = model.size_warning(room) if factors is None and arguments.units is None else ""
         # A part that does not fit the bed is refused when it is placed, with the same advice.
         warnings += [doubts] if doubts and (mesh.size <= room).all() else []
         models.append(_facts(model))
@@ -121,7 +121,7 @@ def repaired_plate(
     report("repairing")
     repaired, repairs = repair(mesh)
     if arguments.strict:
-        refuse_repaired(mesh.name, repairs)
+        require_no_repair(mesh.name, repairs)
     return repaired, plate, repairs
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from printer_slicer.arrays import Float
 from printer_slicer.diagnostics import Diagnostic
 from printer_slicer.drawing.canvas import Box, Fill, Line, Picture, Shape, Text, fit_text, text_width
-from printer_slicer.geometry import Areas, intersection, stroked
+from printer_slicer.geometry import Areas, intersection, stroke_lines
 from printer_slicer.inspection.coverage.measurement import Coverage, overlapping
 from printer_slicer.inspection.deposition.marks import Purpose
 

@@ -103,7 +103,7 @@ def row_ends(lines: Lines, *, max_turn: float | Float) -> tuple[Int, Int]:
     order = np.lexsort((rank, lowest))
     begin = np.flatnonzero(np.append(True, ~joined[order][:-1]))
     sizes = np.diff(np.append(begin, len(order)))
-    # Pieces of one zigzag lie behind each other here; their first lines say where they belong in the stack.
+    # ConnectedAreas of one zigzag lie behind each other here; their first lines say where they belong in the stack.
     pieces = np.argsort(order[begin])
     order = order[consecutive(begin[pieces], sizes[pieces])]
     end = (2 * order + backward[order])[:, None] ^ np.array([0, 1])

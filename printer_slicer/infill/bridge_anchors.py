@@ -7,7 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from printer_slicer.arrays import Float, run_starts
-from printer_slicer.geometry import Areas, Lines, Pieces, difference, hatch, offset, offset_open, row_ends
+from printer_slicer.geometry import (
+    Areas,
+    ConnectedAreas,
+    Lines,
+    difference,
+    hatch,
+    offset,
+    offset_open,
+    row_ends,
+)
 from printer_slicer.infill.connections import MAX_CONNECTION, Zigzags
 
 __all__ = ["HatchGrids", "extensions_to_walls", "join_bridge_lines"]
@@ -46,7 +55,9 @@ def join_bridge_lines(rows: Lines, way: Float, gap: Float, angle: Float) -> Zigz
     return Zigzags(xy, start, piece, np.zeros(len(xy), np.bool_))
 
 
-def extensions_to_walls(rows: Lines, grid: HatchGrids, pieces: Pieces, inside: Areas, apart: Float) -> Float:
+def extensions_to_walls(
+    rows: Lines, grid: HatchGrids, pieces: ConnectedAreas, inside: Areas, apart: Float
+) -> Float:
     """Return how far both ends of each row extend into the wall, (S, 2) mm; 0 where they do not.
 
     Rows do not extend into other regions, which have their own lines at the border. Nor do they extend where they meet

@@ -103,7 +103,7 @@ def _by_turns(bridge: Areas) -> tuple[Bool, Bool]:
 def _laid(regions: Regions, own: Areas, lines: Polylines, profile: Profile, here: Bool) -> Regions:
     """Extend the bridges `own` of the layers `here` (L,); other internal bridges there become solid infill."""
     width, wanted = profile.extrusion_width, regions.internal_bridge.of_layers(here)
-    pieces, ground = pieces_of(own), _ground(regions, lines, width, profile.quality.bridge_anchor, here)
+    pieces, ground = split_connected(own), _ground(regions, lines, width, profile.quality.bridge_anchor, here)
     # The usual direction lies between the lines of the usual pattern; other directions are compared to it.
     usual = np.deg2rad(profile.quality.infill_angle_deg + 45)
     done, turn = _grown(pieces, _best_angles(pieces, ground, width, float(usual)), ground, width)
@@ -119,7 +119,7 @@ def _laid(regions: Regions, own: Areas, lines: Polylines, profile: Profile, here
     )
 
 
-def _grown(pieces: Pieces, angle: Float, ground: _Ground, width: float) -> tuple[Areas, Float]:
+def _grown(pieces: ConnectedAreas, angle: Float, ground: _Ground, width: float) -> tuple[Areas, Float]:
     """Return the extended pieces on their layers, without overlaps, and the direction (R,) of each ring."""
     n = ground.room.n_layers
     done, of_ring = Areas.empty(n), np.zeros(0)
@@ -143,13 +143,13 @@ def _ground(regions: Regions, lines: Polylines, width: float, grip: float, used:
         inside = union(regions.internal_bridge, union(regions.solid_infill, regions.internal_infill))
     room = difference(inside.of_layers(used), closed)
     some = lines.take(np.flatnonzero(np.append(used[1:], False)[lines.layer]))
-    pens = stroked(some.xy, some.start, some.layer + 1, np.full(some.n_lines, width / 2), n)
+    pens = stroke_lines(some.xy, some.start, some.layer + 1, np.full(some.n_lines, width / 2), n)
     hollow = intersection(room, regions.internal_infill.raised(1).of_layers(used))
     # Gaps narrower than half a width are ignored.
     return _Ground(room, offset_open(difference(hollow, pens), width / 4), grip)
 
 
-def _best_angles(pieces: Pieces, ground: _Ground, width: float, usual: float) -> Float:
+def _best_angles(pieces: ConnectedAreas, ground: _Ground, width: float, usual: float) -> Float:
     """Return the direction (P,) in which the lines of each piece sag least."""
     best, record = np.full(pieces.count, usual), np.full(pieces.count, np.inf)
     for turn in (np.arange(_DIRECTIONS) * np.pi / _DIRECTIONS).tolist():
@@ -160,7 +160,7 @@ def _best_angles(pieces: Pieces, ground: _Ground, width: float, usual: float) ->
     return best
 
 
-def _stretched(own: Areas, pieces: Pieces, ground: _Ground, width: float, angle: float) -> Areas:
+def _stretched(own: Areas, pieces: ConnectedAreas, ground: _Ground, width: float, angle: float) -> Areas:
     """Return the pieces, extended along rows of this direction."""
     step = width / 2
     rows = _rows(pieces, ground, step, angle)
@@ -179,7 +179,7 @@ def _stretched(own: Areas, pieces: Pieces, ground: _Ground, width: float, angle:
     return intersection(whole.merge(smooth), ground.room)
 
 
-def _rows(pieces: Pieces, ground: _Ground, step: float, angle: float) -> _Rows:
+def _rows(pieces: ConnectedAreas, ground: _Ground, step: float, angle: float) -> _Rows:
     """Return rows of one direction across the pieces, extended until both ends are supported."""
     lines, room, air = (
         hatch(areas, angle=angle, spacing=step)

@@ -56,7 +56,7 @@ class RowSettings:
 
 
 def fill_with_rows(
-    plan: LayerPlan, pieces: Pieces, beads: RowSettings, profile: Profile, inside: Areas | None = None
+    plan: LayerPlan, pieces: ConnectedAreas, beads: RowSettings, profile: Profile, inside: Areas | None = None
 ) -> list[Toolpaths]:
     """Fill pieces with parallel lines, at a spacing that fits a whole number of them.
 
@@ -100,7 +100,7 @@ def _of_turns(gap: Float, height: Float, profile: Profile) -> Float:
     return np.minimum(np.maximum(_THIN * gap, bead.spacing(height, height)), gap)
 
 
-def _overlap(plan: LayerPlan, pieces: Pieces, beads: RowSettings, profile: Profile) -> Float:
+def _overlap(plan: LayerPlan, pieces: ConnectedAreas, beads: RowSettings, profile: Profile) -> Float:
     """Return the overlap (P,) of row ends with the perimeter, mm: a share of the mean of both spacings."""
     if not profile.quality.perimeters:
         return np.zeros(pieces.count)
@@ -110,7 +110,7 @@ def _overlap(plan: LayerPlan, pieces: Pieces, beads: RowSettings, profile: Profi
     return np.asarray(share * (perimeter + beads.gap) / 2)
 
 
-def _hatched(pieces: Pieces, beads: RowSettings) -> tuple[Lines, Areas, Float, HatchGrids]:
+def _hatched(pieces: ConnectedAreas, beads: RowSettings) -> tuple[Lines, Areas, Float, HatchGrids]:
     """Hatch pieces: return rows, areas of their centre lines (P entries), (P,) row spacing in mm, and the grid."""
     low, high = _across(pieces.areas, beads.angle)
     count = np.maximum(np.rint((high - low) / beads.gap), 1)
@@ -130,7 +130,7 @@ def _without_dots(lines: Zigzags, shortest: Float) -> Zigzags:
 
 
 def _toolpaths(
-    plan: LayerPlan, pieces: Pieces, beads: RowSettings, lines: Zigzags, width: Float
+    plan: LayerPlan, pieces: ConnectedAreas, beads: RowSettings, lines: Zigzags, width: Float
 ) -> Toolpaths:
     """Return the zigzags as paths, with a width for each path or point."""
     piece = lines.entry
@@ -159,9 +159,9 @@ def _amid(
     plan: LayerPlan, pieces: ConnectedAreas, stairs: Areas, role: Int, profile: Profile
 ) -> tuple[Toolpaths, Float]:
     """Fill gaps between rows; return the paths and the area (P,) mm² that they fill in each piece."""
-    left = pieces_of(offset_open(difference(pieces.areas, stairs), _SLIT))
+    left = split_connected(offset_open(difference(pieces.areas, stairs), _SLIT))
     left = left.take(np.flatnonzero(left.areas.area() > _SPECK))
-    gaps = Pieces(left.areas, pieces.layer[left.layer], left.of_ring)
+    gaps = ConnectedAreas(left.areas, pieces.layer[left.layer], left.of_ring)
     paths, _, filled = fill_gaps(plan, gaps, role[left.layer], profile, beads=_AMID)
     return paths, np.bincount(left.layer, filled, minlength=pieces.count).astype(np.float64)
 

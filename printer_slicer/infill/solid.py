@@ -6,7 +6,7 @@ import numpy as np
 
 from printer_slicer import bead
 from printer_slicer.arrays import Float, Int
-from printer_slicer.geometry import Pieces, pieces_of
+from printer_slicer.geometry import ConnectedAreas, split_connected
 from printer_slicer.infill.parallel_lines import RowSettings, fill_with_rows
 from printer_slicer.infill.thin_solid import thin_solid_paths
 from printer_slicer.infill.variable_width import fill_narrow_pieces
@@ -24,9 +24,9 @@ def solid_paths(regions: Regions, profile: Profile) -> list[Toolpaths]:
     plan = regions.plan
     turned = np.deg2rad(profile.quality.infill_angle_deg) + np.pi / 2 * (np.arange(plan.n_layers) % 2)
     parts = _bridges(regions, profile) + _internal_bridges(regions, profile)
-    even, others = thin_solid_paths(regions, pieces_of(regions.solid_infill), profile)
-    pieces, which = Pieces.joined(
-        [pieces_of(regions.bottom_solid_infill), others, pieces_of(regions.top_solid_infill)]
+    even, others = thin_solid_paths(regions, split_connected(regions.solid_infill), profile)
+    pieces, which = ConnectedAreas.joined(
+        [split_connected(regions.bottom_solid_infill), others, split_connected(regions.top_solid_infill)]
     )
     role = np.array([Role.BOTTOM_SOLID_INFILL, Role.SOLID_INFILL, Role.TOP_SOLID_INFILL])[which]
     along, left = fill_narrow_pieces(plan, pieces, role, profile)
@@ -34,11 +34,11 @@ def solid_paths(regions: Regions, profile: Profile) -> list[Toolpaths]:
     beads = _usual(plan, across, role[left], turned[across.layer], profile)
     parts += [even, along, *fill_with_rows(plan, across, beads, profile)]
     if profile.quality.ironing:
-        parts += _ironed(plan, pieces_of(regions.top_solid_infill), turned, profile)
+        parts += _ironed(plan, split_connected(regions.top_solid_infill), turned, profile)
     return parts
 
 
-def _ironed(plan: LayerPlan, skins: Pieces, turned: Float, profile: Profile) -> list[Toolpaths]:
+def _ironed(plan: LayerPlan, skins: ConnectedAreas, turned: Float, profile: Profile) -> list[Toolpaths]:
     """Return ironing lines across the lines of top solid infill."""
     quality = profile.quality
     height = quality.ironing_flow_ratio * plan.height[skins.layer]
@@ -49,7 +49,7 @@ def _ironed(plan: LayerPlan, skins: Pieces, turned: Float, profile: Profile) -> 
     return fill_with_rows(plan, skins, beads, profile)
 
 
-def _usual(plan: LayerPlan, pieces: Pieces, role: Int, angle: Float, profile: Profile) -> RowSettings:
+def _usual(plan: LayerPlan, pieces: ConnectedAreas, role: Int, angle: Float, profile: Profile) -> RowSettings:
     """Return settings for rows of the usual spacing whose width is fitted to the piece."""
     height = plan.height[pieces.layer]
     wide = bead.layer_widths(plan.n_layers, profile.width_of_first_layer, profile.extrusion_width)
@@ -57,14 +57,14 @@ def _usual(plan: LayerPlan, pieces: Pieces, role: Int, angle: Float, profile: Pr
     return RowSettings(role, angle, gap, np.zeros(pieces.count), height)
 
 
-def _all(pieces: Pieces, role: Role) -> Int:
+def _all(pieces: ConnectedAreas, role: Role) -> Int:
     """Return the same role (P,) for each piece."""
     return np.full(pieces.count, role)
 
 
 def _bridges(regions: Regions, profile: Profile) -> list[Toolpaths]:
     """Return bridge lines: round strands for thick bridges, else lines with the bridge flow."""
-    quality, plan, pieces = profile.quality, regions.plan, pieces_of(regions.bridge)
+    quality, plan, pieces = profile.quality, regions.plan, split_connected(regions.bridge)
     angle = np.zeros(pieces.count)
     angle[pieces.of_ring] = regions.bridge_angle
     beads = _usual(plan, pieces, _all(pieces, Role.BRIDGE), angle, profile)

@@ -33,7 +33,9 @@ _MANY = 300_000  # outline points beside strips; with more, strips are not fitte
 _Lines = tuple[Float, Int, Int]  # points (N, 2), how many (M,) each line has, and the strip (M,) it lies in
 
 
-def thin_solid_paths(regions: Regions, pieces: Pieces, profile: Profile) -> tuple[Toolpaths, Pieces]:
+def thin_solid_paths(
+    regions: Regions, pieces: ConnectedAreas, profile: Profile
+) -> tuple[Toolpaths, ConnectedAreas]:
     """Fill strips of even width with lines along the perimeters; return the paths and the remaining pieces.
 
     Strips that fit a whole number of lines of the usual width come first. In other strips the line width is adapted to
@@ -54,13 +56,13 @@ def thin_solid_paths(regions: Regions, pieces: Pieces, profile: Profile) -> tupl
     return Toolpaths.joined(plan, parts), pieces.take(np.flatnonzero(rest))
 
 
-def _usual_lines(walls: Areas, strips: Pieces, usual: Float) -> tuple[_Lines, Float]:
+def _usual_lines(walls: Areas, strips: ConnectedAreas, usual: Float) -> tuple[_Lines, Float]:
     """Return lines along the perimeters at the spacing of the layer, and the spacing (P,) of each strip, mm."""
     beside = (strips.beside(loop) for loop in _loops(walls, usual))
     return _within(beside, strips), usual[strips.layer]
 
 
-def _fitted_lines(walls: Areas, strips: Pieces, usual: Float) -> tuple[_Lines, Float]:
+def _fitted_lines(walls: Areas, strips: ConnectedAreas, usual: Float) -> tuple[_Lines, Float]:
     """Return lines at a spacing that divides the mean width of each strip, and that spacing (P,), mm."""
     wide, beside = strips.mean_width(), strips.beside(walls)
     gap = wide / np.maximum(np.rint(wide / usual[strips.layer]), 1)
@@ -79,7 +81,7 @@ def _loops(walls: Areas, gap: Float) -> Iterator[Areas]:
         yield loop
 
 
-def _within(loops: Iterator[Areas], strips: Pieces) -> _Lines:
+def _within(loops: Iterator[Areas], strips: ConnectedAreas) -> _Lines:
     """Clip loops (P entries each) to the strips; stop at the first loop that is outside of all of them."""
     found: list[_Lines] = [(np.zeros((0, 2)), np.zeros(0, np.int64), np.zeros(0, np.int64))]
     for loop in loops:
@@ -90,7 +92,7 @@ def _within(loops: Iterator[Areas], strips: Pieces) -> _Lines:
     return xy, size, strip
 
 
-def _filled(plan: LayerPlan, strips: Pieces, lines: _Lines, gap: Float) -> tuple[Toolpaths, Bool]:
+def _filled(plan: LayerPlan, strips: ConnectedAreas, lines: _Lines, gap: Float) -> tuple[Toolpaths, Bool]:
     """Return lines as paths with the nominal volume of each strip, and the strips (P,) that they fill."""
     xy, size, piece = lines
     area, height = strips.areas.area(), plan.height[strips.layer]

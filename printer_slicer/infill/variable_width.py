@@ -18,7 +18,9 @@ _OFF = 0.15  # largest volume error; pieces with more are filled with parallel l
 _DOT = 0.2  # mm², volume errors this small are accepted in any piece
 
 
-def fill_narrow_pieces(plan: LayerPlan, pieces: Pieces, role: Int, profile: Profile) -> tuple[Toolpaths, Int]:
+def fill_narrow_pieces(
+    plan: LayerPlan, pieces: ConnectedAreas, role: Int, profile: Profile
+) -> tuple[Toolpaths, Int]:
     """Fill the pieces that are narrow everywhere; return the paths and the indices (n,) of the other pieces."""
     gap = bead.spacing(profile.extrusion_width, plan.height)[pieces.layer]
     slim = np.flatnonzero(pieces.mean_width() < _BEADS * gap)
@@ -34,7 +36,7 @@ def fill_narrow_pieces(plan: LayerPlan, pieces: Pieces, role: Int, profile: Prof
 
 
 def fill_gaps(
-    plan: LayerPlan, pieces: Pieces, role: Int, profile: Profile, *, beads: int
+    plan: LayerPlan, pieces: ConnectedAreas, role: Int, profile: Profile, *, beads: int
 ) -> tuple[Toolpaths, Int, Float]:
     """Fill the narrow places of pieces with extrusions of variable width; `role` (P,) is the role in each piece.
 

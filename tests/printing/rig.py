@@ -88,7 +88,7 @@ def _continues(one: Piece, other: Piece) -> bool:
         return False
     ux, uy, vx, vy = bx - ax, by - ay, dx - cx, dy - cy
     size = (ux * ux + uy * uy) ** 0.5 * (vx * vx + vy * vy) ** 0.5
-    # Pieces of a hundredth of a millimetre have the direction of their rounding.
+    # ConnectedAreas of a hundredth of a millimetre have the direction of their rounding.
     short = min((ux * ux + uy * uy) ** 0.5, (vx * vx + vy * vy) ** 0.5)
     return size > 0 and ux * vx + uy * vy > size * (1 - 1e-5 if short > 0.5 else 0.9)
 

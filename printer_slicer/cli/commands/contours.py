@@ -115,7 +115,7 @@ def run(arguments: argparse.Namespace) -> int:
         raw = cut(part, plan, profile.quality.resolution)
         repairs = Repairs((*repairs.done, *section_repairs(raw, shift)))
         if arguments.strict:
-            refuse_repaired(part.name, repairs)
+            require_no_repair(part.name, repairs)
         sections = _reshape(raw, arguments, profile, report)
         report("writing")
         sizes = _write(sections, target, binary=arguments.binary)
