@@ -25,7 +25,7 @@ from printer_slicer.geometry import (
     offset,
     union,
 )
-from printer_slicer.geometry.joints import chain_ends, chain_steps
+from printer_slicer.geometry.connectivity import chain_ends, chain_steps
 from printer_slicer.infill.infill_task import InfillTask, Pattern
 from printer_slicer.infill.lightning_trees import (
     AT_WALL,

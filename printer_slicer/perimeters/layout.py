@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, unique_inverse
-from printer_slicer.geometry.joints import chain_ends
+from printer_slicer.geometry.connectivity import chain_ends
 from printer_slicer.perimeters.bead_counts import CountedGraph
 from printer_slicer.perimeters.beading import Beading
 from printer_slicer.perimeters.graph import AxisGraph, crossings, low_and_high
