@@ -11,7 +11,7 @@ __all__ = ["ENDS_ALIKE", "match_rank", "name_words", "without_nozzle"]
 _WORD: Final = re.compile(r"[^\W\d_]+|\d+")
 _NOZZLE: Final = re.compile(r",?\s*\(?\b\d+(?:\.\d+)?\s*(?:mm\s*)?nozzle\)?", re.IGNORECASE)
 
-_EXACT, ENDS_ALIKE, _CONTAINS, _IN_ORDER = range(4)
+_EXACT, ENDS_ALIKE, _CONTAINS, _IN_ORDER, _BEGINNINGS = range(5)
 
 
 def name_words(text: str, *, with_nozzle: bool = False) -> list[str]:
@@ -39,7 +39,7 @@ def match_rank(asked: Sequence[str], words: Sequence[str]) -> tuple[int, int] | 
 
     Returns:
         How the words match (equal; equal but for words in front, such as the maker: `ENDS_ALIKE`; contained together;
-        contained in the same order), and how many words the name has more.
+        contained in the same order; beginnings of words in the same order), and how many words the name has more.
     """
     size, more = len(asked), len(words) - len(asked)
     if not asked or more < 0:
@@ -50,4 +50,8 @@ def match_rank(asked: Sequence[str], words: Sequence[str]) -> tuple[int, int] | 
     if starts:
         return (ENDS_ALIKE if starts[-1] == more else _CONTAINS), more
     left = iter(words)
-    return (_IN_ORDER, more) if all(word in left for word in asked) else None
+    if all(word in left for word in asked):
+        return _IN_ORDER, more
+    left = iter(words)
+    is_begun = all(any(one.startswith(word) for one in left) for word in asked)
+    return (_BEGINNINGS, more) if is_begun else None

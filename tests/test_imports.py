@@ -228,7 +228,7 @@ def test_a_misspelt_command_is_answered_from_the_table() -> None:
         "assert not any(name.startswith('printer_slicer.cli.commands.') for name in sys.modules)"
     )
 
-    assert "did you mean 'slice'?" in python(code)
+    assert "Did you mean 'slice'?" in python(code)
 
 
 def test_every_module_of_a_command_is_in_the_table() -> None:

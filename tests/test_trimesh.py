@@ -37,7 +37,7 @@ def test_what_trimesh_makes_can_be_sliced() -> None:
     ("vertices", "faces"), [(np.zeros((0, 3)), np.zeros((0, 3), int)), (np.full((3, 3), np.nan), [[0, 1, 2]])]
 )
 def test_meshes_that_are_none_are_refused(vertices: np.ndarray, faces: object) -> None:
-    with pytest.raises(MeshError, match="thing: this trimesh has"):
+    with pytest.raises(MeshError, match="thing: the trimesh has"):
         Mesh.from_trimesh(trimesh.Trimesh(vertices, faces, process=False), "thing")
 
 
@@ -51,7 +51,7 @@ def test_meshes_that_are_none_are_refused(vertices: np.ndarray, faces: object) -
     ],
 )
 def test_what_has_no_triangles_is_refused_by_what_it_is(given: object, called: str) -> None:
-    with pytest.raises(UsageError, match=f"thing: from_trimesh wants a trimesh.Trimesh, not {called}"):
+    with pytest.raises(UsageError, match=f"thing: from_trimesh expects a trimesh.Trimesh, not {called}"):
         Mesh.from_trimesh(given, "thing")  # type: ignore[arg-type]
 
 

@@ -143,7 +143,8 @@ class _Parser(argparse.ArgumentParser):
             known = list(map(str, action.choices))
             listed = f"choose one of: {', '.join(known)}"
             if isinstance(action, argparse._SubParsersAction):  # noqa: SLF001 - the library has no public name
-                remedy = f"{suggest_command(str(value), known)}{listed[0].upper()}{listed[1:]}"
+                hint = suggest_command(str(value), known) or f"{listed[0].upper()}{listed[1:]}; "
+                remedy = f"{hint}{self.format_usage().strip()}; see {self.prog} --help"
                 raise UsageError(f"{value!r}: no such command", remedy=remedy)
             raise argparse.ArgumentError(action, f"unknown: {value!r}; {suggest(str(value), known)}{listed}")
 

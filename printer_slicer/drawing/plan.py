@@ -106,7 +106,7 @@ def _facts(
     yield _count(plan), f"planner {plan.planner}" if plan.planner else "", False
     heights = f"{_number(thin)} mm" if thin == thick else f"{_number(thin)} to {_number(thick)} mm"
     yield heights, "layer height", False
-    where = f", at z {worst.z:.4g} mm" if certificate.max_error > 0 else ""
+    where = f", z {worst.z:.4g} mm" if certificate.max_error > 0 else ""
     limit = f", above {tolerance:g}" if over else where
     yield f"{_number(certificate.max_error)} mm", f"max deviation{limit}", bool(over)
     yield f"{_number(certificate.volume_error)} mm³", "volume error", False

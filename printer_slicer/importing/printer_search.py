@@ -20,7 +20,7 @@ def find_printers(wanted: str, names: Mapping[str, Sequence[str]]) -> list[str]:
     """
     found = _best(wanted, names, with_nozzle=False)
     exact = _best(wanted, {name: names[name] for name in found}, with_nozzle=True)
-    return exact or found
+    return exact or found or _best(wanted, names, with_nozzle=True)
 
 
 def _best(wanted: str, names: Mapping[str, Sequence[str]], *, with_nozzle: bool) -> list[str]:

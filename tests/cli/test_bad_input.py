@@ -59,7 +59,7 @@ BAD_MODELS = [
     ("none.stl", GOOD[:80] + bytes(4), 3, ["none.stl"]),
     ("long.stl", GOOD + GOOD[84:], 3, ["long.stl", "12", "24"]),
     ("ascii.stl", ASCII, 3, ["ascii.stl", "line 6"]),
-    ("ends.stl", ASCII + b"  endloop\n", 3, ["ends.stl", "line 7", "ends within a facet"]),
+    ("ends.stl", ASCII + b"  endloop\n", 3, ["ends.stl", "line 7", "ends in the middle of a facet"]),
     ("open.stl", b"solid x\n", 3, ["open.stl", "line 1", "endsolid"]),
     (
         "word.stl",
@@ -72,9 +72,9 @@ BAD_MODELS = [
     ("far.stl", with_value(4, 1e30), 3, ["far.stl", "facet 1"]),
     ("odd.3mf", b"PK\x03\x04 no zip", 3, ["odd.3mf"]),
     ("odd.obj", b"v 0 0\nf 1 2 99\n", 3, ["odd.obj"]),
-    ("box.stl.gz", gzip.compress(GOOD), 2, ["box.stl.gz: a packed file", "Unpack it"]),
-    ("box.stl", gzip.compress(GOOD), 2, ["box.stl: a packed file", "Unpack it"]),
-    ("box.7z", b"7z\xbc\xaf\x27\x1c" + bytes(99), 2, ["box.7z: a packed file", "Unpack it"]),
+    ("box.stl.gz", gzip.compress(GOOD), 2, ["box.stl.gz: a compressed archive", "Unpack it"]),
+    ("box.stl", gzip.compress(GOOD), 2, ["box.stl: a compressed archive", "Unpack it"]),
+    ("box.7z", b"7z\xbc\xaf\x27\x1c" + bytes(99), 2, ["box.7z: a compressed archive", "Unpack it"]),
     ("odd.ply", b"ply\nformat ascii 1.0\n", 3, ["odd.ply"]),
 ]
 

@@ -120,7 +120,7 @@ def test_profiles_that_do_not_fit_together_are_shown_one_by_one(
 
     assert problem.startswith("warning: the profiles do not fit together: ")
     assert "quality.external_perimeter_width: 1.5 mm" in problem
-    assert remedy == "  choose 0.24 to 1 mm"
+    assert remedy == "  Choose 0.24 to 1 mm"
     assert main(shlex.split(command)[1:]) == 0
 
 

@@ -18,7 +18,7 @@ from printer_slicer.errors import UsageError
     [
         ("slice --prnter x part.stl", "slice: --prnter: no such option\n  Did you mean '--printer'?"),
         ("slice part.stl --prnter=x", "slice: --prnter: no such option\n  Did you mean '--printer'?"),
-        ("slcie", "'slcie': no such command\n  Did you mean 'slice'? Choose one of: slice, print"),
+        ("slcie", "'slcie': no such command\n  Did you mean 'slice'? usage: printer-slicer COMMAND"),
         ("profiles lst", "profiles: ACTION: unknown: 'lst'; Did you mean 'list'?"),
         ("slice part.stl --units mmm", "slice: --units: unknown: 'mmm'; Did you mean 'mm'?"),
         ("check --link abc x", "check: --link: 'abc': expected a whole number greater than 0"),

@@ -404,7 +404,7 @@ def test_what_cannot_be_sent_is_named(tmp_path: Path, gcode: Path) -> None:
     model = tmp_path / "a.stl"
     model.write_bytes(b"solid")
 
-    assert is_message(typed("send", model, "--to", "duet", "there"), "no G-code", "slice")
+    assert is_message(typed("send", model, "--to", "duet", "there"), "not a G-code file", "Slice it first")
     assert is_message(typed("send", tmp_path / "b.gcode", "--to", "duet", "there"), "no such file")
     assert is_message(typed("send", gcode, "--to", "prusa", "there"), "no such kind", "prusalink")
     assert is_message(typed("send", gcode, "--to", "duet", "there", "--folder", "../.."), "no folder")

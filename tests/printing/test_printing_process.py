@@ -429,4 +429,4 @@ def test_what_is_left_can_be_listed_and_forgotten(tmp_path: Path, monkeypatch: p
     assert row["accepted"] == read_journal(folder).entries
     assert resume("--discard").code == 0
     assert resume().code == 2
-    assert "no print is unfinished" in resume("--list").out
+    assert "no unfinished prints" in resume("--list").out

@@ -77,7 +77,7 @@ def test_its_request_for_a_line_is_understood(name: str) -> None:
 
 
 def test_an_unknown_dialect_is_refused_with_the_names_of_the_known_ones() -> None:
-    with pytest.raises(UsageError, match="unknown wire dialect 'merlin'\n  choose one of: prusa, "):
+    with pytest.raises(UsageError, match="unknown wire dialect 'merlin'\n  Choose one of: prusa, "):
         Streamer([], dialect="merlin")
     assert get_wire_dialect("prusa") is WIRE_DIALECTS["prusa"]
 

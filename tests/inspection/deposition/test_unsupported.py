@@ -132,7 +132,7 @@ def test_slice_allows_only_what_it_refuses(folder: Path) -> None:
     outcome = typed(*command("slice", "-o", "wrong.gcode", "--allow", "eeprom"), cwd=folder)
 
     assert outcome.code == 2
-    assert "--allow: there is no 'eeprom'; choose one of: unsupported" in outcome.err
+    assert "--allow: unknown: 'eeprom'; choose one of: unsupported" in outcome.err
     assert not (folder / "wrong.gcode").exists()
 
 
