@@ -278,7 +278,7 @@ def _texts(facts: dict[str, Any]) -> list[str]:
         return []
     return [
         text if isinstance(text, str) else json.dumps(text)
-        for key in ("problems", "findings", "faults", "policy")
+        for key in ("problems", "findings", "faults", "lint")
         for text in facts.get(key, ())
     ]
 

@@ -20,12 +20,12 @@ from typing import Final
 
 from printer_slicer.commands import split_gcode
 from printer_slicer.motion.rules import MotionLimits
-from printer_slicer.sim.front_end import MARLIN_2_1
+from printer_slicer.sim.firmwares import MARLIN_2_1
 from printer_slicer.sim.link import Cable
 from printer_slicer.sim.machine import Machine
 from printer_slicer.sim.printer import SimulatedPrinter
 from printer_slicer.sim.pty_server import serve
-from printer_slicer.sim.tally import Report
+from printer_slicer.sim.statistics import Report
 
 __all__ = ["FAULTS", "MACHINES", "PREPARED", "FaultyPrinter"]
 
@@ -70,10 +70,10 @@ class FaultyPrinter:
     """
 
     def __init__(self, fault: str, machine: MotionLimits, job: list[bytes]) -> None:
-        front_end = replace(MARLIN_2_1, ok_after_resend=fault != "resend without ok")
+        firmware = replace(MARLIN_2_1, ok_after_resend=fault != "resend without ok")
         self._fault = fault
         self._inner = SimulatedPrinter(
-            Machine(limits=machine, coldest_extrusion=0.0), front_end, on_executed=self._note, boots=False
+            Machine(limits=machine, coldest_extrusion=0.0), firmware, on_executed=self._note, boots=False
         )
         self._chance = Random(1)
         self._job = [command.decode("latin-1") for command in job]
@@ -165,8 +165,8 @@ def main() -> int:
         "strays": printer.strays,
         "after_reset": printer.after_reset,
         "seconds": printer.last - printer.first,
-        "starvations": told.starvations,
-        "starved_seconds": told.starved_seconds,
+        "starvations": told.underruns,
+        "starved_seconds": told.underrun_seconds,
         "motion_seconds": told.motion_seconds,
         "line_errors": told.line_errors,
     }

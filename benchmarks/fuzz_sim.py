@@ -23,7 +23,7 @@ from random import Random  # noqa: TID251 - seeded
 from time import process_time
 
 from benchmarks.sim_grammar import grammar
-from printer_slicer.sim.front_end import FRONT_ENDS
+from printer_slicer.sim.firmwares import SIMULATED_FIRMWARES
 from printer_slicer.sim.line_reader import checksum
 from printer_slicer.sim.machine import Machine
 from printer_slicer.sim.printer import SimulatedPrinter
@@ -102,7 +102,7 @@ class _Session:
         self.number = 0  # of the last line sent
         machine = self.chance.choice((MACHINE, BARE))
         self.printer = SimulatedPrinter(
-            machine, FRONT_ENDS[name], on_executed=self._note, boots=self.chance.random() < 0.5
+            machine, SIMULATED_FIRMWARES[name], on_executed=self._note, boots=self.chance.random() < 0.5
         )
         self.grammar = grammar(name)
 
@@ -160,8 +160,8 @@ class _Session:
     def bounded(self) -> None:
         """What is kept is little."""
         printer = self.printer
-        if printer.unread > 70_000 or len(printer.board.out) > 20_000:
-            raise Outcome(f"{self.place}: keeps {printer.unread} bytes and {len(printer.board.out)} lines")
+        if printer.unread > 70_000 or len(printer.state.out) > 20_000:
+            raise Outcome(f"{self.place}: keeps {printer.unread} bytes and {len(printer.state.out)} lines")
 
     def answers(self) -> None:
         """A printer that was not killed still answers, when it has come to the end of what it does."""
@@ -171,10 +171,10 @@ class _Session:
         before = self.executed
         for _ in range(6):
             self.wait(3.0)
-            if printer.board.killed or not printer.working:
+            if printer.state.killed or not printer.working:
                 break
             self.send(b"M108\n" if self.chance.random() < 0.5 else b"\n")
-        if printer.board.killed or printer.working or printer.board.muted or self.chance.random() < 0.5:
+        if printer.state.killed or printer.working or printer.state.muted or self.chance.random() < 0.5:
             return
         last = f"N0 M110 N0*{checksum(b'N0 M110 N0')}\n".encode()
         self.wait(5.0)
@@ -182,7 +182,7 @@ class _Session:
             self.send(last)
             self.wait(5.0)
         if self.executed == before and not (
-            printer.board.card.writing or printer.working or printer.board.killed
+            printer.state.card.writing or printer.working or printer.state.killed
         ):
             raise Outcome(f"{self.place}: takes nothing any more")
 
@@ -219,9 +219,9 @@ def main(arguments: list[str] | None = None) -> int:
     )
     parser.add_argument("--streams", type=int, default=100_000)
     parser.add_argument("--seed", type=int, default=0, help="of the first stream")
-    parser.add_argument("--firmware", choices=list(FRONT_ENDS))
+    parser.add_argument("--firmware", choices=list(SIMULATED_FIRMWARES))
     chosen = parser.parse_args(arguments)
-    names = [chosen.firmware] if chosen.firmware else list(FRONT_ENDS)
+    names = [chosen.firmware] if chosen.firmware else list(SIMULATED_FIRMWARES)
     wrong: list[str] = []
     executed = Counter[str]()
     began = process_time()

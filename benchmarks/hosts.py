@@ -309,7 +309,7 @@ def _starving(hosts: dict[str, Host], folder: Path, lines: int) -> None:
             for name, host in hosts.items():
                 flags = _flags(baud, latency, "--machine", "part")
                 seen, _ = _run(host, folder, text, 400.0, *flags)
-                stands = f"{seen['starvations']} ({seen['starved_seconds']:.1f} s)"
+                stands = f"{seen['underruns']} ({seen['underrun_seconds']:.1f} s)"
                 row.append(f"{name} {stands}, {seen['seconds']:.1f} s")
             print(f"{baud} Bd, {latency:g} ms: {'; '.join(row)}", flush=True)
 

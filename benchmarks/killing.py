@@ -23,12 +23,12 @@ from threading import Event as Flag
 from threading import Thread
 from time import monotonic
 
-from printer_slicer.inspection.dry_run.machines import front_end_of, machine_of
+from printer_slicer.inspection.dry_run.machines import machine_of, simulated_firmware_for
 from printer_slicer.printing.journal import read_journal
 from printer_slicer.profile import load_profile
 from printer_slicer.sim.printer import SimulatedPrinter
 from printer_slicer.sim.pty_server import serve
-from printer_slicer.sim.switches import FrontEnd
+from printer_slicer.sim.simulated_firmware import SimulatedFirmware
 
 PRINTER = load_profile("marlin_220").printer
 OWN = ("M105", "M110", "M114", "M115", "M155", "M400")
@@ -57,7 +57,7 @@ class Outcome:
 def served(
     link: Path,
     speed: float,
-    front_end: FrontEnd | None = None,
+    firmware: SimulatedFirmware | None = None,
     executed: list[str] | None = None,
     ends: Callable[[], None] = lambda: None,
 ) -> Iterator[list[str]]:
@@ -67,7 +67,10 @@ def served(
 
     def make() -> SimulatedPrinter:
         return SimulatedPrinter(
-            machine_of(PRINTER), front_end or front_end_of(PRINTER), on_executed=lines.append, boots=False
+            machine_of(PRINTER),
+            firmware or simulated_firmware_for(PRINTER),
+            on_executed=lines.append,
+            boots=False,
         )
 
     thread = Thread(

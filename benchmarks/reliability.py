@@ -23,7 +23,7 @@ from zlib import crc32
 
 from benchmarks import wire_faults as faults
 from benchmarks.wire_lab import QUICK, Setup, Trial, job_of, print_over, questions
-from printer_slicer.sim.front_end import FRONT_ENDS, FrontEnd
+from printer_slicer.sim.firmwares import SIMULATED_FIRMWARES, SimulatedFirmware
 from printer_slicer.sim.link import Direction
 from printer_slicer.stream.events import Event, Halted
 from printer_slicer.stream.states import State
@@ -47,31 +47,31 @@ class Row:
     make: Maker
     may_stop: tuple[str, ...] = ()
     check: Callable[[Trial], str] = lambda _: ""
-    suits: Callable[[FrontEnd], bool] = lambda _: True
+    suits: Callable[[SimulatedFirmware], bool] = lambda _: True
 
 
 def _cable(make: Callable[[Random], faults.Fault]) -> Maker:
     return lambda chance, setup: replace(setup, fault=make(chance))
 
 
-def _ordered(front_end: FrontEnd) -> bool:
-    return front_end.takes == "next"
+def _ordered(firmware: SimulatedFirmware) -> bool:
+    return firmware.takes == "next"
 
 
-def _checked(front_end: FrontEnd) -> bool:
-    return front_end.takes != "any"
+def _checked(firmware: SimulatedFirmware) -> bool:
+    return firmware.takes != "any"
 
 
 def _no_questions(trial: Trial) -> str:
     asked = questions(trial)
-    return f"{asked} questions" if asked and not trial.setup.front_end.ok_when_read else ""
+    return f"{asked} questions" if asked and not trial.setup.firmware.ok_when_read else ""
 
 
 def _clean(trial: Trial) -> str:
-    rate, front_end = trial.rate, trial.setup.front_end
+    rate, firmware = trial.rate, trial.setup.firmware
     least = (
         0.0
-        if not _ordered(front_end) or front_end.ok_when_read
+        if not _ordered(firmware) or firmware.ok_when_read
         else 0.97
         if trial.setup.baud == 115_200
         else 0.9
@@ -111,7 +111,7 @@ def _within(name: str, seconds: float, *, lines: int | None = None) -> Callable[
             return f"stopped after {late:.1f} s"
         moved = [line for line in trial.executed[int(trial.moments["executed"]) :] if line.startswith("G1")]
         # Without a sequence the line that was on its way is executed.
-        most = inf if lines is None else lines + (not _ordered(trial.setup.front_end))
+        most = inf if lines is None else lines + (not _ordered(trial.setup.firmware))
         return f"{len(moved)} moves of {more:.0f} lines after it" if len(moved) > most else ""
 
     return check
@@ -119,11 +119,11 @@ def _within(name: str, seconds: float, *, lines: int | None = None) -> Callable[
 
 def _reset(heard: bool) -> Maker:
     def make(_: Random, setup: Setup) -> Setup:
-        banner = setup.front_end.banner if heard else ()
+        banner = setup.firmware.banner if heard else ()
         # A bootloader takes longer; without one the rest of a line that was on its way would be read as a line.
-        booting = replace(setup.front_end, banner=banner, boot_seconds=0.1)
+        booting = replace(setup.firmware, banner=banner, boot_seconds=0.1)
         act = _happening(lambda trial: trial.printer.reset(trial.port.now()), "reset")
-        return replace(setup, front_end=booting, on_event=act)
+        return replace(setup, firmware=booting, on_event=act)
 
     return make
 
@@ -162,7 +162,7 @@ def _killed(trial: Trial) -> str:
     moves = sum(line.startswith("G1") for line in begun)
     if not trial.printer.report().killed:
         return "the printer lives"
-    return f"{moves} moves after the stop" if moves > 1 + trial.setup.front_end.queue_places else ""
+    return f"{moves} moves after the stop" if moves > 1 + trial.setup.firmware.queue_places else ""
 
 
 def _emergency(_: Random, setup: Setup) -> Setup:
@@ -198,8 +198,8 @@ def _hiccups(chance: Random, setup: Setup) -> Setup:
         if chance.random() < 0.005:
             trial.printer.hang(0.05, trial.port.now())
 
-    small = replace(setup.front_end, receive_buffer=63) if setup.front_end.receive_buffer else setup.front_end
-    return replace(setup, front_end=small, on_event=act)
+    small = replace(setup.firmware, receive_buffer=63) if setup.firmware.receive_buffer else setup.firmware
+    return replace(setup, firmware=small, on_event=act)
 
 
 def _slow(*commands: bytes) -> Maker:
@@ -210,27 +210,27 @@ def _slow(*commands: bytes) -> Maker:
         # Few lines around it: what takes time here is the printer.
         job = [*setup.job[:60], *commands, *setup.job[at : at + 60]]
         latency = chance.choice([0.001, 0.016, 0.2])
-        busy = chance.choice([0.0, setup.front_end.busy_seconds])
+        busy = chance.choice([0.0, setup.firmware.busy_seconds])
         slow = replace(QUICK, probe_seconds=33.0, hotend=replace(QUICK.hotend, heat_capacity=200.0))
-        front_end = replace(setup.front_end, busy_seconds=busy)
-        return replace(setup, job=job, latency=latency, machine=slow, front_end=front_end)
+        firmware = replace(setup.firmware, busy_seconds=busy)
+        return replace(setup, job=job, latency=latency, machine=slow, firmware=firmware)
 
     return make
 
 
 def _everything(chance: Random, setup: Setup) -> Setup:
     """Damage in both directions and lost answers, on firmware that may say no ok behind a request."""
-    both = faults.Damage(chance, flip=5e-5, drop=2e-5)
+    both = faults.CableNoise(chance, flip=5e-5, drop=2e-5)
     lose = faults.lost_oks(chance)
-    front_end = replace(
-        setup.front_end, ok_after_resend=chance.random() < 0.5 and setup.front_end.ok_after_resend
+    firmware = replace(
+        setup.firmware, ok_after_resend=chance.random() < 0.5 and setup.firmware.ok_after_resend
     )
-    return replace(setup, front_end=front_end, fault=lambda data, way: lose(both(data, way), way))
+    return replace(setup, firmware=firmware, fault=lambda data, way: lose(both(data, way), way))
 
 
 def _bare_requests(chance: Random, setup: Setup) -> Setup:
     fault = faults.flips(chance, "to printer", flip=3e-4)
-    return replace(setup, front_end=replace(setup.front_end, ok_after_resend=False), fault=fault)
+    return replace(setup, firmware=replace(setup.firmware, ok_after_resend=False), fault=fault)
 
 
 def _baud(baud: int) -> Maker:
@@ -306,13 +306,13 @@ ROWS: dict[str, Row] = {
 
 def suits(row: str) -> list[str]:
     """Names of the firmwares for which a row makes sense."""
-    return [name for name, front_end in FRONT_ENDS.items() if ROWS[row].suits(front_end)]
+    return [name for name, firmware in SIMULATED_FIRMWARES.items() if ROWS[row].suits(firmware)]
 
 
 def trial_of(row: str, firmware: str, seed: int, lines: int) -> tuple[Trial, str]:
     """One print and its verdict; what the row does not allow is wrong."""
     chance = Random(f"{row} {firmware} {seed}")
-    plain = Setup(FRONT_ENDS[firmware], job_of(chance, lines))
+    plain = Setup(SIMULATED_FIRMWARES[firmware], job_of(chance, lines))
     trial = print_over(ROWS[row].make(chance, plain))
     verdict = trial.verdict()
     if verdict.startswith("stopped") and not any(part in verdict for part in ROWS[row].may_stop):
@@ -363,7 +363,7 @@ def _print_row(row: str, options: argparse.Namespace) -> int:
         asked += questions(trial)
         verdicts[_counted(verdict)] += 1
         # One line at a time by design where line numbers are not checked, see `doubt`.
-        rates += [trial.rate] if _ordered(trial.setup.front_end) else []
+        rates += [trial.rate] if _ordered(trial.setup.firmware) else []
         if verdict.startswith("WRONG"):
             print(f"{row}, {name}, seed {seed}: {verdict}", file=sys.stderr)
     counts = " | ".join(str(verdicts[kind]) for kind in ("exact", "altered", "stopped", "WRONG"))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from functools import cache
 
-from printer_slicer.sim.front_end import FRONT_ENDS
+from printer_slicer.sim.firmwares import SIMULATED_FIRMWARES
 
 __all__ = ["grammar"]
 
@@ -110,16 +110,16 @@ def _filled(words: str) -> str:
 @cache
 def grammar(name: str) -> re.Pattern[str]:
     """Everything that a firmware says, line by line, but for the texts of M118."""
-    front_end = FRONT_ENDS[name]
-    lines = [re.escape(line) for line in front_end.banner]
+    firmware = SIMULATED_FIRMWARES[name]
+    lines = [re.escape(line) for line in firmware.banner]
     said: tuple[str, ...] = (
-        front_end.wrong_number,
-        front_end.wrong_checksum,
-        front_end.no_checksum,
-        front_end.no_number,
-        front_end.unknown,
+        firmware.wrong_number,
+        firmware.wrong_checksum,
+        firmware.no_checksum,
+        firmware.no_number,
+        firmware.unknown,
     )
-    said += (*front_end.resend.split("\n"), *front_end.killed, *front_end.overheated)
+    said += (*firmware.resend.split("\n"), *firmware.killed, *firmware.overheated)
     lines += map(_filled, said)
     lines += [
         r".*FIRMWARE_NAME:.*",
@@ -129,7 +129,7 @@ def grammar(name: str) -> re.Pattern[str]:
         r"wait",
         r"echo: M110 N-?\d+",
     ]
-    lines += _KLIPPER if front_end.language == "klipper" else _MARLIN
-    lines += _VIRTUAL if front_end.language == "virtual" else ()
-    lines += (r"ok(?: N-?\d+)? P\d+ B-?\d+", _ACTIONS, r"area:\{.*\}") if front_end.advanced_ok else ()
+    lines += _KLIPPER if firmware.language == "klipper" else _MARLIN
+    lines += _VIRTUAL if firmware.language == "virtual" else ()
+    lines += (r"ok(?: N-?\d+)? P\d+ B-?\d+", _ACTIONS, r"area:\{.*\}") if firmware.advanced_ok else ()
     return re.compile("|".join(f"(?:{line})" for line in lines), re.DOTALL)

@@ -34,8 +34,8 @@ from printer_slicer.gcode import read_moves
 from printer_slicer.gcode_text import gcode_of
 from printer_slicer.geometry import Areas, crossings
 from printer_slicer.healing import repair
-from printer_slicer.inspection.coverage.extrusions import beads_of_moves
-from printer_slicer.inspection.coverage.model_check import placed_sections, read_deposit
+from printer_slicer.inspection.coverage.extrusions import extrusions_of_moves
+from printer_slicer.inspection.coverage.model_check import placed_sections, read_gcode_extrusions
 from printer_slicer.model import Mesh
 from printer_slicer.motion.rules import limits_of
 from printer_slicer.pipeline import slice_part
@@ -96,10 +96,10 @@ def figures(slicer: str, text: bytes, part: Mesh, profile: Profile) -> Figures:
     Raises:
         UsageError: the text lays nothing.
     """
-    deposit, stack = read_deposit(text, profile.material.filament_diameter, slicer)
+    deposit, stack = read_gcode_extrusions(text, profile.material.filament_diameter, slicer)
     stack, sections, _ = placed_sections(part, deposit, stack)
     moves = read_moves(split_gcode(text).commands, profile.printer.corners[0])
-    beads, laying, _ = beads_of_moves(moves, profile.material.filament_diameter)
+    beads, laying, _ = extrusions_of_moves(moves, profile.material.filament_diameter)
     lays = np.zeros(len(moves.speed), np.bool_)
     lays[laying] = True
     way = np.cumsum(lays)  # of a move that lays nothing: the bead it leads to

@@ -21,7 +21,7 @@ from processes import SAMPLES, machine_note, spread
 from wire_lab import QUICK
 
 from printer_slicer import Job, dry_run, job_from, load_profile
-from printer_slicer.sim.front_end import MARLIN_2_0_AVR, MARLIN_2_1, FrontEnd
+from printer_slicer.sim.firmwares import MARLIN_2_0_AVR, MARLIN_2_1, SimulatedFirmware
 from printer_slicer.sim.link import VirtualPort
 from printer_slicer.sim.machine import Machine
 from printer_slicer.sim.printer import SimulatedPrinter
@@ -56,9 +56,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     print(
         f"clean cable, no time on the wire: {spread(rates, ',.0f')} lines per second of CPU, both ends together"
     )
-    for front_end in (MARLIN_2_1, MARLIN_2_0_AVR):
+    for firmware in (MARLIN_2_1, MARLIN_2_0_AVR):
         for window in (1, 2):
-            print(_on_the_wire(short, long, front_end, window))
+            print(_on_the_wire(short, long, firmware, window))
     job = job_from(options.model, load_profile(None, None, "standard"))
     return _print_dry_run(job, options.rounds)
 
@@ -84,12 +84,12 @@ def _circle(lines: int) -> list[bytes]:
 
 
 def _stream(
-    commands: list[bytes], front_end: FrontEnd, *, baud: int | None, latency: float, window: int
+    commands: list[bytes], firmware: SimulatedFirmware, *, baud: int | None, latency: float, window: int
 ) -> Streamed:
     """Stream a job; an error unless every line was executed once and in order."""
     executed: list[str] = []
     machine = Machine(limits=QUICK.limits, coldest_extrusion=0.0)
-    printer = SimulatedPrinter(machine, front_end, on_executed=executed.append)
+    printer = SimulatedPrinter(machine, firmware, on_executed=executed.append)
     port = VirtualPort(printer, baud=baud, latency=latency)
     begun = process_time()
     run(Streamer(commands, limits=QUICK.limits, window_lines=window), port, port.now)
@@ -99,13 +99,13 @@ def _stream(
     return Streamed(cpu, port.now())
 
 
-def _on_the_wire(short: list[bytes], long: list[bytes], front_end: FrontEnd, window: int) -> str:
+def _on_the_wire(short: list[bytes], long: list[bytes], firmware: SimulatedFirmware, window: int) -> str:
     """Lines per simulated second; the difference of two jobs, so that greeting and end do not count."""
     one, two = (
-        _stream(commands, front_end, baud=BAUD, latency=LATENCY, window=window) for commands in (short, long)
+        _stream(commands, firmware, baud=BAUD, latency=LATENCY, window=window) for commands in (short, long)
     )
     rate = (len(long) - len(short)) / (two.seconds - one.seconds)
-    name = "Marlin 2.0, 8 bits" if front_end is MARLIN_2_0_AVR else "Marlin 2.1"
+    name = "Marlin 2.0, 8 bits" if firmware is MARLIN_2_0_AVR else "Marlin 2.1"
     return f"{BAUD} Bd, {LATENCY * 1000:g} ms, {name}, window {window}: {rate:.0f} lines per simulated second"
 
 

@@ -6,7 +6,7 @@ import re
 from random import Random  # noqa: TID251 - seeded
 
 from benchmarks.wire_lab import Fault
-from printer_slicer.sim.link import Damage, Direction
+from printer_slicer.sim.link import CableNoise, Direction
 
 __all__ = [
     "doubled_oks",
@@ -27,7 +27,7 @@ _REQUEST = re.compile(rb"(?:Resend:|rs )[^\n]*\n")
 
 def flips(chance: Random, way: Direction, *, flip: float = 0.0, drop: float = 0.0) -> Fault:
     """Bytes flipped or dropped in one direction."""
-    damage = Damage(chance, flip=flip, drop=drop)
+    damage = CableNoise(chance, flip=flip, drop=drop)
     return lambda data, direction: damage(data, direction) if direction == way else data
 
 

@@ -14,7 +14,7 @@ from math import cos, sin
 from random import Random  # noqa: TID251 - seeded
 
 from printer_slicer.motion.rules import MotionLimits
-from printer_slicer.sim.front_end import FrontEnd
+from printer_slicer.sim.firmwares import SimulatedFirmware
 from printer_slicer.sim.link import Direction, VirtualPort
 from printer_slicer.sim.machine import Machine
 from printer_slicer.sim.printer import SimulatedPrinter
@@ -64,7 +64,7 @@ class Setup:
     """What a trial is made of, besides its seed.
 
     Attributes:
-        front_end: of the printer.
+        firmware: of the printer.
         job: its commands.
         fault: what the cable does.
         on_event: told what the host tells, with the trial.
@@ -75,7 +75,7 @@ class Setup:
         longest_wait: s after which the owner of the host looks up.
     """
 
-    front_end: FrontEnd
+    firmware: SimulatedFirmware
     job: Sequence[bytes]
     fault: Fault | None = None
     on_event: Callable[[Trial, Event], None] = lambda _trial, _event: None
@@ -109,8 +109,8 @@ class Trial:
 
     def __post_init__(self) -> None:
         setup = self.setup
-        self.printer = SimulatedPrinter(setup.machine, setup.front_end, on_executed=self.executed.append)
-        self.port = VirtualPort(self.printer, baud=setup.baud, latency=setup.latency, damage=self._damage)
+        self.printer = SimulatedPrinter(setup.machine, setup.firmware, on_executed=self.executed.append)
+        self.port = VirtualPort(self.printer, baud=setup.baud, latency=setup.latency, noise=self._damage)
         limits = setup.machine.limits if setup.limits else None
         self.streamer = Streamer(setup.job, limits=limits, baud=setup.told_baud)
 
@@ -146,7 +146,7 @@ class Trial:
     def job_lines(self) -> list[str]:
         """Commands executed that are not the host's own; where repeats are allowed by design, without them."""
         lines = [line for line in self._not_of_the_host if _COMMAND.match(line)]
-        if self.setup.front_end.takes == "next":
+        if self.setup.firmware.takes == "next":
             return lines
         # Without line numbers what is the same twice as once may go out again; a move that extrudes never.
         return [
@@ -183,7 +183,7 @@ class Trial:
         strays = self.printer.report().unnumbered_moves
         if isinstance(self.end, Halted):
             done = self.end.acknowledged
-            queued = self.setup.front_end.queue_places + 1 if self.setup.front_end.ok_when_read else 0
+            queued = self.setup.firmware.queue_places + 1 if self.setup.firmware.ok_when_read else 0
             if not done - queued <= len(lines) <= len(wanted) + strays:
                 return f"WRONG: {len(lines)} lines were executed, {done} acknowledged"
             if strays == 0 and _differences(lines, wanted[: len(lines)]) is None:
@@ -191,7 +191,7 @@ class Trial:
             return f"stopped: {self.end.reason}"
         if not isinstance(self.end, Finished) or self.end.acknowledged != len(wanted):
             return f"WRONG: ended with {self.end}"
-        seen = self._not_of_the_host if self.setup.front_end.takes == "next" else lines
+        seen = self._not_of_the_host if self.setup.firmware.takes == "next" else lines
         different = 0 if lines == wanted else _differences(seen, wanted)
         if strays or different is None:
             return f"WRONG: {strays} strays, {len(lines)} of {len(wanted)} lines"

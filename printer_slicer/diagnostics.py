@@ -1,7 +1,7 @@
-"""What is wrong, or worth knowing, about a print: one value for all that look at it, and the table of their codes.
+"""Diagnostics: errors and warnings about a print, and the table of their codes.
 
-`CODES` is the only list: it makes the table of `docs/diagnostics.md`, the names of `--allow`, the remedies, and the
-`code` and `severity` of the JSON of `slice`, `check`, `dry-run` and `print`.
+`CODES` is the single source for the table of `docs/diagnostics.md`, the names that `--allow` takes, the remedies, and
+`code` and `severity` in the JSON of `slice`, `check`, `dry-run` and `print`.
 """
 
 from __future__ import annotations
@@ -26,21 +26,21 @@ __all__ = [
 ]
 
 Severity = Literal["error", "warning"]
-"""An error keeps a job from being printed, or means that the part comes out wrong; a warning does neither."""
+"""An error blocks the job, or means that the part will come out wrong. A warning does neither."""
 
-_TOLD: Final = 12  # diagnostics told in full in one error
+_MOST_LISTED: Final = 12  # diagnostics listed in one error message
 
 
 class Code(NamedTuple):
-    """One row of the table.
+    """One row of the table of diagnostic codes.
 
     Attributes:
-        found_by: the rooms that give it, of "lint", "coverage" and "dry run".
-        severity: the worst that it can have.
-        meaning: what it is.
-        remedy: what helps in general; a diagnostic may know better.
-        allowed: whether `--allow` with the name of the code lets a job pass.
-        kind: what `kind` in JSON calls it, where that is not the name of the code.
+        found_by: the inspections that report it: "lint", "coverage", "dry run".
+        severity: the highest severity it can have.
+        meaning: what the code stands for.
+        remedy: general advice; a diagnostic may have more specific advice.
+        allowed: whether `--allow CODE` lets a job pass.
+        kind: value of `kind` in JSON, if it differs from the code.
     """
 
     found_by: str
@@ -51,154 +51,165 @@ class Code(NamedTuple):
     kind: str = ""
 
 
-def _lint(meaning: str, remedy: str = "remove it from the G-code") -> Code:
-    """A row of what only the rules on commands find; all of it can be allowed."""
+def _lint(meaning: str, remedy: str = "Remove it from the G-code") -> Code:
+    """Return a row for a code that only the lint rules report; all of these can be allowed."""
     return Code("lint", "error", meaning, remedy, allowed=True)
 
 
 def _coverage(meaning: str, remedy: str, kind: str = "") -> Code:
-    """A row of what only the comparison with the model finds."""
+    """Return a row for a code that only the comparison with the model reports."""
     return Code("coverage", "error", meaning, remedy, kind=kind)
 
 
 def _dry_run(meaning: str, remedy: str, kind: str = "") -> Code:
-    """A row of what only the simulated printer finds."""
+    """Return a row for a code that only the dry run reports."""
     return Code("dry run", "error", meaning, remedy, kind=kind)
 
 
-_NAME_IT: Final = "name the printer it was made for with --printer and --material"
+_NAME_PRINTER: Final = "Name the printer and material the file was made for with --printer and --material"
 
 CODES: Final[Mapping[str, Code]] = {
     "temperature": Code(
         "lint, dry run",
         "error",
-        "heating over the profile's ceilings, or to values that cannot be read",
-        _NAME_IT,
+        "temperature above the maximum of the profile, or not readable",
+        _NAME_PRINTER,
         True,
     ),
-    "box": Code("lint, dry run", "error", "moves out of the machine", _NAME_IT, True),
-    "feed": _lint("speeds far over the profile's", _NAME_IT),
+    "box": Code("lint, dry run", "error", "move outside the printable area", _NAME_PRINTER, True),
+    "feed": _lint("feed rate far above the maximum speed of the profile", _NAME_PRINTER),
     "flow": Code(
-        "lint, dry run", "error", "more plastic per second than the material's max_flow", _NAME_IT, True
+        "lint, dry run", "error", "volumetric flow above the max_flow of the material", _NAME_PRINTER, True
     ),
-    "ratio": _lint("flow or speed override far from 100 % (M221, M220)"),
+    "ratio": _lint("flow or speed override far from 100% (M221, M220)"),
     "unsupported": Code(
         "lint, coverage, dry run",
         "error",
-        "unsupported extrusion: nothing is under it",
-        "turn the part or add supports",
+        "unsupported extrusion: nothing below holds it",
+        "Rotate the part or add supports",
         True,
         "air",
     ),
     "cold": Code(
         "lint, dry run",
         "error",
-        "extrusion below the firmware's minimum temperature (M302, or no heating before it)",
-        "heat the nozzle first (M109 S and a temperature) and remove M302",
+        "extrusion below the minimum temperature of the firmware (M302, or the nozzle was not heated)",
+        "Heat the nozzle first (for example M109 S210) and remove M302",
         True,
     ),
     "homing": Code(
         "lint, dry run",
         "error",
-        "moves before homing, extrusion after the motors were switched off",
-        "home first (G28) and keep the motors on",
+        "move before homing, or extrusion after the motors were switched off",
+        "Home first (G28) and keep the motors on",
         True,
     ),
     "eeprom": _lint(
-        "storing, loading or resetting the firmware's settings (M500, M501, M502, M504, SAVE_CONFIG)"
+        "command that stores, loads or resets firmware settings (M500, M501, M502, M504, SAVE_CONFIG)"
     ),
-    "limits": _lint("limits of speed, acceleration and jerk far over the profile's (M201 to M205)", _NAME_IT),
+    "limits": _lint(
+        "speed, acceleration or jerk limit far above that of the profile (M201 to M205)", _NAME_PRINTER
+    ),
     "calibration": _lint(
-        "steps, currents, geometry and control loops (M92, M301, M304, M350, M665, M906 and others)"
+        "command that changes steps per mm, motor currents, geometry or PID values"
+        " (M92, M301, M304, M350, M665, M906 and others)"
     ),
-    "autotune": _lint("heating by itself to tune a heater (M303)"),
-    "protection": _lint("what guards the heaters (M143, M562, M570)"),
-    "endstops": _lint("moves beyond the endstops (M211 S0, M564)"),
-    "offsets": _lint(
-        "another origin, which makes the box unknown (M206, M290, M428, M851, G10 L2, G54 to G59)"
+    "autotune": _lint("PID autotune, which heats by itself (M303)"),
+    "protection": _lint("command that changes the protection of the heaters (M143, M562, M570)"),
+    "endstops": _lint("command that switches the software endstops off (M211 S0, M564)"),
+    "offsets": _lint("command that shifts the origin (M206, M290, M428, M851, G10 L2, G54 to G59)"),
+    "halt": _lint("command that halts the printer (M112, M410); power off (M81) is only a warning"),
+    "wait": _lint("wait for a person without a time limit (M0, M1)"),
+    "firmware": _lint("command that updates or restarts the firmware (M997, M999, FIRMWARE_RESTART)"),
+    "files": _lint(
+        "command that reads, writes or deletes files on the printer (M23, M24, M28, M30, M32, M928)"
     ),
-    "halt": _lint("halting the machine (M112, M410); power off (M81) is only told"),
-    "wait": _lint("waiting for a person without end (M0, M1)"),
-    "firmware": _lint("updating or restarting the firmware (M997, M999, FIRMWARE_RESTART)"),
-    "files": _lint("reading, writing or deleting files of the printer (M23, M24, M28, M30, M32, M928)"),
-    "pins": _lint("switching pins of the board directly (M42, M43)"),
-    "macros": _lint("storing commands that run later (M810 to M819)"),
+    "pins": _lint("command that switches pins of the board directly (M42, M43)"),
+    "macros": _lint("command that stores or runs a macro (M810 to M819)"),
     "link": _lint(
-        "the serial port, line numbers, answers, the printer's network (M575, M110, M118 ok, M552, M586 to M589)"
+        "command that disturbs the connection: baud rate, line numbers, replies, network"
+        " (M575, M110, M118 ok, M552, M586 to M589)"
     ),
-    "debug": _lint("commands for developers (D0 and others, M111)"),
-    "shell": _lint("programs of the printer's computer (RUN_SHELL_COMMAND)"),
+    "debug": _lint("debug command (D0 and others, M111)"),
+    "shell": _lint("command that runs a program on the computer of the printer (RUN_SHELL_COMMAND)"),
     "unreadable": Code(
         "lint, dry run",
         "error",
-        "unparsed commands: expressions, several commands in a line, bare letters, lower case, G5, G18",
-        _NAME_IT,
+        "command that cannot be parsed: expression, several commands in a line, letter without a number,"
+        " lower case, G5, G18",
+        _NAME_PRINTER,
         True,
     ),
     "uncovered": _coverage(
-        "gaps in the shell of the part", "look for missing extrusions, or a wrong extrusion width"
+        "gap in the shell of the part", "Look for missing extrusions or a wrong extrusion width"
     ),
-    "outside": _coverage("extrusion beyond the section of the part", "is it the model that was sliced?"),
+    "outside": _coverage(
+        "extrusion outside the outline of the part", "Check that this is the model that was sliced"
+    ),
     "overlap": _coverage(
-        "more material than fits where extrusions overlap", "look for extrusions laid twice"
+        "more material than fits, because extrusions overlap", "Look for duplicate extrusions"
     ),
-    "underfilled": _coverage(
-        "too little material in the shell", "look at flow and filament diameter", "under"
+    "underfilled": _coverage("too little material in the shell", "Check flow and filament diameter", "under"),
+    "overfilled": _coverage("too much material in the shell", "Check flow and filament diameter", "over"),
+    "outline": _coverage("printed outline that differs from the part", "Check size compensation and scale"),
+    "crash": _dry_run("collision of the nozzle with the print", "Raise the nozzle before this move"),
+    "bed": _dry_run("extrusion so low that the nozzle scrapes the bed", "Check the z offset and the units"),
+    "speed": _dry_run(
+        "half of all extrusions are slower than 2 mm/s", "Check that feed rates (F) are in mm/min"
     ),
-    "overfilled": _coverage("too much material in the shell", "look at flow and filament diameter", "over"),
-    "outline": _coverage("the outline differs from that of the part", "look at compensation and scale"),
-    "crash": _dry_run("the nozzle goes through what is printed", "raise the nozzle before it goes there"),
-    "bed": _dry_run("extrusions lie so low that the nozzle scrapes the bed", "are z offset and units right?"),
-    "speed": _dry_run("half of all extrusions are slower than 2 mm/s", "does the file count F in mm/s?"),
     "extrusion": _dry_run(
-        "E is read as a total and is none, or the other way round", "look at M82, M83 and G92 E0 before it"
+        "absolute E values read as relative, or relative as absolute",
+        "Check M82, M83 and G92 E0 before this line",
     ),
     "lack": _dry_run(
-        "less plastic than before, or than the part needs", "look for M221, and at E of the lines before"
+        "less material than in the layers before, or than the part needs",
+        "Look for M221, and check E of the lines before",
     ),
-    "clog": _dry_run("filament that is fed does not come out", "clear the nozzle, look at the spool"),
-    "heater": _dry_run("a heater stays on at the end", "end with M104 S0 and M140 S0"),
-    "unknown": _dry_run("commands that the firmware does not know", "is the file made for this firmware?"),
+    "clog": _dry_run("filament is fed but does not come out", "Clear the nozzle and check the spool"),
+    "heater": _dry_run("heater that stays on at the end", "End with M104 S0 and M140 S0"),
+    "unknown": _dry_run(
+        "command that the firmware does not know", "Check that the file was made for this firmware"
+    ),
     "tool": _dry_run(
-        "an extruder that the printer does not have", "slice for one extruder, or say --extruders N"
+        "extruder that the printer does not have", "Slice for one extruder, or use --extruders N"
     ),
-    "arc": _dry_run("an arc without a centre", "switch arcs off in the slicer"),
-    "machine": _dry_run("something else that the firmware refuses", ""),
+    "arc": _dry_run("arc without a centre", "Switch arcs off in the slicer"),
+    "machine": _dry_run("other command that the firmware rejects", ""),
     "underrun": _dry_run(
-        "the machine stands still because lines come too slowly (buffer underrun)",
-        "use a faster link, or set printer.link_lines_per_second",
+        "buffer underrun: the printer stands still because lines arrive too slowly",
+        "Use a higher baud rate, or set printer.link_lines_per_second",
         "link",
     ),
 }
-"""Name -> row, in the order of the documents."""
+"""Code -> row, in the order of the documentation."""
 
 NAMES: Final[Mapping[str, str]] = {name: row.meaning for name, row in CODES.items() if row.allowed}
-"""Name for `--allow` -> what it allows."""
+"""Codes that `--allow` takes -> what they allow."""
 
 _BY_LAYER: Final = frozenset({"unsupported", "crash", "bed", "flow"})
-"""Codes that a dry run gives once for each layer."""
+"""Codes that a dry run reports once for each layer."""
 
 
 @dataclass(frozen=True, slots=True)
 class Diagnostic:
-    """One thing that is wrong, or worth knowing.
+    """An error or warning about a print.
 
     Attributes:
         code: a key of `CODES`.
-        severity: an error unless it is harmless or within what machines bear.
-        message: what it is, with numbers.
-        reason: why that matters, where the message does not say it.
-        remedy: what helps; empty takes that of the table.
+        severity: a warning if it is harmless or within what printers tolerate.
+        message: what is wrong, with numbers.
+        reason: why it matters, if the message does not say so.
+        remedy: what to do; empty uses the remedy of the table.
         line: of the text, counted from 1; 0 if not known.
-        layer: counted from 1, the worst one of several; 0 before the first.
-        first, last: all layers of a run; 0 where `layer` is the only one.
-        z: mm; None if not known.
-        place: x and y, mm; None if not known.
-        amount: as the limit counts; None where nothing is measured.
-        limit: that is broken; None without one.
-        times: how often: layers for what a dry run finds once in a layer.
-        index: of the command in the job, from 0; -1 if no command is named.
-        command: it.
+        layer: counted from 1; the worst one of several; 0 before the first.
+        first, last: range of layers that have it; 0 if `layer` is the only one.
+        z: mm; None if unknown.
+        place: x and y, mm; None if unknown.
+        amount: measured value, in the unit of the limit; None if nothing is measured.
+        limit: the limit that is exceeded; None without one.
+        times: number of occurrences; number of layers for codes that a dry run reports once per layer.
+        index: of the command in the job, from 0; -1 without a command.
+        command: its text.
     """
 
     code: str
@@ -224,87 +235,91 @@ class Diagnostic:
 
     @property
     def is_error(self) -> bool:
-        """Whether it keeps the job from being printed, or the part from coming out well."""
+        """Whether its severity is error."""
         return self.severity == "error"
 
     @property
     def in_layers(self) -> range:
-        """Indices, from 0, of the layers that have it."""
+        """Indices, from 0, of the affected layers."""
         return range((self.first or self.layer) - 1, self.last or self.layer)
 
 
-def sentence(one: Diagnostic) -> str:
-    """One diagnostic in one line, for people: where, what, how often, why or what helps."""
-    where = ", ".join(_where(one))
-    command = f"{one.command}: " if one.command else ""
-    behind = one.reason or one.remedy
-    name = f" [{one.code}]" if one.command else ""
-    text = f"{command}{one.message}{_more(one)}{f'; {behind}' if behind else ''}{name}"
+def sentence(diagnostic: Diagnostic) -> str:
+    """Return a diagnostic as one line of text: place, message, count, then the reason or remedy."""
+    where = ", ".join(_where(diagnostic))
+    command = f"{diagnostic.command}: " if diagnostic.command else ""
+    behind = diagnostic.reason or diagnostic.remedy
+    name = f" [{diagnostic.code}]" if diagnostic.command else ""
+    text = f"{command}{diagnostic.message}{_more(diagnostic)}{f'. {behind}' if behind else ''}{name}"
     return f"{where}: {text}" if where else text
 
 
-def _where(one: Diagnostic) -> list[str]:
-    where = [f"line {one.line}"] if one.line else [f"command {one.index + 1}"] if one.index >= 0 else []
-    if one.last > one.first:
-        where.append(f"layers {one.first} to {one.last}, worst {one.layer}")
-    elif one.layer and (where or one.first):
-        where.append(f"layer {one.layer}")
-    if one.z is not None and (where or one.first):
-        where.append(f"z {one.z:.6g} mm")
-    if one.place is not None and one.first:
-        where.append(f"x {one.place[0]:.2f} y {one.place[1]:.2f}")
+def _where(diagnostic: Diagnostic) -> list[str]:
+    where = (
+        [f"line {diagnostic.line}"]
+        if diagnostic.line
+        else [f"command {diagnostic.index + 1}"]
+        if diagnostic.index >= 0
+        else []
+    )
+    if diagnostic.last > diagnostic.first:
+        where.append(f"layers {diagnostic.first} to {diagnostic.last}, worst in layer {diagnostic.layer}")
+    elif diagnostic.layer and (where or diagnostic.first):
+        where.append(f"layer {diagnostic.layer}")
+    if diagnostic.z is not None and (where or diagnostic.first):
+        where.append(f"z {diagnostic.z:.6g} mm")
+    if diagnostic.place is not None and diagnostic.first:
+        where.append(f"x {diagnostic.place[0]:.2f} y {diagnostic.place[1]:.2f}")
     return where
 
 
-def _more(one: Diagnostic) -> str:
-    """How often besides."""
-    if one.times <= 1:
+def _more(diagnostic: Diagnostic) -> str:
+    """Return how often it occurs besides the first time."""
+    if diagnostic.times <= 1:
         return ""
-    if one.code in _BY_LAYER and not one.command:
-        return f", and {one.times - 1} more layer{'s' if one.times > 2 else ''}"
-    return ", and once more" if one.times == 2 else f", and {one.times - 1} more times"
+    if diagnostic.code in _BY_LAYER and not diagnostic.command:
+        return f" (and in {diagnostic.times - 1} more layer{'s' if diagnostic.times > 2 else ''})"
+    return f" ({diagnostic.times} times)"
 
 
-def as_json(one: Diagnostic) -> dict[str, Any]:
-    """All fields, and the names that they had in version 0.1: name, kind, what, text, why, refused, harmless, x, y."""
-    x, y = one.place or (None, None)
-    return asdict(one) | {
-        "name": one.code,
-        "kind": CODES[one.code].kind or one.code,
-        "what": one.message,
-        "text": one.message,
-        "why": one.reason,
-        "refused": one.is_error,
-        "harmless": not one.is_error,
+def as_json(diagnostic: Diagnostic) -> dict[str, Any]:
+    """Return all fields, plus their names of version 0.1: name, kind, what, text, why, refused, harmless, x, y."""
+    x, y = diagnostic.place or (None, None)
+    return asdict(diagnostic) | {
+        "name": diagnostic.code,
+        "kind": CODES[diagnostic.code].kind or diagnostic.code,
+        "what": diagnostic.message,
+        "text": diagnostic.message,
+        "why": diagnostic.reason,
+        "refused": diagnostic.is_error,
+        "harmless": not diagnostic.is_error,
         "x": x,
         "y": y,
     }
 
 
 def check_names(allowed: Iterable[str]) -> frozenset[str]:
-    """Return the names, all of which exist.
+    """Check that `--allow` knows all names, and return them as a set.
 
     Raises:
-        UsageError: one does not.
+        UsageError: a name is unknown.
     """
     names = frozenset(allowed)
     if wrong := sorted(names - set(NAMES)):
-        raise UsageError(
-            f"--allow {wrong[0]}: nothing is allowed by that name", remedy=f"names are {', '.join(NAMES)}"
-        )
+        raise UsageError(f"--allow {wrong[0]}: unknown name", remedy=f"Known names: {', '.join(NAMES)}")
     return names
 
 
 def remedy_of(found: Iterable[Diagnostic]) -> str:
-    """Return the remedies of the errors and the flags that allow them."""
-    codes = tuple(dict.fromkeys(one.code for one in found if one.is_error))
+    """Return the remedies of the errors, and the flags that allow them."""
+    codes = tuple(dict.fromkeys(diagnostic.code for diagnostic in found if diagnostic.is_error))
     by_remedy: dict[str, list[str]] = {}
     for code in codes:
         by_remedy.setdefault(CODES[code].remedy, []).append(code)
     several = len(by_remedy) > 1
     helps = [f"{', '.join(of)}: {remedy}" if several else remedy for remedy, of in by_remedy.items()]
-    meant = "if they are meant" if len(codes) > 1 else "if it is meant"
-    return "; ".join([*helps, f"{meant}: {' '.join(f'--allow {code}' for code in codes)}"])
+    flags = " ".join(f"--allow {code}" for code in codes)
+    return ". ".join([*helps, f"Use {flags} to print it anyway"])
 
 
 def insist(
@@ -314,24 +329,24 @@ def insist(
     name: str = "job",
     refusal: str = "not printed",
 ) -> None:
-    """Refuse a job that holds an error which was not allowed.
+    """Raise an error if a job has errors that are not allowed.
 
     Args:
-        found: in the whole job.
-        allowed: codes.
+        found: diagnostics of the whole job.
+        allowed: codes that may pass.
         name: of the job, for the message.
-        refusal: what does not happen to it, for the message.
+        refusal: what is not done with it, for the message.
 
     Raises:
-        PolicyError: it does; says what, where, and how to allow it.
+        PolicyError: it has; the message says what, where, and how to allow it.
     """
-    wrong = [one for one in found if one.is_error and one.code not in allowed]
+    wrong = [diagnostic for diagnostic in found if diagnostic.is_error and diagnostic.code not in allowed]
     if not wrong:
         return
-    said = [sentence(one) for one in wrong[:_TOLD]]
-    said += [f"... and {len(wrong) - _TOLD} more"] if len(wrong) > _TOLD else []
+    lines = [sentence(diagnostic) for diagnostic in wrong[:_MOST_LISTED]]
+    lines += [f"... and {len(wrong) - _MOST_LISTED} more"] if len(wrong) > _MOST_LISTED else []
     raise PolicyError(
-        f"{name}: {refusal}, for it holds\n  " + "\n  ".join(said),
+        f"{name}: {refusal} because of these errors:\n  " + "\n  ".join(lines),
         remedy=remedy_of(wrong),
-        names=tuple(dict.fromkeys(one.code for one in wrong)),
+        names=tuple(dict.fromkeys(diagnostic.code for diagnostic in wrong)),
     )

@@ -75,5 +75,5 @@ def job_of(  # noqa: PLR0913 - all options have defaults
     )
     report("writing")
     text = gcode_of(stages.program, profile, part=stages.part, labels=stages.labels, strategies=strategies)
-    job = lint_text(name or stages.part.name, text, profile, flavour=strategies.flavour)
+    job = lint_text(name or stages.part.name, text, profile, dialect=strategies.flavour)
     return replace(job, program=stages.program, allowed=_ALLOWED, repairs=stages.repairs)

@@ -15,7 +15,7 @@ from printer_slicer.arrays import Bool, Float, Int, consecutive, frozen_array, r
 from printer_slicer.inspection.coverage.extrusions import Extrusions
 from printer_slicer.inspection.coverage.measurement import Coverage
 from printer_slicer.inspection.coverage.raster import CellWindow, filled
-from printer_slicer.inspection.coverage.zones import lines_of
+from printer_slicer.inspection.coverage.zones import path_numbers
 
 CELL: Final = 0.1  # mm
 MARGIN: Final = 2.0  # mm of cells around all beads
@@ -130,7 +130,7 @@ def air_of(beads: Extrusions, layer: int, pieces: ConnectedAreas) -> Air:
         layer: of all of them.
         pieces: of these beads.
     """
-    path = lines_of(beads, np.zeros(beads.n_beads, np.int64))
+    path = path_numbers(beads, np.zeros(beads.n_beads, np.int64))
     own = path[pieces.bead]
     new_path = run_starts(own)
     begins = pieces.hanging & (new_path | ~np.append(False, pieces.hanging)[: len(own)])

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from printer_slicer.firmware import FIRMWARES
 from printer_slicer.gcode.lexer import strip
-from printer_slicer.sim.board import Board
-from printer_slicer.sim.front_end import (
+from printer_slicer.sim.firmware_state import FirmwareState
+from printer_slicer.sim.firmwares import (
     KLIPPER,
     MARLIN_1_1,
     MARLIN_2_1,
@@ -33,7 +33,9 @@ _SIMULATED = {
     "smoothie": SMOOTHIE,
 }
 # A flavour without a simulated printer of its own is tried on Marlin's wire, as a dry run does.
-FRONT_ENDS = {flavour: _SIMULATED.get(flavour, replace(MARLIN_2_1, flavour=flavour)) for flavour in FIRMWARES}
+SIMULATED_FIRMWARES = {
+    flavour: _SIMULATED.get(flavour, replace(MARLIN_2_1, dialect=flavour)) for flavour in FIRMWARES
+}
 LARGE = Machine(
     box_min=(-1e5,) * 3,
     box_max=(1e5,) * 3,
@@ -139,11 +141,13 @@ class Executor:
     """
 
     def __init__(self, flavour: str) -> None:
-        self.printer = SimulatedPrinter(LARGE, replace(FRONT_ENDS[flavour], any_case=True, boot_seconds=0.0))
+        self.printer = SimulatedPrinter(
+            LARGE, replace(SIMULATED_FIRMWARES[flavour], any_case=True, boot_seconds=0.0)
+        )
         self._now = 0.0
         self._number = 0
 
-    def do(self, command: bytes) -> Board:
+    def do(self, command: bytes) -> FirmwareState:
         """Execute a command; the state behind it."""
         printer = self.printer
         self._number += 1
@@ -152,10 +156,10 @@ class Executor:
             self._now = max(printer.wakeup() or self._now, self._now) + 1e-6
             printer.send(self._now)
         printer.send(self._now)
-        return printer.board
+        return printer.state
 
 
-def simulated(commands: list[bytes], flavour: str) -> Board:
+def simulated(commands: list[bytes], flavour: str) -> FirmwareState:
     """The state of a printer that has executed them."""
     executor = Executor(flavour)
     for command in commands:

@@ -14,7 +14,7 @@ from printer_slicer.bridges import bridge_angles
 from printer_slicer.geometry import Areas, hatch, offset_open, split_connected
 from printer_slicer.geometry.engine import ENGINES, using_engine
 from printer_slicer.inspection.coverage.measurement import coverage_of
-from printer_slicer.inspection.coverage.stack import stack_of
+from printer_slicer.inspection.coverage.stack import stack_of_program
 from printer_slicer.model import Mesh
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.roles import Role
@@ -242,7 +242,9 @@ def bare_beam(thickness: float, degrees: float) -> float:
     stages = slice_stages(Mesh(joined(beam).triangles @ around, "beam"), wanted)
 
     assert set(stages.regions.bridge.ring_layer.tolist()) == {10}
-    coverage = coverage_of(stack_of(stages.program, wanted.material.filament_diameter), stages.sections.solid)
+    coverage = coverage_of(
+        stack_of_program(stages.program, wanted.material.filament_diameter), stages.sections.solid
+    )
     return float(coverage.uncovered.area()[10])
 
 

@@ -24,8 +24,8 @@ from printer_slicer.geometry.engine import ENGINES, using_engine
 from printer_slicer.inspection.coverage.extrusions import Extrusions
 from printer_slicer.inspection.coverage.limits import findings
 from printer_slicer.inspection.coverage.measurement import coverage_of
-from printer_slicer.inspection.coverage.raster import CellWindow, filled, mean_around
-from printer_slicer.inspection.coverage.stack import stack_of
+from printer_slicer.inspection.coverage.raster import CellWindow, filled, window_mean
+from printer_slicer.inspection.coverage.stack import stack_of_program
 from printer_slicer.model import Areas, LayerPlan, Sections, Toolpaths
 from printer_slicer.overhangs import grade_overhangs
 from printer_slicer.perimeters import lay_walls
@@ -56,7 +56,7 @@ def stack(rings: list[list[Float]], height: float = 0.1) -> Sections:
     return Sections(layers(len(rings), height), Areas.from_rings(rings))
 
 
-def beads_of(paths: Toolpaths) -> Extrusions:
+def extrusions_of_program(paths: Toolpaths) -> Extrusions:
     """Each segment as a bead of its mean width."""
     following = paths.following
     owner = np.repeat(np.arange(paths.n_paths), np.diff(paths.start))
@@ -76,11 +76,11 @@ def beads_of(paths: Toolpaths) -> Extrusions:
 
 def columns(paths: Toolpaths, window: CellWindow) -> Float:
     """How high the plastic of all layers is in each cell, mm, in the mean over about a bead's width."""
-    beads = beads_of(paths)
+    beads = extrusions_of_program(paths)
     total = np.zeros((window.deep, window.wide))
     for height in np.unique(beads.height).tolist():
         total += height * filled(beads.take(beads.height == height), window)
-    return mean_around(total, 2)
+    return window_mean(total, 2)
 
 
 def inner_ones(paths: Toolpaths) -> Toolpaths:
@@ -122,7 +122,7 @@ def test_every_column_holds_as_much_as_before(sections: Sections, perimeters: in
     wanted = plain(perimeters_every=LIMIT, perimeters=perimeters, varying_walls=varying)
     before, after, _ = made(sections, wanted)
 
-    volume = [float(beads_of(paths).volume.sum()) for paths in (before, after)]
+    volume = [float(extrusions_of_program(paths).volume.sum()) for paths in (before, after)]
     assert volume[1] == pytest.approx(volume[0], rel=1e-3)
     if before.n_paths:
         window = CellWindow.around(before.xy.min(axis=0), before.xy.max(axis=0), 1.0, 0.2)
@@ -208,7 +208,7 @@ def test_only_the_stretch_that_changes_is_printed_on_every_layer() -> None:
     # The other side is there on no layer but those.
     opposite = inner.path(int(np.flatnonzero(inner.layer == 2)[0]))
     assert opposite[:, 1].min() > 30
-    volume = [float(beads_of(paths).volume.sum()) for paths in (before, after)]
+    volume = [float(extrusions_of_program(paths).volume.sum()) for paths in (before, after)]
     assert volume[1] == pytest.approx(volume[0], rel=2e-4)
 
 
@@ -333,7 +333,9 @@ def test_the_ledger_finds_nothing_that_it_does_not_find_without(name: str) -> No
         wanted = plain(**FINE, internal_infill_every=LIMIT, perimeters_every=every)
         stages = slice_stages(PARTS[name](), wanted)
         ledgers.append(
-            coverage_of(stack_of(stages.program, wanted.material.filament_diameter), stages.sections.solid)
+            coverage_of(
+                stack_of_program(stages.program, wanted.material.filament_diameter), stages.sections.solid
+            )
         )
         seconds.append(float(move_seconds(stages.program, wanted).sum()))
 

@@ -8,7 +8,7 @@ import pytest
 from printer_slicer.arrays import Float
 from printer_slicer.geometry import difference
 from printer_slicer.inspection.coverage.measurement import coverage_of, overlapping
-from printer_slicer.inspection.coverage.stack import stack_of
+from printer_slicer.inspection.coverage.stack import stack_of_program
 from printer_slicer.model import Mesh
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.profile import Profile, load_profile
@@ -54,7 +54,7 @@ def density(stages: Stages) -> Float:
 def overfilled(stages: Stages, profile: Profile) -> float:
     """The share of the shells' area that holds more than 1.3 times what fills it."""
     coverage = coverage_of(
-        stack_of(stages.program, profile.material.filament_diameter), stages.sections.solid
+        stack_of_program(stages.program, profile.material.filament_diameter), stages.sections.solid
     )
     shell = difference(stages.sections.solid, stages.regions.internal_infill)
     layers = np.flatnonzero(coverage.fill.overlap).tolist()

@@ -38,18 +38,18 @@ def test_the_keys_of_the_first_version_stay_in_json() -> None:
             Diagnostic(
                 "eeprom", "error", "stores", "it lasts", line=3, layer=2, times=3, index=7, command="M500"
             ),
-            "line 3, layer 2: M500: stores, and 2 more times; it lasts [eeprom]",
+            "line 3, layer 2: M500: stores (3 times). it lasts [eeprom]",
         ),
         (
             Diagnostic(
                 "crash", "error", "deep", remedy="up", line=9, layer=4, z=0.8, times=2, place=(1.0, 2.0)
             ),
-            "line 9, layer 4, z 0.8 mm: deep, and 1 more layer; up",
+            "line 9, layer 4, z 0.8 mm: deep (and in 1 more layer). up",
         ),
-        (Diagnostic("machine", "error", "halted", times=2), "halted, and once more"),
+        (Diagnostic("machine", "error", "halted", times=2), "halted (2 times)"),
         (
             Diagnostic("overlap", "error", "much", line=5, layer=4, first=3, last=6, z=0.8, place=(1.0, 2.0)),
-            f"line 5, layers 3 to 6, worst 4, z 0.8 mm, x 1.00 y 2.00: much; {CODES['overlap'].remedy}",
+            f"line 5, layers 3 to 6, worst in layer 4, z 0.8 mm, x 1.00 y 2.00: much. {CODES['overlap'].remedy}",
         ),
     ],
 )

@@ -16,8 +16,8 @@ from threading import Event, Thread
 import pytest
 
 from printer_slicer.doctor import PortCheck, PrinterDiagnosis, diagnose_printer, state_of
-from printer_slicer.sim.front_end import MARLIN_2_1, MARLIN_2_1_ADVANCED
-from printer_slicer.sim.link import Damage, VirtualPort
+from printer_slicer.sim.firmwares import MARLIN_2_1, MARLIN_2_1_ADVANCED
+from printer_slicer.sim.link import CableNoise, VirtualPort
 from printer_slicer.sim.machine import Machine
 from printer_slicer.sim.printer import SimulatedPrinter
 from printer_slicer.sim.pty_server import serve
@@ -29,8 +29,8 @@ def seen(
     *, baud: int = 115_200, latency: float = 0.001, advanced: bool = False, flip: float = 0.0
 ) -> PrinterDiagnosis:
     printer = SimulatedPrinter(Machine(), MARLIN_2_1_ADVANCED if advanced else MARLIN_2_1)
-    damage = Damage(Random(3), flip=flip) if flip else None
-    port = VirtualPort(printer, baud=baud, latency=latency, damage=damage)
+    damage = CableNoise(Random(3), flip=flip) if flip else None
+    port = VirtualPort(printer, baud=baud, latency=latency, noise=damage)
     return diagnose_printer(port, port.now, baud=baud)
 
 

@@ -22,7 +22,7 @@ PROFILE = plain(layer_height=0.3)
 @cache
 def picture(*found: FaultMark) -> Picture:
     job = job_of(slice_stages(box((12, 12, 3)), PROFILE), PROFILE)
-    deposition = dry_run(job, PROFILE).account
+    deposition = dry_run(job, PROFILE).deposition
     assert deposition is not None
     return dry_run_picture(
         deposition,

@@ -22,8 +22,8 @@ from printer_slicer.firmware import (
 from printer_slicer.gcode.commands import TABLE, Effect
 from printer_slicer.gcode.labels import LABEL_FORMATS
 from printer_slicer.gcode.lexer import parse, parse_extended
-from printer_slicer.sim.flavours import FLAVOURS as SIMULATED_FLAVOURS
-from printer_slicer.sim.front_end import FRONT_ENDS, KLIPPER, MARLIN_2_1
+from printer_slicer.sim.dialect_commands import DIALECT_COMMANDS
+from printer_slicer.sim.firmwares import KLIPPER, MARLIN_2_1, SIMULATED_FIRMWARES
 from printer_slicer.sim.printer import SimulatedPrinter
 from printer_slicer.stream.replies import Identity, read_reply
 from tests.programs import LARGE
@@ -45,13 +45,13 @@ def test_every_wire_dialect_belongs_to_one_firmware() -> None:
     assert list(WIRE_DIALECTS)[-1] == DEFAULT_WIRE_DIALECT
 
 
-@pytest.mark.parametrize("name", [name for name in FRONT_ENDS if name != "octoprint virtual"])
+@pytest.mark.parametrize("name", [name for name in SIMULATED_FIRMWARES if name != "octoprint virtual"])
 def test_simulated_printers_are_identified_by_their_reply_to_m115(name: str) -> None:
-    front_end = FRONT_ENDS[name]
-    said = front_end.identity.format(name=front_end.name, tools=1).encode()
+    simulated = SIMULATED_FIRMWARES[name]
+    said = simulated.identity.format(name=simulated.name, tools=1).encode()
     [firmware] = [reply.firmware for reply in read_reply(said) if isinstance(reply, Identity)]
 
-    assert flavour_of(WIRE_DIALECTS[wire_dialect_name(firmware)]) == front_end.flavour
+    assert flavour_of(WIRE_DIALECTS[wire_dialect_name(firmware)]) == simulated.dialect
 
 
 @pytest.mark.parametrize("name", FIRMWARES)
@@ -72,10 +72,12 @@ def test_commands_of_each_row_can_be_parsed(name: str) -> None:
 
 @pytest.mark.parametrize("name", FIRMWARES)
 def test_the_simulator_knows_every_flavour_and_reads_relative_modes_by_the_same_rule(name: str) -> None:
-    board = SimulatedPrinter(LARGE, replace(MARLIN_2_1, flavour=name)).board
+    state = SimulatedPrinter(LARGE, replace(MARLIN_2_1, dialect=name)).state
 
-    assert name in SIMULATED_FLAVOURS, f"{name} has no entry in sim/flavours.py"
-    assert board.counting.rule == FIRMWARES[name].dialect.counting, f"{name} in _COUNTING of sim/board.py"
+    assert name in DIALECT_COMMANDS, f"{name} has no entry in sim/dialect_commands.py"
+    assert state.counting.rule == FIRMWARES[name].dialect.counting, (
+        f"{name} in _COUNTING of sim/firmware_state.py"
+    )
 
 
 def test_no_two_firmwares_have_one_name_in_prusaslicer() -> None:
@@ -158,10 +160,10 @@ def test_the_simulated_klipper_refuses_what_its_row_says() -> None:
 
 @pytest.mark.parametrize("name", ["marlin 1.1", "marlin 2.1", "klipper", "reprapfirmware"])
 def test_baby_steps_are_known_to_the_simulated_printer(name: str) -> None:
-    console = Console(FRONT_ENDS[name])
-    command = FIRMWARES[FRONT_ENDS[name].flavour].baby_step_command(0.15).decode()
+    console = Console(SIMULATED_FIRMWARES[name])
+    command = FIRMWARES[SIMULATED_FIRMWARES[name].dialect].baby_step_command(0.15).decode()
     answers = console.do("G28", "G1 Z5 F600", command)
 
     assert not any("nknown" in line for line in answers)
     if name != "klipper":  # whose simulation takes the command and moves nothing
-        assert console.printer.board.offset[2] == pytest.approx(-0.15)
+        assert console.printer.state.offset[2] == pytest.approx(-0.15)

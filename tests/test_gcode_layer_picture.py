@@ -18,9 +18,13 @@ from printer_slicer import bead
 from printer_slicer.drawing import View, gcode_layer_picture
 from printer_slicer.drawing.canvas import Fill, Line, Picture, Strokes, Text
 from printer_slicer.geometry import Areas
-from printer_slicer.inspection.coverage.layer_extrusions import LayerExtrusions, levels_of, sheet_of
-from printer_slicer.inspection.coverage.stack import stacked
-from printer_slicer.inspection.coverage.text import beads_of_gcode
+from printer_slicer.inspection.coverage.gcode_extrusions import extrusions_of_gcode
+from printer_slicer.inspection.coverage.layer_extrusions import (
+    LayerExtrusions,
+    extrusions_of_layer,
+    file_layers_of,
+)
+from printer_slicer.inspection.coverage.stack import stack_extrusions
 from tests.inspection.coverage.lines import path
 from tests.parts import shape, shapely
 from tests.strategies import clean_areas
@@ -29,8 +33,8 @@ SVG = "{http://www.w3.org/2000/svg}"
 
 
 def laid(*lines: str) -> LayerExtrusions:
-    deposit = beads_of_gcode("\n".join(["M83", *lines]).encode())
-    return sheet_of(deposit, levels_of(deposit, stacked(deposit.beads)), 0)
+    deposit = extrusions_of_gcode("\n".join(["M83", *lines]).encode())
+    return extrusions_of_layer(deposit, file_layers_of(deposit, stack_extrusions(deposit.beads)), 0)
 
 
 def strokes(picture: Picture, name: str) -> list[Strokes]:
@@ -216,8 +220,8 @@ def test_a_layer_of_thousands_of_beads_makes_a_small_file() -> None:
 
 
 def test_a_layer_without_a_place_cannot_be_drawn() -> None:
-    deposit = beads_of_gcode(b"M83\nG1 X5 E1 Z0.2\nG1 X9 E1 Z0.2")
-    sheet = sheet_of(deposit, levels_of(deposit, stacked(deposit.beads)), 0)
+    deposit = extrusions_of_gcode(b"M83\nG1 X5 E1 Z0.2\nG1 X9 E1 Z0.2")
+    sheet = extrusions_of_layer(deposit, file_layers_of(deposit, stack_extrusions(deposit.beads)), 0)
     empty = LayerExtrusions(
         0, 1, 0.2, 0.2, sheet.beads.take(np.zeros(0, np.int64)), np.zeros(0), (), np.zeros((0, 2, 2))
     )

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from printer_slicer import link_model
 from printer_slicer.gcode import read_moves
-from printer_slicer.inspection.dry_run.machines import front_end_of, machine_of
+from printer_slicer.inspection.dry_run.machines import machine_of, simulated_firmware_for
 from printer_slicer.inspection.dry_run.underruns import timed_job
 from printer_slicer.link_model import LinkRun, SerialLink, lateness
 from printer_slicer.motion.planner_clock import PlannerClock
@@ -21,7 +21,7 @@ from printer_slicer.motion.rules import limits_of
 from printer_slicer.profile import Profile, load_profile
 from printer_slicer.sim.link import VirtualPort
 from printer_slicer.sim.printer import SimulatedPrinter
-from printer_slicer.sim.tally import Report
+from printer_slicer.sim.statistics import Report
 from printer_slicer.stream.framing import frame
 from printer_slicer.stream.protocol import Streamer
 from printer_slicer.stream.session import run
@@ -95,7 +95,9 @@ def modelled(commands: Sequence[bytes], link: SerialLink, profile: Profile) -> L
 
 def simulated(commands: Sequence[bytes], link: SerialLink, profile: Profile) -> Report:
     """What the simulated printer counts when the streamer sends the job, byte by byte, over such a cable."""
-    printer = SimulatedPrinter(machine_of(profile.printer), front_end_of(profile.printer), boots=False)
+    printer = SimulatedPrinter(
+        machine_of(profile.printer), simulated_firmware_for(profile.printer), boots=False
+    )
     port = VirtualPort(printer, baud=link.baud, latency=link.latency_back)
     limits = limits_of(profile.printer)
     streamer = Streamer(
@@ -108,10 +110,10 @@ def simulated(commands: Sequence[bytes], link: SerialLink, profile: Profile) -> 
 def assert_same(told: LinkRun, counted: Report) -> None:
     """Whether, where and how long the machine stands still, and how long it moves."""
     stood = getattr(told.clock, "stood", [])
-    assert told.clock.stalls == counted.starvations
-    assert [line + BEFORE for line, _ in stood[:1000]] == [command for command, _ in counted.starved]
+    assert told.clock.stalls == counted.underruns
+    assert [line + BEFORE for line, _ in stood[:1000]] == [command for command, _ in counted.underrun_list]
     assert [seconds for _, seconds in stood[:1000]] == pytest.approx(
-        [seconds for _, seconds in counted.starved], abs=SAME_SECONDS
+        [seconds for _, seconds in counted.underrun_list], abs=SAME_SECONDS
     )
     assert told.clock.moving_seconds == pytest.approx(counted.motion_seconds, abs=SAME_SECONDS)
 

@@ -11,7 +11,7 @@ from parts import box, joined, layers, plain, pyramid, step_pyramid
 from printer_slicer import Mesh, Stages, gcode_of, load_profile, profile_with, slice_stages, transform
 from printer_slicer.errors import ProfileError, UsageError
 from printer_slicer.inspection.coverage.measurement import coverage_of
-from printer_slicer.inspection.coverage.stack import stack_of
+from printer_slicer.inspection.coverage.stack import stack_of_program
 from printer_slicer.layer_settings import settings_by_layer
 from printer_slicer.model import Heat, LayerPlan, PlateObject
 from printer_slicer.objects import split_objects
@@ -78,7 +78,7 @@ def test_the_infill_of_heights_is_as_dense_as_they_ask() -> None:
 def test_the_ledger_finds_as_much_plastic_as_the_heights_ask_for() -> None:
     """Layer by layer, whatever it was laid for; solid heights are full, and what they stand on is closed."""
     stages = sliced(TALL, infill_density=0.2, overrides="4:8:infill_density=1")
-    coverage = coverage_of(stack_of(stages.program, 1.75), stages.sections.solid)
+    coverage = coverage_of(stack_of_program(stages.program, 1.75), stages.sections.solid)
     plan = stages.sections.plan
     full = coverage.volume / coverage.section_volume
     inside = (plan.bottom > 4.3) & (plan.top < 7.9)
@@ -230,7 +230,7 @@ def test_an_object_is_filled_as_if_it_were_alone() -> None:
 
 def test_the_ledger_finds_every_object_closed() -> None:
     stages = sliced(PLATE, overrides="lid:infill_density=0.4; can:top_thickness=1.2")
-    coverage = coverage_of(stack_of(stages.program, 1.75), stages.sections.solid)
+    coverage = coverage_of(stack_of_program(stages.program, 1.75), stages.sections.solid)
 
     assert coverage.uncovered.area().max() < 0.2
     assert np.nanmin(coverage.fill.shell) > 0.96  # the raster blurs the inner edge by a cell

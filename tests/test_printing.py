@@ -17,13 +17,13 @@ from threading import Thread
 import pytest
 
 from printer_slicer.errors import Cancelled, PortError, PrintError
-from printer_slicer.inspection.dry_run.machines import front_end_of, machine_of
+from printer_slicer.inspection.dry_run.machines import machine_of, simulated_firmware_for
 from printer_slicer.jobs import Job
 from printer_slicer.printing import print_job
 from printer_slicer.profile import load_profile
 from printer_slicer.sim.printer import SimulatedPrinter
 from printer_slicer.sim.pty_server import serve
-from printer_slicer.sim.tally import Report
+from printer_slicer.sim.statistics import Report
 from printer_slicer.slice_jobs import job_from
 from printer_slicer.stream.events import Accepted, Event, Finished, Identified
 from tests.waiting import LAST_RESORT, until
@@ -57,7 +57,9 @@ class Served:
     def make(self) -> SimulatedPrinter:
         """The printer; made by the thread that serves it."""
         printer = PROFILE.printer
-        self.printer = SimulatedPrinter(machine_of(printer), front_end_of(printer), on_executed=self.note)
+        self.printer = SimulatedPrinter(
+            machine_of(printer), simulated_firmware_for(printer), on_executed=self.note
+        )
         return self.printer
 
 
@@ -345,8 +347,8 @@ def test_ctrl_c_turns_the_heaters_off_and_says_where_it_stopped(tmp_path: Path) 
     assert executed[:done] == [command.decode() for command in job.commands[:done]]
     assert set(executed[done:]) >= {*HEATERS_OFF, "M107"}
     assert not set(executed[done:]) & {command.decode() for command in job.commands[done:]}
-    assert printer.printer._board.hotend.target == 0
-    assert printer.printer._board.bed.target == 0
+    assert printer.printer._state.hotend.target == 0
+    assert printer.printer._state.bed.target == 0
 
 
 def test_ctrl_c_at_the_last_command_still_cancels_or_finishes(tmp_path: Path) -> None:
@@ -370,7 +372,7 @@ def test_a_second_ctrl_c_halts_the_printer(tmp_path: Path) -> None:
 
     with served(tmp_path / "printer") as printer:
         stopped(tmp_path, Cancelled, job, str(tmp_path / "printer"), listen)
-        until(lambda: printer.printer and printer.printer._board.killed)
+        until(lambda: printer.printer and printer.printer._state.killed)
 
     assert presses == 2
     assert checkpoint_of(tmp_path, job) >= 50

@@ -16,7 +16,7 @@ import pytest
 from benchmarks.reliability import ROWS, main, suits, trial_of
 from benchmarks.wire_lab import Setup, Trial, job_of
 from printer_slicer.firmware import WIRE_DIALECTS
-from printer_slicer.sim.front_end import FRONT_ENDS
+from printer_slicer.sim.firmwares import SIMULATED_FIRMWARES
 from printer_slicer.sim.pty_server import serve
 from printer_slicer.stream.events import Halted, Identified
 from printer_slicer.stream.serial_port import open_port
@@ -49,7 +49,7 @@ def test_lines_are_executed_once_in_order_or_the_print_ends_with_a_reason(
 
 def test_every_dialect_of_the_host_is_spoken_by_a_simulated_firmware() -> None:
     spoken = set()
-    for firmware in FRONT_ENDS:
+    for firmware in SIMULATED_FIRMWARES:
         trial, _ = trial_of("clean, 115200 Bd", firmware, 0, 60)
         spoken |= {event.dialect for event in trial.events if isinstance(event, Identified)}
 
@@ -105,10 +105,10 @@ class Errands:
         return self.ended.is_set()
 
     def reset(self, _: float) -> None:
-        self._wanted.append(lambda printer: printer.reset(printer._board.now))
+        self._wanted.append(lambda printer: printer.reset(printer._state.now))
 
     def hang(self, seconds: float, _: float) -> None:
-        self._wanted.append(lambda printer: printer.hang(seconds, printer._board.now))
+        self._wanted.append(lambda printer: printer.hang(seconds, printer._state.now))
 
 
 @pytest.mark.parametrize("row", ROWS, ids=lambda text: text.replace(" ", "-"))
@@ -116,7 +116,7 @@ def test_it_is_so_over_a_device_of_the_system(row: str, tmp_path: Path) -> None:
     names = suits(row)
     chance = Random(row)
     firmware = names[list(ROWS).index(row) % len(names)]
-    setup = ROWS[row].make(chance, Setup(FRONT_ENDS[firmware], job_of(chance, 120), told_baud=None))
+    setup = ROWS[row].make(chance, Setup(SIMULATED_FIRMWARES[firmware], job_of(chance, 120), told_baud=None))
     trial, errands, ready = Trial(setup), Errands(), threading.Event()
     server = threading.Thread(
         target=serve,

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from printer_slicer.inspection.dry_run.machines import front_end_of, machine_of
+from printer_slicer.inspection.dry_run.machines import machine_of, simulated_firmware_for
 from printer_slicer.profile import load_profile
 from printer_slicer.sim.link import VirtualPort
 from printer_slicer.sim.printer import SimulatedPrinter
-from printer_slicer.sim.tally import Report
+from printer_slicer.sim.statistics import Report
 from printer_slicer.stream.protocol import Streamer
 from printer_slicer.stream.states import State
 
@@ -19,7 +19,7 @@ OFF = [b"M104 S0", b"M140 S0", b"M107"]
 def stopped(job: list[bytes], after: float) -> tuple[Streamer, float, Report]:
     """The host, how long it took to the end, and the printer's account, for a print cancelled after so many seconds."""
     printer = load_profile(slices=False).printer
-    simulated = SimulatedPrinter(machine_of(printer), front_end_of(printer))
+    simulated = SimulatedPrinter(machine_of(printer), simulated_firmware_for(printer))
     port = VirtualPort(simulated, baud=115200, latency=0.001)
     streamer = Streamer(job)
     cancelled = 0.0

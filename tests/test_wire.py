@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from printer_slicer.sim.front_end import MARLIN_2_0_AVR, MARLIN_2_1, MARLIN_2_1_ADVANCED, FrontEnd
-from printer_slicer.sim.link import Damage, Direction, VirtualPort
+from printer_slicer.sim.firmwares import MARLIN_2_0_AVR, MARLIN_2_1, MARLIN_2_1_ADVANCED, SimulatedFirmware
+from printer_slicer.sim.link import CableNoise, Direction, VirtualPort
 from printer_slicer.sim.machine import Machine
 from printer_slicer.sim.printer import SimulatedPrinter
 from printer_slicer.sim.pty_server import serve
@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 MACHINE = replace(Machine(), coldest_extrusion=0.0)
-FRONT_ENDS = {"2.1": MARLIN_2_1, "2.0 AVR": MARLIN_2_0_AVR, "2.1 advanced": MARLIN_2_1_ADVANCED}
+SIMULATED_FIRMWARES = {"2.1": MARLIN_2_1, "2.0 AVR": MARLIN_2_0_AVR, "2.1 advanced": MARLIN_2_1_ADVANCED}
 OURS = {"M105", "M110 N0", "M115", "M400", "M114"}
 """What the host asks by itself; jobs here have none of it."""
 
@@ -57,7 +57,7 @@ class Print:
     """One print on a simulated printer with an invented clock."""
 
     job: Sequence[bytes]
-    front_end: FrontEnd = MARLIN_2_1
+    firmware: SimulatedFirmware = MARLIN_2_1
     damage: Callable[[bytes, Direction], bytes] | None = None
     baud: int | None = 115_200
     latency: float = 0.001
@@ -67,8 +67,8 @@ class Print:
     executed: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self.printer = SimulatedPrinter(MACHINE, self.front_end, on_executed=self.executed.append)
-        self.port = VirtualPort(self.printer, baud=self.baud, latency=self.latency, damage=self.damage)
+        self.printer = SimulatedPrinter(MACHINE, self.firmware, on_executed=self.executed.append)
+        self.port = VirtualPort(self.printer, baud=self.baud, latency=self.latency, noise=self.damage)
         limits = MACHINE.limits if self.knows_limits else None
         self.streamer = Streamer(self.job, limits=limits, window_lines=self.window_lines)
 
@@ -132,7 +132,7 @@ def test_every_line_runs_exactly_once_and_in_order(seed: int, name: str) -> None
     job = random_job(chance)
     bad = Print(
         job,
-        FRONT_ENDS[name],
+        SIMULATED_FIRMWARES[name],
         damage,
         baud=fast,
         latency=chance.choice([0.0, 0.001, 0.016]),
@@ -159,7 +159,7 @@ def test_it_also_does_on_firmware_that_numbers_its_oks(seed: int) -> None:
 def test_it_also_does_on_firmware_that_says_no_ok_after_a_resend(seed: int) -> None:
     chance = Random(seed)
     job = random_job(chance)
-    silent = replace(FRONT_ENDS[("2.1", "2.0 AVR")[seed % 2]], ok_after_resend=False)
+    silent = replace(SIMULATED_FIRMWARES[("2.1", "2.0 AVR")[seed % 2]], ok_after_resend=False)
 
     bad = Print(job, silent, OneByte(chance, 0.05)).run()
 
@@ -171,7 +171,7 @@ def test_several_hits_in_a_line_never_lose_or_double_one(seed: int) -> None:
     chance = Random(seed)
     job = random_job(chance)
 
-    bad = Print(job, MARLIN_2_1, Damage(chance, flip=1e-3, drop=5e-4, insert=5e-4)).run()
+    bad = Print(job, MARLIN_2_1, CableNoise(chance, flip=1e-3, drop=5e-4, insert=5e-4)).run()
 
     assert isinstance(bad.end, Finished)
     assert len(bad.jobs_lines) == len(wanted(job))
@@ -179,7 +179,7 @@ def test_several_hits_in_a_line_never_lose_or_double_one(seed: int) -> None:
 
 @pytest.mark.parametrize("window_lines", [1, 2])
 def test_one_bad_byte_costs_one_repeat_on_every_firmware(window_lines: int) -> None:
-    for front_end in FRONT_ENDS.values():
+    for firmware in SIMULATED_FIRMWARES.values():
         hits = []
 
         def once(data: bytes, direction: Direction, hits: list[bytes] = hits) -> bytes:
@@ -189,7 +189,7 @@ def test_one_bad_byte_costs_one_repeat_on_every_firmware(window_lines: int) -> N
             return data
 
         job = [b"G28", b"G90", *(b"G1 X%d F6000" % i for i in range(20, 90))]
-        bad = Print(job, front_end, once, window_lines=window_lines).run()
+        bad = Print(job, firmware, once, window_lines=window_lines).run()
 
         assert bad.jobs_lines == wanted(job)
         assert bad.count(ResendRequested) == 1
@@ -209,10 +209,11 @@ LONG_JOB = [
 
 
 @pytest.mark.parametrize(
-    ("name", "latency", "knows_limits"), crossed(FRONT_ENDS, [0.0, 0.001, 0.016, 0.2], [True, False], laps=2)
+    ("name", "latency", "knows_limits"),
+    crossed(SIMULATED_FIRMWARES, [0.0, 0.001, 0.016, 0.2], [True, False], laps=2),
 )
 def test_a_clean_cable_sees_no_repeat_and_no_question(name: str, latency: float, knows_limits: bool) -> None:
-    clean = Print(LONG_JOB, FRONT_ENDS[name], latency=latency, knows_limits=knows_limits).run()
+    clean = Print(LONG_JOB, SIMULATED_FIRMWARES[name], latency=latency, knows_limits=knows_limits).run()
 
     assert clean.jobs_lines == wanted(LONG_JOB)
     assert clean.count(ResendRequested, Probe) == 0
@@ -268,8 +269,8 @@ def test_a_lost_ok_costs_less_than_two_seconds_and_nothing_if_oks_are_numbered(
     name: str, most: float
 ) -> None:
     job = [b"M117 line %d" % i for i in range(300)]
-    clean = Print(job, FRONT_ENDS[name]).run()
-    lossy = Print(job, FRONT_ENDS[name], without_every(50)).run()
+    clean = Print(job, SIMULATED_FIRMWARES[name]).run()
+    lossy = Print(job, SIMULATED_FIRMWARES[name], without_every(50)).run()
 
     assert lossy.jobs_lines == wanted(job)
     lost = (len(job) + 4) // 50
@@ -325,7 +326,7 @@ def test_silence_for_ever_is_given_up(way: Direction, knows_limits: bool, most: 
     assert silent.count(Probe) <= 6
 
 
-@pytest.mark.parametrize("name", FRONT_ENDS)
+@pytest.mark.parametrize("name", SIMULATED_FIRMWARES)
 @pytest.mark.parametrize("heard", [True, False])
 def test_a_reset_printer_executes_nothing_more(name: str, heard: bool) -> None:
     def deaf(data: bytes, way: Direction) -> bytes:
@@ -333,7 +334,7 @@ def test_a_reset_printer_executes_nothing_more(name: str, heard: bool) -> None:
 
     reset: list[tuple[float, int]] = []
     job = random_job(Random(4))
-    broken = Print(job, FRONT_ENDS[name], deaf)
+    broken = Print(job, SIMULATED_FIRMWARES[name], deaf)
 
     def brown_out(_: Event) -> None:
         if broken.streamer.acknowledged >= 40 and not reset:
@@ -377,9 +378,9 @@ def test_pausing_at_random_changes_nothing_of_what_is_executed(seed: int) -> Non
     assert halting.jobs_lines == wanted(job)
 
 
-@pytest.mark.parametrize("name", FRONT_ENDS)
+@pytest.mark.parametrize("name", SIMULATED_FIRMWARES)
 def test_a_job_that_is_cancelled_while_it_heats_does_not_heat_on(name: str) -> None:
-    heating = Print([b"G28", b"M109 S200", *random_job(Random(6))], FRONT_ENDS[name])
+    heating = Print([b"G28", b"M109 S200", *random_job(Random(6))], SIMULATED_FIRMWARES[name])
 
     def cancel(event: Event) -> None:
         if isinstance(event, Temperature) and event.waiting:
@@ -397,14 +398,14 @@ def test_a_job_that_is_cancelled_while_it_heats_does_not_heat_on(name: str) -> N
 # Speed, and the real thing.
 
 
-def lines_per_second(front_end: FrontEnd, window_lines: int) -> float:
+def lines_per_second(firmware: SimulatedFirmware, window_lines: int) -> float:
     job = [b"M117 " + b"x" * 20] * 1000
-    return len(job) / Print(job, front_end, window_lines=window_lines).run().port.now()
+    return len(job) / Print(job, firmware, window_lines=window_lines).run().port.now()
 
 
 @pytest.mark.parametrize("name", ["2.1", "2.0 AVR"])
 def test_two_lines_in_flight_fill_the_wire_at_115200_with_1_ms_of_latency(name: str) -> None:
-    one, two = lines_per_second(FRONT_ENDS[name], 1), lines_per_second(FRONT_ENDS[name], 2)
+    one, two = lines_per_second(SIMULATED_FIRMWARES[name], 1), lines_per_second(SIMULATED_FIRMWARES[name], 2)
     wire = 115_200 / 10 / len(b"N500 M117 xxxxxxxxxxxxxxxxxxxx*99\n")
 
     assert two >= 0.97 * wire

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
 from benchmarks.wire_lab import QUICK
-from printer_slicer.sim.front_end import FRONT_ENDS
+from printer_slicer.sim.firmwares import SIMULATED_FIRMWARES
 from printer_slicer.sim.link import VirtualPort
 from printer_slicer.sim.printer import SimulatedPrinter
 from printer_slicer.stream.events import Event, Finished, Halted
@@ -31,18 +31,18 @@ DAMAGES = ("flip", "drop", "lose ok", "double ok", "noise")
 class Wire(RuleBasedStateMachine):
     """A streamer and a printer, a cable that hits the next chunk as it is told, and a person."""
 
-    @initialize(name=st.sampled_from(sorted(FRONT_ENDS)), baud=st.sampled_from([None, 115_200]))
+    @initialize(name=st.sampled_from(sorted(SIMULATED_FIRMWARES)), baud=st.sampled_from([None, 115_200]))
     def begin(self, name: str, baud: int | None) -> None:
-        self.front_end = FRONT_ENDS[name]
+        self.firmware = SIMULATED_FIRMWARES[name]
         self.executed: list[str] = []
         self.events: list[Event] = []
         self.hits: list[tuple[Direction, str, int]] = []
         self.was_reset = self.was_cancelled = self.was_stopped = False
         self.at_reset = 0
-        front_end = replace(self.front_end, boot_seconds=0.1)
+        firmware = replace(self.firmware, boot_seconds=0.1)
         machine = replace(QUICK, coldest_extrusion=0.0)
-        self.printer = SimulatedPrinter(machine, front_end, on_executed=self.executed.append)
-        self.port = VirtualPort(self.printer, baud=baud, latency=0.001, damage=self._damage)
+        self.printer = SimulatedPrinter(machine, firmware, on_executed=self.executed.append)
+        self.port = VirtualPort(self.printer, baud=baud, latency=0.001, noise=self._damage)
         self.streamer = Streamer(JOB, limits=machine.limits, baud=baud)
 
     def _damage(self, data: bytes, way: Direction) -> bytes:
@@ -70,14 +70,14 @@ class Wire(RuleBasedStateMachine):
         self._pump(seconds)
 
     # Klipper executes what arrives, however damaged: there the cable must be a good one.
-    @precondition(lambda self: self.front_end.takes != "any")
+    @precondition(lambda self: self.firmware.takes != "any")
     @rule(what=st.sampled_from(DAMAGES[:2]), at=st.integers(0, 200))
     def line_is_hit(self, what: str, at: int) -> None:
         self.hits.append(("to printer", what, at))
 
     @rule(what=st.sampled_from(DAMAGES), at=st.integers(0, 200))
     def answer_is_hit(self, what: str, at: int) -> None:
-        if what != "double ok" or self.front_end.takes == "next":
+        if what != "double ok" or self.firmware.takes == "next":
             self.hits.append(("to host", what, at))
 
     @rule()
@@ -129,7 +129,7 @@ class Wire(RuleBasedStateMachine):
             assert self.was_cancelled or len(moves) == len(MOVES)
         else:
             assert (
-                self.was_reset or self.was_stopped or self.was_cancelled or self.front_end.takes != "next"
+                self.was_reset or self.was_stopped or self.was_cancelled or self.firmware.takes != "next"
             ), ends
 
 

@@ -627,7 +627,7 @@ FIRMWARES: Final = (
     *("marlin 1.1", "marlin 2.0", "marlin 2.1", "marlin 2.1 advanced", "marlin 2.1.3", "prusa mk3"),
     *("reprapfirmware", "klipper", "repetier", "smoothie", "octoprint virtual"),
 )
-"""The names in `sim.front_end`, which is not imported before it is needed; a test compares the two."""
+"""The names in `sim.firmwares`, which is not imported before it is needed; a test compares the two."""
 
 
 def _firmware(text: str) -> str:

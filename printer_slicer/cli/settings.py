@@ -194,9 +194,9 @@ def _translate_familiar(arguments: argparse.Namespace) -> None:
 
 def _flavour_of(firmware: str) -> str:
     """Return the G-code flavour of a simulated firmware, for slicing and reading."""
-    from printer_slicer.sim.front_end import FRONT_ENDS
+    from printer_slicer.sim.firmwares import SIMULATED_FIRMWARES
 
-    return FRONT_ENDS[firmware].flavour
+    return SIMULATED_FIRMWARES[firmware].dialect
 
 
 def _option_changes(arguments: argparse.Namespace) -> dict[str, object]:

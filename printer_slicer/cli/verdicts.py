@@ -1,4 +1,4 @@
-"""Print on the simulated printer, and say what that came to, for people and for programs."""
+"""Run a dry run for a command, and format its result as text and JSON."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from printer_slicer.inspection.dry_run.judging import Verdict
     from printer_slicer.profile import Printer, Profile
     from printer_slicer.sim.faults import Faults
-    from printer_slicer.sim.switches import FrontEnd
+    from printer_slicer.sim.simulated_firmware import SimulatedFirmware
 
 __all__ = [
     "faults_of",
@@ -37,7 +37,7 @@ __all__ = [
 ]
 
 _MOST_FAULTS: Final = 20
-_WORTH: Final = 0.5  # s; roles that take less are not worth a word
+_WORTH: Final = 0.5  # s; roles that take less are not shown
 _WIDE: Final = 100  # characters of a line
 
 
@@ -54,7 +54,7 @@ def simulate(
     from printer_slicer.inspection.dry_run.runner import dry_run
 
     chosen = getattr(arguments, "firmware", None)
-    front_end = firmware_of(arguments, profile.printer) if chosen else None
+    firmware = firmware_of(arguments, profile.printer) if chosen else None
     extruders, one_hotend = getattr(arguments, "extruders", None), getattr(arguments, "one_hotend", False)
     with progress(arguments, job, events=events) as tell:
         return dry_run(
@@ -62,28 +62,28 @@ def simulate(
             profile,
             on_event=tell,
             baud=baud,
-            front_end=front_end,
+            firmware=firmware,
             faults=faults,
             extruders=extruders,
             one_hotend=one_hotend,
         )
 
 
-def firmware_of(arguments: argparse.Namespace, printer: Printer) -> FrontEnd:
-    """The firmware that was asked for, else the one that understands what the printer's profile writes."""
-    from printer_slicer.inspection.dry_run.machines import front_end_of
-    from printer_slicer.sim.front_end import FRONT_ENDS
+def firmware_of(arguments: argparse.Namespace, printer: Printer) -> SimulatedFirmware:
+    """Return the firmware of --firmware, else one for the dialect of the profile."""
+    from printer_slicer.inspection.dry_run.machines import simulated_firmware_for
+    from printer_slicer.sim.firmwares import SIMULATED_FIRMWARES
 
-    return FRONT_ENDS[arguments.firmware] if arguments.firmware else front_end_of(printer)
+    return SIMULATED_FIRMWARES[arguments.firmware] if arguments.firmware else simulated_firmware_for(printer)
 
 
 def faults_of(arguments: argparse.Namespace) -> Faults | None:
-    """What shall go wrong; None for nothing.
+    """Return the faults of --faults; None without the option.
 
     Raises:
-        UsageError: the script cannot be read or makes no sense.
+        UsageError: the fault script cannot be read or is invalid.
     """
-    from random import Random  # noqa: TID251 - seeded, so that a run can be had again
+    from random import Random  # noqa: TID251 - seeded, so that a run can be repeated
 
     from printer_slicer.input_files import read_input
     from printer_slicer.sim.fault_script import read_script
@@ -92,17 +92,17 @@ def faults_of(arguments: argparse.Namespace) -> Faults | None:
 
     if arguments.faults is None:
         if arguments.seed is not None:
-            raise UsageError("--seed without --faults", remedy="say with --faults what shall go wrong")
+            raise UsageError("--seed needs --faults", remedy="Name a fault script with --faults")
         return None
     try:
         text = read_input(arguments.faults, MOST_BYTES).decode("utf-8")
     except OSError as error:
         raise UsageError(
-            f"{arguments.faults}: {error.strerror}", remedy="--faults wants a TOML file"
+            f"{arguments.faults}: {error.strerror}", remedy="Name a TOML file with --faults"
         ) from error
     except UnicodeDecodeError as error:
         raise UsageError(
-            f"{arguments.faults}: no text in UTF-8", remedy="--faults wants a TOML file"
+            f"{arguments.faults}: not UTF-8 text", remedy="Name a TOML file with --faults"
         ) from error
     faults, seed = read_script(text, str(arguments.faults))
     chosen = next((one for one in (arguments.seed, seed) if one is not None), 0)
@@ -110,45 +110,46 @@ def faults_of(arguments: argparse.Namespace) -> Faults | None:
 
 
 def planted_lines(faults: Faults | None) -> list[str]:
-    """The faults that struck, for people."""
-    struck = faults.happened if faults else []
-    return [f"{'planted':<12}{one.time:.1f} s, line {one.line}: {one.text}" for one in struck]
+    """Return the injected faults as lines of text."""
+    struck = faults.events if faults else []
+    return [f"{'injected':<12}{one.time:.1f} s, line {one.line}: {one.text}" for one in struck]
 
 
 def planted_facts(faults: Faults | None) -> dict[str, Any]:
-    """The same for programs."""
-    return {"planted": [one._asdict() for one in faults.happened]} if faults else {}
+    """Return the injected faults for JSON."""
+    return {"injected_faults": [one._asdict() for one in faults.events]} if faults else {}
 
 
 def insist_printable(verdict: Verdict) -> None:
-    """Fail if the print is not what it should be.
+    """Raise an error if the print has problems.
 
     Raises:
-        VerificationError: it is not.
+        VerificationError: it has.
     """
     if not verdict.ok:
-        more = f"\n  and {len(verdict.problems) - 1} more problems" if len(verdict.problems) > 1 else ""
+        count = len(verdict.problems) - 1
+        more = f"\n  and {count} more problem{'s' if count > 1 else ''}" if count else ""
         raise VerificationError(f"{verdict.job}: {verdict.problems[0]}{more}")
 
 
 def verdict_text(arguments: argparse.Namespace, verdict: Verdict, job: Job, profile: Profile) -> str:
-    """All of it for people: whether to print it comes first, then what is wrong, then what is worth knowing."""
-    wrong = [*verdict.problems, *_unsaid(verdict, job)]
+    """Return the result as text: summary, errors, warnings, then facts."""
+    wrong = [*verdict.problems, *_other_errors(verdict, job)]
     head = (
-        f"{verdict.job}: prints as it should"
+        f"{verdict.job}: prints correctly"
         if not wrong
-        else f"{verdict.job}: do NOT print it: {_count(wrong)}"
+        else f"{verdict.job}: do NOT print it, {_count(wrong)}"
     )
-    lines = [head, *(f"{'fault':<12}{sanitize(one)}" for one in wrong[:_MOST_FAULTS])]
+    lines = [head, *(f"{'error':<12}{sanitize(one)}" for one in wrong[:_MOST_FAULTS])]
     if len(wrong) > _MOST_FAULTS:
-        lines.append(f"{'fault':<12}... and {len(wrong) - _MOST_FAULTS} more, which --json lists")
-    lines += [f"{'note':<12}{sanitize(one)}" for one in verdict.notes]
+        lines.append(f"{'error':<12}... and {len(wrong) - _MOST_FAULTS} more (--json lists all)")
+    lines += [f"{'warning':<12}{sanitize(one)}" for one in verdict.notes]
     lines += finding_lines(arguments, job)
     return "\n".join([*lines, *_fact_lines(verdict, profile)])
 
 
-def _unsaid(verdict: Verdict, job: Job) -> list[str]:
-    """What is refused and no fault says already: of the same line, or of the same kind where the file is full of it."""
+def _other_errors(verdict: Verdict, job: Job) -> list[str]:
+    """Return lint errors that no fault of the dry run covers."""
     kinds = {one.code for one in verdict.faults if one.is_error}
     said = {name: {name} for name in ("box", "temperature", "cold", "homing", "unreadable")}
     said |= {"flow": {"flow", "extrusion"}, "unsupported": {"unsupported"}}
@@ -156,35 +157,46 @@ def _unsaid(verdict: Verdict, job: Job) -> list[str]:
 
 
 def _count(wrong: Sequence[str]) -> str:
-    return f"{len(wrong)} fault{'s' if len(wrong) > 1 else ''}"
+    return f"{len(wrong)} error{'s' if len(wrong) > 1 else ''}"
 
 
 def _fact_lines(verdict: Verdict, profile: Profile) -> Iterator[str]:
-    """What the print is, name by name."""
+    """Yield the facts of the print, one per line."""
     report = verdict.report
     facts: dict[str, list[str]] = {"time": [_time(verdict)]}
-    if verdict.account is not None:
-        facts["by role"] = _wrapped(_roles(verdict.account))
-        facts["layers"] = [_layers(verdict, verdict.account)]
+    if verdict.deposition is not None:
+        facts["by role"] = _wrapped(_roles(verdict.deposition))
+        facts["layers"] = [_layers(verdict, verdict.deposition)]
     facts["filament"] = [_filament(verdict, profile)]
-    if verdict.account is not None and verdict.account.peak is not None:
-        facts["flow"] = [_flow(verdict.account, profile)]
-    facts["link"] = [_link(verdict)]
-    if report.laid_min and report.laid_max:
+    if verdict.deposition is not None and verdict.deposition.peak is not None:
+        facts["flow"] = [_flow(verdict.deposition, profile)]
+    facts["serial"] = [_link(verdict)]
+    if report.extrusion_min and report.extrusion_max:
         span = (
             f"{name} {low:.{digits}f} to {high:.{digits}f}"
             for name, digits, low, high in zip(
-                "xyz", (1, 1, 2), report.laid_min, report.laid_max, strict=True
+                "xyz", (1, 1, 2), report.extrusion_min, report.extrusion_max, strict=True
             )
         )
-        facts["plastic"] = [f"{' '.join(span)} mm"]
-    sent = "as sent" if verdict.identical else "NOT as sent"
-    ratio = verdict.simulated_seconds / verdict.modelled_seconds - 1 if verdict.modelled_seconds else 0.0
-    facts["executed"] = [
-        f"{verdict.executed} of {verdict.commands} commands, {sent}; {ratio:+.2%} of the time that was modelled"
-    ]
+        facts["extent"] = [f"{' '.join(span)} mm"]
+    facts["executed"] = [f"{_executed(verdict)}; {_time_difference(verdict)}"]
     for name, texts in facts.items():
         yield from (f"{name if not nth else '':<12}{text}" for nth, text in enumerate(texts))
+
+
+def _executed(verdict: Verdict) -> str:
+    if verdict.identical:
+        return f"all {verdict.commands} commands, in order"
+    return f"{verdict.executed} of {verdict.commands} commands, NOT identical to the file"
+
+
+def _time_difference(verdict: Verdict) -> str:
+    """Compare simulated with estimated time."""
+    ratio = verdict.simulated_seconds / verdict.modelled_seconds - 1 if verdict.modelled_seconds else 0.0
+    difference = f"{ratio:+.2%}"
+    if difference in ("+0.00%", "-0.00%"):
+        return "simulated time equals the estimate"
+    return f"simulated time differs by {difference} from the estimate"
 
 
 def _time(verdict: Verdict) -> str:
@@ -193,18 +205,18 @@ def _time(verdict: Verdict) -> str:
     parts += [f"{format_duration(report.homing_seconds)} of homing"] if report.homing_seconds >= 1 else []
     more = f", with {' and '.join(parts)}" if parts else ""
     in_all, moving = map(format_duration, (verdict.total_seconds, verdict.simulated_seconds))
-    return f"{in_all} in all{more}; {moving} of motion"
+    return f"{in_all} in total{more}; {moving} of motion"
 
 
-def _roles(account: Deposition) -> list[str]:
-    """Time by what it is for, the longest first."""
-    times = {**account.by_role, "Travel": account.travel, "Retraction": account.extruder}
+def _roles(deposition: Deposition) -> list[str]:
+    """Return the time of each role, the longest first."""
+    times = {**deposition.by_role, "Travel": deposition.travel, "Retraction": deposition.extruder}
     ordered = sorted(times.items(), key=lambda one: -one[1])
     return [f"{name} {format_duration(seconds)}" for name, seconds in ordered if seconds >= _WORTH]
 
 
 def _wrapped(words: Sequence[str]) -> list[str]:
-    """Words with commas, in lines that are not too long."""
+    """Join words with commas, in lines of limited length."""
     lines = [""]
     for word in words:
         if lines[-1] and len(lines[-1]) + len(word) > _WIDE:
@@ -215,24 +227,24 @@ def _wrapped(words: Sequence[str]) -> list[str]:
     return lines
 
 
-def _heights(account: Deposition) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """Thickness of each layer, mm, from below."""
-    z = np.unique([round(layer.z, 3) for layer in account.layers if layer.number and layer.length > 0])
+def _heights(deposition: Deposition) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """Return the height of each layer, mm, bottom to top."""
+    z = np.unique([round(layer.z, 3) for layer in deposition.layers if layer.number and layer.length > 0])
     return np.diff(z, prepend=0.0)
 
 
-def _layers(verdict: Verdict, account: Deposition) -> str:
-    heights = _heights(account)
+def _layers(verdict: Verdict, deposition: Deposition) -> str:
+    heights = _heights(deposition)
     if not len(heights):
         return "none"
     first, rest = float(heights[0]), heights[1:] if len(heights) > 1 else heights
     low, high = float(rest.min()), float(rest.max())
     span = f"{low:.3g} mm" if high - low < 0.0015 else f"{low:.3g} to {high:.3g} mm"
-    said = f"{len(heights)}, the first of {first:.3g} mm, the others of {span}; {heights.sum():.6g} mm high"
+    summary = f"{len(heights)}, first {first:.3g} mm, others {span}; {heights.sum():.6g} mm high"
     if not verdict.heights_equal:
-        return f"{said}; NOT at the heights of the job"
-    slowest = max(account.layers, key=lambda layer: layer.seconds)
-    return f"{said}; the longest takes {format_duration(slowest.seconds)} (layer {slowest.number})"
+        return f"{summary}; NOT at the heights of the file"
+    slowest = max(deposition.layers, key=lambda layer: layer.seconds)
+    return f"{summary}; slowest layer {slowest.number} takes {format_duration(slowest.seconds)}"
 
 
 def _grams(verdict: Verdict, profile: Profile) -> float:
@@ -242,18 +254,18 @@ def _grams(verdict: Verdict, profile: Profile) -> float:
 
 def _filament(verdict: Verdict, profile: Profile) -> str:
     grams = _grams(verdict, profile)
-    cost = f", {grams / 1000 * profile.material.cost:.2f} of money" if profile.material.cost else ""
+    cost = f", cost {grams / 1000 * profile.material.cost:.2f}" if profile.material.cost else ""
     return f"{verdict.report.filament / 1000:.2f} m, {grams:.1f} g of {profile.material.name}{cost}"
 
 
-def _flow(account: Deposition, profile: Profile) -> str:
-    assert account.peak is not None
-    laying = sum(account.by_role.values())
-    mean = account.volume / laying if laying else 0.0
-    where = f" (layer {account.peak.layer}, z {account.peak.z:.6g} mm)" if account.peak.layer else ""
+def _flow(deposition: Deposition, profile: Profile) -> str:
+    assert deposition.peak is not None
+    laying = sum(deposition.by_role.values())
+    mean = deposition.volume / laying if laying else 0.0
+    where = f" (layer {deposition.peak.layer}, z {deposition.peak.z:.6g} mm)" if deposition.peak.layer else ""
     return (
-        f"{account.peak.amount:.1f} mm3/s at most{where}, {mean:.1f} in the mean; "
-        f"{profile.material.name} melts {profile.max_flow:g}"
+        f"at most {deposition.peak.amount:.1f} mm³/s{where}, mean {mean:.1f} mm³/s; "
+        f"{profile.material.name} allows {profile.max_flow:g} mm³/s"
     )
 
 
@@ -263,21 +275,21 @@ def _link(verdict: Verdict) -> str:
     if not verdict.baud:
         return again
     again = f"; {again}" if report.resends else ""
-    lost = verdict.simulated_seconds + report.starved_seconds - verdict.modelled_seconds
-    if not report.starvations:
-        slower = f"; short of moves it is {lost:.1f} s slower" if lost >= 1 else ""
-        return f"at {verdict.baud} Bd the machine never runs out of moves{slower}{again}"
+    lost = verdict.simulated_seconds + report.underrun_seconds - verdict.modelled_seconds
+    if not report.underruns:
+        slower = f"; {lost:.1f} s slower for lack of planned moves" if lost >= 1 else ""
+        return f"{verdict.baud} baud is enough (no buffer underruns){slower}{again}"
     return (
-        f"at {verdict.baud} Bd the machine runs out of moves {report.starvations} times and stands still for "
-        f"{report.starved_seconds:.2f} s; {max(lost, 0):.1f} s are lost{again}"
+        f"{report.underruns} buffer underruns at {verdict.baud} baud, {report.underrun_seconds:.2f} s of standstill; "
+        f"{max(lost, 0):.1f} s lost{again}"
     )
 
 
 def verdict_facts(verdict: Verdict, job: Job, profile: Profile) -> dict[str, object]:
-    """All of it for programs."""
+    """Return the result for JSON."""
     report = asdict(verdict.report)
     report["violations"] = [list(violation) for violation in verdict.report.violations]
-    report["starved"] = [list(one) for one in verdict.report.starved]
+    report["underrun_list"] = [list(one) for one in verdict.report.underrun_list]
     return {
         "job": verdict.job,
         "ok": verdict.ok,
@@ -295,20 +307,20 @@ def verdict_facts(verdict: Verdict, job: Job, profile: Profile) -> dict[str, obj
         "problems": list(verdict.problems),
         "filament_g": round(_grams(verdict, profile), 3),
         "cost": round(_grams(verdict, profile) / 1000 * profile.material.cost, 4) or None,
-        "material": None if verdict.account is None else _material_facts(verdict.account, profile),
+        "material": None if verdict.deposition is None else _material_facts(verdict.deposition, profile),
         "printer": report,
     }
 
 
-def _material_facts(account: Deposition, profile: Profile) -> Mapping[str, object]:
-    peak = account.peak
+def _material_facts(deposition: Deposition, profile: Profile) -> Mapping[str, object]:
+    peak = deposition.peak
     return {
-        "seconds_by_role": {name: round(seconds, 3) for name, seconds in account.by_role.items()},
-        "travel_seconds": round(account.travel, 3),
-        "extruder_seconds": round(account.extruder, 3),
-        "volume_mm3": round(account.volume, 3),
-        "volume_standing_mm3": round(account.standing, 3),
-        "layer_heights": np.round(_heights(account), 4).tolist(),
+        "seconds_by_role": {name: round(seconds, 3) for name, seconds in deposition.by_role.items()},
+        "travel_seconds": round(deposition.travel, 3),
+        "extruder_seconds": round(deposition.extruder, 3),
+        "volume_mm3": round(deposition.volume, 3),
+        "volume_standing_mm3": round(deposition.standing, 3),
+        "layer_heights": np.round(_heights(deposition), 4).tolist(),
         "peak_flow": None
         if peak is None
         else {"mm3_per_s": round(peak.amount, 3), "layer": peak.layer, "z": round(peak.z, 4)},
@@ -322,6 +334,6 @@ def _material_facts(account: Deposition, profile: Profile) -> Mapping[str, objec
                 "peak_flow": round(layer.peak_flow, 3),
                 "length_mm": round(layer.length, 2),
             }
-            for layer in account.layers
+            for layer in deposition.layers
         ],
     }

@@ -1,1 +1,1 @@
-"""The printer's end of the cable: firmware, heaters and motion, simulated without I/O or clock."""
+"""A simulated printer: firmware, heaters and motion, without I/O or clock."""

@@ -1,171 +1,171 @@
-"""Commands of the memory card. What they say follows Marlin's cardreader.cpp; no card was at hand to record it."""
+"""Commands of the SD card. Replies follow Marlin's cardreader.cpp; they were not recorded from a real printer."""
 
 from __future__ import annotations
 
 from functools import wraps
 from typing import TYPE_CHECKING, Final
 
-from printer_slicer.sim.card import shortened
+from printer_slicer.sim.sd_card import shortened
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from printer_slicer.sim.board import Board, Steps
-    from printer_slicer.sim.words import Command
+    from printer_slicer.sim.firmware_state import FirmwareState, Steps
+    from printer_slicer.sim.parsed_command import Command
 
 __all__ = ["TABLE", "abort", "finished", "write_line"]
 
 
 def _with_reader(
-    handler: Callable[[Board, Command], Steps | None],
-) -> Callable[[Board, Command], Steps | None]:
-    """The same, unknown to a printer without a card reader."""
+    handler: Callable[[FirmwareState, Command], Steps | None],
+) -> Callable[[FirmwareState, Command], Steps | None]:
+    """Make a command unknown to a printer without a card reader."""
 
     @wraps(handler)
-    def checked(board: Board, command: Command) -> Steps | None:
-        if board.machine.card:
-            return handler(board, command)
-        board.unknown(command.text)
+    def checked(state: FirmwareState, command: Command) -> Steps | None:
+        if state.machine.card:
+            return handler(state, command)
+        state.unknown(command.text)
         return None
 
     return checked
 
 
 def _name(command: Command) -> str:
-    """The file that a command is about."""
+    """Return the file name of a command."""
     return shortened(command.rest.removeprefix("/").removeprefix("!").rstrip("#"))
 
 
-def _list(board: Board, _: Command) -> None:
-    """M20."""
-    board.say("Begin file list")
-    for name, data in board.card.files.items() if board.card.present else ():
-        board.say(f"{name} {len(data)}")
-    board.say("End file list")
+def _list(state: FirmwareState, _: Command) -> None:
+    """M20: list the files."""
+    state.say("Begin file list")
+    for name, data in state.card.files.items() if state.card.present else ():
+        state.say(f"{name} {len(data)}")
+    state.say("End file list")
 
 
-def _mount(board: Board, command: Command) -> None:
-    """M21 takes the card, M22 lets go of it."""
-    board.card.stop()
-    board.card.present = command.code == "M21"
-    board.say("echo:SD card ok" if board.card.present else "echo:SD card released")
+def _mount(state: FirmwareState, command: Command) -> None:
+    """M21: mount the card; M22: release it."""
+    state.card.stop()
+    state.card.present = command.code == "M21"
+    state.say("echo:SD card ok" if state.card.present else "echo:SD card released")
 
 
-def _select(board: Board, command: Command) -> None:
-    """M23: print a file when told to."""
+def _select(state: FirmwareState, command: Command) -> None:
+    """M23: select a file."""
     name = _name(command)
-    if not board.card.select(name):
-        board.say(f"open failed, File: {name}.")
+    if not state.card.select(name):
+        state.say(f"open failed, File: {name}.")
         return
-    board.say(f"echo:Now fresh file: {name}")
-    board.say(f"File opened: {name} Size: {board.card.size}")
-    board.say("File selected")
+    state.say(f"echo:Now fresh file: {name}")
+    state.say(f"File opened: {name} Size: {state.card.size}")
+    state.say("File selected")
 
 
-def _start(board: Board, command: Command) -> None:
-    """M24: begin or go on."""
-    card = board.card
+def _start(state: FirmwareState, command: Command) -> None:
+    """M24: start or resume the print."""
+    card = state.card
     if not card.selected:
         return
     at = command.value("S")
     card.at = card.at if at is None else min(max(int(at), 0), card.size)
-    if board.timer_began is None:
-        board.timer_began = board.now
+    if state.timer_began is None:
+        state.timer_began = state.now
     card.printing = True
-    board.act("resume")
+    state.act("resume")
 
 
-def _pause(board: Board, _: Command) -> None:
-    """M25: the moves that are planned are made."""
-    if board.card.printing:
-        board.card.stop()
-        board.stop_timer()
-        board.act("paused")
+def _pause(state: FirmwareState, _: Command) -> None:
+    """M25: pause the print; planned moves are still executed."""
+    if state.card.printing:
+        state.card.stop()
+        state.stop_timer()
+        state.act("paused")
 
 
-def _position(board: Board, command: Command) -> None:
-    """M26."""
+def _position(state: FirmwareState, command: Command) -> None:
+    """M26: set the read position."""
     at = command.value("S")
-    if at is not None and board.card.selected:
-        board.card.at = min(max(int(at), 0), board.card.size)
+    if at is not None and state.card.selected:
+        state.card.at = min(max(int(at), 0), state.card.size)
 
 
-def _progress(board: Board, command: Command) -> None:
-    """M27: how far it is, once, or every S seconds; C says which file."""
+def _progress(state: FirmwareState, command: Command) -> None:
+    """M27: report the progress, once or every S seconds; with C the file name."""
     seconds = command.value("S")
     if "C" in command.words:
-        board.say(f"Current file: {board.card.selected or '(no file)'}")
+        state.say(f"Current file: {state.card.selected or '(no file)'}")
     elif seconds is None:
-        board.say(_status(board))
+        state.say(_status(state))
     else:
-        board.repeat("card", min(max(int(seconds), 0), 60), lambda: _status(board))
+        state.report_every("card", min(max(int(seconds), 0), 60), lambda: _status(state))
 
 
-def _status(board: Board) -> str:
-    card = board.card
+def _status(state: FirmwareState) -> str:
+    card = state.card
     return f"SD printing byte {card.at}/{card.size}" if card.printing else "Not SD printing"
 
 
-def _write(board: Board, command: Command) -> None:
-    """M28: from now on lines go to the card."""
+def _write(state: FirmwareState, command: Command) -> None:
+    """M28: start writing lines to a file."""
     name = _name(command)
-    if not board.card.present or not name:
-        board.say(f"open failed, File: {name}.")
+    if not state.card.present or not name:
+        state.say(f"open failed, File: {name}.")
         return
-    board.card.stop()
-    board.card.begin(name)
-    board.say(f"Writing to file: {name}")
+    state.card.stop()
+    state.card.begin(name)
+    state.say(f"Writing to file: {name}")
 
 
-def write_line(board: Board, text: str) -> None:
-    """A command while a file is written: it goes there, and M29 ends that."""
+def write_line(state: FirmwareState, text: str) -> None:
+    """Write a command to the open file; M29 closes it."""
     if text.startswith("M29"):
-        board.card.end()
-        board.say("Done saving file.")
-    elif not board.card.write(text):
-        board.say("Error:error writing to file")
+        state.card.end()
+        state.say("Done saving file.")
+    elif not state.card.write(text):
+        state.say("Error:error writing to file")
 
 
-def _delete(board: Board, command: Command) -> None:
-    """M30."""
+def _delete(state: FirmwareState, command: Command) -> None:
+    """M30: delete a file."""
     name = _name(command)
-    if board.card.present and name in board.card.files:
-        if board.card.selected == name:
-            board.card.select("")
-        del board.card.files[name]
-        board.say(f"File deleted:{name}")
+    if state.card.present and name in state.card.files:
+        if state.card.selected == name:
+            state.card.select("")
+        del state.card.files[name]
+        state.say(f"File deleted:{name}")
     else:
-        board.say(f"Deletion failed, File: {name}.")
+        state.say(f"Deletion failed, File: {name}.")
 
 
-def _print(board: Board, command: Command) -> None:
-    """M32: choose and begin."""
-    _select(board, command)
-    _start(board, command)
+def _print(state: FirmwareState, command: Command) -> None:
+    """M32: select a file and start the print."""
+    _select(state, command)
+    _start(state, command)
 
 
-def abort(board: Board, _: Command | None = None) -> None:
-    """M524: give the print up, heaters off."""
-    if not board.card.printing:
+def abort(state: FirmwareState, _: Command | None = None) -> None:
+    """M524: abort the print and switch the heaters off."""
+    if not state.card.printing:
         return
-    board.card.select("")
-    board.stop_moving()
-    board.stop_timer()
-    for heater in board.heaters.all():
-        board.aim(heater, 0.0)
-    board.act("cancel")
+    state.card.select("")
+    state.stop_moving()
+    state.stop_timer()
+    for heater in state.heaters.all():
+        state.set_target_of(heater, 0.0)
+    state.act("cancel")
 
 
-def finished(board: Board) -> None:
-    """The file has been read to its end."""
-    board.card.stop()
-    board.card.at = 0
-    board.stop_timer()
-    board.say("Done printing file")
+def finished(state: FirmwareState) -> None:
+    """Finish the print at the end of the file."""
+    state.card.stop()
+    state.card.at = 0
+    state.stop_timer()
+    state.say("Done printing file")
 
 
-def _nothing_is_written(_: Board, __: Command) -> None:
-    """M29 while no file is written."""
+def _nothing_is_written(_: FirmwareState, __: Command) -> None:
+    """M29 without an open file: do nothing."""
 
 
 TABLE: Final = {

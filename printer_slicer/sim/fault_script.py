@@ -1,6 +1,6 @@
-"""Faults written down in a small TOML file, and what is said of a file that cannot be used.
+"""Read fault scripts: TOML files with faults to inject.
 
-seed = 7                  # optional; --seed goes before it
+seed = 7                  # optional; --seed overrides it
 
 [[fault]]
 kind = "flip"             # see the table in `faults`
@@ -8,7 +8,7 @@ rate = 1e-4
 
 [[fault]]
 kind = "hang"
-line = 1500               # or layer, z, time; without one of them from the beginning
+line = 1500               # or layer, z, time; without any of them from the start
 seconds = 5
 """
 
@@ -25,32 +25,34 @@ from printer_slicer.toml_text import TomlError, parse_toml
 
 __all__ = ["read_script"]
 
-_WAYS: Final = ("to printer", "to host", "both")
+_DIRECTIONS: Final = ("to printer", "to host", "both")
 _KEYS: Final[Mapping[str, tuple[str, ...]]] = {
-    **dict.fromkeys(("flip", "drop", "insert", "duplicate"), ("rate", "count", "way", "seconds")),
-    "burst": ("bytes", "way"),
+    **dict.fromkeys(("flip", "drop", "insert", "duplicate"), ("rate", "count", "direction", "seconds")),
+    "burst": ("bytes", "direction"),
     "lose_reply": ("rate", "count", "seconds"),
     "disconnect": ("seconds",),
     "hang": ("seconds",),
     "brown_out": (),
     "heater": ("heater", "state", "seconds"),
-    "sensor": ("heater", "reads", "seconds"),
+    "sensor": ("heater", "temperature", "seconds"),
     "endstop": ("axis", "seconds"),
     "clog": ("share", "seconds"),
     "runout": (),
 }
-"""What can be said of each kind, besides when."""
+"""Keys of each kind, besides its start."""
 
 _NEEDED: Final[Mapping[str, str]] = {
     **dict.fromkeys(("flip", "drop", "insert", "duplicate"), "rate"),
     "heater": "state",
-    "sensor": "reads",
+    "sensor": "temperature",
 }
+_OLD_NAMES: Final[Mapping[str, str]] = {"way": "direction", "reads": "temperature"}
+"""Names of keys until version 0.2."""
 _MOMENTS: Final = ("line", "layer", "z", "time")
 
 
 def _number(low: float, high: float, *, whole: bool = False) -> tuple[str, Callable[[Any], bool]]:
-    """A number between two: what it is in words, and whether a value is one."""
+    """Return the description and the check of a number within bounds."""
     kinds = (int,) if whole else (int, float)
     words = f"a {'whole ' if whole else ''}number from {low:g} to {high:g}"
     return (
@@ -65,7 +67,7 @@ def _number(low: float, high: float, *, whole: bool = False) -> tuple[str, Calla
 
 
 def _one_of(*names: str) -> tuple[str, Callable[[Any], bool]]:
-    """One of some words."""
+    """Return the description and the check of a choice of words."""
     return "one of " + ", ".join(f'"{name}"' for name in names), lambda value: value in names
 
 
@@ -78,54 +80,56 @@ _VALUES: Final[Mapping[str, tuple[str, Callable[[Any], bool]]]] = {
     "rate": _number(0, 1),
     "count": _number(1, 1e9, whole=True),
     "bytes": _number(1, 1e6, whole=True),
-    "way": _one_of(*_WAYS),
+    "direction": _one_of(*_DIRECTIONS),
     "heater": _one_of("bed", *(f"E{n}" for n in range(10))),
     "state": _one_of("off", "on"),
-    "reads": _number(-300, 2000),
+    "temperature": _number(-300, 2000),
     "axis": _one_of("x", "y", "z"),
     "share": _number(0, 1),
 }
 
 
 def read_script(text: str, name: str) -> tuple[list[Fault], int | None]:
-    """The faults of a script, in order, and its seed if it names one.
+    """Return the faults of a script, in order, and its seed if it has one.
 
     Args:
         text: TOML.
         name: of the file, for messages.
 
     Raises:
-        UsageError: it cannot be used; says where, and what would be right.
+        UsageError: the script is invalid; the message says where, and what is valid.
     """
     try:
         script = parse_toml(text)
     except TomlError as error:
         raise UsageError(
-            f"{name} is no TOML: {error}", remedy="look at that line; text stands in quotes"
+            f"{name} is not TOML: {error}", remedy="Check that line; text needs quotes"
         ) from error
     for key in script.keys() - {"fault", "seed"}:
         raise UsageError(
-            f"{name}: {key} is unknown", remedy=_meant(key, ("seed", "fault"), "known are seed and [[fault]]")
+            f"{name}: unknown key {key}",
+            remedy=_suggest(key, ("seed", "fault"), "Known keys: seed, [[fault]]"),
         )
     seed = script.get("seed")
     if seed is not None and (not isinstance(seed, int) or isinstance(seed, bool)):
-        raise UsageError(f"{name}: seed is {seed!r}", remedy="a seed is a whole number")
+        raise UsageError(f"{name}: seed is {seed!r}", remedy="Use an integer")
     faults = script.get("fault", [])
     if not isinstance(faults, list) or not all(isinstance(one, dict) for one in faults):
         raise UsageError(
-            f"{name}: fault is no list of tables", remedy="begin each fault with a line [[fault]]"
+            f"{name}: fault is not a list of tables", remedy="Start each fault with a line [[fault]]"
         )
     return [_fault(one, f"{name}: fault {n}") for n, one in enumerate(faults, start=1)], seed
 
 
 def _fault(keys: dict[str, Any], place: str) -> Fault:
-    """One fault, checked."""
+    """Return one fault after checking its keys."""
+    keys = {_OLD_NAMES.get(key, key): value for key, value in keys.items()}
     kind = keys.get("kind")
     if kind is None:
-        raise UsageError(f"{place}: kind is missing", remedy=f"kinds are {', '.join(KINDS)}")
+        raise UsageError(f"{place}: kind is missing", remedy=f"Kinds: {', '.join(KINDS)}")
     if kind not in KINDS:
         raise UsageError(
-            f"{place}: kind is {kind!r}", remedy=_meant(str(kind), KINDS, f"kinds are {', '.join(KINDS)}")
+            f"{place}: unknown kind {kind!r}", remedy=_suggest(str(kind), KINDS, f"Kinds: {', '.join(KINDS)}")
         )
     known = (*_MOMENTS, *_KEYS[kind])
     place = f"{place} ({kind})"
@@ -135,7 +139,7 @@ def _fault(keys: dict[str, Any], place: str) -> Fault:
     moments = [key for key in _MOMENTS if key in keys]
     if len(moments) > 1:
         raise UsageError(
-            f"{place}: {moments[0]} and {moments[1]}", remedy="say one moment: line, layer, z or time"
+            f"{place}: both {moments[0]} and {moments[1]}", remedy="Use only one of line, layer, z and time"
         )
     needed = _NEEDED.get(kind)
     if needed is not None and needed not in keys:
@@ -145,17 +149,18 @@ def _fault(keys: dict[str, Any], place: str) -> Fault:
 
 
 def _check(key: str, value: object, known: tuple[str, ...], place: str) -> None:
-    """Whether a key may stand there, with this value."""
+    """Check a key of a fault and its value."""
     if key not in known:
         raise UsageError(
-            f"{place}: {key} is unknown", remedy=_meant(key, known, f"known are kind, {', '.join(known)}")
+            f"{place}: unknown key {key}",
+            remedy=_suggest(key, known, f"Known keys: kind, {', '.join(known)}"),
         )
     words, right = _VALUES[key]
     if not right(value):
         raise UsageError(f"{place}: {key} is {value!r}", remedy=f"{key} is {words}")
 
 
-def _meant(word: str, known: tuple[str, ...], otherwise: str) -> str:
-    """What a person may have meant."""
+def _suggest(word: str, known: tuple[str, ...], otherwise: str) -> str:
+    """Return a remedy with the closest known word."""
     close = get_close_matches(word, known, n=1)
-    return f"did you mean {close[0]}? {otherwise}" if close else otherwise
+    return f"Did you mean {close[0]}? {otherwise}" if close else otherwise

@@ -1,24 +1,23 @@
-"""What shall go wrong with a simulated printer and its cable, and when: planted faults, the same each time.
+"""Fault injection: reproducible faults of the simulated printer and its cable.
 
-kind         strikes    what happens
-flip         cable      bits of bytes flip, a `rate` of the bytes
+kind         affects    what happens
+flip         cable      a bit flips, in a share `rate` of the bytes
 drop         cable      bytes are lost
-insert       cable      bytes come that nobody sent
-duplicate    cable      bytes come twice
-burst        cable      once, so many `bytes` of noise
-lose_reply   cable      lines of the printer that begin with ok are lost, a `rate` of them, `count` at most
-disconnect   cable      the plug is out
-hang         printer    the main loop does nothing
-brown_out    printer    the firmware starts anew
-heater       printer    an element is dead (`state` "off") or cannot be switched off ("on")
-sensor       printer    a thermistor `reads` the same for ever
-endstop      printer    the endstop of an `axis` never closes
-clog         printer    a `share` of the filament that is fed does not come out
+insert       cable      extra bytes appear
+duplicate    cable      bytes arrive twice
+burst        cable      a single burst of noise, `bytes` long
+lose_reply   cable      a share `rate` of the ok replies is lost, at most `count`
+disconnect   cable      the cable is unplugged
+hang         printer    the main loop hangs
+brown_out    printer    the firmware resets
+heater       printer    a heater is stuck in a `state`, "off" or "on"
+sensor       printer    a thermistor always reads the same `temperature`
+endstop      printer    the endstop of an `axis` never triggers
+clog         printer    a `share` of the fed filament does not come out
 runout       printer    the filament ends
 
-A fault strikes when the printer begins the line with a number, begins its n-th layer or lays plastic above a z, at a
-time, or from the beginning; what lasts does so for `seconds`, or for ever. All chance comes from one source that is
-given, so the same seed, faults and host make the same run.
+A fault starts at a line number, a layer, a height z, a time, or at once. It lasts for `seconds`, or for ever. All
+random numbers come from one generator, so the same seed, faults and host give the same run.
 """
 
 from __future__ import annotations
@@ -31,10 +30,10 @@ from typing import TYPE_CHECKING, Final, Literal, NamedTuple
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from printer_slicer.sim.damage import Chance, Direction
+    from printer_slicer.sim.cable_noise import Direction, RandomSource
     from printer_slicer.sim.printer import SimulatedPrinter
 
-__all__ = ["CABLE_KINDS", "KINDS", "Fault", "Faults", "Happening"]
+__all__ = ["CABLE_KINDS", "KINDS", "Fault", "FaultEvent", "Faults"]
 
 KINDS: Final = (
     *("flip", "drop", "insert", "duplicate", "burst", "lose_reply", "disconnect"),
@@ -42,31 +41,31 @@ KINDS: Final = (
 )
 
 CABLE_KINDS: Final = frozenset({"flip", "drop", "insert", "duplicate", "burst", "lose_reply"})
-"""Those that change bytes on their way."""
+"""Kinds that change bytes on the cable."""
 
 _OK: Final = re.compile(rb"ok[^\n]*\n")
 
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """One thing that goes wrong.
+    """A fault to inject.
 
     Attributes:
         kind: see the table above.
-        line: number of the line, as the host counts them; of a host that does not, how many it has sent.
-        layer: of those that comments of the file tell, else how many heights plastic was laid at.
-        z: mm, at or above which plastic was laid.
-        time: s since the printer was switched on.
-        seconds: how long it lasts; infinity: for ever.
-        rate: share of bytes or replies.
-        count: how often at most; 0: without end.
-        bytes: of a burst.
-        way: which direction of the cable.
+        line: starts at this line number; without line numbers, after so many lines.
+        layer: starts at this layer, by the layer comments of the file, else by the number of heights printed.
+        z: starts at the first extrusion at or above this height, mm.
+        time: starts at this time after power-on, s.
+        seconds: duration; infinity: for ever.
+        rate: affected share of bytes or replies.
+        count: maximum number of occurrences; 0: unlimited.
+        bytes: length of a burst.
+        direction: of the cable.
         heater: bed, E0 (the first hotend), E1 and so on.
-        state: of a heater's element.
-        reads: °C, of a sensor.
+        state: in which a heater is stuck.
+        temperature: reading of a sensor, °C.
         axis: x, y or z.
-        share: of the filament.
+        share: of the filament that does not come out.
     """
 
     kind: str
@@ -78,20 +77,20 @@ class Fault:
     rate: float = 1.0
     count: int = 0
     bytes: int = 100
-    way: Direction | Literal["both"] = "both"
+    direction: Direction | Literal["both"] = "both"
     heater: str = "E0"
     state: Literal["off", "on"] = "off"
-    reads: float = 0.0
+    temperature: float = 0.0
     axis: Literal["x", "y", "z"] = "x"
     share: float = 1.0
 
 
-class Happening(NamedTuple):
-    """A fault that struck.
+class FaultEvent(NamedTuple):
+    """An injected fault.
 
     Attributes:
         time: s.
-        line: number of the line that was executed last.
+        line: number of the line executed last.
         text: what happened.
     """
 
@@ -101,19 +100,19 @@ class Happening(NamedTuple):
 
 
 class Faults:
-    """Faults waiting for their moment. Given to the printer and to its cable; good for one run.
+    """Injects faults into a printer and its cable. Use one instance per run.
 
     Attributes:
-        due: when the next one strikes or ends without the printer doing anything, s.
-        unplugged: the cable carries nothing.
-        happened: what struck so far, in order.
-        layer_now: in which layer the printer is; None counts the heights at which it has laid plastic.
+        due: time of the next start or end of a fault that depends on time only, s.
+        unplugged: whether the cable is disconnected.
+        events: faults injected so far, in order.
+        layer_now: returns the current layer; None counts the heights printed.
     """
 
-    def __init__(self, faults: Sequence[Fault], chance: Chance) -> None:
+    def __init__(self, faults: Sequence[Fault], chance: RandomSource) -> None:
         self.due = inf
         self.unplugged = False
-        self.happened: list[Happening] = []
+        self.events: list[FaultEvent] = []
         self.layer_now: Callable[[], int] | None = None
         self._chance = chance
         self._waiting = list(faults)
@@ -124,12 +123,12 @@ class Faults:
         self._printer: SimulatedPrinter | None = None
 
     def take(self, printer: SimulatedPrinter) -> None:
-        """Strike this printer."""
+        """Attach to a printer."""
         self._printer = printer
         self._reckon()
 
     def watch(self, on_executed: Callable[[str], None] | None) -> Callable[[str], None]:
-        """Something to call with each command that begins; it passes it on."""
+        """Wrap the callback for executed commands to detect faults tied to lines or layers."""
 
         def executed(text: str) -> None:
             """Pass the command on, and interrupt the printer once the fault is due."""
@@ -137,24 +136,24 @@ class Faults:
             assert printer is not None
             if on_executed is not None:
                 on_executed(text)
-            layers, z = self._laid(printer)
+            layers, z = self._layer_progress(printer)
             if printer.line >= self._line or layers >= self._layer or z >= self._z:
-                self.due = printer.board.now
+                self.due = printer.state.now
                 printer.interrupt()
 
         return executed
 
     def strike(self, now: float) -> None:
-        """Let everything strike, and end, whose time has come."""
+        """Start and end all faults that are due."""
         printer = self._printer
         assert printer is not None
-        layers, z = self._laid(printer)
+        layers, z = self._layer_progress(printer)
         line = printer.line
         come = [one for one in self._waiting if self._has_come(one, now, line, layers, z)]
         self._waiting = [one for one in self._waiting if not self._has_come(one, now, line, layers, z)]
-        self._reckon()  # a printer that is reset looks for what is next
+        self._reckon()  # a reset printer asks for the next event
         for fault in come:
-            self.happened.append(Happening(now, line, _told(fault)))
+            self.events.append(FaultEvent(now, line, _describe_fault(fault)))
             self._begin(fault, printer, now)
             if fault.seconds < inf and fault.kind != "hang":
                 self._ends.append((now + fault.seconds, fault))
@@ -165,21 +164,21 @@ class Faults:
         self._reckon()
 
     def __call__(self, data: bytes, direction: Direction) -> bytes:
-        """What arrives of bytes on their way through the cable."""
+        """Return what arrives of bytes sent through the cable."""
         if self.unplugged:
             return b""
         for fault in list(self._acting):
-            if fault.way in ("both", direction) and data:
+            if fault.direction in ("both", direction) and data:
                 data = self._changed(fault, data, direction)
         return data
 
-    def _laid(self, printer: SimulatedPrinter) -> tuple[int, float]:
-        """The layer, and the height at which plastic was laid last, mm."""
-        layers, z = printer.laid
+    def _layer_progress(self, printer: SimulatedPrinter) -> tuple[int, float]:
+        """Return the current layer, and the height of the last extrusion, mm."""
+        layers, z = printer.layer_progress
         return (layers if self.layer_now is None else self.layer_now()), z
 
     def _has_come(self, fault: Fault, now: float, line: int, layers: int, z: float) -> bool:
-        """Whether it is time for a fault."""
+        """Whether a fault is due."""
         if fault.line is not None:
             return line >= fault.line
         if fault.layer is not None:
@@ -189,7 +188,7 @@ class Faults:
         return now >= (fault.time or 0.0)
 
     def _reckon(self) -> None:
-        """Find out anew what comes next."""
+        """Update when the next fault is due."""
         waiting = self._waiting
         placed = [one for one in waiting if (one.line, one.layer, one.z) == (None, None, None)]
         self.due = min([*(one.time or 0.0 for one in placed), *(end for end, _ in self._ends)], default=inf)
@@ -198,8 +197,8 @@ class Faults:
         self._z = min((one.z for one in waiting if one.z is not None), default=inf)
 
     def _begin(self, fault: Fault, printer: SimulatedPrinter, now: float) -> None:
-        """A fault strikes."""
-        board = printer.board
+        """Start a fault."""
+        state = printer.state
         if fault.kind in CABLE_KINDS:
             self._acting[fault] = 0
         elif fault.kind == "disconnect":
@@ -211,41 +210,41 @@ class Faults:
         elif fault.kind in ("heater", "sensor"):
             self._upset(fault, printer, now, broken=True)
         elif fault.kind == "endstop":
-            board.stuck_endstops.add("xyz".index(fault.axis))
+            state.stuck_endstops.add("xyz".index(fault.axis))
         elif fault.kind == "clog":
-            board.clog(fault.share)
+            state.set_clogged_share(fault.share)
         else:
-            board.spool_ended()
+            state.run_out_of_filament()
 
     def _end(self, fault: Fault, printer: SimulatedPrinter, now: float) -> None:
-        """A fault is over."""
+        """End a fault."""
         self._acting.pop(fault, None)
         if fault.kind == "disconnect":
             self.unplugged = False
         elif fault.kind in ("heater", "sensor"):
             self._upset(fault, printer, now, broken=False)
         elif fault.kind == "endstop":
-            printer.board.stuck_endstops.discard("xyz".index(fault.axis))
+            printer.state.stuck_endstops.discard("xyz".index(fault.axis))
         elif fault.kind == "clog":
-            printer.board.clog(0.0)
+            printer.state.set_clogged_share(0.0)
 
     def _upset(self, fault: Fault, printer: SimulatedPrinter, now: float, *, broken: bool) -> None:
-        """Break or mend a heater; one that the machine does not have is left alone."""
-        board = printer.board
-        if fault.heater not in board.heaters.guards:
+        """Break or repair a heater; ignore one that the machine does not have."""
+        state = printer.state
+        if fault.heater not in state.heaters.protections:
             return
-        board.settle()
-        heater = board.heaters.named(fault.heater)
+        state.apply_flow_cooling()
+        heater = state.heaters.named(fault.heater)
         if not broken:
-            heater.upset(now, element="works")
+            heater.disturb(now, element="works")
         elif fault.kind == "heater":
-            heater.upset(now, element=fault.state)
+            heater.disturb(now, element=fault.state)
         else:
-            heater.upset(now, stuck_at=fault.reads)
-        board.upset(fault.heater)
+            heater.disturb(now, stuck_at=fault.temperature)
+        state.disturb(fault.heater)
 
     def _changed(self, fault: Fault, data: bytes, direction: Direction) -> bytes:
-        """What a fault makes of some bytes."""
+        """Return bytes as a fault changes them."""
         if fault.kind == "burst":
             del self._acting[fault]
             return bytes(self._chance.randrange(256) for _ in range(fault.bytes)) + data
@@ -258,11 +257,11 @@ class Faults:
         return b"".join(self._hit(fault, byte) for byte in data)
 
     def _lost(self, fault: Fault, reply: bytes) -> bytes:
-        """A reply, or nothing."""
+        """Return a reply, or nothing if it is lost."""
         return b"" if self._strikes_again(fault) else reply
 
     def _hit(self, fault: Fault, byte: int) -> bytes:
-        """What becomes of one byte."""
+        """Return one byte as a fault changes it."""
         if not self._strikes_again(fault):
             return bytes((byte,))
         if fault.kind == "flip":
@@ -272,7 +271,7 @@ class Faults:
         return bytes((byte, byte)) if fault.kind == "duplicate" else b""
 
     def _strikes_again(self, fault: Fault) -> bool:
-        """Draw whether this one is hit; a fault that has struck often enough does not any more."""
+        """Decide at random whether a byte or reply is affected; end a fault that has reached its count."""
         struck = self._acting.get(fault)
         if struck is None or self._chance.random() >= fault.rate:
             return False
@@ -282,19 +281,19 @@ class Faults:
         return True
 
 
-def _told(fault: Fault) -> str:
-    """A fault in words."""
+def _describe_fault(fault: Fault) -> str:
+    """Describe a fault as text."""
     lasting = f" for {fault.seconds:g} s" if fault.seconds < inf else ""
     return {
-        "burst": f"{fault.bytes} bytes of noise {fault.way}",
-        "lose_reply": f"replies lost, {100 * fault.rate:g} % of them"
+        "burst": f"{fault.bytes} bytes of noise {fault.direction}",
+        "lose_reply": f"{100 * fault.rate:g}% of the replies lost"
         + (f", at most {fault.count}" if fault.count else ""),
-        "disconnect": "the cable was pulled",
-        "hang": "the firmware hangs",
-        "brown_out": "the firmware started anew",
+        "disconnect": "cable disconnected",
+        "hang": "firmware hangs",
+        "brown_out": "firmware reset",
         "heater": f"heater {fault.heater} is stuck {fault.state}",
-        "sensor": f"sensor of {fault.heater} reads {fault.reads:g} °C",
-        "endstop": f"the {fault.axis} endstop does not close",
-        "clog": f"the nozzle is clogged, {100 * fault.share:g} %",
-        "runout": "the filament has run out",
-    }.get(fault.kind, f"{fault.kind} {fault.way}, {fault.rate:g} of the bytes") + lasting
+        "sensor": f"sensor of {fault.heater} reads {fault.temperature:g} °C",
+        "endstop": f"{fault.axis} endstop does not trigger",
+        "clog": f"nozzle clogged, {100 * fault.share:g}%",
+        "runout": "filament runout",
+    }.get(fault.kind, f"{fault.kind} {fault.direction}, {fault.rate:g} of the bytes") + lasting

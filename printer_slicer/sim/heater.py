@@ -1,16 +1,14 @@
-"""A heater as one warm lump of metal, solved exactly instead of step by step.
+"""A heater as a lumped thermal mass, solved exactly instead of step by step.
 
-The lump stores heat, is fed by the heater and loses heat to the room in proportion to how much warmer it is.
-The controller gives full power while it is far below the target, none while it is far above, and in between
-the power that would hold the target plus a share for what is missing. In each of the three the temperature is
-an exponential, so the temperature at any moment, and the moment of any temperature, are formulas; how often
-somebody looks changes nothing.
+The mass is heated by the element and loses heat to the room in proportion to the temperature difference. The
+controller gives full power far below the target, none far above, and in between the power that holds the target plus
+a proportional term. In each of the three ranges the temperature is an exponential, so temperatures and times are
+formulas, and the result does not depend on how often it is read.
 
-Filament that flows takes heat along. The controller does not know of it beforehand, so the temperature sinks until the
-share for what is missing makes up for it. The element may stop working or heat for ever, the sensor may break or read
-the same for ever: faults that somebody plants.
+Flowing filament carries heat away. The controller does not anticipate this, so the temperature drops until the
+proportional term compensates. Element and sensor can be broken by injected faults.
 
-Left out: overshoot, noise and lag of the sensor.
+Not modelled: overshoot, noise and lag of the sensor.
 """
 
 from __future__ import annotations
@@ -22,24 +20,24 @@ from typing import Final, Literal
 __all__ = ["Element", "Heater", "HeaterSpec"]
 
 Element = Literal["works", "off", "on"]
-"""A heating element: under control, broken, or with a switch that never opens."""
+"""State of a heating element: working, stuck off, or stuck on."""
 
 CONTROL_BAND: Final = 10.0
-"""°C; this far below its target a controller gives full power. Marlin's PID_FUNCTIONAL_RANGE."""
+"""°C below the target from which on a controller gives full power. Marlin's PID_FUNCTIONAL_RANGE."""
 
 
 @dataclass(frozen=True, slots=True)
 class HeaterSpec:
-    """What a heater can do.
+    """Properties of a heater.
 
     Attributes:
         power: W at full power.
-        heat_capacity: J/K of everything it warms.
+        heat_capacity: J/K of everything it heats.
         loss: W/K lost to the room.
         fan_loss: W/K lost in addition with the part cooling fan at full speed.
-        highest: °C; the firmware lowers a higher target to this.
-        window: °C; a wait counts as arrived within this distance of the target.
-        residency: s; a wait goes on for so long after arriving.
+        highest: maximum target, °C; the firmware lowers higher targets to it.
+        window: distance from the target, °C, within which it counts as reached.
+        residency: s that a wait continues after reaching the window.
     """
 
     power: float
@@ -55,12 +53,12 @@ class Heater:
     """The temperature of one heater over time.
 
     Attributes:
-        spec: what it can do.
+        spec: its properties.
         target: °C; 0 = off.
-        peak: °C, the highest temperature up to the moment last asked about.
-        flow_loss: W/K that flowing filament takes along until the next question.
-        element: whether it heats as the controller wants, never, or always.
-        stuck_at: °C that the sensor reads whatever the temperature is; None while it works.
+        peak: highest temperature so far, °C.
+        flow_loss: W/K carried away by flowing filament until the next call.
+        element: state of the heating element.
+        stuck_at: constant reading of a broken sensor, °C; None while it works.
     """
 
     __slots__ = (
@@ -82,11 +80,11 @@ class Heater:
 
     @property
     def disturbed(self) -> bool:
-        """Whether something is wrong with it."""
+        """Whether element or sensor is broken."""
         return self.element != "works" or self.stuck_at is not None
 
     def temperature(self, now: float) -> float:
-        """°C at `now`, which may not be before an earlier question."""
+        """Return the temperature at `now`, °C; `now` must not decrease between calls."""
         left = now - self._when
         self._when = now
         while left > 0.0:
@@ -101,39 +99,39 @@ class Heater:
         return self._temperature
 
     def reading(self, now: float) -> float:
-        """°C that the sensor says at `now`."""
+        """Return the reading of the sensor at `now`, °C."""
         temperature = self.temperature(now)
         return temperature if self.stuck_at is None else self.stuck_at
 
     def power_ratio(self, now: float) -> float:
-        """Share of full power that the controller asks for at `now`, 0 to 1."""
+        """Return the power at `now` as a share of full power, 0 to 1."""
         return self._wanted(self.reading(now)) / self.spec.power
 
     def set_target(self, target: float, now: float) -> None:
-        """Aim at `target` °C from `now` on; 0 switches off."""
+        """Set the target, °C, from `now` on; 0 switches off."""
         self.temperature(now)
         self.target = target
 
     def set_fan(self, ratio: float, now: float) -> None:
-        """Part cooling fan at `ratio` of its full speed, 0 to 1, from `now` on."""
+        """Set the speed of the part cooling fan from `now` on, 0 to 1."""
         self.temperature(now)
         self._fan = ratio
 
-    def upset(self, now: float, *, element: Element | None = None, stuck_at: float | None = None) -> None:
+    def disturb(self, now: float, *, element: Element | None = None, stuck_at: float | None = None) -> None:
         """Break the element, or the sensor, or both, from `now` on; "works" repairs the element and the sensor."""
         self.temperature(now)
         self.element = element or self.element
         self.stuck_at = stuck_at if element != "works" else None
 
     def cool_from(self, before: Heater, now: float) -> None:
-        """Be the same lump of metal as `before`, switched off at `now`, with the same faults."""
+        """Take over temperature and faults of the heater before a reset, switched off at `now`."""
         self._temperature = before.temperature(now)
         self._when = now
         self.peak = before.peak
         self.element, self.stuck_at = before.element, before.stuck_at
 
     def seconds_until(self, temperature: float, now: float) -> float:
-        """Seconds from `now` until the temperature is first reached; infinite when it never is."""
+        """Return the seconds from `now` until a temperature is first reached; infinite if never."""
         at = self.temperature(now)
         seconds = 0.0
         while at != temperature:
@@ -152,19 +150,19 @@ class Heater:
         return self.spec.power / CONTROL_BAND
 
     def _holding(self) -> float:
-        """W that keep the target while nothing flows."""
+        """Return the power that holds the target without flow, W."""
         return self._loss() * (self.target - self._ambient)
 
     def _wanted(self, reading: float) -> float:
-        """W that the controller asks for."""
+        """Return the power that the controller demands, W."""
         if self.target <= 0.0:
             return 0.0
         return min(max(self._holding() + self._gain() * (self.target - reading), 0.0), self.spec.power)
 
     def _leg(self, at: float) -> tuple[float, float, float]:
-        """Asymptote (°C), time constant (s) and end (°C) of the exponential that the temperature is on.
+        """Return asymptote (°C), time constant (s) and end (°C) of the current exponential.
 
-        The end is the asymptote itself where the temperature stays in the same of the three ranges.
+        The end is the asymptote if the temperature stays in the current range.
         """
         spec, flow = self.spec, self.flow_loss
         loss = self._loss() + flow
@@ -175,7 +173,7 @@ class Heater:
         gain, holding = self._gain(), self._holding()
         low = self.target - (spec.power - holding) / gain
         high = self.target + max(holding, 0.0) / gain
-        # Written so that without flow it is the target to the last digit.
+        # Written so that without flow the result is exactly the target.
         middle = self.target - flow * (self.target - self._ambient) / (gain + loss)
         if at < low or (at == low and middle < low):
             asymptote = self._ambient + spec.power / loss
@@ -185,14 +183,14 @@ class Heater:
         return middle, spec.heat_capacity / (gain + loss), min(max(middle, low), high)
 
     def _given(self, at: float) -> float:
-        """W of a heater whose power does not follow its temperature."""
+        """Return the power of a heater that is off or broken, W."""
         if self.element != "works":
             return self.spec.power if self.element == "on" else 0.0
         return self._wanted(at if self.stuck_at is None else self.stuck_at)
 
 
 def _reach(start: float, asymptote: float, tau: float, goal: float) -> float:
-    """Seconds until an exponential from `start` gets to `goal`; infinite when `goal` is not on its way."""
+    """Return the seconds until an exponential from `start` reaches `goal`; infinite if it never does."""
     if goal == start:
         return 0.0 if start != asymptote else inf
     ratio = (asymptote - start) / (asymptote - goal) if goal != asymptote else 0.0

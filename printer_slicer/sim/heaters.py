@@ -1,12 +1,12 @@
-"""All heaters of a machine: what looks after them, the heat that plastic takes along, and their report."""
+"""All heaters of a machine: protection, cooling by flowing filament, temperature reports."""
 
 from __future__ import annotations
 
 from math import pi
 from typing import TYPE_CHECKING, Literal
 
-from printer_slicer.sim.guard import Guard
 from printer_slicer.sim.heater import Heater
+from printer_slicer.sim.heater_protection import HeaterProtection
 
 if TYPE_CHECKING:
     from printer_slicer.sim.machine import Machine
@@ -18,25 +18,25 @@ class Heaters:
     """The bed, and one hotend for each extruder.
 
     Attributes:
-        bed: warms the bed.
-        hotends: by the numbers of the extruders.
-        tool: number of the extruder in use.
-        hotend: its own.
-        guards: what looks after them, by the names that firmware gives them: bed, E0, E1 and so on.
-        steady: plastic flows evenly, see `flow`.
-        upsets: how often one was disturbed; who waits for one has to reckon anew.
+        bed: heater of the bed.
+        hotends: by extruder number.
+        tool: number of the active extruder.
+        hotend: of the active extruder.
+        protections: by the firmware names of the heaters: bed, E0, E1 and so on.
+        steady: whether filament flows evenly, see `flow`.
+        disturbances: number of injected and repaired faults; waits for a heater must recompute their end.
     """
 
     __slots__ = (
         "_heat_per_mm",
         "_melted_by",
         "bed",
-        "guards",
+        "disturbances",
         "hotend",
         "hotends",
+        "protections",
         "steady",
         "tool",
-        "upsets",
     )
 
     def __init__(self, machine: Machine, now: float) -> None:
@@ -46,12 +46,15 @@ class Heaters:
         self.tool = 0
         self.hotend = self.hotends[0]
         self.bed = Heater(machine.bed, machine.ambient)
-        self.guards = {
-            **{f"E{n}": Guard(heater, machine.hotend_guard) for n, heater in enumerate(self.hotends)},
-            "bed": Guard(self.bed, machine.bed_guard),
+        self.protections = {
+            **{
+                f"E{n}": HeaterProtection(heater, machine.hotend_protection)
+                for n, heater in enumerate(self.hotends)
+            },
+            "bed": HeaterProtection(self.bed, machine.bed_protection),
         }
-        self.upsets = 0
-        self._melted_by = (now, 0.0)  # s and mm at which the plastic's heat was reckoned last
+        self.disturbances = 0
+        self._melted_by = (now, 0.0)  # s and mm at the last update of the heat carried away
         self.steady = False
         self._heat_per_mm = pi * machine.filament_diameter**2 / 4.0 * machine.melting
 
@@ -60,15 +63,15 @@ class Heaters:
         return (*self.hotends, self.bed)
 
     def named(self, name: str) -> Heater:
-        """The heater that firmware calls so."""
+        """Return the heater with a firmware name."""
         return self.bed if name == "bed" else self.hotends[int(name[1:])]
 
     def use(self, tool: int) -> None:
-        """Extrude with another one."""
+        """Make another extruder active."""
         self.tool, self.hotend = tool, self.hotends[tool]
 
-    def settle(self, fed: float, now: float) -> None:
-        """Let the plastic that was fed since the last time, up to `fed` mm, take its heat along, evenly."""
+    def apply_flow_cooling(self, fed: float, now: float) -> None:
+        """Account for the heat that filament fed since the last call, up to `fed` mm, carried away evenly."""
         since, before = self._melted_by
         if now <= since:
             return
@@ -93,30 +96,30 @@ class Heaters:
     @property
     def due(self) -> float:
         """When a guard wants to look, s."""
-        return min(guard.due for guard in self.guards.values())
+        return min(update_clipping.due for update_clipping in self.protections.values())
 
-    def aimed(self, heater: Heater, now: float) -> None:
+    def target_set(self, heater: Heater, now: float) -> None:
         """A heater got another target."""
-        for name, guard in self.guards.items():
+        for name, update_clipping in self.protections.items():
             if self.named(name) is heater:
-                guard.aimed(now)
+                update_clipping.target_set(now)
 
-    def upset(self, name: str, now: float) -> None:
+    def disturb(self, name: str, now: float) -> None:
         """Something is wrong with a heater, or right again."""
-        self.upsets += 1
-        self.guards[name].disturbed(now)
+        self.disturbances += 1
+        self.protections[name].disturbed(now)
 
     def wrong(self, now: float) -> tuple[str, str] | None:
         """Which heater is out of control, and how; None while all is well."""
-        for name, guard in self.guards.items():
-            if guard.due <= now and (what := guard.check(now)):
+        for name, update_clipping in self.protections.items():
+            if update_clipping.due <= now and (what := update_clipping.check(now)):
                 return name, what
         return None
 
     def told(self, language: Literal["marlin", "klipper", "virtual"], now: float) -> str:
         """All temperatures, as the answer to M105 has them."""
-        for guard in self.guards.values():
-            guard.seen(now)
+        for update_clipping in self.protections.values():
+            update_clipping.seen(now)
         bed, hotends = self.bed, list(enumerate(self.hotends))
         several = hotends if len(hotends) > 1 else []
         if language == "klipper":
@@ -133,15 +136,15 @@ class Heaters:
 
 
 def _degrees(heater: Heater, now: float, decimals: int = 2) -> str:
-    """Temperature and target as Marlin and Klipper say them."""
+    """Format temperature and target as Marlin and Klipper do."""
     return f"{heater.reading(now):.{decimals}f} /{heater.target:.{decimals}f}"
 
 
 def _virtual(heater: Heater, now: float) -> str:
-    """The same as OctoPrint's virtual printer says them."""
+    """Format temperature and target as OctoPrint's virtual printer does."""
     return f"{heater.reading(now):.2f}/ {heater.target:.2f}"
 
 
 def _power(heater: Heater, now: float) -> int:
-    """Power of a heater as Marlin says it."""
+    """Return the power of a heater as Marlin reports it."""
     return round(heater.power_ratio(now) * 127)

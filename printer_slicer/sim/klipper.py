@@ -1,6 +1,6 @@
-"""Klipper as far as it is not Marlin: what it refuses, how it says so, and that it answers on when it has shut down.
+"""Differences of Klipper from Marlin: rejected commands, error messages, and replies after a shutdown.
 
-Every line gets its ok, whatever became of it; what is refused is said in a line that begins with `!!`.
+Every line gets an ok. Errors are lines that start with `!!`.
 """
 
 from __future__ import annotations
@@ -8,21 +8,21 @@ from __future__ import annotations
 from math import pi, sqrt
 from typing import TYPE_CHECKING, Final
 
-from printer_slicer.sim.heating import TABLE as HEATING
-from printer_slicer.sim.moves import goal_of
-from printer_slicer.sim.moves import straight as go
+from printer_slicer.sim.heater_commands import TABLE as HEATING
+from printer_slicer.sim.move_commands import execute_move as go
+from printer_slicer.sim.move_commands import target_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from printer_slicer.motion.rules import Axes
-    from printer_slicer.sim.board import Board, Steps
-    from printer_slicer.sim.words import Command
+    from printer_slicer.sim.firmware_state import FirmwareState, Steps
+    from printer_slicer.sim.parsed_command import Command
 
-__all__ = ["ANYWAY", "KNOWN", "TABLE", "refuse_shut_down", "straight", "unparsed"]
+__all__ = ["ANYWAY", "KNOWN", "TABLE", "execute_move", "refuse_shut_down", "unparsed"]
 
 ANYWAY: Final = frozenset({"M105", "M110", "M112", "M115", "FIRMWARE_RESTART", "RESTART"})
-"""What is obeyed in a shutdown too."""
+"""Commands that are executed even after a shutdown."""
 
 KNOWN: Final = frozenset(
     (
@@ -47,11 +47,11 @@ KNOWN: Final = frozenset(
         *("M109", "M110", "M112", "M114", "M115", "M119", "M140", "M190", "M204", "M220", "M221", "M400"),
     )
 )
-"""Commands that it has in common with Marlin, in the configuration that was recorded."""
+"""Commands shared with Marlin, in the recorded configuration."""
 
 RESTART_SECONDS: Final = 1.7
 LONGEST_EXTRUSION: Final = 50.0
-"""mm of filament without motion: its option max_extrude_only_distance."""
+"""Longest extrusion without motion, mm of filament: the option max_extrude_only_distance."""
 
 _SHUT_DOWN: Final = (
     "// Once the underlying issue is corrected, use the",
@@ -61,29 +61,29 @@ _SHUT_DOWN: Final = (
 )
 
 
-def refuse_shut_down(board: Board) -> None:
-    """Say why nothing is done any more."""
-    first = "Shutdown due to M112 command" if "M112" in board.shut_down else board.shut_down
+def refuse_shut_down(state: FirmwareState) -> None:
+    """Reply that the printer is shut down."""
+    first = "Shutdown due to M112 command" if "M112" in state.shut_down else state.shut_down
     for line in (f"// {first}", *_SHUT_DOWN, f"!! {first}"):
-        board.say(line)
-    board.violated("the printer has shut down")
+        state.say(line)
+    state.record_violation("the printer has shut down")
 
 
-def straight(board: Board, words: Sequence[str | float | None]) -> Steps | None:
-    """G0 and G1, refused as a whole where Marlin would make something of them."""
-    if board.shut_down:
-        refuse_shut_down(board)
+def execute_move(state: FirmwareState, words: Sequence[str | float | None]) -> Steps | None:
+    """G0 and G1: reject an invalid move as a whole, where Marlin would execute part of it."""
+    if state.shut_down:
+        refuse_shut_down(state)
         return None
-    goal = goal_of(board, words)
-    why = _out_of_reach(board, goal) or _not_to_extrude(board, goal)
+    goal = target_of(state, words)
+    why = _out_of_reach(state, goal) or _not_to_extrude(state, goal)
     if why:
-        board.say(f"!! {why}")
+        state.say(f"!! {why}")
         option = _OPTIONS.get(why.partition(" (")[0])
         if option:
-            board.say(f"// See the '{option}' config option for details")
-        board.violated(why)
+            state.say(f"// See the '{option}' config option for details")
+        state.record_violation(why)
         return None
-    return go(board, words)
+    return go(state, words)
 
 
 _OPTIONS: Final = {
@@ -93,33 +93,33 @@ _OPTIONS: Final = {
 }
 
 
-def _out_of_reach(board: Board, goal: Axes) -> str:
-    """Why the kinematics cannot go there; empty if they can."""
+def _out_of_reach(state: FirmwareState, goal: Axes) -> str:
+    """Return why a target cannot be reached; empty if it can."""
     x, y, z, e = goal
     here = f"{x:.3f} {y:.3f} {z:.3f} [{e:.3f}]"
-    low, high = board.machine.box_min, board.machine.box_max
-    moved = [axis for axis in range(3) if goal[axis] != board.position[axis]]
-    if not all(board.homed[axis] for axis in moved):
+    low, high = state.machine.box_min, state.machine.box_max
+    moved = [axis for axis in range(3) if goal[axis] != state.position[axis]]
+    if not all(state.homed[axis] for axis in moved):
         return f"Must home axis first: {here}"
     if not all(low[axis] <= goal[axis] <= high[axis] for axis in moved):
         return f"Move out of range: {here}"
     return ""
 
 
-def _not_to_extrude(board: Board, goal: Axes) -> str:
-    """Why the extruder would not turn so; empty if it would."""
-    fed = (goal[3] - board.position[3]) * board.e_ratio
+def _not_to_extrude(state: FirmwareState, goal: Axes) -> str:
+    """Return why an extrusion is rejected; empty if it is allowed."""
+    fed = (goal[3] - state.position[3]) * state.e_ratio
     if not fed:
         return ""
-    if not board.hot and not board.warm_enough():
+    if not state.hot and not state.is_warm_enough():
         return "Extrude below minimum temp"
-    way = sqrt(sum((goal[axis] - board.position[axis]) ** 2 for axis in range(3)))
+    way = sqrt(sum((goal[axis] - state.position[axis]) ** 2 for axis in range(3)))
     if not way:
         longest = LONGEST_EXTRUSION
         return (
             f"Extrude only move too long ({abs(fed):.3f}mm vs {longest:.3f}mm)" if abs(fed) > longest else ""
         )
-    machine = board.machine
+    machine = state.machine
     filament, most = pi * machine.filament_diameter**2 / 4.0, 4.0 * machine.nozzle**2
     area = fed / way * filament
     if area > most and fed > machine.nozzle * most / filament:
@@ -127,80 +127,80 @@ def _not_to_extrude(board: Board, goal: Axes) -> str:
     return ""
 
 
-def unparsed(board: Board, command: Command) -> bool:
+def unparsed(state: FirmwareState, command: Command) -> bool:
     """Reject a move with an invalid number, as the real one does with `G1 Z.2.3`; return whether it was rejected."""
     if not command.without_number("XYZEF"):
         return False
-    board.say(f"!! Unable to parse move '{command.text}'")
-    board.violated("move that cannot be parsed")
+    state.say(f"!! Unable to parse move '{command.text}'")
+    state.record_violation("move that cannot be parsed")
     return True
 
 
-def _move(board: Board, command: Command) -> Steps | None:
-    if not board.shut_down and unparsed(board, command):
+def _move(state: FirmwareState, command: Command) -> Steps | None:
+    if not state.shut_down and unparsed(state, command):
         return None
-    return straight(board, [command.value(letter) for letter in "XYZEF"])
+    return execute_move(state, [command.value(letter) for letter in "XYZEF"])
 
 
-def _dwell(board: Board, command: Command) -> Steps | None:
-    """G4 is one more move, of no way and so many milliseconds."""
+def _dwell(state: FirmwareState, command: Command) -> Steps | None:
+    """G4: queue a pause as a move without distance."""
     seconds = command.value("S") or (command.value("P") or 0.0) / 1000.0
     if seconds <= 0.0:
         return None
-    board.tally.dwell_seconds += seconds
-    board.tally.motion_seconds -= seconds  # the planner will count it
-    return _dwelling(board, seconds)
+    state.statistics.dwell_seconds += seconds
+    state.statistics.motion_seconds -= seconds  # the planner will count it
+    return _dwelling(state, seconds)
 
 
-def _dwelling(board: Board, seconds: float) -> Steps:
-    yield from board.planned_pause(seconds)
-    if seconds > board.front_end.ahead_seconds:  # a longer one is acknowledged when it has finished
-        yield from board.until(board.now + seconds)
+def _dwelling(state: FirmwareState, seconds: float) -> Steps:
+    yield from state.planned_pause(seconds)
+    if seconds > state.firmware.ahead_seconds:  # a longer pause is acknowledged at its end
+        yield from state.until(state.now + seconds)
 
 
-def _motors_off(board: Board, _: Command) -> Steps:
-    """M84 and M18: all motors, whatever else it says; no axis is homed any more."""
-    yield from board.drained()
-    board.homed = [False, False, False]
-    board.guard()
+def _motors_off(state: FirmwareState, _: Command) -> Steps:
+    """M84, M18: switch all motors off; no axis is homed any more."""
+    yield from state.wait_for_moves()
+    state.homed = [False, False, False]
+    state.update_clipping()
 
 
-def _tell(board: Board, command: Command) -> None:
-    """M118."""
-    board.say(f"echo: {command.rest}")
+def _tell(state: FirmwareState, command: Command) -> None:
+    """M118: send a text to the host."""
+    state.say(f"echo: {command.rest}")
 
 
-def _stop(board: Board, _: Command) -> None:
-    """M112, which has acted when the line was queued."""
-    board.violated("emergency stop")
-    if not board.shut_down:
-        board.kill("M112 Shutdown")
+def _stop(state: FirmwareState, _: Command) -> None:
+    """M112, which took effect when the line was queued."""
+    state.record_violation("emergency stop")
+    if not state.shut_down:
+        state.kill("M112 Shutdown")
 
 
-def _restart(board: Board, _: Command) -> None:
-    """FIRMWARE_RESTART: the ok comes first."""
+def _restart(state: FirmwareState, _: Command) -> None:
+    """FIRMWARE_RESTART: restart after the ok."""
 
     def leave() -> None:
-        """It is gone."""
-        board.say("// Klipper state: Disconnect")
-        board.alarm("restart", board.now + RESTART_SECONDS, board.reset)
+        """Disconnect, and reset later."""
+        state.say("// Klipper state: Disconnect")
+        state.set_alarm("restart", state.now + RESTART_SECONDS, state.reset)
 
-    board.alarm("restart", board.now, leave)
+    state.set_alarm("restart", state.now, leave)
 
 
-def _heat(code: str, command: Command, board: Board) -> Steps | None:
-    """Temperatures beyond the machine are refused, not lowered."""
-    heater = board.bed if code in {"M140", "M190"} else board.hotend
+def _heat(code: str, command: Command, state: FirmwareState) -> Steps | None:
+    """Set a temperature; reject it above the maximum, instead of lowering it."""
+    heater = state.bed if code in {"M140", "M190"} else state.hotend
     target = command.value("S")
     if target is not None and not 0.0 <= target <= heater.spec.highest:
-        board.say(f"!! Requested temperature ({target:.1f}) out of range (0.0:{heater.spec.highest:.1f})")
-        board.violated("temperature out of range")
+        state.say(f"!! Requested temperature ({target:.1f}) out of range (0.0:{heater.spec.highest:.1f})")
+        state.record_violation("temperature out of range")
         return None
-    return HEATING[code](board, command)
+    return HEATING[code](state, command)
 
 
-def _nothing(_: Board, __: Command) -> None:
-    """Known, and without an effect that could be seen from outside."""
+def _nothing(_: FirmwareState, __: Command) -> None:
+    """Accept a command that has no visible effect."""
 
 
 TABLE: Final = {
@@ -217,7 +217,7 @@ TABLE: Final = {
     "SET_PRESSURE_ADVANCE": _nothing,
     "STATUS": _nothing,
     **{
-        code: lambda board, command: _heat(command.code, command, board)
+        code: lambda state, command: _heat(command.code, command, state)
         for code in ("M104", "M109", "M140", "M190")
     },
 }

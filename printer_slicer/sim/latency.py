@@ -1,7 +1,7 @@
-"""The chip between a serial line and USB: it sends what has come in packets, and small ones only when its timer ends.
+"""The latency timer of a USB to serial chip.
 
-A packet goes to the computer when 62 bytes are there, or when the timer ends, which runs anew from every packet. FTDI's
-chips come with 16 ms, which is most of what a host that waits for every answer waits for.
+A packet is sent to the computer when it has 62 bytes, or when the timer expires, which restarts with every packet. FTDI
+chips use 16 ms by default, which dominates the time of a host that waits for every reply.
 
 Source: FTDI, AN232B-04, "Data throughput, latency and handshaking".
 """
@@ -14,14 +14,14 @@ from typing import Final
 __all__ = ["PACKET", "LatencyTimer"]
 
 PACKET: Final = 62
-"""Bytes of a full packet; two more tell the state of the lines."""
+"""Bytes of a full packet; two more hold the line status."""
 
 
 class LatencyTimer:
-    """Holds bytes on their way to the computer.
+    """Delays bytes to the computer.
 
     Args:
-        seconds: of the timer; 0 = there is no such chip.
+        seconds: period of the timer; 0: no such chip.
     """
 
     def __init__(self, seconds: float) -> None:
@@ -32,7 +32,7 @@ class LatencyTimer:
         self._due = inf
 
     def arrive(self, data: bytes, at: float) -> None:
-        """Bytes from the serial line; the last of them came at `at`, s."""
+        """Take bytes from the serial line; the last one arrived at `at`, s."""
         if self._seconds <= 0.0:
             self._ready += data
             return
@@ -48,7 +48,7 @@ class LatencyTimer:
             self._due = max(self._last + ticks * self._seconds, at)
 
     def release(self, now: float) -> bytes:
-        """What the computer has by `now`, s."""
+        """Return what reaches the computer by `now`, s."""
         if self._held and self._due <= now:
             self._ready += self._held
             self._held = b""
@@ -57,5 +57,5 @@ class LatencyTimer:
         return ready
 
     def due(self) -> float:
-        """When the timer ends, s; infinite when nothing is held."""
+        """Return when the timer expires, s; infinite if no bytes wait."""
         return self._due

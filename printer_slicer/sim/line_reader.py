@@ -1,15 +1,15 @@
-"""From arriving bytes to lines that may be executed: buffer, line, number, checksum.
+"""Turn received bytes into lines to execute: buffer, line, number, checksum.
 
 line begins with      number is          checksum is     then
-anything else         -                  -               accepted, even with `*..` behind it
-N                     not last + 1       -               refused, or dropped when it repeats a recent one
-N                     last + 1           absent          refused
-N                     last + 1           wrong           refused
+anything else         -                  -               accepted, even with `*..` at its end
+N                     not last + 1       -               rejected, or dropped if it repeats a recent one
+N                     last + 1           absent          rejected
+N                     last + 1           wrong           rejected
 N                     last + 1           right           accepted
-N, holds M110         anything           as above        accepted; its own N counts, not the line's
+N, with M110          anything           as above        accepted; the N of M110 counts, not that of the line
 
-That is what front ends that take the "next" line do. Those that take any "right" line accept what has a right checksum
-or none and drop the rest without a word; those that take "any" cut number and checksum off and look at neither.
+This is for firmwares that take the "next" line. Those that take any "right" line accept a right checksum or none, and
+drop other lines silently. Those that take "any" ignore number and checksum.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from binascii import crc_hqx
 from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
-    from printer_slicer.sim.front_end import FrontEnd
-    from printer_slicer.sim.tally import Tally
+    from printer_slicer.sim.firmwares import SimulatedFirmware
+    from printer_slicer.sim.statistics import Statistics
 
 __all__ = ["Line", "LineReader", "checksum"]
 
 Line = tuple[int | None, str]
-"""Line number, if it had one, and the command without number and checksum."""
+"""Line number, None without one, and the command without number and checksum."""
 
 _ORDINARY: Final = re.compile(rb"N(\d{1,9}) ([^;*]+)\*(\d{1,3})").fullmatch
 _NUMBER: Final = re.compile(rb"[ \t]*([-+]?\d{1,18})").match
@@ -35,7 +35,7 @@ _NEITHER: Final = re.compile(rb"(?:N[-+]?\d* *)?([^*]*)", re.DOTALL).match
 _CRC_DIGITS: Final = 5
 
 MOST_UNREAD: Final = 65_536
-"""Bytes kept for a printer with flow control: the sender has to wait, and what it sends all the same is lost."""
+"""Bytes kept with flow control; the sender has to wait, and further bytes are lost."""
 
 
 class LineReader:
@@ -43,19 +43,19 @@ class LineReader:
 
     Attributes:
         last: number of the last accepted line.
-        fault: why `next` refused a line, as it is said of it; whoever reads it clears it.
-        refused: whether it did; whoever reads it clears it.
-        passed: what is to be answered instead of an ok, for a line that was passed over; None if none was.
-        skipping: lines still to be passed over behind a refused one; below 0 while all is well.
-        overflowed: bytes found the buffer full.
+        fault: error message for a line that `next` rejected; the reader of it clears it.
+        refused: whether `next` rejected a line; the reader of it clears it.
+        passed: replies to a line that was skipped; None if none was.
+        skipping: lines still to skip after a rejected one; negative if none.
+        overflowed: whether the buffer overflowed.
     """
 
     __slots__ = (
-        *("_at", "_front_end", "_keep", "_line", "_numbered", "_ring", "_room", "_tally"),
+        *("_at", "_firmware", "_keep", "_line", "_numbered", "_ring", "_room", "_statistics"),
         *("fault", "last", "overflowed", "passed", "refused", "skipping"),
     )
 
-    def __init__(self, front_end: FrontEnd, tally: Tally) -> None:
+    def __init__(self, firmware: SimulatedFirmware, statistics: Statistics) -> None:
         self.last = 0
         self.fault = ""
         self.refused = False
@@ -63,10 +63,10 @@ class LineReader:
         self.skipping = -1
         self.overflowed = False
         self._numbered = False
-        self._front_end = front_end
-        self._keep = front_end.line_size - 1
-        self._room = MOST_UNREAD if front_end.receive_buffer is None else front_end.receive_buffer
-        self._tally = tally
+        self._firmware = firmware
+        self._keep = firmware.line_size - 1
+        self._room = MOST_UNREAD if firmware.receive_buffer is None else firmware.receive_buffer
+        self._statistics = statistics
         self._line = b""
         self._ring = b""
         self._at = 0  # how much of the ring has been read
@@ -79,7 +79,7 @@ class LineReader:
         room = self._room
         if len(unread) + len(data) > room:
             kept = data[: room - len(unread)]
-            self._tally.bytes_lost += len(data) - len(kept)
+            self._statistics.bytes_lost += len(data) - len(kept)
             self.overflowed = True
             data = kept
         self._ring = unread + data if unread else data
@@ -92,32 +92,31 @@ class LineReader:
 
     @property
     def unread(self) -> int:
-        """How many of them."""
+        """Number of bytes not read yet."""
         return len(self._ring) - self._at
 
     @property
     def partial(self) -> bool:
-        """Whether the beginning of a line has been read, and not its end."""
+        """Whether only the start of a line has been read."""
         return bool(self._line) and not self.waiting
 
     def abandon(self) -> None:
-        """Throw away the beginning of a line whose end has not come."""
-        self._tally.bytes_flushed += len(self._line)
+        """Discard a partial line."""
+        self._statistics.bytes_flushed += len(self._line)
         self._line = b""
 
     def flush(self) -> None:
-        """Throw away everything that has arrived and is not a line yet."""
-        self._tally.bytes_flushed += len(self._ring) - self._at + len(self._line)
+        """Discard all received bytes that are no accepted line yet."""
+        self._statistics.bytes_flushed += len(self._ring) - self._at + len(self._line)
         self._line = self._ring = b""
         self._at = 0
 
     def next(self) -> Line | None:
-        """The next acceptable line; None when there is none yet, or when one was refused, see `fault`."""
+        """Return the next accepted line; None if there is none yet, or one was rejected (see `fault`)."""
         while self._at < len(self._ring):
             end = self._ring.find(b"\n", self._at)
             if end < 0:
-                # What goes beyond the line buffer would be cut off in any case; kept is enough to know that
-                # it did.
+                # The rest beyond the line buffer would be cut off anyway; one byte more shows that it was.
                 self._line = (self._line + self._ring[self._at :])[: self._keep + 1]
                 self._ring = b""
                 self._at = 0
@@ -133,8 +132,8 @@ class LineReader:
         return None
 
     def _judged(self, raw: bytes) -> Line | None:
-        """The line if it is acceptable. The shape nearly every line has gets a short way."""
-        if self._front_end.takes != "next":
+        """Return a line if it is accepted, with a fast path for ordinary lines."""
+        if self._firmware.takes != "next":
             return self._judged_alone(raw.partition(b";")[0][: self._keep].strip())
         match = _ORDINARY(raw)
         if match is not None and len(raw) <= self._keep and b"M110" not in raw:
@@ -147,8 +146,8 @@ class LineReader:
         return self._judged_carefully(raw)
 
     def _judged_alone(self, command: bytes) -> Line | None:
-        """A line where its number does not matter."""
-        if not command or (self._front_end.takes == "right" and not _right(command)):
+        """Return a line if it is accepted by a firmware that ignores the order of numbers."""
+        if not command or (self._firmware.takes == "right" and not _right(command)):
             return None
         number = _number(command[1:]) if command.startswith(b"N") else None
         match = _NEITHER(command)
@@ -157,8 +156,8 @@ class LineReader:
         return (number, text) if text else None
 
     def _judged_carefully(self, raw: bytes) -> Line | None:
-        """The same for every line that can come, see the table above."""
-        front_end = self._front_end
+        """Return a line if it is accepted, by the table above."""
+        firmware = self._firmware
         command = raw.partition(b";")[0][: self._keep].lstrip(b" ")
         if not command.strip():
             return None
@@ -168,15 +167,15 @@ class LineReader:
         inner = command.find(b"N", 4) if renumbers else -1
         number = _number(command[max(inner, 0) + 1 :])
         body, star, check = command.rpartition(b"*")
-        right = checksum(body) == _number(check) if star else not front_end.checksum_needed
-        if front_end.checksum_first and not right:
-            self._refuse(front_end.wrong_checksum if star else front_end.no_checksum, number)
+        right = checksum(body) == _number(check) if star else not firmware.checksum_needed
+        if firmware.checksum_first and not right:
+            self._refuse(firmware.wrong_checksum if star else firmware.no_checksum, number)
             return None
         if number != self.last + 1 and not renumbers:
             self._judged_out_of_turn(number)
             return None
         if not right:
-            self._refuse(front_end.wrong_checksum if star else front_end.no_checksum, number)
+            self._refuse(firmware.wrong_checksum if star else firmware.no_checksum, number)
             return None
         self.last = number
         self.skipping = -1
@@ -185,38 +184,38 @@ class LineReader:
         return number, _text(command[prefix.end() :] if prefix else command)
 
     def _judged_stray(self, command: bytes) -> Line | None:
-        """A line without a number."""
-        strays = self._front_end.strays
+        """Return a line without a number if it is accepted."""
+        strays = self._firmware.strays
         if (strays == "bare" and b"*" in command) or (
             strays == "never" and self._numbered and not command.startswith(b"M112")
         ):
-            self._refuse(self._front_end.no_number, 0)
+            self._refuse(self._firmware.no_number, 0)
             return None
         return None, _text(command)
 
     def _judged_out_of_turn(self, number: int) -> None:
-        """A line with another number than the next: passed over if it may be a repeat, else refused."""
-        front_end = self._front_end
-        if self.last - front_end.repeats_dropped < number <= self.last:
-            self._tally.repeats_dropped += 1
-        elif self.last - front_end.repeats_skipped < number <= self.last:
-            self._tally.repeats_dropped += 1
+        """Handle a line out of order: skip it if it may be a repeat, else reject it."""
+        firmware = self._firmware
+        if self.last - firmware.repeats_dropped < number <= self.last:
+            self._statistics.repeats_dropped += 1
+        elif self.last - firmware.repeats_skipped < number <= self.last:
+            self._statistics.repeats_dropped += 1
             self.passed = (f"skip {number}", "ok")
         elif self.skipping >= 0:
             self.skipping -= 1
             self.passed = ("ok",)
         else:
-            self._refuse(front_end.wrong_number, number)
+            self._refuse(firmware.wrong_number, number)
 
     def _refuse(self, why: str, number: int) -> None:
-        """Take a line for bad."""
+        """Reject a line."""
         self.fault = why.format(last=self.last, wanted=self.last + 1, got=number)
         self.refused = True
-        self.skipping = self._front_end.lines_skipped or -1
+        self.skipping = self._firmware.lines_skipped or -1
 
 
 def _right(command: bytes) -> bool:
-    """Whether the checksum of a line is right; it need not have one."""
+    """Whether a line has a right checksum or none."""
     body, star, check = command.rpartition(b"*")
     if not star or not command.startswith(b"N"):
         return True
@@ -226,10 +225,10 @@ def _right(command: bytes) -> bool:
 
 
 def checksum(data: bytes) -> int:
-    """All bytes joined by exclusive or; `data` holds at most 256."""
+    """Return the XOR of all bytes; `data` has at most 256."""
     folded = int.from_bytes(data, "little")
     folded ^= folded >> 1024
-    # Halving beats a loop over the bytes five to one, and every line of a print comes through here.
+    # Halving is five times faster than a loop over the bytes, and every line of a print needs it.
     folded ^= folded >> 512
     folded ^= folded >> 256
     folded ^= folded >> 128
@@ -241,11 +240,11 @@ def checksum(data: bytes) -> int:
 
 
 def _number(data: bytes) -> int:
-    """The whole number at the start, 0 when there is none, as C's strtol has it."""
+    """Return the integer at the start, 0 without one, as C's strtol does."""
     match = _NUMBER(data)
     return int(match[1]) if match else 0
 
 
 def _text(command: bytes) -> str:
-    """The command as text; Latin-1 keeps every byte, so that garbage can be said back as it came."""
+    """Return the command as text; Latin-1 keeps every byte, so damaged text can be echoed unchanged."""
     return command.partition(b"*")[0].rstrip(b" ").decode("latin-1")

@@ -1,4 +1,4 @@
-"""A cable between host and simulated printer in one process; its clock only moves when the host waits."""
+"""The cable between host and simulated printer in one process, with simulated time."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from math import inf
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from printer_slicer.errors import PortError
-from printer_slicer.sim.damage import Chance, Damage, Direction
+from printer_slicer.sim.cable_noise import CableNoise, Direction, RandomSource
 from printer_slicer.sim.latency import LatencyTimer
 
 if TYPE_CHECKING:
@@ -16,17 +16,17 @@ if TYPE_CHECKING:
     from printer_slicer.sim.faults import Faults
     from printer_slicer.sim.printer import SimulatedPrinter
 
-__all__ = ["Cable", "Chance", "Damage", "Direction", "VirtualPort", "Wire"]
+__all__ = ["Cable", "CableNoise", "Direction", "RandomSource", "VirtualPort", "Wire"]
 
 MOST_ON_ITS_WAY: Final = 8192
-"""Bytes between host and printer beyond which a sender waits: the buffers of a system hold that much."""
+"""Bytes in transit from which on a sender waits, as with the buffers of an operating system."""
 
 BITS_PER_BYTE: Final = 10
 """8 data bits between a start and a stop bit."""
 
 
 class _Chunk(NamedTuple):
-    """Bytes on their way: when the first one has arrived, s, and how long each further one takes."""
+    """Bytes in transit: arrival time of the first, s, and time for each further one, s."""
 
     first: float
     each: float
@@ -37,11 +37,11 @@ class Wire:
     """One direction of a cable.
 
     Args:
-        baud: bits/s; a byte takes ten bits, and bytes queue behind each other. None = no time at all.
-        latency: s that every byte takes in addition.
+        baud: bits/s, ten per byte; None: bytes take no time.
+        latency: additional delay of each byte, s.
 
     Attributes:
-        byte_seconds: s between two bytes that follow each other.
+        byte_seconds: time between consecutive bytes, s.
     """
 
     def __init__(self, baud: int | None = None, latency: float = 0.0) -> None:
@@ -51,14 +51,14 @@ class Wire:
         self._chunks: deque[_Chunk] = deque()
 
     def push(self, data: bytes, now: float) -> None:
-        """Bytes written at `now`, s."""
+        """Write bytes at `now`, s."""
         if data:
             start = max(now, self._free)
             self._free = start + len(data) * self.byte_seconds
             self._chunks.append(_Chunk(start + self.byte_seconds + self._latency, self.byte_seconds, data))
 
     def pop(self, now: float) -> tuple[bytes, float] | None:
-        """Some bytes that have arrived by `now`, s, and when the last of them did; None without any."""
+        """Return bytes that have arrived by `now`, s, and the arrival time of the last; None without any."""
         if not self._chunks or self._chunks[0].first > now:
             return None
         first, each, data = self._chunks.popleft()
@@ -76,11 +76,11 @@ class Wire:
 
     @property
     def on_its_way(self) -> int:
-        """Bytes written that have not come out at the other end."""
+        """Number of bytes that have not arrived yet."""
         return sum(len(chunk.data) for chunk in self._chunks)
 
     def due(self) -> float:
-        """When the next line, or all written with it, has arrived, s; infinite when nothing comes."""
+        """Return when the next line or chunk has arrived, s; infinite if nothing is in transit."""
         if not self._chunks:
             return inf
         first, each, data = self._chunks[0]
@@ -89,14 +89,14 @@ class Wire:
 
 
 class Cable:
-    """Both directions between a host and a simulated printer; the caller has the clock.
+    """Both directions between a host and a simulated printer; the caller provides the time.
 
     Args:
         printer: at the far end.
         baud: of both directions; None = bytes take no time.
         latency: s added to each byte in each direction.
-        damage: what the cable does to bytes as they are written, see `Damage`.
-        timer: s for which a USB chip gathers bytes for the host, see `LatencyTimer`.
+        noise: changes bytes as they are written, see `CableNoise`.
+        timer: latency timer of a USB chip, s, see `LatencyTimer`.
     """
 
     def __init__(
@@ -105,38 +105,38 @@ class Cable:
         *,
         baud: int | None = None,
         latency: float = 0.0,
-        damage: Callable[[bytes, Direction], bytes] | None = None,
+        noise: Callable[[bytes, Direction], bytes] | None = None,
         timer: float = 0.0,
     ) -> None:
         self._printer = printer
         self._to_printer = Wire(baud, latency)
         self._to_host = Wire(baud, latency)
         self._chip = LatencyTimer(timer) if timer > 0.0 else None
-        self._damage = damage
+        self._noise = noise
 
     def write(self, data: bytes, now: float) -> None:
-        """Send bytes to the printer, at `now`, s."""
-        if self._damage is not None:
-            data = self._damage(data, "to printer")
+        """Send bytes to the printer at `now`, s."""
+        if self._noise is not None:
+            data = self._noise(data, "to printer")
         self._to_printer.push(data, now)
 
     def read(self, now: float) -> bytes:
-        """Let everything happen until `now`, s: the bytes that have come back.
+        """Simulate until `now`, s, and return the bytes that reach the host.
 
-        Between two calls may be no more than one moment that `due` gave, or things happen in the wrong order.
+        Call it at every time that `due` returns, or events happen in the wrong order.
         """
         while (part := self._to_printer.pop(now)) is not None:
             data, at = part
             wakeup = self._printer.wakeup()
             if wakeup is not None and wakeup <= at:
-                # What came before the printer does something must be in its buffer by then; all but the last
-                # byte came earlier than this moment.
+                # Bytes that arrived before an event of the printer must be in its buffer by then; all but the
+                # last byte arrived earlier.
                 self._printer.receive(data[:-1], at - self._to_printer.byte_seconds)
                 data = data[-1:]
             self._printer.receive(data, at)
         said = self._printer.send(now)
         if said:
-            self._to_host.push(said if self._damage is None else self._damage(said, "to host"), now)
+            self._to_host.push(said if self._noise is None else self._noise(said, "to host"), now)
         chip = self._chip
         come = b""
         while (part := self._to_host.pop(now)) is not None:
@@ -147,28 +147,28 @@ class Cable:
         return come if chip is None else chip.release(now)
 
     def due(self) -> float:
-        """When something happens next, s; infinite when nothing will."""
+        """Return the time of the next event, s; infinite if there is none."""
         wakeup = self._printer.wakeup()
         due = min(self._to_printer.due(), self._to_host.due(), inf if wakeup is None else wakeup)
         return due if self._chip is None else min(due, self._chip.due())
 
     @property
     def crowded(self) -> bool:
-        """Whether so much is on its way that a sender with flow control waits."""
+        """Whether a sender with flow control has to wait."""
         return self._to_printer.on_its_way + self._printer.unread > MOST_ON_ITS_WAY
 
 
 class VirtualPort:
-    """The host's transport, with a simulated printer at the other end and an invented clock.
+    """A serial port with a simulated printer at the other end and simulated time.
 
-    Time stands still until the host reads; then it moves to the moment at which there is something to read,
-    but no further than the timeout. `now` is the clock to give to the host.
+    Time passes only while the host reads: until there is something to read, or until the timeout. `now` is the clock
+    for the host.
 
     Args:
         printer: at the other end.
-        baud, latency, damage, timer: as for `Cable`.
-        started: s, what the clock begins with; for a second port to a printer that has been running.
-        faults: what shall go wrong, instead of `damage`; given to the printer too.
+        baud, latency, noise, timer: as for `Cable`.
+        started: initial time, s; for a second port to a running printer.
+        faults: faults to inject, instead of `noise`; pass them to the printer too.
     """
 
     def __init__(  # noqa: PLR0913 - all but one have a good default
@@ -177,12 +177,12 @@ class VirtualPort:
         *,
         baud: int | None = None,
         latency: float = 0.0,
-        damage: Callable[[bytes, Direction], bytes] | None = None,
+        noise: Callable[[bytes, Direction], bytes] | None = None,
         started: float = 0.0,
         faults: Faults | None = None,
         timer: float = 0.0,
     ) -> None:
-        self._cable = Cable(printer, baud=baud, latency=latency, damage=damage or faults, timer=timer)
+        self._cable = Cable(printer, baud=baud, latency=latency, noise=noise or faults, timer=timer)
         self._faults = faults
         self._now = started
         self._open = True
@@ -192,7 +192,7 @@ class VirtualPort:
         return self._now
 
     def write(self, data: bytes) -> None:
-        """Send bytes to the printer; they are on their way, time does not move.
+        """Send bytes to the printer; time does not pass.
 
         Raises:
             PortError: the port was closed.
@@ -201,7 +201,7 @@ class VirtualPort:
         self._cable.write(data, self._now)
 
     def read(self, timeout: float) -> bytes:
-        """Wait for bytes, at most `timeout` seconds; empty when none came.
+        """Wait for bytes, at most `timeout` seconds; return empty bytes if none arrive.
 
         Raises:
             PortError: the port was closed.
@@ -217,13 +217,13 @@ class VirtualPort:
             self._now = min(deadline, max(self._cable.due(), self._now))
 
     def close(self) -> None:
-        """Pull the plug: nothing goes in or out any more, and time stands still."""
+        """Close the port: no bytes are transferred any more, and time stops."""
         self._open = False
 
     def _check(self) -> None:
         if not self._open:
-            raise PortError("the simulated port is closed", remedy="Make a new one for the same printer.")
+            raise PortError("the simulated port is closed", remedy="Make a new one for the same printer")
         if self._faults is not None and self._faults.unplugged:
             raise PortError(
-                "the cable of the simulated printer was pulled", remedy="A planted fault did that."
+                "the cable of the simulated printer was disconnected", remedy="An injected fault caused this"
             )

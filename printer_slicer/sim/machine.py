@@ -1,4 +1,4 @@
-"""What the simulated printer is made of; the defaults are those of an unconfigured Marlin."""
+"""The hardware of the simulated printer; the defaults are those of an unconfigured Marlin."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from math import inf
 from typing import TYPE_CHECKING
 
 from printer_slicer.motion.rules import Axes, MotionLimits
-from printer_slicer.sim.guard import GuardSpec
 from printer_slicer.sim.heater import HeaterSpec
+from printer_slicer.sim.heater_protection import ProtectionLimits
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -44,8 +44,8 @@ def _bed() -> HeaterSpec:
     return HeaterSpec(power=220.0, heat_capacity=750.0, loss=1.6, fan_loss=0.2, highest=140.0)
 
 
-def _bed_guard() -> GuardSpec:
-    return GuardSpec(margin=10.0, watch_seconds=60.0, hysteresis=2.0, runaway_seconds=20.0)
+def _bed_guard() -> ProtectionLimits:
+    return ProtectionLimits(margin=10.0, watch_seconds=60.0, hysteresis=2.0, runaway_seconds=20.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,30 +53,30 @@ class Machine:
     """A printer with a bed and one or more extruders.
 
     Attributes:
-        limits: speeds, accelerations and the number of planner blocks at power-on.
-        box_min, box_max: corners of what the nozzle can reach, x, y, z, mm.
+        limits: maximum speeds and accelerations, and number of planner blocks, at power-on.
+        box_min, box_max: corners of the reachable volume, x, y, z, mm.
         home: where the endstops are, x, y, z, mm.
         homing_speed: x, y, z, mm/s.
-        homing_bump: s per axis for backing off and touching again.
+        homing_bump: time per axis for backing off and touching again, s.
         steps: per mm of x, y, z, e; only for the step counts of M114.
-        hotend, bed: the heaters; every extruder has a hotend like this.
-        one_hotend: the extruders share one.
-        hotend_guard, bed_guard: what the firmware takes for a heater out of control.
-        melting: J that a mm³ of filament takes along for each °C between hotend and room.
-        extruders: how many, T0 first.
-        tool_change: s that a change of the extruder takes.
-        coldest_extrusion: °C; below it the extruder does not turn (M302 changes it).
-        longest_extrusion: mm of filament in one move; the extruder ignores longer ones.
-        ambient: °C of the room.
+        hotend, bed: heaters; all extruders have the same hotend.
+        one_hotend: whether the extruders share one hotend.
+        hotend_protection, bed_protection: limits of the heater protection.
+        melting: J per mm³ of filament and °C above ambient.
+        extruders: number of extruders, T0 first.
+        tool_change: duration of a tool change, s.
+        coldest_extrusion: minimum extrusion temperature, °C (M302 changes it).
+        longest_extrusion: longest extrusion in one move, mm of filament; longer ones are ignored.
+        ambient: room temperature, °C.
         filament_diameter: mm.
-        filament_left: mm on the spool; infinity: it never ends.
-        runout_sensor: the printer notices when the filament has ended.
+        filament_left: mm on the spool; infinity: unlimited.
+        runout_sensor: whether the printer detects a filament runout.
         nozzle: mm; Klipper refuses extrusions thicker than four times its square.
-        card: there is a card reader with a card in it.
-        probe_points: how many points G29 touches; 0 = no probe, so that G29 is unknown.
-        probe_seconds: s per point.
-        person_seconds: s until a person presses the button that M0 and M1 wait for; infinity: nobody is there.
-        first_move_delay: s that a standing machine waits for a third move before it starts.
+        card: whether there is a card reader with a card.
+        probe_points: number of points of G29; 0: no probe, so G29 is unknown.
+        probe_seconds: time per point, s.
+        person_seconds: time until a person presses the button after M0 or M1, s; infinity: never.
+        first_move_delay: time that an idle machine waits for a third move before it starts, s.
     """
 
     limits: MotionLimits = field(default_factory=_limits)
@@ -88,8 +88,8 @@ class Machine:
     steps: Axes = (80.0, 80.0, 400.0, 500.0)
     hotend: HeaterSpec = field(default_factory=_hotend)
     bed: HeaterSpec = field(default_factory=_bed)
-    hotend_guard: GuardSpec = field(default_factory=GuardSpec)
-    bed_guard: GuardSpec = field(default_factory=_bed_guard)
+    hotend_protection: ProtectionLimits = field(default_factory=ProtectionLimits)
+    bed_protection: ProtectionLimits = field(default_factory=_bed_guard)
     melting: float = 0.0022
     extruders: int = 1
     one_hotend: bool = False
@@ -109,6 +109,6 @@ class Machine:
 
 
 def replaced(axes: Axes, changes: Mapping[str, float]) -> Axes:
-    """`axes` with the values named by letter in `changes` put in."""
+    """Return `axes` with the values of `changes`, named by letter, replaced."""
     x, y, z, e = (changes.get(letter, value) for letter, value in zip(AXES, axes, strict=True))
     return x, y, z, e

@@ -1,7 +1,6 @@
-"""The simulated printer as a device file: any host that can open a serial port can print to it.
+"""Serve a simulated printer as a device file that hosts open like a serial port.
 
-The printer lives behind a pseudo-terminal; a symbolic link gives it a name that can be told to a host. Baud
-rate and parity that a host sets mean nothing here.
+It uses a pseudo-terminal with a symbolic link as its name. Baud rate and parity set by the host have no effect.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from printer_slicer.errors import PortError
 from printer_slicer.sim.link import Cable
-from printer_slicer.sim.serving import CHUNK, Clock, carry
+from printer_slicer.sim.server_loop import CHUNK, Clock, exchange_bytes
 
 if sys.platform != "win32":
     import pty
@@ -24,7 +23,7 @@ if sys.platform != "win32":
 
 if TYPE_CHECKING:
     from printer_slicer.sim.printer import SimulatedPrinter
-    from printer_slicer.sim.tally import Report
+    from printer_slicer.sim.statistics import Report
 
 __all__ = ["serve"]
 
@@ -39,32 +38,31 @@ def serve(  # noqa: PLR0913 - all but two have a good default
     stop: Callable[[], bool] = lambda: False,
     ready: Callable[[str], None] = lambda _: None,
 ) -> Report:
-    """Serve a simulated printer under the name `link_path` until `stop` says so or Ctrl-C; what it did.
+    """Serve a simulated printer under the name `link_path` until `stop` returns True or Ctrl-C; return its report.
 
-    The host may close the port and open it again; the printer goes on in the meantime.
+    The host may close and reopen the port; the printer continues in the meantime.
 
     Args:
-        printer_factory: makes the printer when the port exists.
-        link_path: symbolic link to make; an old symbolic link there is replaced, and it is removed at the
-            end.
-        speed: simulated seconds per real second. 0 or infinity: the printer's time runs like the real one,
-            but whenever the host waits for an answer, the time until that answer is skipped.
-        connect: makes the cable, with the pace and latency of the bytes in simulated time. A front end with a small
-            receive buffer wants a pace: without, everything written at once arrives at once.
-        unplugged: whether the cable is out; as long as it is there is no device, and afterwards it may be another one.
-        stop: asked about twenty times a second.
-        ready: called with the name of the device when it can be opened.
+        printer_factory: creates the printer when the port exists.
+        link_path: symbolic link to create; replaces an old one, and is removed at the end.
+        speed: simulated seconds per real second. 0 or infinity: real time, but waits of the host for a reply are
+            skipped.
+        connect: creates the cable, with its baud rate and latency. A firmware with a small receive buffer needs a baud
+            rate; otherwise everything written at once arrives at once.
+        unplugged: whether the cable is disconnected; there is no device then, and its name may change.
+        stop: called about twenty times a second.
+        ready: called with the device name when it can be opened.
 
     Raises:
-        PortError: there are no pseudo-terminals on this system, or the link cannot be made.
+        PortError: the system has no pseudo-terminals, or the link cannot be created.
     """
     if sys.platform == "win32":
         raise PortError(
             "this system has no pseudo-terminals",
-            remedy="Serve it over TCP (sim --tcp HOST:PORT), or use the dry run, which needs no port.",
+            remedy="Serve it over TCP (sim --tcp HOST:PORT), or use dry-run, which needs no port",
         )
     made: list[tuple[SimulatedPrinter, Cable, Clock]] = []
-    # Ctrl-C is how a person ends it.
+    # Users stop it with Ctrl-C.
     with contextlib.suppress(KeyboardInterrupt):
         while not stop():
             with _terminal() as (master, name), _linked(link_path, name):
@@ -72,29 +70,29 @@ def serve(  # noqa: PLR0913 - all but two have a good default
                 if not made:
                     printer = printer_factory()
                     made.append((printer, connect(printer), Clock(speed)))
-                carry(*made[0], _Terminal(master), lambda: stop() or unplugged())
-            carry(*made[0], _Nowhere(), lambda: stop() or not unplugged())
+                exchange_bytes(*made[0], _Terminal(master), lambda: stop() or unplugged())
+            exchange_bytes(*made[0], _Nowhere(), lambda: stop() or not unplugged())
     return (made[0][0] if made else printer_factory()).report()
 
 
 class _Terminal:
-    """Our end of a pseudo-terminal."""
+    """The server end of a pseudo-terminal."""
 
     def __init__(self, master: int) -> None:
         self._master = master
 
     def wait(self, seconds: float, *, reads: bool, writes: bool) -> bool:
-        """Wait for the host."""
+        """Wait for bytes from the host, or for room to write."""
         mine = [self._master]
         readable, _, _ = select.select(mine if reads else [], mine if writes else [], [], seconds)
         return bool(readable)
 
     def read(self) -> bytes:
-        """What the host has sent."""
+        """Return the bytes from the host."""
         return os.read(self._master, CHUNK)
 
     def write(self, data: bytes) -> int:
-        """How many bytes the pseudo-terminal took."""
+        """Write bytes; return how many were accepted."""
         try:
             return os.write(self._master, data)
         except BlockingIOError:
@@ -102,29 +100,29 @@ class _Terminal:
 
 
 class _Nowhere:
-    """A cable whose plug is out."""
+    """A disconnected cable."""
 
     def wait(self, seconds: float, *, reads: bool, writes: bool) -> bool:
-        """Let time pass."""
+        """Wait; there is never anything to read."""
         del reads, writes
         select.select([], [], [], seconds)
         return False
 
     def read(self) -> bytes:
-        """Nothing comes."""
+        """Return no bytes."""
         return b""
 
     def write(self, data: bytes) -> int:
-        """Everything is lost."""
+        """Discard the bytes."""
         return len(data)
 
 
 @contextlib.contextmanager
 def _terminal() -> Iterator[tuple[int, str]]:
-    """A pseudo-terminal that passes bytes unchanged: our end, and the name of the other."""
+    """Open a pseudo-terminal in raw mode; yield the server end and the name of the other."""
     master, slave = pty.openpty()
     try:
-        # The other end stays open here too, or its settings would be lost whenever a host closes it.
+        # The other end stays open here too, or its settings would be lost when a host closes it.
         tty.setraw(slave)
         os.set_blocking(master, False)
         yield master, os.ttyname(slave)
@@ -135,28 +133,28 @@ def _terminal() -> Iterator[tuple[int, str]]:
 
 @contextlib.contextmanager
 def _linked(path: Path, target: str) -> Iterator[None]:
-    """A symbolic link for as long as it is needed."""
+    """Create a symbolic link, and remove it at the end."""
     _link(path, target)
     try:
         yield
     finally:
-        # Somebody else may have put another one in its place.
+        # Another program may have replaced it.
         if path.is_symlink() and path.readlink() == Path(target):
             path.unlink()
 
 
 def _link(path: Path, target: str) -> None:
-    """Make `path` a symbolic link, replacing only another symbolic link."""
+    """Create a symbolic link at `path`, replacing only another symbolic link."""
     try:
         if path.is_symlink():
             path.unlink()
         path.symlink_to(target)
     except FileExistsError as error:
         raise PortError(
-            f"{path} exists and is not a link", remedy="Choose another name, or move the file away."
+            f"{path} exists and is not a link", remedy="Choose another name, or move the file away"
         ) from error
     except OSError as error:
         raise PortError(
-            f"cannot make the link {path}: {error.strerror}",
-            remedy="Choose a name in a folder you may write to.",
+            f"cannot create the link {path}: {error.strerror}",
+            remedy="Choose a name in a writable folder",
         ) from error

@@ -1,6 +1,6 @@
-"""RFC 2217 at the printer's end: speed, parity and control lines told over Telnet. pyserial does the talking.
+"""The server side of RFC 2217: baud rate, parity and control lines over Telnet, implemented with pyserial.
 
-What a host sets is acknowledged and means nothing, as at a USB port. Raising DTR resets nothing.
+Settings of the host are acknowledged and have no effect, as at a USB port. DTR does not reset the printer.
 """
 
 from __future__ import annotations
@@ -11,35 +11,35 @@ from typing import Any, Final
 import serial
 from serial import rfc2217
 
-__all__ = ["Negotiator"]
+__all__ = ["Rfc2217Server"]
 
 _LONGEST: Final = 1024
-"""Bytes of one setting; no real one has more than five."""
+"""Maximum bytes of a setting; real ones have at most five."""
 
 
-class Negotiator:
+class Rfc2217Server:
     """Speaks RFC 2217 with one host."""
 
     def __init__(self) -> None:
         self._answers = b""
-        # A port that is no device, to keep what the host sets.
+        # A dummy port that keeps the settings of the host.
         port: Any = serial.serial_for_url("loop://")
         self._manager: Any = rfc2217.PortManager(port, self)  # type: ignore[arg-type] # it only wants `write`
 
     def write(self, data: bytes) -> None:
-        """What the protocol says; `answers` gives it."""
+        """Collect protocol bytes for `answers`."""
         self._answers += data
 
     def answers(self) -> bytes:
-        """What is to be said to the host on the protocol's account."""
+        """Return protocol bytes to send to the host."""
         answers, self._answers = self._answers, b""
         return answers
 
-    def taken_apart(self, data: bytes) -> bytes:
-        """The bytes for the printer, of those that came.
+    def decode(self, data: bytes) -> bytes:
+        """Return the bytes for the printer.
 
         Raises:
-            ValueError: this is no RFC 2217.
+            ValueError: the data is not RFC 2217.
         """
         try:
             out = b"".join(self._manager.filter(data))
@@ -49,6 +49,6 @@ class Negotiator:
             raise ValueError("a setting that does not end")
         return out
 
-    def put_together(self, data: bytes) -> bytes:
-        """The printer's bytes as they go out: one that has a meaning in Telnet goes twice."""
+    def encode(self, data: bytes) -> bytes:
+        """Return bytes of the printer with Telnet control bytes doubled."""
         return b"".join(self._manager.escape(data))

@@ -1,7 +1,7 @@
-"""The simulated printer at a TCP port, as plain bytes or by RFC 2217: works on every system, and over the network.
+"""Serve a simulated printer at a TCP port, as plain bytes or with RFC 2217.
 
-One host at a time, as at a serial port: another one that comes is sent away after a second. A host that goes and
-comes back meets the printer as it has become meanwhile.
+One host can connect at a time, as to a serial port; another one is disconnected after a second. The printer continues
+while no host is connected.
 """
 
 from __future__ import annotations
@@ -15,30 +15,30 @@ from typing import TYPE_CHECKING, Final, Protocol
 
 from printer_slicer.errors import PortError
 from printer_slicer.sim.link import Cable
-from printer_slicer.sim.serving import CHUNK, Clock, carry
+from printer_slicer.sim.server_loop import CHUNK, Clock, exchange_bytes
 
 if TYPE_CHECKING:
     from printer_slicer.sim.printer import SimulatedPrinter
-    from printer_slicer.sim.tally import Report
+    from printer_slicer.sim.statistics import Report
 
 __all__ = ["Telnet", "serve_tcp"]
 
 
 PATIENCE: Final = 1.0
-"""s that a host waits for the place of one that has just left; then it is taken."""
+"""s that a new host waits for the previous one to leave."""
 
 
 class Telnet(Protocol):
-    """What a serial port is told through a connection, besides bytes: see `rfc2217.Negotiator`."""
+    """Serial port settings over a connection, see `rfc2217.Rfc2217Server`."""
 
     def answers(self) -> bytes:
-        """What is to be said to the host on the protocol's account."""
+        """Return protocol bytes to send to the host."""
 
-    def taken_apart(self, data: bytes) -> bytes:
-        """The bytes for the printer, of those that came. Raises ValueError for what makes no sense."""
+    def decode(self, data: bytes) -> bytes:
+        """Return the bytes for the printer; raise ValueError for an invalid protocol."""
 
-    def put_together(self, data: bytes) -> bytes:
-        """The printer's bytes as they go out."""
+    def encode(self, data: bytes) -> bytes:
+        """Return bytes of the printer, encoded for the host."""
 
 
 def serve_tcp(  # noqa: PLR0913 - all but two have a good default
@@ -52,47 +52,47 @@ def serve_tcp(  # noqa: PLR0913 - all but two have a good default
     stop: Callable[[], bool] = lambda: False,
     ready: Callable[[str], None] = lambda _: None,
 ) -> Report:
-    """Serve a simulated printer at a TCP address until `stop` says so or Ctrl-C; what it did.
+    """Serve a simulated printer at a TCP address until `stop` returns True or Ctrl-C; return its report.
 
     Args:
-        printer_factory: makes the printer when the port is open.
-        address: host and port to listen at; port 0 takes a free one.
+        printer_factory: creates the printer when the port is open.
+        address: host and port to listen at; port 0 chooses a free one.
         speed: simulated seconds per real second, as for `pty_server.serve`.
-        connect: makes the cable, likewise.
-        telnet: speaks RFC 2217 with a host that has come; None passes bytes unchanged.
-        unplugged: whether the cable is out: a host is sent away then, and no other is let in.
-        stop: asked about twenty times a second.
-        ready: called with `host:port` when a host can come.
+        connect: creates the cable, likewise.
+        telnet: creates the RFC 2217 encoder for a new host; None passes bytes unchanged.
+        unplugged: whether the cable is disconnected; no host can connect then.
+        stop: called about twenty times a second.
+        ready: called with `host:port` when a host can connect.
 
     Raises:
-        PortError: nobody can listen at this address.
+        PortError: cannot listen at this address.
     """
     with _listening(address) as listener:
         host, port = listener.getsockname()[:2]
         ready(f"{host}:{port}")
         printer = printer_factory()
         with contextlib.ExitStack() as leaving:
-            visits = _Visits(listener, telnet, unplugged)
-            leaving.callback(visits.end)
-            # Ctrl-C is how a person ends it.
+            hosts = _HostAcceptor(listener, telnet, unplugged)
+            leaving.callback(hosts.end)
+            # Users stop it with Ctrl-C.
             with contextlib.suppress(KeyboardInterrupt):
-                carry(printer, connect(printer), Clock(speed), visits, stop)
+                exchange_bytes(printer, connect(printer), Clock(speed), hosts, stop)
             return printer.report()
 
 
 def _listening(address: tuple[str, int]) -> socket.socket:
-    """A socket that hosts can connect to."""
+    """Return a listening socket."""
     try:
         return socket.create_server(address, backlog=4)
     except (OSError, OverflowError) as error:
         raise PortError(
             f"cannot listen at {address[0]}:{address[1]}: {getattr(error, 'strerror', None) or error}",
-            remedy="Choose another port over 1024 that no other program has, and an address of this computer.",
+            remedy="Choose a free port above 1024, and an address of this computer",
         ) from error
 
 
-class _Visits:
-    """The hosts that come and go, one at a time."""
+class _HostAcceptor:
+    """Accepts hosts, one at a time."""
 
     def __init__(
         self,
@@ -105,12 +105,12 @@ class _Visits:
         self._unplugged = unplugged
         self._host: socket.socket | None = None
         self._talk: Telnet | None = None
-        self._going = b""  # bytes that were put together and not taken yet
+        self._going = b""  # encoded bytes not sent yet
         self._next: socket.socket | None = None
         self._until = 0.0
 
     def wait(self, seconds: float, *, reads: bool, writes: bool) -> bool:
-        """Wait for the host, or for one to come."""
+        """Wait for bytes from the host, room to write, or a new host."""
         if self._unplugged():
             self.close()
         mine = [self._host] if self._host is not None else []
@@ -119,12 +119,12 @@ class _Visits:
         if ready and self._going:
             self._send()
         if self._listener in readable:
-            self._answer_door()
-        self._let_in()
+            self._accept()
+        self._admit_next()
         return self._host is not None and self._host in readable
 
     def read(self) -> bytes:
-        """What the host has sent; it may also have gone."""
+        """Return the bytes from the host; notice if it has disconnected."""
         assert self._host is not None
         try:
             data = self._host.recv(CHUNK)
@@ -138,7 +138,7 @@ class _Visits:
         if self._talk is None:
             return data
         try:
-            data = self._talk.taken_apart(data)
+            data = self._talk.decode(data)
         except ValueError:
             self.close()
             return b""
@@ -147,30 +147,30 @@ class _Visits:
         return data
 
     def write(self, data: bytes) -> int:
-        """Send to the host; what is said while there is none is lost, as at a port that nobody has opened."""
+        """Send to the host; without one, the bytes are lost, as at a closed port."""
         if self._host is None:
             return len(data)
         if not self._send() or len(self._going) >= CHUNK:
             return 0
-        self._going += data if self._talk is None else self._talk.put_together(data)
+        self._going += data if self._talk is None else self._talk.encode(data)
         self._send()
         return len(data)
 
     def end(self) -> None:
-        """Send everybody away."""
+        """Disconnect all hosts."""
         self.close()
         if self._next is not None:
             self._next.close()
 
     def close(self) -> None:
-        """Send the host away."""
+        """Disconnect the host."""
         if self._host is not None:
             self._host.close()
         self._host = self._talk = None
         self._going = b""
 
     def _send(self) -> bool:
-        """Hand over what goes; False when the host has gone."""
+        """Send as much as possible; return False if the host has disconnected."""
         assert self._host is not None
         try:
             self._going = self._going[self._host.send(self._going) :]
@@ -181,8 +181,8 @@ class _Visits:
             return False
         return True
 
-    def _answer_door(self) -> None:
-        """Take the host that knocks, or have it wait for the one that may be leaving."""
+    def _accept(self) -> None:
+        """Accept a new host; it waits while another one is connected."""
         try:
             host, _ = self._listener.accept()
         except OSError:
@@ -192,8 +192,8 @@ class _Visits:
         else:
             self._next, self._until = host, monotonic() + PATIENCE
 
-    def _let_in(self) -> None:
-        """Let the host that waits in when the place is free; send it away when that takes too long."""
+    def _admit_next(self) -> None:
+        """Connect the waiting host when possible; disconnect it after a timeout."""
         if self._next is None or (self._host is not None and monotonic() < self._until):
             return
         host, self._next = self._next, None

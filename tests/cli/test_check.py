@@ -43,8 +43,8 @@ def test_a_file_that_is_right_passes(gcode: Path) -> None:
         machine
         == "printer marlin_220 (from the file), material pla (from the file), quality standard (from the file)"
     )
-    assert first == "box.gcode against box.stl: nothing is beyond its limit"
-    assert "shell holds" in done.out
+    assert first == "box.gcode against box.stl: within all limits"
+    assert "material in shell" in done.out
     assert "x +110.000 y +110.000 z +0.000" in done.out
     assert done.err == ""
 
@@ -137,7 +137,7 @@ def test_several_models_lie_as_their_files_place_them(tmp_path: Path) -> None:
     assert typed("check", plate, "--model", BOX, other).code == 0
     one = typed("check", plate, "--model", BOX)
     assert one.code == 7
-    assert "outside the section" in one.out
+    assert "outside the outline" in one.out
 
 
 def test_what_is_not_there_is_named(tmp_path: Path) -> None:
@@ -149,7 +149,7 @@ def test_what_is_not_there_is_named(tmp_path: Path) -> None:
     assert is_message(missing, "none.gcode", "no such file")
     nothing = typed("check", empty, "--model", BOX)
     assert nothing.code == 2
-    assert is_message(nothing, "empty.gcode", "no beads")
+    assert is_message(nothing, "empty.gcode", "no extrusion of a part")
     assert typed("check", empty).code == 0  # without a model only what it holds is looked at
 
 

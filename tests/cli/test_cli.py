@@ -360,7 +360,7 @@ def test_a_rehearsal_says_that_what_was_executed_is_what_was_sent() -> None:
     outcome = typed("dry-run", BOX, *QUICK)
 
     assert (outcome.code, outcome.err) == (0, "")
-    assert "as sent" in outcome.out
+    assert "in order" in outcome.out
     assert "NOT" not in outcome.out
 
 

@@ -20,7 +20,7 @@ if sys.platform == "win32":
 
 from printer_slicer.cli.commands.console import Console
 from printer_slicer.errors import PortError, UsageError
-from printer_slicer.inspection.dry_run.machines import front_end_of, machine_of
+from printer_slicer.inspection.dry_run.machines import machine_of, simulated_firmware_for
 from printer_slicer.profile import load_profile
 from printer_slicer.sim.printer import SimulatedPrinter
 from printer_slicer.sim.pty_server import serve
@@ -36,7 +36,7 @@ def served(link: Path) -> Iterator[list[str]]:
 
     def make() -> SimulatedPrinter:
         return SimulatedPrinter(
-            machine_of(PRINTER), front_end_of(PRINTER), on_executed=executed.append, boots=False
+            machine_of(PRINTER), simulated_firmware_for(PRINTER), on_executed=executed.append, boots=False
         )
 
     thread = Thread(target=lambda: serve(make, link, speed=0, stop=stop.is_set, ready=lambda _: ready.set()))

@@ -176,10 +176,10 @@ def test_a_dash_writes_the_svg_to_stdout(gcode: Path) -> None:
 @pytest.mark.parametrize(
     ("content", "told"),
     [
-        (b"", "no beads"),
-        (b"G28\nG1 X5\n", "no beads"),
+        (b"", "no extrusion"),
+        (b"G28\nG1 X5\n", "no extrusion"),
         (b"GCDE\x01\x00", "binary"),
-        (b"\xff\xfe\x00\x80" * 9, "no beads"),
+        (b"\xff\xfe\x00\x80" * 9, "no extrusion"),
     ],
 )
 def test_files_that_lay_nothing_are_refused(tmp_path: Path, content: bytes, told: str) -> None:

@@ -22,7 +22,7 @@ import termios
 
 from printer_slicer.cli.keys import HELP, Keyboard
 from printer_slicer.errors import UsageError
-from printer_slicer.inspection.dry_run.machines import front_end_of, machine_of
+from printer_slicer.inspection.dry_run.machines import machine_of, simulated_firmware_for
 from printer_slicer.printing import Controls, commands
 from printer_slicer.profile import load_profile
 from printer_slicer.sim.printer import SimulatedPrinter
@@ -99,7 +99,9 @@ def test_a_real_terminal_pauses_goes_on_and_is_left_as_it_was(tmp_path: Path) ->
     ready, stop = Flag(), Flag()
 
     def make() -> SimulatedPrinter:
-        return SimulatedPrinter(machine_of(printer), front_end_of(printer), on_executed=executed.append)
+        return SimulatedPrinter(
+            machine_of(printer), simulated_firmware_for(printer), on_executed=executed.append
+        )
 
     thread = Thread(
         target=lambda: serve(

@@ -21,9 +21,9 @@ import serial
 from command_line import BOX, NO_BUFFER, PARTS, QUICK, USUAL, heard, is_message, process, started, typed
 
 from printer_slicer.commands import split_gcode
-from printer_slicer.inspection.dry_run.machines import front_end_of, machine_of
+from printer_slicer.inspection.dry_run.machines import machine_of, simulated_firmware_for
 from printer_slicer.profile import load_profile
-from printer_slicer.sim.link import Cable, Damage
+from printer_slicer.sim.link import Cable, CableNoise
 from printer_slicer.sim.printer import SimulatedPrinter
 from printer_slicer.sim.pty_server import serve
 from tests.waiting import LAST_RESORT, until
@@ -49,7 +49,9 @@ def printer(
     executed: list[str] = []
 
     def make() -> SimulatedPrinter:
-        return SimulatedPrinter(machine_of(PRINTER), front_end_of(PRINTER), on_executed=executed.append)
+        return SimulatedPrinter(
+            machine_of(PRINTER), simulated_firmware_for(PRINTER), on_executed=executed.append
+        )
 
     thread = Thread(
         target=lambda: serve(
@@ -95,8 +97,8 @@ def test_printing_on_the_simulated_port_ends_with_a_verdict(tmp_path: Path) -> N
     outcome = typed("print", BOX, "--port", "sim:", *QUICK, cwd=tmp_path)
 
     assert (outcome.code, outcome.err) == (0, "")
-    assert "as sent" in outcome.out
-    assert "layers      34, the first of" in outcome.out
+    assert "in order" in outcome.out
+    assert "layers      34, first " in outcome.out
     assert list(tmp_path.iterdir()) == []
 
 
@@ -420,7 +422,7 @@ def test_a_print_over_a_bad_cable_says_so_while_it_runs_and_at_its_end(tmp_path:
     job.write_text("G28\n" + DANCE[: len(DANCE) // 6], encoding="utf-8")
 
     def bad(printer: SimulatedPrinter) -> Cable:
-        return Cable(printer, damage=Damage(Random(3), flip=1e-3))
+        return Cable(printer, noise=CableNoise(Random(3), flip=1e-3))
 
     with printer(tmp_path / "port", connect=bad):
         options = ["--json"] if json_ else []

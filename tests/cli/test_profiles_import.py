@@ -261,7 +261,7 @@ def test_commands_that_print_rejects_are_reported(tmp_path: Path, capsys: pytest
     names = ["cold", "eeprom", "eeprom", "firmware", "temperature"]
 
     assert [line.rpartition(" ")[2] for line in told] == names
-    assert "nozzle at 295 °C" in told[-1]
+    assert "nozzle temperature 295 °C" in told[-1]
     assert short.count("`print` rejects it") == 3
     assert "add -v to see 2 more warnings" in short
     assert "# warning: M997" in (tmp_path / "printers" / "little_printer.toml").read_text(encoding="utf-8")

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from programs import FRONT_ENDS, LINES, MORE_LINES, Executor, Line, program_of
+from programs import LINES, MORE_LINES, SIMULATED_FIRMWARES, Executor, Line, program_of
 
 from printer_slicer.firmware import FLAVOURS, WIRE_DIALECTS, flavour_of
 from printer_slicer.gcode import read_moves
@@ -24,7 +24,7 @@ from printer_slicer.gcode.state import MachineState, heater_target
 from printer_slicer.inspection.lint.scan import scan
 from printer_slicer.printing.objects import LiveJob
 from printer_slicer.profile import load_profile
-from printer_slicer.sim.board import Board
+from printer_slicer.sim.firmware_state import FirmwareState
 from printer_slicer.stream.send_queue import SendQueue
 from tests.effort import examples
 
@@ -53,7 +53,9 @@ def programs(flavour: str) -> st.SearchStrategy[list[Line]]:
     )
 
 
-def assert_state_is_that_of(state: MachineState, read: ReaderState, board: Board, flavour: str) -> None:
+def assert_state_is_that_of(
+    state: MachineState, read: ReaderState, board: FirmwareState, flavour: str
+) -> None:
     """All that a command may change, in three models."""
     for axis, (place, offset) in enumerate(zip(state.position, state.offset, strict=True)):
         logical = read.position[axis] + read.offset[axis]
@@ -102,7 +104,7 @@ def assert_lint_reads(command: bytes) -> None:
         assert {letter.encode(): some[-1] for letter, some in first.words.items() if some} == values
 
 
-@pytest.mark.parametrize("flavour", FRONT_ENDS)
+@pytest.mark.parametrize("flavour", SIMULATED_FIRMWARES)
 @settings(max_examples=examples(12))  # long ones: what a command does shows only in what comes behind it
 @given(data=st.data())
 def test_all_interpreters_agree_on_any_program(flavour: str, data: st.DataObject) -> None:

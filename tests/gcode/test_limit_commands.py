@@ -9,7 +9,7 @@ import pytest
 
 from printer_slicer.firmware import FLAVOURS
 from printer_slicer.gcode import read_moves, write_gcode
-from printer_slicer.inspection.dry_run.machines import front_end_of, machine_of
+from printer_slicer.inspection.dry_run.machines import machine_of, simulated_firmware_for
 from printer_slicer.motion.rules import MotionLimits, limits_of
 from printer_slicer.pipeline import slice_part
 from printer_slicer.profile import Profile
@@ -80,7 +80,7 @@ def test_the_simulated_printer_takes_the_limits_of_the_file(flavour: str) -> Non
     text = commands(write_gcode(slice_part(box((10, 6, 0.4)), usual), usual))
     seconds = []
     for limits in (machine.limits, halved(machine.limits, TOLD[flavour][0])):
-        simulated = SimulatedPrinter(replace(machine, limits=limits), front_end_of(usual.printer))
+        simulated = SimulatedPrinter(replace(machine, limits=limits), simulated_firmware_for(usual.printer))
         port = VirtualPort(simulated, baud=1_000_000, latency=0.0001)
         run(Streamer(text, limits=limits, window_bytes=127), port, port.now, longest_wait=60)
         assert simulated.report().violations == ()

@@ -22,7 +22,7 @@ from printer_slicer.geometry import (
 )
 from printer_slicer.infill import infill_paths
 from printer_slicer.inspection.coverage.measurement import coverage_of
-from printer_slicer.inspection.coverage.stack import stack_of
+from printer_slicer.inspection.coverage.stack import stack_of_program
 from printer_slicer.model import LayerPlan, Regions, Sections, Toolpaths
 from printer_slicer.perimeters import lay_walls
 from printer_slicer.pipeline import slice_stages
@@ -152,7 +152,9 @@ def test_nowhere_in_a_solid_box_do_turns_lie_on_rows_or_rows_on_walls(degrees: f
         planner__kind="uniform",
     )
     stages = slice_stages(box((15, 11, 3 * height)), wanted)
-    coverage = coverage_of(stack_of(stages.program, wanted.material.filament_diameter), stages.sections.solid)
+    coverage = coverage_of(
+        stack_of_program(stages.program, wanted.material.filament_diameter), stages.sections.solid
+    )
 
     # A little in thick layers, whose turns cannot be that thin, and in corners with a wedge.
     assert coverage.fill.overlap.max() < 0.008 * coverage.section_volume.max() / height
@@ -163,7 +165,9 @@ def test_nowhere_in_a_solid_box_do_turns_lie_on_rows_or_rows_on_walls(degrees: f
 def test_small_round_skins_are_full_and_nowhere_too_full() -> None:
     wanted = plain(layer_height=0.2, planner__kind="uniform", infill_density=1)
     stages = slice_stages(sphere(5), wanted)
-    coverage = coverage_of(stack_of(stages.program, wanted.material.filament_diameter), stages.sections.solid)
+    coverage = coverage_of(
+        stack_of_program(stages.program, wanted.material.filament_diameter), stages.sections.solid
+    )
 
     assert stages.regions.bridge.n_rings == 0
     assert coverage.uncovered.area().max() < 0.2

@@ -15,7 +15,7 @@ from printer_slicer.geometry import Areas, Polylines
 from printer_slicer.infill import PATTERNS, infill_paths
 from printer_slicer.infill.internal_bridges import support_internal_bridges
 from printer_slicer.inspection.coverage.measurement import coverage_of
-from printer_slicer.inspection.coverage.stack import stack_of
+from printer_slicer.inspection.coverage.stack import stack_of_program
 from printer_slicer.inspection.deposition.marks import Purpose
 from printer_slicer.model import LayerPlan, Mesh, Regions
 from printer_slicer.pipeline import slice_stages
@@ -48,7 +48,9 @@ def longest_in_the_air(mesh: Mesh, pattern: str) -> float:
     """mm of one bead over sparse infill that turns or ends before it rests on anything."""
     wanted = plain(infill=pattern, infill_density=0.15)
     stages = slice_stages(mesh, wanted)
-    coverage = coverage_of(stack_of(stages.program, wanted.material.filament_diameter), stages.sections.solid)
+    coverage = coverage_of(
+        stack_of_program(stages.program, wanted.material.filament_diameter), stages.sections.solid
+    )
     air = beads_over_air(coverage)
     bridges = coverage.stack.beads.purpose[air.bead] == Purpose.BRIDGE
 
@@ -182,11 +184,11 @@ def test_sparse_lines_keep_clear_of_the_ends_of_bridges() -> None:
     regions = patch(rectangle(12, 12, (14, 14)))
     paths = infill_paths(regions, plain(internal_infill_overlap=0.25))
 
-    lines_of = {
+    path_numbers = {
         role: shapely.MultiLineString(
             [paths.path(int(i)) for i in np.flatnonzero((paths.layer == 1) & (paths.role == role))]
         )
         for role in (Role.INTERNAL_INFILL, Role.INTERNAL_BRIDGE)
     }
-    assert not lines_of[Role.INTERNAL_INFILL].is_empty
-    assert lines_of[Role.INTERNAL_INFILL].distance(lines_of[Role.INTERNAL_BRIDGE]) > 0.5 * WIDTH
+    assert not path_numbers[Role.INTERNAL_INFILL].is_empty
+    assert path_numbers[Role.INTERNAL_INFILL].distance(path_numbers[Role.INTERNAL_BRIDGE]) > 0.5 * WIDTH

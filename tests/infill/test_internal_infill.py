@@ -14,7 +14,7 @@ from printer_slicer.geometry import Areas, offset
 from printer_slicer.geometry.engine import ENGINES, using_engine
 from printer_slicer.infill import PATTERNS, infill_paths
 from printer_slicer.inspection.coverage.measurement import coverage_of
-from printer_slicer.inspection.coverage.stack import stack_of
+from printer_slicer.inspection.coverage.stack import stack_of_program
 from printer_slicer.model import Mesh, Toolpaths
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.profile import Profile
@@ -246,7 +246,9 @@ def test_an_end_without_a_neighbour_gets_a_hook() -> None:
 def test_no_line_lies_on_a_wall_or_on_what_joins_it_to_the_next(mesh: Mesh, degrees: float) -> None:
     wanted = plain(infill="rectilinear", infill_angle_deg=degrees, layer_height=0.2)
     stages = slice_stages(mesh, wanted)
-    coverage = coverage_of(stack_of(stages.program, wanted.material.filament_diameter), stages.sections.solid)
+    coverage = coverage_of(
+        stack_of_program(stages.program, wanted.material.filament_diameter), stages.sections.solid
+    )
 
     sparse = np.unique(stages.regions.internal_infill.ring_layer)
     assert len(sparse) > 5

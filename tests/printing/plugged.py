@@ -15,7 +15,7 @@ from time import monotonic
 
 from benchmarks import killing
 from benchmarks.killing import PRINTER, of_job
-from printer_slicer.inspection.dry_run.machines import front_end_of, machine_of
+from printer_slicer.inspection.dry_run.machines import machine_of, simulated_firmware_for
 from printer_slicer.sim.link import Cable
 from printer_slicer.sim.printer import SimulatedPrinter
 from tests.waiting import Halting
@@ -45,7 +45,7 @@ class Pluggable:
         self.executed = after(100)
         printer = SimulatedPrinter(
             machine_of(PRINTER),
-            front_end_of(PRINTER),
+            simulated_firmware_for(PRINTER),
             on_executed=self.executed.append,
             boots=False,
         )

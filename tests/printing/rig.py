@@ -18,11 +18,11 @@ from printer_slicer.printing.objects import LiveJob, find_object_spans
 from printer_slicer.printing.print_controller import PrintController, Request
 from printer_slicer.printing.reattach import ResumePlan
 from printer_slicer.profile import load_profile
-from printer_slicer.sim import board
-from printer_slicer.sim.front_end import MARLIN_2_1, FrontEnd
+from printer_slicer.sim import firmware_state
+from printer_slicer.sim.firmwares import MARLIN_2_1, SimulatedFirmware
 from printer_slicer.sim.link import VirtualPort
 from printer_slicer.sim.machine import Machine
-from printer_slicer.sim.mover import Mover
+from printer_slicer.sim.motion_queue import MotionQueue
 from printer_slicer.sim.printer import SimulatedPrinter
 from printer_slicer.stream.events import Accepted, Event
 from printer_slicer.stream.protocol import Streamer
@@ -35,7 +35,7 @@ Piece = tuple[Axes, Axes]
 Point = tuple[float, float, float]
 
 
-class RecordingMover(Mover):
+class RecordingMotionQueue(MotionQueue):
     """A planner that remembers what the motors made."""
 
     made: list[Piece]
@@ -63,7 +63,7 @@ class RecordingMover(Mover):
 def recording() -> Iterator[None]:
     """Printers made within the block remember their motion."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(board, "Mover", RecordingMover)
+        patch.setattr(firmware_state, "MotionQueue", RecordingMotionQueue)
         yield
 
 
@@ -128,7 +128,7 @@ class Rig:
     """One print."""
 
     text: str
-    front_end: FrontEnd = MARLIN_2_1
+    firmware: SimulatedFirmware = MARLIN_2_1
     setup: HostSettings = SETUP
     folder: Path | None = None
     baud: int | None = 250_000
@@ -139,7 +139,7 @@ class Rig:
 
     def __post_init__(self) -> None:
         with recording():
-            self.printer = SimulatedPrinter(self.machine, self.front_end, on_executed=self.executed.append)
+            self.printer = SimulatedPrinter(self.machine, self.firmware, on_executed=self.executed.append)
         self.port = VirtualPort(self.printer, baud=self.baud, latency=0.001)
         self.commands = tuple(
             line.encode() for line in self.text.split("\n") if line.partition(";")[0].strip()
@@ -201,8 +201,8 @@ class Rig:
     @property
     def made(self) -> list[Piece]:
         """What the motors made."""
-        mover = self.printer._board.mover
-        assert isinstance(mover, RecordingMover)
+        mover = self.printer._state.motion_queue
+        assert isinstance(mover, RecordingMotionQueue)
         mover.advance(self.port.now())
         return mover.made
 

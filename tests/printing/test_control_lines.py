@@ -16,7 +16,7 @@ from printer_slicer.printing import job_store as store
 from printer_slicer.printing import print_job, resume_print
 from printer_slicer.printing.host_settings import host_settings_from
 from printer_slicer.profile import load_profile
-from printer_slicer.sim.rfc2217 import Negotiator
+from printer_slicer.sim.rfc2217 import Rfc2217Server
 from tests.waiting import LAST_RESORT
 
 PROFILE = load_profile("marlin_220", "pla")
@@ -41,12 +41,12 @@ class Listener:
         Thread(target=self._listen, daemon=True).start()
 
     def _listen(self) -> None:
-        negotiator = Negotiator()
+        negotiator = Rfc2217Server()
         with suppress(OSError), self._server.accept()[0] as connection:
             connection.settimeout(LAST_RESORT)
             while data := connection.recv(4096):
                 self.heard += data
-                if negotiator.taken_apart(data):
+                if negotiator.decode(data):
                     return
                 connection.sendall(negotiator.answers())
 

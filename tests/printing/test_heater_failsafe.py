@@ -20,13 +20,13 @@ if sys.platform == "win32":
 
 from benchmarks.killing import of_job, served, start
 from printer_slicer.errors import PrintError
-from printer_slicer.inspection.dry_run.machines import front_end_of, machine_of
+from printer_slicer.inspection.dry_run.machines import machine_of, simulated_firmware_for
 from printer_slicer.printing import print_job
 from printer_slicer.printing.heater_failsafe import watch
 from printer_slicer.printing.job_store import load_print
 from printer_slicer.printing.journal import HEATERS_OFF, read_journal
 from printer_slicer.profile import load_profile
-from printer_slicer.sim.front_end import KLIPPER
+from printer_slicer.sim.firmwares import KLIPPER
 from printer_slicer.sim.printer import SimulatedPrinter
 from printer_slicer.sim.pty_server import serve
 from printer_slicer.slice_jobs import job_from
@@ -183,7 +183,10 @@ def test_a_printer_that_is_given_up_is_told_to_cool(guard: float | None, cold: b
     profile = load_profile("marlin_220")
     executed: list[str] = []
     plain = SimulatedPrinter(
-        machine_of(profile.printer), front_end_of(profile.printer), on_executed=executed.append, boots=False
+        machine_of(profile.printer),
+        simulated_firmware_for(profile.printer),
+        on_executed=executed.append,
+        boots=False,
     )
     printer: Any = Complaining(plain, executed)
     ready, stop, link = Flag(), Flag(), tmp_path / "port"

@@ -12,7 +12,7 @@ from rig import SETUP, Rig, assert_same_beads, off_path, way
 
 from printer_slicer.printing import commands
 from printer_slicer.printing.print_controller import PrintPhase
-from printer_slicer.sim.front_end import (
+from printer_slicer.sim.firmwares import (
     KLIPPER,
     MARLIN_1_1,
     MARLIN_2_1,
@@ -20,7 +20,7 @@ from printer_slicer.sim.front_end import (
     REPETIER,
     REPRAPFIRMWARE,
     SMOOTHIE,
-    FrontEnd,
+    SimulatedFirmware,
 )
 from printer_slicer.stream.events import Finished, Paused, Resumed
 from printer_slicer.stream.states import State
@@ -80,8 +80,8 @@ def test_the_part_is_the_same_after_all_pauses(run: tuple[int, int], now: bool, 
         assert way(rig.beads) == pytest.approx(way(whole.beads), abs=0.03 * pauses)
     else:
         assert_same_beads(rig.beads, whole.beads)
-    assert rig.printer._board.filament == pytest.approx(
-        whole.printer._board.filament, abs=0.011 * pauses if now else 1e-3
+    assert rig.printer._state.filament == pytest.approx(
+        whole.printer._state.filament, abs=0.011 * pauses if now else 1e-3
     )
 
 
@@ -107,9 +107,9 @@ def test_now_is_sooner_than_behind_the_plan() -> None:
                 rig.submit(commands.Pause(now=now, park=False))
             if rig.controller.phase is PrintPhase.WAITING:
                 waiting[0] = waiting[0] or at
-                board = rig.printer._board
-                board.mover.advance(at)
-                if not board.mover.busy:
+                board = rig.printer._state
+                board.motion_queue.advance(at)
+                if not board.motion_queue.busy:
                     rig.submit(commands.Stop())
 
         rig.run(turn)
@@ -178,7 +178,7 @@ G1 X100 Y100 Z0.2 F3000
 
 
 @pytest.mark.parametrize(
-    ("front_end", "flavour", "counts"),
+    ("firmware", "flavour", "counts"),
     [
         (MARLIN_2_1, "marlin", False),
         (MARLIN_1_1, "marlin_legacy", True),
@@ -191,21 +191,21 @@ G1 X100 Y100 Z0.2 F3000
     ids=lambda one: one if isinstance(one, str) else "",
 )
 def test_what_g90_does_to_relative_extrusion_is_the_firmwares_business(
-    front_end: FrontEnd, flavour: str, counts: bool
+    firmware: SimulatedFirmware, flavour: str, counts: bool
 ) -> None:
     """A lift under G91 is in many macros; whether E counts from where it is afterwards, firmwares see differently."""
     moves = [f"G1 X{100 + i % 7} Y{100 + i % 5} E0.05" for i in range(1, 121)]
     text = HEAT + MODES + "\n".join(moves) + "\n"
     setup = replace(SETUP, flavour=flavour)
-    whole = Rig(text, front_end, setup)
+    whole = Rig(text, firmware, setup)
     whole.connect()
     whole.run()
-    rig = paused_at(text, [60], commands.Pause(), front_end=front_end, setup=setup)
+    rig = paused_at(text, [60], commands.Pause(), firmware=firmware, setup=setup)
 
     laid = 120 * 0.05 if counts else 0.05
-    assert whole.printer._board.filament == pytest.approx(laid, abs=1e-6)
+    assert whole.printer._state.filament == pytest.approx(laid, abs=1e-6)
     assert isinstance(rig.events[-1], Finished)
-    assert rig.printer._board.filament == pytest.approx(laid, abs=1e-3)
+    assert rig.printer._state.filament == pytest.approx(laid, abs=1e-3)
     assert_same_beads(rig.beads, whole.beads)
 
 
@@ -228,7 +228,7 @@ def test_a_pause_of_the_printer_s_own_ends_when_a_person_resumes() -> None:
     def meddle(_: object) -> None:
         if rig.streamer.acknowledged >= 30 and not begun:
             begun.append(rig.streamer.acknowledged)
-            rig.printer._board.say("//action:paused")
+            rig.printer._state.say("//action:paused")
         elif begun and rig.streamer.state is State.PAUSED and len(begun) == 1:
             begun.append(0)
             rig.submit(commands.Resume())

@@ -16,18 +16,18 @@ from printer_slicer.printing.machine_state import PrintState
 from printer_slicer.printing.objects import LiveJob, Span
 from printer_slicer.printing.parking import extruded_length, leave, park_state, return_to_part
 from printer_slicer.printing.print_controller import PrintPhase
-from printer_slicer.sim.board import Board
-from printer_slicer.sim.front_end import MARLIN_2_1
+from printer_slicer.sim.firmware_state import FirmwareState
+from printer_slicer.sim.firmwares import MARLIN_2_1
 from printer_slicer.stream.events import Finished
 
 START = [b"M104 S200", b"G28", b"G90", b"G1 X100 Y100 Z5 F6000"]
 
 
-def state_of(board: Board) -> list[object]:
+def state_of(state: FirmwareState) -> list[object]:
     """All that a program counts on: place, origin, units, modes, speed."""
     return [
-        *(round(value, 3) for value in (*board.position, *board.offset, *board.home_offset, board.feed)),
-        *(board.unit, board.relative, board.relative_e, board.counting, board.retracted),
+        *(round(value, 3) for value in (*state.position, *state.offset, *state.home_offset, state.feed)),
+        *(state.unit, state.relative, state.relative_e, state.counting, state.retracted),
     ]
 
 
@@ -41,22 +41,22 @@ def test_leaving_never_goes_down_and_coming_back_leads_to_the_same_place(
     setup = replace(SETUP, flavour=flavour)
     executor, modes = Executor(flavour), PrintState(flavour)
     for index, command in enumerate([*START, *program_of(lines)]):
-        board = executor.do(command)
+        state = executor.do(command)
         modes.follow(command, index)
-    before, z = state_of(board), board.position[2]
+    before, z = state_of(state), state.position[2]
 
     parked = park_state(modes.stand, modes, setup, commands.Pause(cold=cold), 0)
     script = leave(parked, modes, setup)
     for command in script:
-        board = executor.do(command)
-        assert board.position[2] >= z - 1e-6
+        state = executor.do(command)
+        assert state.position[2] >= z - 1e-6
     if parked.park and z < SETUP.top - 1e-3:
-        assert board.position[2] > z
+        assert state.position[2] > z
     for command in return_to_part(parked, setup, extruded_length(script)):
-        board = executor.do(command)
+        state = executor.do(command)
 
     if modes.stand.speed:  # a speed that no command has named cannot be said again
-        assert state_of(board) == before
+        assert state_of(state) == before
 
 
 @pytest.mark.parametrize(
@@ -81,12 +81,12 @@ def test_behind_a_thing_that_is_left_out_all_is_as_if_it_had_been_printed(
     laid = None
     for index in range(len(job)):
         command = job[index]
-        at = skipped.printer.board.filament
-        board = skipped.do(command) if command else skipped.printer.board
-        if index >= len(whole) - len(inside) and board.filament > at + 1e-6:
+        at = skipped.printer.state.filament
+        state = skipped.do(command) if command else skipped.printer.state
+        if index >= len(whole) - len(inside) and state.filament > at + 1e-6:
             laid = command
 
-    assert state_of(board) == state_of(expected)
+    assert state_of(state) == state_of(expected)
     assert laid is None or b"X" not in laid
 
 
@@ -126,7 +126,7 @@ def test_a_part_in_inches_is_the_same_after_a_pause(now: bool) -> None:
     assert max(heights) >= 2.54 + 5.0
     if not now:
         assert_same_beads(rig.beads, whole.beads)
-    assert rig.printer._board.filament == pytest.approx(whole.printer._board.filament, abs=0.02)
+    assert rig.printer._state.filament == pytest.approx(whole.printer._state.filament, abs=0.02)
 
 
 def test_what_is_said_between_inches_and_millimetres_does_not_reach_the_saved_place() -> None:

@@ -15,7 +15,7 @@ from printer_slicer.printing import commands
 from printer_slicer.printing.controls import Controls
 from printer_slicer.printing.objects import LiveJob, find_object_spans
 from printer_slicer.printing.print_controller import PrintPhase
-from printer_slicer.sim.front_end import MARLIN_2_0_AVR, MARLIN_2_1
+from printer_slicer.sim.firmwares import MARLIN_2_0_AVR, MARLIN_2_1
 from printer_slicer.stream.events import (
     Action,
     Event,
@@ -161,7 +161,7 @@ def test_temperatures_cost_less_than_2_percent(
 ) -> None:
     text = "".join(f"M117 a line of the usual length {i:05d}\n" for i in range(6000))
     if not reports:
-        monkeypatch.setattr("printer_slicer.sim.switches._PRESENT", frozenset())
+        monkeypatch.setattr("printer_slicer.sim.simulated_firmware._PRESENT", frozenset())
     watched = Rig(text, MARLIN_2_0_AVR, baud=baud)
 
     with_ = seconds_of(watched)
@@ -305,13 +305,13 @@ def test_a_thing_that_is_given_up_is_printed_no_further_and_the_others_as_if_it_
     marks: str, relative: bool
 ) -> None:
     text = three_posts(6, marks, relative=relative)
-    front_end = replace(MARLIN_2_1, ignores_extended=True)
-    whole = Rig(text, front_end)
+    firmware = replace(MARLIN_2_1, ignores_extended=True)
+    whole = Rig(text, firmware)
     whole.connect()
     whole.run()
     name = find_object_spans(text.encode())[1].name
 
-    rig = run_with(Rig(text, front_end), {150: commands.CancelObject(name)})
+    rig = run_with(Rig(text, firmware), {150: commands.CancelObject(name)})
 
     done = [bead for bead in rig.beads if 95 < bead[1][0] < 115]
     all_of_it = [bead for bead in whole.beads if 95 < bead[1][0] < 115]
@@ -327,7 +327,7 @@ def test_a_thing_that_is_given_up_is_printed_no_further_and_the_others_as_if_it_
     assert isinstance(rig.events[-1], Finished)
     assert rig.events[-1].verified
     # Never still above the thing that was left.
-    assert rig.printer._board.tally.n_violations == 0
+    assert rig.printer._state.statistics.n_violations == 0
 
 
 def test_the_nozzle_does_not_wait_on_the_part_while_lines_are_left_out() -> None:
@@ -346,7 +346,7 @@ def test_the_nozzle_does_not_wait_on_the_part_while_lines_are_left_out() -> None
     jumps = [(b[1] - a[1], b[0] - a[0]) for a, b in pairwise(turns) if b[1] - a[1] > 3]
 
     assert jumps
-    assert rig.printer.report().starvations <= 2
+    assert rig.printer.report().underruns <= 2
 
 
 def test_a_thing_that_is_not_there_is_refused_with_those_that_are() -> None:

@@ -14,11 +14,11 @@ from printer_slicer.printing.journal import read_journal
 from printer_slicer.printing.objects import find_object_spans
 from printer_slicer.printing.print_controller import PrintPhase
 from printer_slicer.printing.reattach import PrinterStateLost, ResumePlan, find_resume_plan, query_printer
-from printer_slicer.sim.front_end import MARLIN_2_0_AVR, MARLIN_2_1, MARLIN_2_1_ADVANCED
+from printer_slicer.sim.firmwares import MARLIN_2_0_AVR, MARLIN_2_1, MARLIN_2_1_ADVANCED
 from printer_slicer.stream.events import Event, Finished
 from tests.effort import crossed, few_of
 
-FRONT_ENDS = {"2.1": MARLIN_2_1, "2.0 AVR": MARLIN_2_0_AVR, "2.1 advanced": MARLIN_2_1_ADVANCED}
+SIMULATED_FIRMWARES = {"2.1": MARLIN_2_1, "2.0 AVR": MARLIN_2_0_AVR, "2.1 advanced": MARLIN_2_1_ADVANCED}
 
 
 class Killed(Exception):  # noqa: N818
@@ -58,11 +58,11 @@ def found_by_next_host(rig: Rig) -> ResumePlan:
     return found
 
 
-@pytest.mark.parametrize(("seed", "name"), crossed(range(12), FRONT_ENDS))
+@pytest.mark.parametrize(("seed", "name"), crossed(range(12), SIMULATED_FIRMWARES))
 def test_nothing_is_sent_twice_and_nothing_left_out(seed: int, name: str, tmp_path: Path) -> None:
     chance = Random(seed)
     text = scribble(seed, 120, relative=bool(seed % 2))
-    rig = Rig(text, FRONT_ENDS[name], folder=tmp_path, baud=115_200)
+    rig = Rig(text, SIMULATED_FIRMWARES[name], folder=tmp_path, baud=115_200)
     rig.connect()
     kills = 0
     while True:
@@ -126,7 +126,7 @@ def test_a_host_killed_around_a_pause_leaves_no_trace_in_the_part(seed: int, tmp
     assert begun
     assert isinstance(rig.events[-1], Finished)
     assert_same_beads(rig.beads, whole.beads)
-    assert rig.printer._board.filament == pytest.approx(whole.printer._board.filament, abs=1e-3)
+    assert rig.printer._state.filament == pytest.approx(whole.printer._state.filament, abs=1e-3)
 
 
 def test_a_printer_that_was_reset_has_lost_its_state(tmp_path: Path) -> None:

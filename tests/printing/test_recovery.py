@@ -15,7 +15,7 @@ from printer_slicer.jobs import job_of_text
 from printer_slicer.printing.job_store import PortAddress, Print, begin
 from printer_slicer.printing.journal import LOST
 from printer_slicer.printing.recovery import RecoveryPlan, plan_recovery
-from printer_slicer.sim.front_end import MARLIN_2_1, MARLIN_2_1_ADVANCED
+from printer_slicer.sim.firmwares import MARLIN_2_1, MARLIN_2_1_ADVANCED
 from printer_slicer.sim.machine import Machine
 from printer_slicer.stream.events import Finished
 from tests.effort import crossed, few_of
@@ -33,8 +33,8 @@ def lose_power(
         "part.gcode", text.encode(), limits=SETUP.limits, corner=SETUP.low, flavour=SETUP.flavour
     )
     print_ = begin(folder, job.name, job.text, PortAddress("/dev/none", 250_000), SETUP)
-    front_end = MARLIN_2_1_ADVANCED if advanced else MARLIN_2_1
-    rig = Rig(text, front_end, folder=print_.folder, machine=machine or machine_of(PROFILE.printer))
+    firmware = MARLIN_2_1_ADVANCED if advanced else MARLIN_2_1
+    rig = Rig(text, firmware, folder=print_.folder, machine=machine or machine_of(PROFILE.printer))
     rig.connect()
     first: list[float] = []
 
@@ -47,7 +47,7 @@ def lose_power(
     with pytest.raises(PowerLoss):
         rig.run(watch)
     rig.made  # noqa: B018 - up to this moment
-    rig.printer._board.stop_moving()
+    rig.printer._state.stop_moving()
     assert rig.journal
     rig.journal.ended(f"{LOST}gone", rig.port.now())
     rig.journal.close()

@@ -31,7 +31,7 @@ def halves(text: str, folder: Path, entries: int, delay: float) -> tuple[list[Pi
             first.append(now)
         if first and not made and now >= first[0] + delay:
             before.made  # noqa: B018 - up to this moment
-            before.printer.board.stop_moving()
+            before.printer.state.stop_moving()
             made.extend(before.made)
             before.printer.reset(now)
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 from functools import reduce
 from operator import xor
 
-from printer_slicer.sim.front_end import MARLIN_2_1, FrontEnd
+from printer_slicer.sim.firmwares import MARLIN_2_1, SimulatedFirmware
 from printer_slicer.sim.machine import Machine
 from printer_slicer.sim.printer import SimulatedPrinter
 
@@ -27,11 +27,15 @@ class Console:
     """Says lines to a printer under a clock of its own."""
 
     def __init__(
-        self, front_end: FrontEnd = MARLIN_2_1, machine: Machine | None = None, *, bytewise: bool = False
+        self,
+        firmware: SimulatedFirmware = MARLIN_2_1,
+        machine: Machine | None = None,
+        *,
+        bytewise: bool = False,
     ) -> None:
         self.executed: list[str] = []
         self.printer = SimulatedPrinter(
-            machine or Machine(), front_end, on_executed=self.executed.append, boots=False
+            machine or Machine(), firmware, on_executed=self.executed.append, boots=False
         )
         self.now = 0.0
         self.bytewise = bytewise

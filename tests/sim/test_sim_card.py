@@ -7,10 +7,10 @@ from dataclasses import replace
 import pytest
 from sim_console import Console, numbered
 
-from printer_slicer.sim.card import SdCard
-from printer_slicer.sim.front_end import MARLIN_2_1, MARLIN_2_1_ADVANCED
+from printer_slicer.sim.firmwares import MARLIN_2_1, MARLIN_2_1_ADVANCED
 from printer_slicer.sim.machine import Machine
 from printer_slicer.sim.printer import SimulatedPrinter
+from printer_slicer.sim.sd_card import SdCard
 
 READER = replace(Machine(), card=True, coldest_extrusion=0.0, first_move_delay=0.0)
 PART = b"G28\nG90 ; absolute\n; a comment\nG1 X50 F3000\nG1 X100\nM117 done\n"

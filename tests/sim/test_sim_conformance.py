@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from sim_console import Console, numbered
 
-from printer_slicer.sim.front_end import FRONT_ENDS
+from printer_slicer.sim.firmwares import SIMULATED_FIRMWARES
 from printer_slicer.sim.machine import Machine
 
 FOLDER = Path(__file__).parent / "transcripts"
@@ -66,15 +66,15 @@ class Actor:
     """Plays the host's part, and listens."""
 
     def __init__(self, talk: Talk) -> None:
-        front_end = FRONT_ENDS[talk.firmware]
-        self.console = Console(front_end, talk.machine)
+        firmware = SIMULATED_FIRMWARES[talk.firmware]
+        self.console = Console(firmware, talk.machine)
         self.heard: list[tuple[float, str]] = []
-        self.loose = True
+        self.unhomed_motors = True
 
     def done(self) -> None:
         """Nothing may be left that was not expected."""
-        assert self.loose or not self.heard, f"also said: {self.heard}"
-        self.heard, self.loose = [], False
+        assert self.unhomed_motors or not self.heard, f"also said: {self.heard}"
+        self.heard, self.unhomed_motors = [], False
 
     def say(self, lines: list[str]) -> None:
         self.done()
@@ -93,9 +93,9 @@ class Actor:
             assert right, f"{line!r} is said after {seconds:.2f} s, and should be after {at}"
 
     def plant(self, heater: str, reads: float) -> None:
-        board = self.console.printer.board
-        board.heaters.named(heater).upset(self.console.now, stuck_at=reads)
-        board.upset(heater)
+        state = self.console.printer.state
+        state.heaters.named(heater).disturb(self.console.now, stuck_at=reads)
+        state.disturb(heater)
 
     def act(self, line: str) -> None:
         """Do what one line of a conversation says."""
@@ -114,7 +114,7 @@ class Actor:
             self.plant(heater, float(reads))
         else:
             assert mark == "..."
-            self.loose = True
+            self.unhomed_motors = True
 
 
 @pytest.mark.parametrize("talk", TALKS, ids=lambda talk: talk.name)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from sim_console import COLD_OK, Console
 
 from printer_slicer.cli.arguments import FIRMWARES
-from printer_slicer.sim.front_end import FRONT_ENDS, MARLIN_2_1_ADVANCED
+from printer_slicer.sim.firmwares import MARLIN_2_1_ADVANCED, SIMULATED_FIRMWARES
 from printer_slicer.sim.heater import Heater
 from printer_slicer.sim.latency import PACKET, LatencyTimer
 from printer_slicer.sim.link import VirtualPort
@@ -26,7 +26,7 @@ ASKED = [
 
 
 def test_the_command_line_knows_every_firmware() -> None:
-    assert tuple(FRONT_ENDS) == FIRMWARES
+    assert tuple(SIMULATED_FIRMWARES) == FIRMWARES
 
 
 @pytest.mark.parametrize("answer", ["M876 S0", "M108"])

@@ -7,21 +7,21 @@ import pytest
 from benchmarks import fuzz_sim
 from benchmarks.fuzz_sim import Outcome, main, stream
 from benchmarks.sim_grammar import grammar
-from printer_slicer.sim.front_end import FRONT_ENDS
+from printer_slicer.sim.firmwares import SIMULATED_FIRMWARES
 from printer_slicer.sim.line_reader import LineReader
 from printer_slicer.sim.machine import Machine
 from printer_slicer.sim.printer import SimulatedPrinter
-from printer_slicer.sim.tally import Tally
+from printer_slicer.sim.statistics import Statistics
 
 STREAMS = 40
 
 
-@pytest.mark.parametrize("name", FRONT_ENDS)
+@pytest.mark.parametrize("name", SIMULATED_FIRMWARES)
 def test_hostile_bytes_break_nothing_and_get_only_answers_that_the_firmware_has(name: str) -> None:
     assert sum(stream(name, seed) for seed in range(STREAMS)) > STREAMS
 
 
-@pytest.mark.parametrize("name", FRONT_ENDS)
+@pytest.mark.parametrize("name", SIMULATED_FIRMWARES)
 def test_what_a_firmware_says_is_narrow(name: str) -> None:
     said = grammar(name)
 
@@ -51,9 +51,9 @@ def test_the_command_tells_what_was_wrong(
     assert "firmware 'klipper', seed 1: ZeroDivisionError klipper" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("name", FRONT_ENDS)
+@pytest.mark.parametrize("name", SIMULATED_FIRMWARES)
 def test_a_printer_that_is_sent_megabytes_keeps_little(name: str) -> None:
-    printer = SimulatedPrinter(Machine(), FRONT_ENDS[name], boots=False)
+    printer = SimulatedPrinter(Machine(), SIMULATED_FIRMWARES[name], boots=False)
     printer.receive(b"M109 S200\n", 0.0)
     for _ in range(200):
         printer.receive(b"x" * 5000 + b"M105\n" * 200, 0.0)
@@ -68,12 +68,12 @@ def test_reports_that_nobody_reads_do_not_pile_up() -> None:
     for hour in range(1, 6):
         printer.receive(b"", hour * 3600.0)
 
-    assert len(printer.board.out) < 5000
+    assert len(printer.state.out) < 5000
     assert printer.send(18_000.0).count(b"\n") < 5000
 
 
 def test_a_line_that_never_ends_is_not_kept() -> None:
-    reader = LineReader(FRONT_ENDS["klipper"], Tally())
+    reader = LineReader(SIMULATED_FIRMWARES["klipper"], Statistics())
     for _ in range(1000):
         reader.arrive(b"y" * 1000)
         assert reader.next() is None

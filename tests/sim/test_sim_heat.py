@@ -142,8 +142,8 @@ def test_a_heater_that_is_at_its_target_is_not_waited_for() -> None:
 
 def test_a_heater_whose_sensor_reads_the_target_is_not_waited_for() -> None:
     console = Console()
-    heater = console.printer.board.hotend
-    heater.upset(0.0, stuck_at=200.4)
+    heater = console.printer.state.hotend
+    heater.disturb(0.0, stuck_at=200.4)
 
     assert console.do("M109 S200") == ["ok"]
     assert heater.temperature(console.now) < 30.0
@@ -153,10 +153,10 @@ def test_a_heater_whose_sensor_reads_the_target_is_not_waited_for() -> None:
 def test_a_dead_heater_that_cools_to_its_target_has_arrived() -> None:
     console = Console()
     console.do("M109 S200")
-    console.printer.board.hotend.upset(console.now, element="off")
+    console.printer.state.hotend.disturb(console.now, element="off")
     console.do("M109 R100")
 
-    assert console.printer.board.hotend.temperature(console.now) < 101.0
+    assert console.printer.state.hotend.temperature(console.now) < 101.0
 
 
 def test_s_does_not_wait_for_cooling_and_r_does() -> None:
@@ -193,8 +193,8 @@ def test_a_target_beyond_the_machine_is_lowered_and_noted() -> None:
     assert "/260.00" in console.say("M105")[0]
     assert "/140.00" in console.say("M105")[0]
     assert [violation.text for violation in console.printer.report().violations] == [
-        "hotend asked for 400 °C, the machine allows 260 °C: M104 S400",
-        "bed asked for 200 °C, the machine allows 140 °C: M140 S200",
+        "hotend asked for 400 °C, the printer allows 260 °C: M104 S400",
+        "bed asked for 200 °C, the printer allows 140 °C: M140 S200",
     ]
 
 

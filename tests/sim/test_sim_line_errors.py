@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sim_console import Console, numbered
 
-from printer_slicer.sim.front_end import MARLIN_2_0_AVR, MARLIN_2_1, MARLIN_2_1_ADVANCED, FrontEnd
+from printer_slicer.sim.firmwares import MARLIN_2_0_AVR, MARLIN_2_1, MARLIN_2_1_ADVANCED, SimulatedFirmware
 from printer_slicer.sim.line_reader import checksum
 from printer_slicer.sim.link import VirtualPort
 from printer_slicer.sim.machine import Machine
@@ -195,9 +195,9 @@ def test_without_emergency_parser_a_full_queue_hides_m112() -> None:
     assert [line for _, line in console.wait(30.0)][-2:] == KILLED
 
 
-@pytest.mark.parametrize("front_end", [MARLIN_2_1, MARLIN_2_1_ADVANCED], ids=["plain", "emergency parser"])
-def test_m108_ends_a_wait_and_is_answered_itself(front_end: FrontEnd) -> None:
-    console = Console(front_end)
+@pytest.mark.parametrize("firmware", [MARLIN_2_1, MARLIN_2_1_ADVANCED], ids=["plain", "emergency parser"])
+def test_m108_ends_a_wait_and_is_answered_itself(firmware: SimulatedFirmware) -> None:
+    console = Console(firmware)
     console.say("M109 S200")
     console.wait(3.0)
 
@@ -258,10 +258,10 @@ def test_a_reset_forgets_everything_but_the_warmth_and_the_account() -> None:
     assert report.lines == 5
 
 
-@pytest.mark.parametrize("front_end", [MARLIN_2_1, MARLIN_2_1_ADVANCED, QUICK_AVR], ids=lambda x: x.name[:12])
-def test_the_printer_survives_any_bytes(front_end: FrontEnd) -> None:
+@pytest.mark.parametrize("firmware", [MARLIN_2_1, MARLIN_2_1_ADVANCED, QUICK_AVR], ids=lambda x: x.name[:12])
+def test_the_printer_survives_any_bytes(firmware: SimulatedFirmware) -> None:
     chance = Random(7)
-    console = Console(front_end)
+    console = Console(firmware)
     for _ in range(400):
         noise = bytes(chance.choice(b"NGMTXYZEFIJRSP*;01239.- \n\r\xff\x00()") for _ in range(40))
         console.printer.receive(noise, console.now)
@@ -299,12 +299,12 @@ LINES = st.lists(
 @given(
     lines=LINES,
     cuts=st.lists(st.integers(0, 600)),
-    front_end=st.sampled_from([MARLIN_2_1, MARLIN_2_1_ADVANCED]),
+    firmware=st.sampled_from([MARLIN_2_1, MARLIN_2_1_ADVANCED]),
 )
 def test_how_the_bytes_are_cut_changes_nothing(
-    lines: list[str], cuts: list[int], front_end: FrontEnd
+    lines: list[str], cuts: list[int], firmware: SimulatedFirmware
 ) -> None:
-    whole, cut = Console(front_end), Console(front_end)
+    whole, cut = Console(firmware), Console(firmware)
     data = "".join(f"{line}\n" for line in lines).encode()
     whole.printer.receive(data, 0.0)
     edges = [0, *sorted(min(at, len(data)) for at in cuts), len(data)]

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from sim_console import numbered
 
 from printer_slicer.errors import PortError
-from printer_slicer.sim.front_end import MARLIN_2_0_AVR
-from printer_slicer.sim.link import Damage, Direction, VirtualPort, Wire
+from printer_slicer.sim.firmwares import MARLIN_2_0_AVR
+from printer_slicer.sim.link import CableNoise, Direction, VirtualPort, Wire
 from printer_slicer.sim.machine import Machine
 from printer_slicer.sim.printer import SimulatedPrinter
 
@@ -101,27 +101,27 @@ def test_the_8_bit_board_answers_as_many_lines_as_the_wire_carries_when_two_are_
 
 
 def test_damage_hits_as_many_bytes_as_asked_for() -> None:
-    damage = Damage(Random(1), flip=0.02, drop=0.01, insert=0.005)
+    noise = CableNoise(Random(1), flip=0.02, drop=0.01, insert=0.005)
     data = bytes(range(256)) * 100
 
-    out = damage(data, "to printer")
+    out = noise(data, "to printer")
 
-    assert damage.flipped == pytest.approx(len(data) * 0.02, rel=0.2)
-    assert damage.dropped == pytest.approx(len(data) * 0.01, rel=0.2)
-    assert damage.inserted == pytest.approx(len(data) * 0.005, rel=0.3)
-    assert len(out) == len(data) - damage.dropped + damage.inserted
+    assert noise.flipped == pytest.approx(len(data) * 0.02, rel=0.2)
+    assert noise.dropped == pytest.approx(len(data) * 0.01, rel=0.2)
+    assert noise.inserted == pytest.approx(len(data) * 0.005, rel=0.3)
+    assert len(out) == len(data) - noise.dropped + noise.inserted
 
 
 def test_a_flip_changes_one_bit_and_no_damage_changes_nothing() -> None:
     data = b"G1 X1\n" * 50
-    flipped = Damage(Random(2), flip=1.0)(data, "to host")
+    flipped = CableNoise(Random(2), flip=1.0)(data, "to host")
 
     assert [(a ^ b).bit_count() for a, b in zip(data, flipped, strict=True)] == [1] * len(data)
-    assert Damage(Random(3))(data, "to host") == data
+    assert CableNoise(Random(3))(data, "to host") == data
 
 
 def test_the_same_seed_does_the_same_damage() -> None:
-    first, second = (Damage(Random(9), flip=0.1, drop=0.1, insert=0.1) for _ in range(2))
+    first, second = (CableNoise(Random(9), flip=0.1, drop=0.1, insert=0.1) for _ in range(2))
 
     assert first(b"x" * 500, "to host") == second(b"x" * 500, "to host")
 
@@ -133,7 +133,7 @@ def test_damage_is_told_the_direction_and_done_to_both() -> None:
         seen.append((data, direction))
         return data.replace(b"ok", b"ko")
 
-    cable = VirtualPort(SimulatedPrinter(Machine(), boots=False), damage=spoil)
+    cable = VirtualPort(SimulatedPrinter(Machine(), boots=False), noise=spoil)
     cable.write(b"M117\n")
 
     assert cable.read(1.0) == b"ko\n"

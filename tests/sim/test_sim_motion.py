@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from sim_console import COLD_OK, NIMBLE, Console
 
 from printer_slicer.motion.rules import Block, make_block, plan
-from printer_slicer.sim.front_end import KLIPPER, MARLIN_2_1_ADVANCED
+from printer_slicer.sim.firmwares import KLIPPER, MARLIN_2_1_ADVANCED
 from printer_slicer.sim.machine import Machine
-from printer_slicer.sim.tally import Tally
+from printer_slicer.sim.statistics import Statistics
 from tests.effort import examples
 
 LIMITS = Machine().limits
@@ -50,7 +50,7 @@ def test_a_fed_planner_takes_as_long_as_the_plan_of_the_whole(
     # Moves shorter than the braking distance make the sixteen blocks of the firmware a little slower.
     expected = sum(plan(blocks(points, speed), LIMITS))
     assert expected - 1e-9 <= console.printer.report().motion_seconds <= expected * 1.02 + 1e-9
-    assert console.printer.report().starvations == 0
+    assert console.printer.report().underruns == 0
 
 
 def test_long_moves_take_exactly_as_long_as_planned_on_the_clock_too() -> None:
@@ -99,8 +99,8 @@ def test_a_planner_that_runs_dry_between_moves_is_counted_as_starved() -> None:
         console.wait(0.5)
 
     report = console.printer.report()
-    assert report.starvations == 4
-    assert report.starved_seconds == pytest.approx(4 * (0.5 - report.motion_seconds / 5))
+    assert report.underruns == 4
+    assert report.underrun_seconds == pytest.approx(4 * (0.5 - report.motion_seconds / 5))
 
 
 def test_standing_still_on_purpose_or_for_long_is_no_starvation() -> None:
@@ -109,7 +109,7 @@ def test_standing_still_on_purpose_or_for_long_is_no_starvation() -> None:
     console.wait(60.0)
     console.do("G1 X40", "M109 S50", "G1 X50", "M400")
 
-    assert console.printer.report().starvations == 0
+    assert console.printer.report().underruns == 0
 
 
 def test_m114_tells_the_end_of_the_plan_and_the_steps_of_now() -> None:
@@ -234,7 +234,7 @@ def test_firmware_retraction_has_its_speed_in_mm_per_minute(setup: str, speed: f
 
 
 def test_klipper_does_not_know_e_as_a_volume() -> None:
-    console = Console(replace(MARLIN_2_1_ADVANCED, flavour="klipper"), COLD_OK)
+    console = Console(replace(MARLIN_2_1_ADVANCED, dialect="klipper"), COLD_OK)
     console.do("M200 D1.75", "G1 E10", "M400")
 
     assert console.printer.report().filament_fed == 10
@@ -281,15 +281,17 @@ def test_an_arc_by_radius_takes_the_way_that_its_sign_says(code: str, radius: st
     report = console.printer.report()
     assert report.motion_seconds - before == pytest.approx(2 * pi * 10 * share, rel=0.01)
     assert report.filament == pytest.approx(5.0)
-    assert report.laid_min is not None
-    assert report.laid_max is not None
+    assert report.extrusion_min is not None
+    assert report.extrusion_max is not None
     bulges = {
         ("G2", "R10"): (100, 100, 110, 110),
         ("G3", "R10"): (100, 100, 110, 110),
         ("G2", "R-10"): (90, 100, 110, 120),
         ("G3", "R-10"): (100, 90, 120, 110),
     }
-    assert (*report.laid_min[:2], *report.laid_max[:2]) == pytest.approx(bulges[code, radius], abs=0.02)
+    assert (*report.extrusion_min[:2], *report.extrusion_max[:2]) == pytest.approx(
+        bulges[code, radius], abs=0.02
+    )
 
 
 def test_an_arc_without_a_centre_is_refused() -> None:
@@ -398,8 +400,8 @@ def test_the_account_of_what_was_laid() -> None:
 
     report = console.printer.report()
     assert report.layers == (0.2, 0.4)
-    assert report.laid_min == (5.0, 10.0, 0.2)
-    assert report.laid_max == (30.0, 50.0, 0.4)
+    assert report.extrusion_min == (5.0, 10.0, 0.2)
+    assert report.extrusion_max == (30.0, 50.0, 0.4)
     assert report.filament_fed == pytest.approx(6.0)
     assert report.filament_retracted == pytest.approx(2.0)
     assert report.filament == pytest.approx(4.0)
@@ -504,14 +506,14 @@ def test_steps_per_mm_change_what_is_counted() -> None:
 
 
 def test_a_spiral_lists_a_bounded_number_of_layers() -> None:
-    tally = Tally()
+    statistics = Statistics()
     for n in range(21_000):
-        tally.laid((0.0, 0.0, n * 0.01, 0.0), (1.0, 0.0, n * 0.01 + 0.01, 0.0))
+        statistics.add_extrusion((0.0, 0.0, n * 0.01, 0.0), (1.0, 0.0, n * 0.01 + 0.01, 0.0))
 
-    report = tally.report(filament_area=1.0, peak_hotend=0.0, peak_bed=0.0)
+    report = statistics.report(filament_area=1.0, peak_hotend=0.0, peak_bed=0.0)
     assert len(report.layers) == 20_000
-    assert report.laid_max is not None
-    assert report.laid_max[2] == pytest.approx(210.0)
+    assert report.extrusion_max is not None
+    assert report.extrusion_max[2] == pytest.approx(210.0)
 
 
 def test_klipper_plans_some_seconds_ahead_however_many_moves_there_is_room_for() -> None:
@@ -536,9 +538,9 @@ def test_klipper_refuses_a_move_with_a_letter_alone() -> None:
     assert place(console)["X"] == place(console)["Y"] == 10.0
 
 
-@pytest.mark.parametrize("flavour", ["prusa", "repetier", "smoothie"])
-def test_firmware_that_reads_as_c_does_takes_a_letter_alone_for_zero(flavour: str) -> None:
-    console = Console(replace(MARLIN_2_1_ADVANCED, flavour=flavour), COLD_OK)
+@pytest.mark.parametrize("dialect", ["prusa", "repetier", "smoothie"])
+def test_firmware_that_reads_as_c_does_takes_a_letter_alone_for_zero(dialect: str) -> None:
+    console = Console(replace(MARLIN_2_1_ADVANCED, dialect=dialect), COLD_OK)
     console.do("G28", "G1 X10 Y10 F6000", "G1 X Y5")
 
     assert (place(console)["X"], place(console)["Y"]) == (0.0, 5.0)

@@ -19,7 +19,7 @@ from printer_slicer.sim.link import Cable
 from printer_slicer.sim.machine import Machine
 from printer_slicer.sim.printer import SimulatedPrinter
 from printer_slicer.sim.pty_server import serve
-from printer_slicer.sim.tally import Report
+from printer_slicer.sim.statistics import Report
 from tests.waiting import LAST_RESORT
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="there are no pseudo-terminals")
@@ -121,7 +121,7 @@ def test_an_old_link_is_replaced_but_no_file(tmp_path: Path) -> None:
         assert str(old.readlink()).startswith("/dev/")
     with pytest.raises(PortError, match="is not a link"):
         serve(lambda: SimulatedPrinter(Machine()), file)
-    with pytest.raises(PortError, match="cannot make the link"):
+    with pytest.raises(PortError, match="cannot create the link"):
         serve(lambda: SimulatedPrinter(Machine()), tmp_path / "no folder" / "link")
 
     assert file.read_text() == "precious"

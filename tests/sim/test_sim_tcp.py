@@ -19,8 +19,8 @@ import serial
 from printer_slicer.errors import PortError
 from printer_slicer.sim.machine import Machine
 from printer_slicer.sim.printer import SimulatedPrinter
-from printer_slicer.sim.rfc2217 import Negotiator
-from printer_slicer.sim.tally import Report
+from printer_slicer.sim.rfc2217 import Rfc2217Server
+from printer_slicer.sim.statistics import Report
 from printer_slicer.sim.tcp_server import serve_tcp
 from printer_slicer.stream.events import Event as Told
 from printer_slicer.stream.events import Finished
@@ -34,7 +34,7 @@ pytestmark = pytest.mark.filterwarnings("ignore:set(Daemon|Name).*:DeprecationWa
 
 ROOT = Path(__file__).parents[2]
 JOB = [b"G28", b"G90", b"M83"] + [b"G1 X%d Y%d E0.1 F9000" % (n % 60, n % 41) for n in range(400)]
-DOORS = [("socket", None), ("rfc2217", Negotiator)]
+DOORS = [("socket", None), ("rfc2217", Rfc2217Server)]
 
 
 class Served:
@@ -164,7 +164,7 @@ def test_a_host_that_never_reads_does_not_stop_the_printer() -> None:
 
 def test_what_is_no_rfc_2217_sends_the_host_away_and_the_next_one_is_welcome() -> None:
     telnet, unfinished = b"\xff\xfa\x2c", b"\x01\x00"
-    with served(Negotiator) as there:
+    with served(Rfc2217Server) as there:
         for nonsense in (telnet + unfinished + b"\xff\xf0", telnet + b"\x01" * 5000):
             with connected(there) as odd:
                 odd.sendall(nonsense)
@@ -181,14 +181,14 @@ def test_an_address_that_is_taken_is_refused_with_a_remedy() -> None:
         serve_tcp(lambda: SimulatedPrinter(Machine()), other.getsockname()[:2])
 
     assert "cannot listen at 127.0.0.1:" in str(caught.value)
-    assert "Choose another port" in caught.value.remedy
+    assert "Choose a free port" in caught.value.remedy
 
 
 def test_the_door_over_tcp_needs_nothing_that_windows_does_not_have() -> None:
     code = (
         "import sys\n"
         "for name in ('pty', 'tty', 'termios', 'fcntl', 'grp', 'pwd'): sys.modules[name] = None\n"
-        "import printer_slicer.sim.tcp_server, printer_slicer.sim.serving, printer_slicer.cli.commands.sim\n"
+        "import printer_slicer.sim.tcp_server, printer_slicer.sim.server_loop, printer_slicer.cli.commands.sim\n"
         "import printer_slicer.sim.fault_script\n"
         "assert 'printer_slicer.sim.pty_server' not in sys.modules\n"
         "assert 'serial' not in sys.modules"

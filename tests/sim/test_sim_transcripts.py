@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 from sim_console import Console, numbered
 
-from printer_slicer.sim.front_end import MARLIN_2_1, MARLIN_2_1_ADVANCED
+from printer_slicer.sim.firmwares import MARLIN_2_1, MARLIN_2_1_ADVANCED
 from printer_slicer.sim.machine import Machine
 from printer_slicer.sim.printer import SimulatedPrinter
 

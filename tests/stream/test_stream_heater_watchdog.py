@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from printer_slicer.sim.front_end import FRONT_ENDS
+from printer_slicer.sim.firmwares import SIMULATED_FIRMWARES
 from printer_slicer.sim.machine import Machine
 from printer_slicer.sim.printer import SimulatedPrinter
 from printer_slicer.stream.events import Identified, Message, Probe, Reading, Temperature
@@ -100,9 +100,9 @@ def test_firmware_without_thermal_protection_is_worth_a_warning() -> None:
     assert "do not leave it unattended" in str(NoThermalProtection(""))
 
 
-@pytest.mark.parametrize("firmware", FRONT_ENDS)
+@pytest.mark.parametrize("firmware", SIMULATED_FIRMWARES)
 def test_its_last_words_make_a_printer_cold_that_waits_for_heat(firmware: str) -> None:
-    printer = SimulatedPrinter(Machine(), FRONT_ENDS[firmware], boots=False)
+    printer = SimulatedPrinter(Machine(), SIMULATED_FIRMWARES[firmware], boots=False)
     dog = HeaterWatchdog()
     for command in (b"M140 S60", b"M104 S200", b"M109 S200"):
         dog.sent(command, 1.0)
@@ -113,7 +113,7 @@ def test_its_last_words_make_a_printer_cold_that_waits_for_heat(firmware: str) -
     for now in range(6, 1000):
         printer.send(float(now))
 
-    assert printer._board.hotend.target == printer._board.bed.target == 0.0
+    assert printer._state.hotend.target == printer._state.bed.target == 0.0
 
 
 def test_last_words_name_what_was_ever_on_and_nothing_else() -> None:

@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 
 from printer_slicer.errors import PortError
 from printer_slicer.motion.rules import MotionLimits
-from printer_slicer.sim.front_end import MARLIN_2_1, MARLIN_2_1_ADVANCED, FrontEnd
-from printer_slicer.sim.link import Damage, VirtualPort
+from printer_slicer.sim.firmwares import MARLIN_2_1, MARLIN_2_1_ADVANCED, SimulatedFirmware
+from printer_slicer.sim.link import CableNoise, VirtualPort
 from printer_slicer.sim.machine import Machine
 from printer_slicer.sim.printer import SimulatedPrinter
-from printer_slicer.sim.tally import Report
+from printer_slicer.sim.statistics import Report
 from printer_slicer.stream.events import Event, PoorLink, ResendRequested
 from printer_slicer.stream.link_meter import LinkMeter, LinkStatistics, MeteredTransport, poor_link
 from printer_slicer.stream.protocol import Streamer
@@ -48,35 +48,35 @@ def seen(
     *,
     baud: int = 115_200,
     latency: float = 0.001,
-    front_end: FrontEnd = MARLIN_2_1,
+    firmware: SimulatedFirmware = MARLIN_2_1,
     window: int = 2,
     flip: float = 0.0,
 ) -> tuple[LinkStatistics, Report]:
     """What a meter makes of a print over a cable of this kind, and what the printer counted."""
-    printer = SimulatedPrinter(Machine(limits=LIMITS, coldest_extrusion=0.0), front_end, boots=False)
-    damage = Damage(Random(7), flip=flip) if flip else None
-    port = VirtualPort(printer, baud=baud, latency=latency, damage=damage)
+    printer = SimulatedPrinter(Machine(limits=LIMITS, coldest_extrusion=0.0), firmware, boots=False)
+    damage = CableNoise(Random(7), flip=flip) if flip else None
+    port = VirtualPort(printer, baud=baud, latency=latency, noise=damage)
     meter = LinkMeter(LIMITS)
     streamer = Streamer(commands, limits=LIMITS, window_lines=window)
     run(streamer, MeteredTransport(port, meter, port.now), port.now, on_event=meter.on_event)
     return meter.statistics(), printer.report()
 
 
-@pytest.mark.parametrize("front_end", [MARLIN_2_1, MARLIN_2_1_ADVANCED], ids=["plain", "advanced"])
+@pytest.mark.parametrize("firmware", [MARLIN_2_1, MARLIN_2_1_ADVANCED], ids=["plain", "advanced"])
 @pytest.mark.parametrize("baud", [57_600, 115_200])
-def test_what_it_counts_is_what_the_printer_counts(front_end: FrontEnd, baud: int) -> None:
-    told, counted = seen(circle(1500), baud=baud, front_end=front_end)
+def test_what_it_counts_is_what_the_printer_counts(firmware: SimulatedFirmware, baud: int) -> None:
+    told, counted = seen(circle(1500), baud=baud, firmware=firmware)
 
     assert told.lines == counted.lines - 1  # one has no number: the greeting
     assert (told.resends, told.resent_lines, told.lost_answers) == (0, 0, 0)
-    assert told.underruns == pytest.approx(counted.starvations, rel=0.1, abs=3)
-    assert told.underrun_seconds == pytest.approx(counted.starved_seconds, rel=0.1, abs=0.05)
+    assert told.underruns == pytest.approx(counted.underruns, rel=0.1, abs=3)
+    assert told.underrun_seconds == pytest.approx(counted.underrun_seconds, rel=0.1, abs=0.05)
 
 
 def test_a_link_that_is_quick_enough_is_not_waited_for() -> None:
     told, counted = seen(circle(1500), baud=500_000)
 
-    assert (told.underruns, counted.starvations) == (0, 0)
+    assert (told.underruns, counted.underruns) == (0, 0)
     assert 220 < told.lines_per_second < 300  # the way to the circle takes its time, too
 
 
@@ -188,7 +188,7 @@ def test_a_sound_cable_is_not_warned_of() -> None:
 
 def test_a_bad_cable_is_warned_of_while_printing_and_at_the_end() -> None:
     printer = SimulatedPrinter(Machine(limits=LIMITS, coldest_extrusion=0.0), MARLIN_2_1, boots=False)
-    port = VirtualPort(printer, baud=115_200, latency=0.001, damage=Damage(Random(7), flip=1e-3))
+    port = VirtualPort(printer, baud=115_200, latency=0.001, noise=CableNoise(Random(7), flip=1e-3))
     meter, told, resends = LinkMeter(LIMITS), list[PoorLink](), list[Event]()
 
     def hear(event: Event) -> None:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from printer_slicer.errors import PortError
-from printer_slicer.sim.front_end import MARLIN_2_1, MARLIN_2_1_ADVANCED
+from printer_slicer.sim.firmwares import MARLIN_2_1, MARLIN_2_1_ADVANCED
 from printer_slicer.sim.link import VirtualPort
 from printer_slicer.sim.machine import Machine
 from printer_slicer.sim.printer import SimulatedPrinter
@@ -161,7 +161,7 @@ def test_a_cable_that_is_pulled_ends_it_with_the_lines_counted() -> None:
 
 def test_a_printer_that_never_answers_is_given_up() -> None:
     simulated, executed = printer()
-    port = VirtualPort(simulated, damage=lambda _, __: b"")
+    port = VirtualPort(simulated, noise=lambda _, __: b"")
     streamer = Streamer(JOB)
     events: list[Event] = []
 

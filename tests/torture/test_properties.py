@@ -29,7 +29,7 @@ from tests.parts import (
 )
 from tests.torture.bodies import ball, turned_body
 
-Damage = Callable[[Float, np.random.Generator], Float]
+CableNoise = Callable[[Float, np.random.Generator], Float]
 
 HOLLOW: Final = joined([box(), Mesh(box((4, 4, 4), (3, 3, 3)).triangles[:, ::-1])], "hollow box")
 BODIES: Final = [
@@ -121,7 +121,7 @@ def with_needles(triangles: Float, rng: np.random.Generator) -> Float:
     )
 
 
-HARMLESS: Final[Mapping[str, Damage]] = {
+HARMLESS: Final[Mapping[str, CableNoise]] = {
     "one facet missing": one_missing,
     "facets copied": copied,
     "facets copied and reversed": copied_reversed,
@@ -135,7 +135,9 @@ HARMLESS: Final[Mapping[str, Damage]] = {
 
 @pytest.mark.parametrize("damage", HARMLESS.values(), ids=HARMLESS.keys())
 @given(body=one_sided, seed=seeds)
-def test_damage_that_loses_nothing_does_not_change_the_sections(damage: Damage, body: int, seed: int) -> None:
+def test_damage_that_loses_nothing_does_not_change_the_sections(
+    damage: CableNoise, body: int, seed: int
+) -> None:
     whole, cuts, rng = start(body, seed)
     broken = damage(whole.triangles, rng)
 

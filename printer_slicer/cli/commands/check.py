@@ -35,11 +35,12 @@ EXAMPLES: Final = """\
   printer-slicer check part.gcode --link 115200      find buffer underruns at this baud rate
   printer-slicer check part.gcode --model part.stl   compare the extrusions with the part
   printer-slicer check part.gcode --model part.stl --picture faults.png --json
-  printer-slicer check part.gcode --model part.stl --limit under=0.95 --limit air=5
+  printer-slicer check part.gcode --model part.stl --limit underfilled=0.95 --limit unsupported=5
   printer-slicer check plate.gcode --model lid.stl box.3mf --rotate 90 --filament 2.85"""
-_TOLD = 8  # findings told in full
+_MOST_LISTED = 8  # findings listed
 _DRAWN = 4  # layers in a picture
-_SPARE: Final = 0.95  # of the lines that a link carries are asked of it
+_OLD_LIMITS: Final = {"air": "unsupported", "under": "underfilled", "over": "overfilled"}  # names until 0.2
+_SPARE: Final = 0.95  # share of the throughput of a link that the advice uses
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -114,7 +115,7 @@ def _add_measuring(group: argparse._ArgumentGroup) -> None:
             metavar="NAME=VALUE",
             action="append",
             default=[],
-            help="change a limit: uncovered, outside, overlap, air, under, over, outline; may be repeated",
+            help="change a limit: uncovered, outside, overlap, unsupported, underfilled, overfilled, outline",
         )
     )
 
@@ -129,26 +130,26 @@ def run(arguments: argparse.Namespace) -> int:
 
     refuse_mixing(arguments)
     refuse_other_text(arguments.gcode)
-    looked = _look(arguments)
+    file_check = _check_file(arguments)
     if not arguments.models:
-        return _tell_looked(arguments, looked)
+        return _print_file_check(arguments, file_check)
     limits = _limits(arguments.limit)
     with stages(arguments) as report:
         text = read_text(arguments.gcode)
         mesh, plate, _ = repaired_plate(arguments, load_profile().printer, report)
         placement = plate.placement if arguments.center or arguments.as_placed or not arguments.drop else None
-        rules = CoverageRules(shell=arguments.shell, skin=arguments.skin)
+        rules = CoverageRules(shell=arguments.shell, surface_depth=arguments.skin)
         asked = CheckOptions(rules, limits, arguments.filament, placement)
         check = check_gcode(text, mesh, asked, name=arguments.gcode.name, report=report)
         if arguments.picture:
             report("drawing")
             _draw(check, plate_name(arguments.models), arguments.picture)
     if arguments.json:
-        facts = _facts(check, limits) | plate.facts() | looked.facts
-        print(json.dumps(facts | {"ok": check.ok and not looked.wrong}))
+        facts = _facts(check, limits) | plate.facts() | file_check.facts
+        print(json.dumps(facts | {"ok": check.ok and not file_check.wrong}))
     else:
-        say(arguments, "\n".join([*_lines(check, plate_name(arguments.models)), *looked.lines]))
-    _insist(check, looked.wrong)
+        say(arguments, "\n".join([*_lines(check, plate_name(arguments.models)), *file_check.lines]))
+    _insist(check, file_check.wrong)
     return 0
 
 
@@ -156,19 +157,19 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 @dataclass(frozen=True, slots=True)
-class _Looked:
-    """What was seen: for programs, for people, and what is wrong."""
+class _FileCheck:
+    """The result of checking the commands: facts for JSON, lines of text, and errors."""
 
     facts: dict[str, Any]
     lines: list[str]
     wrong: list[str]
 
 
-def _look(arguments: argparse.Namespace) -> _Looked:
-    """Look at the job that a G-code file makes.
+def _check_file(arguments: argparse.Namespace) -> _FileCheck:
+    """Check the commands of a G-code file and its timing on the serial link.
 
     Raises:
-        UsageError: it is no job, or the profile or a name makes no sense.
+        UsageError: the file cannot be printed, or an option is invalid.
     """
     from printer_slicer.cli.jobs import finding_facts, finding_lines, refused
     from printer_slicer.firmware import FLAVOURS
@@ -181,11 +182,11 @@ def _look(arguments: argparse.Namespace) -> _Looked:
     profile = profile_from(arguments, slices=False, gcode=arguments.gcode)
     job = lint_file(arguments.gcode, profile).allowing(arguments.allow)
     wrong = refused(job)
-    facts: dict[str, Any] = {"allowed": sorted(arguments.allow), "policy": finding_facts(job)}
+    facts: dict[str, Any] = {"allowed": sorted(arguments.allow), "lint": finding_facts(job)}
     lines = [
         f"{job.name}: {len(job.commands)} commands, {format_duration(job.seconds)} of motion on {profile.printer.name}"
     ]
-    lines += [f"refused     {one}" for one in wrong] or ["policy      nothing is refused"]
+    lines += [f"error       {one}" for one in wrong] or ["commands    no errors"]
     lines += finding_lines(arguments, job)
     if arguments.link:
         link = SerialLink(
@@ -196,84 +197,86 @@ def _look(arguments: argparse.Namespace) -> _Looked:
         )
         printer = profile.printer
         moves = read_moves(job.commands, printer.corners[0], FLAVOURS[printer.flavour])
-        told = _located(job, find_underruns(job.commands, moves, limits_of(printer), link, job.marks))
-        facts["link"] = _link_facts(told)
-        lines += _link_lines(arguments, told)
-        wrong += _link_wrong(told)
-    return _Looked(facts | profile_facts(arguments), lines, wrong)
+        report = _located(job, find_underruns(job.commands, moves, limits_of(printer), link, job.marks))
+        facts["link"] = _link_facts(report)
+        lines += _link_lines(arguments, report)
+        wrong += _link_wrong(report)
+    return _FileCheck(facts | profile_facts(arguments), lines, wrong)
 
 
-def _located(job: Job, told: UnderrunReport) -> UnderrunReport:
-    """The same with lines of the text."""
+def _located(job: Job, report: UnderrunReport) -> UnderrunReport:
+    """Add line numbers of the text."""
     from printer_slicer.commands import find_lines
 
-    firsts = find_lines(job.text, [one.first for one in told.stretches])
-    lasts = find_lines(job.text, [one.last for one in told.stretches])
-    stretches = zip(told.stretches, firsts, lasts, strict=True)
+    firsts = find_lines(job.text, [one.first for one in report.underruns])
+    lasts = find_lines(job.text, [one.last for one in report.underruns])
+    underruns = zip(report.underruns, firsts, lasts, strict=True)
     return replace(
-        told, stretches=tuple(replace(one, line=first, last_line=last) for one, first, last in stretches)
+        report, underruns=tuple(replace(one, line=first, last_line=last) for one, first, last in underruns)
     )
 
 
-def _link_facts(told: UnderrunReport) -> dict[str, Any]:
-    return asdict(told) | {"ok": told.ok, "advice": _advice(told)}
+def _link_facts(report: UnderrunReport) -> dict[str, Any]:
+    return asdict(report) | {"ok": report.ok, "advice": _advice(report)}
 
 
-def _link_lines(arguments: argparse.Namespace, told: UnderrunReport) -> list[str]:
-    """For people."""
-    link = told.link
-    rate = "any number of" if told.lines_per_second == inf else f"{told.lines_per_second:.0f}"
-    yes = f"{link.baud} Bd, {link.latency_back * 1000:g} ms, {link.window_lines} lines in flight: {rate} lines/s"
-    if told.ok:
-        return [f"link        {yes}; the machine never waits for lines"]
-    lines = [f"link        {yes}", f"            {_summary(told)}"]
-    most = len(told.stretches) if arguments.verbose else _TOLD
-    worst = sorted(told.stretches, key=lambda one: -one.seconds)[:most]
-    lines += [f"            {_stretch_sentence(one)}" for one in sorted(worst, key=lambda one: one.first)]
-    if len(told.stretches) > most:
-        lines.append(f"            ... and {len(told.stretches) - most} more that lose less (-v tells all)")
-    return [*lines, f"            {_advice(told)}"]
+def _link_lines(arguments: argparse.Namespace, report: UnderrunReport) -> list[str]:
+    """Return the timing of the link as text."""
+    link = report.link
+    rate = "unlimited" if report.lines_per_second == inf else f"{report.lines_per_second:.0f} lines/s"
+    setup = f"{link.baud} baud, latency {link.latency_back * 1000:g} ms, {link.window_lines} lines in flight: {rate}"
+    if report.ok:
+        return [f"serial      {setup}, which is enough (no buffer underruns)"]
+    lines = [f"serial      {setup}", f"            {_summary(report)}"]
+    most = len(report.underruns) if arguments.verbose else _MOST_LISTED
+    worst = sorted(report.underruns, key=lambda one: -one.seconds)[:most]
+    lines += [f"            {_underrun_text(one)}" for one in sorted(worst, key=lambda one: one.first)]
+    if len(report.underruns) > most:
+        lines.append(f"            ... and {len(report.underruns) - most} shorter ones (-v lists all)")
+    return [*lines, f"            {_advice(report)}"]
 
 
-def _summary(told: UnderrunReport) -> str:
-    n = len(told.stretches)
-    lost = sum(one.seconds for one in told.stretches)
-    many = "1 stretch" if n == 1 else f"{n} stretches"
-    stands = f"it stands still {told.stalls} times" if told.stalls else "it never stands still"
+def _summary(report: UnderrunReport) -> str:
+    n = len(report.underruns)
+    lost = sum(one.seconds for one in report.underruns)
+    many = "1 buffer underrun" if n == 1 else f"{n} buffer underruns"
+    stands = (
+        f"the printer stands still {report.stalls} times" if report.stalls else "the printer only slows down"
+    )
     return (
-        f"the machine waits for lines in {many}: {lost:.1f} s lost, {stands}"
-        f" ({format_duration(told.seconds)} instead of {format_duration(told.unhindered)})"
+        f"{many}: {lost:.1f} s lost, {stands}"
+        f" ({format_duration(report.seconds)} instead of {format_duration(report.ideal_seconds)})"
     )
 
 
-def _stretch_sentence(one: Underrun) -> str:
+def _underrun_text(one: Underrun) -> str:
     layer = f"layer {one.layer}, " if one.layer else ""
     return (
-        f"{layer}lines {one.line} to {one.last_line}: {one.wanted:.0f} lines/s wanted, {one.possible:.0f} come, "
-        f"{one.seconds:.1f} s lost"
+        f"{layer}lines {one.line} to {one.last_line}: {one.lines_per_second_needed:.0f} lines/s needed, "
+        f"{one.lines_per_second_available:.0f} available, {one.seconds:.1f} s lost"
     )
 
 
-def _advice(told: UnderrunReport) -> str:
-    if told.ok:
+def _advice(report: UnderrunReport) -> str:
+    if report.ok:
         return ""
-    rate = int(told.lines_per_second * _SPARE)
-    return f"slice for this link: --set printer.link_lines_per_second={rate}; or raise the speed of the port"
+    rate = int(report.lines_per_second * _SPARE)
+    return f"Slice with --set printer.link_lines_per_second={rate}, or use a higher baud rate"
 
 
-def _link_wrong(told: UnderrunReport) -> list[str]:
-    return [] if told.ok else [f"the link is too slow: {_summary(told)}"]
+def _link_wrong(report: UnderrunReport) -> list[str]:
+    return [] if report.ok else [f"the serial link is too slow: {_summary(report)}"]
 
 
-def _tell_looked(arguments: argparse.Namespace, looked: _Looked) -> int:
-    """The answer where there is no model."""
+def _print_file_check(arguments: argparse.Namespace, file_check: _FileCheck) -> int:
+    """Print the result of a check without a model."""
     if arguments.picture or arguments.limit:
-        raise UsageError("--picture and --limit are about the part", remedy="name it with --model part.stl")
+        raise UsageError("--picture and --limit need a model", remedy="Name it with --model part.stl")
     if arguments.json:
-        print(json.dumps({"file": arguments.gcode.name, "ok": not looked.wrong, **looked.facts}))
+        print(json.dumps({"file": arguments.gcode.name, "ok": not file_check.wrong, **file_check.facts}))
     else:
-        say(arguments, "\n".join(looked.lines))
-    _refuse(arguments.gcode.name, looked.wrong)
+        say(arguments, "\n".join(file_check.lines))
+    _refuse(arguments.gcode.name, file_check.wrong)
     return 0
 
 
@@ -281,10 +284,10 @@ def _tell_looked(arguments: argparse.Namespace, looked: _Looked) -> int:
 
 
 def _limits(changes: list[str]) -> CoverageLimits:
-    """The usual limits with changes.
+    """Return the default limits with the changes of --limit.
 
     Raises:
-        UsageError: a name that does not exist, or a value that is no limit.
+        UsageError: unknown name, or invalid value.
     """
     from printer_slicer.inspection.coverage.limits import CoverageLimits
 
@@ -292,16 +295,17 @@ def _limits(changes: list[str]) -> CoverageLimits:
     limits = CoverageLimits()
     for change in changes:
         name, _, text = change.partition("=")
+        name = _OLD_LIMITS.get(name.strip(), name.strip())
         try:
             value = float(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
         except ValueError:
             value = nan
-        if name.strip() not in known or not (isfinite(value) and value >= 0):
+        if name not in known or not (isfinite(value) and value >= 0):
             raise UsageError(
                 f"--limit {change}: expected NAME=VALUE, with a value of 0 or more",
-                remedy=f"names are {', '.join(sorted(known))}; for example --limit under=0.95",
+                remedy=f"Known names: {', '.join(sorted(known))}. Example: --limit underfilled=0.95",
             )
-        limits = replace(limits, **{name.strip(): value})
+        limits = replace(limits, **{name: value})
     return limits
 
 
@@ -316,29 +320,25 @@ def _refuse(name: str, wrong: Sequence[str]) -> None:
 
 
 def _lines(check: Check, model: str) -> Iterator[str]:
-    """The verdict, then the table."""
+    """Yield the result of a check against a model: summary, findings, notes, table."""
     wrong = [*check.problems, *map(sentence, check.findings)]
-    count = (
-        f"{len(wrong)} {'problem' if len(wrong) == 1 else 'problems'}"
-        if wrong
-        else "nothing is beyond its limit"
-    )
+    count = f"{len(wrong)} {'problem' if len(wrong) == 1 else 'problems'}" if wrong else "within all limits"
     yield f"{check.name} against {model}: {count}"
-    yield from (f"  {one}" for one in wrong[:_TOLD])
-    if len(wrong) > _TOLD:
-        yield f"  ... and {len(wrong) - _TOLD} more (--json tells all)"
+    yield from (f"  {one}" for one in wrong[:_MOST_LISTED])
+    if len(wrong) > _MOST_LISTED:
+        yield f"  ... and {len(wrong) - _MOST_LISTED} more (--json lists all)"
     x, y = check.match.shift
-    found = "found" if check.matched else "told"
+    found = "found" if check.matched else "given"
     yield (
-        f"  the model lies x {x:+.3f} y {y:+.3f} z {check.z:+.3f} mm from where its file has it ({found}); "
-        f"{check.match.share:.1%} of the outer perimeters fit it, half within {check.match.spread:.4f} mm"
+        f"  model position {found}: shifted by x {x:+.3f} y {y:+.3f} z {check.z:+.3f} mm; "
+        f"{check.match.share:.1%} of the external perimeters match, median distance {check.match.spread:.4f} mm"
     )
     yield from (f"  {note}" for note in check.notes)
     yield from _table(check.coverage)
 
 
 def _table(coverage: Coverage) -> Iterator[str]:
-    """Measurements: the worst layer, and the whole file."""
+    """Yield the table of measurements: worst layer and whole file."""
     import numpy as np
 
     from printer_slicer.inspection.deposition.marks import Purpose
@@ -347,56 +347,56 @@ def _table(coverage: Coverage) -> Iterator[str]:
     shell, covered = coverage.shell.area(), coverage.covered.area()
     rows = [
         ("", "worst layer", "", "whole file"),
-        _of_areas("shell uncovered", coverage, coverage.uncovered.area(), shell),
-        _of_areas("outside the section", coverage, coverage.outside.area(), covered),
-        _of_areas("overlap", coverage, fill.overlap, covered),
+        _area_row("uncovered shell", coverage, coverage.uncovered.area(), shell),
+        _area_row("outside the outline", coverage, coverage.outside.area(), covered),
+        _area_row("overlap", coverage, fill.overlap, covered),
         (
             "unsupported",
-            f"{coverage.hanging.max():.1f} mm",
-            _at(coverage, coverage.hanging),
-            f"{coverage.hanging.sum():.1f} mm",
+            f"{coverage.unsupported_length.max():.1f} mm",
+            _at(coverage, coverage.unsupported_length),
+            f"{coverage.unsupported_length.sum():.1f} mm",
         ),
         (
-            "shell holds",
-            _said(np.nanmin, fill.shell, ".1%"),
+            "material in shell",
+            _value_text(np.nanmin, fill.shell, ".1%"),
             _at(coverage, -fill.shell),
-            f"{_said(np.nanmedian, fill.shell, '.1%')} in the median",
+            f"{_value_text(np.nanmedian, fill.shell, '.1%')} median",
         ),
         (
-            "outline off, 95 %",
-            _said(np.nanmax, outline.p95, ".3f", " mm"),
+            "outline error, 95%",
+            _value_text(np.nanmax, outline.p95, ".3f", " mm"),
             _at(coverage, outline.p95),
-            f"{_said(np.nanmedian, outline.p95, '.3f', ' mm')} in the median",
+            f"{_value_text(np.nanmedian, outline.p95, '.3f', ' mm')} median",
         ),
         (
-            "outline off, at most",
-            _said(np.nanmax, outline.largest, ".3f", " mm"),
+            "outline error, maximum",
+            _value_text(np.nanmax, outline.largest, ".3f", " mm"),
             _at(coverage, outline.largest),
-            f"{_said(np.nanmedian, outline.largest, '.3f', ' mm')} in the median",
+            f"{_value_text(np.nanmedian, outline.largest, '.3f', ' mm')} median",
         ),
     ]
     widths = [max(len(row[i]) for row in rows) for i in range(4)]
     for row in rows:
         cells = [text.ljust(width) for text, width in zip(row, widths, strict=True)]
         yield f"  {'  '.join(cells)}".rstrip()
-    laid, wanted = float(coverage.volume.sum()), float(coverage.section_volume.sum())
-    share = f", {laid / wanted:.1%} of its volume" if wanted else ""
-    yield f"  {laid:.1f} mm3 laid for the part in {coverage.stack.n_layers} layers{share}; in all"
+    volume, solid = float(coverage.volume.sum()), float(coverage.section_volume.sum())
+    share = f", {volume / solid:.1%} of its volume" if solid else ""
+    yield f"  part: {volume:.1f} mm³ in {coverage.stack.n_layers} layers{share}"
     kinds = [
         (volume, Purpose(i).label) for i, volume in enumerate(coverage.by_purpose.tolist()) if volume > 0.05
     ]
-    yield f"  {', '.join(f'{name} {volume:.1f}' for volume, name in sorted(kinds, reverse=True))}"
+    yield f"  volume by role, mm³: {', '.join(f'{name} {volume:.1f}' for volume, name in sorted(kinds, reverse=True))}"
 
 
-def _of_areas(name: str, coverage: Coverage, areas: Float, whole: Float) -> tuple[str, str, str, str]:
-    """A row of the table: mm² in the worst layer and in all, and what share of the whole that is."""
+def _area_row(name: str, coverage: Coverage, areas: Float, whole: Float) -> tuple[str, str, str, str]:
+    """Return a row of the table: mm² in the worst layer and in total, and the share of the whole."""
     total, of = float(areas.sum()), float(whole.sum())
     share = f" ({total / of:.2%})" if of else ""
-    return name, f"{areas.max():.2f} mm2", _at(coverage, areas), f"{total:.1f} mm2{share}"
+    return name, f"{areas.max():.2f} mm²", _at(coverage, areas), f"{total:.1f} mm²{share}"
 
 
 def _at(coverage: Coverage, values: Float) -> str:
-    """Where the largest value is, if there is any that is not 0."""
+    """Return the layer of the largest value; empty if all are 0."""
     import numpy as np
 
     if np.isnan(values).all() or not np.nanmax(np.abs(values)) > 0:
@@ -405,15 +405,15 @@ def _at(coverage: Coverage, values: Float) -> str:
     return f"layer {layer + 1} z {coverage.stack.top[layer]:.4g}"
 
 
-def _said(pick: Callable[[Float], float], values: Float, how: str, unit: str = "") -> str:
-    """One value of a column, or a dash where it has none."""
+def _value_text(pick: Callable[[Float], float], values: Float, how: str, unit: str = "") -> str:
+    """Format one value of a column; a dash if it has none."""
     import numpy as np
 
     return "-" if np.isnan(values).all() else f"{pick(values):{how}}{unit}"
 
 
 def _number(value: float) -> float | None:
-    """For JSON, which knows no nan and no infinity."""
+    """Round for JSON, which has no nan and no infinity."""
     return round(float(value), 6) if isfinite(value) else None
 
 
@@ -424,7 +424,7 @@ def _column(values: Float | Sequence[float]) -> list[float | None]:
 
 
 def _facts(check: Check, limits: CoverageLimits) -> dict[str, Any]:
-    """All that is known, ready for JSON; layers count from 1."""
+    """Return the result of a check against a model for JSON; layers count from 1."""
     from printer_slicer.inspection.deposition.marks import Purpose
 
     coverage, stack = check.coverage, check.coverage.stack
@@ -460,9 +460,9 @@ def _facts(check: Check, limits: CoverageLimits) -> dict[str, Any]:
             "uncovered_area": _column(coverage.uncovered.area()),
             "outside_area": _column(coverage.outside.area()),
             "overlap_area": _column(coverage.fill.overlap),
-            "most_times": _column(coverage.fill.most),
+            "max_fill": _column(coverage.fill.most),
             "shell_fill": _column(coverage.fill.shell),
-            "in_air": _column(coverage.hanging),
+            "unsupported_length": _column(coverage.unsupported_length),
             "outline_p95": _column(coverage.outline.p95),
             "outline_largest": _column(coverage.outline.largest),
             "volume": _column(coverage.volume),

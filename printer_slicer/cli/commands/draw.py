@@ -20,10 +20,10 @@ if TYPE_CHECKING:
     from printer_slicer.cli.output import Stages
     from printer_slicer.diagnostics import Diagnostic
     from printer_slicer.geometry import Areas
-    from printer_slicer.inspection.coverage.layer_extrusions import LayerExtrusions, Levels
+    from printer_slicer.inspection.coverage.gcode_extrusions import GcodeExtrusions
+    from printer_slicer.inspection.coverage.layer_extrusions import FileLayers, LayerExtrusions
     from printer_slicer.inspection.coverage.matching import Match
     from printer_slicer.inspection.coverage.stack import Stack
-    from printer_slicer.inspection.coverage.text import Deposit
 
 __all__ = ["EXAMPLES", "add_arguments", "run"]
 
@@ -76,18 +76,20 @@ def run(arguments: argparse.Namespace) -> int:
     """Draw one layer, and print its extrusions."""
     from printer_slicer.commands import read_text
     from printer_slicer.drawing import View, gcode_layer_picture, picture_bytes
-    from printer_slicer.inspection.coverage.layer_extrusions import levels_of, sheet_of
-    from printer_slicer.inspection.coverage.model_check import read_deposit
+    from printer_slicer.inspection.coverage.layer_extrusions import extrusions_of_layer, file_layers_of
+    from printer_slicer.inspection.coverage.model_check import read_gcode_extrusions
 
     arguments.output = arguments.output or _output_beside(arguments.gcode)
     _refuse(arguments)
     with stages(arguments) as report:
         report("reading")
-        deposit, stack = read_deposit(read_text(arguments.gcode), arguments.filament, arguments.gcode.name)
+        deposit, stack = read_gcode_extrusions(
+            read_text(arguments.gcode), arguments.filament, arguments.gcode.name
+        )
         stack, sections, match = _located(arguments, deposit, stack, report)
-        levels = levels_of(deposit, stack)
+        levels = file_layers_of(deposit, stack)
         number, why = _choose_layer(arguments, levels, report)
-        sheet = sheet_of(deposit, levels, number)
+        sheet = extrusions_of_layer(deposit, levels, number)
         own = int(levels.of_stack[sheet.number])
         rings = list(sections.rings(own)) if sections is not None and own >= 0 else []
         view = View(arguments.box, arguments.pixels, arguments.travel, rings)
@@ -136,7 +138,7 @@ def _refuse(arguments: argparse.Namespace) -> None:
 
 
 def _located(
-    arguments: argparse.Namespace, deposit: Deposit, stack: Stack, report: Stages
+    arguments: argparse.Namespace, deposit: GcodeExtrusions, stack: Stack, report: Stages
 ) -> tuple[Stack, Areas | None, Match | None]:
     """Return the layers, and with a model its sections in them and how well they match."""
     from printer_slicer.cli.models import repaired_plate
@@ -151,7 +153,7 @@ def _located(
     return placed_sections(mesh, deposit, stack, plate.placement if is_placed else None)
 
 
-def _choose_layer(arguments: argparse.Namespace, levels: Levels, report: Stages) -> tuple[int, str]:
+def _choose_layer(arguments: argparse.Namespace, levels: FileLayers, report: Stages) -> tuple[int, str]:
     """Return the index of the layer to draw, and why it was chosen; empty if it was asked for.
 
     Raises:
@@ -193,7 +195,7 @@ def _findings(arguments: argparse.Namespace) -> list[Diagnostic]:
     return found
 
 
-def _layers_of(finding: Diagnostic, levels: Levels) -> Iterable[int]:
+def _layers_of(finding: Diagnostic, levels: FileLayers) -> Iterable[int]:
     """Return the indices of the layers that have a finding."""
     if finding.first:
         return [layer for layer in finding.in_layers if 0 <= layer < levels.n_levels]
@@ -201,7 +203,7 @@ def _layers_of(finding: Diagnostic, levels: Levels) -> Iterable[int]:
     return [layer] if 0 <= layer < levels.n_levels else []
 
 
-def _asked_layer(arguments: argparse.Namespace, levels: Levels) -> int:
+def _asked_layer(arguments: argparse.Namespace, levels: FileLayers) -> int:
     """Return the index of the layer that is asked for.
 
     Raises:

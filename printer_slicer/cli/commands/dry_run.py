@@ -102,13 +102,13 @@ def _picture(verdict: Verdict, job: Job, profile: Profile, path: Path) -> bytes:
     from printer_slicer.drawing.dry_run import FaultMark, dry_run_picture
     from printer_slicer.inspection.dry_run.set_points import find_set_points
 
-    assert verdict.account is not None
+    assert verdict.deposition is not None
     found = [FaultMark(sentence(fault), fault.z, fault.place) for fault in verdict.faults if fault.is_error]
     set_points = find_set_points(job.commands, profile.printer.flavour)
     title = f"{verdict.job}: {'no problems' if verdict.ok else 'do not print'}"
     return picture_bytes(
         dry_run_picture(
-            verdict.account,
+            verdict.deposition,
             set_points,
             found,
             title=title,

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from printer_slicer.sim.faults import Faults
     from printer_slicer.sim.link import Cable
     from printer_slicer.sim.printer import SimulatedPrinter
-    from printer_slicer.sim.tally import Report
+    from printer_slicer.sim.statistics import Report
 
 __all__ = ["EXAMPLES", "add_arguments", "run"]
 
@@ -208,7 +208,7 @@ def _serve_printer(
     # Bytes that arrive all at once would overflow a small receive buffer.
     paced = arguments.baud or (None if firmware.receive_buffer is None else profile.printer.baud)
     timer = arguments.latency_timer / 1000.0
-    connect = partial(Cable, baud=paced, timer=timer, damage=faults)
+    connect = partial(Cable, baud=paced, timer=timer, noise=faults)
     return _served(arguments, profile, make, connect, faults)
 
 
@@ -243,10 +243,10 @@ def _served(
 
     if not arguments.rfc2217:
         return serve_tcp(make, arguments.tcp, ready=lambda name: ready(f"socket://{name}"), **common)
-    from printer_slicer.sim.rfc2217 import Negotiator
+    from printer_slicer.sim.rfc2217 import Rfc2217Server
 
     return serve_tcp(
-        make, arguments.tcp, telnet=Negotiator, ready=lambda name: ready(f"rfc2217://{name}"), **common
+        make, arguments.tcp, telnet=Rfc2217Server, ready=lambda name: ready(f"rfc2217://{name}"), **common
     )
 
 

@@ -1,4 +1,4 @@
-"""What is laid: every bead of a program or of a file's moves, as columns."""
+"""The extrusions of a program or of the moves of a file, as columns."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from printer_slicer.roles import Role
 if TYPE_CHECKING:
     from printer_slicer.model import Program
 
-__all__ = ["Extrusions", "Purpose", "beads_of", "beads_of_moves", "median_of", "spread_out"]
+__all__ = ["Extrusions", "Purpose", "extrusions_of_moves", "extrusions_of_program", "median_of", "spread_out"]
 
 _NOTHING: Final = 1e-9  # mm³ or mm: less is rounding
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Extrusions:
-    """Straight beads in the order in which they are laid.
+    """Straight extrusions in printing order.
 
     Attributes:
         begin, end: (B, 2) mm, centre line.
-        z_top: (B,) mm, where the nozzle is at the end: the upper side of the bead.
-        rise: (B,) mm that z changes along the bead; 0 but for spirals and sloped seams.
-        height: (B,) mm, how thick the bead is; nan where it is not known yet.
+        z_top: (B,) mm, height of the nozzle at the end, which is the top of the extrusion.
+        rise: (B,) mm, change of z along the extrusion; 0 except for spirals and sloped seams.
+        height: (B,) mm; nan if not known yet.
         area: (B,) mm² of cross-section, from the filament that is fed.
         purpose: (B,) a `Purpose` each.
         line: (B,) of the text, counted from 1; 0 where there is none.
@@ -61,7 +61,7 @@ class Extrusions:
 
     @property
     def n_beads(self) -> int:
-        """How many."""
+        """Number of extrusions."""
         return len(self.begin)
 
     @property
@@ -81,11 +81,11 @@ class Extrusions:
 
     @property
     def usual_width(self) -> float:
-        """Mm, of the bead in the middle of all length: files may have as many short turns as rows."""
+        """Median width by length, mm: files may have as many short turns as lines."""
         return median_of(self.width, self.length)
 
     def take(self, chosen: Int | Bool) -> Extrusions:
-        """Some of them, by index or by flags (B,)."""
+        """Select extrusions by index or by flags (B,)."""
         return Extrusions(
             self.begin[chosen],
             self.end[chosen],
@@ -99,14 +99,14 @@ class Extrusions:
 
 
 def median_of(values: Float, weights: Float) -> float:
-    """The value with half of the weight on either side; 0 of none."""
+    """Return the weighted median; 0 without values."""
     order = np.argsort(values)
     reached = np.cumsum(weights[order])
     return float(values[order][np.searchsorted(reached, reached[-1] / 2)]) if len(values) else 0.0
 
 
 def spread_out(beads: Extrusions, count: int) -> tuple[Float, Int]:
-    """Points (count, 2) evenly along all beads, mm, and the bead of each."""
+    """Return points (count, 2) evenly spaced along all extrusions, mm, and the extrusion of each."""
     reached = np.cumsum(beads.length)
     if not len(reached):
         return np.zeros((0, 2)), np.zeros(0, np.int64)
@@ -116,8 +116,8 @@ def spread_out(beads: Extrusions, count: int) -> tuple[Float, Int]:
     return beads.begin[bead] + share[:, None] * (beads.end - beads.begin)[bead], bead
 
 
-def beads_of(program: Program, filament_diameter: float) -> tuple[Extrusions, Int]:
-    """The beads of a program, and (B,) the index of the move that lays each.
+def extrusions_of_program(program: Program, filament_diameter: float) -> tuple[Extrusions, Int]:
+    """Return the extrusions of a program, and (B,) the index of their moves.
 
     Args:
         program: the moves.
@@ -140,18 +140,18 @@ def beads_of(program: Program, filament_diameter: float) -> tuple[Extrusions, In
     return beads, kept
 
 
-def beads_of_moves(moves: Moves, filament_diameter: float | Float) -> tuple[Extrusions, Int, float]:
-    """The beads of moves, with unknown height and purpose.
+def extrusions_of_moves(moves: Moves, filament_diameter: float | Float) -> tuple[Extrusions, Int, float]:
+    """Return the extrusions of moves, with unknown height and purpose.
 
-    A bead is laid where filament is fed in a move along x or y, less what was pulled back before and is only put back.
+    An extrusion is a move along x or y that feeds new filament; filament returning after a retraction does not count.
 
     Args:
         moves: of a file, or as a printer executed them.
         filament_diameter: mm, or one (T,) for each tool.
 
     Returns:
-        The beads, with the index of the command as their line; (B,) the move of each; and the volume that is laid
-        standing still, mm³.
+        The extrusions, with the index of the command as their line; (B,) the move of each; and the volume extruded
+        without motion, mm³.
     """
     diameter = np.atleast_1d(np.asarray(filament_diameter, np.float64))
     section = pi * diameter[np.minimum(moves.tool, len(diameter) - 1)] ** 2 / 4
@@ -174,11 +174,11 @@ def beads_of_moves(moves: Moves, filament_diameter: float | Float) -> tuple[Extr
 
 
 def _laid(fed: Float, tool: Int) -> Float:
-    """(K,) mm of filament that leave the nozzle: what is fed beyond the farthest that was fed before, by tool."""
+    """(K,) mm of filament that leave the nozzle: the increase of the maximum fed so far, by tool."""
     laid = np.zeros(len(fed))
     for one in np.unique(tool).tolist():
         own = np.flatnonzero(tool == one)
-        # E is written with five decimals: sums of differences carry dust that must not become plastic.
+        # E is written with five decimals: rounding errors of sums must not count as extrusion.
         reached = np.maximum.accumulate(np.maximum(np.round(np.cumsum(fed[own]), 7), 0.0))
         laid[own] = np.diff(reached, prepend=0.0)
     return laid

@@ -1,4 +1,4 @@
-"""One layer after the other on the raster: how full it is."""
+"""Measure how full each layer is, on a raster."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from printer_slicer.inspection.coverage.extrusions import Extrusions, Purpose
 from printer_slicer.inspection.coverage.raster import (
     CellWindow,
     cell_for,
-    cells_covered,
-    filled,
-    mean_around,
+    covered_share,
+    rasterize_fill,
     rows_of,
+    window_mean,
 )
-from printer_slicer.inspection.coverage.stack import Stack, through_layers
+from printer_slicer.inspection.coverage.stack import Stack, split_thick_extrusions
 
 __all__ = ["LayerFill", "measure_fill", "overlap_cells"]
 
@@ -28,13 +28,13 @@ _LEAST_MARGIN, _WIDEST_MARGIN = 1.0, 5.0  # mm of cells around beads: their widt
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LayerFill:
-    """What the raster tells of each layer.
+    """Fill of each layer, measured on the raster.
 
     Attributes:
-        overlap: (L,) mm² filled more than `Rules.too_often` times, in the mean over a window as wide as a bead.
+        overlap: (L,) mm² filled more than `Rules.overlap_ratio` times, in the mean over a window as wide as a bead.
         most: (L,) the largest of these means.
-        place: (L, 2) where that is, mm.
-        shell: (L,) material in the shell by what it needs; nan where there is hardly any shell.
+        place: (L, 2) its position, mm.
+        shell: (L,) material in the shell as a share of what it needs; nan if there is hardly any shell.
         cell: mm, width of the cells.
     """
 
@@ -50,15 +50,15 @@ class LayerFill:
             object.__setattr__(self, name, frozen_array(getattr(self, name), np.float64, shape))
 
 
-def measure_fill(stack: Stack, of_part: Bool, core: Areas, wanted: Float, too_often: float) -> LayerFill:
-    """Measure how full each layer is; ironing, which levels what is there already, is left out.
+def measure_fill(stack: Stack, of_part: Bool, core: Areas, wanted: Float, overlap_ratio: float) -> LayerFill:
+    """Measure how full each layer is; ironing is left out.
 
     Args:
         stack: all beads.
         of_part: (B,) which of them make up the part; the rest is left out.
         core: of each section, inside the shell.
         wanted: (L,) mm² of each layer outside the core that are to be filled.
-        too_often: see `LayerFill`.
+        overlap_ratio: see `LayerFill`.
     """
     n, height = stack.n_layers, stack.height
     overlap, most, place, shell = np.zeros(n), np.zeros(n), np.full((n, 2), np.nan), np.full(n, np.nan)
@@ -74,21 +74,21 @@ def measure_fill(stack: Stack, of_part: Bool, core: Areas, wanted: Float, too_of
         if not some.n_beads:
             continue
         window = _window(cell, some)
-        fill = filled(some, window, float(height[k]))
-        mean = mean_around(fill, reach)
-        overlap[k] = float((mean > too_often).sum()) * cell**2
+        fill = rasterize_fill(some, window, float(height[k]))
+        mean = window_mean(fill, reach)
+        overlap[k] = float((mean > overlap_ratio).sum()) * cell**2
         i, j = divmod(int(mean.argmax()), window.wide)
         most[k], place[k] = mean[i, j], window.middle(i, j)
         if wanted[k] > _LEAST:
-            laid = fill * (1 - cells_covered(rows, k, window))
+            laid = fill * (1 - covered_share(rows, k, window))
             shell[k] = float(laid.sum()) * cell**2 / wanted[k]
     return LayerFill(overlap, most, place, shell, cell)
 
 
-def overlap_cells(beads: Extrusions, layer_height: float, too_often: float, cell: float) -> Areas:
+def overlap_cells(beads: Extrusions, layer_height: float, overlap_ratio: float, cell: float) -> Areas:
     """Where beads of one layer overlap, as a stack of one: the cells of each row side by side as a rectangle."""
     window = _window(cell, beads)
-    high = mean_around(filled(beads, window, layer_height), _reach(beads, cell)) > too_often
+    high = window_mean(rasterize_fill(beads, window, layer_height), _reach(beads, cell)) > overlap_ratio
     steps = np.diff(np.pad(high, ((0, 0), (1, 1))).astype(np.int8), axis=1)
     row, first = np.nonzero(steps > 0)
     last = np.nonzero(steps < 0)[1]
@@ -104,7 +104,7 @@ class _Slabs:
 
     def __init__(self, stack: Stack, of_part: Bool) -> None:
         """Take all beads, and which make up the part."""
-        parts, source = through_layers(stack)
+        parts, source = split_thick_extrusions(stack)
         n = stack.n_layers
         cut = np.bincount(source, minlength=stack.beads.n_beads)[source] > 1
         self.deep = np.bincount(parts.layer[cut & of_part[source]], minlength=n) > 0

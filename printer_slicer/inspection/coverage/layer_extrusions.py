@@ -1,4 +1,4 @@
-"""Single layers of a file, with all that is laid in them: supports, rafts and what lies beside the part included."""
+"""Single layers of a file with all their extrusions, including supports, rafts and skirts."""
 
 from __future__ import annotations
 
@@ -9,24 +9,24 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, frozen_array
 from printer_slicer.inspection.coverage.extrusions import Extrusions, Purpose
+from printer_slicer.inspection.coverage.gcode_extrusions import GcodeExtrusions
 from printer_slicer.inspection.coverage.stack import Stack
-from printer_slicer.inspection.coverage.text import Deposit
 
-__all__ = ["LayerExtrusions", "Levels", "levels_of", "sheet_of"]
+__all__ = ["FileLayers", "LayerExtrusions", "extrusions_of_layer", "file_layers_of"]
 
 _LEVEL: Final = 0.004  # mm: heights of the nozzle closer than this are one layer, as in a stack
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Levels:
-    """The layers of a file: those of the part, and those that only supports and rafts have.
+class FileLayers:
+    """The layers of a file: those of the part, and those with only supports or raft.
 
     Attributes:
         beads: with their heights.
-        level: (B,) layer of each; -1 for what lies beside the part where no layer is, such as a line that primes.
+        level: (B,) layer of each; -1 outside all layers, such as a priming line.
         top: (L,) mm, ascending.
         bottom: (L,) mm.
-        of_stack: (L,) the same layer in the stack of the part; -1 where there is none.
+        of_stack: (L,) the same layer in the stack of the part; -1 without one.
     """
 
     beads: Extrusions
@@ -50,23 +50,23 @@ class Levels:
         return len(self.top)
 
     def at(self, z: float) -> int:
-        """The layer that holds a height over the bed, mm: the lower of two that meet there; -1 if none does."""
+        """Return the layer at a height, mm; the lower one where two meet; -1 without one."""
         index = int(np.searchsorted(self.top, z - _LEVEL))
         return index if z >= 0 and index < self.n_levels else -1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LayerExtrusions:
-    """What one layer holds, in the order in which it is laid.
+    """The extrusions of one layer, in printing order.
 
     Attributes:
         number: of the layer, from 0.
-        count: of layers in the file.
+        count: number of layers in the file.
         top, height: mm.
         beads: with their heights.
-        name: (B,) what the file calls each, as an index into `names`.
-        names: as the file writes them; empty for those it says nothing of.
-        travel: (T, 2, 2) mm, the ways of the nozzle to and between these beads.
+        name: (B,) role name in the file, as an index into `names`.
+        names: role names of the file; empty for extrusions without one.
+        travel: (T, 2, 2) mm, travel moves to and between these extrusions.
     """
 
     number: int
@@ -83,19 +83,19 @@ class LayerExtrusions:
         object.__setattr__(self, "travel", frozen_array(self.travel, np.float64, (-1, 2, 2)))
 
 
-def levels_of(deposit: Deposit, stack: Stack) -> Levels:
-    """The layers of a file.
+def file_layers_of(deposit: GcodeExtrusions, stack: Stack) -> FileLayers:
+    """Return the layers of a file.
 
     Args:
-        deposit: what it lays.
+        deposit: its extrusions.
         stack: the layers of the part in it.
     """
-    beads, told = stack.beads, deposit.beads.height
+    beads, comment_height = stack.beads, deposit.beads.height
     loose = stack.layer < 0
     more = _new_heights(beads.z_top[loose & (beads.purpose == Purpose.SUPPORT_MATERIAL)], stack.top)
     top = np.concatenate([stack.top, more])
     if not len(top):
-        return Levels(beads, np.full(beads.n_beads, -1), top, top, np.zeros(0, np.int64))
+        return FileLayers(beads, np.full(beads.n_beads, -1), top, top, np.zeros(0, np.int64))
     order = np.argsort(top)
     top = top[order]
     of_stack = np.append(np.arange(stack.n_layers), np.full(len(more), -1))[order]
@@ -105,12 +105,12 @@ def levels_of(deposit: Deposit, stack: Stack) -> Levels:
     place = np.argsort(order)  # of what stood here before it was sorted
     level = np.where(loose, np.where(hit, near, -1), place[stack.layer])
     # A stack knows nothing of the thickness of what lies in none of its layers.
-    height = np.where(loose & np.isnan(told) & hit, (top - bottom)[near], beads.height)
-    return Levels(replace(beads, height=height), level, top, bottom, of_stack)
+    height = np.where(loose & np.isnan(comment_height) & hit, (top - bottom)[near], beads.height)
+    return FileLayers(replace(beads, height=height), level, top, bottom, of_stack)
 
 
 def _new_heights(z: Float, known: Float) -> Float:
-    """The heights among `z` that are not known yet, those that differ by rounding only once."""
+    """Return the heights in `z` that are not in `known`, merging those that differ by rounding."""
     values = np.unique(np.round(z[z > _LEVEL], 4))
     values = values[np.append(np.diff(values) > _LEVEL, True)[: len(values)]]
     if not len(known):
@@ -118,13 +118,13 @@ def _new_heights(z: Float, known: Float) -> Float:
     return np.asarray(values[np.abs(values[:, None] - known).min(axis=1) > 2 * _LEVEL])
 
 
-def sheet_of(deposit: Deposit, levels: Levels, number: int) -> LayerExtrusions:
-    """What one layer holds.
+def extrusions_of_layer(deposit: GcodeExtrusions, levels: FileLayers, number: int) -> LayerExtrusions:
+    """Return the extrusions of one layer.
 
     Args:
-        deposit: what the file lays.
+        deposit: extrusions of the file.
         levels: its layers.
-        number: which, from 0.
+        number: of the layer, from 0.
 
     Raises:
         ValueError: there is no such layer.

@@ -1,4 +1,4 @@
-"""What is wrong according to a coverage: measurements beyond limits, with their places, the worst first."""
+"""Compare a coverage with its limits: diagnostics with their places, the worst first."""
 
 from __future__ import annotations
 
@@ -17,36 +17,36 @@ from printer_slicer.inspection.deposition.unsupported import MIN_REPORTED_LENGTH
 
 __all__ = ["CoverageLimits", "excess", "findings", "largest_place", "line_near"]
 
-_LITTLE: Final = 1.0  # mm² in a layer: less is not told, whatever its share
+_LITTLE: Final = 1.0  # mm² in a layer: less is not reported, whatever its share
 _DOTS: Final = 2.0  # squares of the extrusion width that may be missing or added at tips, whatever the share
 _FAR: Final = np.inf
 
 
 @dataclass(frozen=True, slots=True)
 class CoverageLimits:
-    """What is let pass in any layer.
+    """Limits for each layer.
 
     Attributes:
-        uncovered: share of the shell.
-        outside: mm² beyond the section.
-        overlap: share of what is covered.
-        air: mm of unsupported extrusion.
-        under: material in the shell by what it needs, at least.
-        over: the same, at most.
-        outline: mm, 95th percentile of the distance of the outlines.
+        uncovered: largest uncovered share of the shell.
+        outside: largest area outside the section, mm².
+        overlap: largest overlapping share of the covered area.
+        unsupported: largest length of unsupported extrusion, mm.
+        underfilled: least material in the shell, as a share of what it needs.
+        overfilled: most material in the shell, as a share of what it needs.
+        outline: largest 95th percentile of the distance of the outlines, mm.
     """
 
     uncovered: float = 0.05
     outside: float = 1.0
     overlap: float = 0.10
-    air: float = MIN_REPORTED_LENGTH
-    under: float = 0.90
-    over: float = 1.10
+    unsupported: float = MIN_REPORTED_LENGTH
+    underfilled: float = 0.90
+    overfilled: float = 1.10
     outline: float = 0.15
 
 
 def excess(one: Diagnostic) -> float:
-    """How many times as bad as the limit allows; what is missing counts as the limit by the amount."""
+    """Return the ratio of amount to limit; for missing material, limit to amount."""
     amount, limit = one.amount or 0.0, one.limit or 0.0
     if one.code == "underfilled":
         amount, limit = limit, amount
@@ -55,7 +55,7 @@ def excess(one: Diagnostic) -> float:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Kind:
-    """One measurement: (L,) amounts, which are broken, the limit, and how to say and where to find one."""
+    """One measurement: (L,) amounts, (L,) whether they exceed the limit, the limit, text and place by layer."""
 
     name: str
     amount: Float
@@ -66,13 +66,13 @@ class _Kind:
 
 
 def findings(coverage: Coverage, limits: CoverageLimits = CoverageLimits()) -> tuple[Diagnostic, ...]:
-    """Everything beyond the limits, the worst first."""
+    """Return a diagnostic for everything beyond the limits, the worst first."""
     found = [one for kind in _kinds(coverage, limits) for one in _of_kind(coverage, kind)]
     return tuple(sorted(found, key=lambda one: -excess(one)))
 
 
 def _of_kind(coverage: Coverage, kind: _Kind) -> Iterator[Diagnostic]:
-    """One finding for each run of layers."""
+    """Yield one diagnostic for each run of consecutive layers."""
     broken = np.flatnonzero(kind.broken & ~coverage.stack.ramps)
     if not len(broken):
         return
@@ -105,7 +105,7 @@ def _kinds(coverage: Coverage, limits: CoverageLimits) -> Iterator[_Kind]:
         share,
         (share > limits.uncovered) & (uncovered > _LITTLE),
         limits.uncovered,
-        lambda k: f"{uncovered[k]:.1f} mm2 of the shell are not covered, {share[k]:.0%} of it",
+        lambda k: f"{uncovered[k]:.1f} mm² ({share[k]:.0%}) of the shell are not covered",
         lambda k: largest_place(coverage.uncovered, k),
     )
     outside = coverage.outside.area()
@@ -114,7 +114,7 @@ def _kinds(coverage: Coverage, limits: CoverageLimits) -> Iterator[_Kind]:
         outside,
         outside > limits.outside,
         limits.outside,
-        lambda k: f"{outside[k]:.1f} mm2 are laid outside the section",
+        lambda k: f"{outside[k]:.1f} mm² are printed outside the outline of the part",
         lambda k: largest_place(coverage.outside, k),
     )
     fill = coverage.fill
@@ -125,12 +125,13 @@ def _kinds(coverage: Coverage, limits: CoverageLimits) -> Iterator[_Kind]:
         (twice > limits.overlap) & (fill.overlap > _LITTLE),
         limits.overlap,
         lambda k: (
-            f"{fill.overlap[k]:.1f} mm2 overlap, {twice[k]:.0%} of the layer, up to {fill.most[k]:.1f} times"
+            f"extrusions overlap on {fill.overlap[k]:.1f} mm² ({twice[k]:.0%} of the layer),"
+            f" up to {fill.most[k]:.1f} times full"
         ),
         lambda k: (float(fill.place[k, 0]), float(fill.place[k, 1])),
     )
     yield from _of_volume(coverage, limits)
-    yield _of_air(coverage, limits)
+    yield _of_unsupported(coverage, limits)
     outline, size = coverage.outline, np.maximum(coverage.sections.area(), covered)
     yield _Kind(
         "outline",
@@ -138,59 +139,62 @@ def _kinds(coverage: Coverage, limits: CoverageLimits) -> Iterator[_Kind]:
         (outline.p95 > limits.outline) & (size > _LITTLE),
         limits.outline,
         lambda k: (
-            f"the outline is off by {outline.p95[k]:.2f} mm (95th percentile), {outline.largest[k]:.2f} mm at most"
+            f"outline error {outline.p95[k]:.2f} mm (95th percentile), at most {outline.largest[k]:.2f} mm"
         ),
         lambda k: (float(outline.place[k, 0]), float(outline.place[k, 1])),
     )
 
 
 def _of_volume(coverage: Coverage, limits: CoverageLimits) -> Iterator[_Kind]:
-    """Missing and surplus material in the shell beyond what is let pass of it and that of the shortest lines."""
+    """Yield missing and surplus material in the shell, beyond the limits and beyond a minimum area."""
     fill, height, shell = coverage.fill.shell, coverage.stack.height, coverage.shell.area()
     width = coverage.stack.beads.take(np.flatnonzero(coverage.of_part)).usual_width
-    surplus, missing = (fill - limits.over) * shell, (limits.under - fill) * shell
+    surplus, missing = (fill - limits.overfilled) * shell, (limits.underfilled - fill) * shell
     least = _DOTS * width**2
     over, under = surplus > least, missing > least
     if over.any():
         over &= surplus - _beside_fins(coverage, over, width) > least
-    for name, limit, broken in (("underfilled", limits.under, under), ("overfilled", limits.over, over)):
+    for name, limit, broken in (
+        ("underfilled", limits.underfilled, under),
+        ("overfilled", limits.overfilled, over),
+    ):
         yield _Kind(
             name,
             fill,
             broken,
             limit,
             lambda k: (
-                f"the shell holds {fill[k]:.0%} of the material it needs at {height[k]:.3g} mm of height"
+                f"the shell has {fill[k]:.0%} of the material it needs (layer height {height[k]:.3g} mm)"
             ),
             lambda _: (np.nan, np.nan),
         )
 
 
 def _beside_fins(coverage: Coverage, layers: Bool, width: float) -> Float:
-    """(L,) mm² that lines cover beside fins narrower than themselves, by layer (L,)."""
+    """(L,) mm² covered beside fins that are narrower than a line; `layers` (L,) chooses layers."""
     sections = coverage.sections.of_layers(layers)
     fins = difference(sections, offset_open(sections, width / 2))
     beside = difference(coverage.covered.of_layers(layers), sections)
     return intersection(beside, offset(fins, width)).area()
 
 
-def _of_air(coverage: Coverage, limits: CoverageLimits) -> _Kind:
-    """Unsupported extrusion."""
-    length, place = coverage.hanging, np.full((coverage.stack.n_layers, 2), np.nan)
+def _of_unsupported(coverage: Coverage, limits: CoverageLimits) -> _Kind:
+    """Return the measurement of unsupported extrusion."""
+    length, place = coverage.unsupported_length, np.full((coverage.stack.n_layers, 2), np.nan)
     for one in reversed(coverage.unsupported):
         place[coverage.layer_at(one.z)] = one.x, one.y
     return _Kind(
         "unsupported",
         length,
-        length > limits.air,
-        limits.air,
+        length > limits.unsupported,
+        limits.unsupported,
         lambda k: f"{length[k]:.0f} mm of unsupported extrusion",
         lambda k: (float(place[k, 0]), float(place[k, 1])),
     )
 
 
 def largest_place(areas: Areas, layer: int) -> tuple[float, float]:
-    """The corner of the largest piece of a layer that is nearest to the middle of the piece, mm; nan without one."""
+    """Return the corner of the largest area of a layer that is nearest to its middle, mm; nan without one."""
     rings = list(areas.rings(layer))
     if not rings:
         return np.nan, np.nan
@@ -202,7 +206,7 @@ def largest_place(areas: Areas, layer: int) -> tuple[float, float]:
 
 
 def line_near(coverage: Coverage, layer: int, x: float, y: float) -> int:
-    """The line of the G-code that lays the bead of a layer nearest to a place; its first where the place is nan."""
+    """Return the G-code line of the extrusion nearest to a place; of the first in the layer if the place is nan."""
     own = np.flatnonzero((coverage.stack.layer == layer) & coverage.of_part)
     if not len(own):
         return 0

@@ -1,4 +1,4 @@
-"""Where a part lies in a file: its sections are laid over the outer perimeters until they fit."""
+"""Find the position of a part in a file by fitting its sections to the external perimeters."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from printer_slicer.inspection.coverage.extrusions import Extrusions, Purpose, s
 from printer_slicer.inspection.coverage.stack import Stack
 from printer_slicer.inspection.deposition.marks import NOT_PART
 
-__all__ = ["Match", "apart", "first_guess", "fitted", "moved"]
+__all__ = ["Match", "find_detached", "fit_sections", "guess_shift", "shift_areas"]
 
 _POINTS: Final = 10_000  # enough to know a shift to a micrometre
 _FEWEST: Final = 0.05  # of all points that must lie near outlines
@@ -24,12 +24,12 @@ _FAR: Final = 1.0  # mm beside the section: what stays farther away is no part o
 
 @dataclass(frozen=True, slots=True)
 class Match:
-    """How well sections fit a file.
+    """The position of sections in a file, and how well they fit.
 
     Attributes:
         shift: x and y, mm, from where the sections were to where they fit.
-        spread: mm; half of the outer perimeters lie closer than this to where they belong.
-        share: of the length of the outer perimeters that lies within half a width of where it belongs.
+        spread: median distance of the external perimeters from their expected position, mm.
+        share: share of the length of the external perimeters within half a width of their expected position.
     """
 
     shift: tuple[float, float]
@@ -37,16 +37,16 @@ class Match:
     share: float
 
 
-def moved(areas: Areas, by: Float | tuple[float, float]) -> Areas:
-    """The same areas elsewhere; places stay on the grid of the geometry."""
+def shift_areas(areas: Areas, by: Float | tuple[float, float]) -> Areas:
+    """Shift areas; coordinates stay on the grid of the geometry."""
     xy = np.round(areas.xy + np.asarray(by), 5)
     return Areas(xy, areas.ring_start, areas.ring_layer, areas.n_layers)
 
 
-def first_guess(stack: Stack, sections: Areas) -> tuple[float, float]:
-    """The shift that puts the middles of the sections' boxes onto those of the layers'; the median over the layers.
+def guess_shift(stack: Stack, sections: Areas) -> tuple[float, float]:
+    """Return the shift between the bounding boxes of the sections and of the layers: the median over all layers.
 
-    Layers whose box has the size of their section's count alone where there are any: skirts and brims make boxes wider.
+    If there are layers whose box has the size of their section, only they count: skirts and brims make boxes wider.
     """
     beads, layer = stack.beads, stack.layer
     outer = _outer(beads) & (layer >= 0)
@@ -73,7 +73,7 @@ def first_guess(stack: Stack, sections: Areas) -> tuple[float, float]:
     return x, y
 
 
-def fitted(stack: Stack, sections: Areas, rounds: int = 6) -> Match:
+def fit_sections(stack: Stack, sections: Areas, rounds: int = 6) -> Match:
     """The shift that brings the sections' outlines half a bead outside the outer perimeters, by least squares.
 
     Distances are taken along the normals of the outlines; beads farther than half a width from where they belong are
@@ -111,8 +111,8 @@ def fitted(stack: Stack, sections: Areas, rounds: int = 6) -> Match:
     return Match((float(shift[0]), float(shift[1])), float(np.median(off)), float((off < half).mean()))
 
 
-def apart(stack: Stack, sections: Areas) -> Bool:
-    """(B,) which beads of unknown purpose belong to paths that stay well away from the section of their layer."""
+def find_detached(stack: Stack, sections: Areas) -> Bool:
+    """(B,) which extrusions of unknown purpose belong to paths away from the section of their layer."""
     beads, layer = stack.beads, stack.layer
     result = np.zeros(beads.n_beads, np.bool_)
     doubtful = np.flatnonzero((beads.purpose == Purpose.UNKNOWN) & (layer >= 0))
@@ -131,13 +131,13 @@ def apart(stack: Stack, sections: Areas) -> Bool:
 
 
 def _outer(beads: Extrusions) -> Bool:
-    """(B,) the outer perimeters, or all beads of the part where nobody tells them apart."""
+    """(B,) the external perimeters, or all extrusions of the part if roles are unknown."""
     outer = beads.purpose == Purpose.EXTERNAL_PERIMETER
     return outer if outer.any() else ~np.isin(beads.purpose, NOT_PART)
 
 
 def _depth(outlines: OutlineIndex, sections: Areas, points: Float, layer: Int) -> tuple[Float, Float]:
-    """Inward normals (P, 2) of the nearest outlines, and how deep inside each point lies, mm; inf without one."""
+    """Return inward normals (P, 2) of the nearest outlines, and the depth of each point, mm; inf without outline."""
     segment = outlines.nearest(points, layer)
     begin = sections.xy[segment]
     along = sections.xy[sections.following[segment]] - begin

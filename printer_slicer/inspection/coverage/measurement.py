@@ -1,4 +1,4 @@
-"""The coverage itself: beads of all layers against the sections of the part."""
+"""Measure the coverage: the extrusions of all layers against the sections of the part."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from printer_slicer.geometry import Areas, difference, offset, offset_open, unio
 from printer_slicer.inspection.coverage.extrusions import Extrusions, Purpose
 from printer_slicer.inspection.coverage.fill import LayerFill, measure_fill, overlap_cells
 from printer_slicer.inspection.coverage.outline import OutlineError, outline_error
-from printer_slicer.inspection.coverage.stack import Stack, through_layers
+from printer_slicer.inspection.coverage.stack import Stack, split_thick_extrusions
 from printer_slicer.inspection.coverage.zones import (
-    body_of,
-    exposed,
+    exposed_areas,
     footprint,
+    printed_body,
+    remove_narrow_gaps,
     shell_depth,
-    without_slits,
 )
 from printer_slicer.inspection.deposition.marks import NOT_PART, Marks
 from printer_slicer.inspection.deposition.unsupported import Unsupported, UnsupportedTracker
@@ -36,26 +36,26 @@ _INNER: Final = 1.25  # extrusion widths: walls thicker than twice this have inn
 
 @dataclass(frozen=True, slots=True)
 class CoverageRules:
-    """What is measured.
+    """Parameters of the measurement.
 
     Attributes:
         shell: mm from the outline that must be filled; None: as deep as the file's own perimeters reach.
-        skin: mm under and over air that must be filled; 0: the layer that is next to it.
-        slit: mm; narrower gaps between beads do not count as uncovered.
-        beyond: mm; what sticks out of the section by less does not count as outside.
-        too_often: times the material a place needs, from which on it overlaps.
+        surface_depth: mm under and over air that must be filled; 0: the layer that is next to it.
+        min_gap: mm; narrower gaps between beads do not count as uncovered.
+        outside_tolerance: mm; what sticks out of the section by less does not count as outside.
+        overlap_ratio: times the material a place needs, from which on it overlaps.
     """
 
     shell: float | None = None
-    skin: float = 0.0
-    slit: float = 0.1
-    beyond: float = 0.1
-    too_often: float = 1.3
+    surface_depth: float = 0.0
+    min_gap: float = 0.1
+    outside_tolerance: float = 0.1
+    overlap_ratio: float = 1.3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Coverage:
-    """What was laid, against what should be there; areas in mm², volumes in mm³, lengths in mm.
+    """The extruded material compared with the part; areas in mm², volumes in mm³, lengths in mm.
 
     Attributes:
         rules: by which it was measured.
@@ -103,7 +103,7 @@ class Coverage:
         object.__setattr__(self, "by_purpose", frozen_array(self.by_purpose, np.float64, (len(Purpose),)))
 
     @property
-    def hanging(self) -> Float:
+    def unsupported_length(self) -> Float:
         """(L,) mm of unsupported extrusion."""
         length = np.zeros(self.stack.n_layers)
         for one in self.unsupported:
@@ -118,7 +118,7 @@ class Coverage:
 def coverage_of(
     stack: Stack, sections: Areas, rules: CoverageRules = CoverageRules(), beside: Bool | None = None
 ) -> Coverage:
-    """The coverage of beads against the sections of a part.
+    """Measure the coverage of extrusions against the sections of a part.
 
     Args:
         stack: the beads.
@@ -131,20 +131,19 @@ def coverage_of(
     """
     if sections.n_layers != stack.n_layers:
         raise ValueError(f"{stack.n_layers} layers of beads, {sections.n_layers} sections")
-    of_part, astray = _sorted_out(stack, sections, beside)
+    of_part, astray = _classify(stack, sections, beside)
     depth = shell_depth(stack, sections) if rules.shell is None else rules.shell
-    open_to_air = exposed(sections, stack.top, stack.bottom, rules.skin)
+    open_to_air = exposed_areas(sections, stack.top, stack.bottom, rules.surface_depth)
     # A spiral is a wall without skins, and without an inside.
     open_to_air = open_to_air.of_layers(~stack.rising)
     core = difference(offset(sections, -depth), open_to_air)
     shell = difference(sections, core)
-    slabs, source = through_layers(stack)
+    slabs, source = split_thick_extrusions(stack)
     covered = footprint(slabs, of_part[source])
-    body = body_of(covered, difference(offset(sections, -0.75 * depth), open_to_air), sections, depth / 4)
-    # Rounded sides make extrusions smaller than their outline. Inner perimeters compensate for this.
-    inner = difference(offset(sections, bead.side_loss(stack.height) - depth), open_to_air)
-    wanted = np.maximum(_to_be_full(sections, stack, depth).area() - inner.area(), 0.0)
-    inner = inner.of_layers(~stack.rising)
+    body = printed_body(
+        covered, difference(offset(sections, -0.75 * depth), open_to_air), sections, depth / 4
+    )
+    inner, wanted = _inside_shell(sections, stack, depth, open_to_air)
     own, laid = of_part[source], slabs.beads.volume
     return Coverage(
         rules=rules,
@@ -155,10 +154,10 @@ def coverage_of(
         shell=shell,
         shell_depth=depth,
         covered=covered,
-        uncovered=offset_open(difference(shell, covered), rules.slit / 2),
-        outside=difference(covered, offset(sections, rules.beyond)),
+        uncovered=offset_open(difference(shell, covered), rules.min_gap / 2),
+        outside=difference(covered, offset(sections, rules.outside_tolerance)),
         outline=_outline(sections, body, stack, rules),
-        fill=measure_fill(stack, of_part, inner, wanted, rules.too_often),
+        fill=measure_fill(stack, of_part, inner, wanted, rules.overlap_ratio),
         unsupported=_unsupported(stack, sections),
         volume=np.bincount(slabs.layer[own], laid[own], stack.n_layers).astype(np.float64),
         section_volume=sections.area() * stack.height,
@@ -178,7 +177,7 @@ def _unsupported(stack: Stack, sections: Areas) -> tuple[Unsupported, ...]:
         layers=part[:1] + 1,
         roles=changes + 1,
         names=beads.purpose[changes],
-        loose=frozenset({int(Purpose.SUPPORT_MATERIAL)}),
+        removable=frozenset({int(Purpose.SUPPORT_MATERIAL)}),
     )
     (left, front), (right, back) = (
         (sections.xy.min(axis=0) - _FAR).tolist(),
@@ -193,8 +192,16 @@ def _unsupported(stack: Stack, sections: Areas) -> tuple[Unsupported, ...]:
 
 def _outline(sections: Areas, body: Areas, stack: Stack, rules: CoverageRules) -> OutlineError:
     """Measure the distance between the outlines of the part and of the print."""
-    part, printed = (without_slits(one, rules.slit) for one in (sections, body))
+    part, printed = (remove_narrow_gaps(one, rules.min_gap) for one in (sections, body))
     return outline_error(part, printed, _DOTS * stack.beads.usual_width**2)
+
+
+def _inside_shell(sections: Areas, stack: Stack, depth: float, open_to_air: Areas) -> tuple[Areas, Float]:
+    """Return the areas inside the shell, and the area that the shell should fill in each layer, (L,) mm²."""
+    # Rounded sides make extrusions smaller than their outline. Inner perimeters compensate for this.
+    inner = difference(offset(sections, bead.side_loss(stack.height) - depth), open_to_air)
+    wanted = np.maximum(_to_be_full(sections, stack, depth).area() - inner.area(), 0.0)
+    return inner.of_layers(~stack.rising), wanted
 
 
 def _to_be_full(sections: Areas, stack: Stack, depth: float) -> Areas:
@@ -209,7 +216,7 @@ def _to_be_full(sections: Areas, stack: Stack, depth: float) -> Areas:
     return union(inside_sides, offset_open(sections, _INNER * width))
 
 
-def _sorted_out(stack: Stack, sections: Areas, beside: Bool | None) -> tuple[Bool, Bool]:
+def _classify(stack: Stack, sections: Areas, beside: Bool | None) -> tuple[Bool, Bool]:
     """(B,) which beads make up the part, and which should but lie far from it."""
     mine = ~np.isin(stack.beads.purpose, NOT_PART) & (stack.layer >= 0)
     mine &= True if beside is None else ~beside
@@ -230,4 +237,6 @@ def overlapping(coverage: Coverage, layer: int) -> Areas:
     """Where the beads of a layer overlap, to a cell, as a stack of one layer."""
     own = np.flatnonzero(coverage.of_part & (coverage.stack.layer == layer))
     height = float(coverage.stack.height[layer])
-    return overlap_cells(coverage.stack.beads.take(own), height, coverage.rules.too_often, coverage.fill.cell)
+    return overlap_cells(
+        coverage.stack.beads.take(own), height, coverage.rules.overlap_ratio, coverage.fill.cell
+    )

@@ -1,4 +1,4 @@
-"""G-code of any slicer against its model: where the model lies in it, and the coverage of its material."""
+"""Check G-code of any slicer against its model: find the position of the model and measure the coverage."""
 
 from __future__ import annotations
 
@@ -13,11 +13,17 @@ from printer_slicer.diagnostics import Diagnostic
 from printer_slicer.errors import PartError, UsageError
 from printer_slicer.geometry import Areas, difference, offset_open
 from printer_slicer.inspection.coverage.extrusions import Extrusions
+from printer_slicer.inspection.coverage.gcode_extrusions import GcodeExtrusions, extrusions_of_gcode
 from printer_slicer.inspection.coverage.limits import CoverageLimits, findings
-from printer_slicer.inspection.coverage.matching import Match, apart, first_guess, fitted, moved
+from printer_slicer.inspection.coverage.matching import (
+    Match,
+    find_detached,
+    fit_sections,
+    guess_shift,
+    shift_areas,
+)
 from printer_slicer.inspection.coverage.measurement import Coverage, CoverageRules, coverage_of
-from printer_slicer.inspection.coverage.stack import Stack, stacked
-from printer_slicer.inspection.coverage.text import Deposit, beads_of_gcode
+from printer_slicer.inspection.coverage.stack import Stack, stack_extrusions
 from printer_slicer.inspection.coverage.zones import footprint
 from printer_slicer.inspection.deposition.marks import NOT_PART, Purpose
 from printer_slicer.model import LayerPlan, Mesh
@@ -25,7 +31,7 @@ from printer_slicer.placing import Placement
 from printer_slicer.progress import Report, quiet
 from printer_slicer.slicing import cut
 
-__all__ = ["Check", "CheckOptions", "check_gcode", "placed_sections", "read_deposit"]
+__all__ = ["Check", "CheckOptions", "check_gcode", "placed_sections", "read_gcode_extrusions"]
 
 _RESOLUTION: Final = 0.005  # mm; sections are measured with, so they are finer than what is printed
 _BESIDE: Final = 0.002  # mm over and under the middle of a layer: a flat there may be printed with either
@@ -39,19 +45,19 @@ _FITS: Final = 0.5  # of the length of the outer perimeters: with less the file 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Check:
-    """What a G-code file lays, against its model.
+    """The result of checking a G-code file against its model.
 
     Attributes:
         name: of the file.
         coverage: of its material.
-        match: where the model lies, and how well it fits; its shift is from where the mesh was.
-        matched: whether it was looked for; otherwise it was told.
+        match: position of the model relative to the mesh, and how well it fits.
+        matched: whether the position was searched; otherwise it was given.
         z: mm that the model stands over where its mesh was.
         part_top: z of the top of the part, mm.
-        findings: beyond the limits, the worst first.
-        problems: what is wrong with the whole, in words.
-        notes: what was taken for granted, in words.
-        deposit: as it was read.
+        findings: diagnostics, the worst first.
+        problems: problems of the whole file, as text.
+        notes: assumptions, as text.
+        deposit: extrusions of the file.
     """
 
     name: str
@@ -63,7 +69,7 @@ class Check:
     findings: tuple[Diagnostic, ...]
     problems: tuple[str, ...]
     notes: tuple[str, ...]
-    deposit: Deposit
+    deposit: GcodeExtrusions
 
     @property
     def ok(self) -> bool:
@@ -94,25 +100,25 @@ USUAL: Final = CheckOptions()
 def check_gcode(
     text: bytes, mesh: Mesh, asked: CheckOptions = USUAL, *, name: str = "G-code", report: Report = quiet
 ) -> Check:
-    """Check a G-code text against the part it shall print.
+    """Check G-code against the part that it should print.
 
     Args:
         text: of any slicer.
         mesh: the part, repaired, scaled and turned, anywhere.
         asked: how.
         name: of the file, for messages.
-        report: is told the name of each stage as it begins.
+        report: is called with the name of each stage.
 
     Raises:
-        UsageError: the text lays nothing, or is no text.
+        UsageError: the file extrudes nothing, or is binary.
         PartError: the part cannot be cut.
     """
     report("reading")
-    deposit, stack = read_deposit(text, asked.filament_diameter, name)
+    deposit, stack = read_gcode_extrusions(text, asked.filament_diameter, name)
     report("matching")
     part, stack, sections, match = _matched(mesh, deposit.beads, stack, asked.placement)
     report("measuring")
-    coverage = coverage_of(stack, sections, asked.rules, apart(stack, sections))
+    coverage = coverage_of(stack, sections, asked.rules, find_detached(stack, sections))
     return Check(
         name,
         coverage,
@@ -127,8 +133,10 @@ def check_gcode(
     )
 
 
-def read_deposit(text: bytes, filament_diameter: float | None, name: str) -> tuple[Deposit, Stack]:
-    """What a G-code text lays, and the layers of the part in it.
+def read_gcode_extrusions(
+    text: bytes, filament_diameter: float | None, name: str
+) -> tuple[GcodeExtrusions, Stack]:
+    """Return the extrusions of G-code, and the layers of the part in it.
 
     Args:
         text: of any slicer.
@@ -140,19 +148,19 @@ def read_deposit(text: bytes, filament_diameter: float | None, name: str) -> tup
     """
     if text.startswith(b"GCDE"):
         raise UsageError(
-            f"{name}: is binary G-code", remedy="export it as plain G-code, or convert it with bgcode"
+            f"{name}: this is binary G-code", remedy="Export plain G-code, or convert it with bgcode"
         )
-    deposit = beads_of_gcode(text, filament_diameter=filament_diameter)
-    stack = stacked(deposit.beads)
+    deposit = extrusions_of_gcode(text, filament_diameter=filament_diameter)
+    stack = stack_extrusions(deposit.beads)
     if not stack.n_layers:
-        raise UsageError(f"{name}: no beads of a part in it", remedy="is it G-code that extrudes?")
+        raise UsageError(f"{name}: no extrusion of a part found", remedy="Check that the file has E values")
     return deposit, stack
 
 
 def placed_sections(
-    mesh: Mesh, deposit: Deposit, stack: Stack, placement: Placement | None = None
+    mesh: Mesh, deposit: GcodeExtrusions, stack: Stack, placement: Placement | None = None
 ) -> tuple[Stack, Areas, Match]:
-    """The sections of a part where it lies among beads, and how well they fit.
+    """Return the sections of a part at its position in a file, and how well they fit.
 
     Args:
         mesh: the part, repaired, scaled and turned, anywhere.
@@ -179,15 +187,15 @@ def _matched(
     pair = _cut_twice(part, stack)
     match = _fit(stack, pair[0], look=placement is None)
     part = part.moved((*match.shift, 0.0))
-    own = _around(part, beads)
-    again = stacked(beads, own)
+    own = _near_part(part, beads)
+    again = stack_extrusions(beads, own)
     if own.any() and not np.array_equal(again.top, stack.top):
         # Extrusions beside the part made layers of their own, such as a line that primes the nozzle.
         stack, pair = again, _cut_twice(part, again)
     else:
-        pair = (moved(pair[0], match.shift), moved(pair[1], match.shift))
+        pair = (shift_areas(pair[0], match.shift), shift_areas(pair[1], match.shift))
     x, y = (part.bounds[0] - mesh.bounds[0])[:2].tolist()
-    return part, stack, _likelier(stack, *pair), replace(match, shift=(x, y))
+    return part, stack, _choose_section(stack, *pair), replace(match, shift=(x, y))
 
 
 def _put(mesh: Mesh, stack: Stack, placement: Placement | None) -> Mesh:
@@ -217,20 +225,20 @@ def _cut_twice(part: Mesh, stack: Stack) -> tuple[Areas, Areas]:
 def _fit(stack: Stack, sections: Areas, *, look: bool) -> Match:
     """Where sections lie, or how well they fit where they are."""
     if not look:
-        return replace(fitted(stack, sections, rounds=0), shift=(0.0, 0.0))
-    guess = first_guess(stack, sections)
-    match = fitted(stack, moved(sections, guess))
+        return replace(fit_sections(stack, sections, rounds=0), shift=(0.0, 0.0))
+    guess = guess_shift(stack, sections)
+    match = fit_sections(stack, shift_areas(sections, guess))
     return replace(match, shift=(guess[0] + match.shift[0], guess[1] + match.shift[1]))
 
 
-def _around(part: Mesh, beads: Extrusions) -> Bool:
+def _near_part(part: Mesh, beads: Extrusions) -> Bool:
     """(B,) the beads of a part that begin near its box."""
     low, high = part.bounds[:, :2]
     near = ((beads.begin > low - _NEAR) & (beads.begin < high + _NEAR)).all(axis=1)
     return np.asarray(near) & ~np.isin(beads.purpose, NOT_PART)
 
 
-def _likelier(stack: Stack, low: Areas, high: Areas) -> Areas:
+def _choose_section(stack: Stack, low: Areas, high: Areas) -> Areas:
     """Of two sections of a layer, between which the part has a flat, the one that is more like what is printed.
 
     A flat in the very middle of a layer may be printed either way.
@@ -247,21 +255,21 @@ def _likelier(stack: Stack, low: Areas, high: Areas) -> Areas:
 
 
 def _problems(coverage: Coverage, match: Match, part: Mesh) -> Iterator[str]:
-    """What is wrong with the whole."""
+    """Yield problems of the whole file."""
     stack = coverage.stack
     if match.share < _FITS:
         yield (
-            f"only {match.share:.0%} of the outer perimeters lie where those of this model would: "
-            "is it the model that was sliced, as large and turned as it was?"
+            f"only {match.share:.0%} of the external perimeters match this model: "
+            "check model, scale and rotation"
         )
     if coverage.astray.any():
         lines = stack.beads.line[coverage.astray]
-        many = f"{len(lines)} beads lie" if len(lines) > 1 else "1 bead lies"
+        many = f"{len(lines)} extrusions are" if len(lines) > 1 else "1 extrusion is"
         yield f"{many} far from the part, the first in line {lines[0]}"
     over, height = part.height - float(stack.top[-1]), float(stack.height[-1])
     if -over > height + _ROUNDED or _left_out(part, coverage, over):
-        where = "under" if over > 0 else "over"
-        yield f"the last layer ends at z {stack.top[-1]:.3g}, {abs(over):.3g} mm {where} the top of the part"
+        where = "below" if over > 0 else "above"
+        yield f"the last layer ends at z {stack.top[-1]:.3g} mm, {abs(over):.3g} mm {where} the top of the part"
 
 
 def _left_out(part: Mesh, coverage: Coverage, over: float) -> bool:
@@ -281,23 +289,23 @@ def _left_out(part: Mesh, coverage: Coverage, over: float) -> bool:
     return bool(room or (over > height + _ROUNDED and above.area().sum() > _NEEDLE))
 
 
-def _notes(deposit: Deposit, coverage: Coverage) -> Iterator[str]:
-    """What was taken for granted, and what is no part of the part."""
+def _notes(deposit: GcodeExtrusions, coverage: Coverage) -> Iterator[str]:
+    """Yield assumptions, and volumes that are not of the part."""
     stack = coverage.stack
     if not deposit.diameter_known:
-        diameter = f"{deposit.diameter[0]:g} mm is assumed; --filament changes it"
-        yield f"the file does not tell the filament's diameter: {diameter}"
+        diameter = f"{deposit.diameter[0]:g} mm is assumed (set it with --filament)"
+        yield f"the file does not name the filament diameter: {diameter}"
     if (deposit.beads.purpose[coverage.of_part] == Purpose.UNKNOWN).all():
-        depth = "the shell is taken to be two beads deep; --shell changes it"
-        yield f"the file does not tell perimeters from infill: {depth}"
+        depth = "a shell of two lines is assumed (set it with --shell)"
+        yield f"the file does not name roles: {depth}"
     if stack.spiral:
-        yield "z rises along the beads: every turn is taken for a layer; the first and the last, a ramp, are not judged"
+        yield "spiral vase: every turn counts as a layer; the first and the last are not checked"
     volume = stack.beads.volume
     beside = float(volume[~coverage.of_part & (stack.beads.purpose != Purpose.SUPPORT_MATERIAL)].sum())
     if beside > 0.1:
-        yield f"{beside:.1f} mm3 lie beside the part (skirt, brim, priming)"
+        yield f"{beside:.1f} mm³ beside the part (skirt, brim, priming)"
     support = float(volume[stack.beads.purpose == Purpose.SUPPORT_MATERIAL].sum())
     if support > 0:
-        yield f"{support:.1f} mm3 are supports"
+        yield f"{support:.1f} mm³ of supports"
     if deposit.standing > 0.1:
-        yield f"{deposit.standing:.1f} mm3 are laid while the nozzle stands still"
+        yield f"{deposit.standing:.1f} mm³ extruded without motion"

@@ -1,4 +1,4 @@
-"""How far the outline of what is printed is from the outline of the section."""
+"""Measure the distance between the printed outline and the outline of the section."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from printer_slicer.arrays import Float, Int, consecutive, frozen_array
 from printer_slicer.geometry import Areas
 from printer_slicer.geometry.segment_index import OutlineIndex
 
-__all__ = ["OutlineError", "outline_error", "sampled"]
+__all__ = ["OutlineError", "outline_error", "sample_outlines"]
 
 _APART: Final = 0.5  # mm between samples along an outline, at most
 _ROUGH: Final = 0.005  # mm by which the distances of neighbouring samples may differ without a closer look
@@ -40,7 +40,7 @@ class OutlineError:
 
 
 def outline_error(sections: Areas, printed: Areas, speck: float = 0.0) -> OutlineError:
-    """The distances of samples on either outline from the other, layer by layer.
+    """Return the distances of samples on each outline from the other, layer by layer.
 
     Args:
         sections: sections of the part.
@@ -80,8 +80,8 @@ def outline_error(sections: Areas, printed: Areas, speck: float = 0.0) -> Outlin
 
 
 def _measured(own: Areas, other: OutlineIndex) -> tuple[Float, Int, Float, Float]:
-    """Points along all outlines (P, 2), their layers, the length that each stands for, and its distance, mm."""
-    points, layer, weight, after = sampled(own)
+    """Return points along all outlines (P, 2), their layers, the length each represents, and its distance, mm."""
+    points, layer, weight, after = sample_outlines(own)
     distance = other.distance(points, layer)
     # A layer has the other outline everywhere or nowhere.
     rough = np.isfinite(distance)
@@ -99,8 +99,8 @@ def _measured(own: Areas, other: OutlineIndex) -> tuple[Float, Int, Float, Float
     )
 
 
-def sampled(areas: Areas) -> tuple[Float, Int, Float, Int]:
-    """Points along all outlines (P, 2), their layers, the length that each stands for, mm, and the next ones."""
+def sample_outlines(areas: Areas) -> tuple[Float, Int, Float, Int]:
+    """Return points along all outlines (P, 2), their layers, the length of each, mm, and the index of the next."""
     way = areas.xy[areas.following] - areas.xy
     length = np.hypot(*way.T)
     count = np.maximum(np.ceil(length / _APART), 1).astype(np.int64)

@@ -1,4 +1,4 @@
-"""Material on a raster: how full each cell of a layer is.
+"""Rasterize material: how full each cell of a layer is.
 
 Cells are 0.1 mm wide, on plates of more than two million of them 0.2 mm. Beads are spread as upright bodies of their
 own height: as wide as their spacing, so that neighbours laid as they should be fill every cell once. Each body is cut
@@ -18,7 +18,7 @@ from printer_slicer.arrays import Float, Int, consecutive
 from printer_slicer.geometry import Areas, Lines, hatch
 from printer_slicer.inspection.coverage.extrusions import Extrusions
 
-__all__ = ["CellWindow", "cell_for", "cells_covered", "filled", "mean_around", "rows_of"]
+__all__ = ["CellWindow", "cell_for", "covered_share", "rasterize_fill", "rows_of", "window_mean"]
 
 _FINE, _COARSE = 0.1, 0.2  # mm
 _MANY: Final = 2_000_000  # fine cells
@@ -46,18 +46,18 @@ class CellWindow:
 
     @classmethod
     def around(cls, low: Float, high: Float, margin: float, cell: float) -> CellWindow:
-        """The cells that the box from `low` to `high` (2,) mm, with a margin, touches."""
+        """Return the cells touched by the box from `low` to `high` (2,) mm, with a margin."""
         left, front = np.floor((low - margin) / cell).astype(int).tolist()
         right, back = np.ceil((high + margin) / cell).astype(int).tolist()
         return cls(left, front, max(right - left, 1), max(back - front, 1), cell)
 
     def within(self, other: CellWindow) -> tuple[slice, slice]:
-        """Where these cells are in an array of the cells of a window that holds them."""
+        """Return the slices of these cells in the array of an enclosing window."""
         i, j = self.front - other.front, self.left - other.left
         return slice(i, i + self.deep), slice(j, j + self.wide)
 
     def cells(self, points: Float) -> tuple[Int, Int]:
-        """Row and column of points (P, 2) mm; those outside are taken to the edge."""
+        """Return row and column of points (P, 2) mm, clipped to the window."""
         j = np.clip(np.floor(points[:, 0] / self.cell).astype(np.int64) - self.left, 0, self.wide - 1)
         i = np.clip(np.floor(points[:, 1] / self.cell).astype(np.int64) - self.front, 0, self.deep - 1)
         return i, j
@@ -75,11 +75,11 @@ class CellWindow:
 
 
 def cell_for(low: Float, high: Float) -> float:
-    """How wide cells should be, mm, where a box from `low` to `high` (2,) mm has to be filled with them."""
+    """Return the cell width, mm, for a box from `low` to `high` (2,) mm."""
     return _FINE if float(np.prod((high - low) / _FINE)) <= _MANY else _COARSE
 
 
-def filled(beads: Extrusions, window: CellWindow, layer_height: float = np.inf) -> Float:
+def rasterize_fill(beads: Extrusions, window: CellWindow, layer_height: float = np.inf) -> Float:
     """(deep, wide) how often each cell is filled to the height of the beads in it: 1 where it is just full.
 
     Slopes count by how much of the layer's height they fill.
@@ -121,7 +121,7 @@ def _runs(block: Int) -> list[tuple[int, int]]:
 def _spread(
     beads: Extrusions, reach: Float, weight: Float, counts: tuple[Int, Int], window: CellWindow
 ) -> Float:
-    """(deep · wide,) what the pieces of beads lay in each cell.
+    """(deep · wide,) material of extrusions in each cell.
 
     Args:
         beads: some.
@@ -157,11 +157,11 @@ def _spread(
 
 
 def rows_of(areas: Areas, cell: float) -> Lines:
-    """The parts in areas of rows along x, four through each row of cells."""
+    """Return lines along x within areas, four per row of cells."""
     return hatch(areas, angle=0.0, spacing=cell / _ROWS, phase=0.5)
 
 
-def cells_covered(rows: Lines, layer: int, window: CellWindow) -> Float:
+def covered_share(rows: Lines, layer: int, window: CellWindow) -> Float:
     """(deep, wide) the share of each cell that rows of a layer cover; exact along x, to a quarter of a cell along y."""
     first, last = np.searchsorted(rows.layer, [layer, layer + 1])
     row = rows.row[first:last] // _ROWS - window.front
@@ -178,8 +178,8 @@ def cells_covered(rows: Lines, layer: int, window: CellWindow) -> Float:
     return np.asarray(np.cumsum(steps.reshape(window.deep, -1), axis=1)[:, : window.wide], np.float64)
 
 
-def mean_around(field: Float, reach: int) -> Float:
-    """The mean over the square of 2 · reach + 1 cells around each cell; what is outside is empty."""
+def window_mean(field: Float, reach: int) -> Float:
+    """Return the mean over the square of 2 · reach + 1 cells around each cell; outside cells are empty."""
     sums = np.pad(field, ((reach + 1, reach), (reach + 1, reach))).cumsum(axis=0).cumsum(axis=1)
     size = 2 * reach + 1
     total = sums[size:, size:] - sums[:-size, size:] - sums[size:, :-size] + sums[:-size, :-size]

@@ -1,4 +1,4 @@
-"""Which layers a file has, by where its nozzle lays plastic, and how thick each bead is."""
+"""Find the layers of a file from its extrusions, and the height of each extrusion."""
 
 from __future__ import annotations
 
@@ -10,11 +10,16 @@ import numpy as np
 
 from printer_slicer import bead
 from printer_slicer.arrays import Bool, Float, Int, consecutive, frozen_array
-from printer_slicer.inspection.coverage.extrusions import Extrusions, Purpose, beads_of, median_of
+from printer_slicer.inspection.coverage.extrusions import (
+    Extrusions,
+    Purpose,
+    extrusions_of_program,
+    median_of,
+)
 from printer_slicer.inspection.deposition.marks import NOT_PART
 from printer_slicer.model import Program
 
-__all__ = ["Stack", "stack_of", "stacked", "through_layers"]
+__all__ = ["Stack", "split_thick_extrusions", "stack_extrusions", "stack_of_program"]
 
 _STEADY: Final = 0.1  # mm
 _HAIR: Final = 0.02  # of a turn
@@ -71,7 +76,7 @@ class Stack:
 
     @property
     def n_layers(self) -> int:
-        """How many."""
+        """Number of layers."""
         return len(self.top)
 
     @property
@@ -81,7 +86,7 @@ class Stack:
 
     @property
     def rising(self) -> Bool:
-        """(L,) layers that are laid, for the most part, while z rises: turns of a spiral. In a spiral all above are."""
+        """(L,) layers printed mostly while z rises, as in spiral vase mode; in a spiral, all layers above too."""
         own = self.layer >= 0
         length = self.beads.length * np.where(np.abs(self.beads.rise) >= _FLAT, 1.0, -0.9)
         found = np.bincount(self.layer[own], length[own], self.n_layers) > 0
@@ -91,20 +96,20 @@ class Stack:
 
     @property
     def spiral(self) -> bool:
-        """Whether most layers are turns of a spiral."""
+        """Whether the print is a spiral vase."""
         return 2 * int(self.rising.sum()) > self.n_layers
 
     @property
     def ramps(self) -> Bool:
-        """(L,) the first and the last turn of a spiral: there beads grow from nothing, or end with nothing."""
+        """(L,) the first and the last turn of a spiral, where the extrusion height grows from or ends with 0."""
         result = np.zeros(self.n_layers, np.bool_)
         if self.spiral:
             result[np.flatnonzero(self.rising)[[0, -1]]] = True
         return result
 
 
-def through_layers(stack: Stack) -> tuple[Stack, Int]:
-    """The stack with beads that fill several layers cut into what they hold of each; and (B,) whose part each one is.
+def split_thick_extrusions(stack: Stack) -> tuple[Stack, Int]:
+    """Split extrusions that fill several layers; return the new stack, and (B,) the original extrusion of each.
 
     Inner perimeters and sparse infill may be laid so, and everything of an object whose layers are not those of others.
     The parts of a layer stand in the order of their beads.
@@ -113,8 +118,8 @@ def through_layers(stack: Stack) -> tuple[Stack, Int]:
     deep = stack.layer > 0
     deep &= beads.height > stack.height[own] + _AGREES if stack.n_layers else False
     outermost = deep & (beads.purpose == Purpose.EXTERNAL_PERIMETER)
-    apart = np.isin(stack.layer, stack.layer[outermost]) & (beads.purpose != Purpose.BRIDGE)
-    deep &= np.isin(beads.purpose, _FILL_SEVERAL) | apart
+    find_detached = np.isin(stack.layer, stack.layer[outermost]) & (beads.purpose != Purpose.BRIDGE)
+    deep &= np.isin(beads.purpose, _FILL_SEVERAL) | find_detached
     if not deep.any():
         return stack, np.arange(beads.n_beads)
     lowest = np.searchsorted(stack.bottom, stack.top[own] - beads.height - _LEVEL)
@@ -134,20 +139,20 @@ def through_layers(stack: Stack) -> tuple[Stack, Int]:
     return Stack(parts, layer, stack.top, stack.bottom), source
 
 
-def stack_of(program: Program, filament_diameter: float) -> Stack:
-    """The beads of a program in the layers of its plan, those that hold no plastic included.
+def stack_of_program(program: Program, filament_diameter: float) -> Stack:
+    """Return the extrusions of a program in the layers of its plan, including empty layers.
 
     Args:
         program: the moves.
         filament_diameter: mm.
     """
-    beads, move = beads_of(program, filament_diameter)
+    beads, move = extrusions_of_program(program, filament_diameter)
     plan = program.plan
     return Stack(beads, program.layer[move], plan.top, plan.bottom)
 
 
-def stacked(beads: Extrusions, part: Bool | None = None) -> Stack:
-    """The beads in their layers.
+def stack_extrusions(beads: Extrusions, part: Bool | None = None) -> Stack:
+    """Assign extrusions to layers.
 
     A layer is a z at which beads lie flat. Where z rises while beads are laid, a turn of the spiral is one. A layer is
     as high as the step from what lies below, whatever comments say.
@@ -173,9 +178,13 @@ def stacked(beads: Extrusions, part: Bool | None = None) -> Stack:
         # On a raft, what lies below the first layer of the part is the raft, or a little air over it.
         raft = (beads.purpose == Purpose.SUPPORT_MATERIAL) & (beads.z_top < top[0] - _THINNEST)
         below = float(beads.z_top[raft].max(initial=0.0))
-        told = beads.height[own & (np.abs(beads.z_top - top[0]) < _LEVEL)]
-        told = told[~np.isnan(told)]
-        usual = top[0] - (float(np.median(told)) if len(told) else float(np.diff(top[:2]).sum() or np.inf))
+        comment_height = beads.height[own & (np.abs(beads.z_top - top[0]) < _LEVEL)]
+        comment_height = comment_height[~np.isnan(comment_height)]
+        usual = top[0] - (
+            float(np.median(comment_height))
+            if len(comment_height)
+            else float(np.diff(top[:2]).sum() or np.inf)
+        )
         bottom[0] = np.clip(usual, below, below + _CONTACT) if raft.any() else 0.0
     layer = np.searchsorted(levels, beads.z_top - _LEVEL)
     middle = beads.z_top[free] - beads.rise[free] / 2
@@ -250,15 +259,15 @@ def _heights(beads: Extrusions, layer: Int, top: Float, bottom: Float, n_flat: i
     where the moves allow it. Outermost perimeters are thicker than their layer only where objects have layers of their
     own; there all beads are as thick as comments tell.
     """
-    told = beads.height
+    comment_height = beads.height
     if not len(top):
-        return np.maximum(np.where(np.isnan(told), _UNKNOWN, told), _THINNEST_BEAD)
+        return np.maximum(np.where(np.isnan(comment_height), _UNKNOWN, comment_height), _THINNEST_BEAD)
     own = (top - bottom)[layer]
     sloped = (np.abs(beads.rise) >= _FLAT) & (layer < n_flat) & (layer >= 0)
     own = np.where(sloped, np.clip(beads.z_top - beads.rise / 2 - bottom[layer], own / 10, own), own)
     width = bead.width_for_section(beads.area, own)
     walls = np.isin(beads.purpose, _WALLS)
-    thin = walls & ~(np.abs(told - own) > _AGREES)
+    thin = walls & ~(np.abs(comment_height - own) > _AGREES)
     usual = median_of(width, beads.length * (thin if thin.any() else walls if walls.any() else layer >= 0))
     height, may = own.copy(), np.isin(beads.purpose, _MAY_BE_THICK) & (layer >= 0)
     wide = may & (width > _WIDE * usual)
@@ -267,13 +276,21 @@ def _heights(beads: Extrusions, layer: Int, top: Float, bottom: Float, n_flat: i
         reach = top[layer] - bottom[np.maximum(layer - deep, 0)]
         width = bead.width_for_section(beads.area, reach)
         wide &= layer >= deep
-        agrees = may & (layer >= deep) & (np.abs(reach - told) < _AGREES) & (width * _WIDE > usual)
-        told_so = (layer >= deep) & (np.abs(reach - told) < _AGREES) & (np.abs(told - own) > _AGREES)
-        agrees |= told_so & np.isin(layer, layer[told_so & (beads.purpose == Purpose.EXTERNAL_PERIMETER)])
+        agrees = may & (layer >= deep) & (np.abs(reach - comment_height) < _AGREES) & (width * _WIDE > usual)
+        by_comment = (
+            (layer >= deep)
+            & (np.abs(reach - comment_height) < _AGREES)
+            & (np.abs(comment_height - own) > _AGREES)
+        )
+        agrees |= by_comment & np.isin(
+            layer, layer[by_comment & (beads.purpose == Purpose.EXTERNAL_PERIMETER)]
+        )
         height[wide | agrees] = reach[wide | agrees]
         wide &= ~agrees & (width > _WIDE * usual)
     # Threads across a gap hang freely, as thick as they leave the nozzle.
-    thread = (beads.purpose == Purpose.BRIDGE) & (told > own + _AGREES)
-    height = np.where(thread, np.maximum(np.minimum(told, np.sqrt(4 * beads.area / pi)), own), height)
-    beside = (layer < 0) & ~np.isnan(told)
-    return np.maximum(np.where(beside, told, height), _THINNEST_BEAD)
+    thread = (beads.purpose == Purpose.BRIDGE) & (comment_height > own + _AGREES)
+    height = np.where(
+        thread, np.maximum(np.minimum(comment_height, np.sqrt(4 * beads.area / pi)), own), height
+    )
+    beside = (layer < 0) & ~np.isnan(comment_height)
+    return np.maximum(np.where(beside, comment_height, height), _THINNEST_BEAD)

@@ -1,4 +1,4 @@
-"""Areas to compare: what the beads cover, and where they must leave no gap."""
+"""Areas to compare: the covered area, and the shell that must have no gaps."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from printer_slicer.geometry.segment_index import OutlineIndex
 from printer_slicer.inspection.coverage.extrusions import Extrusions, Purpose, spread_out
 from printer_slicer.inspection.coverage.stack import Stack
 
-__all__ = ["body_of", "exposed", "footprint", "lines_of", "shell_depth", "without_slits"]
+__all__ = ["exposed_areas", "footprint", "path_numbers", "printed_body", "remove_narrow_gaps", "shell_depth"]
 
 _JOINED: Final = 1e-3  # mm: the next bead of a path begins where the one before ended
 _SAME_WIDTH: Final = 0.002  # mm: beads whose widths differ by less are drawn with one pen
@@ -32,15 +32,15 @@ _FARTHEST: Final = 4.0  # mm; perimeters deeper than this do not make a shell th
 _UPRIGHT: Final = 0.01  # mm from layer to layer: a spiral's wall that moves by less is upright
 
 
-def lines_of(beads: Extrusions, layer: Int) -> Int:
-    """(B,) number of the path of each bead: those of a layer that begin where the one before ended are one."""
+def path_numbers(beads: Extrusions, layer: Int) -> Int:
+    """(B,) path number of each extrusion; consecutive connected extrusions of a layer form a path."""
     new = np.diff(layer) != 0
     new |= (np.abs(beads.begin[1:] - beads.end[:-1]) > _JOINED).any(axis=1)
     return np.concatenate([np.zeros(min(beads.n_beads, 1), np.int64), np.cumsum(new)])
 
 
 def footprint(stack: Stack, chosen: Bool) -> Areas:
-    """The area that chosen beads (B,) cover in each layer: their outlines with round ends, united.
+    """Return the area that chosen extrusions (B,) cover in each layer: the union of their outlines with round ends.
 
     Widths are rounded to 0.002 mm, and places to 0.01 µm. No bead is wider than 10 mm, whatever is fed.
     """
@@ -48,7 +48,7 @@ def footprint(stack: Stack, chosen: Bool) -> Areas:
     beads, layer = stack.beads.take(kept), stack.layer[kept]
     width = np.clip(beads.width, _SAME_WIDTH, _WIDEST)
     radius = np.round(width / _SAME_WIDTH) * (_SAME_WIDTH / 2)
-    path = lines_of(beads, layer)
+    path = path_numbers(beads, layer)
     first = np.flatnonzero(np.append(True, (np.diff(path) != 0) | (np.diff(radius) != 0))[: len(kept)])
     size = np.diff(np.append(first, len(kept)))
     # The points of a line are the beginning of its first bead and the ends of all.
@@ -109,13 +109,13 @@ def _thickness(stack: Stack, sections: Areas) -> float:
     return 2 * float(np.median(depth[near][upright]))
 
 
-def exposed(sections: Areas, top: Float, bottom: Float, skin: float) -> Areas:
-    """What of each section has air within `skin` mm above or below it; the bed counts as air.
+def exposed_areas(sections: Areas, top: Float, bottom: Float, surface_depth: float) -> Areas:
+    """What of each section has air within `surface_depth` mm above or below it; the bed counts as air.
 
     With 0 it is what the very next layer leaves open.
     """
     n = sections.n_layers
-    own, reach = np.arange(n), max(skin, 1e-6)
+    own, reach = np.arange(n), max(surface_depth, 1e-6)
     last = np.minimum(np.searchsorted(bottom, top + reach - 1e-9), n + 1)
     last = np.where(top + reach > top[-1] + 1e-9, n + 1, np.maximum(last, own + 2))
     first = np.where(bottom - reach < -1e-9, -1, np.searchsorted(top, bottom - reach + 1e-9, side="right"))
@@ -123,7 +123,7 @@ def exposed(sections: Areas, top: Float, bottom: Float, skin: float) -> Areas:
     return difference(sections, window_intersection(sections, first, last))
 
 
-def body_of(covered: Areas, core: Areas, sections: Areas, tolerance: float) -> Areas:
+def printed_body(covered: Areas, core: Areas, sections: Areas, tolerance: float) -> Areas:
     """The printed body as it looks from outside: what is covered and what the shell encloses, without inner voids.
 
     A void is a piece of the section that is left out, all deeper than `tolerance` under the outline.
@@ -139,7 +139,7 @@ def body_of(covered: Areas, core: Areas, sections: Areas, tolerance: float) -> A
     return union(body, normalize(missing.select(~reaches_out)))
 
 
-def without_slits(sections: Areas, slit: float) -> Areas:
-    """The sections without gaps and fins narrower than `slit`, which no nozzle prints."""
-    closed = offset(offset(sections, slit / 2), -slit / 2)
-    return offset_open(closed, slit / 2)
+def remove_narrow_gaps(sections: Areas, min_gap: float) -> Areas:
+    """Remove gaps and fins from sections that are narrower than a width, because no nozzle prints them."""
+    closed = offset(offset(sections, min_gap / 2), -min_gap / 2)
+    return offset_open(closed, min_gap / 2)

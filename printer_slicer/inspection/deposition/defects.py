@@ -14,7 +14,13 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.arrays import Int
-from printer_slicer.inspection.deposition.height_map import NOTHING, HeightMap, MoveBatch, MovePieces, cut_up
+from printer_slicer.inspection.deposition.height_map import (
+    NOTHING,
+    HeightMap,
+    MoveBatch,
+    MovePieces,
+    split_moves,
+)
 from printer_slicer.inspection.deposition.marks import Defect, Marks
 from printer_slicer.inspection.deposition.unsupported import MIN_REPORTED_LENGTH, deposit, unsupported_pieces
 
@@ -26,40 +32,40 @@ DEEP: Final = 0.12
 _PLUNGE: Final = 0.5  # mm straight down into what stands there, or to the side of it
 _SCRAPES: Final = 0.04  # mm over the bed
 _OVER: Final = 1.01
-_MOST_MISHAPS: Final = 200
+_MOST_DEFECTS: Final = 200
 
 
 class DefectFinder:
     """Looks at what is laid.
 
     Args:
-        relief: what stands on the plate so far; what is looked at is put into it.
+        height_map: what stands on the plate so far; what is looked at is put into it.
         max_flow: mm³/s that the material melts.
         marks: what comments tell.
 
     Attributes:
-        mishaps: the worst of each kind in each layer, in order, the first 200.
+        defects: the worst of each kind in each layer, in order, the first 200.
         counts: how many layers have each kind.
         peak: the highest flow; None without any.
     """
 
-    def __init__(self, relief: HeightMap, max_flow: float, marks: Marks) -> None:
-        self._relief, self._max_flow, self._marks = relief, max_flow, marks
-        self.mishaps: list[Defect] = []
+    def __init__(self, height_map: HeightMap, max_flow: float, marks: Marks) -> None:
+        self._height_map, self._max_flow, self._marks = height_map, max_flow, marks
+        self.defects: list[Defect] = []
         self.counts: dict[str, int] = {}
         self.peak: Defect | None = None
 
-    def look(self, batch: MoveBatch, numbers: Int) -> None:
+    def check(self, batch: MoveBatch, numbers: Int) -> None:
         """Look at moves of one height, `numbers` (n,) their layers."""
         self._flow(batch, numbers)
-        cut = cut_up(batch.start, batch.end)
-        cell = self._relief.cells(cut)
+        cut = split_moves(batch.start, batch.end)
+        cell = self._height_map.cells(cut)
         self._crash(batch, cut, cell, numbers)
-        laid = np.flatnonzero(batch.lays[cut.move])
+        laid = np.flatnonzero(batch.extrudes[cut.move])
         if len(laid):
             some = cut.take(laid)
-            self._air(batch, some, cell[laid], numbers)
-            deposit(self._relief, batch, some, cell[laid], self._marks)
+            self._unsupported(batch, some, cell[laid], numbers)
+            deposit(self._height_map, batch, some, cell[laid], self._marks)
 
     def _flow(self, batch: MoveBatch, numbers: Int) -> None:
         """Plastic per second."""
@@ -69,21 +75,21 @@ class DefectFinder:
         flow = float(batch.flow[at])
         if flow <= 0:
             return
-        mishap = batch.mishap("flow", at, numbers, flow)
+        defect_at = batch.defect_at("flow", at, numbers, flow)
         if self.peak is None or flow > self.peak.amount:
-            self.peak = mishap
+            self.peak = defect_at
         if flow > self._max_flow * _OVER:
             first = int(np.flatnonzero(batch.flow > self._max_flow * _OVER)[0])
-            self._tell(batch.mishap("flow", first, numbers, flow))
+            self._keep(batch.defect_at("flow", first, numbers, flow))
 
     def _crash(self, batch: MoveBatch, cut: MovePieces, cell: Int, numbers: Int) -> None:
         """The nozzle, lower than what stands in its way."""
-        depth = self._relief.depth(cell, cut.z)
+        depth = self._height_map.depth(cell, cut.z)
         upright = cut.length <= NOTHING
         sinks = (batch.end[:, 2] < batch.start[:, 2] - NOTHING)[cut.move]
-        low = np.flatnonzero((cut.z < self._relief.highest - _PLUNGE) & (~upright | sinks))
+        low = np.flatnonzero((cut.z < self._height_map.highest - _PLUNGE) & (~upright | sinks))
         if len(low):  # the deeper, the wider a nozzle is
-            beside = self._relief.deepest(cell[low], cut.z[low])
+            beside = self._height_map.deepest(cell[low], cut.z[low])
             depth[low] = np.where(beside > _PLUNGE, beside, depth[low])
         hit = np.flatnonzero((~upright & (depth > DEEP)) | (upright & sinks & (depth > _PLUNGE)))
         if not len(hit):
@@ -92,33 +98,33 @@ class DefectFinder:
         if through < MIN_REPORTED_LENGTH and not upright[hit].any():
             return
         worst = float(depth[hit].max())
-        self._tell(batch.mishap("crash", int(cut.move[hit[0]]), numbers, through)._replace(depth=worst))
+        self._keep(batch.defect_at("crash", int(cut.move[hit[0]]), numbers, through)._replace(depth=worst))
 
-    def _air(self, batch: MoveBatch, cut: MovePieces, cell: Int, numbers: Int) -> None:
+    def _unsupported(self, batch: MoveBatch, cut: MovePieces, cell: Int, numbers: Int) -> None:
         """Beads with nothing under them that nothing holds."""
         low = batch.end[cut.move, 2] < _SCRAPES
         if float(cut.length[low].sum()) > MIN_REPORTED_LENGTH:
             first = int(cut.move[np.flatnonzero(low)[0]])
-            self._tell(batch.mishap("bed", first, numbers, float(batch.end[first, 2])))
-        lost = unsupported_pieces(self._relief, batch, cut, cell, self._marks)
+            self._keep(batch.defect_at("bed", first, numbers, float(batch.end[first, 2])))
+        lost = unsupported_pieces(self._height_map, batch, cut, cell, self._marks)
         length = float(cut.length[lost].sum())
         if length > MIN_REPORTED_LENGTH:
             at = lost[0]
-            mishap = batch.mishap("unsupported", int(cut.move[at]), numbers, length)
-            self._tell(mishap._replace(x=float(cut.x[at]), y=float(cut.y[at])))
+            defect_at = batch.defect_at("unsupported", int(cut.move[at]), numbers, length)
+            self._keep(defect_at._replace(x=float(cut.x[at]), y=float(cut.y[at])))
 
-    def _tell(self, mishap: Defect) -> None:
+    def _keep(self, defect_at: Defect) -> None:
         """Keep a mishap, one of each kind in a layer."""
         same = next(
-            (i for i in range(len(self.mishaps) - 1, -1, -1) if self.mishaps[i].kind == mishap.kind), None
+            (i for i in range(len(self.defects) - 1, -1, -1) if self.defects[i].kind == defect_at.kind), None
         )
-        if same is not None and self.mishaps[same].layer == mishap.layer:
-            old = self.mishaps[same]
-            more = max if mishap.kind in {"flow", "crash"} else float.__add__
-            self.mishaps[same] = old._replace(
-                amount=more(old.amount, mishap.amount), depth=max(old.depth, mishap.depth)
+        if same is not None and self.defects[same].layer == defect_at.layer:
+            old = self.defects[same]
+            more = max if defect_at.kind in {"flow", "crash"} else float.__add__
+            self.defects[same] = old._replace(
+                amount=more(old.amount, defect_at.amount), depth=max(old.depth, defect_at.depth)
             )
             return
-        self.counts[mishap.kind] = self.counts.get(mishap.kind, 0) + 1
-        if len(self.mishaps) < _MOST_MISHAPS:
-            self.mishaps.append(mishap)
+        self.counts[defect_at.kind] = self.counts.get(defect_at.kind, 0) + 1
+        if len(self.defects) < _MOST_DEFECTS:
+            self.defects.append(defect_at)

@@ -26,12 +26,12 @@ __all__ = [
     "NOTHING",
     "START",
     "HeightMap",
-    "Laid",
+    "LevelMoves",
     "MoveBatch",
     "MovePieces",
     "PlateHeights",
-    "cut_up",
     "runs_of",
+    "split_moves",
 ]
 
 CELL: Final = 0.25
@@ -70,7 +70,7 @@ class MovePieces:
         return MovePieces(self.move, x, y, self.z, self.length)
 
 
-def cut_up(start: Float, end: Float) -> MovePieces:
+def split_moves(start: Float, end: Float) -> MovePieces:
     """Moves from (n, 3) to (n, 3) mm in pieces, in order."""
     way = end - start
     length = np.hypot(way[:, 0], way[:, 1])
@@ -122,7 +122,7 @@ class HeightMap:
         # The last cell stands for everything outside: nothing is there, and nothing stays.
         self._outside = self._wide * self._deep
         self._top = np.zeros(self._outside + 1, np.float32)
-        self._loose = np.zeros(self._outside + 1, np.bool_)
+        self._removable = np.zeros(self._outside + 1, np.bool_)
         self.highest = 0.0
 
     def cells(self, cut: MovePieces) -> Int:
@@ -143,7 +143,7 @@ class HeightMap:
         beside = np.clip(cell[:, None] + np.array(around), 0, self._outside)
         return np.asarray(self._top[beside].max(axis=1, initial=0.0) - z)
 
-    def rests(self, cell: Int, lowest: Float, spare: float) -> Bool:
+    def is_supported(self, cell: Int, lowest: Float, spare: float) -> Bool:
         """(P,) whether something reaches up to `lowest`, mm, under a piece or beside it.
 
         Args:
@@ -151,26 +151,26 @@ class HeightMap:
             lowest: (P,) mm, how far down its thread reaches.
             spare: mm that supports may be lower.
         """
-        result = self._carries(cell, lowest, spare)
+        result = self._reaches(cell, lowest, spare)
         missing = np.flatnonzero(~result)
         for row in range(-_REACH, _REACH + 1):
             for column in range(-_REACH, _REACH + 1):
                 if not len(missing):
                     return result
                 beside = np.clip(cell[missing] + row * self._wide + column, 0, self._outside)
-                found = self._carries(beside, lowest[missing], spare)
+                found = self._reaches(beside, lowest[missing], spare)
                 result[missing[found]] = True
                 missing = missing[~found]
         return result
 
-    def lay(self, cut: MovePieces, sideways: Float, width: Float, *, loose: bool) -> None:
+    def add_extrusions(self, cut: MovePieces, sideways: Float, width: Float, *, removable: bool) -> None:
         """Plastic reaches up to these pieces of beads now.
 
         Args:
             cut: the pieces.
             sideways: (n, 2) across each move.
             width: (n,) mm of each.
-            loose: whether the part is taken off these again.
+            removable: whether the part is taken off these again.
         """
         spread = np.clip(width - CELL, 0.0, _WIDEST)  # between the outermost cells
         rows = np.ceil(spread / CELL)
@@ -180,8 +180,8 @@ class HeightMap:
             step = np.where(rows > 0, k / np.maximum(rows, 1) - 0.5, 0.0) * spread
             cell = self.cells(some.beside(sideways * step[:, None]))
             np.maximum.at(self._top, cell, some.z.astype(np.float32))
-            self._loose[cell] = loose
-        self._top[self._outside], self._loose[self._outside] = 0.0, False
+            self._removable[cell] = removable
+        self._top[self._outside], self._removable[self._outside] = 0.0, False
         self.highest = max(self.highest, float(cut.z.max()))
 
     def plate(self, most: int = 1600) -> PlateHeights:
@@ -218,9 +218,9 @@ class HeightMap:
             reached = grown
         return np.asarray(reached.reshape(-1)[place])
 
-    def _carries(self, cell: Int, lowest: Float, spare: float) -> Bool:
+    def _reaches(self, cell: Int, lowest: Float, spare: float) -> Bool:
         """(P,) whether what stands in a cell reaches up to `lowest`."""
-        return np.asarray(self._top[cell] + spare * self._loose[cell] >= lowest - 1e-4)
+        return np.asarray(self._top[cell] + spare * self._removable[cell] >= lowest - 1e-4)
 
 
 def _grown(field: Bool, by: int) -> Bool:
@@ -235,18 +235,18 @@ def _grown(field: Bool, by: int) -> Bool:
 
 
 COMMAND, START, END, FED = 0, slice(1, 4), slice(4, 7), 7
-"""Columns of the rows that a printer keeps of its moves: see `sim.track`."""
+"""Columns of the rows that a printer keeps of its moves: see `sim.move_log`."""
 
 NOTHING: Final = 1e-9
 """mm³ or mm: less is rounding."""
 
-_COLUMNS: Final = ("command", "start", "end", "volume", "flat", "lays", "role")
+_COLUMNS: Final = ("command", "start", "end", "volume", "flat", "extrudes", "role")
 _FLATTEST: Final = 3.0  # times as thick as its bead is the thread of the flattest: six times as wide as high
 _LEVEL: Final = 0.02  # mm: what lies so near in z is looked at together
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Laid:
+class LevelMoves:
     """Moves of one height, and which of them extrude.
 
     Attributes:
@@ -254,7 +254,7 @@ class Laid:
         start, end: (n, 3) mm.
         volume: (n,) mm³ extruded.
         flat: (n,) mm, length in x and y.
-        lays: (n,) whether the move extrudes.
+        extrudes: (n,) whether the move extrudes.
         role: (n,) role, see `Marks.role`.
     """
 
@@ -263,7 +263,7 @@ class Laid:
     end: Float
     volume: Float
     flat: Float
-    lays: Bool
+    extrudes: Bool
     role: Int
 
     @property
@@ -288,18 +288,18 @@ class Laid:
         thread = np.maximum(self.thread, NOTHING)
         return np.asarray(thread**2 * (pi / 4) / np.clip(height, thread / _FLATTEST, thread))
 
-    def between(self, first: int, last: int) -> Laid:
+    def between(self, first: int, last: int) -> LevelMoves:
         """Return the moves from `first` up to `last`, exclusive."""
-        return Laid(*(getattr(self, name)[first:last] for name in _COLUMNS))
+        return LevelMoves(*(getattr(self, name)[first:last] for name in _COLUMNS))
 
     @classmethod
-    def joined(cls, parts: Sequence[Laid]) -> Laid:
+    def joined(cls, parts: Sequence[LevelMoves]) -> LevelMoves:
         """Concatenate consecutive moves."""
-        return Laid(*(np.concatenate([getattr(part, name) for part in parts]) for name in _COLUMNS))
+        return LevelMoves(*(np.concatenate([getattr(part, name) for part in parts]) for name in _COLUMNS))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class MoveBatch(Laid):
+class MoveBatch(LevelMoves):
     """Moves of one height as a printer executed them.
 
     Attributes:
@@ -318,17 +318,19 @@ class MoveBatch(Laid):
         command = rows[:, COMMAND].astype(np.int64)
         start, end = rows[:, START], rows[:, END]
         flat = np.hypot(*(end - start)[:, :2].T)
-        lays = (fresh > NOTHING) & (flat > NOTHING)
+        extrudes = (fresh > NOTHING) & (flat > NOTHING)
         flow = np.zeros(len(rows))
-        flow[lays] = volumetric_flow(fresh[lays], seconds[lays])
-        return cls(command, start, end, fresh, flat, lays, marks.role(command), rows[:, FED], seconds, flow)
+        flow[extrudes] = volumetric_flow(fresh[extrudes], seconds[extrudes])
+        return cls(
+            command, start, end, fresh, flat, extrudes, marks.role(command), rows[:, FED], seconds, flow
+        )
 
     @property
     def empty(self) -> Bool:
         """(n,) whether filament is fed but nothing is extruded."""
-        return (self.fed > NOTHING) & ~self.lays
+        return (self.fed > NOTHING) & ~self.extrudes
 
-    def mishap(self, kind: str, at: int, numbers: Int, amount: float) -> Defect:
+    def defect_at(self, kind: str, at: int, numbers: Int, amount: float) -> Defect:
         """What went wrong at one of the moves, where it ends."""
         x, y, z = self.end[at].tolist()
         return Defect(kind, int(self.command[at]), int(numbers[at]), z, x, y, amount)

@@ -125,7 +125,7 @@ class Marks:
         roles: (R,) commands at which the role changes.
         names: (R,) index into `labels` of each change.
         labels: names of roles; the first is that of extrusion without a role.
-        loose: indices of roles that are removed after the print, such as supports.
+        removable: indices of roles that are removed after the print, such as supports.
         changes: (T,) commands that choose a tool.
         tools: (T,) the tool of each; before the first it is 0.
     """
@@ -134,12 +134,12 @@ class Marks:
     roles: Int = field(default_factory=lambda: np.zeros(0, np.int64))
     names: Int = field(default_factory=lambda: np.zeros(0, np.int64))
     labels: tuple[str, ...] = (Purpose.UNKNOWN.label,)
-    loose: frozenset[int] = frozenset()
+    removable: frozenset[int] = frozenset()
     changes: Int = field(default_factory=lambda: np.zeros(0, np.int64))
     tools: Int = field(default_factory=lambda: np.zeros(0, np.int64))
 
     @property
-    def told(self) -> bool:
+    def has_roles(self) -> bool:
         """Whether comments name roles at all."""
         return len(self.roles) > 0
 
@@ -180,7 +180,7 @@ def marks_of(
         roles=np.array(list(roles), np.int64) + 1,
         names=np.array([int(kind) for kind in roles.values()], np.int64),
         labels=tuple(kind.label for kind in Purpose),
-        loose=frozenset({int(Purpose.SUPPORT_MATERIAL)}),
+        removable=frozenset({int(Purpose.SUPPORT_MATERIAL)}),
         changes=changes,
         tools=tools,
     )

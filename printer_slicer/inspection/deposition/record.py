@@ -82,11 +82,11 @@ class Deposition:
         length: mm of beads.
         speed: mm/s, that half of all length is laid slower than.
         peak: the highest flow, as a mishap tells it; None without any.
-        mishaps: the worst of each kind in each layer, in order.
+        defects: the worst of each kind in each layer, in order.
         counts: how many layers have each kind of them.
-        laid: the first command that lays; None if none does.
-        lost: the first command of whose filament some did not come out; None if there is none.
-        drought: the first long stretch in which the print goes on but nothing is laid; None without.
+        first_extrusion: the first command that lays; None if none does.
+        first_missing: the first command of whose filament some did not come out; None if there is none.
+        missing_extrusion: the first long stretch in which the print goes on but nothing is laid; None without.
         plate: what stands on it at the end.
         timeline: speed over the time in motion.
     """
@@ -100,10 +100,10 @@ class Deposition:
     length: float
     speed: float
     peak: Defect | None
-    mishaps: Sequence[Defect]
+    defects: Sequence[Defect]
     counts: Mapping[str, int]
-    laid: int | None
-    lost: int | None
-    drought: MissingExtrusion | None
+    first_extrusion: int | None
+    first_missing: int | None
+    missing_extrusion: MissingExtrusion | None
     plate: PlateHeights = field(compare=False)
     timeline: Timeline = field(compare=False)

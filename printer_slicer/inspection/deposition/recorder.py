@@ -1,6 +1,6 @@
 """The material as a printer executed it: kept account of while it prints, in memory that does not grow with the job.
 
-Moves come in chunks. What is laid at one height is looked at together, see `mishaps`.
+Moves come in chunks. What is laid at one height is looked at together, see `defects`.
 """
 
 from __future__ import annotations
@@ -53,8 +53,8 @@ class DepositionRecorder:
         max_flow: float,
         marks: Marks,
     ) -> None:
-        self._relief = HeightMap(*box)
-        self._watch = DefectFinder(self._relief, max_flow, marks)
+        self._height_map = HeightMap(*box)
+        self._defects = DefectFinder(self._height_map, max_flow, marks)
         self._area, self._marks = area, marks
         self._reached: dict[
             int, tuple[float, float]
@@ -68,16 +68,16 @@ class DepositionRecorder:
         self._seconds = np.zeros(len(marks.labels))
         self._travel = self._extruder = self._volume = self._standing = 0.0
         self._speeds = np.zeros(len(_BINS) + 1)
-        self._laid_first: int | None = None
-        self._lost: int | None = None
-        self._droughts = MissingExtrusionFinder()
+        self._first_extrusion: int | None = None
+        self._first_missing: int | None = None
+        self._missing_extrusion = MissingExtrusionFinder()
         self._timeline = TimelineRecorder()
 
     def feed(self, rows: Float, seconds: Float, kept_back: float = 0.0) -> None:
         """Some more moves.
 
         Args:
-            rows: (n, 9) as `sim.track` has them.
+            rows: (n, 9) as `sim.move_log` has them.
             seconds: (n,) that each takes.
             kept_back: share of what is fed that does not come out of the nozzle.
         """
@@ -85,39 +85,39 @@ class DepositionRecorder:
         pushed = self._pushed(rows) * self._area
         fresh = pushed * (1.0 - kept_back)
         flat = np.hypot(*(rows[:, END] - rows[:, START])[:, :2].T)
-        lays = (fresh > NOTHING) & (flat > NOTHING)
-        self._standing += float(fresh[~lays].sum())
-        if self._laid_first is None and lays.any():
-            self._laid_first = int(rows[lays.argmax(), COMMAND])
-        if self._lost is None and kept_back and (pushed > NOTHING).any():
-            self._lost = int(rows[(pushed > NOTHING).argmax(), COMMAND])
+        extrudes = (fresh > NOTHING) & (flat > NOTHING)
+        self._standing += float(fresh[~extrudes].sum())
+        if self._first_extrusion is None and extrudes.any():
+            self._first_extrusion = int(rows[extrudes.argmax(), COMMAND])
+        if self._first_missing is None and kept_back and (pushed > NOTHING).any():
+            self._first_missing = int(rows[(pushed > NOTHING).argmax(), COMMAND])
         if kept_back:
             rows = rows.copy()
             rows[:, FED] *= 1.0 - kept_back
-        self._droughts.feed(rows, lays)
-        self._share_out(rows, seconds, (fresh, lays))
+        self._missing_extrusion.feed(rows, extrudes)
+        self._share_out(rows, seconds, (fresh, extrudes))
 
     def _share_out(self, rows: Float, seconds: Float, laid: tuple[Float, Bool]) -> None:
         """Moves into batches of one height; what they lay, mm³, and whether they do."""
-        fresh, lays = laid
+        fresh, extrudes = laid
         z = rows[:, 6]
         # Cut where something is laid at another height than before, or the nozzle goes under what was laid just now.
-        heights = np.where(lays, z, np.nan)
+        heights = np.where(extrudes, z, np.nan)
         low = np.minimum(z, rows[:, 3]) < _latest(heights, self._laid) - DEEP
         sinks = low & ~np.append(self._low, low[:-1])
         self._low, self._laid = bool(low[-1]), float(_latest(np.append(heights, 0.0), self._laid)[-1])
-        at = np.flatnonzero(lays | sinks)
+        at = np.flatnonzero(extrudes | sinks)
         begin = 0
         for first, height in zip(*runs_of(at, z[at], self._z), strict=True):
             if first > begin or self._waiting:
                 self._wait(rows[begin:first], seconds[begin:first], fresh[begin:first])
-                self._look()
+                self._check_waiting()
             begin, self._z = first, height
         self._wait(rows[begin:], seconds[begin:], fresh[begin:])
 
     def close(self) -> Deposition:
         """All that was found."""
-        self._look()
+        self._check_waiting()
         names = self._marks.labels
         return Deposition(
             layers=tuple(self._layers.values()),
@@ -128,13 +128,13 @@ class DepositionRecorder:
             standing=self._standing,
             length=sum(layer.length for layer in self._layers.values()),
             speed=_median(self._speeds),
-            peak=self._watch.peak,
-            mishaps=tuple(self._watch.mishaps),
-            counts=dict(self._watch.counts),
-            laid=self._laid_first,
-            lost=self._lost,
-            drought=self._droughts.first,
-            plate=self._relief.plate(),
+            peak=self._defects.peak,
+            defects=tuple(self._defects.defects),
+            counts=dict(self._defects.counts),
+            first_extrusion=self._first_extrusion,
+            first_missing=self._first_missing,
+            missing_extrusion=self._missing_extrusion.first,
+            plate=self._height_map.plate(),
             timeline=self._timeline.close(),
         )
 
@@ -163,9 +163,9 @@ class DepositionRecorder:
             self._waiting.append((rows, seconds, fresh))
             self._waits += len(rows)
             if self._waits > _MOST:
-                self._look()
+                self._check_waiting()
 
-    def _look(self) -> None:
+    def _check_waiting(self) -> None:
         """Look at what waits."""
         if not self._waiting:
             return
@@ -174,15 +174,15 @@ class DepositionRecorder:
         batch = MoveBatch.of(rows, seconds, fresh, self._marks)
         numbers = self._numbers(batch)
         self._add(batch, numbers)
-        self._watch.look(batch, numbers)
+        self._defects.check(batch, numbers)
 
     def _numbers(self, batch: MoveBatch) -> Int:
         """(n,) the layer of each move."""
         if len(self._marks.layers):
             return self._marks.layer(batch.command)
-        if not batch.lays.any():
+        if not batch.extrudes.any():
             return np.full(len(batch.command), self._number)
-        z = round(float(batch.end[batch.lays, 2].max()), 3)
+        z = round(float(batch.end[batch.extrudes, 2].max()), 3)
         if len(self._heights) < _MOST_LAYERS:
             self._heights.setdefault(z, len(self._heights) + 1)
         self._number = self._heights.get(z, len(self._heights))
@@ -190,16 +190,16 @@ class DepositionRecorder:
 
     def _add(self, batch: MoveBatch, numbers: Int) -> None:
         """Count times and volumes."""
-        lays = batch.lays
-        self._seconds += np.bincount(batch.role[lays], batch.seconds[lays], len(self._seconds))
+        extrudes = batch.extrudes
+        self._seconds += np.bincount(batch.role[extrudes], batch.seconds[extrudes], len(self._seconds))
         still = batch.flat <= NOTHING
         upright = np.abs(batch.end[:, 2] - batch.start[:, 2]) > NOTHING
         alone = still & ~upright
         self._extruder += float(batch.seconds[alone].sum())
-        self._travel += float(batch.seconds[~lays & ~alone].sum())
-        self._volume += float(batch.volume[lays].sum())
-        pace = batch.flat[lays] / np.maximum(batch.seconds[lays], 1e-9)
-        self._speeds += np.bincount(np.searchsorted(_BINS, pace), batch.flat[lays], len(_BINS) + 1)
+        self._travel += float(batch.seconds[~extrudes & ~alone].sum())
+        self._volume += float(batch.volume[extrudes].sum())
+        pace = batch.flat[extrudes] / np.maximum(batch.seconds[extrudes], 1e-9)
+        self._speeds += np.bincount(np.searchsorted(_BINS, pace), batch.flat[extrudes], len(_BINS) + 1)
         for number in np.unique(numbers).tolist():
             if number in self._layers or len(self._layers) < _MOST_LAYERS:
                 self._add_to(number, batch, numbers == number)
@@ -207,7 +207,7 @@ class DepositionRecorder:
     def _add_to(self, number: int, batch: MoveBatch, own: Bool) -> None:
         """Count what was done in a layer."""
         layer = self._layers.setdefault(number, LayerDeposition(number, int(batch.command[own.argmax()])))
-        laid = own & batch.lays
+        laid = own & batch.extrudes
         lengths, volumes = batch.flat[laid], batch.volume[laid]
         length = float(lengths.sum())
         layer.seconds += float(batch.seconds[own].sum())

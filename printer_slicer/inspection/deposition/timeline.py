@@ -51,7 +51,7 @@ class TimelineRecorder:
         self._now = 0.0
 
     def feed(self, rows: Float, seconds: Float) -> None:
-        """Add consecutive moves: rows (n, 9) of `sim.track`, and how long each takes, (n,) s."""
+        """Add consecutive moves: rows (n, 9) of `sim.move_log`, and how long each takes, (n,) s."""
         if not len(rows):
             return
         distance = np.sqrt(((rows[:, END] - rows[:, START]) ** 2).sum(axis=1))

@@ -34,11 +34,11 @@ class MissingExtrusionFinder:
         self._now: MissingExtrusion | None = None  # what may become one
         self._steps, self._since = 0, 0.0
 
-    def feed(self, rows: Float, lays: Bool) -> None:
-        """Some more moves, as `sim.track` has them, and which of them lay something."""
+    def feed(self, rows: Float, extrudes: Bool) -> None:
+        """Some more moves, as `sim.move_log` has them, and which of them lay something."""
         if self.first is not None and (self._now is None or self.first.command != self._now.command):
             return  # it has ended
-        edges = np.concatenate([[-1], np.flatnonzero(lays), [len(rows)]])
+        edges = np.concatenate([[-1], np.flatnonzero(extrudes), [len(rows)]])
         worth = np.diff(edges) > _MANY
         worth[[0, -1]] = True  # they may begin earlier, or go on
         for gap in np.flatnonzero(worth).tolist():

@@ -16,10 +16,10 @@ from printer_slicer.arrays import Bool, Float, Int, consecutive
 from printer_slicer.inspection.deposition.height_map import (
     NOTHING,
     HeightMap,
-    Laid,
+    LevelMoves,
     MovePieces,
-    cut_up,
     runs_of,
+    split_moves,
 )
 from printer_slicer.inspection.deposition.marks import Marks, Purpose, purposes_of_roles
 from printer_slicer.profile import Profile
@@ -48,11 +48,13 @@ _Box = tuple[tuple[float, float], tuple[float, float]]
 _STRAIGHT: Final = 0.95  # chord divided by length, from which a stretch that rests at both ends is a bridge
 
 
-def unsupported_pieces(relief: HeightMap, laid: Laid, cut: MovePieces, cell: Int, marks: Marks) -> Int:
+def unsupported_pieces(
+    height_map: HeightMap, laid: LevelMoves, cut: MovePieces, cell: Int, marks: Marks
+) -> Int:
     """Return the unsupported pieces of the extrusions of one height.
 
     Args:
-        relief: height map of everything printed before.
+        height_map: height map of everything printed before.
         laid: the moves of this height.
         cut: (P,) pieces of the extruding moves.
         cell: (P,) cell of the relief of each piece.
@@ -62,39 +64,39 @@ def unsupported_pieces(relief: HeightMap, laid: Laid, cut: MovePieces, cell: Int
     if len(marks.layers) and not marks.layer(laid.command).any():
         return none  # priming may extrude into the air
     lowest = cut.z - laid.thread[cut.move] * _THREAD
-    if not marks.told:
+    if not marks.has_roles:
         lowest = lowest - _CONTACT  # the layer below may be a support
-    rests = relief.rests(cell, lowest, _CONTACT) | (lowest <= 0)
-    if rests.all():
+    is_supported = height_map.is_supported(cell, lowest, _CONTACT) | (lowest <= 0)
+    if is_supported.all():
         return none
-    held = rests | _bridges(laid, cut, rests)
+    held = is_supported | _bridges(laid, cut, is_supported)
     if held.all():
         return none
     # Supports are removed later: whether they hold is the slicer's responsibility.
-    loose = np.isin(laid.role, [*marks.loose])[cut.move]
-    return np.flatnonzero(~relief.connected(cell, held, _LIP) & ~loose)
+    removable = np.isin(laid.role, [*marks.removable])[cut.move]
+    return np.flatnonzero(~height_map.connected(cell, held, _LIP) & ~removable)
 
 
-def deposit(relief: HeightMap, laid: Laid, cut: MovePieces, cell: Int, marks: Marks) -> None:
+def deposit(height_map: HeightMap, laid: LevelMoves, cut: MovePieces, cell: Int, marks: Marks) -> None:
     """Add extrusions to the relief at their full width; arguments as above."""
-    width = laid.width(-relief.depth(cell, cut.z))
-    loose = np.isin(laid.role, [*marks.loose])[cut.move]
+    width = laid.width(-height_map.depth(cell, cut.z))
+    removable = np.isin(laid.role, [*marks.removable])[cut.move]
     for kind in (True, False):
-        own = np.flatnonzero(loose == kind)
+        own = np.flatnonzero(removable == kind)
         if len(own):
-            relief.lay(cut.take(own), laid.sideways, width, loose=kind)
+            height_map.add_extrusions(cut.take(own), laid.sideways, width, removable=kind)
 
 
-def _bridges(laid: Laid, cut: MovePieces, rests: Bool) -> Bool:
+def _bridges(laid: LevelMoves, cut: MovePieces, is_supported: Bool) -> Bool:
     """(P,) which pieces belong to a straight stretch over a gap that rests at both ends."""
     broken = (np.diff(cut.move) > 0) & (
         np.hypot(*(laid.start[cut.move[1:]] - laid.end[cut.move[:-1]])[:, :2].T) > NOTHING
     )
     path = np.append(0, np.cumsum(broken))
-    hangs = ~rests
-    begins = hangs & (np.append(True, rests[:-1]) | np.append(True, np.diff(path) > 0))
+    hangs = ~is_supported
+    begins = hangs & (np.append(True, is_supported[:-1]) | np.append(True, np.diff(path) > 0))
     first = np.flatnonzero(begins)
-    ends = hangs & (np.append(rests[1:], True) | np.append(np.diff(path) > 0, True))
+    ends = hangs & (np.append(is_supported[1:], True) | np.append(np.diff(path) > 0, True))
     last = np.flatnonzero(ends)
     same_before = (first > 0) & (path[np.maximum(first - 1, 0)] == path[first])
     same_behind = (last < len(path) - 1) & (path[np.minimum(last + 1, len(path) - 1)] == path[last])
@@ -102,7 +104,7 @@ def _bridges(laid: Laid, cut: MovePieces, rests: Bool) -> Bool:
     length = total[last + 1] - total[first]
     chord = np.hypot(cut.x[last] - cut.x[first], cut.y[last] - cut.y[first]) + cut.length[first]
     bridge = same_before & same_behind & (chord >= _STRAIGHT * length)
-    result = np.zeros(len(rests), np.bool_)
+    result = np.zeros(len(is_supported), np.bool_)
     result[consecutive(first[bridge], (last - first + 1)[bridge])] = True
     return result
 
@@ -136,8 +138,8 @@ class UnsupportedTracker:
 
     def __init__(self, box: _Box, area: float, marks: Marks) -> None:
         self._box, self._area, self._marks = box, area, marks
-        self._relief: HeightMap | None = None
-        self._waiting: list[Laid] = []
+        self._height_map: HeightMap | None = None
+        self._waiting: list[LevelMoves] = []
         self._z = np.nan
         self._found: list[Unsupported] = []
 
@@ -154,30 +156,30 @@ class UnsupportedTracker:
         volume = fresh * self._area
         at = np.flatnonzero((volume > NOTHING) & (flat > NOTHING))
         columns = (command[at], start[at], end[at], volume[at], flat[at])
-        some = Laid(*columns, np.ones(len(at), np.bool_), self._marks.role(command[at]))
+        some = LevelMoves(*columns, np.ones(len(at), np.bool_), self._marks.role(command[at]))
         firsts, heights = runs_of(np.arange(len(at)), end[at, 2], self._z)
         begin = 0
         for first, height in zip(firsts, heights, strict=True):
             self._waiting.append(some.between(begin, first))
-            self._look()
+            self._check_waiting()
             begin, self._z = first, height
         self._waiting.append(some.between(begin, len(at)))
 
     def close(self) -> tuple[Unsupported, ...]:
         """Return everything found, in the order of the commands."""
-        self._look()
+        self._check_waiting()
         return tuple(self._found)
 
-    def _look(self) -> None:
+    def _check_waiting(self) -> None:
         """Check all collected moves of one height."""
         waiting, self._waiting = self._waiting, []
         if not any(len(one.command) for one in waiting):
             return
-        laid = Laid.joined(waiting)
-        relief = self._relief = self._relief or HeightMap(*self._box)
-        cut = cut_up(laid.start, laid.end)
-        cell = relief.cells(cut)
-        lost = unsupported_pieces(relief, laid, cut, cell, self._marks)
+        laid = LevelMoves.joined(waiting)
+        height_map = self._height_map = self._height_map or HeightMap(*self._box)
+        cut = split_moves(laid.start, laid.end)
+        cell = height_map.cells(cut)
+        lost = unsupported_pieces(height_map, laid, cut, cell, self._marks)
         length = float(cut.length[lost].sum())
         if length > MIN_REPORTED_LENGTH:
             at = int(lost[0])
@@ -185,7 +187,7 @@ class UnsupportedTracker:
             layer = int(self._marks.layer(np.array([command]))[0])
             z, x, y = (float(column[at]) for column in (cut.z, cut.x, cut.y))
             self._found.append(Unsupported(command, layer, z, x, y, length))
-        deposit(relief, laid, cut, cell, self._marks)
+        deposit(height_map, laid, cut, cell, self._marks)
 
 
 def unsupported_of_program(program: Program, profile: Profile) -> tuple[Unsupported, ...]:
@@ -196,7 +198,7 @@ def unsupported_of_program(program: Program, profile: Profile) -> tuple[Unsuppor
         layers=np.searchsorted(program.layer, np.arange(program.plan.n_layers)) + 1,
         roles=first + 1,
         names=role[first],
-        loose=frozenset({int(Purpose.SUPPORT_MATERIAL)}),
+        removable=frozenset({int(Purpose.SUPPORT_MATERIAL)}),
     )
     tracker = UnsupportedTracker(
         profile.printer.corners, pi * profile.material.filament_diameter**2 / 4, marks

@@ -10,11 +10,11 @@ from printer_slicer.gcode.state import uses_inches
 from printer_slicer.inspection.deposition.marks import Defect
 from printer_slicer.inspection.deposition.record import Deposition
 from printer_slicer.inspection.dry_run.comparison import Comparison
-from printer_slicer.inspection.dry_run.faults import rule_of
+from printer_slicer.inspection.dry_run.faults import code_of_violation
 from printer_slicer.jobs import Job
-from printer_slicer.sim.tally import Report
+from printer_slicer.sim.statistics import Report
 
-__all__ = ["Cause", "causes_of", "explained", "layer_of", "left_over"]
+__all__ = ["Cause", "causes_of", "drop_consequences", "is_explained", "layer_of"]
 
 _FOLLOWS: Final[Mapping[str, frozenset[str]]] = {
     "cold": frozenset({"unsupported", "lack"}),
@@ -55,27 +55,27 @@ class Cause:
         return follows
 
 
-def causes_of(job: Job, report: Report, comparison: Comparison, account: Deposition) -> list[Cause]:
+def causes_of(job: Job, report: Report, comparison: Comparison, deposition: Deposition) -> list[Cause]:
     """What the firmware refused or clipped, layer by layer."""
     inches = bool(report.violations) and uses_inches(job.commands)
     found: dict[tuple[str, int], Cause] = {}
     # What is beyond the list may lie in any layer.
     cut = len(report.violations) < report.n_violations
     for violation in report.violations:
-        kind = rule_of(violation.text)
+        kind = code_of_violation(violation.text)
         if kind in _FOLLOWS and comparison.of_job(violation.line):
             command = comparison.command_of(violation.line)
-            layer = layer_of(account, command)
+            layer = layer_of(deposition, command)
             last = _ALL if cut or (kind == "box" and inches) else layer + _ON
             found.setdefault((kind, layer), Cause(kind, command, last))
     return list(found.values())
 
 
-def left_over(mishaps: Sequence[Defect], causes: list[Cause]) -> list[Defect]:
+def drop_consequences(defects: Sequence[Defect], causes: list[Cause]) -> list[Defect]:
     """Mishaps that follow from nothing else."""
     left = []
-    for one in sorted(mishaps, key=lambda one: one.command):
-        if explained(causes, one.kind, one.command - 1, one.layer):
+    for one in sorted(defects, key=lambda one: one.command):
+        if is_explained(causes, one.kind, one.command - 1, one.layer):
             continue
         left.append(one)
         if one.kind in {"bed", "crash"}:
@@ -85,11 +85,11 @@ def left_over(mishaps: Sequence[Defect], causes: list[Cause]) -> list[Defect]:
     return [one for one in left if one.kind != "flow" or one.layer not in hanging]
 
 
-def explained(causes: Iterable[Cause], kind: str, command: int, layer: int) -> bool:
+def is_explained(causes: Iterable[Cause], kind: str, command: int, layer: int) -> bool:
     """Whether a fault follows from some causes; all of them take note."""
     return sum(cause.explains(kind, command, layer) for cause in causes) > 0
 
 
-def layer_of(account: Deposition, command: int) -> int:
+def layer_of(deposition: Deposition, command: int) -> int:
     """The layer of a command, as the account counts them; 0 before the first."""
-    return max((one.number for one in account.layers if one.first <= command + 1), default=0)
+    return max((one.number for one in deposition.layers if one.first <= command + 1), default=0)

@@ -20,7 +20,7 @@ from printer_slicer.link_model import LineBatch, line_sizes
 from printer_slicer.motion.rules import MotionLimits
 from printer_slicer.motion.vectorized import find_moving, make_blocks
 from printer_slicer.sim.batch import BatchStart
-from printer_slicer.sim.words import Command
+from printer_slicer.sim.parsed_command import Command
 
 __all__ = ["Chunk", "CommandRun", "limits_at"]
 
@@ -174,21 +174,21 @@ def _ways(words: Float, start: BatchStart, others: _Others) -> tuple[Float, Floa
         else:
             position[:, axis] = _held(words[:, axis] * unit + -offset[axis], start.position[axis])
         delta[:, axis] = np.diff(position[:, axis], prepend=start.position[axis])
-    told = np.array([place for place, kind, _ in others if kind == _SETS_E], np.int64)
+    reported = np.array([place for place, kind, _ in others if kind == _SETS_E], np.int64)
     value = np.array([Command(text).value("E") for _, kind, text in others if kind == _SETS_E]) * unit
     e = words[:, 3] * unit
     if start.relative_e:
         steps = np.where(np.isnan(e), 0.0, e)
         total = np.cumsum(steps)
         base = np.full(len(e), np.nan)
-        base[told] = value - total[told]
+        base[reported] = value - total[reported]
         position[:, 3] = total + _held(base, start.position[3])
         delta[:, 3] = steps
     else:
-        e[told] = value
+        e[reported] = value
         position[:, 3] = _held(e, start.position[3])
         delta[:, 3] = np.diff(position[:, 3], prepend=start.position[3])
-        delta[told, 3] = 0.0
+        delta[reported, 3] = 0.0
     return position, delta
 
 
@@ -244,6 +244,6 @@ def _held(values: Float, before: float) -> Float:
     return np.asarray(values[last][1:])
 
 
-def limits_at(stretch: CommandRun, count: int, before: MotionLimits) -> MotionLimits:
+def limits_at(command_run: CommandRun, count: int, before: MotionLimits) -> MotionLimits:
     """The limits behind the first `count` commands."""
-    return next((after for place, after in reversed(stretch.limits) if place < count), before)
+    return next((after for place, after in reversed(command_run.limits) if place < count), before)

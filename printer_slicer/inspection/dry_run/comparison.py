@@ -30,9 +30,9 @@ class Comparison:
     Attributes:
         executed: how many commands of the job were executed, in their order.
         due: index of the one that is next.
-        n_strays: how many commands were executed that were not.
-        strays: the first few of them: (index of what was next, the command).
-        missed: indices of the first few commands that were passed over.
+        n_unexpected: how many commands were executed that were not.
+        unexpected: the first few of them: (index of what was next, the command).
+        skipped: indices of the first few commands that were passed over.
         digest: SHA-256 over the executed commands of the job, each followed by a newline.
     """
 
@@ -46,9 +46,9 @@ class Comparison:
         self._before, self._behind = array("q", [-1]), array("q", [0])
         self._last = (0, b"")  # stray
         self._in_row = 0  # strays since the last command of the job
-        self.executed = self.due = self.n_strays = 0
-        self.strays: list[tuple[int, str]] = []
-        self.missed: list[int] = []
+        self.executed = self.due = self.n_unexpected = 0
+        self.unexpected: list[tuple[int, str]] = []
+        self.skipped: list[int] = []
 
     def __call__(self, text: str) -> None:
         """One more executed command."""
@@ -66,9 +66,9 @@ class Comparison:
             self._set_apart()
             self._last = self._begun, command
             self._in_row += 1
-            self.n_strays += 1
-            if self.n_strays <= SHOWN:
-                self.strays.append((self.due, text))
+            self.n_unexpected += 1
+            if self.n_unexpected <= SHOWN:
+                self.unexpected.append((self.due, text))
 
     def many(self, commands: Sequence[bytes]) -> None:
         """Many commands that are next in the job were executed; none of them is what a host asks."""
@@ -132,8 +132,8 @@ class Comparison:
         if not lost:
             return False
         self._ends[-1] -= 1
-        self.n_strays -= 1
-        del self.strays[self.n_strays :]
+        self.n_unexpected -= 1
+        del self.unexpected[self.n_unexpected :]
         self._pass_over(lost)
         self._take(last)
         self._take(command)
@@ -141,6 +141,6 @@ class Comparison:
 
     def _pass_over(self, count: int) -> None:
         """Commands of the job were not executed; it goes on behind the last run."""
-        self.missed += range(self.due, self.due + min(count, SHOWN - len(self.missed)))
+        self.skipped += range(self.due, self.due + min(count, SHOWN - len(self.skipped)))
         self.due += count
         self._behind[-1] = self.due

@@ -29,13 +29,13 @@ from printer_slicer.link_model import (
 from printer_slicer.motion.planner_clock import PlannerState
 from printer_slicer.sim.batch import Batch, BatchStart
 from printer_slicer.sim.link import VirtualPort
-from printer_slicer.sim.mover import Planned
+from printer_slicer.sim.motion_queue import Planned
 from printer_slicer.sim.printer import SimulatedPrinter
 from printer_slicer.stream.events import Event, Identified
 from printer_slicer.stream.protocol import Streamer
 from printer_slicer.stream.session import run
 
-__all__ = ["LONGEST_COMMAND", "LONGEST_PRINT", "FastRunner", "NeverDoneError"]
+__all__ = ["LONGEST_COMMAND", "LONGEST_PRINT", "EndlessPrintError", "FastRunner"]
 
 LONGEST_COMMAND: Final = 86400.0
 """s; what a printer has not done by then it never will, or somebody wrote far too large a number."""
@@ -48,11 +48,11 @@ _CLOSING: Final = (b"M400", b"M105", b"M114")
 _ROW: Final = 9
 
 
-class _MetError(Exception):
+class _IdentifiedError(Exception):
     """Host and printer know each other now."""
 
 
-class NeverDoneError(Exception):
+class EndlessPrintError(Exception):
     """A command, or the whole print, takes longer than anybody would wait."""
 
 
@@ -66,7 +66,7 @@ class FastRunner:
         on_many: is told of commands that were executed in their order.
 
     Attributes:
-        reckoned: commands of which the firmware only took note.
+        batched: commands of which the firmware only took note.
     """
 
     def __init__(
@@ -81,7 +81,7 @@ class FastRunner:
         self._link = LinkState.idle(link, 0.0)
         self._number = GREETING_LINES
         self._retry = BatchRetry()
-        self.reckoned = 0
+        self.batched = 0
 
     @property
     def now(self) -> float:
@@ -95,9 +95,9 @@ class FastRunner:
         def record(events: Sequence[Event]) -> None:
             heard.extend(events)
             if any(isinstance(event, Identified) for event in events):
-                raise _MetError
+                raise _IdentifiedError
 
-        with suppress(_MetError):
+        with suppress(_IdentifiedError):
             run(streamer, self._port, self._port.now, record=record)
         self._link = LinkState.idle(self._link.link, self._port.now())
         return heard
@@ -106,10 +106,10 @@ class FastRunner:
         """Execute a job; how many of its commands were, before the printer halted.
 
         Raises:
-            NeverDoneError: one of them takes longer than a day, or all of them longer than 30.
+            EndlessPrintError: one of them takes longer than a day, or all of them longer than 30.
         """
         done = 0
-        while done < len(commands) and not self._printer.board.killed:
+        while done < len(commands) and not self._printer.state.killed:
             chunk = Chunk(commands[done : done + _AT_ONCE], self._number - GREETING_LINES)
             done += self._execute(chunk)
             on_progress(done)
@@ -119,7 +119,7 @@ class FastRunner:
         """Wait for the end of the motion and ask where the printer is, as the host does; what it says.
 
         Raises:
-            NeverDoneError: the motion does not end.
+            EndlessPrintError: the motion does not end.
         """
         said = ""
         for command in _CLOSING:
@@ -133,7 +133,7 @@ class FastRunner:
     def _execute(self, chunk: Chunk) -> int:
         """Execute a chunk; how many of its commands were."""
         at = 0
-        while at < len(chunk) and not self._printer.board.killed:
+        while at < len(chunk) and not self._printer.state.killed:
             count = 0
             if self._retry.is_due(chunk.break_after(at) - at):
                 count = self._batch(chunk, at)
@@ -164,7 +164,7 @@ class FastRunner:
             if due is None:
                 break
             if due > latest:
-                raise NeverDoneError
+                raise EndlessPrintError
             now = due
         link.acknowledge(now)
         return b"".join(said).decode("latin-1")
@@ -174,41 +174,43 @@ class FastRunner:
         start = self._printer.start_batch(self._link.executed)
         if start is None or not can_batch(start.limits):
             return 0
-        stretch = CommandRun.read(chunk, at, start)
-        if stretch is None:
+        command_run = CommandRun.read(chunk, at, start)
+        if command_run is None:
             return 0
-        lines, planned = stretch.lines(chunk, start.limits), start.planned
+        lines, planned = command_run.lines(chunk, start.limits), start.planned
         before = PlannerState(planned.queue, planned.last, planned.square, planned.ends)
         busy = start.busy_seconds, start.busy_bytes
         times = send_batch(lines, before, self._link, start.limits, busy)
         if not times.done or times.executed[-1] >= start.until:
             return 0
-        self._apply(chunk, stretch, lines, times, start)
+        self._apply(chunk, command_run, lines, times, start)
         return times.done
 
     def _apply(
-        self, chunk: Chunk, stretch: CommandRun, lines: LineBatch, times: BatchTimes, start: BatchStart
+        self, chunk: Chunk, command_run: CommandRun, lines: LineBatch, times: BatchTimes, start: BatchStart
     ) -> None:
         """Have the firmware take note of what was reckoned."""
         count = times.done
-        self.reckoned += count
-        begin = stretch.begin
+        self.batched += count
+        begin = command_run.begin
         self._on_many(chunk.commands[begin : begin + count])
         self._number += count
-        x, y, z, e = stretch.position[count - 1].tolist()
-        ways = stretch.delta[:count, 3]
-        rows, laid = _rows(stretch, lines, times, start.commands)
+        x, y, z, e = command_run.position[count - 1].tolist()
+        ways = command_run.delta[:count, 3]
+        rows, laid = _rows(command_run, lines, times, start.commands)
         feeding = np.flatnonzero(ways != 0)
         batch = Batch(
             texts=chunk.texts[begin : begin + count],
             number=self._number,
             now=float(times.executed[-1]),
-            timed=[(float(times.executed[place]), text) for place, text in stretch.timed if place < count],
+            timed=[
+                (float(times.executed[place]), text) for place, text in command_run.timed if place < count
+            ],
             extruded_at=float(times.executed[feeding[-1]]) if len(feeding) else -np.inf,
             position=(x, y, z, e),
-            feed=float(stretch.feed[count - 1]),
-            limits=limits_at(stretch, count, start.limits),
-            planned=_planned_after(stretch, lines, times, start),
+            feed=float(command_run.feed[count - 1]),
+            limits=limits_at(command_run, count, start.limits),
+            planned=_planned_after(command_run, lines, times, start),
             seconds=float(times.seconds.sum()),
             fed=float(ways[ways > 0].sum()),
             retracted=-float(ways[ways < 0].sum()),
@@ -221,12 +223,12 @@ class FastRunner:
 
 
 def _rows(
-    stretch: CommandRun, lines: LineBatch, times: BatchTimes, commands: int
+    command_run: CommandRun, lines: LineBatch, times: BatchTimes, commands: int
 ) -> tuple[Float, dict[str, Any]]:
-    """What `Track` wants to know of the moves, and what `Batch` wants to know of what they lay."""
+    """What `MoveLog` wants to know of the moves, and what `Batch` wants to know of what they lay."""
     moving = lines.moving[lines.moving < times.done]
     own = slice(0, len(moving))
-    end, delta = stretch.position[moving], stretch.delta[moving]
+    end, delta = command_run.position[moving], command_run.delta[moving]
     rows = np.zeros((len(moving), _ROW))
     rows[:, 0] = commands + moving + 1
     rows[:, 1:4] = end[:, :3] - delta[:, :3]
@@ -247,12 +249,14 @@ def _rows(
     }
 
 
-def _planned_after(stretch: CommandRun, lines: LineBatch, times: BatchTimes, start: BatchStart) -> Planned:
+def _planned_after(
+    command_run: CommandRun, lines: LineBatch, times: BatchTimes, start: BatchStart
+) -> Planned:
     """What is being made and what waits behind a batch."""
     before, after, began = start.planned, times.planner, len(times.begins)
     # Where the running block, each that waited, and each new one ends; e as filament fed.
-    fed = start.filament + np.cumsum(stretch.delta[lines.moving, 3])
-    new = np.column_stack([stretch.position[lines.moving, :3], fed])
+    fed = start.filament + np.cumsum(command_run.delta[lines.moving, 3])
+    new = np.column_stack([command_run.position[lines.moving, :3], fed])
     targets = np.concatenate([np.array(before.targets).reshape(-1, 4), new])[: times.pushed + 1]
     rows = [tuple(row) for row in targets[max(began - 1, 0) :].tolist()]
     planned = before._replace(queue=after.queue, last=after.last)

@@ -7,11 +7,11 @@ from typing import Final
 
 from printer_slicer.motion.rules import limits_of
 from printer_slicer.profile import Printer
-from printer_slicer.sim.front_end import FRONT_ENDS, MARLIN_2_1, FrontEnd
+from printer_slicer.sim.firmwares import MARLIN_2_1, SIMULATED_FIRMWARES, SimulatedFirmware
 from printer_slicer.sim.heater import HeaterSpec
 from printer_slicer.sim.machine import Machine
 
-__all__ = ["front_end_of", "machine_of"]
+__all__ = ["machine_of", "simulated_firmware_for"]
 
 _PERSON: Final = 60.0  # s until somebody answers a file that waits for a person
 _OVER: Final = (
@@ -52,8 +52,8 @@ def machine_of(printer: Printer, extruders: int | None = None, *, one_hotend: bo
     )
 
 
-def front_end_of(printer: Printer) -> FrontEnd:
+def simulated_firmware_for(printer: Printer) -> SimulatedFirmware:
     """How the simulated firmware answers: as Marlin does, but commands mean what they do in the printer's flavour."""
     extended = printer.firmware.dialect.extended_commands
-    any_case = any(one.any_case for one in FRONT_ENDS.values() if one.flavour == printer.flavour)
-    return replace(MARLIN_2_1, flavour=printer.flavour, ignores_extended=extended, any_case=any_case)
+    any_case = any(one.any_case for one in SIMULATED_FIRMWARES.values() if one.dialect == printer.flavour)
+    return replace(MARLIN_2_1, dialect=printer.flavour, ignores_extended=extended, any_case=any_case)

@@ -39,8 +39,8 @@ class Underrun:
     Attributes:
         first, last: indices of the commands.
         seconds: lost.
-        wanted: lines/s that the machine could take there.
-        possible: lines/s that come.
+        lines_per_second_needed: lines/s that the printer would need there.
+        lines_per_second_available: lines/s that come.
         line, last_line: of the text, counted from 1; 0 if not known.
         layer: counted from 1; 0 before the first.
     """
@@ -48,8 +48,8 @@ class Underrun:
     first: int
     last: int
     seconds: float
-    wanted: float
-    possible: float
+    lines_per_second_needed: float
+    lines_per_second_available: float
     line: int = 0
     last_line: int = 0
     layer: int = 0
@@ -61,27 +61,27 @@ class UnderrunReport:
 
     Attributes:
         link: it.
-        stretches: where the machine is slower for it, in order.
+        underruns: where the machine is slower for it, in order.
         stalls, stalled_seconds: how often and how long it stands still.
         moving_seconds: of all moves.
         seconds: from the first line to the end of the last move; homing, heating and people are not counted.
-        unhindered: the same where lines take no time.
+        ideal_seconds: the same where lines take no time.
         lines_per_second: most that the link carries of lines as long as these are on average.
     """
 
     link: SerialLink
-    stretches: tuple[Underrun, ...]
+    underruns: tuple[Underrun, ...]
     stalls: int
     stalled_seconds: float
     moving_seconds: float
     seconds: float
-    unhindered: float
+    ideal_seconds: float
     lines_per_second: float
 
     @property
     def ok(self) -> bool:
         """Whether nothing is lost that anybody would see."""
-        return not self.stretches
+        return not self.underruns
 
 
 def find_underruns(

@@ -1,4 +1,4 @@
-"""Temperatures that a job asks for, against the ceilings of the profile.
+"""Check the temperatures of a job against the maximum temperatures of the profile.
 
 Source: Marlin's documentation, "M104", "M109", "M140", "M190", "M141", "M149"; Duet3D's G-code dictionary, "G10",
 "M568"; Klipper's documents, "G-Codes": SET_HEATER_TEMPERATURE.
@@ -23,11 +23,11 @@ _KELVIN_ZERO: Final = 273.15
 
 @dataclass(slots=True)
 class HeaterRules:
-    """Follows the temperatures of a job.
+    """Checks the target temperatures of a job.
 
     Attributes:
-        profile: whose ceilings hold.
-        heated: whether the nozzle was told to be warm.
+        profile: with the maximum temperatures.
+        heated: whether a nozzle temperature was set.
     """
 
     profile: Profile
@@ -35,7 +35,7 @@ class HeaterRules:
     _unit: str = "C"
 
     def judge(self, command: LintCommand) -> str:
-        """What is wrong with the temperature that a command asks for; empty if it asks for none, or for a good one."""
+        """Return what is wrong with the temperature that a command sets; empty if nothing is, or if it sets none."""
         if command.code == "M149":
             self._unit = next((letter for letter in "CFK" if letter in command.words), self._unit)
             return ""
@@ -53,7 +53,7 @@ class HeaterRules:
         return "" if asked is None else self._over(heater, self._celsius(asked))
 
     def _of_settings(self, command: LintCommand) -> str:
-        """Klipper's commands, and macros with temperatures, such as START_PRINT EXTRUDER_TEMP=210."""
+        """Check Klipper commands and macros with temperatures, such as START_PRINT EXTRUDER_TEMP=210."""
         for name, value in command.settings.items():
             if "TEMP" not in name and name not in {"TARGET", "MINIMUM", "EXTRUDER", "HOTEND", "BED"}:
                 continue
@@ -73,6 +73,8 @@ class HeaterRules:
 
     def _over(self, heater: HeaterName, asked: float) -> str:
         printer = self.profile.printer
-        # Profiles do not know chambers; none is hotter than a bed may be.
+        # Profiles have no chamber temperature; no chamber gets hotter than a bed may be.
         most = printer.max_nozzle_temperature if heater == "nozzle" else printer.max_bed_temperature
-        return f"{heater} at {asked:g} °C, at most {most:g} °C are allowed" if asked > most else ""
+        return (
+            f"{heater} temperature {asked:g} °C is above the maximum of {most:g} °C" if asked > most else ""
+        )

@@ -1,8 +1,8 @@
-"""Where the moves of a job lead, how fast, and how much plastic they lay: over many moves at once.
+"""Check the end points, speeds and flow of the moves of a job, many moves at once.
 
-Firmware holds moves back to its own limits, so a feed rate over the profile's is only told, unless the file raises the
-firmware's limits too or it is far over. Ends of moves are what the reader of moves makes of them: inches, relative
-modes, offsets (G92), homing, tools, M200, M220.
+Firmware limits speeds itself. So a feed rate above that of the profile is only a warning, unless it is far above or the
+file raises the limits of the firmware too. Inches, relative modes, offsets (G92), homing, tools, M200 and M220 are
+taken into account.
 """
 
 from __future__ import annotations
@@ -25,18 +25,20 @@ from printer_slicer.profile import Profile
 __all__ = ["MELTS", "MoveJudge"]
 
 MELTS: Final = 1.5
-"""Times `max_flow` that a hotend gives for a short while."""
+"""Factor on `max_flow` that a hotend can deliver for a short time."""
 
-_BESIDE: Final = 5.0  # mm beside the bed that machines reach, to prime and to wipe
-_AWAY: Final = 25.0  # mm beside it that slicers send an empty nozzle at the end, for the firmware stops it
-_OVER: Final = 10.0  # mm over the highest part, to present it, where the firmware minds it less
+_BESIDE: Final = 5.0  # mm outside the bed that printers reach, to prime and to wipe
+_AWAY: Final = (
+    25.0  # mm outside the bed for travel: slicers park there, and the firmware stops the move at the edge
+)
+_OVER: Final = 10.0  # mm above the printable height, where slicers lift the nozzle at the end
 _ROUNDED: Final = 0.011  # mm
-_FAST: Final = 2.0  # times the profile's speed from which on a feed is refused
-_RAISED: Final = 3.0  # the same of z and extruder, for slicers know little about them
+_FAST: Final = 2.0  # a feed rate above this multiple of the speed in the profile is an error
+_RAISED: Final = 3.0  # the same for z and extruder, whose limits slicers often do not know
 
 
 class MoveJudge:
-    """Says what is wrong with the moves of a job, which it sees piece by piece.
+    """Checks the moves of a job, batch by batch.
 
     Args:
         profile: of the machine and its material.
@@ -58,7 +60,7 @@ class MoveJudge:
         self._found: dict[tuple[str, str, bool], _Found] = {}
 
     def see(self, moves: Moves) -> None:
-        """Some more moves."""
+        """Check the next batch of moves."""
         raised = self._raised_over(moves)
         if not len(moves.speed):
             return
@@ -76,7 +78,7 @@ class MoveJudge:
             self._keep(moves, case)
 
     def findings(self, commands: Sequence[bytes]) -> Iterator[Diagnostic]:
-        """What was wrong, each thing once; `commands` of the job are shown in it."""
+        """Yield one diagnostic for each kind of problem; `commands` are those of the job, for the text."""
         for (name, what, refused), one in self._found.items():
             command = commands[one.index].decode("latin-1")
             severity: Severity = "error" if refused else "warning"
@@ -91,11 +93,14 @@ class MoveJudge:
             )
         if self._tracker is not None and (found := self._tracker.close()):
             index = found[0].command - 1
-            command, why = commands[index].decode("latin-1"), "it will fall: turn the part, or add supports"
+            command, why = (
+                commands[index].decode("latin-1"),
+                "It will fall down: rotate the part or add supports",
+            )
             yield Diagnostic("unsupported", "error", describe(found), why, index=index, command=command)
 
     def _keep(self, moves: Moves, case: _Case) -> None:
-        """Keep the first of the moves, the number of commands, and the worst size."""
+        """Record the first of the moves, the number of commands, and the largest amount."""
         at = np.flatnonzero(case.which)
         if not len(at):
             return
@@ -110,7 +115,7 @@ class MoveJudge:
             old.worst = max(old.worst, worst, key=abs)
 
     def _raised_over(self, moves: Moves) -> Float:
-        """(4, K) the firmware's limits of speed: the profile's, until the file sets others."""
+        """(4, K) the speed limits of the firmware: those of the profile until the file sets others."""
         raised = np.repeat(self._raised[:, None], len(moves.speed), axis=1)
         for first, kind, values in moves.changes:
             for axis, letter in enumerate("XYZE" if kind == "M203" else ""):
@@ -119,7 +124,7 @@ class MoveJudge:
         return raised
 
     def _fresh(self, moves: Moves, fed: Float) -> Float:
-        """(K,) mm of filament that were never in the nozzle before: what only comes back does not count."""
+        """(K,) mm of new filament that leaves the nozzle: filament that returns after a retraction does not count."""
         fresh = np.zeros(len(fed))
         for tool in np.unique(moves.tool).tolist():
             before, highest = self._fed.get(tool, (0.0, 0.0))
@@ -133,7 +138,7 @@ class MoveJudge:
 
 @dataclass(slots=True)
 class _Found:
-    """Something wrong: the first command that does it, how many do, the worst size."""
+    """One kind of problem: its first command, the number of commands with it, the largest amount."""
 
     index: int
     times: int
@@ -142,7 +147,7 @@ class _Found:
 
 
 class _Case(NamedTuple):
-    """What is true of which moves (K,), how much it is of each (K,) for the braces in `what`, and why that matters."""
+    """One check: which moves (K,) fail it, by how much (K,) for the braces in `what`, and why it matters."""
 
     name: str
     which: Bool
@@ -153,12 +158,12 @@ class _Case(NamedTuple):
 
 
 def _box(moves: Moves, profile: Profile) -> Iterator[_Case]:
-    """Ends of moves out of the machine."""
+    """Find moves that end outside the printable area."""
     (left, front), (right, back) = profile.printer.corners
     reach = profile.printer.reach
     low = (left - reach, front - reach, 0.0)
     high = (right + reach, back + reach, profile.printer.bed_z)
-    over = "the head is driven against the end of its axis"
+    over = "The axis would hit its end stop"
     laying = (moves.delta[:, 3] > 0) & (moves.delta[:, :2] != 0).any(axis=1)
     aside = np.where(laying, _BESIDE, _AWAY)
     for axis, letter in enumerate("xyz"):
@@ -170,22 +175,27 @@ def _box(moves: Moves, profile: Profile) -> Iterator[_Case]:
             if letter == "z"
             else (aside, aside)
         )
-        why = "the nozzle is driven into the bed" if letter == "z" else over
+        why = "The nozzle would hit the bed" if letter == "z" else over
         for off, room, bound, reason in (
             (below, spare[0], low[axis], why),
             (above, spare[1], high[axis], over),
         ):
-            what = f"{letter} at up to {{:.2f}} mm beyond {bound:g} mm"
+            what = f"{letter} is up to {{:.2f}} mm outside the limit of {bound:g} mm"
             far = goes & (off > room + _ROUNDED)
             yield _Case("box", far, off, what, reason, refused=True)
             beside = goes & (off > _ROUNDED) & ~far
             yield _Case(
-                "box", beside, off, what, "most machines reach so far, some stop there", refused=False
+                "box",
+                beside,
+                off,
+                what,
+                "Most printers reach this far, some stop at the limit",
+                refused=False,
             )
 
 
 def _speeds(moves: Moves) -> tuple[Float, Float]:
-    """(4, K) wanted speed of each axis, mm/s, and the part of it in the length of the move."""
+    """(4, K) requested speed of each axis, mm/s, and the share of each axis in the length of the move."""
     x, y, z, e = np.abs(moves.delta.T)
     length = np.sqrt(x * x + y * y + z * z)
     length = np.where(length > 1e-6, length, e)
@@ -194,8 +204,8 @@ def _speeds(moves: Moves) -> tuple[Float, Float]:
 
 
 def _feed(profile: Profile, speed: Float, part: Float, raised: Float) -> Iterator[_Case]:
-    """Speeds over the profile's."""
-    held = "the firmware holds it back"
+    """Find speeds above those of the profile."""
+    held = "The firmware limits it"
     for axis, letter in enumerate("xyze"):
         most = limits_of(profile.printer).max_speed[axis]
         wanted = speed[axis]
@@ -205,14 +215,14 @@ def _feed(profile: Profile, speed: Float, part: Float, raised: Float) -> Iterato
         else:
             far = reached > most * _RAISED
         name = "the extruder" if letter == "e" else letter
-        what = f"{name} at {{:.3g}} mm/s, the profile has {most:g}"
-        yield _Case("feed", far, wanted, what, "the machine may lose steps", refused=True)
+        what = f"{name} moves at {{:.3g}} mm/s, the maximum of the profile is {most:g} mm/s"
+        yield _Case("feed", far, wanted, what, "The motors may lose steps", refused=True)
         slower = (wanted > most * 1.001) & ~far & (part[axis] > 0)
         yield _Case("feed", slower, wanted, what, held, refused=False)
 
 
 def _flow(moves: Moves, fresh: Float, seconds: Float, profile: Profile) -> Iterator[_Case]:
-    """Plastic per second: of beads, and of what is pushed out standing."""
+    """Find volumetric flow above the maximum, while moving and while standing still."""
     volume = fresh * np.pi * profile.material.filament_diameter**2 / 4
     laid = (moves.delta[:, :2] != 0).any(axis=1) & (volume > 0)
     standing = ~laid & (volume >= FLOW_WINDOW) & (seconds > 0)
@@ -220,15 +230,17 @@ def _flow(moves: Moves, fresh: Float, seconds: Float, profile: Profile) -> Itera
     flow[laid] = volumetric_flow(volume[laid], seconds[laid])
     flow[standing] = volume[standing] / seconds[standing]
     most = profile.max_flow
-    what = f"{{:.3g}} mm3/s of plastic, {profile.material.name} melts {most:g}"
+    what = f"flow {{:.3g}} mm³/s, {profile.material.name} allows {most:g} mm³/s"
     far = laid & (flow > most * MELTS)
-    yield _Case("flow", far, flow, what, "too little comes out, and the extruder slips", refused=True)
+    yield _Case(
+        "flow", far, flow, what, "The extruder slips, and too little material comes out", refused=True
+    )
     more = ~far & (flow > most * 1.01)
-    yield _Case("flow", more, flow, what, "it is a little, or nothing is laid with it", refused=False)
+    yield _Case("flow", more, flow, what, "The excess is small, or the nozzle only primes", refused=False)
 
 
 def _least_seconds(moves: Moves, over: Float) -> Float:
-    """(K,) s that each move takes at least: at its speed, no axis over its limit; (4, K) by how much it would be."""
+    """(K,) minimum duration of each move, s: no axis exceeds its limit; `over` (4, K) is speed by limit."""
     slow = np.maximum(1.0, over.max(axis=0))
     x, y, z, e = np.abs(moves.delta.T)
     length = np.sqrt(x * x + y * y + z * z)

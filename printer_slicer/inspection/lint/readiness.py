@@ -104,13 +104,13 @@ class Readiness:
         goes = (moves.delta[:, :3] != 0).any(axis=1)
         turns = moves.delta[:, 3] != 0
         lays = (moves.delta[:, 3] > 0) & (moves.delta[:, :2] != 0).any(axis=1)
-        why = "the position of the nozzle is unknown: home first (G28)"
+        why = "The position of the nozzle is unknown: home first (G28)"
         lifts = self._lifts(moves)
         self._keep("homing", "moves before homing", why, moves, goes & (axes == _UNKNOWN) & ~lifts)
         self._keep(
             "homing", "extrudes after the motors were switched off", why, moves, lays & (axes == _LOOSE)
         )
-        why = "the firmware blocks cold extrusion: heat the nozzle and wait first (M109 S215, for example)"
+        why = "The firmware blocks cold extrusion: heat the nozzle and wait first (for example M109 S215)"
         self._keep("cold", "extrudes before the nozzle is hot", why, moves, turns & (heat <= _HEATING))
         off = (heat == _COOLED) | self._cooled(moves, heat == _COOLING)
         self._keep(

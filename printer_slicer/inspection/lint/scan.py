@@ -1,4 +1,4 @@
-"""Make a job of G-code, with what the rules find in its commands and moves before the first byte is sent."""
+"""Check the commands and moves of G-code before it is sent, and make a job from it."""
 
 from __future__ import annotations
 
@@ -51,18 +51,18 @@ def scan(
     whole: bool = False,
     tracker: UnsupportedTracker | None = None,
 ) -> tuple[Diagnostic, ...]:
-    """Everything in a job that a person should know, or must allow, before a printer gets it.
+    """Find dangerous and suspicious commands and moves in a job.
 
     Args:
         commands: one per entry, without comments, as they are sent.
-        profile: the machine and its material, with their ceilings.
-        moves: of the commands, piece by piece, if somebody else wants to see them too.
+        profile: the printer and its material, with their limits.
+        moves: of the commands, batch by batch; None reads them from the commands.
         marks: command index -> layer, ascending.
         whole: whether the commands are a complete print, which must home and heat by itself.
         tracker: finds unsupported extrusion; None if the commands are not a complete print.
 
     Returns:
-        What was found, in the order of the commands; the same thing done again is counted.
+        Diagnostics in the order of the commands; repetitions are counted.
     """
     if moves is None:
         dialect = FLAVOURS[profile.printer.flavour]
@@ -75,7 +75,7 @@ def scan(
             readiness.follow(index, command)
             if command.code == "M221" and (ratio := command.most("S")):
                 factors.append((index, ratio / 100))
-            for name, severity, what, why in _said(command, line, profile, heat):
+            for name, severity, what, why in _check_command(command, line, profile, heat):
                 shown = line.decode("latin-1")
                 key = (name, severity, what, shown)
                 old = found.get(key)
@@ -94,7 +94,7 @@ def scan(
 
 
 def _unusual(commands: Sequence[bytes]) -> Iterator[tuple[int, bytes]]:
-    """Yield the commands that are not plain moves, and their places; many are searched at once."""
+    """Yield the index and text of each command that is not a plain move."""
     for begin in range(0, len(commands), _AT_ONCE):
         text = b"\n".join(commands[begin : begin + _AT_ONCE])
         index, at = begin, 0
@@ -105,7 +105,7 @@ def _unusual(commands: Sequence[bytes]) -> Iterator[tuple[int, bytes]]:
 
 
 def _in_order(findings: Iterable[Diagnostic], marks: Mapping[int, int]) -> tuple[Diagnostic, ...]:
-    """Return findings with their layers, in the order of the commands."""
+    """Add layers to diagnostics and sort them by command."""
     begins, layers = list(marks), list(marks.values())
     placed = (
         replace(one, layer=layers[at - 1] if (at := bisect_right(begins, one.index)) else 0)
@@ -114,33 +114,33 @@ def _in_order(findings: Iterable[Diagnostic], marks: Mapping[int, int]) -> tuple
     return tuple(sorted(placed, key=lambda one: (one.index, not one.is_error, one.code)))
 
 
-def _said(command: LintCommand, line: bytes, profile: Profile, heat: HeaterRules) -> Iterator[_Key]:
-    """Code, severity, what it does, why that matters."""
+def _check_command(command: LintCommand, line: bytes, profile: Profile, heat: HeaterRules) -> Iterator[_Key]:
+    """Yield code, severity, message and reason of each problem of a command."""
     if wrong := heat.judge(command):
-        yield "temperature", "error", wrong, "it may burn"
+        yield "temperature", "error", wrong, "The heater may overheat"
     for rule in _RULES.get(command.code, ()):
-        said = rule.judge(command, profile.printer)
-        if said is not None:
-            refused, what = said
+        result = rule.judge(command, profile.printer)
+        if result is not None:
+            refused, what = result
             yield rule.name, "error" if refused else "warning", what, rule.why
     if not command.further and (what := lower_case_fault(line, profile.printer.flavour)):
-        yield "unreadable", "error", what, "the printer ignores what it does not know"
+        yield "unreadable", "error", what, "The firmware ignores unknown commands"
     for what in number_faults(command, profile.printer.flavour):
-        yield "unreadable", "error", what, "firmwares read it differently"
+        yield "unreadable", "error", what, "Firmwares interpret it differently"
     if command.code[:1] == "D" and command.code[1:].lstrip("-").isdigit():
-        yield "debug", "error", "is a command for developers", "it may read and write memory and pins"
+        yield "debug", "error", "is a debug command", "It may read and write memory and pins"
     scripted = command.code in _SCRIPTS and "_" not in command.code
     if scripted or (command.code in _FOLLOWED and (command.further or "{" in command.text)):
-        yield "unreadable", "error", "cannot be followed", "what it does depends on the firmware"
+        yield "unreadable", "error", "cannot be interpreted", "Its effect depends on the firmware"
 
 
 def lint_file(path: Path, profile: Profile, *, streamed: bool = True) -> Job:
-    """Read a G-code file as a job, with what is found in it.
+    """Read and check a G-code file.
 
     Args:
         path: of the file.
-        profile: the machine and its material, with their limits.
-        streamed: whether it goes to the printer line by line; what is uploaded may hold longer lines.
+        profile: the printer and its material, with their limits.
+        streamed: whether the file is sent line by line; uploaded files may have longer lines.
 
     Raises:
         PrinterSlicerError: the file cannot be read or sent.
@@ -149,28 +149,28 @@ def lint_file(path: Path, profile: Profile, *, streamed: bool = True) -> Job:
 
 
 def lint_text(
-    name: str, text: bytes, profile: Profile, *, streamed: bool = True, flavour: Dialect | None = None
+    name: str, text: bytes, profile: Profile, *, streamed: bool = True, dialect: Dialect | None = None
 ) -> Job:
-    """Make a job of a text, with what is found in it.
+    """Make a job from G-code text and check it.
 
     Args:
-        name: what to call it.
+        name: of the job.
         text: the G-code.
-        profile: the machine and its material, with their limits.
-        streamed: whether it goes to the printer line by line; what is uploaded may hold longer lines.
-        flavour: G-code dialect of the text; None: the printer's.
+        profile: the printer and its material, with their limits.
+        streamed: whether the file is sent line by line; uploaded files may have longer lines.
+        dialect: of the G-code; None: that of the printer.
 
     Raises:
-        UsageError: there is nothing in it, or something that can never be sent.
+        UsageError: it has no commands, or a line that cannot be sent.
     """
     printer = profile.printer
-    told = sendable(name, text, streamed=streamed)
-    pieces = read_moves_in_pieces(told.commands, printer.corners[0], flavour or FLAVOURS[printer.flavour])
+    content = sendable(name, text, streamed=streamed)
+    pieces = read_moves_in_pieces(content.commands, printer.corners[0], dialect or FLAVOURS[printer.flavour])
     summary = JobSummary(limits_of(printer))
-    marks = marks_of(told.commands, text, told.marks, told.roles)
+    marks = marks_of(content.commands, text, content.marks, content.roles)
     tracker = UnsupportedTracker(printer.corners, pi * profile.material.filament_diameter**2 / 4, marks)
     moves = map(summary.add, pieces)
-    findings = scan(told.commands, profile, moves=moves, marks=told.marks, whole=True, tracker=tracker)
+    findings = scan(content.commands, profile, moves=moves, marks=content.marks, whole=True, tracker=tracker)
     lines = find_lines(text, [one.index for one in findings])
     placed = tuple(replace(one, line=line) for one, line in zip(findings, lines, strict=True))
-    return replace(summary.job(name, text, told), findings=placed)
+    return replace(summary.job(name, text, content), findings=placed)

@@ -1,7 +1,7 @@
-"""Find words that a firmware cannot read: without a valid number, or in lower case where it knows only capitals.
+"""Find words that a firmware cannot read: without a valid number, or in lower case if it needs upper case.
 
-Which firmware does what with them is in its row of `firmware`, with the source. Texts of messages and names of files,
-words with more than one letter, and commands for the host (`@pause`) may be in lower case everywhere.
+The row of each firmware in `firmware` says what it does with them. Messages, file names, words of several letters and
+commands for the host (`@pause`) may be in lower case everywhere.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ _LOWER_WORD: Final = re.compile(r"(?<![A-Za-z_])[a-z](?![A-Za-z_])")
 
 
 def lower_case_fault(line: bytes, flavour: str) -> str:
-    """What is wrong with the case of a line's letters, and how to write it; empty if nothing is.
+    """Return what is wrong with lower-case letters of a line, and how to write it; empty if nothing is.
 
     Args:
         line: one command, without comment.
@@ -78,10 +78,10 @@ def lower_case_fault(line: bytes, flavour: str) -> str:
     if head.isupper() and (free or not _LOWER_WORD.search(_TEXT.sub(" ", behind))):
         return ""
     capitals = head.decode().upper() + (behind if free else _in_capitals(behind))
-    return f"is in lower case, which {FIRMWARES[flavour].title} does not know: write {capitals}"
+    return f"is in lower case, which {FIRMWARES[flavour].title} does not read: write {capitals}"
 
 
 def _in_capitals(words: str) -> str:
-    """The words of a command in capitals, with its texts as they are."""
+    """Return the words of a command in upper case, with its quoted texts unchanged."""
     texts = iter(_TEXT.findall(words))
     return "".join(part.upper() + next(texts, "") for part in _TEXT.split(words))

@@ -14,9 +14,9 @@ from printer_slicer import bead
 from printer_slicer.arrays import Float
 from printer_slicer.geometry import Areas, normalize
 from printer_slicer.inspection.coverage.extrusions import Extrusions
-from printer_slicer.inspection.coverage.matching import moved
+from printer_slicer.inspection.coverage.matching import shift_areas
 from printer_slicer.inspection.coverage.measurement import CoverageRules, coverage_of
-from printer_slicer.inspection.coverage.stack import Stack, stacked
+from printer_slicer.inspection.coverage.stack import Stack, stack_extrusions
 from printer_slicer.inspection.deposition.marks import Purpose
 from tests.effort import examples
 from tests.inspection.coverage.lines import WIDTH, beads_along, joined, sections, solid
@@ -61,7 +61,7 @@ def test_beads_that_tile_a_rectangle_leave_nothing_open_and_nothing_twice(
     deep = rows * gap + 2 * side
     section = np.array([(0, 0), (wide, 0), (wide, deep), (0, deep)])
     tiles = with_ends(beads, turned(beads.begin, degrees), turned(beads.end, degrees))
-    coverage = coverage_of(stacked(tiles), sections([turned(section, degrees)]))
+    coverage = coverage_of(stack_extrusions(tiles), sections([turned(section, degrees)]))
 
     assert coverage.uncovered.area()[0] == 0
     assert coverage.fill.overlap[0] == 0
@@ -79,7 +79,7 @@ def test_a_layer_shifted_across_its_sides_is_off_by_the_shift(
     place = np.array([by, 0.0])
     shifted = with_ends(beads, turned(beads.begin + place, degrees), turned(beads.end + place, degrees))
     coverage = coverage_of(
-        stacked(shifted), sections([turned(section, degrees)]), CoverageRules(shell=2 * GAP)
+        stack_extrusions(shifted), sections([turned(section, degrees)]), CoverageRules(shell=2 * GAP)
     )
 
     assert coverage.outline.p95[0] == pytest.approx(abs(by), abs=ARC)
@@ -95,9 +95,9 @@ def test_a_layer_shifted_across_its_sides_is_off_by_the_shift(
 def test_flow_is_volume(rings: list[Float], share: float) -> None:
     beads = joined(*(beads_along([*map(tuple, ring), tuple(ring[0])]) for ring in rings))
     section = normalize(sections(rings))
-    usual = coverage_of(stacked(beads), section)
+    usual = coverage_of(stack_extrusions(beads), section)
     other = coverage_of(
-        stacked(replace(beads, area=beads.area * share)), section, CoverageRules(usual.shell_depth)
+        stack_extrusions(replace(beads, area=beads.area * share)), section, CoverageRules(usual.shell_depth)
     )
 
     assert other.volume == pytest.approx(usual.volume * share)
@@ -114,11 +114,13 @@ def test_it_does_not_matter_where_and_how_a_layer_lies(
 ) -> None:
     beads = joined(*(beads_along([*map(tuple, ring), tuple(ring[0])]) for ring in rings))
     rules = CoverageRules(shell=0.8)
-    here = coverage_of(stacked(beads), normalize(sections(rings)), rules)
+    here = coverage_of(stack_extrusions(beads), normalize(sections(rings)), rules)
     place = np.array([x, y])
     there = coverage_of(
-        stacked(with_ends(beads, turned(beads.begin, degrees) + place, turned(beads.end, degrees) + place)),
-        moved(normalize(sections([turned(ring, degrees) for ring in rings])), (x, y)),
+        stack_extrusions(
+            with_ends(beads, turned(beads.begin, degrees) + place, turned(beads.end, degrees) + place)
+        ),
+        shift_areas(normalize(sections([turned(ring, degrees) for ring in rings])), (x, y)),
         rules,
     )
 
@@ -133,9 +135,9 @@ def test_it_does_not_matter_where_and_how_a_layer_lies(
     assert there.fill.overlap[0] == pytest.approx(here.fill.overlap[0], rel=0.25, abs=0.5)
 
 
-def without_slits(area: object, slit: float) -> object:
-    gone = shapely.buffer(area, -slit / 2, join_style="mitre")
-    return shapely.intersection(shapely.buffer(gone, slit / 2, join_style="mitre"), area)
+def remove_narrow_gaps(area: object, min_gap: float) -> object:
+    gone = shapely.buffer(area, -min_gap / 2, join_style="mitre")
+    return shapely.intersection(shapely.buffer(gone, min_gap / 2, join_style="mitre"), area)
 
 
 @given(star_rings(), st.floats(0.3, 0.9), st.floats(0.4, 2.0))
@@ -143,7 +145,7 @@ def test_areas_are_those_of_another_engine(rings: list[Float], width: float, dep
     section = normalize(sections(rings))
     lines = [np.vstack([ring, ring[:1]]) * 0.97 for ring in rings]
     beads = joined(*(beads_along(list(map(tuple, line)), width=width) for line in lines))
-    coverage = coverage_of(stacked(beads), section, CoverageRules(shell=depth))
+    coverage = coverage_of(stack_extrusions(beads), section, CoverageRules(shell=depth))
 
     part = shape(section, 0)
     covered = shapely.union_all(
@@ -158,7 +160,7 @@ def test_areas_are_those_of_another_engine(rings: list[Float], width: float, dep
     # All of a lone layer has air above.
     # A slit hardly wider or narrower than what counts may be told or not.
     bare = shapely.difference(part, covered)
-    least, most = (without_slits(bare, slit).area for slit in (0.11, 0.09))  # type: ignore[attr-defined]
+    least, most = (remove_narrow_gaps(bare, min_gap).area for min_gap in (0.11, 0.09))  # type: ignore[attr-defined]
     slack = ARC * (2 * length + part.length) + 0.1
     assert least - slack <= coverage.uncovered.area()[0] <= most + slack
 
@@ -167,7 +169,9 @@ def test_areas_are_those_of_another_engine(rings: list[Float], width: float, dep
 @example(2.25, 2.25)
 def test_round_corners_count_by_their_length(side: float, deep: float) -> None:
     section = np.array([(0, 0), (side, 0), (side, deep), (0, deep)])
-    coverage = coverage_of(stacked(loops(side, deep)), sections([section]), CoverageRules(shell=WIDTH))
+    coverage = coverage_of(
+        stack_extrusions(loops(side, deep)), sections([section]), CoverageRules(shell=WIDTH)
+    )
 
     half = WIDTH / 2
     along = np.linspace(0, half, 2001)
@@ -200,7 +204,7 @@ def spiral(slope: float, share: float, turns: int = 5, height: float = 0.2) -> t
     purpose = np.full(n, Purpose.EXTERNAL_PERIMETER)
     rise = np.full(n, height / sides)
     beads = Extrusions(xy[:-1], xy[1:], z[1:], rise, np.full(n, np.nan), area, purpose, np.zeros(n))
-    stack = stacked(beads)
+    stack = stack_extrusions(beads)
     around = 2 * pi * np.arange(128) / 128
     unit = np.stack([np.cos(around), np.sin(around)], axis=1)
     return stack, sections(*[[(10 + slope * z) * unit] for z in ((stack.top + stack.bottom) / 2).tolist()])

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from printer_slicer.gcode import write_gcode
-from printer_slicer.inspection.coverage.extrusions import Extrusions, beads_of
-from printer_slicer.inspection.coverage.text import Deposit, beads_of_gcode
+from printer_slicer.inspection.coverage.extrusions import Extrusions, extrusions_of_program
+from printer_slicer.inspection.coverage.gcode_extrusions import GcodeExtrusions, extrusions_of_gcode
 from printer_slicer.inspection.deposition.marks import Purpose
 from printer_slicer.pipeline import slice_part
 from tests.inspection.coverage.lines import WIDTH, path
@@ -20,8 +20,8 @@ BEAD = 0.2 * (WIDTH - 0.2 * (1 - pi / 4))
 E10 = 10 * BEAD / SECTION
 
 
-def read(*lines: str, diameter: float | None = None) -> Deposit:
-    return beads_of_gcode("\n".join(lines).encode(), filament_diameter=diameter)
+def read(*lines: str, diameter: float | None = None) -> GcodeExtrusions:
+    return extrusions_of_gcode("\n".join(lines).encode(), filament_diameter=diameter)
 
 
 def only(*lines: str) -> Extrusions:
@@ -158,8 +158,8 @@ def test_every_tool_has_its_own_filament_and_its_own_retractions() -> None:
 def test_a_program_and_its_text_lay_the_same() -> None:
     profile = plain(layer_height=0.3, infill_density=0.3)
     program = slice_part(box((12, 9, 3)), profile)
-    one, moves = beads_of(program, profile.material.filament_diameter)
-    other = beads_of_gcode(write_gcode(program, profile)).beads
+    one, moves = extrusions_of_program(program, profile.material.filament_diameter)
+    other = extrusions_of_gcode(write_gcode(program, profile)).beads
 
     assert (program.filament[moves] > 0).all()
     assert other.volume.sum() == pytest.approx(one.volume.sum(), rel=1e-4)
@@ -171,7 +171,7 @@ def test_a_program_and_its_text_lay_the_same() -> None:
 
 def test_the_width_of_a_bead_comes_from_what_it_holds() -> None:
     text = "\n".join(["M83", *path([(0, 0), (10, 0), (10, 5)], 0.2, 0.2)])
-    beads = beads_of_gcode(text.encode()).beads
+    beads = extrusions_of_gcode(text.encode()).beads
     flat = Extrusions(
         beads.begin,
         beads.end,

@@ -6,18 +6,23 @@ import numpy as np
 import pytest
 
 from printer_slicer.gcode import write_gcode
-from printer_slicer.inspection.coverage.layer_extrusions import LayerExtrusions, Levels, levels_of, sheet_of
-from printer_slicer.inspection.coverage.stack import stacked
-from printer_slicer.inspection.coverage.text import Deposit, beads_of_gcode
+from printer_slicer.inspection.coverage.gcode_extrusions import GcodeExtrusions, extrusions_of_gcode
+from printer_slicer.inspection.coverage.layer_extrusions import (
+    FileLayers,
+    LayerExtrusions,
+    extrusions_of_layer,
+    file_layers_of,
+)
+from printer_slicer.inspection.coverage.stack import stack_extrusions
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.roles import Role
 from tests.inspection.coverage.lines import WIDTH, path
 from tests.parts import box, plain
 
 
-def read(*lines: str) -> tuple[Deposit, Levels]:
-    deposit = beads_of_gcode("\n".join(["M83", *lines]).encode())
-    return deposit, levels_of(deposit, stacked(deposit.beads))
+def read(*lines: str) -> tuple[GcodeExtrusions, FileLayers]:
+    deposit = extrusions_of_gcode("\n".join(["M83", *lines]).encode())
+    return deposit, file_layers_of(deposit, stack_extrusions(deposit.beads))
 
 
 def square(z: float, height: float = 0.2, at: float = 0.0) -> list[str]:
@@ -26,7 +31,7 @@ def square(z: float, height: float = 0.2, at: float = 0.0) -> list[str]:
 
 def sheets(*lines: str) -> list[LayerExtrusions]:
     deposit, levels = read(*lines)
-    return [sheet_of(deposit, levels, number) for number in range(levels.n_levels)]
+    return [extrusions_of_layer(deposit, levels, number) for number in range(levels.n_levels)]
 
 
 def test_every_layer_of_a_part_is_a_sheet_with_its_beads() -> None:
@@ -124,18 +129,18 @@ def test_a_layer_that_is_not_there_is_refused() -> None:
     deposit, levels = read(*square(0.2))
 
     with pytest.raises(ValueError, match="layer 1 is not in the file, which has 1 layers"):
-        sheet_of(deposit, levels, 1)
+        extrusions_of_layer(deposit, levels, 1)
 
 
 def test_a_file_of_ours_has_the_layers_of_its_program_raft_included() -> None:
     profile = plain(raft_height=0.8, raft_gap=0.2)
     program = slice_stages(box((12, 10, 2)), profile).program
-    deposit = beads_of_gcode(write_gcode(program, profile))
-    levels = levels_of(deposit, stacked(deposit.beads))
+    deposit = extrusions_of_gcode(write_gcode(program, profile))
+    levels = file_layers_of(deposit, stack_extrusions(deposit.beads))
 
     assert levels.top == pytest.approx(program.plan.top, abs=1e-3)
     for number in range(levels.n_levels):
-        sheet = sheet_of(deposit, levels, number)
+        sheet = extrusions_of_layer(deposit, levels, number)
         own = (program.layer == number) & (program.role != Role.TRAVEL)
         length = float(np.hypot(*(program.xyz - program.start)[own, :2].T).sum())
         assert float(sheet.beads.length.sum()) == pytest.approx(length, abs=0.05)

@@ -14,9 +14,9 @@ from printer_slicer import bead
 from printer_slicer.geometry import Areas
 from printer_slicer.inspection.coverage.extrusions import Extrusions
 from printer_slicer.inspection.coverage.limits import excess, findings
-from printer_slicer.inspection.coverage.matching import first_guess, fitted, moved
+from printer_slicer.inspection.coverage.matching import fit_sections, guess_shift, shift_areas
 from printer_slicer.inspection.coverage.measurement import Coverage, CoverageRules, coverage_of, overlapping
-from printer_slicer.inspection.coverage.stack import stacked
+from printer_slicer.inspection.coverage.stack import stack_extrusions
 from printer_slicer.inspection.deposition.marks import Purpose
 from tests.effort import examples
 from tests.inspection.coverage.lines import WIDTH, beads_along, joined, sections, solid, square
@@ -36,7 +36,7 @@ def ring(
 
 
 def account(beads: Extrusions, *rings: list[np.ndarray], rules: CoverageRules = RULES) -> Coverage:  # type: ignore[type-arg]
-    return coverage_of(stacked(beads), sections(*rings), rules)
+    return coverage_of(stack_extrusions(beads), sections(*rings), rules)
 
 
 # --- areas ---
@@ -63,7 +63,9 @@ def test_the_shell_that_one_loop_leaves_open_is_uncovered() -> None:
 
 
 def test_what_is_laid_beyond_the_section_is_outside() -> None:
-    coverage = account(beads_along([(0, 5), (30, 5)]), [square(20)], rules=CoverageRules(beyond=0.1))
+    coverage = account(
+        beads_along([(0, 5), (30, 5)]), [square(20)], rules=CoverageRules(outside_tolerance=0.1)
+    )
 
     # From the left, half a round end; from the right 10 mm and half a round end; but for 0.1 mm on either side.
     long = 10 * WIDTH + pi * WIDTH**2 / 4 - 2 * 0.1 * WIDTH
@@ -74,7 +76,8 @@ def test_gaps_narrower_than_a_slit_are_not_told() -> None:
     beads = joined(beads_along([(0, 0.225), (20, 0.225)]), beads_along([(0, 0.725), (20, 0.725)]))
     section = np.array([(0, 0), (20, 0), (20, 0.95), (0, 0.95)])
     narrow, wide = (
-        account(beads, [section], rules=CoverageRules(slit=slit)).uncovered.area()[0] for slit in (0.06, 0.04)
+        account(beads, [section], rules=CoverageRules(min_gap=min_gap)).uncovered.area()[0]
+        for min_gap in (0.06, 0.04)
     )
 
     assert narrow == pytest.approx(0, abs=0.02)
@@ -134,7 +137,7 @@ def test_a_shell_with_nothing_inside_is_full_but_for_three_hundredths(filled: bo
     inner = ring(20, inset=WIDTH / 2 + GAP)
     sides = 80 * float(bead.side_loss(HEIGHT)) / (4 * (20 - WIDTH - 2 * GAP)) / GAP
     beads = joined(ring(20), replace(inner, area=inner.area * (1 + sides)) if filled else inner)
-    stack = stacked(
+    stack = stack_extrusions(
         joined(beads, replace(beads, z_top=beads.z_top * 2), replace(beads, z_top=beads.z_top * 3))
     )
     coverage = coverage_of(stack, sections(*[[square(20)]] * 3), CoverageRules(shell=2 * GAP + WIDTH - GAP))
@@ -205,18 +208,18 @@ def two_posts(top: Extrusions) -> Coverage:
 
 
 def test_on_the_bed_nothing_hangs() -> None:
-    assert account(ring(20), [square(20)]).hanging.tolist() == [0]
+    assert account(ring(20), [square(20)]).unsupported_length.tolist() == [0]
 
 
 def test_a_straight_bead_over_a_gap_that_is_held_at_both_ends_is_a_bridge() -> None:
-    assert two_posts(beads_along([(1, 3), (34, 3)], z=1.0)).hanging.tolist() == [0] * 5
+    assert two_posts(beads_along([(1, 3), (34, 3)], z=1.0)).unsupported_length.tolist() == [0] * 5
 
 
 def test_a_bead_that_ends_in_the_air_hangs_but_for_what_is_near_its_hold() -> None:
     coverage = two_posts(beads_along([(1, 3), (25, 3)], z=1.0))
 
-    assert coverage.hanging[:4].tolist() == [0] * 4
-    assert coverage.hanging[4] == pytest.approx(20 - 5, abs=0.8)
+    assert coverage.unsupported_length[:4].tolist() == [0] * 4
+    assert coverage.unsupported_length[4] == pytest.approx(20 - 5, abs=0.8)
     (one,) = coverage.unsupported
     assert (one.x, one.y) == pytest.approx((10, 3), abs=0.8)
     assert one.z == pytest.approx(1.0)
@@ -225,7 +228,7 @@ def test_a_bead_that_ends_in_the_air_hangs_but_for_what_is_near_its_hold() -> No
 def test_a_bead_that_turns_in_the_air_hangs() -> None:
     coverage = two_posts(beads_along([(1, 1), (20, 1), (20, 4), (1, 4)], z=1.0))
 
-    assert coverage.hanging[4] == pytest.approx(2 * (15 - 5) + 3, abs=1.6)
+    assert coverage.unsupported_length[4] == pytest.approx(2 * (15 - 5) + 3, abs=1.6)
 
 
 def test_a_bead_a_little_beside_the_one_below_rests_on_it() -> None:
@@ -234,8 +237,8 @@ def test_a_bead_a_little_beside_the_one_below_rests_on_it() -> None:
         for inset in (-0.1, -1.5)
     )
 
-    assert near.hanging.tolist() == [0] * 5
-    assert far.hanging[4] == pytest.approx(4 * 23, abs=0.5)
+    assert near.unsupported_length.tolist() == [0] * 5
+    assert far.unsupported_length[4] == pytest.approx(4 * 23, abs=0.5)
 
 
 def test_supports_carry_what_is_laid_over_them_at_a_little_distance() -> None:
@@ -244,8 +247,8 @@ def test_supports_carry_what_is_laid_over_them_at_a_little_distance() -> None:
     support = [beads_along([(5, 3), (25, 3)], z=z, purpose=Purpose.SUPPORT_MATERIAL) for z in BELOW[:3]]
     rings = [*[[square(5)]] * 4, [square(25)]]
 
-    assert account(joined(*post, over), *rings).hanging[4] > 8
-    assert account(joined(*post, *support, over), *rings).hanging.tolist() == [0] * 5
+    assert account(joined(*post, over), *rings).unsupported_length[4] > 8
+    assert account(joined(*post, *support, over), *rings).unsupported_length.tolist() == [0] * 5
 
 
 # --- outlines ---
@@ -292,14 +295,14 @@ def test_a_box_is_found_wherever_it_is_printed(
         (half, half),
     ]
     beads = beads_along([(a + x, b + y) for a, b in corners], purpose=purpose)
-    stack = stacked(beads)
+    stack = stack_extrusions(beads)
     section = sections([np.array([(0, 0), (wide, 0), (wide, deep), (0, deep)])])
-    guess = first_guess(stack, section)
-    match = fitted(stack, moved(section, guess))
+    guess = guess_shift(stack, section)
+    match = fit_sections(stack, shift_areas(section, guess))
 
     assert np.add(guess, match.shift) == pytest.approx([x, y], abs=2e-3)
     assert match.share == 1
-    coverage = coverage_of(stack, moved(section, np.add(guess, match.shift)))
+    coverage = coverage_of(stack, shift_areas(section, np.add(guess, match.shift)))
     assert coverage.volume.sum() == pytest.approx(beads.volume.sum())
     assert coverage.outside.area().sum() == pytest.approx(0, abs=1e-3)
     assert (coverage.covered.area() <= section.area() + 0.1).all()
@@ -307,7 +310,7 @@ def test_a_box_is_found_wherever_it_is_printed(
 
 def test_layers_and_sections_must_be_as_many() -> None:
     with pytest.raises(ValueError, match="1 layers of beads, 2 sections"):
-        coverage_of(stacked(ring(20)), Areas.empty(2))
+        coverage_of(stack_extrusions(ring(20)), Areas.empty(2))
 
 
 def test_findings_are_runs_of_layers_and_the_worst_comes_first() -> None:

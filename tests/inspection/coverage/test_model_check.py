@@ -202,7 +202,7 @@ def test_missing_layers_at_the_top_are_found(missing: int) -> None:
     made = slice_part(PART, PROFILE, plan=even)
 
     problems = checked(without(made, made.layer >= 20 - missing)).problems
-    assert any("under the top of the part" in one for one in problems) == (missing > 0)
+    assert any("below the top of the part" in one for one in problems) == (missing > 0)
 
 
 def test_a_skipped_layer_with_all_above_it_lowered_is_found() -> None:
@@ -211,7 +211,7 @@ def test_a_skipped_layer_with_all_above_it_lowered_is_found() -> None:
     lowered = replace(made, xyz=made.xyz - lower[:, None] * [0, 0, 1])
 
     problems = checked(without(lowered, made.layer == 5)).problems
-    assert any("under the top of the part" in one for one in problems)
+    assert any("below the top of the part" in one for one in problems)
 
 
 def test_infill_laid_twice_is_found() -> None:
@@ -236,7 +236,7 @@ def test_the_wrong_model_is_found() -> None:
 
     for one in (text, bare):
         check = check_gcode(one, sphere(radius=4), CheckOptions())
-        assert any("is it the model" in problem for problem in check.problems)
+        assert any("match this model" in problem for problem in check.problems)
 
 
 # --- what is asked ---
@@ -252,7 +252,7 @@ def test_where_the_part_lies_may_be_told() -> None:
 
 
 def test_limits_decide_what_is_told() -> None:
-    assert checked(program(), asked=CheckOptions(limits=CoverageLimits(under=1.08))).findings != ()
+    assert checked(program(), asked=CheckOptions(limits=CoverageLimits(underfilled=1.08))).findings != ()
 
 
 def test_a_deeper_shell_holds_the_infill_to_account() -> None:
@@ -269,7 +269,7 @@ def test_a_file_without_comments_is_understood() -> None:
     assert check.findings == ()
     assert check.problems == ()
     assert any("1.75 mm is assumed" in note for note in check.notes)
-    assert any("two beads deep" in note for note in check.notes)
+    assert any("shell of two lines" in note for note in check.notes)
 
 
 def test_a_line_that_primes_the_nozzle_makes_no_layer() -> None:
@@ -309,7 +309,7 @@ def test_beads_of_absurd_width_are_drawn_no_wider_than_a_centimetre() -> None:
 
 
 def test_text_without_beads_is_refused() -> None:
-    with pytest.raises(UsageError, match="no beads"):
+    with pytest.raises(UsageError, match="no extrusion of a part"):
         check_gcode(b"G28\nG1 X10\n", PART, CheckOptions())
     with pytest.raises(UsageError, match="binary G-code"):
         check_gcode(b"GCDE\x01\x00", PART)

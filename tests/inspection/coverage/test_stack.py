@@ -8,9 +8,14 @@ import numpy as np
 import pytest
 
 from printer_slicer import bead
+from printer_slicer.inspection.coverage.gcode_extrusions import extrusions_of_gcode
 from printer_slicer.inspection.coverage.measurement import coverage_of
-from printer_slicer.inspection.coverage.stack import Stack, stack_of, stacked, through_layers
-from printer_slicer.inspection.coverage.text import beads_of_gcode
+from printer_slicer.inspection.coverage.stack import (
+    Stack,
+    split_thick_extrusions,
+    stack_extrusions,
+    stack_of_program,
+)
 from printer_slicer.inspection.deposition.marks import Purpose
 from printer_slicer.pipeline import slice_stages
 from tests.inspection.coverage.lines import WIDTH, beads_along, joined, path
@@ -18,7 +23,7 @@ from tests.parts import cone, plain
 
 
 def read(*lines: str) -> Stack:
-    return stacked(beads_of_gcode("\n".join(["M83", *lines]).encode()).beads)
+    return stack_extrusions(extrusions_of_gcode("\n".join(["M83", *lines]).encode()).beads)
 
 
 def loop(z: float, height: float = 0.2, width: float = WIDTH) -> list[str]:
@@ -75,7 +80,7 @@ def test_beads_that_fill_several_layers_are_cut_into_what_they_hold_of_each() ->
     stack = read(
         *outer, *loop(0.2), *loop(0.4), *inner, *path([(2, 2), (2, 18)], 0.4, 0.4), *outer, *loop(0.6)
     )
-    parts, source = through_layers(stack)
+    parts, source = split_thick_extrusions(stack)
 
     assert parts.beads.volume.sum() == pytest.approx(stack.beads.volume.sum())
     assert np.bincount(parts.layer).tolist() == [5, 5, 4]
@@ -85,7 +90,7 @@ def test_beads_that_fill_several_layers_are_cut_into_what_they_hold_of_each() ->
     assert parts.beads.height[deep] == pytest.approx([0.2, 0.2])
     # What lies side by side is as far apart at every height.
     assert parts.beads.area[deep] / 0.2 == pytest.approx(np.full(2, bead.spacing(WIDTH, 0.4)), abs=1e-4)
-    assert through_layers(parts)[0] is parts
+    assert split_thick_extrusions(parts)[0] is parts
 
 
 def test_perimeters_with_too_much_plastic_are_wide_not_thick() -> None:
@@ -156,15 +161,15 @@ def test_beads_beside_the_part_make_no_layers() -> None:
         beads_along([(0, 9), (50, 9)], z=0.2),
     )
 
-    assert stacked(beads).top.tolist() == [0.2]
-    assert stacked(beads).layer.tolist() == [-1, 0]
+    assert stack_extrusions(beads).top.tolist() == [0.2]
+    assert stack_extrusions(beads).layer.tolist() == [-1, 0]
 
 
 def test_a_program_keeps_the_layers_of_its_plan_even_where_nothing_fits() -> None:
     # The tip of a cone is narrower than a bead.
     profile = plain(layer_height=0.3, planner__kind="uniform", min_feature=1)
     stages = slice_stages(cone(radius=4, height=8), profile)
-    stack = stack_of(stages.program, profile.material.filament_diameter)
+    stack = stack_of_program(stages.program, profile.material.filament_diameter)
     coverage = coverage_of(stack, stages.sections.solid)
 
     assert stack.n_layers == stages.sections.plan.n_layers
@@ -173,4 +178,4 @@ def test_a_program_keeps_the_layers_of_its_plan_even_where_nothing_fits() -> Non
 
 
 def test_no_beads_have_no_layers() -> None:
-    assert stacked(beads_of_gcode(b"G28\nG1 X5\n").beads).n_layers == 0
+    assert stack_extrusions(extrusions_of_gcode(b"G28\nG1 X5\n").beads).n_layers == 0

@@ -41,7 +41,7 @@ def test_what_is_kept_back_is_not_laid() -> None:
     whole = account((20.0, 0.2, 1.0), (60.0, 0.2, 2.0))
     part = account((20.0, 0.2, 1.0), (60.0, 0.2, 2.0), kept_back=0.75)
 
-    assert (whole.lost, part.lost) == (None, 1)
+    assert (whole.first_missing, part.first_missing) == (None, 1)
     assert part.volume == pytest.approx(0.25 * whole.volume)
     assert part.length == whole.length
 
@@ -55,10 +55,10 @@ def test_a_way_on_which_filament_is_pushed_in_vain_is_counted() -> None:
 
 def test_a_drought_is_where_the_nozzle_climbs_and_lays_nothing() -> None:
     climb = [(x, 0.2 * z, 0.0) for z in range(2, 8) for x in (60.0, 20.0) * 6]
-    found = account((20.0, 0.2, 1.0), *climb).drought
+    found = account((20.0, 0.2, 1.0), *climb).missing_extrusion
     assert found is not None
 
     assert (found.command, found.low, found.high) == (2, 0.2, pytest.approx(1.4))
-    assert account((20.0, 0.2, 1.0), *climb, (40.0, 1.4, 1.0), *climb[:5]).drought == found
-    assert account((20.0, 0.2, 1.0), *((x, 50.0, 0.0) for x in (60.0, 20.0) * 20)).drought is None
-    assert account(*climb).drought is None
+    assert account((20.0, 0.2, 1.0), *climb, (40.0, 1.4, 1.0), *climb[:5]).missing_extrusion == found
+    assert account((20.0, 0.2, 1.0), *((x, 50.0, 0.0) for x in (60.0, 20.0) * 20)).missing_extrusion is None
+    assert account(*climb).missing_extrusion is None

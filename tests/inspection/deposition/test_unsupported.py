@@ -103,14 +103,14 @@ def command(name: str, *more: object) -> tuple[object, ...]:
 
 
 def test_slice_warns_and_strict_refuses(folder: Path) -> None:
-    told = typed(*command("slice", "-o", "told.gcode", "--json"), cwd=folder)
+    has_roles = typed(*command("slice", "-o", "told.gcode", "--json"), cwd=folder)
     refused = typed(*command("slice", "-o", "refused.gcode", "--strict"), cwd=folder)
-    facts = json.loads(told.out)
+    facts = json.loads(has_roles.out)
 
-    assert told.code == 0
-    assert "warning:" in told.err
-    assert f"{facts['unsupported'][0]['length_mm']:.0f} mm of unsupported extrusion" in told.err
-    assert f"layer {facts['unsupported'][0]['layer']}, z " in told.err
+    assert has_roles.code == 0
+    assert "warning:" in has_roles.err
+    assert f"{facts['unsupported'][0]['length_mm']:.0f} mm of unsupported extrusion" in has_roles.err
+    assert f"layer {facts['unsupported'][0]['layer']}, z " in has_roles.err
     assert any("unsupported extrusion" in one for one in facts["warnings"])
     assert refused.code == 3
     assert "mm of unsupported extrusion" in refused.err
@@ -164,8 +164,8 @@ def test_send_refuses_it_before_a_byte_is_sent(folder: Path) -> None:
 
 
 def test_what_is_not_sent_is_said_to_be_so_with_what_helps(folder: Path) -> None:
-    told = typed("send", "mushroom.gcode", "--to", "duet", "http://127.0.0.1:9", cwd=folder).err
+    has_roles = typed("send", "mushroom.gcode", "--to", "duet", "http://127.0.0.1:9", cwd=folder).err
 
-    assert "mushroom.gcode: not sent, for it holds" in told
-    assert "turn the part or add supports; if it is meant: --allow unsupported" in told
-    assert "--printer" not in told
+    assert "mushroom.gcode: not sent because of these errors" in has_roles
+    assert "Rotate the part or add supports. Use --allow unsupported to print it anyway" in has_roles
+    assert "--printer" not in has_roles

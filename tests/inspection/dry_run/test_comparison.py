@@ -23,8 +23,8 @@ def test_an_altered_line_is_one_difference() -> None:
     lines[7] = "G1  X7"
     comparison = compared(lines)
 
-    assert comparison.strays == [(7, "G1  X7")]
-    assert comparison.missed == [7]
+    assert comparison.unexpected == [(7, "G1  X7")]
+    assert comparison.skipped == [7]
     assert comparison.executed == len(JOB) - 1
     assert comparison.command_of(20) == 19
 
@@ -33,9 +33,9 @@ def test_a_lost_line_is_one_difference_and_no_stray() -> None:
     lines = [line.decode() for line in JOB if line != b"G1 X7"]
     comparison = compared(lines)
 
-    assert comparison.strays == []
-    assert comparison.n_strays == 0
-    assert comparison.missed == [7]
+    assert comparison.unexpected == []
+    assert comparison.n_unexpected == 0
+    assert comparison.skipped == [7]
     assert comparison.executed == len(JOB) - 1
     assert comparison.command_of(8) == 8
     assert comparison.of_job(8)
@@ -46,8 +46,8 @@ def test_a_line_too_many_is_one_difference() -> None:
     lines.insert(7, "G1 X6")
     comparison = compared(lines)
 
-    assert comparison.strays == [(7, "G1 X6")]
-    assert comparison.missed == []
+    assert comparison.unexpected == [(7, "G1 X6")]
+    assert comparison.skipped == []
     assert comparison.executed == len(JOB)
     assert not comparison.of_job(8)
     assert [comparison.command_of(number) for number in (7, 8, 9)] == [6, 6, 7]
@@ -87,7 +87,7 @@ def test_a_slip_is_got_over_wherever_others_are_far_enough() -> None:
     comparison = compared(asked)
 
     assert comparison.due == len(JOB)
-    assert comparison.n_strays <= 3
+    assert comparison.n_unexpected <= 3
 
 
 def test_what_is_kept_does_not_grow_with_questions() -> None:

@@ -73,7 +73,7 @@ def same(quick: Verdict, slow: Verdict, *, seconds: float = 1e-6) -> None:
     assert wrong == []
 
 
-PEAK_FLOW = f".account.peak.{Defect._fields.index('amount')}"
+PEAK_FLOW = f".deposition.peak.{Defect._fields.index('amount')}"
 
 
 MACHINE = machine_of(PROFILE.printer)
@@ -87,7 +87,7 @@ FASTEST = {
 def alike(name: str, value: Any, other: Any, seconds: float, late: float) -> bool:
     """Whether two facts of the same name are the same, of prints of which one took so many seconds longer."""
     if (
-        name.startswith(".account.peak.") and name != PEAK_FLOW
+        name.startswith(".deposition.peak.") and name != PEAK_FLOW
     ):  # which of many with the same flow, to rounding
         return True
     if name in FASTEST:  # how hot it became is looked at now and then, and less often here
@@ -101,9 +101,11 @@ def alike(name: str, value: Any, other: Any, seconds: float, late: float) -> boo
 
 
 def facts(verdict: Verdict) -> dict[str, Any]:
-    """Everything but the relief, which is an array, and the questions that a host asks in long silences."""
+    """Return everything but the height map, and the questions that a host asks in long silences."""
     found = asdict(verdict)
-    del found["account"]["plate"], found["report"]["lines"], found["report"]["digest"]
+    timeline = found["deposition"]["timeline"]
+    timeline.update({name: timeline[name].tolist() for name in ("speed", "command")})
+    del found["deposition"]["plate"], found["report"]["lines"], found["report"]["digest"]
     return found
 
 
@@ -128,7 +130,7 @@ def test_most_of_a_curve_is_reckoned_at_once(tmp_path: Path) -> None:
     express.greet(Streamer(job.commands[:1]))
 
     assert express.execute(job.commands, lambda _: None) == len(job.commands)
-    assert express.reckoned > len(job.commands) - 60
+    assert express.batched > len(job.commands) - 60
 
 
 @pytest.mark.parametrize(
@@ -235,8 +237,8 @@ def test_of_stops_as_long_as_each_other_the_first_is_named(tmp_path: Path) -> No
     quick, slow = (dry_run(job, PROFILE, baud=19200, every_byte=every) for every in (False, True))
 
     for verdict in (quick, slow):
-        most = max(seconds for _, seconds in verdict.report.starved)
-        assert sum(seconds > most - 1e-6 for _, seconds in verdict.report.starved) > 1
+        most = max(seconds for _, seconds in verdict.report.underrun_list)
+        assert sum(seconds > most - 1e-6 for _, seconds in verdict.report.underrun_list) > 1
     same(quick, slow, seconds=2e-3)
 
 

@@ -50,7 +50,7 @@ def test_faults_of_the_second_extruder_are_judged(place: int, line: str, kind: s
 def test_a_second_hotend_that_stays_on_is_a_fault(tmp_path: Path) -> None:
     faults = rehearsed(tmp_path, [line for line in TWO if line != "M104 T0 S0"], extruders=2).faults
 
-    assert [fault.message for fault in faults] == ["the nozzle stays on at 200 °C when all is done"]
+    assert [fault.message for fault in faults] == ["the nozzle stays on at 200 °C at the end"]
 
 
 def test_extruders_may_share_a_hotend(tmp_path: Path) -> None:

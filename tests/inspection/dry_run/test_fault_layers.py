@@ -22,7 +22,7 @@ def struck(job: Job, layer: int) -> int:
     """Index of the command that was begun last when a fault of this layer struck."""
     faults = Faults([Fault("hang", layer=layer, seconds=0.1)], Random(0))
     dry_run(job, PROFILE, faults=faults)
-    (happened,) = faults.happened
+    (happened,) = faults.events
     return happened.line - GREETING - 1
 
 

@@ -55,7 +55,7 @@ def test_m83_lost_from_a_layer_on_is_told_at_the_m82(
 
     assert fault.code == "extrusion"
     assert lines[fault.line - 1] == "M82"
-    assert fault.remedy == "it has to be M83"
+    assert fault.remedy == "Use M83 here"
 
 
 @pytest.mark.parametrize("layer", [1, 10, 20])
@@ -124,7 +124,7 @@ def test_a_file_that_lays_nothing_at_all_is_told_so(tmp_path: Path) -> None:
     verdict = dry_run(job_from(path, PROFILE), PROFILE)
 
     assert verdict.ok
-    assert any("nothing is laid in the whole file" in note for note in verdict.notes)
+    assert any("the file extrudes nothing" in note for note in verdict.notes)
 
 
 # What follows from something else
@@ -181,8 +181,8 @@ def test_what_a_clog_kept_back_is_not_in_the_account(tmp_path: Path) -> None:
     path.write_text("\n".join(sound()))
     job = job_from(path, PROFILE)
     verdict, good = clogged(job, 1.0), dry_run(job, PROFILE)
-    assert verdict.account is not None
-    assert good.account is not None
+    assert verdict.deposition is not None
+    assert good.deposition is not None
     (fault,) = told(verdict)
 
     assert fault.code == "clog"
@@ -192,7 +192,7 @@ def test_what_a_clog_kept_back_is_not_in_the_account(tmp_path: Path) -> None:
     }  # it strikes when the first bead at its height is planned, and those before are laid
     assert f"{verdict.report.filament_missing:.1f} mm" in fault.message
     assert len(verdict.problems) == 1
-    assert verdict.account.volume == pytest.approx(good.account.volume / 2, rel=0.1)
+    assert verdict.deposition.volume == pytest.approx(good.deposition.volume / 2, rel=0.1)
 
 
 def test_a_known_part_tells_which_layers_lack_plastic() -> None:
@@ -200,7 +200,7 @@ def test_a_known_part_tells_which_layers_lack_plastic() -> None:
     (fault,) = told(verdict)
 
     assert fault.code == "clog"
-    assert "11 layers from 10 to 20 hold less plastic than the part wants" in fault.message
+    assert "11 layers from 10 to 20 have too little material" in fault.message
     assert "40%" in fault.message
 
 
@@ -210,4 +210,4 @@ def test_a_machine_that_gives_less_is_held_against_the_part() -> None:
     (fault,) = told(dry_run(job_of(box((20.0, 20.0, 6.0)), profile), profile))
 
     assert (fault.code, fault.layer) == ("lack", 1)
-    assert "60% of it" in fault.message
+    assert "only 60%" in fault.message

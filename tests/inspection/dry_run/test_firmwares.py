@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from printer_slicer.mesh_io import export_stl
-from printer_slicer.sim.front_end import FRONT_ENDS
+from printer_slicer.sim.firmwares import SIMULATED_FIRMWARES
 from tests.cli.command_line import typed
 from tests.parts import box
 
@@ -20,7 +20,7 @@ def part(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-@pytest.mark.parametrize("firmware", sorted(FRONT_ENDS))
+@pytest.mark.parametrize("firmware", sorted(SIMULATED_FIRMWARES))
 def test_a_default_slice_ends_clean_on_every_firmware(firmware: str, part: Path) -> None:
     done = typed("dry-run", part, "--firmware", firmware, "--json")
     facts = json.loads(done.out)

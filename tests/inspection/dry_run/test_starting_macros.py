@@ -7,7 +7,7 @@ import pytest
 from printer_slicer.inspection.dry_run.runner import dry_run
 from printer_slicer.inspection.lint.scan import scan
 from printer_slicer.profile import load_profile
-from printer_slicer.sim.front_end import KLIPPER
+from printer_slicer.sim.firmwares import KLIPPER
 from printer_slicer.slice_jobs import job_of
 from tests.parts import box
 
@@ -31,8 +31,8 @@ def test_a_macro_that_starts_prints_homes_and_heats_which_is_said(macro: str) ->
     assert verdict.ok, verdict.problems
     name = macro.split(maxsplit=1)[0]
     assert [note for note in verdict.notes if name in note and "home" in note], verdict.notes
-    assert verdict.account is not None
-    assert verdict.account.length > 0
+    assert verdict.deposition is not None
+    assert verdict.deposition.length > 0
 
 
 def test_it_heats_to_what_it_is_told() -> None:
@@ -64,7 +64,7 @@ def test_the_simulated_klipper_has_such_a_macro_too() -> None:
         quality="standard",
         changes={"start_gcode": "PRINT_START BED=60 EXTRUDER=210\n", "end_gcode": "print_end\n"},
     )
-    verdict = dry_run(job_of(PART, profile), profile, front_end=KLIPPER)
+    verdict = dry_run(job_of(PART, profile), profile, firmware=KLIPPER)
 
     assert verdict.ok, verdict.problems
 

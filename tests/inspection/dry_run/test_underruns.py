@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.gcode import read_moves
-from printer_slicer.inspection.dry_run.machines import front_end_of, machine_of
+from printer_slicer.inspection.dry_run.machines import machine_of, simulated_firmware_for
 from printer_slicer.inspection.dry_run.underruns import UnderrunReport, _stands, find_underruns
 from printer_slicer.jobs import Job
 from printer_slicer.link_model import SerialLink
@@ -20,7 +20,7 @@ from printer_slicer.motion.rules import limits_of
 from printer_slicer.profile import Profile, load_profile
 from printer_slicer.sim.link import VirtualPort
 from printer_slicer.sim.printer import SimulatedPrinter
-from printer_slicer.sim.tally import Report
+from printer_slicer.sim.statistics import Report
 from printer_slicer.slice_jobs import job_from
 from printer_slicer.stream.protocol import Streamer
 from printer_slicer.stream.session import run
@@ -58,7 +58,9 @@ def expected(commands: list[bytes], link: SerialLink, profile: Profile = PROFILE
 
 def simulated(commands: list[bytes], link: SerialLink, profile: Profile = PROFILE) -> Report:
     """What the simulated printer counts when the streamer sends the job over a cable of this kind."""
-    printer = SimulatedPrinter(machine_of(profile.printer), front_end_of(profile.printer), boots=False)
+    printer = SimulatedPrinter(
+        machine_of(profile.printer), simulated_firmware_for(profile.printer), boots=False
+    )
     port = VirtualPort(printer, baud=link.baud, latency=link.latency_back)
     streamer = Streamer(
         commands,
@@ -77,8 +79,8 @@ def both_ways(baud: int, latency: float, window: int = 2) -> SerialLink:
 
 def assert_same(told: UnderrunReport, counted: Report, share: float = 0.02) -> None:
     """The host's expectation is what the printer counted."""
-    assert told.stalls == pytest.approx(counted.starvations, rel=share, abs=3)
-    assert told.stalled_seconds == pytest.approx(counted.starved_seconds, rel=share, abs=0.03)
+    assert told.stalls == pytest.approx(counted.underruns, rel=share, abs=3)
+    assert told.stalled_seconds == pytest.approx(counted.underrun_seconds, rel=share, abs=0.03)
     assert told.moving_seconds == pytest.approx(counted.motion_seconds, rel=share)
 
 
@@ -104,10 +106,10 @@ def test_there_are_cases_of_every_kind() -> None:
 
     assert stands.stalls > 200
     assert brakes.stalls == 0
-    assert brakes.seconds > 1.5 * brakes.unhindered
-    assert len(stands.stretches) == len(brakes.stretches) == 1
+    assert brakes.seconds > 1.5 * brakes.ideal_seconds
+    assert len(stands.underruns) == len(brakes.underruns) == 1
     assert quick.ok
-    assert quick.seconds == pytest.approx(quick.unhindered, rel=0.02)
+    assert quick.seconds == pytest.approx(quick.ideal_seconds, rel=0.02)
 
 
 @given(
@@ -148,13 +150,13 @@ def test_a_stretch_knows_where_it_is_and_what_would_be_enough() -> None:
     told = find_underruns(
         commands, read_moves(commands), limits_of(ABRUPT.printer), link, {0: 1, 150: 2, 600: 3}
     )
-    (stretch,) = told.stretches
+    (stretch,) = told.underruns
 
     assert 200 < stretch.first < stretch.last <= 820 + 200
     assert stretch.layer == 2
-    assert stretch.wanted == pytest.approx(300, rel=0.15)
-    assert stretch.possible == pytest.approx(link.lines_per_second(38), rel=0.1)
-    assert told.seconds - told.unhindered == pytest.approx(stretch.seconds, rel=0.1)
+    assert stretch.lines_per_second_needed == pytest.approx(300, rel=0.15)
+    assert stretch.lines_per_second_available == pytest.approx(link.lines_per_second(38), rel=0.1)
+    assert told.seconds - told.ideal_seconds == pytest.approx(stretch.seconds, rel=0.1)
 
 
 @given(st.integers(9600, 1_000_000), st.floats(0, 0.02))
@@ -167,7 +169,7 @@ def test_a_quicker_link_is_never_worse(baud: int, latency: float) -> None:
     )
 
     assert other.seconds <= one.seconds + 1e-6
-    assert one.unhindered == pytest.approx(other.unhindered)
+    assert one.ideal_seconds == pytest.approx(other.ideal_seconds)
 
 
 def test_an_arc_is_one_line_for_many_moves() -> None:

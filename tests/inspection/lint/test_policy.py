@@ -228,7 +228,7 @@ def test_lower_case_is_refused_where_the_firmware_does_not_know_it(line: str) ->
     takes = [name for name in sorted(FLAVOURS) if not lower_case_fault(line.encode(), name)]
 
     assert (finding.code, finding.is_error) == ("unreadable", True)
-    assert finding.message.startswith("is in lower case, which Marlin does not know: write ")
+    assert finding.message.startswith("is in lower case, which Marlin does not read: write ")
     assert takes == ["klipper", "repetier", "reprapfirmware"]
 
 
@@ -482,16 +482,16 @@ def test_every_finding_has_a_remedy_of_its_own_kind(name: str) -> None:
 
     assert ("--printer" in remedy) == (name in of_profile)
     assert ("supports" in remedy) == (name == "unsupported")
-    assert remedy.endswith(f"; if it is meant: --allow {name}")
+    assert remedy.endswith(f". Use --allow {name} to print it anyway")
 
 
 def test_each_of_several_findings_has_its_remedy() -> None:
     remedy = remedy_of(found("G28", "M500", "M104 S300", "M81", "M112"))
 
     assert remedy == (
-        "eeprom, halt: remove it from the G-code; "
-        "temperature: name the printer it was made for with --printer and --material; "
-        "if they are meant: --allow eeprom --allow temperature --allow halt"
+        "eeprom, halt: Remove it from the G-code. "
+        "temperature: Name the printer and material the file was made for with --printer and --material. "
+        "Use --allow eeprom --allow temperature --allow halt to print it anyway"
     )
 
 
@@ -512,7 +512,7 @@ def test_print_refuses_before_the_port_is_opened(tmp_path: Path, capsys: pytest.
     said = capsys.readouterr()
 
     assert code == 2
-    assert "line 23, layer 2: M500: stores the settings" in said.err
+    assert "line 23, layer 2: M500: stores settings" in said.err
     assert "--allow eeprom" in said.err
 
 
@@ -520,7 +520,7 @@ def test_print_takes_what_is_allowed_and_lists_it(tmp_path: Path, capsys: pytest
     file = str(job_file(tmp_path, "M302 S0"))
 
     assert main(["print", file, "--port", "sim:", "--allow", "cold"]) == 0
-    assert "M302 S0: lets the extruder turn" in capsys.readouterr().err
+    assert "M302 S0: allows extrusion" in capsys.readouterr().err
     assert main(["print", file, "--port", "sim:", "--allow", "clod"]) == 2
 
 

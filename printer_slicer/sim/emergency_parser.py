@@ -1,6 +1,6 @@
-"""Commands that act ahead of their turn: what an emergency parser sees in the bytes as they arrive.
+"""The emergency parser, which recognizes urgent commands as their bytes arrive.
 
-Known are M108, M112, M410, M524 and M876; the letters S000, P000 and R000 of Marlin's real-time reporting are not.
+It knows M108, M112, M410, M524 and M876, but not S000, P000 and R000 of Marlin's real-time reporting.
 """
 
 from __future__ import annotations
@@ -11,17 +11,17 @@ from typing import Final
 __all__ = ["URGENT_CODES", "EmergencyParser"]
 
 _URGENT: Final = re.compile(rb" *(?:N[-0-9 ]*)?(M108|M112|M410|M524|M876 *S[0-9])").match
-"""What it recognises at the start of a line, whatever follows."""
+"""Match an urgent command at the start of a line."""
 
 URGENT_CODES: Final = frozenset({"M108", "M112", "M410"})
-"""What is seen without one when an un-numbered line enters the queue."""
+"""Urgent commands that are recognized without an emergency parser when an unnumbered line is queued."""
 
 
 class EmergencyParser:
-    """Sees urgent commands as soon as their line is complete.
+    """Recognizes urgent commands as soon as their line is complete.
 
     Args:
-        longest: bytes of a line of which more is not looked at.
+        longest: maximum line length, bytes.
     """
 
     def __init__(self, longest: int) -> None:
@@ -29,7 +29,7 @@ class EmergencyParser:
         self._arriving = b""
 
     def arrive(self, data: bytes) -> list[str]:
-        """The urgent commands that these bytes complete."""
+        """Return the urgent commands completed by these bytes."""
         data = self._arriving + data.replace(b"\r", b"\n")
         *lines, rest = data.split(b"\n")
         self._arriving = rest[: self._longest]

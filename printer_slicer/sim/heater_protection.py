@@ -1,4 +1,4 @@
-"""What a firmware takes for a heater out of control.
+"""Heater protection: when a firmware halts because of a heater.
 
 what              when                                                      Marlin's names
 MINTEMP           a heater that is on reads below 5 °C: a broken sensor     HEATER_0_MINTEMP
@@ -6,9 +6,8 @@ MAXTEMP           it reads more than the highest target and a margin        HEAT
 heating failed    far below its target it gained less than 2 °C in 40 s     WATCH_TEMP_PERIOD, WATCH_TEMP_INCREASE
 thermal runaway   it had arrived and is 4 °C too cold for more than 40 s    THERMAL_PROTECTION_PERIOD, _HYSTERESIS
 
-A heater that works and is strong enough cannot do any of this, so nothing is looked at while there is no reason to: the
-look that decides "heating failed" is made when its time is over, and looks in every second begin when a fault was
-planted or somebody found the temperature too low.
+A working heater cannot cause any of these, so checks are rare: "heating failed" is checked when its period ends, and
+checks every second start only after a fault was injected or a temperature was found too low.
 """
 
 from __future__ import annotations
@@ -20,24 +19,24 @@ from typing import TYPE_CHECKING, Final
 if TYPE_CHECKING:
     from printer_slicer.sim.heater import Heater
 
-__all__ = ["Guard", "GuardSpec"]
+__all__ = ["HeaterProtection", "ProtectionLimits"]
 
 LOOK_SECONDS: Final = 1.0
 
 ARRIVED: Final = 1.0
-"""°C below the target from which on a heater counts as having arrived: its approach never ends."""
+"""°C below the target from which a heater counts as having reached it; it approaches the target asymptotically."""
 
 
 @dataclass(frozen=True, slots=True)
-class GuardSpec:
-    """Limits of a heater that is under control; the defaults are Marlin's for a hotend.
+class ProtectionLimits:
+    """Limits of the heater protection; the defaults are those of Marlin for a hotend.
 
     Attributes:
-        lowest: °C; a heater that is on and reads less has a broken sensor.
-        margin: °C that a reading may lie above the highest target.
-        watch_seconds, watch_rise: a heater that is far below its target has to gain so many °C in so many s.
-        near: °C; a heater that is as near as this to its target is not watched for that.
-        hysteresis, runaway_seconds: a heater that had arrived may be so much colder for so long.
+        lowest: minimum reading of a heater that is on, °C.
+        margin: tolerance above the highest target, °C.
+        watch_seconds, watch_rise: a heater far below its target must rise by `watch_rise` °C in `watch_seconds`.
+        near: within this distance of the target, °C, the rise is not checked.
+        hysteresis, runaway_seconds: a heater that reached its target may be `hysteresis` °C colder for so many s.
     """
 
     lowest: float = 5.0
@@ -49,16 +48,16 @@ class GuardSpec:
     runaway_seconds: float = 40.0
 
 
-class Guard:
-    """Looks after one heater.
+class HeaterProtection:
+    """Watches one heater.
 
     Attributes:
-        due: when it wants to look next, s; infinite when there is no reason to.
+        due: time of the next check, s; infinite if none is needed.
     """
 
     __slots__ = ("_arrived", "_cold_since", "_goal", "_heater", "_spec", "_watched_until", "due")
 
-    def __init__(self, heater: Heater, spec: GuardSpec) -> None:
+    def __init__(self, heater: Heater, spec: ProtectionLimits) -> None:
         self.due = inf
         self._heater = heater
         self._spec = spec
@@ -67,20 +66,20 @@ class Guard:
         self._arrived = False
         self._cold_since = inf
 
-    def aimed(self, now: float) -> None:
-        """The heater got a target."""
+    def target_set(self, now: float) -> None:
+        """Note a new target."""
         self._arrived = False
         self._cold_since = inf
         self._watch(now)
         self.due = self._next(now)
 
     def disturbed(self, now: float) -> None:
-        """Something happened to the heater: look at once, and go on looking."""
+        """Note that the heater was broken or repaired: check at once, and keep checking."""
         self._arrived = self._arrived or self._heater.temperature(now) >= self._heater.target - ARRIVED
         self.due = now
 
     def check(self, now: float) -> str:
-        """What is wrong with the heater at `now`; empty if nothing is."""
+        """Return what is wrong with the heater at `now`; empty if nothing is."""
         heater, spec = self._heater, self._spec
         reading = heater.reading(now)
         if reading > heater.spec.highest + spec.margin:
@@ -105,7 +104,7 @@ class Guard:
         return ""
 
     def seen(self, now: float) -> None:
-        """Somebody asked for the temperature; go on looking if it is too low."""
+        """Note that the temperature was read; keep checking if it is too low."""
         heater = self._heater
         if heater.target <= 0.0 or self.due <= now + LOOK_SECONDS:
             return
@@ -116,7 +115,7 @@ class Guard:
             self.due = now + LOOK_SECONDS
 
     def _watch(self, now: float) -> None:
-        """Expect a rise if the target is far away."""
+        """Require a rise if the target is far away."""
         heater, spec = self._heater, self._spec
         reading = heater.reading(now)
         if heater.target > 0.0 and reading < heater.target - spec.near:
@@ -125,7 +124,7 @@ class Guard:
             self._watched_until = inf
 
     def _next(self, now: float) -> float:
-        """When to look again."""
+        """Return the time of the next check."""
         if self._heater.disturbed or self._cold_since != inf:
             return min(now + LOOK_SECONDS, self._watched_until)
         return self._watched_until if self._heater.target > 0.0 else inf

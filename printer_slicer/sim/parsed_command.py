@@ -1,4 +1,4 @@
-"""A command taken apart: code, words and the text behind the code."""
+"""A parsed command: code, words and the text behind the code."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ _NUMBER = r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)"
 _SHORT = r"[-+]?(?:[0-9]{1,9}(?:\.[0-9]*)?|\.[0-9]+)"
 
 _LARGEST: Final = 1e9
-"""No firmware counts further than this; without a limit a line of digits would be infinite."""
+"""Numbers are clipped to this; a long line of digits would be infinite otherwise."""
 
 SIMPLE_MOVE: Final = re.compile(
     rf"G[01](?: X({_SHORT}))?(?: Y({_SHORT}))?(?: Z({_SHORT}))?(?: E({_SHORT}))?(?: F({_SHORT}))?"
 ).fullmatch
-"""Matches a G0 or G1 with words in the usual order and gives them as five groups."""
+"""Match a G0 or G1 with words in the usual order, as five groups."""
 
 _CODE: Final = re.compile(r"([A-Z]) *([0-9]+(?:\.[0-9]+)?)")
 _SETTING: Final = re.compile(rf"\b([A-Z_]+)=({_NUMBER})")
@@ -29,7 +29,7 @@ _UPPER: Final = {ord(letter): letter.upper() for letter in "abcdefghijklmnopqrst
 
 
 class Command:
-    """One command.
+    """A parsed G-code command.
 
     Args:
         text: the line without line number and checksum.
@@ -37,11 +37,11 @@ class Command:
 
     Attributes:
         text: the line without line number and checksum.
-        name: the first word, in capitals where case does not matter: the name of an extended command.
-        code: letter and number, such as "G28"; empty when it does not begin with them.
-        rest: what stands behind the code, without blanks around it.
-        words: the letters behind the code with their numbers as text, "" for a letter alone. There are no
-            exponents: E is an axis, so "X10E5" are two words.
+        name: the first word, in upper case if case is ignored: the name of an extended command.
+        code: letter and number, such as "G28"; empty without them.
+        rest: text behind the code, stripped.
+        words: letters behind the code with their numbers as text, "" without a number. There are no exponents: E is
+            an axis, so "X10E5" is two words.
     """
 
     __slots__ = ("_behind", "_read", "code", "name", "rest", "text", "words")
@@ -57,12 +57,12 @@ class Command:
         self.words: dict[str, str] = dict(_WORD.findall(self._behind))
 
     def value(self, letter: str) -> float | None:
-        """The number behind a letter; None without the letter or without a number."""
+        """Return the number of a letter; None without the letter or without a number."""
         text = self.words.get(letter)
         return min(max(float(text), -_LARGEST), _LARGEST) if text else None
 
     def values(self, letters: str) -> dict[str, float]:
-        """The numbers behind those of the letters that have one."""
+        """Return the numbers of those letters that have one."""
         return {letter: value for letter in letters if (value := self.value(letter)) is not None}
 
     def without_number(self, letters: str) -> list[str]:
@@ -71,5 +71,5 @@ class Command:
         return [letter for letter, text in found if letter in letters and not _WHOLE(text)]
 
     def setting(self, name: str) -> float | None:
-        """The number of NAME=number, as extended commands have it."""
+        """Return the number of NAME=number in an extended command; None without it."""
         return next((float(value) for key, value in _SETTING.findall(self._read) if key == name), None)

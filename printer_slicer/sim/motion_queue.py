@@ -1,8 +1,7 @@
-"""The planner in simulated time: moves go in at one end, and leave it when the motors have made them.
+"""The motion planner in simulated time: a queue of moves that the motors execute.
 
-How long a move takes is decided by `motion.rules.Lookahead` at the moment the move before it ends, as in a
-firmware: what arrives later can no longer change it. Nothing happens between calls; `advance` catches up with
-the clock.
+As in firmware, `motion.rules.Lookahead` fixes the duration of a move when the move before it ends; later moves cannot
+change it. Nothing happens between calls; `advance` catches up with the clock.
 """
 
 from __future__ import annotations
@@ -14,27 +13,27 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 from printer_slicer.motion.rules import Axes, Block, Lookahead, MotionLimits
 
 if TYPE_CHECKING:
-    from printer_slicer.sim.tally import Tally
+    from printer_slicer.sim.statistics import Statistics
 
-__all__ = ["Mover", "Planned"]
+__all__ = ["MotionQueue", "Planned"]
 
 LONGEST_STARVATION: Final = 2.0
-"""s; a machine that stands still for longer was not waiting for the cable but for a person or a program."""
+"""s; a longer standstill is not a buffer underrun but a wait for a person or a program."""
 
 ENOUGH_TO_START: Final = 3
-"""Moves that make a standing machine start at once instead of waiting for more, as Marlin does."""
+"""Number of moves with which an idle machine starts at once, as in Marlin."""
 
 
 class Planned(NamedTuple):
-    """The state of a planner whose machine moves.
+    """The state of the queue while the machine moves.
 
     Attributes:
-        queue: blocks that wait, each with the squared speed of the corner before it.
-        last: the block pushed last.
+        queue: waiting blocks, each with the squared speed of the corner before it.
+        last: the last block added.
         square: squared speed at the end of the running block, (mm/s)².
-        targets: where the running block and each waiting one end, x, y, z, e, mm.
-        standing: where the running block began.
-        began, ends: s, when it did and will.
+        targets: ends of the running block and of each waiting one, x, y, z, e, mm.
+        standing: start of the running block.
+        began, ends: its start and end times, s.
     """
 
     queue: tuple[tuple[Block, float], ...]
@@ -48,26 +47,24 @@ class Planned(NamedTuple):
 
 _NOWHERE: Final[Axes] = (0.0, 0.0, 0.0, 0.0)
 _AT_ONCE: Final = 1e12
-"""mm/s²; a pause is a block that goes nowhere at 1 mm/s, and is at full speed from its beginning to its end."""
+"""mm/s²; a pause is a block without distance at 1 mm/s, with a practically infinite acceleration."""
 
 
-class Mover:
-    """Executes blocks one after the other.
+class MotionQueue:
+    """Executes moves one after the other.
 
-    A planner of n blocks has n - 1 places, one of them held by the block that is being executed: a ring needs
-    one empty place to be told from an empty ring.
+    A ring buffer of n blocks has n - 1 places, because one must stay empty; the running block occupies one.
 
     Args:
-        limits: motion limits of the machine, including the size of its planner.
-        first_move_delay: s that an idle machine waits for more moves.
-        tally: statistics.
+        limits: motion limits of the machine, including the number of planner blocks.
+        first_move_delay: time that an idle machine waits for more moves, s.
+        statistics: statistics.
         horizon: maximum motion planned ahead, s at the requested speeds, regardless of the number of moves.
 
     Attributes:
-        ends: when the running move ends, or the standing machine will start; infinite when it stands for
-            good.
-        targets: where the running move and each waiting move end, x, y, z, e, mm.
-        expects_stop: a command asked for standing still, so running dry is no starvation.
+        ends: when the running move ends, or the idle machine will start; infinite without moves.
+        targets: ends of the running move and of each waiting move, x, y, z, e, mm.
+        expects_stop: a command waits for the end of motion, so an empty queue is no buffer underrun.
     """
 
     __slots__ = (
@@ -81,7 +78,7 @@ class Mover:
         "_running",
         "_seconds",
         "_standing",
-        "_tally",
+        "_statistics",
         "_woken_by",
         "ends",
         "expects_stop",
@@ -89,7 +86,7 @@ class Mover:
     )
 
     def __init__(
-        self, limits: MotionLimits, first_move_delay: float, tally: Tally, horizon: float = inf
+        self, limits: MotionLimits, first_move_delay: float, statistics: Statistics, horizon: float = inf
     ) -> None:
         self.ends = inf
         self.targets: deque[Axes] = deque()
@@ -97,7 +94,7 @@ class Mover:
         self._lookahead = Lookahead(limits)
         self._places = max(limits.planner_blocks - 1, 1)
         self._delay = first_move_delay
-        self._tally = tally
+        self._statistics = statistics
         self._running = False
         self._began = 0.0
         self._dry_since = -inf
@@ -109,26 +106,26 @@ class Mover:
 
     @property
     def busy(self) -> bool:
-        """Whether something moves or is about to."""
+        """Whether a move runs or is about to start."""
         return self.ends != inf
 
     @property
     def room(self) -> int:
-        """Moves that can be taken without waiting."""
+        """Number of free places in the queue."""
         if self._ahead > self._horizon:
             return 0
         return self._places - len(self.targets)
 
     def set_limits(self, limits: MotionLimits) -> None:
-        """Use other corner rules for the moves pushed from now on."""
+        """Use other limits for moves added from now on."""
         self._lookahead.limits = limits
 
     def push(self, block: Block, target: Axes, now: float) -> None:
-        """Take a move that ends at `target`. The caller has looked at `room`, after `advance(now)`."""
+        """Add a move that ends at `target`; the caller must check `room` after `advance(now)`."""
         self._lookahead.push(block)
-        if (track := self._tally.track) is not None:
+        if (move_log := self._statistics.move_log) is not None:
             start = self.targets[-1] if self.targets else self._standing
-            track.planned(self._tally.lines, start, target, block.speed)
+            move_log.add_planned(self._statistics.lines, start, target, block.speed)
         self.targets.append(target)
         if self._horizon != inf:
             self._seconds.append(block.length / block.speed)
@@ -140,18 +137,18 @@ class Mover:
             if self.expects_stop or now - self._dry_since > LONGEST_STARVATION:
                 self._dry_since = -inf
             self.expects_stop = False
-            self._woken_by = self._tally.lines
+            self._woken_by = self._statistics.lines
         elif len(self.targets) >= ENOUGH_TO_START:
             self.ends = min(self.ends, now)
 
     def hold(self, seconds: float, target: Axes, now: float) -> None:
-        """Stand still at `target` for so long, behind the moves that wait; as `push`."""
+        """Add a pause at `target`, s, behind the waiting moves; as `push`."""
         self._lookahead.stop()
         self.push(Block(seconds, _NOWHERE, 1.0, _AT_ONCE), target, now)
         self._lookahead.stop()
 
     def advance(self, now: float) -> None:
-        """Execute everything that begins until `now`."""
+        """Execute all moves that start until `now`."""
         while self.ends <= now:
             at = self.ends
             if self._running:
@@ -162,9 +159,9 @@ class Mover:
                 if not self._running:
                     self._start(at)
                 seconds = self._lookahead.pop()
-                self._tally.motion_seconds += seconds
-                if self._tally.track is not None:
-                    self._tally.track.begun(seconds)
+                self._statistics.motion_seconds += seconds
+                if self._statistics.move_log is not None:
+                    self._statistics.move_log.start_next(seconds)
                 self._began = at
                 self.ends = at + seconds
             else:
@@ -173,7 +170,7 @@ class Mover:
                 self._dry_since = at
 
     def position(self, now: float) -> Axes:
-        """Where the motors are; within a move by its share of time, so speeding up is not seen."""
+        """Return the position of the motors; within a move it is linear in time, without acceleration."""
         self.advance(now)
         if not self._running:
             return self._standing
@@ -182,13 +179,13 @@ class Mover:
         return x, y, z, e
 
     def place(self, position: Axes) -> None:
-        """Declare where the standing machine is; while it moves the moves know better."""
+        """Set the position of the idle machine; ignored while it moves."""
         if not self.busy:
             self._standing = position
 
     @property
     def planned(self) -> Planned | None:
-        """What is being made and what waits; None while nothing moves."""
+        """The running and waiting moves; None while nothing moves."""
         if not self._running:
             return None
         queue, last, square = self._lookahead.planned()
@@ -197,26 +194,26 @@ class Mover:
         )
 
     def skip_to(self, planned: Planned, seconds: float) -> None:
-        """Have made moves that took so many seconds, without a break, and be in the middle of others.
+        """Replace the queue by its later state, after moves that took `seconds` in total.
 
-        Whoever has reckoned all that has done it by the rules of this planner; see `motion.ahead`.
+        The caller must have computed them by the rules of this planner; see `motion.ahead`.
         """
         self._lookahead.skip_to(planned.queue, planned.last, planned.square)
         self.targets = deque(planned.targets)
         self._standing, self._began, self.ends = planned.standing, planned.began, planned.ends
-        self._tally.motion_seconds += seconds
+        self._statistics.motion_seconds += seconds
 
     def stop(self, now: float) -> tuple[Axes, float]:
-        """Stop at once and forget all moves: where that is, and the E (mm) that will not be fed."""
+        """Stop at once and discard all moves; return the position, and the mm of filament not fed."""
         position = self.position(now)
         unfed = self.targets[-1][3] - position[3] if self.targets else 0.0
         if self._running:
-            self._tally.motion_seconds -= self.ends - now
+            self._statistics.motion_seconds -= self.ends - now
         self.targets.clear()
         self._seconds.clear()
         self._ahead = 0.0
-        if self._tally.track is not None:
-            self._tally.track.forget()
+        if self._statistics.move_log is not None:
+            self._statistics.move_log.forget()
         self._lookahead = Lookahead(self._lookahead.limits)
         self._running = False
         self.ends = inf
@@ -225,7 +222,7 @@ class Mover:
         return position, unfed
 
     def _start(self, at: float) -> None:
-        """From standing to moving, and the account of a machine that stood because no move came."""
+        """Start moving, and count a buffer underrun if there was one."""
         self._running = True
         if self._dry_since != -inf:
-            self._tally.waited(at - self._dry_since, self._woken_by)
+            self._statistics.waited(at - self._dry_since, self._woken_by)

@@ -1,14 +1,14 @@
-"""How a firmware reads its serial port: one table of switches, and the firmwares that are rows of it.
+"""The table of simulated firmwares.
 
-switch              MARLIN_2_1    MARLIN_2_1_ADVANCED   MARLIN_2_0_AVR
-receive buffer      flow control  flow control          128 bytes, overflows in silence
-after an error      reads on      reads on              throws away what has arrived
-repeated line       last two: no answer at all          error and resend
+behaviour              MARLIN_2_1    MARLIN_2_1_ADVANCED   MARLIN_2_0_AVR
+receive buffer      flow control  flow control          128 bytes, overflows silently
+after an error      reads on      reads on              discards received bytes
+repeated line       last two: no reply                  error and resend
 ok                  plain         N, P and B            plain
-M108, M112, M410    read early when un-numbered; with the emergency parser always
-text going out      costs no time costs no time         holds up the main loop (10 bits per byte)
+M108, M112, M410    executed early if unnumbered; always with the emergency parser
+sending text        takes no time takes no time         blocks the main loop (10 bits per byte)
 
-The other firmwares differ from these in what `FRONT_ENDS` says of them. Their conversations follow their sources:
+`SIMULATED_FIRMWARES` has all firmwares. Their conversations follow their sources:
 Marlin 1.1's Marlin_main.cpp, Marlin's pull request 27090 (M110 alone), Prusa-Firmware's cmdqueue.cpp,
 RepRapFirmware's StringParser.cpp, Repetier-Firmware's gcode.cpp, Smoothieware's GcodeDispatch.cpp; Klipper's were
 recorded.
@@ -19,10 +19,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Final
 
-from printer_slicer.sim.switches import FrontEnd
+from printer_slicer.sim.simulated_firmware import SimulatedFirmware
 
 __all__ = [
-    "FRONT_ENDS",
     "KLIPPER",
     "MARLIN_1_1",
     "MARLIN_2_0_AVR",
@@ -34,8 +33,9 @@ __all__ = [
     "PRUSA_MK3",
     "REPETIER",
     "REPRAPFIRMWARE",
+    "SIMULATED_FIRMWARES",
     "SMOOTHIE",
-    "FrontEnd",
+    "SimulatedFirmware",
 ]
 
 _MARLIN_2_1_BANNER: Final = (
@@ -62,7 +62,7 @@ _MARLIN_2_0_BANNER: Final = (
 )
 
 
-MARLIN_2_1: Final = FrontEnd(name="bugfix-2.1.x (Jan  7 2023 12:00:00)", banner=_MARLIN_2_1_BANNER)
+MARLIN_2_1: Final = SimulatedFirmware(name="bugfix-2.1.x (Jan  7 2023 12:00:00)", banner=_MARLIN_2_1_BANNER)
 """Marlin 2.1 of 2023 behind native USB."""
 
 MARLIN_2_1_ADVANCED: Final = replace(
@@ -75,31 +75,31 @@ MARLIN_2_1_ADVANCED: Final = replace(
     reports_area=True,
     wait_seconds=1.0,
 )
-"""The same with the options ADVANCED_OK, EMERGENCY_PARSER, HOST_ACTION_COMMANDS and NO_TIMEOUTS."""
+"""Marlin 2.1 with the options ADVANCED_OK, EMERGENCY_PARSER, HOST_ACTION_COMMANDS and NO_TIMEOUTS."""
 
-MARLIN_2_0_AVR: Final = FrontEnd(
+MARLIN_2_0_AVR: Final = SimulatedFirmware(
     name="bugfix-2.0.x (May  1 2021 12:00:00)",
     banner=_MARLIN_2_0_BANNER,
     receive_buffer=127,
     flushes_on_error=True,
     repeats_dropped=0,
-    # An ATmega2560 at 115200 Bd was seen to answer a line 0.5 ms later than the wire explains.
+    # Measured: an ATmega2560 at 115200 baud replies 0.5 ms later than the transmission time explains.
     seconds_per_line=0.0005,
-    # TX_BUFFER_SIZE 0, the default: printing waits for the wire.
+    # TX_BUFFER_SIZE 0, the default: sending blocks.
     seconds_per_byte=10 / 115_200,
 )
-"""Marlin 2.0 of 2021 on an 8-bit board behind a USB to serial chip at 115200 Bd."""
+"""Marlin 2.0 of 2021 on an 8-bit board behind a USB to serial chip at 115200 baud."""
 
 MARLIN_2_0_BUFFERED: Final = replace(MARLIN_2_0_AVR, seconds_per_byte=0.0)
-"""The same with a transmit buffer: it goes on reading while its error is still being said."""
+"""Marlin 2.0 with a transmit buffer: it reads on while an error message is sent."""
 
 MARLIN_1_1: Final = replace(
     MARLIN_2_0_AVR,
     name="1.1.9 (Github)",
     banner=("start", "echo:Marlin 1.1.9", "", "echo: Free Memory: 3619  PlannerBufferBytes: 1264"),
-    flavour="marlin_legacy",
+    dialect="marlin_legacy",
 )
-"""Marlin 1.1 of 2018 on an 8-bit board at 115200 Bd; no ok after a request is a fork's, see `ok_after_resend`."""
+"""Marlin 1.1 of 2018 on an 8-bit board at 115200 baud; forks without ok after a resend set `ok_after_resend`."""
 
 MARLIN_2_1_3: Final = replace(
     MARLIN_2_1,
@@ -111,7 +111,7 @@ MARLIN_2_1_3: Final = replace(
     seconds_per_line=0.0002,
     seconds_per_byte=10 / 115_200,
 )
-"""Marlin 2.1.3 behind a USB to serial chip: it passes over repeats and says its line number when asked."""
+"""Marlin 2.1.3 behind a USB to serial chip: it drops repeated lines and reports its line number."""
 
 PRUSA_MK3: Final = replace(
     MARLIN_2_0_AVR,
@@ -120,11 +120,11 @@ PRUSA_MK3: Final = replace(
     identity="FIRMWARE_NAME:Prusa-Firmware {name} based on Marlin FIRMWARE_URL:https://github.com/prusa3d/Prusa-Firmware"
     " PROTOCOL_VERSION:1.0 MACHINE_TYPE:Prusa i3 MK3S EXTRUDER_COUNT:1 UUID:00000000-0000-0000-0000-000000000000",
     strays="bare",
-    flavour="prusa",
+    dialect="prusa",
     partial_seconds=2.0,
     tells_overflow=True,
 )
-"""A Prusa MK3: refuses a checksum without a number, gives a line two seconds to become complete."""
+"""A Prusa MK3: it rejects a checksum without a number, and discards lines that stay incomplete for two seconds."""
 
 REPRAPFIRMWARE: Final = replace(
     MARLIN_2_1,
@@ -134,7 +134,7 @@ REPRAPFIRMWARE: Final = replace(
     " ELECTRONICS: Duet WiFi 1.02 FIRMWARE_DATE: 2023-07-21",
     lists_capabilities=False,
     any_case=True,
-    flavour="reprapfirmware",
+    dialect="reprapfirmware",
     takes="right",
     busy_seconds=0.0,
     queue_places=1,
@@ -142,7 +142,7 @@ REPRAPFIRMWARE: Final = replace(
     decimals=3,
     killed=("Emergency Stop! Reset the controller to continue.",),
 )
-"""RepRapFirmware 3: no sequence, CRC or exclusive or, a bad line leaves no trace."""
+"""RepRapFirmware 3: lines in any order, CRC or XOR checksum; bad lines are dropped silently."""
 
 KLIPPER: Final = replace(
     MARLIN_2_1,
@@ -152,7 +152,7 @@ KLIPPER: Final = replace(
     lists_capabilities=False,
     takes="any",
     busy_seconds=0.0,
-    # Observed: Klipper answers a dwell of 3 s at once, and does not plan much further ahead.
+    # Observed: Klipper acknowledges a dwell of 3 s at once, and does not plan much further ahead.
     ahead_seconds=3.0,
     queue_places=20,
     line_size=4096,
@@ -163,9 +163,9 @@ KLIPPER: Final = replace(
     overheated=("!! Heater {heater}: {what}",),
     language="klipper",
     any_case=True,
-    flavour="klipper",
+    dialect="klipper",
 )
-"""Klipper's pseudo-terminal: every line counts, whatever its number and checksum."""
+"""Klipper's pseudo-terminal: every line is executed, whatever its number and checksum."""
 
 REPETIER: Final = replace(
     MARLIN_2_1,
@@ -177,7 +177,7 @@ REPETIER: Final = replace(
     strays="never",
     checksum_first=True,
     any_case=True,
-    flavour="repetier",
+    dialect="repetier",
     wrong_number="Error:expected line {wanted} got {got}",
     wrong_checksum="Error:Wrong checksum",
     no_checksum="Error:Missing checksum",
@@ -199,7 +199,7 @@ REPETIER: Final = replace(
     seconds_per_line=0.0005,
     seconds_per_byte=10 / 115_200,
 )
-"""Repetier-Firmware 1.0 on an 8-bit board at 115200 Bd: an ok means read, and it asks again five times a second."""
+"""Repetier-Firmware 1.0 on an 8-bit board at 115200 baud: ok means read; resend requests five times a second."""
 
 SMOOTHIE: Final = replace(
     MARLIN_2_1,
@@ -208,7 +208,7 @@ SMOOTHIE: Final = replace(
     identity="FIRMWARE_NAME:Smoothieware, FIRMWARE_URL:http%3A//smoothieware.org, FIRMWARE_VERSION:{name},"
     " PROTOCOL_VERSION:1.0",
     lists_capabilities=False,
-    flavour="smoothie",
+    dialect="smoothie",
     wrong_number="",
     wrong_checksum="",
     no_checksum="",
@@ -220,7 +220,7 @@ SMOOTHIE: Final = replace(
     line_size=131,
     killed=("!! {reason}",),
 )
-"""Smoothieware behind native USB: `rs` and the number, no error and no ok."""
+"""Smoothieware behind native USB: a resend request is `rs` and the number, without error and ok."""
 
 OCTOPRINT_VIRTUAL: Final = replace(
     MARLIN_2_1,
@@ -243,9 +243,9 @@ OCTOPRINT_VIRTUAL: Final = replace(
     busy_seconds=0.0,
     wait_seconds=1.0,
 )
-"""The virtual printer that comes with OctoPrint: no command is unknown, and nothing is read while it is busy."""
+"""The virtual printer of OctoPrint: it knows every command, and reads nothing while it is busy."""
 
-FRONT_ENDS: Final[dict[str, FrontEnd]] = {
+SIMULATED_FIRMWARES: Final[dict[str, SimulatedFirmware]] = {
     "marlin 1.1": MARLIN_1_1,
     "marlin 2.0": MARLIN_2_0_AVR,
     "marlin 2.1": MARLIN_2_1,
@@ -258,4 +258,4 @@ FRONT_ENDS: Final[dict[str, FrontEnd]] = {
     "smoothie": SMOOTHIE,
     "octoprint virtual": OCTOPRINT_VIRTUAL,
 }
-"""All of them, by the names that people use."""
+"""All simulated firmwares, by the names of `--firmware`."""

@@ -1,4 +1,4 @@
-"""Carries bytes between a simulated printer and a door of the system, in real time or in time of its own."""
+"""Exchange bytes between a simulated printer and a host connection, in real or accelerated time."""
 
 from __future__ import annotations
 
@@ -12,39 +12,39 @@ if TYPE_CHECKING:
     from printer_slicer.sim.link import Cable
     from printer_slicer.sim.printer import SimulatedPrinter
 
-__all__ = ["CHUNK", "Clock", "Door", "carry"]
+__all__ = ["CHUNK", "Clock", "HostConnection", "exchange_bytes"]
 
 LONGEST_WAIT: Final = 0.05
-"""s between two looks at `stop`."""
+"""s between two calls of `stop`."""
 
 CHUNK: Final = 4096
 """Bytes read at once."""
 
 MOST_UNREAD: Final = 65_536
-"""Bytes kept for a host that does not read; older ones are lost, as in a cable nobody listens to."""
+"""Bytes kept for a host that does not read; older ones are lost."""
 
 
-class Door(Protocol):
-    """Where a host comes in."""
+class HostConnection(Protocol):
+    """A connection to a host."""
 
     def wait(self, seconds: float, *, reads: bool, writes: bool) -> bool:
-        """Wait until there is something to read, or room to write, if wanted; whether something can be read."""
+        """Wait for bytes to read or room to write, as requested; return whether there are bytes to read."""
 
     def read(self) -> bytes:
-        """What the host has sent; empty when it has sent nothing."""
+        """Return the bytes from the host; empty without any."""
 
     def write(self, data: bytes) -> int:
-        """How many of the bytes were taken."""
+        """Write bytes; return how many were accepted."""
 
 
 class Clock:
-    """Simulated time out of real time.
+    """Simulated time derived from real time.
 
     Args:
         speed: simulated seconds per real second; 0 or infinity: see `skips`.
 
     Attributes:
-        skips: jumps over the printer's waits instead of running faster.
+        skips: whether waits of the printer are skipped instead of running faster.
     """
 
     def __init__(self, speed: float) -> None:
@@ -54,22 +54,22 @@ class Clock:
         self._skipped = 0.0
 
     def now(self) -> float:
-        """Simulated seconds since the beginning."""
+        """Return the simulated seconds since the start."""
         return (monotonic() - self._began) * self._rate + self._skipped
 
     def skip_to(self, moment: float) -> None:
-        """Make it at least `moment`."""
+        """Advance to at least `moment`."""
         self._skipped += max(moment - self.now(), 0.0)
 
     def real_seconds(self, moment: float) -> float:
-        """Real seconds until `moment`."""
+        """Return the real seconds until `moment`."""
         return max(moment - self.now(), 0.0) / self._rate
 
 
-def carry(
-    printer: SimulatedPrinter, cable: Cable, clock: Clock, door: Door, stop: Callable[[], bool]
+def exchange_bytes(
+    printer: SimulatedPrinter, cable: Cable, clock: Clock, door: HostConnection, stop: Callable[[], bool]
 ) -> None:
-    """Carry bytes until `stop` says so; it is asked about twenty times a second."""
+    """Exchange bytes until `stop` returns True; it is called about twenty times a second."""
     unsent = b""
     while not stop():
         due = cable.due()
@@ -83,7 +83,7 @@ def carry(
         elif jump:
             clock.skip_to(due)
         now = clock.now()
-        # Moment by moment, as the cable wants it.
+        # Step through all events of the cable.
         while (due := cable.due()) <= now:
             unsent += cable.read(due)
         unsent = (unsent + cable.read(now))[-MOST_UNREAD:]

@@ -1,6 +1,6 @@
-"""A memory card in the printer: files, the one that is printed, the one that is written.
+"""The SD card of the simulated printer: its files, the one being printed, the one being written.
 
-Names are kept in capitals, as on the cards' own file system, and looked for without regard to case.
+File names are stored in upper case, as on FAT, and searched without regard to case.
 """
 
 from __future__ import annotations
@@ -13,19 +13,19 @@ if TYPE_CHECKING:
 __all__ = ["CAPACITY", "SdCard", "shortened"]
 
 CAPACITY: Final = 256 * 1024 * 1024
-"""Bytes that a card holds: what is written beyond is lost, and told."""
+"""Bytes that a card holds; writing beyond is an error."""
 
 
 class SdCard:
-    """A card, and what the firmware does with it.
+    """An SD card and its use by the firmware.
 
     Attributes:
-        files: contents by name, in the order in which they came.
-        present: the firmware has the card in use.
-        selected: name of the file that M23 chose; empty for none.
+        files: contents by name, in the order of their creation.
+        present: whether the card is mounted.
+        selected: file selected by M23; empty for none.
         at: bytes of it that were read.
-        printing: lines are taken from it.
-        writing: name of the file that lines are written to; empty for none.
+        printing: whether the file is being printed.
+        writing: file being written; empty for none.
     """
 
     def __init__(self, files: Mapping[str, bytes] | None = None) -> None:
@@ -43,18 +43,18 @@ class SdCard:
         return len(self.files.get(self.selected, b""))
 
     def select(self, name: str) -> bool:
-        """Choose a file for printing; whether there is one of this name."""
+        """Select a file for printing; return whether it exists."""
         self.stop()
         self.selected = name if self.present and name in self.files else ""
         self.at = 0
         return bool(self.selected)
 
     def stop(self) -> None:
-        """Print no more of it for now."""
+        """Pause the print of the file."""
         self.printing = False
 
     def next(self) -> str | None:
-        """The next command of the file that is printed, without comment; None at its end."""
+        """Return the next command of the printed file, without comment; None at its end."""
         data = self.files.get(self.selected, b"")
         while self.printing and self.at < len(data):
             end = data.find(b"\n", self.at)
@@ -66,13 +66,13 @@ class SdCard:
         return None
 
     def begin(self, name: str) -> None:
-        """Write what comes to a file."""
+        """Start writing a file."""
         self.writing = name
         self._written = []
         self._room = CAPACITY - sum(map(len, self.files.values()))
 
     def write(self, text: str) -> bool:
-        """One more line of it; False when the card is full."""
+        """Write a line; return False if the card is full."""
         if self._room <= len(text):
             return False
         self._room -= len(text) + 1
@@ -80,7 +80,7 @@ class SdCard:
         return True
 
     def end(self) -> None:
-        """The file is complete."""
+        """Finish writing the file."""
         text = "".join(f"{line}\n" for line in self._written)
         self.files[self.writing] = text.encode("latin-1")
         self.writing = ""
@@ -88,7 +88,7 @@ class SdCard:
 
 
 def shortened(name: str) -> str:
-    """A name as a card keeps it: capitals, eight letters and three."""
+    """Return a name in 8.3 form and upper case."""
     # Only ASCII letters have a capital that is one byte as well.
     plain = "".join(letter.upper() if letter.isascii() else "_" for letter in name.rpartition("/")[2])
     stem, dot, kind = plain.replace(" ", "").rpartition(".")

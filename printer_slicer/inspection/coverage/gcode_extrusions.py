@@ -1,4 +1,4 @@
-"""G-code text of any slicer -> beads: moves by the reader, purposes and heights by comments where there are any."""
+"""Read the extrusions of G-code of any slicer, with roles and heights from its comments."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ import numpy as np
 from printer_slicer.arrays import Float, Int, frozen_array
 from printer_slicer.gcode import Moves, read_moves
 from printer_slicer.gcode.lexer import parse, strip
-from printer_slicer.inspection.coverage.extrusions import Extrusions, beads_of_moves
+from printer_slicer.inspection.coverage.extrusions import Extrusions, extrusions_of_moves
 from printer_slicer.inspection.deposition.marks import Purpose, purpose_of
 
-__all__ = ["Deposit", "beads_of_gcode"]
+__all__ = ["GcodeExtrusions", "extrusions_of_gcode"]
 
 USUAL_DIAMETER: Final = 1.75
 _BYTE_ORDER_MARK: Final = b"\xef\xbb\xbf"
@@ -32,8 +32,8 @@ _HEIGHTS: Final = (b"HEIGHT", b"LAYER_HEIGHT")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Deposit:
-    """What a G-code text lays.
+class GcodeExtrusions:
+    """The extrusions of a G-code text.
 
     Attributes:
         beads: heights are those of comments, nan where there are none.
@@ -67,8 +67,8 @@ class Deposit:
         object.__setattr__(self, "diameter", frozen_array(self.diameter, np.float64, (-1,)))
 
 
-def beads_of_gcode(text: bytes, *, filament_diameter: float | None = None) -> Deposit:
-    """The beads of a G-code text.
+def extrusions_of_gcode(text: bytes, *, filament_diameter: float | None = None) -> GcodeExtrusions:
+    """Return the extrusions of a G-code text.
 
     Args:
         text: of any slicer.
@@ -91,11 +91,11 @@ def beads_of_gcode(text: bytes, *, filament_diameter: float | None = None) -> De
         # The printer was told before, or is, by a start macro.
         commands, numbers = [b"M200 D%f" % diameter[0], *commands], [0, *numbers]
     moves = read_moves(commands)
-    beads, kept, standing = beads_of_moves(moves, diameter)
+    beads, kept, standing = extrusions_of_moves(moves, diameter)
     line = np.array(numbers, np.int64)[beads.line]
-    notes = _noted(text, line)
+    notes = _read_comments(text, line)
     travel, before = _travels(moves, kept)
-    return Deposit(
+    return GcodeExtrusions(
         beads=replace(beads, line=line, purpose=notes.purpose, height=notes.height),
         turn=notes.turn,
         name=notes.name,
@@ -110,7 +110,7 @@ def beads_of_gcode(text: bytes, *, filament_diameter: float | None = None) -> De
 
 
 def _travels(moves: Moves, laying: Int) -> tuple[Float, Int]:
-    """Moves along x or y that lay nothing, and how many of those that do come before each."""
+    """Return travel moves along x or y, and the number of extrusions before each."""
     goes = (moves.delta[:, :2] != 0).any(axis=1)
     goes[laying] = False
     index = np.flatnonzero(goes)
@@ -119,7 +119,7 @@ def _travels(moves: Moves, laying: Int) -> tuple[Float, Int]:
 
 
 def _diameter(settings: Mapping[str, str], given: float | None) -> tuple[Float, bool]:
-    """The diameter for each tool, mm, and whether anybody said it."""
+    """Return the filament diameter of each tool, mm, and whether it is known."""
     if given is not None:
         return np.array([given]), True
     for key in _DIAMETERS:
@@ -131,7 +131,7 @@ def _diameter(settings: Mapping[str, str], given: float | None) -> tuple[Float, 
 
 @dataclass(frozen=True, slots=True)
 class _Notes:
-    """What comments before each bead say: purpose, name, height (mm or nan), and how many begin a layer."""
+    """Comments before each extrusion: purpose, name, height (mm or nan), and number of layer comments."""
 
     purpose: Int
     name: Int
@@ -140,15 +140,15 @@ class _Notes:
     turn: Int
 
 
-def _noted(text: bytes, line: Int) -> _Notes:
-    """The comments before the lines (B,) of beads."""
+def _read_comments(text: bytes, line: Int) -> _Notes:
+    """Read the comments before the lines (B,) of extrusions."""
     breaks = np.flatnonzero(np.frombuffer(text, np.uint8) == ord("\n"))
     notes = list(_NOTE.finditer(text))
     place = np.searchsorted(breaks, np.array([note.start() for note in notes], np.int64)) + 1
     kinds = [note[1] for note in notes]
 
     def latest(wanted: tuple[bytes, ...]) -> tuple[Int, list[str]]:
-        """Which of the notes of some kinds is the last before each line, from 1, and what they say."""
+        """Return the last comment of some kinds before each line, counted from 1, and the texts."""
         of_kind = [i for i, kind in enumerate(kinds) if kind in wanted]
         said = [notes[i][2].decode("utf-8", "replace").strip() for i in of_kind]
         return np.searchsorted(place[of_kind], line), said
@@ -168,6 +168,6 @@ def _noted(text: bytes, line: Int) -> _Notes:
 
 
 def _height(text: str) -> float:
-    """Mm, or nan."""
+    """Parse a height, mm; nan if invalid."""
     found = _NUMBER.match(text)
     return float(found[0]) if found else np.nan

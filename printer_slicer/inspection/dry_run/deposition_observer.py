@@ -13,12 +13,12 @@ from printer_slicer.inspection.deposition.recorder import DepositionRecorder
 from printer_slicer.inspection.dry_run.comparison import Comparison
 from printer_slicer.jobs import Job
 from printer_slicer.profile import Profile
-from printer_slicer.sim.track import COLUMNS, Track
+from printer_slicer.sim.move_log import COLUMNS, MoveLog
 
-__all__ = ["Materials"]
+__all__ = ["DepositionObserver"]
 
 
-class Materials:
+class DepositionObserver:
     """Watches a printer that executes a job.
 
     Args:
@@ -27,26 +27,26 @@ class Materials:
         comparison: knows which command of the job each executed one is.
 
     Attributes:
-        track: what to give to the printer.
+        move_log: what to give to the printer.
     """
 
     def __init__(self, job: Job, profile: Profile, comparison: Comparison) -> None:
-        self.track = Track(self._take)
+        self.move_log = MoveLog(self._take)
         self._comparison = comparison
         area = pi * profile.material.filament_diameter**2 / 4
-        self._keeper = DepositionRecorder(
+        self._recorder = DepositionRecorder(
             profile.printer.corners,
             area,
             profile.max_flow,
             marks_of(job.commands, job.text, job.marks, job.roles),
         )
 
-    def account(self) -> Deposition:
+    def finish(self) -> Deposition:
         """What it came to."""
-        self.track.flush()
-        return self._keeper.close()
+        self.move_log.flush()
+        return self._recorder.close()
 
     def _take(self, rows: array[float], seconds: array[float], kept_back: float) -> None:
         table = np.frombuffer(rows).reshape(-1, COLUMNS).copy()
         table[:, 0] = self._comparison.commands_of(table[:, 0].astype(np.int64)) + 1
-        self._keeper.feed(table, np.frombuffer(seconds), kept_back)
+        self._recorder.feed(table, np.frombuffer(seconds), kept_back)

@@ -7,8 +7,7 @@ from dataclasses import replace
 import pytest
 from sim_console import Console, numbered
 
-from printer_slicer.sim.front_end import (
-    FRONT_ENDS,
+from printer_slicer.sim.firmwares import (
     KLIPPER,
     MARLIN_1_1,
     MARLIN_2_0_BUFFERED,
@@ -16,15 +15,16 @@ from printer_slicer.sim.front_end import (
     PRUSA_MK3,
     REPETIER,
     REPRAPFIRMWARE,
+    SIMULATED_FIRMWARES,
     SMOOTHIE,
-    FrontEnd,
+    SimulatedFirmware,
 )
 from printer_slicer.sim.line_reader import checksum
 
 
-def prompt(front_end: FrontEnd) -> FrontEnd:
+def prompt(firmware: SimulatedFirmware) -> SimulatedFirmware:
     """The same without the time that reading and speaking take."""
-    return replace(front_end, seconds_per_line=0.0, seconds_per_byte=0.0)
+    return replace(firmware, seconds_per_line=0.0, seconds_per_byte=0.0)
 
 
 def crc(number: int, command: str) -> str:
@@ -41,7 +41,7 @@ def spoilt(line: str) -> str:
     return line.replace("G90", "G91")
 
 
-CONVERSATIONS: dict[str, tuple[FrontEnd, list[tuple[str, list[str]]]]] = {
+CONVERSATIONS: dict[str, tuple[SimulatedFirmware, list[tuple[str, list[str]]]]] = {
     "Marlin 1.1": (
         MARLIN_1_1,
         [
@@ -119,16 +119,16 @@ CONVERSATIONS: dict[str, tuple[FrontEnd, list[tuple[str, list[str]]]]] = {
 
 @pytest.mark.parametrize("name", CONVERSATIONS)
 def test_it_answers_as_its_sources_have_it(name: str) -> None:
-    front_end, conversation = CONVERSATIONS[name]
-    console = Console(prompt(front_end))
+    firmware, conversation = CONVERSATIONS[name]
+    console = Console(prompt(firmware))
 
     for said, heard in conversation:
         assert console.say(said) == heard, said
 
 
-@pytest.mark.parametrize("name", FRONT_ENDS)
+@pytest.mark.parametrize("name", SIMULATED_FIRMWARES)
 def test_each_says_who_it_is(name: str) -> None:
-    console = Console(prompt(FRONT_ENDS[name]))
+    console = Console(prompt(SIMULATED_FIRMWARES[name]))
 
     heard = [line for line in console.say("M115") if "FIRMWARE_NAME:" in line]
     assert len(heard) == 1

@@ -1,0 +1,432 @@
+"""Commands that move: straight lines, arcs, homing, probing, dwells.
+
+A move is acknowledged when it has a place in the planner, which executes it later.
+"""
+
+from __future__ import annotations
+
+from math import hypot
+from typing import TYPE_CHECKING, Final
+
+from printer_slicer.motion.arcs import arc_points, centre_by_offset, centre_by_radius
+from printer_slicer.motion.rules import Axes, Block, make_block
+from printer_slicer.sim.machine import AXES
+from printer_slicer.sim.parsed_command import Command
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from printer_slicer.sim.firmware_state import FirmwareState, Steps
+    from printer_slicer.sim.machine import Position
+
+__all__ = [
+    "FARTHEST",
+    "HARMLESS_LIFT",
+    "STOP_SECONDS",
+    "TABLE",
+    "execute_move",
+    "firmware_retraction",
+    "linear_move",
+    "linear_move_with_zeros",
+    "machine_move",
+    "offset_next_homing",
+    "probe",
+    "target_of",
+]
+
+LARGEST_RADIUS: Final = 10_000.0
+"""mm; a larger arc would have too many segments."""
+
+FARTHEST: Final = 1000.0
+"""mm outside the machine at which moves are clipped even without software endstops."""
+
+HOMING_REACH: Final = 1.5
+HARMLESS_LIFT: Final = 10.0
+"""mm upwards that are harmless before homing; Klipper rejects them."""
+
+LARGEST_BABYSTEP: Final = 2.0
+BABYSTEP_SPEED: Final = 2.0
+"""mm and mm/s."""
+
+STOP_SECONDS: Final = 1.0
+"""s after M410 in which Marlin accepts no moves."""
+
+
+def execute_move(state: FirmwareState, words: Sequence[str | float | None]) -> Steps | None:
+    """Execute a G0 or G1, given its words X, Y, Z, E, F, or None for each."""
+    feed = words[4]
+    if feed is not None and float(feed) > 0.0:
+        state.feed = float(feed) * state.unit / 60.0
+    goal = target_of(state, words)
+    block = _prepared(state, goal)
+    if block is None:
+        return None
+    motion_queue = state.motion_queue
+    motion_queue.advance(state.now)
+    x, y, z, _ = state.position
+    target = (x, y, z, state.filament)
+    if motion_queue.room <= 0:
+        return _pushed_later(state, block, target)
+    motion_queue.push(block, target, state.now)
+    return None
+
+
+def target_of(state: FirmwareState, words: Sequence[str | float | None]) -> Axes:
+    """Return the target of a move from the current position, not clipped."""
+    x, y, z, e = state.position
+    unit = state.unit
+    x_word, y_word, z_word, e_word = words[0], words[1], words[2], words[3]
+    if state.relative:
+        base: Position = (x, y, z)
+    else:
+        offset = state.offset
+        base = (-offset[0], -offset[1], -offset[2])
+    if x_word is not None:
+        x = float(x_word) * unit + base[0]
+    if y_word is not None:
+        y = float(y_word) * unit + base[1]
+    if z_word is not None:
+        z = float(z_word) * unit + base[2]
+    if e_word is not None:
+        e = float(e_word) * unit + (e if state.relative_e else 0.0)
+    return x, y, z, e
+
+
+def _prepared(state: FirmwareState, goal: Axes) -> Block | None:
+    """Return the planner block for a move to `goal`, clipped, and update the state; None without motion."""
+    old = state.position
+    low, high = state.machine.box_min, state.machine.box_max
+    over = 0.0 if state.clips_moves else FARTHEST
+    x, y, z, e = goal
+    if not state.clips_moves and not state.warned_unhomed and not all(state.homed) and goal[:3] != old[:3]:
+        if _lifts(state, old, goal):
+            state.record_violation("raised the nozzle before homing")
+        else:
+            state.warned_unhomed = True
+            state.record_violation("moved before homing")
+    if not (
+        low[0] - over <= x <= high[0] + over
+        and low[1] - over <= y <= high[1] + over
+        and low[2] - over <= z <= high[2] + over
+    ):
+        x, y, z, e = goal = _clamped(state, goal, over)
+    state.position = goal
+    dx, dy, dz = x - old[0], y - old[1], z - old[2]
+    de = (e - old[3]) * state.e_ratio
+    if de and ((not state.hot and not state.is_warm_enough()) or abs(de) > state.machine.longest_extrusion):
+        _refuse_extrusion(state)
+        de = 0.0
+    block = make_block(state.limits, (dx, dy, dz, de), state.feed * state.speed_ratio)
+    if de > 0.0:
+        state.filament += de
+        state.statistics.filament_fed += de
+        if state.filament > state.spool_end:
+            state.run_out_of_filament()
+        if block is not None and (dx or dy):
+            state.statistics.add_extrusion(old, goal)
+            if state.unhomed_motors:
+                state.unhomed_motors.clear()  # report it once
+                state.record_violation("moved before homing, after the motors were off")
+            rate = de / block.length * block.speed
+            state.statistics.peak_feed = max(state.statistics.peak_feed, rate)
+    elif de < 0.0:
+        state.filament += de
+        state.statistics.filament_retracted -= de
+    return block
+
+
+def _lifts(state: FirmwareState, old: Axes, goal: Axes) -> bool:
+    """Whether a move only lifts the nozzle a little, as many start G-codes do before homing."""
+    lift = goal[2] - old[2]
+    return state.firmware.dialect != "klipper" and goal[:2] == old[:2] and 0.0 < lift <= HARMLESS_LIFT
+
+
+def _refuse_extrusion(state: FirmwareState) -> None:
+    """Reject an extrusion; the firmware counts it as done and moves the other axes."""
+    what = "too long extrusion" if state.hot or state.is_warm_enough() else "cold extrusion"
+    state.say(f"echo: {what} prevented")
+    state.record_violation(f"{what} prevented")
+
+
+def _clamped(state: FirmwareState, goal: Axes, over: float) -> Axes:
+    """Clip `goal` to at most `over` mm outside the machine."""
+    box = zip(goal[:3], state.machine.box_min, state.machine.box_max, strict=True)
+    x, y, z = (min(max(at, low - over), high + over) for at, low, high in box)
+    for letter, at, kept in zip("XYZ", goal, (x, y, z), strict=False):
+        if at != kept:
+            state.record_violation(f"out of the machine: {letter} {at:.3f}, stopped at {kept:.3f}")
+    return x, y, z, goal[3]
+
+
+def _pushed_later(state: FirmwareState, block: Block, target: Axes) -> Steps:
+    """Add a move once the queue has a free place; M410 discards it while it waits."""
+    motion_queue, stops = state.motion_queue, state.stops
+    while motion_queue.room <= 0:
+        yield motion_queue.ends
+        if state.stops != stops:
+            return
+    motion_queue.push(block, target, state.now)
+
+
+def linear_move(state: FirmwareState, command: Command) -> Steps | None:
+    """G0, G1: move in a straight line."""
+    return execute_move(state, [command.value(letter) for letter in "XYZEF"])
+
+
+def linear_move_with_zeros(state: FirmwareState, command: Command) -> Steps | None:
+    """G0, G1 of firmwares that use C's strtod, which reads a letter without a number as 0."""
+    zeros = {letter: 0.0 for letter in command.without_number("XYZE") if not command.words[letter]}
+    return execute_move(state, [zeros.get(letter, command.value(letter)) for letter in "XYZEF"])
+
+
+def _arc_move(state: FirmwareState, command: Command) -> Steps | None:
+    """G2, G3: move in an arc in the xy plane, by centre (I, J) or radius (R)."""
+    words = [command.value(letter) for letter in "XYZEF"]
+    if words[4] is not None and words[4] > 0.0:
+        state.feed = words[4] * state.unit / 60.0
+    start, goal = state.position, target_of(state, words)
+    centre = _centre(state, command, goal)
+    if centre is None or hypot(start[0] - centre[0], start[1] - centre[1]) > LARGEST_RADIUS:
+        state.say("Error:G2/G3 bad parameters")
+        state.record_violation("arc without a centre")
+        return None
+    return _chords(state, arc_points(start, goal, centre, clockwise=command.code == "G2"))
+
+
+def _centre(state: FirmwareState, command: Command, goal: Axes) -> tuple[float, float] | None:
+    """Return the centre of an arc to `goal`, mm; None if the words do not give one."""
+    start = state.position[0], state.position[1]
+    radius = command.value("R")
+    if radius is None:
+        i, j = (command.value(letter) or 0.0 for letter in "IJ")
+        return centre_by_offset(start, i * state.unit, j * state.unit)
+    return centre_by_radius(start, (goal[0], goal[1]), radius * state.unit, clockwise=command.code == "G2")
+
+
+def _chords(state: FirmwareState, points: Iterator[Axes]) -> Steps:
+    """Add the segments of an arc one after the other."""
+    stops = state.stops
+    for point in points:
+        block = _prepared(state, point)
+        state.motion_queue.advance(state.now)
+        if block is None:
+            continue
+        x, y, z, _ = state.position
+        yield from _pushed_later(state, block, (x, y, z, state.filament))
+        if state.stops != stops:
+            return
+
+
+def firmware_retraction(state: FirmwareState, command: Command) -> Steps | None:
+    """G10: retract; G11: recover. E stays unchanged."""
+    back = command.code == "G10"
+    if command.words or back == state.retracted:
+        return None
+    state.retracted = back
+    length, out, forward, extra = state.retraction
+    feed, position, ratio = state.feed, state.position, state.e_ratio
+    state.feed, state.e_ratio = out if back else forward, 1.0
+    x, y, z, e = position
+    block = _prepared(state, (x, y, z, e - length if back else e + length + extra))
+    state.feed, state.position, state.e_ratio = feed, position, ratio
+    state.motion_queue.advance(state.now)
+    return None if block is None else _pushed_later(state, block, (x, y, z, state.filament))
+
+
+def _dwell(state: FirmwareState, command: Command) -> Steps:
+    """G4: wait for the end of motion, then dwell."""
+    yield from state.wait_for_moves()
+    seconds = (command.value("P") or 0.0) / 1000.0
+    seconds = command.value("S") or seconds
+    if seconds > 0.0:
+        began = state.now
+        state.notify("Sleep...")
+        yield from state.until(began + seconds)
+        state.statistics.dwell_seconds += state.now - began
+
+
+def _home(state: FirmwareState, command: Command) -> Steps:
+    """G28: home x, y and z in turn."""
+    yield from state.wait_for_moves()
+    machine = state.machine
+    named = [axis for axis, letter in enumerate("XYZ") if letter in command.words]
+    began = state.now
+    position, offset = list(state.position), list(state.offset)
+    for axis in named or range(3):
+        way = abs(position[axis] - machine.home[axis])
+        if axis in state.stuck_endstops:
+            # It moves 1.5 times the length of the axis before it gives up.
+            way = HOMING_REACH * (machine.box_max[axis] - machine.box_min[axis])
+            yield from state.until(state.now + way / machine.homing_speed[axis])
+            state.homing_failed("xyz"[axis])
+            return
+        yield from state.until(state.now + way / machine.homing_speed[axis] + machine.homing_bump)
+        position[axis] = machine.home[axis]
+        offset[axis] = state.home_offset[axis]
+        state.homed[axis] = True
+        state.unhomed_motors.discard(axis)
+        state.position = (position[0], position[1], position[2], position[3])
+        state.offset = (offset[0], offset[1], offset[2])
+        state.motion_queue.place((position[0], position[1], position[2], state.filament))
+    state.statistics.homing_seconds += state.now - began
+    state.update_clipping()
+    if state.firmware.language == "marlin":
+        state.say(state.position_report())
+
+
+def probe(state: FirmwareState, command: Command) -> Steps | None:
+    """G29: probe the bed; the simulated bed is flat."""
+    if state.machine.probe_points <= 0:
+        state.unknown(command.text)
+        return None
+    if not all(state.homed):
+        state.say("echo:Home XYZ First")
+        state.record_violation("probed before homing")
+        return None
+    return _probing(state)
+
+
+def _stored_mesh(state: FirmwareState, command: Command) -> None:
+    """M420: switch bed levelling; the simulated bed is flat."""
+    if state.machine.probe_points <= 0:
+        state.unknown(command.text)
+
+
+def _probing(state: FirmwareState) -> Steps:
+    yield from state.wait_for_moves()
+    began = state.now
+    yield from state.until(began + state.machine.probe_points * state.machine.probe_seconds)
+    state.statistics.homing_seconds += state.now - began
+
+
+def _finish(state: FirmwareState, _: Command) -> Steps:
+    """M400, M900: wait for the end of motion."""
+    yield from state.wait_for_moves()
+
+
+def _motors_off(state: FirmwareState, command: Command) -> Steps | None:
+    """M84, M18: switch motors off; with S they only set a timeout."""
+    return None if "S" in command.words else _loosening(state, command)
+
+
+def _loosening(state: FirmwareState, command: Command) -> Steps:
+    """Switch the named motors off, or all. Marlin still moves afterwards without homing."""
+    yield from state.wait_for_moves()
+    named = [axis for axis, letter in enumerate(AXES) if letter in command.words]
+    state.unhomed_motors.update(axis for axis in named or range(3) if AXES[axis] != "E")
+
+
+def _quick_stop(state: FirmwareState, _: Command) -> Steps | None:
+    """M410: quick stop. An emergency parser has executed it earlier."""
+    if state.firmware.emergency_parser:
+        return None
+    return _stopping(state)
+
+
+def _stopping(state: FirmwareState) -> Steps:
+    state.stop_moving()
+    yield from state.until(state.now + STOP_SECONDS)
+
+
+def _set_position(state: FirmwareState, command: Command) -> None:
+    """G92: set the coordinates of the current position. E is set, the other axes get an offset."""
+    named = {letter: value * state.unit for letter, value in command.values(AXES).items()}
+    x, y, z, e = state.position
+    state.position = (x, y, z, named.get("E", e))
+    at = zip("XYZ", (x, y, z), state.offset, strict=True)
+    new = [named[letter] - here if letter in named else old for letter, here, old in at]
+    state.offset = (new[0], new[1], new[2])
+    if state.firmware.language == "marlin":
+        state.say(state.position_report())
+
+
+def _offset_home(state: FirmwareState, command: Command) -> None:
+    """M206: set the home offset without moving."""
+    for axis, letter in enumerate("XYZ"):
+        value = command.value(letter)
+        if value is not None:
+            by = value * state.unit - state.home_offset[axis]
+            state.home_offset = _raised(state.home_offset, axis, by)
+            state.offset = _raised(state.offset, axis, by)
+
+
+def offset_next_homing(state: FirmwareState, command: Command) -> None:
+    """M206 of Smoothieware: applied at the next homing, in mm even after G20 (Endstops.cpp)."""
+    for axis, letter in enumerate("XYZ"):
+        value = command.value(letter)
+        if value is not None:
+            state.home_offset = _raised(state.home_offset, axis, value - state.home_offset[axis])
+
+
+def _raised(place: Position, axis: int, by: float) -> Position:
+    x, y, z = (at + (by if axis == number else 0.0) for number, at in enumerate(place))
+    return x, y, z
+
+
+def machine_move(state: FirmwareState, command: Command) -> Steps | None:
+    """G53: execute a move in machine coordinates."""
+    inner = Command(command.rest, any_case=state.firmware.any_case)
+    move = {"G0": linear_move, "G1": linear_move, "G2": _arc_move, "G3": _arc_move}.get(inner.code)
+    if move is None:
+        return None
+    offset, state.offset = state.offset, (0.0, 0.0, 0.0)
+    steps = move(state, inner)
+    state.offset = offset
+    return steps
+
+
+def _babystep(state: FirmwareState, command: Command) -> Steps | None:
+    """M290: shift the nozzle up or down without changing the program coordinates."""
+    if not state.firmware.babysteps:
+        state.unknown(command.text)
+        return None
+    step = command.value("Z") or command.value("S")
+    if not step or not abs(step) <= LARGEST_BABYSTEP:
+        return None
+    z = state.position[2]
+    feed, relative = state.feed, state.relative
+    state.feed, state.relative = BABYSTEP_SPEED, True
+    steps = execute_move(state, (None, None, step / state.unit, None, None))
+    state.feed, state.relative = feed, relative
+    dx, dy, dz = state.offset
+    state.offset = (dx, dy, dz - (state.position[2] - z))
+    return steps
+
+
+def _counts(state: FirmwareState, command: Command) -> None:
+    """G90, G91, M82, M83: set absolute or relative mode."""
+    state.counting = state.counting.after(command.code)
+    state.relative, state.relative_e = state.counting.axes, state.counting.e
+
+
+def _units(state: FirmwareState, command: Command) -> None:
+    state.unit = 25.4 if command.code == "G20" else 1.0
+    state.update_e_ratio()
+
+
+TABLE: Final = {
+    "G0": linear_move,
+    "G1": linear_move,
+    "G2": _arc_move,
+    "G3": _arc_move,
+    "G4": _dwell,
+    "G10": firmware_retraction,
+    "G11": firmware_retraction,
+    "G20": _units,
+    "G21": _units,
+    "G28": _home,
+    "G29": probe,
+    "G90": _counts,
+    "G91": _counts,
+    "G92": _set_position,
+    "M18": _motors_off,
+    "M82": _counts,
+    "M83": _counts,
+    "M84": _motors_off,
+    "M206": _offset_home,
+    "M290": _babystep,
+    "M400": _finish,
+    "M410": _quick_stop,
+    "M420": _stored_mesh,
+    "M900": _finish,
+}
