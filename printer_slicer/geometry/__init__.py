@@ -1,9 +1,8 @@
 """Areas and lines of the whole stack: offset, boolean, simplify, hatch.
 
-Each function takes ragged arrays for all layers and gives ragged arrays back; whatever depends on a layer is
-an array with one entry per layer. Two engines do the polygon work: `clipper` (Clipper2, the default) and
-`planar` (shapely, its twin, selected with the environment variable PRINTER_SLICER_GEOMETRY=planar). The tests
-run both.
+Each function takes and returns ragged arrays for all layers. A value that depends on the layer is an array with
+one entry per layer. Two engines do the polygon work: `clipper` (Clipper2, the default) and `planar` (shapely,
+selected with the environment variable PRINTER_SLICER_GEOMETRY=planar). The tests run both.
 """
 
 from printer_slicer.geometry.anchoring import anchor

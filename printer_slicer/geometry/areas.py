@@ -1,4 +1,4 @@
-"""The ragged arrays that hold the areas and the lines of a whole stack of layers."""
+"""Ragged arrays for the areas and the straight lines of a whole stack of layers."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ __all__ = ["Areas", "Lines"]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Areas(SvgRepr):
-    """The areas of all layers: closed rings, solids to the left (counter-clockwise), holes to the right.
+    """Areas of all layers as closed rings: solids run counter-clockwise, holes clockwise.
 
     Attributes:
-        xy: (N, 2) mm, the points of all rings one after the other; the last point of a ring is not its first.
-        ring_start: (R + 1,) ring `i` is `xy[ring_start[i]:ring_start[i + 1]]`.
+        xy: (N, 2) mm, the points of all rings one after the other; a ring does not repeat its first point.
+        ring_start: (R + 1,) offsets; ring `i` is `xy[ring_start[i]:ring_start[i + 1]]`.
         ring_layer: (R,) ascending layer index of each ring.
-        n_layers: number of layers of the stack, also counting empty ones.
+        n_layers: number of layers of the stack, including empty ones.
     """
 
     xy: Float
@@ -53,12 +53,12 @@ class Areas(SvgRepr):
 
     @classmethod
     def empty(cls, n_layers: int) -> Areas:
-        """A stack without any ring."""
+        """Return a stack without any ring."""
         return cls(np.zeros((0, 2)), np.zeros(1, np.int64), np.zeros(0, np.int64), n_layers)
 
     @classmethod
     def from_rings(cls, rings: list[list[Float]]) -> Areas:
-        """A stack from one list of (n, 2) rings per layer; rings under three points are dropped."""
+        """Build a stack from one list of (n, 2) rings per layer; drop rings with fewer than three points."""
         kept = [(layer, ring) for layer, many in enumerate(rings) for ring in many if len(ring) >= 3]
         sizes = np.array([0, *(len(ring) for _, ring in kept)], dtype=np.int64)
         xy = np.concatenate([ring for _, ring in kept]) if kept else np.zeros((0, 2))
@@ -71,87 +71,90 @@ class Areas(SvgRepr):
 
     @property
     def layer_start(self) -> Int:
-        """(n_layers + 1,) the rings of layer `k` are `layer_start[k]:layer_start[k + 1]`."""
+        """Offsets (n_layers + 1,): the rings of layer `k` are `layer_start[k]:layer_start[k + 1]`."""
         return np.searchsorted(self.ring_layer, np.arange(self.n_layers + 1)).astype(np.int64)
 
     @property
     def used(self) -> Bool:
-        """(n_layers,) which layers have any ring."""
+        """Mask (n_layers,) of the layers that have any ring."""
         used = np.zeros(self.n_layers, np.bool_)
         used[self.ring_layer] = True
         return used
 
     @property
     def following(self) -> Int:
-        """(N,) index of the next point around the ring, for each point."""
+        """Index (N,) of the next point around the ring."""
         return next_in_ring(self.ring_start)
 
     @property
     def previous(self) -> Int:
-        """(N,) index of the point before each around its ring."""
+        """Index (N,) of the previous point around the ring."""
         return previous_in_ring(self.ring_start)
 
     @property
     def point_layer(self) -> Int:
-        """(N,) ascending layer index of each point."""
+        """Layer index (N,) of each point, ascending."""
         return np.repeat(self.ring_layer, np.diff(self.ring_start))
 
     @property
     def point_ring(self) -> Int:
-        """(N,) ascending index of the ring of each point."""
+        """Ring index (N,) of each point, ascending."""
         return np.repeat(np.arange(self.n_rings), np.diff(self.ring_start))
 
     def ring(self, index: int) -> Float:
-        """(n, 2) the points of one ring."""
+        """Return the (n, 2) points of one ring."""
         return self.xy[self.ring_start[index] : self.ring_start[index + 1]]
 
     def rings(self, layer: int) -> Iterator[Float]:
-        """The rings of one layer, each (n, 2)."""
+        """Iterate over the rings of one layer, each (n, 2)."""
         first, last = np.searchsorted(self.ring_layer, [layer, layer + 1])
         return (self.ring(i) for i in range(first, last))
 
     def ring_area(self) -> Float:
-        """(R,) signed area of each ring, mm²: positive for solids, negative for holes."""
+        """Return the (R,) signed area of each ring, mm²: positive for solids, negative for holes."""
         if self.n_rings == 0:
             return np.zeros(0)
         start, sizes = self.ring_start[:-1], np.diff(self.ring_start)
-        # Relative to each ring's first point: far from the origin the shoelace sum would lose digits.
+        # Coordinates relative to the first point of each ring: far from the origin the shoelace sum loses digits.
         x, y = (column - np.repeat(column[start], sizes) for column in np.ascontiguousarray(self.xy.T))
         following = self.following
         return np.add.reduceat(x * y[following] - y * x[following], start) / 2
 
     def area(self) -> Float:
-        """(n_layers,) area of each layer, mm²."""
+        """Return the (n_layers,) area of each layer, mm²."""
         weights = self.ring_area()
         return np.bincount(self.ring_layer, weights, minlength=self.n_layers).astype(np.float64)
 
     def ring_length(self) -> Float:
-        """(R,) length of each ring, mm."""
+        """Return the (R,) length of each ring, mm."""
         return lengths(self.xy, self.ring_start)
 
     def length(self) -> Float:
-        """(n_layers,) length of all rings of each layer, mm."""
+        """Return the (n_layers,) total length of the rings of each layer, mm."""
         weights = self.ring_length()
         return np.bincount(self.ring_layer, weights, minlength=self.n_layers).astype(np.float64)
 
     def boxes(self) -> tuple[Float, Float]:
-        """(n_layers, 2) mm, lowest and highest corner around each layer; infinite, inside out, where it is empty."""
+        """Return the bounding box of each layer: lowest and highest corner, both (n_layers, 2), mm.
+
+        The box of an empty layer goes from +inf to -inf.
+        """
         return boxes(self.xy, self.ring_start, self.ring_layer, self.n_layers)
 
     def select(self, keep: Bool) -> Areas:
-        """Only the rings for which `keep` (R,) is true."""
+        """Return only the rings for which `keep` (R,) is true."""
         return self.take(np.flatnonzero(keep))
 
     def take(self, rings: Int) -> Areas:
-        """The rings with the given indices; their layers must ascend."""
+        """Return the rings with the given indices; their layers must ascend."""
         return self.restacked(rings, self.ring_layer[rings], self.n_layers)
 
     def restacked(self, rings: Int, layer: Int, n_layers: int) -> Areas:
-        """The rings (r,) with the given indices, in any order, as another stack: each on its `layer` (r,) ascending."""
+        """Return the given rings (r,), in any order, as another stack: each on its `layer` (r,), ascending."""
         if not len(rings):
             return Areas.empty(n_layers)
         begin, end = self.ring_start[rings], self.ring_start[rings + 1]
-        if (begin[1:] == end[:-1]).all():  # they stand side by side: nothing is moved
+        if (begin[1:] == end[:-1]).all():  # adjacent in memory: a slice will do
             low, high = int(begin[0]), int(end[-1])
             return Areas(self.xy[low:high], np.append(begin, high) - low, layer, n_layers)
         sizes = end - begin
@@ -167,37 +170,37 @@ class Areas(SvgRepr):
         return Areas(self.xy.compress(keep, axis=0), start, self.ring_layer[kept], self.n_layers)
 
     def in_whole_rings(self, keep: Bool) -> Bool:
-        """(N,) the points in `keep` (N,) whose ring keeps three or more."""
+        """Return `keep` (N,) without the points whose ring would keep fewer than three."""
         count = np.diff(np.append(0, np.cumsum(keep))[self.ring_start])
         return keep & np.repeat(count >= 3, np.diff(self.ring_start))
 
     def of_layers(self, layers: Bool | Int) -> Areas:
-        """Only the rings of the layers for which `layers` (n_layers,) is true, or whose numbers it holds."""
+        """Return only the rings of some layers, given as a mask (n_layers,) or as layer indices."""
         wanted = np.zeros(self.n_layers, np.bool_)
         wanted[layers] = True
         keep = wanted[self.ring_layer]
         return self if keep.all() else self.select(keep)
 
     def on_layers(self, layer: Int, n_layers: int) -> Areas:
-        """The same areas, each layer as the layer (L,) of a stack of `n_layers`, ascending."""
+        """Return the same areas in a stack of `n_layers`, each layer at its new index in `layer` (L,), ascending."""
         return Areas(self.xy, self.ring_start, layer[self.ring_layer], n_layers)
 
     def for_each(self, layers: Int) -> Areas:
-        """A stack with an entry for each of `layers` (E,), in any order, which has all rings of that layer."""
+        """Return a stack of copies of the given layers (E,), in the given order."""
         bounds = self.layer_start
         count = np.diff(bounds)[layers]
         entry = np.repeat(np.arange(len(layers)), count)
         return self.restacked(consecutive(bounds[layers], count), entry, len(layers))
 
     def raised(self, by: int) -> Areas:
-        """Each layer with the area of the one `by` layers below it (above it, if negative), where there is one."""
+        """Shift the stack: each layer gets the area of the layer `by` below it (above it, if negative)."""
         layer = self.ring_layer + by
         rings = np.flatnonzero((layer >= 0) & (layer < self.n_layers))
         return self.restacked(rings, layer[rings], self.n_layers)
 
     @classmethod
     def following_on(cls, parts: Sequence[Areas], n_layers: int) -> Areas:
-        """One stack of several of `n_layers` layers, each of which ends before the next one begins."""
+        """Join several stacks of `n_layers` layers, each of which ends on a lower layer than the next one starts on."""
         if not parts:
             return cls.empty(n_layers)
         sizes = np.concatenate([np.diff(part.ring_start) for part in parts])
@@ -210,14 +213,14 @@ class Areas(SvgRepr):
 
     @classmethod
     def merged(cls, parts: Sequence[Areas]) -> Areas:
-        """The rings of several stacks side by side; within a layer in the order of `parts`."""
+        """Return the rings of several stacks together; within a layer in the order of `parts`."""
         whole = parts[0]
         for part in parts[1:]:
             whole = whole.merge(part)
         return whole
 
     def merge(self, other: Areas) -> Areas:
-        """The rings of both stacks side by side; nothing is cut or joined where they overlap.
+        """Return the rings of both stacks together, without a union where they overlap.
 
         Raises:
             ValueError: the stacks have different numbers of layers.
@@ -236,14 +239,14 @@ class Areas(SvgRepr):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Lines:
-    """Straight lines of all layers, as a hatch gives them.
+    """Straight lines of all layers, as returned by `hatch`.
 
     Attributes:
         ends: (S, 2, 2) mm, both ends of each line.
-        layer: (S,) ascending layer index.
-        row: (S,) which line of the hatch it lies on; ascending within a layer.
-        u: (S, 2) mm, where both ends lie along the row; the first is the smaller, ascending within a row.
-        edge: (S, 2) on which edge of the areas both ends lie: the index of the point where the edge begins.
+        layer: (S,) layer index, ascending.
+        row: (S,) row of the hatch, ascending within a layer.
+        u: (S, 2) mm, positions of both ends along the row, the smaller one first; ascending within a row.
+        edge: (S, 2) edge of the areas on which each end lies, given by the index of the point where the edge starts.
     """
 
     ends: Float
@@ -266,11 +269,11 @@ class Lines:
         return len(self.layer)
 
     def length(self) -> Float:
-        """(S,) length of each line, mm."""
+        """Return the (S,) length of each line, mm."""
         return self.u[:, 1] - self.u[:, 0]
 
     def take(self, chosen: Int) -> Lines:
-        """Some of them, by ascending number."""
+        """Return the lines with the given indices, ascending."""
         return Lines(
             self.ends[chosen], self.layer[chosen], self.row[chosen], self.u[chosen], self.edge[chosen]
         )

@@ -1,4 +1,4 @@
-"""Rectangles on layers, and which of them overlap."""
+"""Bounding boxes on layers, and which of them overlap."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from printer_slicer.geometry.areas import Areas
 
 __all__ = ["Boxes"]
 
-_PAIRS_AT_ONCE = 1 << 18  # what is compared stays small
+_PAIRS_AT_ONCE = 1 << 18  # bounds the memory for comparisons
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Boxes:
-    """Rectangles along the axes, one of them a point or a line at times.
+    """Axis-aligned boxes; a box may have no width or no height.
 
     Attributes:
-        low: (B, 2) mm.
-        high: (B, 2) mm.
-        layer: (B,).
+        low: (B, 2) mm, lowest corner.
+        high: (B, 2) mm, highest corner.
+        layer: (B,) layer of each box.
     """
 
     low: Float
@@ -31,49 +31,52 @@ class Boxes:
 
     @classmethod
     def of_sides(cls, areas: Areas) -> Boxes:
-        """Around each side of areas, in the order of the points at which they begin."""
+        """Return the box around each side of areas, in the order of the points at which the sides start."""
         begin, end = areas.xy, areas.xy.take(areas.following, axis=0)
         return cls(np.minimum(begin, end), np.maximum(begin, end), areas.point_layer)
 
     @classmethod
     def of_rings(cls, areas: Areas) -> Boxes:
-        """Around each ring."""
+        """Return the box around each ring."""
         low, high = boxes(areas.xy, areas.ring_start, np.arange(areas.n_rings), areas.n_rings)
         return cls(low, high, areas.ring_layer)
 
     def grown(self, reach: float | Float) -> Boxes:
-        """Larger by `reach` mm, of all or of each (B,), to all four sides."""
+        """Return the boxes grown by `reach` mm on all four sides; one value for all, or (B,)."""
         room = np.reshape(reach, (-1, 1))
         return Boxes(self.low - room, self.high + room, self.layer)
 
     def overlapping(self, other: Boxes) -> tuple[Int, Int]:
-        """Pairs of one of these and one of the others that overlap or touch, on one layer; in no order."""
-        own_spans, other_spans = _on_one_axis(self, other)
-        # Along the axis, of two that overlap one begins within the other.
-        found = [self._meeting(other, own, others) for own, others in _begun_within(own_spans, other_spans)]
-        found += [
-            self._meeting(other, own, others)
-            for others, own in _begun_within(other_spans, own_spans, ties=False)
+        """Return unordered pairs (own, other) of boxes that overlap or touch on the same layer."""
+        own_spans, other_spans = _spans_on_first_axis(self, other)
+        # If two intervals on an axis overlap, one of them starts within the other.
+        found = [
+            self._overlapping_in_y(other, own, others)
+            for own, others in _pairs_starting_within(own_spans, other_spans)
         ]
-        return _joined(found)
+        found += [
+            self._overlapping_in_y(other, own, others)
+            for others, own in _pairs_starting_within(other_spans, own_spans, ties=False)
+        ]
+        return _concatenate_pairs(found)
 
     def neighbours(self) -> tuple[Int, Int]:
-        """Pairs of different ones that overlap or touch, on one layer; each pair once, in no order."""
-        (spans,) = _on_one_axis(self)
+        """Return unordered pairs of different boxes that overlap or touch on the same layer, each pair once."""
+        (spans,) = _spans_on_first_axis(self)
         low, found = spans[0], []
-        for a, b in _begun_within(spans, spans):
+        for a, b in _pairs_starting_within(spans, spans):
             once = (low[b] > low[a]) | (b > a)
-            found.append(self._meeting(self, a[once], b[once]))
-        return _joined(found)
+            found.append(self._overlapping_in_y(self, a[once], b[once]))
+        return _concatenate_pairs(found)
 
     def touched(self, other: Boxes) -> Bool:
-        """(B,) whether each overlaps or touches any of the others on its layer."""
+        """Return a mask (B,) of boxes that overlap or touch any of the others on their layer."""
         result = np.zeros(len(self.layer), np.bool_)
         result[self.overlapping(other)[0]] = True
         return result
 
-    def _meeting(self, other: Boxes, own: Int, others: Int) -> tuple[Int, Int]:
-        """Those of some pairs that overlap along the second axis, too."""
+    def _overlapping_in_y(self, other: Boxes, own: Int, others: Int) -> tuple[Int, Int]:
+        """Keep the pairs that also overlap along the second axis."""
         (low, high), (from_, to) = ((one.low[:, 1], one.high[:, 1]) for one in (self, other))
         meet = (low.take(own) <= to.take(others)) & (from_.take(others) <= high.take(own))
         return own[meet], others[meet]
@@ -82,18 +85,18 @@ class Boxes:
 _Spans = tuple[Float, Float]
 
 
-def _on_one_axis(*many: Boxes) -> list[_Spans]:
-    """From where to where boxes reach along the first axis, on which the layers stand apart from each other."""
+def _spans_on_first_axis(*many: Boxes) -> list[_Spans]:
+    """Return the intervals that boxes cover on the first axis, shifted by layer so that layers do not overlap."""
     ends = np.concatenate([end[:, 0] for one in many for end in (one.low, one.high)])
-    ends = ends[np.isfinite(ends)]  # those around nothing are inside out, infinite, and meet nothing
+    ends = ends[np.isfinite(ends)]  # boxes around nothing have infinite corners
     pitch = float(np.ptp(ends)) + 1.0 if len(ends) else 1.0
     return [(one.low[:, 0] + one.layer * pitch, one.high[:, 0] + one.layer * pitch) for one in many]
 
 
-def _begun_within(spans: _Spans, others: _Spans, *, ties: bool = True) -> Iterator[tuple[Int, Int]]:
-    """Pairs of a span and another one that begins within it; with `ties` also those that begin where it does.
+def _pairs_starting_within(spans: _Spans, others: _Spans, *, ties: bool = True) -> Iterator[tuple[Int, Int]]:
+    """Yield batches of pairs of a span and another span that starts within it.
 
-    They come some at a time.
+    With `ties`, spans that start at the same position count too.
     """
     low, high = spans
     order = np.argsort(others[0], kind="stable")
@@ -110,7 +113,7 @@ def _begun_within(spans: _Spans, others: _Spans, *, ties: bool = True) -> Iterat
         start = stop
 
 
-def _joined(found: list[tuple[Int, Int]]) -> tuple[Int, Int]:
-    """All pairs that were found."""
+def _concatenate_pairs(found: list[tuple[Int, Int]]) -> tuple[Int, Int]:
+    """Concatenate batches of pairs."""
     none = np.zeros(0, np.int64)
     return np.concatenate([none, *(a for a, _ in found)]), np.concatenate([none, *(b for _, b in found)])

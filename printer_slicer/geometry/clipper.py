@@ -31,16 +31,16 @@ from printer_slicer.geometry.spikes import without_spikes
 __all__ = ["combine", "load", "load_any", "offset", "opened", "outlines_within", "store", "stroke"]
 
 
-def _compiled() -> Any:
-    """The compiled module of the binding alone.
+def _import_compiled_module() -> Any:
+    """Import only the compiled module of the binding.
 
-    Its package asks for its own version and loads a second module of points with heights, which takes ten times as
-    long as this one.
+    Importing the whole package takes ten times as long: it looks up its own version and loads a second module for
+    points with heights.
     """
     package, name = find_spec("clipper2"), "clipper2._clipper2"
     spec = PathFinder.find_spec(name, package.submodule_search_locations) if package else None
     if name in sys.modules or spec is None or spec.loader is None:
-        import clipper2 as whole  # noqa: PLC0415 - only where it is laid out in another way, or loaded already
+        import clipper2 as whole  # noqa: PLC0415 - only if the package has another layout or is already loaded
 
         return whole
     module = sys.modules[name] = module_from_spec(spec)
@@ -51,7 +51,7 @@ def _compiled() -> Any:
 if TYPE_CHECKING:
     import clipper2
 else:
-    clipper2 = _compiled()
+    clipper2 = _import_compiled_module()
 
 Rings = list[NDArray[np.int64]]
 
@@ -60,12 +60,12 @@ CLIP_TYPES: Final = {
     "difference": clipper2.ClipType.DIFFERENCE,
     "intersection": clipper2.ClipType.INTERSECTION,
 }
-_CROWD: Final = 16  # rings of a layer; fewer are combined sooner than divided
-_LEAST: Final = 0.5  # steps; outlines are not moved by less
+_CROWD: Final = 16  # rings of a layer; for fewer, splitting takes longer than it saves
+_LEAST: Final = 0.5  # grid steps; smaller offsets are skipped
 
 
 def load(areas: Areas) -> list[Rings]:
-    """The rings of each layer on the grid: views of one array."""
+    """Return the rings of each layer on the grid, as views of one array."""
     grid = np.rint(areas.xy * STEPS_PER_MM).astype(np.int64)
     bounds = areas.ring_start.tolist()
     rings = [grid[start:end] for start, end in pairwise(bounds)]
@@ -74,20 +74,20 @@ def load(areas: Areas) -> list[Rings]:
 
 
 def load_any(areas: Areas) -> list[Rings]:
-    """The rings of each layer on the grid, merged by the positive rule."""
+    """Return the rings of each layer on the grid, merged by the positive fill rule."""
     layers = load(areas)
     return combine("union", layers, [[] for _ in layers])
 
 
 def store(layers: list[Rings]) -> Areas:
-    """The rings of all layers as one stack, mm."""
+    """Convert the rings of all layers to one stack in mm."""
     xy, start, ring_layer = _ragged(layers)
-    # Divided, not multiplied: n / 100 000 is the double nearest to the decimal number, n * 0.00001 is not.
+    # Divide, do not multiply: n / 100 000 is the double nearest to the decimal number, n * 0.00001 is not.
     return without_spikes(Areas(xy / STEPS_PER_MM, start, ring_layer, len(layers)))
 
 
 def _ragged(layers: list[Rings]) -> tuple[Int, Int, Int]:
-    """All points (N, 2), where each ring begins (R + 1,), and its layer (R,)."""
+    """Return all points (N, 2), the offset of each ring (R + 1,), and its layer (R,)."""
     rings = [ring for layer in layers for ring in layer]
     xy = np.concatenate(rings) if rings else np.zeros((0, 2), np.int64)
     start = np.cumsum(np.array([0, *map(len, rings)], dtype=np.int64))
@@ -95,22 +95,22 @@ def _ragged(layers: list[Rings]) -> tuple[Int, Int, Int]:
 
 
 def combine(operation: Operation, a: list[Rings], b: list[Rings]) -> list[Rings]:
-    """Union, difference or intersection of two lists of layers, entry by entry."""
-    result = _combined(operation, a, b)
+    """Return the union, difference or intersection of two lists of layers, entry by entry."""
+    result = _combine_by_column(operation, a, b)
     if operation == "union":
-        # Shells that touch along a side are now and then left apart (1 in 1000 layers of random rectangles),
+        # Clipper2 sometimes does not join shells that touch along a side (1 in 1000 layers of random rectangles),
         # and an offset would open a gap between them. A second union joined them in 20 000 of 20 000 trials.
-        result = _combined("union", result, [[] for _ in result])
+        result = _combine_by_column("union", result, [[] for _ in result])
     return result
 
 
-def _combined(operation: Operation, a: list[Rings], b: list[Rings]) -> list[Rings]:
+def _combine_by_column(operation: Operation, a: list[Rings], b: list[Rings]) -> list[Rings]:
     clipper = clipper2.Clipper64()
     clipper.preserve_collinear = False
     kind, result = CLIP_TYPES[operation], []
 
     def combined(subjects: Rings, clips: Rings) -> Rings:
-        """One layer, or what lies apart from the rest of it."""
+        """Combine the rings of one layer, or of one column of a crowded layer."""
         if (subjects or (clips and operation == "union")) and (clips or operation != "intersection"):
             clipper.clear()
             clipper.add_subject(subjects)
@@ -119,7 +119,7 @@ def _combined(operation: Operation, a: list[Rings], b: list[Rings]) -> list[Ring
             return found
         return []
 
-    crowded = _columns(a, b)
+    crowded = _split_columns(a, b)
     for layer, (subjects, clips) in enumerate(zip(a, b, strict=True)):
         if layer in crowded:
             result.append([ring for pair in crowded[layer] for ring in combined(*pair)])
@@ -128,10 +128,10 @@ def _combined(operation: Operation, a: list[Rings], b: list[Rings]) -> list[Ring
     return result
 
 
-def _columns(a: list[Rings], b: list[Rings]) -> dict[int, list[tuple[Rings, Rings]]]:
-    """The rings of crowded layers divided where nothing lies between them from front to back; layers with such places.
+def _split_columns(a: list[Rings], b: list[Rings]) -> dict[int, list[tuple[Rings, Rings]]]:
+    """Split the rings of crowded layers into columns, separated by gaps in x; return only layers with several columns.
 
-    The sweep line goes from front to back: what it costs grows with how much lies side by side.
+    The sweep line runs from front to back, so its cost grows with the number of edges side by side.
     """
     count = np.array([(len(one), len(other)) for one, other in zip(a, b, strict=True)]).reshape(-1, 2)
     crowd = np.flatnonzero(count.sum(axis=1) >= _CROWD)
@@ -140,8 +140,8 @@ def _columns(a: list[Rings], b: list[Rings]) -> dict[int, list[tuple[Rings, Ring
     rings = [ring for layer in crowd.tolist() for ring in (*a[layer], *b[layer])]
     size, is_clip = count[crowd].ravel(), np.tile([False, True], len(crowd))
     is_clip, home = np.repeat(is_clip, size), np.repeat(crowd, count[crowd].sum(axis=1))
-    low, high = _breadths(rings)
-    # Layers one beside the other, far apart: so all of them are divided at once.
+    low, high = _x_ranges(rings)
+    # Shift the layers apart in x, so that all of them are split at once.
     beside = home * (int(high.max()) - int(low.min()) + 1)
     low, high = low + beside, high + beside
     order = np.argsort(low, kind="stable")
@@ -158,30 +158,30 @@ def _columns(a: list[Rings], b: list[Rings]) -> dict[int, list[tuple[Rings, Ring
     return {layer: pairs for layer, pairs in columns.items() if len(pairs) > 1}
 
 
-def _breadths(rings: Rings) -> tuple[Int, Int]:
-    """Where each ring begins and ends from left to right."""
+def _x_ranges(rings: Rings) -> tuple[Int, Int]:
+    """Return the lowest and the highest x of each ring."""
     begin = np.cumsum([0, *map(len, rings)])[:-1]
     x = np.concatenate(rings)[:, 0]
     return np.minimum.reduceat(x, begin), np.maximum.reduceat(x, begin)
 
 
 def outlines_within(outlines: Areas, layers: list[Rings]) -> list[list[Float]]:
-    """For each layer the parts of the rings of `outlines` that lie within it: open lines (n, 2), mm."""
+    """Return for each layer the parts of the rings of `outlines` that lie within it: open lines (n, 2), mm."""
     clipper, result = clipper2.Clipper64(), []
-    for lines, clips in zip(_near(outlines, layers), layers, strict=True):
+    for lines, clips in zip(_lines_near_layers(outlines, layers), layers, strict=True):
         if lines and clips:
             clipper.clear()
             clipper.add_open_subject(lines)
             clipper.add_clip(clips)
             within = clipper.execute(clipper2.ClipType.INTERSECTION, clipper2.FillRule.POSITIVE)[1]
-            result.append([line / STEPS_PER_MM for line in _rejoined(within)])
+            result.append([line / STEPS_PER_MM for line in _rejoin(within)])
         else:
             result.append([])
     return result
 
 
-def _near(outlines: Areas, layers: list[Rings]) -> list[Rings]:
-    """For each layer the rings of `outlines` as open lines, without what is beside the box around the layer."""
+def _lines_near_layers(outlines: Areas, layers: list[Rings]) -> list[Rings]:
+    """Return for each layer the rings of `outlines` as open lines, without the sides outside the layer's box."""
     result: list[Rings] = [[] for _ in layers]
     if not outlines.n_rings:
         return result
@@ -194,7 +194,7 @@ def _near(outlines: Areas, layers: list[Rings]) -> list[Rings]:
         begin = np.ascontiguousarray(grid[:, axis])
         end = begin.take(following)
         near &= (np.minimum(begin, end) <= high[layer, axis]) & (np.maximum(begin, end) >= low[layer, axis])
-    # Sides that follow one another are one line; it ends where the last of them does.
+    # Consecutive sides form one line.
     kept = np.flatnonzero(near)
     first = np.flatnonzero(np.append(True, (np.diff(kept) != 1) | (np.diff(ring[kept]) != 0))[: len(kept)])
     starts, last = kept[first], kept[np.append(first[1:], len(kept)) - 1] if len(kept) else kept
@@ -211,8 +211,8 @@ def _near(outlines: Areas, layers: list[Rings]) -> list[Rings]:
     return result
 
 
-def _rejoined(lines: Rings) -> Rings:
-    """The lines with those joined that were cut where their ring begins."""
+def _rejoin(lines: Rings) -> Rings:
+    """Join the lines that were cut at the first point of their ring."""
     begins = {(int(line[0, 0]), int(line[0, 1])): i for i, line in enumerate(lines)}
     whole = list(lines)
     for i, line in enumerate(lines):
@@ -224,9 +224,9 @@ def _rejoined(lines: Rings) -> Rings:
 
 
 def offset(layers: list[Rings], distance: Float, join: Join) -> list[Rings]:
-    """Each layer with its outlines moved outward by its distance, mm."""
+    """Move the outlines of each layer outward by its distance, mm."""
     if join == "miter":
-        return _combined("union", _mitered(layers, distance, MITER_LIMIT), [[] for _ in layers])
+        return _combine_by_column("union", _miter_layers(layers, distance, MITER_LIMIT), [[] for _ in layers])
     inflater = clipper2.ClipperOffset(MITER_LIMIT, ROUND_TOLERANCE * STEPS_PER_MM)
     result = []
     for rings, by in zip(layers, (distance * STEPS_PER_MM).tolist(), strict=True):
@@ -238,14 +238,14 @@ def offset(layers: list[Rings], distance: Float, join: Join) -> list[Rings]:
 
 
 def opened(layers: list[Rings], distance: Float, limit: float) -> list[Rings]:
-    """Each layer without what is narrower than twice its distance, mm."""
-    # What the grown outlines cross of themselves and each other, the intersection takes as it takes overlapping areas.
-    grown = _mitered(offset(layers, -distance, "miter"), distance + CLEARANCE, limit)
+    """Remove everything narrower than twice the distance, mm, from each layer."""
+    # The grown outlines may cross themselves and each other; the intersection treats them as overlapping areas.
+    grown = _miter_layers(offset(layers, -distance, "miter"), distance + CLEARANCE, limit)
     return combine("intersection", layers, grown)
 
 
-def _mitered(layers: list[Rings], distance: Float, limit: float) -> list[Rings]:
-    """Rings with their outlines moved outward; what is too much of them still runs around the wrong way."""
+def _miter_layers(layers: list[Rings], distance: Float, limit: float) -> list[Rings]:
+    """Move the outlines of rings outward; parts that vanish still run around in the wrong direction."""
     moving = np.abs(distance) * STEPS_PER_MM >= _LEAST
     rings = [ring for rings, moves in zip(layers, moving, strict=True) if moves for ring in rings]
     if not rings:
@@ -263,7 +263,7 @@ def _mitered(layers: list[Rings], distance: Float, limit: float) -> list[Rings]:
 
 
 def stroke(xy: Float, start: Int, layer: Int, radius: Float, n_layers: int) -> list[Rings]:
-    """What is within its radius of any of its layer's open polylines."""
+    """Return for each layer the area within the radius of any of its open polylines."""
     grid = np.rint(xy * STEPS_PER_MM).astype(np.int64)
     pens: dict[tuple[int, float], Rings] = {}
     for (begin, end), one, by in zip(pairwise(start.tolist()), layer.tolist(), radius.tolist(), strict=True):

@@ -1,4 +1,4 @@
-"""The parts of polylines that lie within the areas of a whole stack, exact about what crosses what."""
+"""Clip polylines to the areas of a whole stack, with exact decisions on which segments cross which edges."""
 
 from __future__ import annotations
 
@@ -14,80 +14,80 @@ from printer_slicer.geometry.vectors import cross
 
 __all__ = ["clip_lines", "clipped", "spans"]
 
-_PAD = 1e-4  # mm; more than the rounding of places within a cell
+_PAD = 1e-4  # mm; more than the rounding of positions within a cell
 _SMALLEST_CELL, _LARGEST_CELL = 0.2, 20.0  # mm
-_SAME_PLACE = 0.5  # steps of the grid
-_NOTHING = 2e-5  # mm; pieces shorter than the steps of the grid
+_SAME_PLACE = 0.5  # grid steps
+_SHORTEST = 2e-5  # mm; parts up to two grid steps are dropped
 
 
 def clip_lines(areas: Areas, lines: Polylines) -> Polylines:
     """Clip open lines to the areas; the parts are ordered by layer and line.
 
-    Both are rounded to the grid of the areas, 0.01 µm, and then everything about which segment crosses which edge is
-    decided in whole numbers, as if all lines were moved aside by less than any number: so no case is special, and each
-    crossing either enters or leaves. Segments and edges that might cross are found by a common lattice of cells.
+    Lines and areas are rounded to the grid of 0.01 µm, and crossings are decided in integers, as if all lines were
+    shifted by an infinitesimal amount. So there are no special cases, and each crossing either enters or leaves. A
+    common grid of cells finds the segments and edges that may cross.
 
     Args:
         areas: clean areas.
-        lines: open, nothing need be known about where they begin or end.
+        lines: open lines; their ends may lie anywhere.
 
     Returns:
-        The parts, with the edges of `areas` that they begin and end on; `clipped` tells which line each is a part of.
+        The parts, with the edges of `areas` on which they start and end. `clipped` also returns the source lines.
 
-    Source of the rule for points on lines: Edelsbrunner & Mücke, Simulation of Simplicity, 1990.
+    Source for points on lines: Edelsbrunner & Mücke, Simulation of Simplicity, 1990.
     """
     return clipped(areas, lines)[0]
 
 
 def clipped(areas: Areas, lines: Polylines) -> tuple[Polylines, Int]:
-    """The parts as `clip_lines` gives them, and (P,) the line that each is a part of."""
+    """Clip lines as `clip_lines` does, and also return the (P,) source line of each part."""
     if not lines.n_lines or not areas.n_rings:
         nothing = np.zeros(0, np.int64)
         return lines.take(nothing), nothing
-    return _assembled(lines, *_cuts(areas, lines))
+    return _assemble(lines, *_find_cuts(areas, lines))
 
 
 def spans(areas: Areas, lines: Polylines) -> tuple[Int, Float, Float]:
-    """The same parts by where they lie along their lines.
+    """Return the clipped parts as intervals along their lines.
 
     Returns:
-        (P,) the line of each part, ascending, and how far along it the part begins and ends, mm.
+        The line of each part (P,), ascending, and the positions (P,) along it where the part starts and ends, mm.
     """
     if not lines.n_lines or not areas.n_rings:
         return np.zeros(0, np.int64), np.zeros(0), np.zeros(0)
-    begin, end = _cuts(areas, lines)
+    begin, end = _find_cuts(areas, lines)
     reached = np.append(0.0, np.cumsum(np.hypot(*np.diff(lines.xy, axis=0).T)))
     first = reached[lines.start[begin.line]]
     low, high = (reached[cut.at] + np.hypot(*(cut.xy - lines.xy[cut.at]).T) - first for cut in (begin, end))
-    kept = np.flatnonzero(high - low > _NOTHING)
+    kept = np.flatnonzero(high - low > _SHORTEST)
     return begin.line[kept], low[kept], high[kept]
 
 
-def _cuts(areas: Areas, lines: Polylines) -> tuple[_Cuts, _Cuts]:
-    """Where the parts within the areas begin and end."""
+def _find_cuts(areas: Areas, lines: Polylines) -> tuple[_Cuts, _Cuts]:
+    """Find where the parts within the areas start and end."""
     points, outline = (np.rint(xy * STEPS_PER_MM).astype(np.int64) for xy in (lines.xy, areas.xy))
     owner = np.repeat(np.arange(lines.n_lines), lines.size)
     segment = np.flatnonzero(np.append(np.diff(owner) == 0, False))
     segment = segment[(points[segment + 1] != points[segment]).any(axis=1)]
-    of_segment, of_edge = _near(
+    of_segment, of_edge = _nearby_pairs(
         _Segments(points[segment], points[segment + 1], lines.layer[owner[segment]]),
         _Segments(outline, outline[areas.following], areas.point_layer),
     )
     at, edge, share, enters = _crossings(points, segment[of_segment], outline, areas.following, of_edge)
-    return _begins_and_ends(areas, lines, owner, (at, edge, share, enters))
+    return _starts_and_ends(areas, lines, owner, (at, edge, share, enters))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Segments:
-    """From `a` to `b`, (n, 2) steps of the grid, on a layer (n,)."""
+    """Segments from `a` to `b` (n, 2), in grid steps, on a layer (n,)."""
 
     a: Int
     b: Int
     layer: Int
 
 
-def _near(segments: _Segments, edges: _Segments) -> tuple[Int, Int]:
-    """Pairs of a segment and an edge that meet a common cell of their layer; a pair may be found twice."""
+def _nearby_pairs(segments: _Segments, edges: _Segments) -> tuple[Int, Int]:
+    """Return pairs of a segment and an edge that share a cell of their layer; a pair may occur twice."""
     a, b, layer = segments.a, segments.b, segments.layer
     size = np.abs(b - a).max(axis=1)
     usual = float(size.mean()) / STEPS_PER_MM if len(a) else 1.0
@@ -97,14 +97,14 @@ def _near(segments: _Segments, edges: _Segments) -> tuple[Int, Int]:
     n_rows, n_columns = other_row.max() - low_row + 2, other_column.max() - low_column + 2
 
     def keys(layer: Int, row: Int, column: Int) -> Int:
-        """(n,) a number for each cell in which an edge may lie; -1 for all others."""
+        """Return a number (n,) for each cell in which an edge may lie; -1 for all others."""
         key = (layer * n_rows + row - low_row) * n_columns + column - low_column
         within = (row >= low_row) & (row < low_row + n_rows)
         within &= (column >= low_column) & (column < low_column + n_columns)
         return np.asarray(np.where(within, key, -1))
 
     other_key = keys(edges.layer[other], other_row, other_column)
-    # Most segments have no edge near: none in the nine cells around their begin, and they reach no farther.
+    # Skip short segments with no edge in the nine cells around their start, which are most of them.
     taken = distinct(other_key)
     taken = distinct((taken[:, None] + np.array([-1, 0, 1])).ravel())
     taken = distinct((taken[:, None] + np.array([-n_columns, 0, n_columns])).ravel())
@@ -124,7 +124,7 @@ def _near(segments: _Segments, edges: _Segments) -> tuple[Int, Int]:
 
 
 def _cells(a: Int, b: Int, cell: float) -> tuple[Int, Int, Int]:
-    """Item, row and column of every cell that each segment (n, 2) to (n, 2) passes through."""
+    """Return the segment, row and column of every cell that the segments from `a` to `b` (n, 2) pass through."""
     pad = _PAD * STEPS_PER_MM
     (ax, ay), (bx, by) = a.T.astype(np.float64), b.T.astype(np.float64)
     low = np.floor((np.minimum(ay, by) - pad) / cell).astype(np.int64)
@@ -144,16 +144,18 @@ def _cells(a: Int, b: Int, cell: float) -> tuple[Int, Int, Int]:
 def _crossings(
     points: Int, segment: Int, outline: Int, following: Int, edge: Int
 ) -> tuple[Int, Int, Float, Bool]:
-    """Of the pairs of segment and edge those that cross: both, how far along the segment, whether it enters.
+    """Find the pairs of a segment and an edge that cross.
 
-    Sorted along the lines.
+    Returns:
+        The segment, the edge, the position along the segment from 0 to 1, and whether it enters the area, each (C,),
+        sorted along the lines.
     """
     p, q, a, b = points[segment], points[segment + 1], outline[edge], outline[following[edge]]
-    way, side = q - p, b - a
-    beside_a, beside_b = cross(way, a - p), cross(way, b - p)
+    step, side = q - p, b - a
+    beside_a, beside_b = cross(step, a - p), cross(step, b - p)
     before, after = cross(side, p - a), cross(side, q - a)
-    aside_way, aside_side = _aside(way), _aside(side)
-    left_a, left_b = (np.where(value == 0, ~aside_way, value > 0) for value in (beside_a, beside_b))
+    aside_step, aside_side = _shifts_to_left(step), _shifts_to_left(side)
+    left_a, left_b = (np.where(value == 0, ~aside_step, value > 0) for value in (beside_a, beside_b))
     left_p, left_q = (np.where(value == 0, aside_side, value > 0) for value in (before, after))
     crossing = np.flatnonzero((left_a != left_b) & (left_p != left_q))
     found, first = np.unique(segment[crossing] * len(outline) + edge[crossing], return_index=True)
@@ -161,18 +163,25 @@ def _crossings(
     at, on = np.divmod(found, len(outline))
     share = np.clip(before[chosen] / (before[chosen] - after[chosen]).astype(np.float64), 0, 1)
     enters = left_q[chosen]  # solid lies to the left of every edge
-    length = np.hypot(*way[chosen].T.astype(np.float64))
+    length = np.hypot(*step[chosen].T.astype(np.float64))
     order = np.lexsort((share, at))
     apart = np.diff(share[order] * length[order], prepend=-np.inf) > _SAME_PLACE
     place = np.cumsum(apart | run_starts(at[order]))
-    order = order[_left_over(place, enters[order])]
+    order = order[_drop_cancelling(place, enters[order])]
     return at[order], on[order], share[order], enters[order]
 
 
-def _left_over(place: Int, enters: Bool) -> Int:
-    """The crossings (C,), sorted along the lines, without those that undo each other at one place (C,).
+def _drop_cancelling(place: Int, enters: Bool) -> Int:
+    """Drop pairs of crossings at the same position that cancel each other.
 
-    Which of them comes first is rounding, and so would be whether the line was inside before.
+    Rounding decides which of the two comes first, so they say nothing about whether the line was inside before.
+
+    Args:
+        place: (C,) number of the position of each crossing, sorted along the lines.
+        enters: (C,) whether each crossing enters.
+
+    Returns:
+        Indices of the crossings that remain.
     """
     if not len(place):
         return np.zeros(0, np.int64)
@@ -182,40 +191,40 @@ def _left_over(place: Int, enters: Bool) -> Int:
     of = np.repeat(np.arange(len(first)), entering + leaving)
     ins = np.cumsum(enters, dtype=np.int64)
     outs = np.arange(1, len(place) + 1) - ins
-    # The how many-th of its kind at its place.
+    # Rank of each crossing among those of its kind at its position.
     nth = np.where(enters, ins - (ins[first] - enters[first])[of], outs - (outs[first] - ~enters[first])[of])
     more = np.where(enters, (entering - leaving)[of], (leaving - entering)[of])
     return np.asarray(np.flatnonzero(nth <= more))
 
 
-def _aside(way: Int) -> Bool:
-    """(n,) whether a point moved by a little in x, and by much less in y, comes to lie to the left of the way."""
-    return np.asarray(np.where(way[:, 1] == 0, way[:, 0] > 0, way[:, 1] < 0))
+def _shifts_to_left(step: Int) -> Bool:
+    """Return a mask (n,): a point on the line, shifted slightly in x and far less in y, lies to the left of it."""
+    return np.asarray(np.where(step[:, 1] == 0, step[:, 0] > 0, step[:, 1] < 0))
 
 
-def _begins_and_ends(
+def _starts_and_ends(
     areas: Areas, lines: Polylines, owner: Int, crossings: tuple[Int, Int, Float, Bool]
 ) -> tuple[_Cuts, _Cuts]:
-    """The lines cut at their crossings (point before, edge, share, enters), sorted along the lines."""
+    """Find the start and end of each part from the crossings (point before, edge, share, enters) along the lines."""
     at, edge, share, enters = crossings
     line = owner[at]
     depth, before = _depths(areas, lines, line, np.where(enters, 1, -1))
     begins, ends = enters & (depth == 1), ~enters & (depth == 0)
     inside_first = np.flatnonzero(before > 0)
     after = before.copy()
-    after[line] = depth  # the last of each line stands
+    after[line] = depth  # the last crossing of each line wins
     inside_last = np.flatnonzero(after > 0)
 
     where = lines.xy[at] + share[:, None] * (lines.xy[np.minimum(at + 1, len(lines.xy) - 1)] - lines.xy[at])
     first, last = lines.start[:-1], lines.start[1:] - 1
-    begin = _sorted(
-        # A line that begins inside does so before it crosses anything.
+    begin = _sort_cuts(
+        # The start of a line inside comes before its first crossing.
         (inside_first, first[inside_first], lines.xy[first[inside_first]], None),
         (line[begins], at[begins], where[begins], edge[begins]),
     )
-    end = _sorted(
+    end = _sort_cuts(
         (line[ends], at[ends], where[ends], edge[ends]),
-        # The last point is the end itself: only the points up to the one before it lie between.
+        # The last point is the end itself, so only the points before it lie in between.
         (inside_last, last[inside_last] - 1, lines.xy[last[inside_last]], None),
     )
     return begin, end
@@ -223,7 +232,14 @@ def _begins_and_ends(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Cuts:
-    """Where pieces begin, or where they end: line, the point of the line before, place, edge."""
+    """Starts or ends of parts.
+
+    Attributes:
+        line: (P,) line of each part.
+        at: (P,) last point of the line before the cut.
+        xy: (P, 2) mm, position of the cut.
+        edge: (P,) edge of the areas at the cut; -1 at the end of a line.
+    """
 
     line: Int
     at: Int
@@ -231,8 +247,8 @@ class _Cuts:
     edge: Int
 
 
-def _sorted(*parts: tuple[Int, Int, Float, Int | None]) -> _Cuts:
-    """By line, and along it; in the order of the parts where they are on the same segment."""
+def _sort_cuts(*parts: tuple[Int, Int, Float, Int | None]) -> _Cuts:
+    """Sort cuts by line and along it; on the same segment, keep the order of the arguments."""
     line, at = (np.concatenate([part[i] for part in parts]) for i in (0, 1))
     xy = np.concatenate([part[2] for part in parts])
     edge = np.concatenate([np.full(len(part[0]), -1) if part[3] is None else part[3] for part in parts])
@@ -240,8 +256,8 @@ def _sorted(*parts: tuple[Int, Int, Float, Int | None]) -> _Cuts:
     return _Cuts(line[order], at[order], xy[order], edge[order])
 
 
-def _assembled(lines: Polylines, begin: _Cuts, end: _Cuts) -> tuple[Polylines, Int]:
-    """One line from each begin to the end of the same place in their order, and the line it is a part of."""
+def _assemble(lines: Polylines, begin: _Cuts, end: _Cuts) -> tuple[Polylines, Int]:
+    """Make one line from each start to the end with the same index, and return the source line of each."""
     inner = np.maximum(end.at - begin.at, 0)
     size = inner + 2
     xy = np.zeros((int(size.sum()), 2))
@@ -249,8 +265,8 @@ def _assembled(lines: Polylines, begin: _Cuts, end: _Cuts) -> tuple[Polylines, I
     xy[start], xy[start + size - 1] = begin.xy, end.xy
     between = consecutive(start + 1, inner)
     xy[between] = lines.xy[consecutive(begin.at + 1, inner)]
-    # A corner that lies on the outline is a crossing too, which is the one that stays.
-    near = np.hypot(*np.diff(xy, axis=0).T) < _NOTHING
+    # A corner on the outline is also a crossing; keep only the crossing.
+    near = np.hypot(*np.diff(xy, axis=0).T) < _SHORTEST
     keep = np.ones(len(xy), np.bool_)
     keep[between] = ~near[between - 1]
     before_end = (start + size - 2)[inner > 0]
@@ -259,12 +275,12 @@ def _assembled(lines: Polylines, begin: _Cuts, end: _Cuts) -> tuple[Polylines, I
     size = np.bincount(owner[keep], minlength=len(size))
     edges = np.stack([begin.edge, end.edge], axis=1)
     made = Polylines.of(xy[keep], size, lines.layer[begin.line], edges)
-    kept = np.flatnonzero(made.length() > _NOTHING)
+    kept = np.flatnonzero(made.length() > _SHORTEST)
     return made.take(kept), begin.line[kept]
 
 
 def _depths(areas: Areas, lines: Polylines, line: Int, change: Int) -> tuple[Int, Int]:
-    """(C,) in how many areas a line lies after each of its crossings, and (M,) in how many each begins."""
+    """Return the number of areas around each line after each crossing (C,), and at its start (M,)."""
     total = np.cumsum(change)
     first = np.flatnonzero(run_starts(line))
     counts = np.diff(np.append(first, len(line)))
@@ -274,12 +290,12 @@ def _depths(areas: Areas, lines: Polylines, line: Int, change: Int) -> tuple[Int
         before[line[first]] = np.maximum(-np.minimum.reduceat(own, first), 0)
     untouched = np.ones(lines.n_lines, np.bool_)
     untouched[line] = False
-    before[untouched] = _begins_inside(areas, lines, np.flatnonzero(untouched))
+    before[untouched] = _starts_inside(areas, lines, np.flatnonzero(untouched))
     return own + before[line], before
 
 
-def _begins_inside(areas: Areas, lines: Polylines, which: Int) -> Bool:
-    """(n,) whether the first point of some of the lines lies in the areas."""
+def _starts_inside(areas: Areas, lines: Polylines, which: Int) -> Bool:
+    """Return a mask (n,) of the lines `which` whose first point lies in the areas."""
     point, layer = lines.xy[lines.start[which]], lines.layer[which]
     low, high = areas.boxes()
     inside = np.zeros(len(which), np.bool_)

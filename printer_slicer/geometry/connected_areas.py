@@ -1,4 +1,4 @@
-"""The connected pieces of the areas of a stack, each as an entry of its own."""
+"""Split the areas of a stack into connected pieces."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ __all__ = ["ConnectedAreas", "split_connected"]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ConnectedAreas:
-    """Connected areas one by one: what can be asked of the layers of a stack can be asked of them.
+    """Connected pieces of areas, stored like the layers of a stack.
 
     Attributes:
-        areas: P entries instead of layers, one outer ring and its holes each.
-        layer: (P,) ascending, the layer on which each piece lies.
-        of_ring: (R,) the piece that each ring of the stack belongs to; -1 where it belongs to none.
+        areas: P pieces in place of layers, each one outer ring with its holes.
+        layer: (P,) layer of each piece, ascending.
+        of_ring: (R,) piece of each ring of the stack, or -1.
     """
 
     areas: Areas
@@ -34,14 +34,18 @@ class ConnectedAreas:
         object.__setattr__(self, "of_ring", frozen_array(self.of_ring, np.int64, (-1,)))
 
     def take(self, which: Int) -> ConnectedAreas:
-        """Some of the pieces (n,), ascending."""
-        number = np.full(self.count + 1, -1)  # the last one for rings that belong to none
+        """Return the pieces with the given indices (n,), ascending."""
+        number = np.full(self.count + 1, -1)  # the last entry is for rings without a piece
         number[which] = np.arange(len(which))
         return ConnectedAreas(self.areas.for_each(which), self.layer[which], number[self.of_ring])
 
     @classmethod
     def joined(cls, parts: Sequence[ConnectedAreas]) -> tuple[ConnectedAreas, Int]:
-        """All pieces of several stacks, by layer, and (P,) which stack each is of; `of_ring` has the rings of all."""
+        """Join the pieces of several stacks, by layer.
+
+        Returns:
+            The pieces, whose `of_ring` covers the rings of all stacks, and the (P,) index of each piece's stack.
+        """
         layer = np.concatenate([part.layer for part in parts])
         count = [part.count for part in parts]
         source = np.repeat(np.arange(len(parts)), count)
@@ -66,15 +70,15 @@ class ConnectedAreas:
 
     @property
     def count(self) -> int:
-        """How many pieces."""
+        """Number of pieces."""
         return len(self.layer)
 
     def mean_width(self) -> Float:
-        """(P,) mm: what a long strip of the same area and outline is wide."""
+        """Return the (P,) width of a long strip with the same area and outline length, mm."""
         return np.asarray(2 * self.areas.area() / self.areas.length())
 
     def beside(self, areas: Areas) -> Areas:
-        """For each piece the rings of a stack, on its layer, whose boxes meet the box around it."""
+        """Return for each piece the rings of a stack, on its layer, whose bounding boxes overlap its own."""
         low, high = self.areas.boxes()
         own = Boxes(low, high, self.layer)
         piece, ring = own.overlapping(Boxes.of_rings(areas))
@@ -82,15 +86,15 @@ class ConnectedAreas:
         return areas.restacked(ring[order], piece[order], self.count)
 
     def on_layers(self, n_layers: int, which: Int) -> Areas:
-        """Some of the pieces (n,), ascending, put back on the layers of the stack."""
+        """Return the pieces `which` (n,), ascending, on their layers of the stack."""
         rings = np.flatnonzero(np.isin(self.areas.ring_layer, which))
         return self.areas.restacked(rings, self.layer[self.areas.ring_layer[rings]], n_layers)
 
 
 def split_connected(areas: Areas) -> ConnectedAreas:
-    """The connected pieces of clean areas, by layer and in the order of their outer rings.
+    """Return the connected pieces of clean areas, by layer and in the order of their outer rings.
 
-    What touches in a point only is apart.
+    Areas that touch only in a point are separate pieces.
     """
     outer = areas.ring_area() > 0
     solids, holes = np.flatnonzero(outer), np.flatnonzero(~outer)
@@ -102,7 +106,7 @@ def split_connected(areas: Areas) -> ConnectedAreas:
         probes = (areas.xy[first] + areas.xy[first + 1]) / 2
         found = find_enclosing_rings(areas.take(solids), probes, areas.ring_layer[holes])
         owner[holes] = found
-    # A ring of no area that lies in none belongs to nothing.
+    # Leave out rings without area that lie in no other ring.
     order = np.argsort(owner, kind="stable")[int((owner < 0).sum()) :]
     entries = areas.restacked(order, owner[order], len(solids))
     return ConnectedAreas(entries, areas.ring_layer[solids], owner)

@@ -32,38 +32,38 @@ _NEAR = 1 << 17  # keys welded together first
 
 
 def weld_keys(key: NDArray[np.uint64]) -> tuple[Index, Index]:
-    """Numbers for keys, the same for equal ones.
+    """Number keys so that equal keys get equal numbers.
 
-    A table with about one place per key is written by all keys at once; who finds another key in its place tries again
-    with another table. That takes a quarter of the time of sorting, and about 16 bytes per key. Equal keys of meshes
-    stand near each other, so they are looked for block by block first, in tables that fit the processor's cache, and
-    then among what is left of all blocks.
+    All keys are written to a hash table at once. A key that finds another one in its slot tries again with another
+    hash function. This takes a quarter of the time of sorting, and about 16 bytes per key. Equal keys of meshes lie
+    near each other, so each block is welded first, in a table that fits the processor's cache, and then the results of
+    all blocks.
 
     Args:
-        key: (n,) 64 bits.
+        key: (n,) 64-bit keys.
 
     Returns:
-        (n,) the number of each key, from 0, and (m,) one item of each number.
+        The number of each key (n,), from 0, and the index of one key with each number (m,).
     """
     if len(key) <= 2 * _NEAR:
-        return _welded(key)
+        return _weld_at_once(key)
     number, one = np.zeros(len(key), np.int32), []
     total = 0
     blocks = [slice(at, at + _NEAR) for at in range(0, len(key), _NEAR)]
     for block in blocks:
-        there, firsts = _welded(key[block])
+        there, firsts = _weld_at_once(key[block])
         number[block] = there + np.int32(total)
         one.append(firsts + np.int32(block.start))
         total += len(firsts)
     of_block = np.concatenate(one)
-    overall, firsts = _welded(key.take(of_block))
+    overall, firsts = _weld_at_once(key.take(of_block))
     for block in blocks:
         number[block] = overall.take(number[block])
     return number, of_block.take(firsts)
 
 
-def _welded(key: NDArray[np.uint64]) -> tuple[Index, Index]:
-    """The same by one table for all."""
+def _weld_at_once(key: NDArray[np.uint64]) -> tuple[Index, Index]:
+    """Number keys with one hash table; see `weld_keys`."""
     n = len(key)
     bits = max(n.bit_length(), 4)
     owner = np.zeros(n, np.int32)
@@ -89,21 +89,24 @@ def _welded(key: NDArray[np.uint64]) -> tuple[Index, Index]:
 
 
 def label_components(members: Index | Int, n: int) -> Int:
-    """(n,) the group of each of `n` items, from 0: two items are in one group when links lead from one to the other.
+    """Label the connected components of items joined by links.
+
+    In each round every item is attached to a lower linked item, and attached items move to the end of their chain. The
+    remaining links join fewer and fewer items.
 
     Args:
-        members: (k, M) items that each of M links holds together.
+        members: (k, M) items that each of M links joins.
         n: number of items.
 
-    Each round every item that meets a lower one hooks to it, and hooked items move to the end of their chain; what is
-    left of the links joins fewer and fewer items.
+    Returns:
+        The component (n,) of each item, from 0.
     """
     label = np.arange(n, dtype=np.int32)
     itself = label.copy()
     columns = [np.asarray(column, np.int32) for column in members]
     one, other = (np.concatenate([np.zeros(0, np.int32), *some]) for some in (columns[:-1], columns[1:]))
     while len(one):
-        # Links are mostly given by rising items: written backward, each item is left with its lowest.
+        # Links mostly come in rising order. Written backward, the lowest linked item wins.
         low, high = np.minimum(one, other)[::-1], np.maximum(one, other)[::-1]
         parent = itself.copy()
         parent[high] = low
@@ -117,10 +120,10 @@ def label_components(members: Index | Int, n: int) -> Int:
 
 
 def chain_ends(following: NDArray[_Whole]) -> NDArray[_Whole]:
-    """(n,) where each item comes to when it goes on to `following` again and again.
+    """Return the last item of the chain that starts at each item (n,).
 
-    The last item of a chain is followed by itself; there must be no cycles. Everyone points to who their next points
-    to, until all point to the end: twice as far each time.
+    The last item of a chain is followed by itself; there must be no cycles. Pointer jumping doubles the distance in
+    each round, until all items point to the end.
     """
     while True:
         further = following.take(following)
@@ -130,7 +133,7 @@ def chain_ends(following: NDArray[_Whole]) -> NDArray[_Whole]:
 
 
 def chain_steps(following: NDArray[_Whole]) -> tuple[NDArray[_Whole], NDArray[_Whole]]:
-    """(n,) where each item comes to as with `chain_ends`, and in how many steps."""
+    """Return the last item of each chain (n,), as `chain_ends` does, and the number of steps to it (n,)."""
     end = following
     steps = (end != np.arange(len(end))).astype(following.dtype)
     while True:
@@ -141,12 +144,16 @@ def chain_steps(following: NDArray[_Whole]) -> tuple[NDArray[_Whole], NDArray[_W
 
 
 def group_close_points(points: Float, reach: float) -> Int:
-    """(n,) groups, from 0, of points (n, d): those within `reach` of each other along every axis are together.
+    """Group points (n, d) that are within `reach` of each other along every axis.
 
-    Cells of twice the reach, shifted by half a cell along each axis or not, hold every such pair at least once. What
-    shares cells without being so near is told apart then, but in crowds of more than a hundred.
+    The points are sorted into cells of twice the reach, on grids shifted by half a cell along each axis, so that each
+    such pair shares a cell in at least one grid. Pairs that share a cell are then compared, except in groups of more
+    than a hundred points.
+
+    Returns:
+        The group (n,) of each point, from 0.
     """
-    rough = _sharing_cells(points, reach)
+    rough = _group_by_shared_cells(points, reach)
     order = np.argsort(rough, kind="stable")
     size = np.bincount(rough)
     first = np.cumsum(size) - size
@@ -162,8 +169,8 @@ def group_close_points(points: Float, reach: float) -> Int:
     )
 
 
-def _sharing_cells(points: Float, reach: float) -> Int:
-    """(n,) groups, from 0, of points that share cells, however far along."""
+def _group_by_shared_cells(points: Float, reach: float) -> Int:
+    """Group points that share cells, directly or through other points; return groups (n,) from 0."""
     n, dimensions = points.shape
     pairs = []
     for shift in np.ndindex(*(2,) * dimensions):
@@ -175,16 +182,16 @@ def _sharing_cells(points: Float, reach: float) -> Int:
 
 
 def lowest_of_chain(following: Int | Index) -> Int:
-    """(N,) the lowest index that each item meets when it goes on to `following` again and again, itself included.
+    """Return the lowest index (N,) on the chain that starts at each item, including the item itself.
 
-    Pointer jumping: after round k every item knows the lowest of 2^k followers, so the number of rounds is the
+    By pointer jumping: after round k every item knows the lowest of 2^k followers, so the number of rounds is the
     logarithm of the longest chain.
     """
-    return _lowest(following).astype(np.int64)
+    return _lowest_index(following).astype(np.int64)
 
 
-def _lowest(following: Int | Index) -> Index:
-    # Half the bits, half the time: nothing is done here but fetching from memory.
+def _lowest_index(following: Int | Index) -> Index:
+    # 32-bit indices take half the time, because memory access dominates.
     jump = following.astype(np.int32)
     lowest: Index = np.arange(len(following), dtype=np.int32)
     while True:
@@ -195,10 +202,10 @@ def _lowest(following: Int | Index) -> Index:
 
 
 def cycles(following: Int) -> tuple[Int, Int]:
-    """For a permutation: the lowest index of each item's cycle, and the steps from there to the item."""
+    """Return for a permutation the lowest index of each item's cycle, and the steps from there to the item."""
     n = len(following)
-    lowest = _lowest(following)
-    # Steps to the cycle's first item, by the same doubling along the chain that ends there.
+    lowest = _lowest_index(following)
+    # Count the steps to the first item of the cycle, by pointer jumping along the chain that ends there.
     itself = np.arange(n, dtype=np.int32)
     is_first = lowest == itself
     _, steps = chain_steps(np.where(is_first[following], itself, following.astype(np.int32)))

@@ -1,4 +1,4 @@
-"""Open contours: which loose end goes on at which loose beginning, in whatever order they are given."""
+"""Close open contours: find the loose start at which each loose end continues, in any input order."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from printer_slicer.geometry.ring_queries import any_crossing
 __all__ = ["Chords", "LooseEnds", "close_near", "close_with_chords"]
 
 _TIERS = (1e-6, 1e-3, 1e-2, 0.1, 0.3)
-"""mm; ends are looked for this near before they are looked for farther away, so that few are left for that."""
+"""mm; search radii, from small to large: near ends are joined first, so that few are left for the larger radii."""
 _PAIRS_PER_END = 20
-_MANY_PAIRS = 200_000
-"""Where each loose end has more than so many others near it, and there are more than so many in all, or where more
-pairs than these are left to try chords between, a surface is in shreds: looking on would take minutes, for nothing."""
+_MAX_PAIRS = 200_000
+"""Limits for the search. A surface with more pairs of loose ends than this, in total and per end, is too damaged to
+close; the search would take minutes without a useful result."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LooseEnds:
-    """Nodes of the contours of all planes that have nothing after them, and as many that have nothing before them.
+    """Loose ends of the contours of all planes.
 
     Attributes:
         xy: (N, 2) mm, all nodes.
-        plane: (N,) of each node.
-        tails: (n,) nodes without a follower.
-        heads: (n,) nodes that follow none; as many on each plane as there are tails.
+        plane: (N,) plane of each node.
+        tails: (n,) nodes without a successor.
+        heads: (n,) nodes without a predecessor; each plane has as many as it has tails.
     """
 
     xy: Float
@@ -39,18 +39,18 @@ class LooseEnds:
 
     @classmethod
     def of(cls, following: Int, xy: Float, plane: Int) -> LooseEnds:
-        """From the follower of each node, -1 where there is none."""
+        """Find the loose ends, given the successor of each node or -1."""
         is_head = np.ones(len(following), np.bool_)
         is_head[following[following >= 0]] = False
         return cls(xy, plane, np.flatnonzero(following < 0), np.flatnonzero(is_head))
 
     @property
     def n_pairs(self) -> int:
-        """Pairs of a tail and a head of the same plane."""
+        """Number of pairs of a tail and a head on the same plane."""
         return int((np.bincount(self.plane[self.tails]) ** 2).sum())
 
     def without(self, joined: Chords) -> LooseEnds:
-        """Those that are left when the chords are drawn."""
+        """Return the loose ends that remain after adding the chords."""
         return LooseEnds(
             self.xy,
             self.plane,
@@ -61,10 +61,10 @@ class LooseEnds:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Chords:
-    """Straight ways that close contours.
+    """Straight lines that close contours.
 
     Attributes:
-        tail: (C,) node at which each begins.
+        tail: (C,) node at which each chord starts.
         head: (C,) node at which it ends.
         width: (C,) mm, its length.
     """
@@ -75,12 +75,12 @@ class Chords:
 
     @classmethod
     def none(cls) -> Chords:
-        """No chord."""
+        """Return an empty set of chords."""
         return cls(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))
 
     @classmethod
     def merged(cls, some: Sequence[Chords]) -> Chords:
-        """All together."""
+        """Concatenate several sets of chords."""
         return cls(
             np.concatenate([chords.tail for chords in some]),
             np.concatenate([chords.head for chords in some]),
@@ -89,28 +89,28 @@ class Chords:
 
 
 def close_near(loose: LooseEnds, reach: float) -> Chords:
-    """Chords of at most `reach` mm between loose ends of a plane, the shortest first, every end once.
+    """Join loose ends of a plane by chords of at most `reach` mm, the shortest first, each end once.
 
     Raises:
-        OverflowError: too many ends lie near each other to be compared.
+        OverflowError: too many ends lie near each other.
     """
     chords = Chords.none()
     for radius in (*(tier for tier in _TIERS if tier < reach), reach):
         if not len(loose.tails):
             break
-        found = _shortest_first(loose, *_near(loose, radius))
+        found = _choose_shortest(loose, *_pairs_within(loose, radius))
         chords, loose = Chords.merged([chords, found]), loose.without(found)
     return chords
 
 
-def _near(loose: LooseEnds, radius: float) -> tuple[Int, Int]:
-    """All pairs (tail, head) of one plane not farther apart than the radius.
+def _pairs_within(loose: LooseEnds, radius: float) -> tuple[Int, Int]:
+    """Return all pairs (tail, head) of one plane that are at most the radius apart.
 
-    Cells are as wide as the radius and numbered by plane, row, column: the three cells of a row in which a near head
-    can lie follow one another. Tails ask in the order of their cells, so what is searched stays in the cache.
+    Cells are as wide as the radius and numbered by plane, row, column, so the three cells of a row in which a near head
+    can lie have consecutive numbers. Tails are searched in the order of their cells, to stay in the processor's cache.
 
     Raises:
-        OverflowError: too many to be compared.
+        OverflowError: there are too many pairs.
     """
     node = np.concatenate([loose.tails, loose.heads])
     maybe = may_have_neighbours(loose.xy[node], radius, plane=loose.plane[node])
@@ -127,7 +127,7 @@ def _near(loose: LooseEnds, radius: float) -> tuple[Int, Int]:
         first = np.searchsorted(head_key, tail_key + (shift - 1))
         last = np.searchsorted(head_key, tail_key + (shift + 1), side="right")
         total += int((last - first).sum())
-        if total > _PAIRS_PER_END * len(loose.tails) + _MANY_PAIRS:
+        if total > _PAIRS_PER_END * len(loose.tails) + _MAX_PAIRS:
             raise OverflowError
         owner, place = spread(last - first)
         tail, head = tails[owner], heads[first[owner] + place]
@@ -137,10 +137,9 @@ def _near(loose: LooseEnds, radius: float) -> tuple[Int, Int]:
 
 
 def _cells(loose: LooseEnds, node: Int, width: float) -> tuple[Int, int]:
-    """(n,) the number of the cell of each node, and by how much it differs from that of the next row of its plane.
+    """Return the cell number (n,) of each node, and the difference between the numbers of neighbouring rows.
 
-    Rows and planes do not touch: the cell after the last one of a row is none of the next. Where 62 bits would not
-    do, cells are wider.
+    There is an unused cell between rows and between planes. Cells are wider where 62 bits would not be enough.
     """
     xy, plane = loose.xy[node], loose.plane[node]
     row_length = 1 << (62 - (int(plane.max()) + 1).bit_length()) // 2
@@ -150,21 +149,21 @@ def _cells(loose: LooseEnds, node: Int, width: float) -> tuple[Int, int]:
     return (plane * row_length + row) * row_length + column, row_length
 
 
-def _shortest_first(loose: LooseEnds, tail: Int, head: Int) -> Chords:
-    """Of the pairs the shortest, then the shortest of those that do not use its ends, and so on.
+def _choose_shortest(loose: LooseEnds, tail: Int, head: Int) -> Chords:
+    """Choose pairs greedily: the shortest first, then the shortest that does not use its ends, and so on.
 
-    In each round every pair is taken that is the shortest of both of its ends; that comes to the same.
+    Each round takes every pair that is the shortest one for both of its ends, which gives the same result.
     """
     gap = loose.xy[tail] - loose.xy[head]
     width = np.hypot(gap[:, 0], gap[:, 1])
-    # Ties are decided by where the ends lie, not by their numbers.
+    # Positions of the ends decide ties, so that the result does not depend on the order of the nodes.
     order = np.lexsort((*loose.xy[head].T, *loose.xy[tail].T, width))
     tail, head, width = tail[order], head[order], width[order]
     chosen = np.zeros(len(tail), np.bool_)
     left = np.arange(len(tail))
     best_tail, best_head = np.zeros(len(loose.xy), np.int64), np.zeros(len(loose.xy), np.int64)
     while len(left):
-        # The last to write is the first of the order.
+        # Written backward, so that the shortest pair wins.
         best_tail[tail[left[::-1]]] = left[::-1]
         best_head[head[left[::-1]]] = left[::-1]
         mutual = left[(best_tail[tail[left]] == left) & (best_head[head[left]] == left)]
@@ -177,25 +176,25 @@ def _shortest_first(loose: LooseEnds, tail: Int, head: Int) -> Chords:
 def close_with_chords(
     loose: LooseEnds, begin: Float, end: Float, segment_plane: Int, n_pairs: int = 0
 ) -> Chords:
-    """Chords of any length between loose ends of a plane: the shortest first that crosses nothing.
+    """Join loose ends of a plane by chords of any length that cross nothing, the shortest first.
 
     Args:
-        loose: ends that are left.
-        begin: (S, 2) mm, where the segments of all contours begin.
-        end: (S, 2) mm, where they end.
-        segment_plane: (S,).
-        n_pairs: of ends compared on other planes, which count too.
+        loose: the remaining loose ends.
+        begin: (S, 2) mm, start points of the segments of all contours.
+        end: (S, 2) mm, their end points.
+        segment_plane: (S,) plane of each segment.
+        n_pairs: number of pairs already compared on other planes; they count toward the limit.
 
     Returns:
-        The chords; ends between which every chord would cross a contour are left loose, and so are those of all planes
-        above.
+        The chords. If every chord between some ends would cross a contour, these ends and those of all planes above
+        stay loose.
 
     Raises:
-        OverflowError: there are too many ends to try.
+        OverflowError: there are too many pairs to try.
     """
     chords = Chords.none()
     planes, counts = np.unique(loose.plane[loose.tails], return_counts=True)
-    if n_pairs + loose.n_pairs > _MANY_PAIRS:
+    if n_pairs + loose.n_pairs > _MAX_PAIRS:
         raise OverflowError
     order = np.argsort(segment_plane, kind="stable")
     begin, end, segment_plane = begin[order], end[order], segment_plane[order]
@@ -203,15 +202,15 @@ def close_with_chords(
         here = slice(*np.searchsorted(segment_plane, [plane, plane + 1]))
         tails = loose.tails[loose.plane[loose.tails] == plane]
         heads = loose.heads[loose.plane[loose.heads] == plane]
-        found = _uncrossed(loose.xy, tails, heads, begin[here], end[here])
+        found = _chords_without_crossing(loose.xy, tails, heads, begin[here], end[here])
         chords = Chords.merged([chords, found])
         if len(found.tail) < count:
             break
     return chords
 
 
-def _uncrossed(xy: Float, tails: Int, heads: Int, begin: Float, end: Float) -> Chords:
-    """Chords of one plane, the shortest first, that cross neither a segment nor each other."""
+def _chords_without_crossing(xy: Float, tails: Int, heads: Int, begin: Float, end: Float) -> Chords:
+    """Find chords on one plane, the shortest first, that cross neither a segment nor each other."""
     gap = xy[tails][:, None] - xy[heads][None]
     width = np.hypot(gap[:, :, 0], gap[:, :, 1]).ravel()
     tail, head = np.repeat(tails, len(heads)), np.tile(heads, len(tails))
@@ -219,7 +218,7 @@ def _uncrossed(xy: Float, tails: Int, heads: Int, begin: Float, end: Float) -> C
     used: set[int] = set()
     chosen = []
     for k in order.tolist():
-        ends = int(tail[k]), int(head[k]) + len(xy)  # tails and heads are numbered apart
+        ends = int(tail[k]), int(head[k]) + len(xy)  # separate numbers for tails and heads
         if used.isdisjoint(ends) and not _crosses(xy[tail[k]], xy[head[k]], begin, end):
             used.update(ends)
             chosen.append(k)
@@ -228,7 +227,7 @@ def _uncrossed(xy: Float, tails: Int, heads: Int, begin: Float, end: Float) -> C
 
 
 def _crosses(start: Float, stop: Float, begin: Float, end: Float) -> bool:
-    """Whether a chord crosses a segment that does not share an end with it."""
+    """Return whether a chord crosses a segment that does not share an end with it."""
     apart: Bool = np.ones(len(begin), np.bool_)
     for point in (start, stop):
         apart &= (begin != point).any(axis=1) & (end != point).any(axis=1)

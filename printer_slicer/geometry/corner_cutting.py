@@ -13,32 +13,37 @@ from printer_slicer.geometry.ring_queries import crossed, find_enclosing_rings
 
 __all__ = ["cut_sharp_corners", "reach_of_corner"]
 
-_SHARP = -0.1  # cosine of the angle inside: right ones are sharp
-_INSIDE = 1e-3  # of a chord: its ends may lie on the outline
+_SHARP = -0.1  # cosine of the angle between the legs; right angles count as sharp
+_INSIDE = 1e-3  # fraction of a chord to leave out at both ends, which may lie on the outline
 
 
 def reach_of_corner(cosine: Float, apart: float) -> Float:
-    """Mm from a corner to where its legs are `apart` mm from each other; `cosine` of the angle between them."""
+    """Return the distance from a corner, mm, at which its legs are `apart` mm from each other.
+
+    Args:
+        cosine: of the angle between the legs.
+        apart: mm.
+    """
     half_sine = np.sqrt(np.maximum(1 - cosine, 1e-6) / 2)
     return apart / (2 * half_sine)
 
 
 def cut_sharp_corners(lines: Polylines, corners: Int, areas: Areas, apart: float) -> Polylines:
-    """Open lines with sharp corners cut off where their legs are `apart` mm from each other.
+    """Cut off sharp corners of open lines where their legs are `apart` mm from each other.
 
-    Between two sharp corners at most half of the way is left out at either, at the ends of a line all of it. Corners
-    stay where the way past them would leave the areas.
+    A cut reaches at most halfway to the next sharp corner, or up to the end of the line. A corner stays if the shortcut
+    would leave the areas.
 
     Args:
-        lines: without points that repeat the one before.
-        corners: (C,) ascending, points of theirs that may be cut off.
-        areas: that the lines lie in.
+        lines: lines without repeated points.
+        corners: (C,) points of the lines that may be cut off, ascending.
+        areas: the areas in which the lines lie.
         apart: mm.
     """
-    cuts = _cuts(lines, corners, apart)
+    cuts = _find_cuts(lines, corners, apart)
     first, last = cuts.ends(cuts.begin), cuts.ends(cuts.end)
     inset, layer = _INSIDE * (last - first), lines.layer[cuts.line]
-    # Around a corner that points into the areas the way past crosses no outline, and lies outside all along.
+    # At a corner that points into the areas the shortcut crosses no outline, but lies outside from end to end.
     ring = find_enclosing_rings(areas, (first + last) / 2, layer)
     inside = np.append(areas.ring_area() > 0, False)[ring]
     free = np.flatnonzero(inside & ~crossed(areas, first + inset, last - inset, layer))
@@ -47,13 +52,13 @@ def cut_sharp_corners(lines: Polylines, corners: Int, areas: Areas, apart: float
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Cuts:
-    """What is left out of lines, with all of them as one, 1 mm apart.
+    """Parts to cut out of lines; positions count along all lines laid end to end, 1 mm apart.
 
     Attributes:
-        lines: without repeats.
-        place: (N,) mm of each point.
-        line: (C,) of each cut.
-        begin, end: (C,) mm, ascending.
+        lines: lines without repeated points.
+        place: (N,) mm, position of each point.
+        line: (C,) line of each cut.
+        begin, end: (C,) mm, positions of each cut, ascending.
     """
 
     lines: Polylines
@@ -63,15 +68,15 @@ class _Cuts:
     end: Float
 
     def take(self, chosen: Int) -> _Cuts:
-        """Some of them."""
+        """Return the cuts with the given indices."""
         return _Cuts(self.lines, self.place, self.line[chosen], self.begin[chosen], self.end[chosen])
 
     def ends(self, place: Float) -> Float:
-        """(C, 2) mm, the points at these places."""
+        """Return the (C, 2) points at these positions, mm."""
         return np.stack([np.interp(place, self.place, axis) for axis in self.lines.xy.T], axis=1)
 
     def applied(self) -> Polylines:
-        """The lines without them."""
+        """Return the lines with the cuts applied."""
         lines = self.lines
         owner = np.repeat(np.arange(lines.n_lines), lines.size)
         cut = np.searchsorted(self.begin, self.place, side="right") - 1
@@ -82,8 +87,8 @@ class _Cuts:
         return Polylines.of(xy[order], size, lines.layer).without_repeats()[0]
 
 
-def _cuts(lines: Polylines, corners: Int, apart: float) -> _Cuts:
-    """What there would be to leave out."""
+def _find_cuts(lines: Polylines, corners: Int, apart: float) -> _Cuts:
+    """Find the cuts at all sharp corners."""
     xy, start = lines.xy, lines.start
     owner = np.repeat(np.arange(lines.n_lines), lines.size)
     corners = corners[(corners != start[owner[corners]]) & (corners != start[owner[corners] + 1] - 1)]

@@ -1,4 +1,4 @@
-"""How deep points lie inside the areas of their layers, near the outlines."""
+"""Depth of points inside the areas of their layers, near the outlines."""
 
 from __future__ import annotations
 
@@ -11,50 +11,51 @@ from printer_slicer.geometry.vectors import cross, dot, nearest_share
 
 __all__ = ["depths", "near_outlines"]
 
-_AT_ONCE = 1 << 16  # points: what is compared stays near the processor's caches
+_AT_ONCE = 1 << 16  # points per batch, so that the comparisons stay in the processor's cache
 _Edges = tuple[Float, Float, Int]
-_CELL = 2.0  # reaches: large enough that few outlines lie in many cells, small enough that few lie in one
-_TABLE, _ROW = 1 << 20, 521  # places of cells, a power of two; and how far a row is from the next
-_SIDEWAYS = (
-    1e-9  # of two edges that meet in the nearest point, the one that is seen less from its end tells the side
-)
+_CELL = 2.0  # cell size in reaches: few edges per cell, and few cells per edge
+_TABLE, _ROW = 1 << 20, 521  # slots of the cell table, a power of two; and slots from row to row
+# If two edges meet in the nearest point, prefer the one that the point sees less from its end: it decides the side.
+_SIDEWAYS = 1e-9
 
 
 def depths(areas: Areas, points: Float, layer: Int, reach: float) -> Float:
-    """(P,) how far inside the areas of its layer each point lies, mm; negative outside.
+    """Return the depth (P,) of points inside the areas of their layer, mm; negative outside.
 
-    Outlines are looked up in a lattice of cells, so the cost grows with points and outlines, not with their product.
+    A grid of cells finds the nearby outlines, so the cost grows with points plus outlines, not with their product.
 
     Args:
         areas: clean areas.
         points: (P, 2) mm.
-        layer: (P,) of each point.
-        reach: mm; points farther from all outlines of their layer get nan.
+        layer: (P,) layer of each point.
+        reach: mm; points farther than this from all outlines of their layer get nan.
     """
     result = np.full(len(points), np.nan)
     for at in range(0, len(points), _AT_ONCE):
         some = slice(at, at + _AT_ONCE)
-        _note_depths(result[some], areas, points[some], layer[some], reach)
+        _fill_depths(result[some], areas, points[some], layer[some], reach)
     return result
 
 
-def _note_depths(result: Float, areas: Areas, points: Float, layer: Int, reach: float) -> None:
-    """Depths of some of the points, filled into `result` (P,)."""
+def _fill_depths(result: Float, areas: Areas, points: Float, layer: Int, reach: float) -> None:
+    """Write the depths of a batch of points into `result` (P,)."""
     areas = areas.of_layers(layer)
     if not areas.n_rings:
         return
-    begin, end, of_layer = _asked_for(_short_edges(areas, _CELL * reach), points, layer, _CELL * reach)
+    begin, end, of_layer = _edges_near_points(
+        _short_edges(areas, _CELL * reach), points, layer, _CELL * reach
+    )
     if not len(begin):
         return
-    owner, edge = _pairs(points, layer, (begin, end, of_layer), reach)
+    owner, edge = _nearby_pairs(points, layer, (begin, end, of_layer), reach)
     if not len(owner):
         return
-    # Column by column: pairs of numbers are fetched much more slowly than single ones.
-    way = (end - begin).take(edge, axis=0)
+    # Column by column: fetching pairs of numbers is much slower than fetching single ones.
+    along = (end - begin).take(edge, axis=0)
     gap = points.take(owner, axis=0) - begin.take(edge, axis=0)
-    rest = gap - nearest_share(gap, way)[:, None] * way
-    away, side = dot(rest, rest), cross(way, gap)
-    rank = away - _SIDEWAYS * side**2 / dot(way, way)
+    rest = gap - nearest_share(gap, along)[:, None] * along
+    away, side = dot(rest, rest), cross(along, gap)
+    rank = away - _SIDEWAYS * side**2 / dot(along, along)
     first = np.flatnonzero(np.diff(owner, prepend=-1))
     nearest = np.flatnonzero(
         rank == np.repeat(np.minimum.reduceat(rank, first), np.diff(first, append=len(rank)))
@@ -64,16 +65,16 @@ def _note_depths(result: Float, areas: Areas, points: Float, layer: Int, reach: 
 
 
 def near_outlines(areas: Areas, points: Float, layer: Int, reach: float) -> Bool:
-    """(P,) whether points (P, 2) lie in cells beside outlines of their layer; others are not within `reach` of any."""
+    """Return a mask (P,) of points that may lie within `reach` of an outline of their layer; all others do not."""
     parts = [np.zeros(0, np.bool_)]
     for at in range(0, len(points), _AT_ONCE):
         some = slice(at, at + _AT_ONCE)
-        parts.append(_beside(areas, points[some], layer[some], reach))
+        parts.append(_near_outlines(areas, points[some], layer[some], reach))
     return np.concatenate(parts)
 
 
-def _beside(areas: Areas, points: Float, layer: Int, reach: float) -> Bool:
-    """The same for some of the points."""
+def _near_outlines(areas: Areas, points: Float, layer: Int, reach: float) -> Bool:
+    """Return the mask of `near_outlines` for a batch of points."""
     areas = areas.of_layers(layer)
     if not areas.n_rings:
         return np.zeros(len(points), np.bool_)
@@ -83,7 +84,7 @@ def _beside(areas: Areas, points: Float, layer: Int, reach: float) -> Bool:
 
 
 def _short_edges(areas: Areas, longest: float) -> _Edges:
-    """Both ends (E, 2) and the layer (E,) of the edges, cut into pieces that are not longer."""
+    """Split the edges into pieces of at most `longest` mm; return both ends (E, 2) and the layer (E,)."""
     along = areas.xy.take(areas.following, axis=0) - areas.xy
     count = np.maximum(np.ceil(np.hypot(*along.T) / longest), 1).astype(np.int64)
     owner, step = spread(count)
@@ -94,11 +95,11 @@ def _short_edges(areas: Areas, longest: float) -> _Edges:
     return begin.take(long, axis=0), (begin + piece).take(long, axis=0), layer.take(long)
 
 
-def _asked_for(edges: _Edges, points: Float, layer: Int, size: float) -> _Edges:
-    """The edges that may lie within half of `size` of a point: most outlines have none beside them.
+def _edges_near_points(edges: _Edges, points: Float, layer: Int, size: float) -> _Edges:
+    """Keep the edges that may lie within half of `size` of a point; most outlines have no point near them.
 
-    An edge is no longer than `size`, so its middle lies in the cell of such a point or in one beside it. Cells share
-    the places of a table, so that some edges are kept for nothing.
+    An edge is at most `size` long, so its middle lies in the cell of such a point or in a neighbouring one. Several
+    cells share a slot of the table, so some edges are kept without need.
     """
     begin, end, of_layer = edges
     cell = np.floor(points / size).astype(np.int64)
@@ -115,7 +116,7 @@ def _asked_for(edges: _Edges, points: Float, layer: Int, size: float) -> _Edges:
 
 
 def _cells(points: Float, layer: Int, edges: _Edges, reach: float) -> tuple[Int, Int, Int]:
-    """Edges (n,) with the cell (n,) of everything within reach of them, and the cell of each point (P,)."""
+    """Return pairs of an edge (n,) and a cell (n,) within its reach, and the cell of each point (P,)."""
     begin, end, of_layer = edges
     size = _CELL * reach
     low = np.floor((np.minimum(begin, end) - reach) / size).astype(np.int64)
@@ -132,12 +133,12 @@ def _cells(points: Float, layer: Int, edges: _Edges, reach: float) -> tuple[Int,
     return edge, key, (layer * wide[0] + cell[:, 0] - origin[0]) * wide[1] + cell[:, 1] - origin[1]
 
 
-def _pairs(points: Float, layer: Int, edges: _Edges, reach: float) -> tuple[Int, Int]:
-    """Point and edge of all pairs that may be within reach of each other, by ascending point."""
+def _nearby_pairs(points: Float, layer: Int, edges: _Edges, reach: float) -> tuple[Int, Int]:
+    """Return all pairs of a point and an edge that may be within reach of each other, by ascending point."""
     edge, key, own = _cells(points, layer, edges, reach)
     order = np.argsort(key, kind="stable")
     key, edge = key.take(order), edge.take(order)
-    # Points come along lines: neighbours mostly share their cell.
+    # Consecutive points lie along lines, so they mostly share a cell.
     new = np.flatnonzero(np.diff(own, prepend=own[0] - 1))
     again, sought = np.diff(new, append=len(own)), own.take(new)
     first = np.searchsorted(key, sought)

@@ -1,6 +1,6 @@
-"""What can be done with the areas of a whole stack, and which engine does it.
+"""Polygon operations on the areas of a whole stack, and the choice of the engine that does them.
 
-All functions but `normalize` and `simplify` expect clean areas, and all but `simplify` give them: simple
+All functions except `normalize` and `simplify` expect clean areas, and all except `simplify` return them: simple
 rings that may touch but not cross, solids counter-clockwise, holes clockwise. Results are rounded to 0.01 µm.
 The engine is chosen when it is first needed.
 """
@@ -39,8 +39,8 @@ __all__ = [
     "window_intersections",
 ]
 
-_ROOM: Final = 0.99  # of the area of a circle, for what rounding makes of it
-_CROWD: Final = 16  # rings of a layer, in the mean; of fewer each is given to the engine
+_ROUNDING: Final = 0.99  # of the area of a circle: allows for rounded points
+_CROWD: Final = 16  # rings per layer on average; with fewer, all rings go to the engine
 VARIABLE: Final = "PRINTER_SLICER_GEOMETRY"
 
 
@@ -62,10 +62,10 @@ _override: ContextVar[str | None] = ContextVar("engine", default=None)
 
 
 def engine_named(name: str) -> Polygons:
-    """The engine of that name.
+    """Return the engine of this name.
 
     Raises:
-        UsageError: there is none.
+        UsageError: there is no engine of this name.
     """
     if name not in ENGINES:
         raise UsageError(
@@ -77,10 +77,10 @@ def engine_named(name: str) -> Polygons:
 
 @contextmanager
 def using_engine(name: str) -> Iterator[None]:
-    """Let the engine of that name do the work inside the `with` block, in this thread.
+    """Use the engine of this name inside the `with` block, in this thread.
 
     Raises:
-        UsageError: there is none.
+        UsageError: there is no engine of this name.
     """
     engine_named(name)
     token = _override.set(name)
@@ -115,7 +115,7 @@ def union(a: Areas, b: Areas) -> Areas:
     Raises:
         ValueError: the stacks have different numbers of layers.
     """
-    worked, meets = _combined("union", a, b)
+    worked, meets = _combine_near("union", a, b)
     return worked.merge(a.of_layers(~meets)).merge(b.of_layers(~meets))
 
 
@@ -125,7 +125,7 @@ def difference(a: Areas, b: Areas) -> Areas:
     Raises:
         ValueError: the stacks have different numbers of layers.
     """
-    worked, meets = _combined("difference", a, b)
+    worked, meets = _combine_near("difference", a, b)
     return worked.merge(a.of_layers(~meets))
 
 
@@ -135,37 +135,37 @@ def intersection(a: Areas, b: Areas) -> Areas:
     Raises:
         ValueError: the stacks have different numbers of layers.
     """
-    return _combined("intersection", a, b)[0]
+    return _combine_near("intersection", a, b)[0]
 
 
 def offset(areas: Areas, distance: float | Float, *, join: Join = "miter") -> Areas:
-    """The areas grown (or shrunk, if negative) by `distance` on all sides.
+    """Grow the areas by `distance` on all sides, or shrink them if it is negative.
 
     Args:
         areas: clean areas.
         distance: mm, one for all layers or one per layer.
-        join: how the gap at a corner is closed. "miter" prolongs both sides to a point as long as the point
-            is at most twice the distance from the corner (corners of 60° and more); sharper corners are cut
-            off square at the distance. "round" follows a circle to 0.005 mm.
+        join: how the gap at a corner is closed. "miter" extends both sides to a point if the point is at most
+            twice the distance from the corner (corners of 60° and more); sharper corners are cut off square at
+            the distance. "round" follows a circle to 0.005 mm.
 
     Raises:
         ValueError: `distance` has another length or is not finite.
     """
     engine, by, some = _engine(), _distances(distance, areas.n_layers), distinct(areas.ring_layer)
-    layers = engine.load(_picked(areas, some))
-    return _put_back(engine.store(engine.offset(layers, by[some], join)), some, areas.n_layers)
+    layers = engine.load(_pick_layers(areas, some))
+    return _put_back_layers(engine.store(engine.offset(layers, by[some], join)), some, areas.n_layers)
 
 
 def offset_open(areas: Areas, distance: float | Float, limit: float = MITER_LIMIT) -> Areas:
-    """Remove what is narrower than twice `distance`: shrink the areas, then grow them again.
+    """Remove everything narrower than twice `distance`: shrink the areas, then grow them again.
 
-    The result lies within the original: what the pointed joins add beyond it is cut away. Corners of 60° and
-    more that survive keep their points; sharper ones are cut off square.
+    The result lies within the original: anything that the mitered joins add beyond it is cut off. Remaining corners
+    of 60° and more keep their points; sharper ones are cut off square.
 
     Args:
         areas: clean areas.
         distance: mm, not negative; one for all layers or one per layer.
-        limit: corners with a point farther away than this many distances are cut off; a larger one spares sharper ones.
+        limit: corners with a point farther away than this many distances are cut off.
 
     Raises:
         ValueError: `distance` has another length, is negative or not finite.
@@ -173,12 +173,12 @@ def offset_open(areas: Areas, distance: float | Float, limit: float = MITER_LIMI
     by = _distances(distance, areas.n_layers)
     if (by < 0).any():
         raise ValueError("an opening needs distances of 0 or more")
-    # No circle fits into a ring of less area than its own; a hole that is left alone covers nothing.
+    # No circle of this radius fits into a ring with less area than the circle. A hole without its ring covers nothing.
     size = areas.ring_area()
-    areas = areas.select((size <= 0) | (size > _ROOM * np.pi * by[areas.ring_layer] ** 2))
+    areas = areas.select((size <= 0) | (size > _ROUNDING * np.pi * by[areas.ring_layer] ** 2))
     engine, some = _engine(), distinct(areas.ring_layer)
-    layers = engine.load(_picked(areas, some))
-    return _put_back(engine.store(engine.opened(layers, by[some], limit)), some, areas.n_layers)
+    layers = engine.load(_pick_layers(areas, some))
+    return _put_back_layers(engine.store(engine.opened(layers, by[some], limit)), some, areas.n_layers)
 
 
 def stroke_lines(xy: Float, start: Int, layer: Int, radius: Float, n_layers: int) -> Areas:
@@ -189,13 +189,13 @@ def stroke_lines(xy: Float, start: Int, layer: Int, radius: Float, n_layers: int
 
     Args:
         xy: (N, 2) mm; polyline i is `xy[start[i]:start[i + 1]]`, of two points or more, and stays open.
-        start: (M + 1,) where each polyline begins.
-        layer: (M,) of each polyline, in any order.
-        radius: (M,) mm, over 0: half the width of each line.
-        n_layers: of the stack.
+        start: (M + 1,) offset of each polyline.
+        layer: (M,) layer of each polyline, in any order.
+        radius: (M,) mm, greater than 0: half the width of each line.
+        n_layers: number of layers of the stack.
 
     Raises:
-        ValueError: a radius that is not over 0, or a layer outside the stack.
+        ValueError: a radius is not greater than 0, or a layer is outside the stack.
     """
     if len(layer) and not (layer.min() >= 0 and layer.max() < n_layers):
         raise ValueError(f"a line leaves the {n_layers} layers")
@@ -207,18 +207,18 @@ def stroke_lines(xy: Float, start: Int, layer: Int, radius: Float, n_layers: int
 
 
 def outlines_within(outlines: Areas, areas: Areas) -> tuple[Float, Int, Int]:
-    """The parts of outlines that lie within areas of the same layer, as open lines.
+    """Return the parts of outlines that lie within areas of the same layer, as open lines.
 
-    Done by the engine, layer by layer: for many outlines of which little lies near the areas, as those of narrow
-    strips. `clip_outlines` also tells of which ring each part is and whether that is whole.
+    The engine does this layer by layer. It suits many outlines with only short parts near the areas, such as narrow
+    strips. `clip_outlines` also returns the ring of each part and whether it is the whole ring.
 
     Args:
         outlines: any rings.
         areas: clean areas.
 
     Returns:
-        xy (N, 2) mm, number of points (M,) and layer (M,) of each line, by ascending layer. A ring that lies within
-        as a whole returns to its first point.
+        xy (N, 2) mm, number of points (M,) and layer (M,) of each line, by ascending layer. A ring that lies entirely
+        within returns to its first point.
 
     Raises:
         ValueError: the stacks have different numbers of layers.
@@ -234,12 +234,12 @@ def outlines_within(outlines: Areas, areas: Areas) -> tuple[Float, Int, Int]:
 
 
 def simplify(areas: Areas, tolerance: float) -> Areas:
-    """The rings with fewer points, none farther than `tolerance` from where it was (Douglas-Peucker).
+    """Remove points from rings, so that no outline moves by more than `tolerance` (Douglas-Peucker).
 
     Tolerance 0 removes only repeated points and those on the straight line between their neighbours. Rings
-    that collapse or turn over are dropped. Rings may touch or cross afterwards: `normalize` cleans them. Each
-    ring begins at its leftmost point (lowest of several), which is a corner, so no point is kept only because
-    a ring began there.
+    that collapse or change direction are dropped. Rings may touch or cross afterwards: `normalize` cleans them. Each
+    ring starts at its leftmost point (the lowest of several), which is always a corner, so the start of a ring
+    keeps no extra point.
 
     Args:
         areas: any closed rings.
@@ -259,9 +259,9 @@ def simplify(areas: Areas, tolerance: float) -> Areas:
 
 
 def window_intersection(areas: Areas, first: Int, last: Int) -> Areas:
-    """For each layer k, what the layers `first[k]` to `last[k] - 1` have in common.
+    """Return for each layer k the intersection of the layers `first[k]` to `last[k] - 1`.
 
-    A window that reaches outside the stack has no area: there is only air.
+    The result of a window that reaches outside the stack is empty.
 
     Args:
         areas: clean areas.
@@ -269,13 +269,13 @@ def window_intersection(areas: Areas, first: Int, last: Int) -> Areas:
         last: (n_layers,) one after its last layer.
 
     Raises:
-        ValueError: other shapes, or an empty window: nothing bounds the intersection of no layers.
+        ValueError: the arrays have other shapes, or a window is empty.
     """
     return window_intersections(areas, [(first, last)])[0]
 
 
 def window_intersections(areas: Areas, windows: Sequence[tuple[Int, Int]]) -> list[Areas]:
-    """The same for several windows (first, last) of each layer: what they have in common is worked out once.
+    """Return `window_intersection` for several windows (first, last) of each layer, with shared intermediate results.
 
     Raises:
         ValueError: as `window_intersection`.
@@ -302,7 +302,7 @@ def window_intersections(areas: Areas, windows: Sequence[tuple[Int, Int]]) -> li
 
 
 def _wide_windows(areas: Areas, wide: list[Int], windows: Sequence[tuple[Int, Int]]) -> list[Areas]:
-    """What the windows of several layers have in common, for those of `windows` that have any of them."""
+    """Return the intersections of windows of more than one layer, for each of `windows` that has any of them."""
     ends = [(first[some], last[some]) for some, (first, last) in zip(wide, windows, strict=True) if len(some)]
     if not ends:
         return []
@@ -322,7 +322,7 @@ def _wide_windows(areas: Areas, wide: list[Int], windows: Sequence[tuple[Int, In
 
 
 def _layers_from(areas: Areas, source: Int) -> Areas:
-    """(n_layers,) as many layers, each with the rings of its `source`, nothing where that is -1."""
+    """Return a stack in which each layer has the rings of the layer `source` (n_layers,), or nothing for -1."""
     filled = np.flatnonzero(source >= 0)
     bounds, source = areas.layer_start, source[filled]
     count = bounds[source + 1] - bounds[source]
@@ -339,8 +339,8 @@ def _distances(distance: float | Float, n_layers: int) -> Float:
     return by
 
 
-def _combined(operation: Operation, a: Areas, b: Areas) -> tuple[Areas, Bool]:
-    """The result on the layers where the boxes around `a` and `b` meet, and (n_layers,) which those are."""
+def _combine_near(operation: Operation, a: Areas, b: Areas) -> tuple[Areas, Bool]:
+    """Combine the layers where the bounding boxes of `a` and `b` overlap; return the result and a mask (n_layers,)."""
     if a.n_layers != b.n_layers:
         raise ValueError(f"stacks of {a.n_layers} and {b.n_layers} layers")
     (low_a, high_a), (low_b, high_b) = a.boxes(), b.boxes()
@@ -348,19 +348,19 @@ def _combined(operation: Operation, a: Areas, b: Areas) -> tuple[Areas, Bool]:
     if not meets.any():
         return Areas.empty(a.n_layers), meets
     engine, some = _engine(), np.flatnonzero(meets)
-    (a, apart_a), (b, apart_b) = _near_each_other(_picked(a, some), _picked(b, some))
+    (a, apart_a), (b, apart_b) = _split_near(_pick_layers(a, some), _pick_layers(b, some))
     result = engine.store(engine.combine(operation, engine.load(a), engine.load(b)))
     if operation != "intersection":
         result = result.merge(apart_a)
     if operation == "union":
         result = result.merge(apart_b)
-    return _put_back(result, some, len(meets)), meets
+    return _put_back_layers(result, some, len(meets)), meets
 
 
-def _near_each_other(a: Areas, b: Areas) -> tuple[tuple[Areas, Areas], tuple[Areas, Areas]]:
-    """Of both stacks the rings whose boxes meet one of the other stack, and those that lie apart from all of it.
+def _split_near(a: Areas, b: Areas) -> tuple[tuple[Areas, Areas], tuple[Areas, Areas]]:
+    """Split each stack into the rings whose boxes overlap one of the other stack, and all others.
 
-    Of a few rings all pass for near.
+    If there are only a few rings, all of them count as near.
     """
     if a.n_rings + b.n_rings < _CROWD * a.n_layers:
         nothing = Areas.empty(a.n_layers)
@@ -371,13 +371,13 @@ def _near_each_other(a: Areas, b: Areas) -> tuple[tuple[Areas, Areas], tuple[Are
     return (a.select(near_a), a.select(~near_a)), (b.select(near_b), b.select(~near_b))
 
 
-def _picked(areas: Areas, some: Int) -> Areas:
-    """Some of the layers (n,), ascending, as a stack of their own: empty ones need not be visited one by one."""
+def _pick_layers(areas: Areas, some: Int) -> Areas:
+    """Return some of the layers (n,), ascending, as a separate stack, so that empty layers cost no time."""
     return areas if len(some) == areas.n_layers else areas.for_each(some)
 
 
-def _put_back(areas: Areas, some: Int, n_layers: int) -> Areas:
-    """A stack of picked layers, each where it was in one of `n_layers`."""
+def _put_back_layers(areas: Areas, some: Int, n_layers: int) -> Areas:
+    """Put picked layers back at their indices in a stack of `n_layers`."""
     if len(some) == n_layers:
         return areas
     return Areas(areas.xy, areas.ring_start, some[areas.ring_layer], n_layers)

@@ -1,4 +1,4 @@
-"""Triangles as loose corners: keys that make equal corners and edges known, and what edges tell of a surface."""
+"""Topology of unconnected triangles: keys that identify equal corners and edges, edge faults, and bodies."""
 
 from __future__ import annotations
 
@@ -24,36 +24,36 @@ _FACTORS = np.array(
     [0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB, 0xD6E8FEB86659FD93], np.uint64
 )
 _CORNERS_AT_ONCE = 3 << 15
-_WIDE_CELLS = 64  # distances
-_AT_BORDER = 1 / 60  # of a wide cell; more than the distance, by more than coordinates are rounded
+_WIDE_CELLS = 64  # cell width in distances
+_AT_BORDER = 1 / 60  # of a wide cell: the distance, with a margin for rounded coordinates
 
 
 def spread(count: Int) -> tuple[Int, Int]:
-    """For items that own `count` slots each: the owner of every slot, and the slot's place within its owner."""
+    """Return the owner of every slot, and its index within the owner, for items that own `count` slots each."""
     owner = np.repeat(np.arange(len(count)), count)
     first = np.cumsum(count) - count
     return owner, np.arange(len(owner)) - first.take(owner)
 
 
 def find_edge_faults(triangles: Float) -> tuple[Float, Float, Float]:
-    """Edges of a mesh that do not have one facet on each side.
+    """Find the edges of a mesh that do not have one facet on each side.
 
     Args:
         triangles: (F, 3, 3) mm.
 
     Returns:
-        Middle points, each (n, 3) mm: of edges with one facet, of edges whose two facets face opposite ways, and of
-        edges that more than two facets share. Equal coordinates make equal corners.
+        Middle points, each (n, 3) mm: of edges with one facet, of edges whose two facets face opposite directions, and
+        of edges that more than two facets share. Corners are equal if their coordinates are.
     """
     tag = corner_keys(triangles.reshape(-1, 3)).reshape(-1, 3).T
     after = tag[[1, 2, 0]]
-    used = np.flatnonzero(tag != after)  # an edge of no length belongs to a facet of no area
+    used = np.flatnonzero(tag != after)  # edges without length belong to facets without area
     edge, firsts = weld_keys(edge_keys(tag).ravel()[used])
     count = np.bincount(edge, minlength=len(firsts))
     net = 2 * np.bincount(edge[(tag < after).ravel()[used]], minlength=len(firsts)) - count
 
     def middles(of: Bool) -> Float:
-        """(n, 3) of some of the edges, in the order in which they first come up."""
+        """Return the (n, 3) middle points of the masked edges, in order of their first occurrence."""
         corner, facet = np.divmod(used[np.sort(firsts[of])], len(triangles))
         return np.asarray((triangles[facet, corner] + triangles[facet, (corner + 1) % 3]) / 2)
 
@@ -61,14 +61,14 @@ def find_edge_faults(triangles: Float) -> tuple[Float, Float, Float]:
 
 
 def label_bodies(triangles: Float) -> Int:
-    """(F,) the body that each facet belongs to, from 0: facets that share corners, however far along, are one body."""
+    """Return the body (F,) of each facet, from 0: facets connected through shared corners are one body."""
     corner, firsts = weld_keys(corner_keys(triangles.reshape(-1, 3)))
     facet_corners = corner.reshape(-1, 3)
     return label_components(facet_corners.T, len(firsts))[facet_corners[:, 0]]
 
 
 def corner_keys(corner: Float) -> _UInt:
-    """(n,) 64 bits from the coordinates (n, 3) of each corner; equal coordinates, equal bits."""
+    """Return 64-bit keys (n,) of the coordinates (n, 3) of corners; equal coordinates give equal keys."""
     mixed = np.zeros(len(corner), np.uint64)
     for at in range(0, len(corner), _CORNERS_AT_ONCE):
         some = slice(at, at + _CORNERS_AT_ONCE)
@@ -77,10 +77,11 @@ def corner_keys(corner: Float) -> _UInt:
 
 
 def keys_of(x: Float, y: Float, z: Float) -> _UInt:
-    """(n,) the same from columns (n,) of coordinates.
+    """Return the keys (n,) of `corner_keys` from columns (n,) of coordinates.
 
-    A product carries a bit to higher ones only. Coordinates of symmetric parts differ in their highest bit, the sign,
-    and in the last ones that 32-bit files have: turned so that both stand low, either changes most bits of the key.
+    Multiplication carries a bit to higher bits only. Coordinates of symmetric parts differ in their highest bit, the
+    sign, and in the last bits that 32-bit files have. Rotation moves both to the low end, so that either changes most
+    bits of the key.
     """
     keys = np.zeros(len(x), np.uint64)
     for column, factor in zip((x, y, z), _FACTORS[:3], strict=True):
@@ -97,15 +98,16 @@ def keys_of(x: Float, y: Float, z: Float) -> _UInt:
 def may_have_neighbours(
     points: Float, distance: float, *, plane: Int | None = None, shift: float = 0.0
 ) -> Bool:
-    """(n,) all points but those that surely have no other within `distance` along every axis; cheaper than sorting.
+    """Return a mask (n,) of points that may have another point within `distance` along every axis.
 
-    Two that are near lie in one wide cell, or the border between their cells is near to both.
+    All other points surely have none. This is cheaper than sorting: two near points lie in the same wide cell, or both
+    lie near the border between their cells.
 
     Args:
-        points: (n, 3) mm, or (n, 2) with the number of the `plane` (n,) on which each lies.
+        points: (n, 3) mm, or (n, 2) if `plane` is given.
         distance: mm.
-        plane: only points of one plane are near to each other.
-        shift: of the cells, in their width: what is at a border of some is in the middle of others.
+        plane: (n,) plane of each point; only points of the same plane are near each other.
+        shift: offset of the cells as a fraction of their width; a different shift gives other borders.
     """
     place = points / (_WIDE_CELLS * distance) + shift
     cell = np.floor(place)
@@ -115,7 +117,7 @@ def may_have_neighbours(
     bits = n.bit_length() + 3
     key = corner_keys(cell if plane is None else np.column_stack([cell, plane]))
     bucket = (key >> np.uint64(64 - bits)).view(np.int64)
-    # Who comes last to a bucket stands there; whoever finds another one there is not alone, nor is that one.
+    # The last point written to a bucket stays. A point that finds another one there shares the bucket with it.
     last, itself = np.zeros(1 << bits, np.int32), np.arange(n, dtype=np.int32)
     last[bucket] = itself
     several = np.zeros(1 << bits, np.bool_)
@@ -124,13 +126,16 @@ def may_have_neighbours(
 
 
 def edge_keys(tag: _UInt) -> _UInt:
-    """(3, F) 64 bits for the edge after each corner, from the keys of the corners; both directions have the same."""
+    """Return 64-bit keys (3, F) of the edge after each corner, from the keys of the corners.
+
+    Both directions of an edge have the same key.
+    """
     after = tag[[1, 2, 0]]
     return directed_keys(np.minimum(tag, after), np.maximum(tag, after))
 
 
 def directed_keys(low: _UInt, high: _UInt) -> _UInt:
-    """(n,) 64 bits for edges from one end to the other, from the keys of the ends; the other way they differ."""
+    """Return 64-bit keys (n,) of directed edges from the keys of their ends; the two directions differ."""
     key = (low * np.uint64(0xD6E8FEB86659FD93)) ^ high
     key ^= key >> np.uint64(32)
     return np.asarray(key * np.uint64(0xD6E8FEB86659FD93))

@@ -12,25 +12,25 @@ __all__ = ["chain_rows", "columns", "hatch", "row_ends"]
 
 
 def hatch(areas: Areas, *, angle: float | Float, spacing: float | Float, phase: float | Float = 0.0) -> Lines:
-    """The parts of parallel rows that lie within the areas.
+    """Return the parts of parallel rows that lie within the areas.
 
     Row j of a layer runs in the direction `angle` at the distance (j + phase) * spacing to the left of the
-    origin. Rows belong to the bed, not to the part: those of neighbouring islands and of layers with the same
-    numbers lie in line. A point of an outline that lies on a row counts as below it, so a row along a lower
-    side of an area lies in the area, one along an upper side does not, and each row meets each outline an
-    even number of times.
+    origin. Rows are fixed to the bed, not to the part, so they are aligned between islands and between layers with
+    the same parameters. A point of an outline that lies on a row counts as below it. So a row along a lower side of
+    an area lies in the area, a row along an upper side does not, and each row crosses each outline an even number
+    of times.
 
     Args:
         areas: clean areas.
         angle: radians, one for all layers or one per layer.
         spacing: mm between rows, positive; infinite for layers without lines.
-        phase: of the rows, in spacings.
+        phase: offset of the rows, in spacings.
 
     Returns:
-        Lines ordered by layer, row, and place along the row, each from its smaller to its larger place.
+        Lines ordered by layer, row, and position along the row, each from its smaller to its larger position.
 
     Raises:
-        ValueError: an array of another length, or a spacing that is not positive.
+        ValueError: an array has another length, or a spacing is not positive.
     """
     n = areas.n_layers
     spacings, phases = per_layer(spacing, n), per_layer(phase, n)
@@ -41,8 +41,8 @@ def hatch(areas: Areas, *, angle: float | Float, spacing: float | Float, phase: 
     layer, row, u, edge = _crossings(areas, axis, spacings, phases)
     if not len(u):
         return Lines(np.zeros((0, 2, 2)), layer, row, np.zeros((0, 2)), np.zeros((0, 2), np.int64))
-    # One key for layer, row and place, a third of the time of sorting by three: rows lie behind each other,
-    # farther apart than they are wide. It blurs places by under 0.001 µm, less than the grid of the outlines.
+    # Sorting by one key for layer, row and position takes a third of the time of sorting by three: rows are laid end
+    # to end, with gaps. This rounds positions by less than 0.001 µm, which is below the grid of the outlines.
     rank = layer * (row.max() - row.min() + 1) + (row - row.min())
     order = np.argsort(rank * (u.max() - u.min() + 1.0) + (u - u.min()))
     layer, row, u = layer.take(order[::2]), row.take(order[::2]), u.take(order).reshape(-1, 2)
@@ -56,11 +56,11 @@ def hatch(areas: Areas, *, angle: float | Float, spacing: float | Float, phase: 
 
 
 def _crossings(areas: Areas, axis: Float, spacing: Float, phase: Float) -> tuple[Int, Int, Float, Int]:
-    """Layer, row, place along the row and edge of every crossing of an outline and a row."""
+    """Return layer, row, position along the row and edge of every crossing of an outline and a row."""
     layer = areas.point_layer
     (x, y), (cos, sin) = areas.xy.T, axis.take(layer, axis=0).T
     u = x * cos + y * sin
-    # Heights in rows: row j is at j. Levels are whole, so what crosses what is decided without rounding.
+    # Heights in units of rows: row j is at j. Levels are integers, so crossings are decided without rounding.
     height = (y * cos - x * sin) / spacing[layer] - phase[layer]
     level = np.ceil(height).astype(np.int64)
     following = areas.following
@@ -76,34 +76,38 @@ def chain_rows(lines: Lines, *, max_turn: float | Float) -> tuple[Float, Int, In
     """Join the lines of a hatch into zigzags over neighbouring rows.
 
     Two lines of neighbouring rows are joined if each is the only line of its row beside the other, and if the
-    step from end to end is at most `max_turn`. Which of the two sides a zigzag turns at first is chosen for
-    the most joints. Both ends of a step lie on the outline, so no point of it is farther than `max_turn` / 2
-    outside the area; it does leave the area where a notch or a gap passes between the two rows without
-    reaching either.
+    step from end to end is at most `max_turn`. The side of the first turn is chosen so that a zigzag gets the most
+    joints. Both ends of a step lie on the outline, so no point of it is farther than `max_turn` / 2 outside the
+    area. It leaves the area only where a notch or a gap passes between the two rows without reaching either.
 
     Args:
-        lines: as `hatch` gives them.
+        lines: from `hatch`.
         max_turn: mm, one for all layers or one per layer.
 
     Returns:
-        xy (N, 2) mm, start (M + 1,) and layer (M,): polyline i is `xy[start[i]:start[i + 1]]`. Each has both
-        ends of one line after the other; ordered by layer, then by the lowest line of each.
+        xy (N, 2) mm, start (M + 1,) and layer (M,): polyline i is `xy[start[i]:start[i + 1]]` and consists of the
+        ends of its lines. Ordered by layer, then by the lowest line of each.
     """
     end, start = row_ends(lines, max_turn=max_turn)
     return lines.ends.reshape(-1, 2).take(end, axis=0), start, lines.layer[end[start[:-1]] // 2]
 
 
 def row_ends(lines: Lines, *, max_turn: float | Float) -> tuple[Int, Int]:
-    """The same by number: (N,) 2 i for the first and 2 i + 1 for the second end of line i, and start (M + 1,)."""
+    """Join lines as `chain_rows` does, and return line ends by index.
+
+    Returns:
+        The line ends (N,), 2 i for the first and 2 i + 1 for the second end of line i, and the offset (M + 1,) of
+        each polyline.
+    """
     if not lines.n_lines:
         return np.zeros(0, np.int64), np.zeros(1, np.int64)
     above = _only_neighbours(lines)
     lowest, rank = _columns(lines, above)
-    joined, backward = _turns(lines, above, lowest, max_turn)
+    joined, backward = _choose_turns(lines, above, lowest, max_turn)
     order = np.lexsort((rank, lowest))
     begin = np.flatnonzero(np.append(True, ~joined[order][:-1]))
     sizes = np.diff(np.append(begin, len(order)))
-    # ConnectedAreas of one zigzag lie behind each other here; their first lines say where they belong in the stack.
+    # Pieces of one zigzag are consecutive here. Their first lines give their order in the stack.
     pieces = np.argsort(order[begin])
     order = order[consecutive(begin[pieces], sizes[pieces])]
     end = (2 * order + backward[order])[:, None] ^ np.array([0, 1])
@@ -111,10 +115,10 @@ def row_ends(lines: Lines, *, max_turn: float | Float) -> tuple[Int, Int]:
 
 
 def _only_neighbours(lines: Lines) -> Int:
-    """(S,) the line of the next row beside each line, if each is the only one beside the other; else -1."""
+    """Return the line (S,) of the next row beside each line if each is the only one beside the other, else -1."""
     changes = (np.diff(lines.row) != 0) | (np.diff(lines.layer) != 0)
     group = np.append(0, np.cumsum(changes))
-    # One ascending key for group and place: rows lie behind each other, farther apart than they are wide.
+    # One ascending key for row and position: rows are laid end to end, with gaps.
     low = lines.u.min()
     pitch = lines.u.max() - low + 1.0
     left, right = (lines.u - low + pitch * group[:, None]).T
@@ -124,13 +128,13 @@ def _only_neighbours(lines: Lines) -> Int:
     exists = next_row < len(group)
     next_line = np.where(exists, next_row, 0)
     neighbours = exists & (lines.layer[next_line] == lines.layer) & (lines.row[next_line] == lines.row + 1)
-    beside = np.where(neighbours, last - first, 0)
-    seen = np.flatnonzero(beside > 0)
-    steps = np.bincount(first[seen], minlength=len(group) + 1) - np.bincount(
-        last[seen], minlength=len(group) + 1
+    n_beside = np.where(neighbours, last - first, 0)
+    has_neighbour = np.flatnonzero(n_beside > 0)
+    steps = np.bincount(first[has_neighbour], minlength=len(group) + 1) - np.bincount(
+        last[has_neighbour], minlength=len(group) + 1
     )
     beside_below = np.cumsum(steps)
-    only = np.flatnonzero(beside == 1)
+    only = np.flatnonzero(n_beside == 1)
     only = only[beside_below[first[only]] == 1]
     above = np.full(len(group), -1)
     above[only] = first[only]
@@ -138,10 +142,10 @@ def _only_neighbours(lines: Lines) -> Int:
 
 
 def columns(lines: Lines) -> tuple[Int, Int]:
-    """The columns of lines in neighbouring rows of which each is the only one beside the other.
+    """Group lines into columns over neighbouring rows in which each line is the only one beside the next.
 
     Returns:
-        (S,) the line at the foot of the column that each line stands in, and (S,) how many rows lie between them.
+        The lowest line (S,) of the column of each line, and the number of rows (S,) from there to the line.
     """
     return _columns(lines, _only_neighbours(lines))
 
@@ -154,16 +158,15 @@ def _columns(lines: Lines, above: Int) -> tuple[Int, Int]:
     return foot, lines.row - lines.row[foot]
 
 
-def _turns(lines: Lines, above: Int, lowest: Int, max_turn: float | Float) -> tuple[Bool, Bool]:
-    """(S,) whether a line is joined to the one above it, and whether it is run backward."""
+def _choose_turns(lines: Lines, above: Int, lowest: Int, max_turn: float | Float) -> tuple[Bool, Bool]:
+    """Return two masks (S,): lines that are joined to the one above, and lines that are printed backward."""
     limit = np.asarray(max_turn, dtype=np.float64)
     limit = limit[lines.layer] if limit.ndim else limit
     step = lines.ends.take(above, axis=0) - lines.ends
     near = (above >= 0)[:, None] & (np.hypot(step[..., 0], step[..., 1]) <= np.reshape(limit, (-1, 1)))
     odd = (lines.row - lines.row[lowest]) % 2 == 1
-    # Columns: a zigzag whose lowest line is run forward turns at its right end first, at the left one of the
-    # line above.
-    ways = np.where(odd[:, None], near, near[:, ::-1])
-    joints = [np.bincount(lowest, weights=way, minlength=len(lowest)) for way in ways.T]
+    # Column 0: the lowest line is printed forward, so the zigzag turns at its right end first, then at the left.
+    possible = np.where(odd[:, None], near, near[:, ::-1])
+    joints = [np.bincount(lowest, weights=mask, minlength=len(lowest)) for mask in possible.T]
     start_backward = (joints[1] > joints[0])[lowest]
-    return np.where(start_backward, ways[:, 1], ways[:, 0]), odd ^ start_backward
+    return np.where(start_backward, possible[:, 1], possible[:, 0]), odd ^ start_backward

@@ -1,4 +1,4 @@
-"""The convex hull of points."""
+"""Convex hull of points."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ __all__ = ["convex_hull"]
 
 
 def convex_hull(points: Float) -> Areas:
-    """The smallest convex area around points (N, 2), as a stack of one layer; empty where they span no area."""
-    from printer_slicer.geometry import planar  # noqa: PLC0415 - shapely only when it is needed
+    """Return the convex hull of points (N, 2) as a stack of one layer; empty if they span no area."""
+    from printer_slicer.geometry import planar  # noqa: PLC0415 - loads shapely only if needed
 
     return planar.convex_hull(points)

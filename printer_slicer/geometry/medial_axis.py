@@ -1,6 +1,6 @@
-"""The medial axis of areas: the part of the Voronoi diagram of their outlines that lies inside.
+"""Medial axis of areas: the part of the Voronoi diagram of their outlines that lies inside.
 
-Places where outlines of other layers, or the far side of an outline, are nearest are no part of it.
+Each connected area has its own diagram.
 """
 
 from __future__ import annotations
@@ -20,29 +20,29 @@ from printer_slicer.geometry.voronoi_diagram import Diagram, diagram_of
 
 __all__ = ["CHORD", "MedialAxis", "follow_parts", "medial_axis"]
 
-CHORD: Final = 0.005  # mm between a parabola and its pieces
+CHORD: Final = 0.005  # mm, deviation of the straight pieces from a parabola
 _STEP = 0.2  # radians between neighbouring points around a corner: chords within 0.5 % of the radius
-_TIP = 1e-6  # mm of radius
-_MOST = 64  # pieces of one edge
+_TIP = 1e-6  # mm; a radius below this is the tip of a corner
+_MAX_PIECES = 64  # of one edge
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MedialAxis:
-    """Points that are equally far from two places of the outline, joined by straight pieces.
+    """Points that are equally far from two positions on the outline, joined by straight pieces.
 
-    Piece `e` is two half-pieces, `2e` and `2e + 1`, that run in opposite directions. Each belongs to the side or corner
-    of the outline on its left, so that the outline goes by the other way.
+    Piece `e` consists of two half-pieces, `2e` and `2e + 1`, in opposite directions. Each belongs to the side or corner
+    of the outline on its left.
 
     Attributes:
         xy: (V, 2) mm.
-        radius: (V,) mm to the outline: half of what the area is wide there.
-        layer: (V,).
-        start: (H,) point at which each half-piece begins; it ends where its twin `h ^ 1` begins.
-        foot: (H, 2, 2) mm, the places of the own side or corner that are nearest to both ends.
-        following: (H,) the half-piece that goes on with the outline on the left; -1 beyond reach.
-        source: (H,) index of the point of the areas that is the own corner, or at which the own side begins.
+        radius: (V,) mm, distance to the outline: half the width of the area there.
+        layer: (V,) layer of each point.
+        start: (H,) point at which each half-piece starts; it ends where its twin `h ^ 1` starts.
+        foot: (H, 2, 2) mm, the nearest points on its side or corner, for both ends.
+        following: (H,) the next half-piece with the outline on the left; -1 beyond reach.
+        source: (H,) index of the point of the areas that is its corner, or at which its side starts.
         corner: (H,) whether it belongs to a corner.
-        left_out: layers that have no axis, since sides meet there elsewhere than at their ends.
+        left_out: layers without an axis, because their sides intersect other than at their ends.
     """
 
     xy: Float
@@ -72,44 +72,44 @@ class MedialAxis:
 
     @property
     def end(self) -> Int:
-        """(H,) point at which each half-piece ends."""
+        """The (H,) points at which the half-pieces end."""
         return np.asarray(self.start.reshape(-1, 2)[:, ::-1].ravel())
 
 
 def medial_axis(areas: Areas, reach: float, sides: Bool | None = None, *, chord: float = CHORD) -> MedialAxis:
-    """The medial axis where the areas are at most twice `reach` wide, and a little beyond.
+    """Compute the medial axis where the areas are at most twice `reach` wide, and slightly beyond.
 
     Args:
         areas: clean areas.
         reach: mm; pieces that are farther from the outline at both ends are left out.
-        sides: (N,) which sides of the outlines, named by the points at which they begin, take part; all if not given.
-            Where a side that does not is nearest, the axis is not that of the areas.
-        chord: mm between a parabola and its pieces; the angle between points around corners goes with it.
+        sides: (N,) mask of the sides of the outlines to use, indexed by their start points; all if not given.
+            Where an unused side would be the nearest one, the result is not the axis of the areas.
+        chord: mm, deviation from a parabola; the angle between points around corners scales with it.
     """
-    found = _sides(areas, sides)
-    steps = np.rint(found.points[:, 1:3] * STEPS_PER_MM).astype(np.int64)
-    entangled = np.isin(found.piece, layers_with_self_intersections(steps, found.piece))
-    left_out = distinct(found.layer[entangled])
-    if len(left_out):  # no diagram can be made of them
-        found = found.take(np.flatnonzero(~np.isin(found.layer, left_out)))
-    if not len(found.layer):
+    selected = _select_sides(areas, sides)
+    steps = np.rint(selected.points[:, 1:3] * STEPS_PER_MM).astype(np.int64)
+    entangled = np.isin(selected.piece, layers_with_self_intersections(steps, selected.piece))
+    left_out = distinct(selected.layer[entangled])
+    if len(left_out):  # they have no diagram
+        selected = selected.take(np.flatnonzero(~np.isin(selected.layer, left_out)))
+    if not len(selected.layer):
         none, nowhere = np.zeros(0, np.int64), np.zeros((0, 2))
         feet_of_none = np.zeros((0, 2, 2))
         return MedialAxis(
             nowhere, np.zeros(0), none, none, feet_of_none, none, none, np.zeros(0, np.bool_), left_out
         )
-    return _axis(found, reach, left_out, chord)
+    return _compute_axis(selected, reach, left_out, chord)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Sides:
-    """Sides of the outlines, one after each of the points (S,).
+    """Sides of the outlines.
 
     Attributes:
-        points: (S, 4, 2) mm: the point before, where the side begins, where it ends, the point after.
-        index: (S, 2) of the points of the areas at which it begins and ends.
+        points: (S, 4, 2) mm: the previous point, start and end of the side, the next point.
+        index: (S, 2) indices of the points of the areas at which each side starts and ends.
         layer: (S,) ascending.
-        piece: (S,) ascending, of the connected areas.
+        piece: (S,) connected area of each side, ascending.
     """
 
     points: Float
@@ -118,7 +118,7 @@ class _Sides:
     piece: Int
 
     def take(self, items: Int) -> _Sides:
-        """Some of them."""
+        """Return the sides with the given indices."""
         return _Sides(
             self.points.take(items, axis=0),
             self.index.take(items, axis=0),
@@ -127,12 +127,12 @@ class _Sides:
         )
 
 
-def _sides(areas: Areas, sides: Bool | None) -> _Sides:
-    """Those that take part."""
+def _select_sides(areas: Areas, sides: Bool | None) -> _Sides:
+    """Return the sides to use."""
     after = areas.following
     index = np.stack([areas.previous, np.arange(len(after)), after, after[after]], axis=1)
     piece = split_connected(areas).of_ring[areas.point_ring]
-    # Nothing outside of an area is nearer to what lies within than its own outline: each has a diagram of its own.
+    # For a point inside an area the nearest outline is always its own, so each area gets a separate diagram.
     taken = piece >= 0 if sides is None else sides & (piece >= 0)
     order = np.argsort(piece, kind="stable")
     order = order[taken[order]]
@@ -141,16 +141,16 @@ def _sides(areas: Areas, sides: Bool | None) -> _Sides:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Halves:
-    """Edges of the diagram, each followed by its twin, before they are divided.
+class _DiagramEdges:
+    """Edges of the diagram, each followed by its twin, before they are split into pieces.
 
     Attributes:
-        vertex: (h, 2) where each begins and ends.
-        ends: (h, 2, 2) mm, the same places.
+        vertex: (h, 2) start and end vertex of each edge.
+        ends: (h, 2, 2) mm, positions of these vertices.
         corner: (h,) whether the cell belongs to a corner.
-        points: (h, 4, 2) mm of the cell's side or corner: before, begin, end, after; for a corner begin is end.
+        points: (h, 4, 2) mm of the cell's side or corner: before, begin, end, after; equal begin and end for a corner.
         source: (h,) index of the point at `begin`.
-        layer: (h,).
+        layer: (h,) layer of each edge.
     """
 
     vertex: Int
@@ -160,9 +160,9 @@ class _Halves:
     source: Int
     layer: Int
 
-    def take(self, items: Int) -> _Halves:
-        """Some of them."""
-        return _Halves(
+    def take(self, items: Int) -> _DiagramEdges:
+        """Return the edges with the given indices."""
+        return _DiagramEdges(
             self.vertex.take(items, axis=0),
             self.ends.take(items, axis=0),
             self.corner.take(items),
@@ -172,17 +172,17 @@ class _Halves:
         )
 
     def feet(self, xy: Float, which: Int) -> Float:
-        """(n, 2) the places of the own side or corner nearest to points (n, 2), for the halves with these numbers."""
+        """Return the nearest point (n, 2) to each point (n, 2) on the side or corner of the edges `which` (n,)."""
         points = self.points.take(which, axis=0)
         return feet(xy, points[:, 1], points[:, 2])[0]
 
 
 def follow_parts(following: Int, count: Int) -> Int:
-    """(2 P,) what follows each way along the parts of pieces: the next part, or the first of what follows the piece.
+    """Return the successors (2 P,) of directed parts: the next part, or the first part of the next piece.
 
     Args:
-        following: (2 E,) the way that follows each way along a piece; -1 where none does.
-        count: (E,) parts that each piece is divided into, P in all.
+        following: (2 E,) successor of each directed piece, or -1.
+        count: (E,) number of parts of each piece, P in total.
     """
     first, owner = np.cumsum(count) - count, np.repeat(np.arange(len(count)), count)
     last = (first + count - 1)[owner]
@@ -194,10 +194,10 @@ def follow_parts(following: Int, count: Int) -> Int:
     return np.stack([up, down], axis=1).ravel()
 
 
-def _axis(sides: _Sides, reach: float, left_out: Int, chord: float) -> MedialAxis:
-    """The medial axis of sides, none of which are on the layers left out."""
+def _compute_axis(sides: _Sides, reach: float, left_out: Int, chord: float) -> MedialAxis:
+    """Compute the medial axis of sides that are not on the layers left out."""
     diagram = diagram_of(sides.points[:, 1:3], sides.piece)
-    places, edge = _bounded(diagram, sides.points, 2 * reach)
+    places, edge = _bound_edges(diagram, sides.points, 2 * reach)
     chosen = np.flatnonzero(diagram.primary & (edge >= 0).all(axis=1))
     cell = diagram.cell[chosen]
     site, place = diagram.side[cell], diagram.place[cell]
@@ -207,7 +207,7 @@ def _axis(sides: _Sides, reach: float, left_out: Int, chord: float) -> MedialAxi
     points[ends, 2] = points[ends, 1]
     points[place == 1, 2:] = points[place == 1, 1:3]
     vertex = edge.take(chosen, axis=0)
-    halves = _Halves(
+    edges = _DiagramEdges(
         vertex,
         places.take(vertex.ravel(), axis=0).reshape(-1, 2, 2),
         place <= 2,
@@ -215,52 +215,52 @@ def _axis(sides: _Sides, reach: float, left_out: Int, chord: float) -> MedialAxi
         sides.index[site, ends.astype(np.int64)],
         sides.layer[site],
     )
-    twin = np.arange(len(chosen)) ^ 1  # both of a pair are primary, or neither
-    kept = _within(halves, twin)
-    begin, end = halves.points[:, 1], halves.points[:, 2]
-    near = [norm(place - feet(place, begin, end)[0]) <= reach for place in np.moveaxis(halves.ends, 1, 0)]
+    twin = np.arange(len(chosen)) ^ 1  # both edges of a pair are primary, or neither is
+    kept = _lies_inside(edges, twin)
+    begin, end = edges.points[:, 1], edges.points[:, 2]
+    near = [norm(place - feet(place, begin, end)[0]) <= reach for place in np.moveaxis(edges.ends, 1, 0)]
     kept &= near[0] | near[1]
     kept &= kept[twin]
-    halves = halves.take(np.flatnonzero(kept))
-    return _pieces(halves, _following(diagram, chosen[kept]), left_out, chord)
+    edges = edges.take(np.flatnonzero(kept))
+    return _split_edges(edges, _next_edges(diagram, chosen[kept]), left_out, chord)
 
 
-def _bounded(diagram: Diagram, points: Float, length: float) -> tuple[Float, Int]:
-    """Vertices (V, 2) and both ends (E, 2) of edges; those that run far away end `length` mm after their beginning.
+def _bound_edges(diagram: Diagram, points: Float, length: float) -> tuple[Float, Int]:
+    """Return vertices (V, 2) and both ends (E, 2) of edges; cut infinite edges at `length` mm from their start.
 
-    Only edges between two corners do. They are there where the sides beyond take no part.
+    Infinite edges lie between two corners, where the sides beyond are not used.
     """
     edge = np.stack([diagram.start, diagram.end], axis=1)
-    if not np.isfinite(length):  # all sides take part: what runs far away lies outside
+    if not np.isfinite(length):  # all sides are used, so infinite edges lie outside
         return diagram.vertex, edge
     away = np.flatnonzero(diagram.primary & (diagram.start >= 0) & (diagram.end < 0))
     away = away[(diagram.place[diagram.cell[np.stack([away, away ^ 1])]] <= 2).all(axis=0)]
     cell = diagram.cell[np.stack([away, away ^ 1])]
     left, right = points[diagram.side[cell], diagram.place[cell]]  # 1: where a side begins, 2: where it ends
     across = left - right
-    way = np.column_stack([across[:, 1], -across[:, 0]])
-    way *= (length / np.maximum(norm(way), 1e-12))[:, None]
+    direction = np.column_stack([across[:, 1], -across[:, 0]])
+    direction *= (length / np.maximum(norm(direction), 1e-12))[:, None]
     edge[away, 1] = edge[away ^ 1, 0] = len(diagram.vertex) + np.arange(len(away))
-    return np.concatenate([diagram.vertex, diagram.vertex[diagram.start[away]] + way]), edge
+    return np.concatenate([diagram.vertex, diagram.vertex[diagram.start[away]] + direction]), edge
 
 
-def _within(halves: _Halves, twin: Int) -> Bool:
-    """(h,) whether edges lie inside the areas: to the left of the own side, or of a side of the corner."""
-    middle = (halves.ends[:, 0] + halves.ends[:, 1]) / 2
-    before, begin, end, after = np.moveaxis(halves.points, 1, 0)
+def _lies_inside(edges: _DiagramEdges, twin: Int) -> Bool:
+    """Return a mask (h,) of edges inside the areas: to the left of their side, or of a side of their corner."""
+    middle = (edges.ends[:, 0] + edges.ends[:, 1]) / 2
+    before, begin, end, after = np.moveaxis(edges.points, 1, 0)
     left = cross(end - begin, middle - begin) > 0
     around = (cross(begin - before, middle - before) > 0) | (cross(after - begin, middle - begin) > 0)
     inward = cross(begin - before, after - begin) < 0
-    inside = np.where(halves.corner, around & inward, left)
-    # Where one of both cells is that of a side, it knows for certain.
-    both = np.where(halves.corner == halves.corner[twin], inside & inside[twin], inside[twin])
-    return np.where(halves.corner, both, inside)
+    inside = np.where(edges.corner, around & inward, left)
+    # If one of the two cells belongs to a side, that side decides.
+    both = np.where(edges.corner == edges.corner[twin], inside & inside[twin], inside[twin])
+    return np.where(edges.corner, both, inside)
 
 
-def _following(diagram: Diagram, chosen: Int) -> Int:
-    """(h,) for the chosen edges the chosen one that goes on with the outline on the left; -1 where none is.
+def _next_edges(diagram: Diagram, chosen: Int) -> Int:
+    """Return for each chosen edge (h,) the next chosen edge with the outline on the left, or -1.
 
-    Edges between a side and its own end are crossed: beyond them lies the cell of that end, and the way goes on there.
+    Edges between a side and its own end are crossed: the axis continues in the cell of that end.
     """
     number = np.full(len(diagram.start), -1)
     number[chosen] = np.arange(len(chosen))
@@ -275,12 +275,12 @@ def _following(diagram: Diagram, chosen: Int) -> Int:
     return result
 
 
-def _pieces(halves: _Halves, following: Int, left_out: Int, chord: float) -> MedialAxis:
-    """Edges divided where they bend, or where beads beside them do that go around a corner."""
-    used, number = compact_ids(halves.vertex, int(halves.vertex.max(initial=-1)) + 1)
+def _split_edges(edges: _DiagramEdges, following: Int, left_out: Int, chord: float) -> MedialAxis:
+    """Split edges into straight pieces where they curve, or where extrusions beside them curve around a corner."""
+    used, number = compact_ids(edges.vertex, int(edges.vertex.max(initial=-1)) + 1)
     xy, layer = np.zeros((len(used), 2)), np.zeros(len(used), np.int64)
-    xy[number], layer[number] = halves.ends, halves.layer[:, None]
-    count, inner = _divided(halves, chord)
+    xy[number], layer[number] = edges.ends, edges.layer[:, None]
+    count, inner = _split_points(edges, chord)
     edge, step = np.repeat(np.arange(len(count)), count), consecutive(np.zeros_like(count), count)
     new = len(used) + np.cumsum(count - 1) - (count - 1)
     is_first, is_last = step == 0, step == count[edge] - 1
@@ -298,41 +298,41 @@ def _pieces(halves: _Halves, following: Int, left_out: Int, chord: float) -> Med
     start = ends.ravel()
     foot = np.stack(
         [
-            halves.feet(all_xy.take(start, axis=0), owner),
-            halves.feet(all_xy.take(ends[:, ::-1].ravel(), axis=0), owner),
+            edges.feet(all_xy.take(start, axis=0), owner),
+            edges.feet(all_xy.take(ends[:, ::-1].ravel(), axis=0), owner),
         ],
         axis=1,
     )
     radius = np.zeros(len(all_xy))
     radius[start] = norm(all_xy.take(start, axis=0) - foot[:, 0])
-    # At the tip of a corner the way turns back, whatever else touches the outline there.
+    # At the tip of a corner the axis turns back, even if other outlines touch there.
     onto_tip = np.flatnonzero(radius[ends[:, ::-1].ravel()] < _TIP)
     after[onto_tip] = onto_tip ^ 1
     return MedialAxis(
         all_xy,
         radius,
-        np.concatenate([layer, halves.layer[of_new]]),
+        np.concatenate([layer, edges.layer[of_new]]),
         start,
         foot,
         after,
-        halves.source[owner],
-        halves.corner[owner],
+        edges.source[owner],
+        edges.corner[owner],
         left_out,
     )
 
 
-def _divided(halves: _Halves, chord: float) -> tuple[Int, Float]:
-    """(h / 2,) pieces that each edge is divided into, and the (n, 2) points between them.
+def _split_points(edges: _DiagramEdges, chord: float) -> tuple[Int, Float]:
+    """Return the number of pieces (h / 2,) of each edge, and the points (n, 2) between them.
 
-    Between a corner and a side the edge is a parabola, between two corners it is straight, but the way around either
-    corner is not: seen from the corner, points are at most `_STEP` apart where `chord` is `CHORD`.
+    Between a corner and a side the edge is a parabola. Between two corners it is straight, but an extrusion beside it
+    curves around the corner. Seen from the corner, points are at most `_STEP` apart if `chord` is `CHORD`.
     """
     most = _STEP * np.sqrt(chord / CHORD)
-    up, down = halves.corner[::2], halves.corner[1::2]
+    up, down = edges.corner[::2], edges.corner[1::2]
     two = up & down
-    focus = np.where(up[:, None], halves.points[::2, 1], halves.points[1::2, 1])
-    other = np.where(up[:, None], halves.points[1::2, 1], halves.points[::2, 1])
-    end_of_other = np.where(up[:, None], halves.points[1::2, 2], halves.points[::2, 2])
+    focus = np.where(up[:, None], edges.points[::2, 1], edges.points[1::2, 1])
+    other = np.where(up[:, None], edges.points[1::2, 1], edges.points[::2, 1])
+    end_of_other = np.where(up[:, None], edges.points[1::2, 2], edges.points[::2, 2])
     along = end_of_other - other
     across = np.where(two[:, None], focus - other, np.stack([-along[:, 1], along[:, 0]], axis=1))
     across /= np.maximum(norm(across), 1e-12)[:, None]
@@ -340,7 +340,7 @@ def _divided(halves: _Halves, chord: float) -> tuple[Int, Float]:
     across *= np.sign(gap)
     gap = np.abs(gap[:, 0]) / np.where(two, 2, 1)
     tangent = np.stack([across[:, 1], -across[:, 0]], axis=1)
-    u = dot(halves.ends[::2] - focus[:, None], tangent[:, None])
+    u = dot(edges.ends[::2] - focus[:, None], tangent[:, None])
     curved = (up | down) & (gap > 1e-5)
     gap = np.where(curved, gap, 1.0)
     half = np.where(two, 1.0, 2.0)[:, None]
@@ -348,7 +348,7 @@ def _divided(halves: _Halves, chord: float) -> tuple[Int, Float]:
     steep = 2 * np.sqrt(8 * chord / gap) * np.cos(np.maximum(*np.abs(angle).T) / 2) ** 2
     widest = np.where(two, most, np.minimum(most, steep))
     wanted = np.ceil(np.abs(angle[:, 1] - angle[:, 0]) / widest - 1e-9)
-    count = np.where(curved, np.clip(wanted, 1, _MOST), 1).astype(np.int64)
+    count = np.where(curved, np.clip(wanted, 1, _MAX_PIECES), 1).astype(np.int64)
     edge, step = np.repeat(np.arange(len(count)), count - 1), 1 + consecutive(np.zeros_like(count), count - 1)
     turn = angle[edge, 0] + (angle[edge, 1] - angle[edge, 0]) * step / count[edge]
     place = gap[edge] * np.tan(turn / half[edge, 0])

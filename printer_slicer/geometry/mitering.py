@@ -1,10 +1,10 @@
-"""Outlines moved to the side, corner by corner, for whole stacks at once.
+"""Offset rings with mitered corners, for whole stacks at once.
 
-Each edge is moved along its normal, and neighbours are prolonged or shortened to where they meet. What is left of
-rings that are moved too far runs around the wrong way, or crosses itself: the positive rule of a union takes it away.
-Inner corners of more than 60°, and all where an edge would be shortened by more than its length, are not joined but led
-through the corner they come from, so that what is too much forms loops the wrong way round. (Clipper2 does that at all
-inner corners, which makes a crossing of every point of a curve.)
+Each edge is moved along its normal, and neighbours are extended or shortened to their intersection. Rings that are
+moved too far change direction or cross themselves; a union with the positive fill rule removes these parts. Some
+inner corners are not joined: those that turn by more than 60°, and those with an edge that would be shortened by more
+than its length. There the outline passes through the original corner, so that the excess forms loops in the wrong
+direction. (Clipper2 does this at all inner corners, which makes a crossing at every point of a curve.)
 """
 
 from __future__ import annotations
@@ -18,12 +18,10 @@ from printer_slicer.geometry.polygons import MITER_LIMIT
 
 __all__ = ["miter_rings"]
 
-_ROUND: Final = (
-    0.5  # cosine of the turn up to which inner corners are joined where their edges are long enough
-)
-_BACK: Final = (
-    -0.999
-)  # of one after which the outline goes back where it came from: a tip, to whichever side it turns
+# Cosine of the largest turn at which inner corners are joined, if their edges are long enough.
+_GENTLE: Final = 0.5
+# Cosine of a turn after which the outline runs back along itself: a tip, whichever side it turns to.
+_BACK: Final = -0.999
 
 
 class _Corners(NamedTuple):
@@ -37,17 +35,17 @@ class _Corners(NamedTuple):
 
 
 def miter_rings(xy: Int, start: Int, distance: Float, limit: float = MITER_LIMIT) -> tuple[Int, Int]:
-    """Rings moved outward, which is to the right, with their corners prolonged to points.
+    """Move rings outward, to their right, and extend their corners to points.
 
     Args:
-        xy: (N, 2) steps of the grid.
-        start: (R + 1,) where each ring begins, and the end of the last.
-        distance: (R,) steps, not 0; inward if negative.
+        xy: (N, 2) grid steps.
+        start: (R + 1,) offset of each ring, and the end of the last one.
+        distance: (R,) grid steps, not 0; inward if negative.
         limit: corners with a point farther away than this many distances are cut off square.
 
     Returns:
-        (n, 2) steps, and (R + 1,) where each ring begins: rings that may cross themselves and each other. Rings without
-        area have no points.
+        Points (n, 2) in grid steps, and the offset (R + 1,) of each ring. The rings may cross themselves and each
+        other. Rings without area have no points.
     """
     following = next_in_ring(start)
     new = np.flatnonzero((xy[:, 0] != xy[:, 0].take(following)) | (xy[:, 1] != xy[:, 1].take(following)))
@@ -59,14 +57,14 @@ def miter_rings(xy: Int, start: Int, distance: Float, limit: float = MITER_LIMIT
     corners = _corners((x, y), following)
     outer = (corners.sine * by >= 0) | (corners.cosine <= _BACK)
     cut = outer & (limit**2 * (1 + corners.cosine) <= 2)
-    led = ~outer & ((corners.cosine < _ROUND) | _swallowed(corners, by, cut, following))
-    count = 1 + cut + 2 * led
+    through = ~outer & ((corners.cosine < _GENTLE) | _swallowed(corners, by, cut, following))
+    count = 1 + cut + 2 * through
     end = np.cumsum(count)
     share = by / (1 + np.maximum(corners.cosine, _BACK))
     (vx, vy), (ux, uy) = corners.before, corners.after
     moved = np.zeros((len(end) + int((count - 1).sum()), 2))
     moved[end - count] = np.column_stack([x + (uy + vy) * share, y - (ux + vx) * share])
-    for which, build in ((cut, _cut_off), (led, _led_through)):
+    for which, build in ((cut, _cut_off), (through, _through_corner)):
         some = np.flatnonzero(which)
         for place, points in enumerate(build(corners, some, by.take(some))):
             moved[end[some] - count[some] + place] = xy.take(some, axis=0) + np.column_stack(points)
@@ -83,8 +81,8 @@ def _corners(points: tuple[Float, Float], following: Int) -> _Corners:
 
 
 def _swallowed(corners: _Corners, by: Float, cut: Bool, following: Int) -> Bool:
-    """(N,) corners at an edge that would be shortened by more than its length."""
-    # A turn to the left gives both of its edges the tangent of half of it times the distance.
+    """Return a mask (N,) of corners at an edge that would be shortened by more than its length."""
+    # A turn to the left lengthens both of its edges by the distance times the tangent of half the turn.
     gained = by * np.where(cut, 0.0, corners.sine / (1 + np.maximum(corners.cosine, _BACK)))
     short = corners.length + gained + gained.take(following) < 0
     result = short.copy()
@@ -96,9 +94,9 @@ _Points = tuple[tuple[Float, Float], ...]
 
 
 def _cut_off(corners: _Corners, some: Int, by: Float) -> _Points:
-    """Both ends of the side that cuts a corner off at the distance, seen from the corner."""
+    """Return both ends of the side that cuts off a corner at the distance, relative to the corner."""
     (vx, vy), (ux, uy) = (
-        tuple(column.take(some) for column in way) for way in (corners.before, corners.after)
+        tuple(column.take(some) for column in direction) for direction in (corners.before, corners.after)
     )
     out_x, out_y = vx - ux, vy - uy
     size = np.hypot(out_x, out_y) / np.abs(by)
@@ -107,9 +105,9 @@ def _cut_off(corners: _Corners, some: Int, by: Float) -> _Points:
     return (out_x + out_y * half, out_y - out_x * half), (out_x - out_y * half, out_y + out_x * half)
 
 
-def _led_through(corners: _Corners, some: Int, by: Float) -> _Points:
-    """The end of the edge before, the corner itself, and the beginning of the edge after, seen from the corner."""
+def _through_corner(corners: _Corners, some: Int, by: Float) -> _Points:
+    """Return the end of the previous edge, the corner, and the start of the next edge, relative to the corner."""
     (vx, vy), (ux, uy) = (
-        tuple(column.take(some) for column in way) for way in (corners.before, corners.after)
+        tuple(column.take(some) for column in direction) for direction in (corners.before, corners.after)
     )
     return (vy * by, -vx * by), (0 * by, 0 * by), (uy * by, -ux * by)

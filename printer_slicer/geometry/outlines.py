@@ -1,4 +1,4 @@
-"""Outlines cut where they leave an area."""
+"""Clip outlines to areas."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ _Paths = tuple[Float, Int, Int, Bool]
 
 
 def clip_outlines(outlines: Areas, within: Areas) -> tuple[Float, Int, Int, Bool]:
-    """The stretches of the rings of `outlines` that lie in the areas of `within`, layer by layer.
+    """Return the parts of the rings of `outlines` that lie in the areas of `within`, layer by layer.
 
-    A ring that is never left stays closed; of the others each stretch is a polyline. Stretches along an outline of
-    `within` may be taken or not: rounding decides. Where open lines will do, `outlines_within` takes less time.
+    A ring that lies entirely inside stays closed; the parts of other rings are polylines. Parts along an outline of
+    `within` may be included or not, depending on rounding. If open lines are enough, `outlines_within` is faster.
 
     Args:
         outlines: any rings.
         within: clean areas.
 
     Returns:
-        Points (N, 2), and of each path the number of points (M,), the ring (M,) it is from, ascending, and whether it
-        is closed (M,).
+        Points (N, 2), and for each path the number of points (M,), the source ring (M,), ascending, and whether it is
+        closed (M,).
 
     Raises:
         ValueError: the stacks have different numbers of layers.
@@ -41,17 +41,17 @@ def clip_outlines(outlines: Areas, within: Areas) -> tuple[Float, Int, Int, Bool
     order = np.argsort(ring, kind="stable")
     ring, size = ring[order], parts.size[order]
     xy = parts.xy[consecutive(parts.start[:-1][order], size)]
-    through = (parts.edge[order] < 0).T  # begins, or ends, where the ring was opened
+    through = (parts.edge[order] < 0).T  # starts, or ends, at the first point of the ring
     closed = through[0] & through[1]
-    # The stretch that ends there goes on with the one that begins there: that comes first, this one last of its ring.
+    # The part that ends there, the last of its ring, continues with the part that starts there, the first of its ring.
     first = np.flatnonzero(through[0] & ~closed)
     last = np.searchsorted(ring, ring[first], side="right") - 1
-    goes_on = through[1][last] & ~closed[last] & (last > first)
-    return _joined((xy, size, ring, closed), first[goes_on], last[goes_on])
+    continues = through[1][last] & ~closed[last] & (last > first)
+    return _join_at_ring_starts((xy, size, ring, closed), first[continues], last[continues])
 
 
-def _joined(paths: _Paths, first: Int, last: Int) -> _Paths:
-    """Paths with each `first` hung on to its `last`, and the point that both ends of a ring share once."""
+def _join_at_ring_starts(paths: _Paths, first: Int, last: Int) -> _Paths:
+    """Append each path `first` to its `last`, and store the point that both ends of a ring share only once."""
     xy, size, ring, closed = paths
     start = np.cumsum(size) - size
     alone = np.ones(len(size), np.bool_)

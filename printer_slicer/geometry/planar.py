@@ -1,7 +1,7 @@
-"""The twin engine: shapely in floating point. Also simplifies rings for both engines.
+"""The second engine: shapely, in floating point. It also simplifies rings for both engines.
 
-A layer is one shapely geometry: a polygon or several, possibly empty. The lists of layers hold them one by
-one; the work is done on arrays of them in single calls.
+A layer is one shapely geometry: one or more polygons, possibly empty. Layers are stored in lists and processed as
+arrays in single calls.
 """
 
 # mypy: allow-untyped-calls
@@ -49,31 +49,32 @@ OPERATIONS: Final = {
     "intersection": shapely.intersection,
 }
 
-# Two directions whose cross product is below this (a small angle, radians) are one: coordinates of 300 mm are
-# known to 6e-14 mm, so the direction of a side of some tenths of a mm is known to about this much.
+# Two directions count as equal if their cross product (a small angle, radians) is below this. Coordinates of 300 mm
+# are exact to 6e-14 mm, so the direction of a side of some tenths of a mm is exact to about this angle.
 STRAIGHT: Final = 1e-12
 
 
 def load(areas: Areas) -> list[Any]:
-    """One geometry per layer; clean rings may touch, so they need the same care as any others."""
+    """Return one geometry per layer; clean rings may touch, so they are loaded like any others."""
     return load_any(areas)
 
 
 def load_any(areas: Areas) -> list[Any]:
-    """One geometry per layer that covers what its rings wind around more often to the left than to the right.
+    """Return one geometry per layer that covers everything with a positive winding number.
 
-    The rings are cut where they meet; of the faces between the cuts those with a positive winding number are
-    kept.
+    The rings are cut where they meet. Of the faces between the cuts, those with a positive winding number are kept.
     """
-    lines = _grouped(_linear_rings(areas), areas.ring_layer, areas.n_layers)
+    lines = _group_by_layer(_linear_rings(areas), areas.ring_layer, areas.n_layers)
     cut = shapely.union_all(lines[:, None], axis=1, grid_size=1 / STEPS_PER_MM)
     faces, face_layer = shapely.get_parts(shapely.polygonize(cut[:, None], axis=1), return_index=True)
-    keep = _winding(areas, shapely.get_coordinates(shapely.point_on_surface(faces)), face_layer) > 0
-    return list(shapely.union_all(_grouped(faces[keep], face_layer[keep], areas.n_layers)[:, None], axis=1))
+    keep = _winding_numbers(areas, shapely.get_coordinates(shapely.point_on_surface(faces)), face_layer) > 0
+    return list(
+        shapely.union_all(_group_by_layer(faces[keep], face_layer[keep], areas.n_layers)[:, None], axis=1)
+    )
 
 
 def store(layers: list[Any]) -> Areas:
-    """The rings of all layers as one stack: outer rings to the left, holes to the right, on the grid."""
+    """Convert all layers to one stack on the grid: outer rings counter-clockwise, holes clockwise."""
     polygons, layer = shapely.get_parts(_array(layers), return_index=True)
     solid = shapely.get_type_id(polygons) == shapely.GeometryType.POLYGON
     rings, polygon = shapely.get_rings(shapely.orient_polygons(polygons[solid]), return_index=True)
@@ -83,12 +84,12 @@ def store(layers: list[Any]) -> Areas:
 
 
 def combine(operation: Operation, a: list[Any], b: list[Any]) -> list[Any]:
-    """Union, difference or intersection of two lists of layers, entry by entry."""
-    return list(_polygonal(OPERATIONS[operation](_array(a), _array(b))))
+    """Return the union, difference or intersection of two lists of layers, entry by entry."""
+    return list(_only_polygons(OPERATIONS[operation](_array(a), _array(b))))
 
 
 def outlines_within(outlines: Areas, layers: list[Any]) -> list[list[Float]]:
-    """For each layer the parts of the rings of `outlines` that lie within it: open lines (n, 2), mm."""
+    """Return for each layer the parts of the rings of `outlines` that lie within it: open lines (n, 2), mm."""
     rings = _linear_rings(outlines)
     first, last = np.searchsorted(
         outlines.ring_layer, [np.arange(len(layers)), np.arange(1, len(layers) + 1)]
@@ -96,28 +97,28 @@ def outlines_within(outlines: Areas, layers: list[Any]) -> list[list[Float]]:
     result = []
     for k, area in enumerate(layers):
         parts = shapely.get_parts(shapely.intersection(rings[first[k] : last[k]], area))
-        lines = shapely.get_parts(shapely.line_merge(shapely.multilinestrings(_lines_of(parts))))
+        lines = shapely.get_parts(shapely.line_merge(shapely.multilinestrings(_only_lines(parts))))
         result.append(
             [np.rint(shapely.get_coordinates(line) * STEPS_PER_MM) / STEPS_PER_MM for line in lines]
         )
     return result
 
 
-def _lines_of(shapes: Shapes) -> Shapes:
-    """Those of the shapes that are lines, not points in which something touched."""
+def _only_lines(shapes: Shapes) -> Shapes:
+    """Return only the lines, without the points in which shapes touched."""
     return shapes[np.isin(shapely.get_type_id(shapes), (1, 2))]
 
 
 def offset(layers: list[Any], distance: Float, join: Join, limit: float = MITER_LIMIT) -> list[Any]:
-    """Each layer with its outlines moved outward by its distance, mm."""
+    """Move the outlines of each layer outward by its distance, mm."""
     shapes = _array(layers)
     if join == "round":
         return list(shapely.buffer(shapes, distance, quad_segs=_quarter_steps(distance)))
-    result = _mitered(shapes, distance, limit)
+    result = _buffer_mitered(shapes, distance, limit)
     kites, sharp = _corner_kites(store(layers), distance, limit)
-    # GEOS cuts sharp corners off at the limit. Where there are any, all are cut at the distance first, and
-    # the points of the others put back.
-    square = _mitered(shapes[sharp], distance[sharp], 1.0)
+    # GEOS cuts off sharp corners at the limit. On layers with such corners, cut off all corners at the distance,
+    # then add the points of the other corners again.
+    square = _buffer_mitered(shapes[sharp], distance[sharp], 1.0)
     grown = shapely.union(square, kites[sharp], grid_size=1 / STEPS_PER_MM)
     shrunk = shapely.difference(square, kites[sharp], grid_size=1 / STEPS_PER_MM)
     result[sharp] = np.where(distance[sharp] > 0, grown, shrunk)
@@ -125,33 +126,33 @@ def offset(layers: list[Any], distance: Float, join: Join, limit: float = MITER_
 
 
 def stroke(xy: Float, start: Int, layer: Int, radius: Float, n_layers: int) -> list[Any]:
-    """What is within its radius of any of its layer's open polylines."""
+    """Return for each layer the area within the radius of any of its open polylines."""
     index = np.repeat(np.arange(len(layer)), np.diff(start))
     lines = np.asarray(shapely.linestrings(xy, indices=index), dtype=np.object_)
     order = np.lexsort((radius, layer))
     new = np.diff(layer[order], prepend=-1).astype(np.bool_) | (np.diff(radius[order], prepend=-1.0) != 0)
     pen, first = np.cumsum(new) - 1, order[new]
     drawn = shapely.buffer(
-        _grouped(lines[order], pen, len(first)), radius[first], quad_segs=_quarter_steps(radius)
+        _group_by_layer(lines[order], pen, len(first)), radius[first], quad_segs=_quarter_steps(radius)
     )
-    return list(shapely.union_all(_grouped(drawn, layer[first], n_layers)[:, None], axis=1))
+    return list(shapely.union_all(_group_by_layer(drawn, layer[first], n_layers)[:, None], axis=1))
 
 
 def opened(layers: list[Any], distance: Float, limit: float) -> list[Any]:
-    """Each layer without what is narrower than twice its distance, mm."""
+    """Remove everything narrower than twice the distance, mm, from each layer."""
     grown = offset(offset(layers, -distance, "miter"), distance + CLEARANCE, "miter", limit)
     return combine("intersection", layers, grown)
 
 
-def _mitered(shapes: Shapes, distance: Float, limit: float) -> Shapes:
-    # GEOS looks for the crossing of parallel sides and copes with there being none; numpy sees the division.
+def _buffer_mitered(shapes: Shapes, distance: Float, limit: float) -> Shapes:
+    # GEOS divides by zero for the intersection of parallel sides and handles it; numpy would warn.
     with np.errstate(invalid="ignore", divide="ignore"):
         buffered: Shapes = shapely.buffer(shapes, distance, join_style="mitre", mitre_limit=limit)
     return buffered
 
 
 def simplify(areas: Areas, tolerance: float) -> Areas:
-    """The rings with fewer points, at most `tolerance` mm from where they were; see `engine.simplify`."""
+    """Remove points from rings, so that no outline moves by more than `tolerance` mm; see `engine.simplify`."""
     turned = _from_leftmost(areas.select(np.diff(areas.ring_start) >= 3))
     if tolerance == 0:
         return _only_corners(turned)
@@ -159,14 +160,14 @@ def simplify(areas: Areas, tolerance: float) -> Areas:
     simple = _areas(rings, turned.ring_layer, turned.n_layers)
     sizes = np.diff(simple.ring_start)
     kept = sizes >= 3
-    # Compared with the ring it came from: one that turned over would make a solid of a hole.
+    # Drop rings that changed direction: a hole would become a solid.
     before, simple = turned.select(kept).ring_area(), simple.select(kept)
-    # A ring that crosses itself may hold as much on either side, no area in all.
+    # A ring that crosses itself may have a total area of zero.
     return simple.select((simple.ring_area() * before > 0) | (before == 0))
 
 
 def convex_hull(points: Float) -> Areas:
-    """The smallest convex area around points (N, 2), as a stack of one layer; empty where they span no area."""
+    """Return the convex hull of points (N, 2) as a stack of one layer; empty if they span no area."""
     hull = shapely.convex_hull(shapely.multipoints(points))
     if shapely.get_type_id(hull) != shapely.GeometryType.POLYGON:
         return Areas.empty(1)
@@ -185,46 +186,52 @@ def _linear_rings(areas: Areas) -> Shapes:
     return np.asarray(shapely.linearrings(areas.xy, indices=index), dtype=np.object_)
 
 
-def _grouped(shapes: Shapes, layer: Int, n_layers: int) -> Shapes:
-    """(n_layers,) one collection per layer of the shapes that belong to it; `layer` ascends."""
+def _group_by_layer(shapes: Shapes, layer: Int, n_layers: int) -> Shapes:
+    """Return one collection (n_layers,) per layer of the shapes that belong to it; `layer` ascends."""
     groups: Shapes = np.full(n_layers, shapely.from_wkt("GEOMETRYCOLLECTION EMPTY"), dtype=np.object_)
     if len(shapes):
         shapely.geometrycollections(shapes, indices=layer, out=groups)
     return groups
 
 
-def _polygonal(shapes: Shapes) -> Shapes:
-    """The shapes without the lines and points in which areas touched."""
+def _only_polygons(shapes: Shapes) -> Shapes:
+    """Remove the lines and points in which areas touched."""
     kind = shapely.get_type_id(shapes)
     mixed = (kind != shapely.GeometryType.POLYGON) & (kind != shapely.GeometryType.MULTIPOLYGON)
     parts, index = shapely.get_parts(shapes[mixed], return_index=True)
     solid = shapely.get_type_id(parts) == shapely.GeometryType.POLYGON
-    shapes[mixed] = shapely.union_all(_grouped(parts[solid], index[solid], int(mixed.sum()))[:, None], axis=1)
+    shapes[mixed] = shapely.union_all(
+        _group_by_layer(parts[solid], index[solid], int(mixed.sum()))[:, None], axis=1
+    )
     return shapes
 
 
 def _areas(rings: Shapes, layer: Int, n_layers: int) -> Areas:
-    """A stack from closed shapely rings, one per entry of `layer`; some may have less than three points."""
+    """Build a stack from closed shapely rings, one per entry of `layer`; some may have fewer than three points."""
     xy, index = shapely.get_coordinates(rings, return_index=True)
     closing = np.append(index[1:] != index[:-1], True)[: len(index)]
     sizes = np.bincount(index[~closing], minlength=len(rings))
     return Areas(xy[~closing], np.append(0, np.cumsum(sizes)), layer, n_layers)
 
 
-def _winding(areas: Areas, points: Float, point_layer: Int) -> Int:
-    """(P,) how often the rings of its layer run around each point counter-clockwise."""
+def _winding_numbers(areas: Areas, points: Float, point_layer: Int) -> Int:
+    """Return the winding number (P,) of the rings of its layer around each point."""
     winding = np.zeros(len(points), dtype=np.int64)
     ends = areas.xy[areas.following]
     bounds = areas.ring_start[areas.layer_start]
     first, last = np.searchsorted(point_layer, [np.arange(areas.n_layers), np.arange(1, areas.n_layers + 1)])
     for k in np.unique(point_layer).tolist():
         here = slice(bounds[k], bounds[k + 1])
-        winding[first[k] : last[k]] = _winding_of(areas.xy[here], ends[here], points[first[k] : last[k]])
+        winding[first[k] : last[k]] = _winding_on_layer(
+            areas.xy[here], ends[here], points[first[k] : last[k]]
+        )
     return winding
 
 
-def _winding_of(starts: Float, ends: Float, points: Float) -> Int:
-    """(P,) edges that cross the ray to the right of each point upward, less those that cross it downward.
+def _winding_on_layer(starts: Float, ends: Float, points: Float) -> Int:
+    """Return the winding number (P,) of the edges around each point.
+
+    It is the number of edges that cross the ray to the right upward, minus those that cross it downward.
 
     Source: Hormann & Agathos, The point in polygon problem for arbitrary polygons, 2001.
     """
@@ -237,7 +244,7 @@ def _winding_of(starts: Float, ends: Float, points: Float) -> Int:
 
 
 def _quarter_steps(distance: Float) -> int:
-    """Chords per quarter circle that keep the largest circle to the tolerance."""
+    """Return the number of chords per quarter circle that keeps the largest circle within the tolerance."""
     radius = float(np.abs(distance).max(initial=0.0))
     if radius <= ROUND_TOLERANCE:
         return 2
@@ -245,9 +252,13 @@ def _quarter_steps(distance: Float) -> int:
 
 
 def _corner_kites(areas: Areas, distance: Float, limit: float) -> tuple[Shapes, Bool]:
-    """(n_layers,) kites that prolonged sides add to corners within the limit; who has corners beyond it.
+    """Return the kites that extended sides add at corners within the limit.
 
-    Growing opens a gap at corners that stick out, shrinking at those that stick in.
+    Growing opens a gap at convex corners, shrinking at concave ones.
+
+    Returns:
+        One collection of kites per layer, empty on layers without sharp corners, and a mask (n_layers,) of the layers
+        with corners beyond the limit.
     """
     layer = areas.point_layer
     along = areas.xy[areas.following] - areas.xy
@@ -263,11 +274,11 @@ def _corner_kites(areas: Areas, distance: Float, limit: float) -> tuple[Shapes, 
     corner, by, before, after = areas.xy[chosen], distance[layer[chosen], None], before[chosen], after[chosen]
     point = corner + by * (before + after) / (1 + cosine[chosen, None])
     kites = shapely.polygons(np.stack([corner, corner + by * before, point, corner + by * after], axis=1))
-    return shapely.union_all(_grouped(kites, layer[chosen], areas.n_layers)[:, None], axis=1), sharp
+    return shapely.union_all(_group_by_layer(kites, layer[chosen], areas.n_layers)[:, None], axis=1), sharp
 
 
 def _from_leftmost(areas: Areas) -> Areas:
-    """The same rings, each beginning at its leftmost point, the lowest if there are several."""
+    """Rotate each ring so that it starts at its leftmost point, the lowest if there are several."""
     if not areas.n_rings:
         return areas
     start, sizes = areas.ring_start[:-1], np.diff(areas.ring_start)
@@ -290,7 +301,7 @@ def _from_leftmost(areas: Areas) -> Areas:
 
 
 def _only_corners(areas: Areas) -> Areas:
-    """The rings without repeated points and points on the straight line between their neighbours."""
+    """Remove repeated points and points on the straight line between their neighbours."""
     while True:
         keep = _corners(areas)
         if keep.all():
@@ -299,7 +310,7 @@ def _only_corners(areas: Areas) -> Areas:
 
 
 def _corners(areas: Areas) -> Bool:
-    """(N,) whether a point differs from the one before; once all do, whether the outline turns there."""
+    """Return a mask (N,) of points that differ from the previous one; if all do, of points where the outline turns."""
     following, previous = areas.following, areas.previous
     x, y = np.ascontiguousarray(areas.xy.T)
     ahead_x, ahead_y = x.take(following) - x, y.take(following) - y
@@ -311,19 +322,19 @@ def _corners(areas: Areas) -> Bool:
 
 
 class SegmentTree:
-    """Segments of the plane, found by where they are."""
+    """Search tree for segments in the plane."""
 
     def __init__(self, ends: Float) -> None:
-        """Take segments with these ends (S, 2, 2); there must be one at least."""
+        """Build the tree from the ends (S, 2, 2) of at least one segment."""
         self._tree = shapely.STRtree(shapely.linestrings(ends))
 
     def nearest(self, points: Float) -> Int:
-        """(P,) the segment nearest to each point (P, 2); any one of several."""
+        """Return the segment (P,) nearest to each point (P, 2); any one if several are equally near."""
         found = self._tree.query_nearest(shapely.points(points), all_matches=False)
         return np.asarray(found[1], dtype=np.int64)
 
     def meeting(self, low: Float, high: Float) -> tuple[Int, Int]:
-        """Pairs (box, segment) in which the segment's box touches the box from `low` to `high` (B, 2)."""
+        """Return pairs (box, segment) where the bounding box of the segment touches the box `low` to `high` (B, 2)."""
         diagonals = shapely.linestrings(np.stack([low, high], axis=1))
         box, segment = np.asarray(self._tree.query(diagonals), dtype=np.int64)
         return box, segment

@@ -1,8 +1,8 @@
-"""Horizontal planes against triangles: the segments in which they meet, joined through shared edges.
+"""Intersect triangles with horizontal planes, and join the segments through shared edges.
 
-The level of a corner is the number of planes at or below it; from there on everything is integer, so there is no
-tolerance and any uneven list of planes will do. A corner that lies on a plane counts as above it: the section at z is
-the limit from below, and each plane crosses an edge either once or not at all.
+The level of a corner is the number of planes at or below it. All decisions use these integers, so there is no
+tolerance, and the planes may have any spacing. A corner that lies on a plane counts as above it: the section at z is
+the limit from below, and each plane crosses an edge once or not at all.
 """
 
 from __future__ import annotations
@@ -22,18 +22,18 @@ from printer_slicer.geometry.vectors import cross
 
 __all__ = ["Crossings", "crossings_of", "section_areas", "section_contours"]
 
-_SEGMENTS_AT_ONCE = 250_000  # what is held for them stays near the processor's caches
+_SEGMENTS_AT_ONCE = 250_000  # per batch, so that the arrays stay in the processor's cache
 _UInt = NDArray[np.uint64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Crossings:
-    """What some planes leave of a mesh: nodes where edges cross planes, joined two by two by segments.
+    """Sections of a mesh: nodes where edges cross planes, and segments that join pairs of nodes.
 
     Attributes:
         xy: (N, 2) the nodes, each computed once for all facets that share its edge.
         plane: (N,) plane of each node.
-        tail: (S,) node at which each segment begins, solid to the left of the way to its head.
+        tail: (S,) node at which each segment starts; the solid lies to the left of the segment.
         head: (S,) node at which each segment ends.
         unpaired: number of edges that do not have one facet on each side.
     """
@@ -46,25 +46,25 @@ class Crossings:
 
 
 def crossings_of(triangles: Float, planes: Float) -> Iterator[Crossings]:
-    """All segments in which `planes` (P,) ascending meet `triangles` (F, 3, 3), joined through shared edges.
+    """Yield the segments in which `planes` (P,) ascending intersect `triangles` (F, 3, 3), joined through shared edges.
 
     A rising half-edge and the falling half-edge of the neighbouring facet have the same ends, hence the same 64-bit
-    key; equal keys pair them without welding corners first. Where some are left over the mesh is open or wrongly
-    oriented there, and the nodes on such edges are left with one segment only.
+    key. Equal keys pair them without welding corners first. Where half-edges remain unpaired, the mesh is open or
+    wrongly oriented, and the nodes on such edges have only one segment.
 
-    Planes are taken some at a time, as many as have 250 000 segments, so that memory is bounded for any mesh.
+    Planes are processed in batches of about 250 000 segments, so that memory is bounded for any mesh.
     """
     level = np.zeros((3, len(triangles)), np.int32)
     for corner in range(3):
         level[corner] = np.searchsorted(planes, np.ascontiguousarray(triangles[:, corner, 2]), side="right")
-    for facets, low, high in _by_planes(level, len(planes)):
-        yield _crossed(triangles.take(facets, axis=0), level.take(facets, axis=1), planes, low, high)
+    for facets, low, high in _batches_of_planes(level, len(planes)):
+        yield _cross_planes(triangles.take(facets, axis=0), level.take(facets, axis=1), planes, low, high)
 
 
 def section_areas(triangles: Float, planes: Float) -> Float:
-    """Area of the section at each of `planes` (P,) ascending, mm²; holes count negative.
+    """Return the area of the section at each of `planes` (P,) ascending, mm²; holes count negative.
 
-    No contours are needed: the shoelace sum may run over the oriented segments in any order.
+    This needs no contours: the shoelace sum works on the oriented segments in any order.
     """
     total = np.zeros(len(planes))
     for part in crossings_of(triangles, planes):
@@ -75,7 +75,7 @@ def section_areas(triangles: Float, planes: Float) -> Float:
 
 
 def section_contours(triangles: Float, planes: Float) -> Areas:
-    """Contours of the section at each of `planes` (P,) ascending, a layer per plane; they may overlap.
+    """Return the contours of the section at each of `planes` (P,) ascending, one layer per plane; they may overlap.
 
     Open contours are closed from any end to any start.
     """
@@ -83,14 +83,14 @@ def section_contours(triangles: Float, planes: Float) -> Areas:
     return Areas.following_on([_join_rings(part, n) for part in crossings_of(triangles, planes)], n)
 
 
-def _by_planes(level: Index, n_planes: int) -> Iterator[tuple[Int, int, int]]:
-    """Facets that cross some planes, in their order, with the first of these planes and the one after the last."""
+def _batches_of_planes(level: Index, n_planes: int) -> Iterator[tuple[Int, int, int]]:
+    """Yield batches: the facets that cross some planes, the first of these planes and the one after the last."""
     bottom = np.minimum(np.minimum(level[0], level[1]), level[2])
     top = np.maximum(np.maximum(level[0], level[1]), level[2])
     crossing = np.flatnonzero(bottom < top)
     bottom, top = bottom[crossing], top[crossing]
     change = np.bincount(bottom, minlength=n_planes + 1) - np.bincount(top, minlength=n_planes + 1)
-    segments = np.cumsum(np.cumsum(change))  # up to and with each plane
+    segments = np.cumsum(np.cumsum(change))  # up to and including each plane
     low = 0
     while low < n_planes and len(crossing):
         before = int(segments[low - 1]) if low else 0
@@ -104,8 +104,8 @@ class _HalfEdges(NamedTuple):
     """Edges of facets that planes cross, from the lower end to the upper one.
 
     Attributes:
-        item: (H,) the corner that each begins at in its facet, by corner times facets plus facet.
-        low, high: (H,) the same of its ends.
+        item: (H,) the start corner in its facet, as corner times number of facets plus facet.
+        low, high: (H,) the corners at its ends, numbered likewise.
     """
 
     item: Int
@@ -113,8 +113,8 @@ class _HalfEdges(NamedTuple):
     high: Int
 
 
-def _crossed(triangles: Float, level: Index, planes: Float, low: int, high: int) -> Crossings:
-    """The segments in the planes from `low` up to `high`, of facets that cross some of these."""
+def _cross_planes(triangles: Float, level: Index, planes: Float, low: int, high: int) -> Crossings:
+    """Return the segments in the planes from `low` up to `high`, of facets that cross some of these."""
     x, y, z = np.ascontiguousarray(triangles.transpose(2, 1, 0))  # (3, n): corner, facet
     clipped = np.clip(level, low, high)
     after = clipped[[1, 2, 0]]
@@ -123,7 +123,7 @@ def _crossed(triangles: Float, level: Index, planes: Float, low: int, high: int)
     key = np.concatenate(
         [directed_keys(tag.take(side.low), tag.take(side.high)) for side in (rising, falling)]
     )
-    edge_of_rising, edge_of_falling, chosen, alone = _paired(key, len(rising.item))
+    edge_of_rising, edge_of_falling, chosen, alone = _pair_half_edges(key, len(rising.item))
     ends = [
         np.concatenate([one, other]).take(chosen) for one, other in zip(rising[1:], falling[1:], strict=True)
     ]
@@ -136,16 +136,16 @@ def _crossed(triangles: Float, level: Index, planes: Float, low: int, high: int)
     xy = _interpolate((x.ravel(), y.ravel(), z.ravel()), low_end, high_end, planes.take(plane))
     bottom = np.minimum(np.minimum(clipped[0], clipped[1]), clipped[2])
     top = np.maximum(np.maximum(clipped[0], clipped[1]), clipped[2])
-    slot = np.cumsum(top - bottom) - top  # slot of (facet, plane) is slot[facet] + plane
+    slot = np.cumsum(top - bottom) - top  # the slot of (facet, plane) is slot[facet] + plane
     head = _nodes(rising, flat, slot, base.take(edge_of_rising))
     tail = _nodes(falling, flat, slot, base.take(edge_of_falling))
-    # An edge through planes of several parts counts where it begins.
+    # An edge that spans several batches counts in the batch where it starts.
     unpaired = int((level.ravel()[ends[0][alone]] >= low).sum())
     return Crossings(xy, plane.astype(np.int64), tail, head, unpaired)
 
 
 def _half_edges(which: Bool, *, turned: bool = False) -> _HalfEdges:
-    """Those edges (3, n) for which `which` is true; `turned` ones go down from their corner."""
+    """Return the half-edges for which the mask `which` (3, n) is true; `turned` ones go down from their corner."""
     item = np.flatnonzero(which)
     after = item + which.shape[1]
     after[after >= which.size] -= which.size
@@ -153,7 +153,7 @@ def _half_edges(which: Bool, *, turned: bool = False) -> _HalfEdges:
 
 
 def _nodes(half_edges: _HalfEdges, level: Index, slot: Int, base: Int | Index) -> Int:
-    """(S,) the node that each facet-plane pair has on its rising (or falling) side."""
+    """Return the node (S,) that each facet-plane pair has on its rising (or falling) side."""
     first = level.take(half_edges.low)
     owner, place = spread(level.take(half_edges.high) - first)
     plane = first.take(owner) + place
@@ -163,11 +163,11 @@ def _nodes(half_edges: _HalfEdges, level: Index, slot: Int, base: Int | Index) -
 
 
 def _interpolate(corner: tuple[Float, Float, Float], low: Int, high: Int, z: Float) -> Float:
-    """(n, 2) where the edges from `low` to `high` corners reach height `z`; exact at both ends."""
+    """Return points (n, 2) where the edges from corner `low` to corner `high` reach height `z`, exact at both ends."""
     *across, zs = corner
     bottom = zs.take(low)
     ratio = (z - bottom) / (zs.take(high) - bottom)
-    # Rounding of the sum must not make a corner that lies on the plane differ from its own coordinates.
+    # A corner that lies on the plane must keep its exact coordinates.
     on_plane = np.flatnonzero(ratio == 1)
     xy = np.zeros((len(z), 2))
     for axis, column in enumerate(across):
@@ -178,16 +178,16 @@ def _interpolate(corner: tuple[Float, Float, Float], low: Int, high: Int, z: Flo
     return xy
 
 
-def _paired(key: _UInt, n_rising: int) -> tuple[Int, Int, Int, Int]:
-    """Number the edges.
+def _pair_half_edges(key: _UInt, n_rising: int) -> tuple[Int, Int, Int, Int]:
+    """Number the edges and pair their half-edges.
 
     Args:
         key: keys of all rising half-edges, then of all falling ones.
-        n_rising: how many are rising.
+        n_rising: number of rising half-edges.
 
     Returns:
-        Edge of each rising half-edge, edge of each falling one, one half-edge (index into `key`) per edge, and the
-        edges of half-edges that have no partner.
+        The edge of each rising half-edge, the edge of each falling one, one half-edge (index into `key`) per edge, and
+        the edges of half-edges without a partner.
     """
     edge, one = weld_keys(key)
     rising, falling = edge[:n_rising], edge[n_rising:]
@@ -196,15 +196,15 @@ def _paired(key: _UInt, n_rising: int) -> tuple[Int, Int, Int, Int]:
         np.bincount(side, minlength=n_edges).max(initial=1) == 1 for side in (rising, falling)
     ):
         return rising.astype(np.int64), falling.astype(np.int64), one.astype(np.int64), np.zeros(0, np.int64)
-    # Copies of one key pair up by rank: the k-th rising with the k-th falling; the rest stays alone.
-    ranks = [_rank(side, n_edges) for side in (rising, falling)]
+    # Copies of the same key pair by rank: the k-th rising with the k-th falling one; the rest stays unpaired.
+    ranks = [_rank_among_equal(side, n_edges) for side in (rising, falling)]
     copy = np.concatenate(ranks) * np.int64(n_edges) + edge
     _, chosen, number, count = np.unique(copy, return_index=True, return_inverse=True, return_counts=True)
     return number[:n_rising], number[n_rising:], chosen, np.flatnonzero(count == 1)
 
 
-def _rank(edge: Index, n_edges: int) -> Int:
-    """(n,) how many of the same edge come before each."""
+def _rank_among_equal(edge: Index, n_edges: int) -> Int:
+    """Return the number (n,) of earlier entries with the same edge."""
     order = np.argsort(edge, kind="stable")
     begin = np.cumsum(np.bincount(edge, minlength=n_edges)) - np.bincount(edge, minlength=n_edges)
     rank = np.zeros(len(edge), np.int64)
@@ -213,7 +213,7 @@ def _rank(edge: Index, n_edges: int) -> Int:
 
 
 def _join_rings(part: Crossings, n_planes: int) -> Areas:
-    """Join the segments of several planes to rings; open contours are closed from any end to any start."""
+    """Join the segments of several planes into rings; open contours are closed from any end to any start."""
     following = np.arange(len(part.xy))
     following[part.tail] = part.head
     if part.unpaired:

@@ -1,4 +1,4 @@
-"""Open and closed lines of all layers, and what they have to do with the outlines they end on."""
+"""Open and closed lines of all layers, and the outlines that they end on."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ class Polylines:
 
     Attributes:
         xy: (N, 2) mm.
-        start: (M + 1,) where each line begins.
-        layer: (M,) ascending.
-        edge: (M, 2) on which edge of the areas that bound them the lines begin and end: the index of the point where
-            the edge begins, -1 for an end that lies on none.
-        closed: (M,) whether a line returns to its first point, which it does not repeat.
+        start: (M + 1,) offset of each line.
+        layer: (M,) layer of each line, ascending.
+        edge: (M, 2) edge of the surrounding areas on which each line starts and ends, given by the index of the point
+            where the edge starts; -1 for an end that lies on none.
+        closed: (M,) whether a line returns to its first point; the point is not repeated.
     """
 
     xy: Float
@@ -50,13 +50,13 @@ class Polylines:
 
     @classmethod
     def of(cls, xy: Float, size: Int, layer: Int, edge: Int | None = None) -> Polylines:
-        """Open lines given one after the other with `size` (M,) points each, by ascending layer."""
+        """Build open lines with `size` (M,) points each, one after the other, by ascending layer."""
         ends = np.full((len(size), 2), -1) if edge is None else edge
         return cls(xy, np.append(0, np.cumsum(size)), layer, ends, np.zeros(len(size), np.bool_))
 
     @classmethod
     def from_lines(cls, lines: Sequence[Sequence[Float]]) -> Polylines:
-        """Open lines from one list of (n, 2) lines per layer; those of fewer than two points are dropped."""
+        """Build open lines from one list of (n, 2) lines per layer; drop lines with fewer than two points."""
         kept = [
             (layer, np.asarray(line, np.float64))
             for layer, many in enumerate(lines)
@@ -69,19 +69,19 @@ class Polylines:
 
     @classmethod
     def hatched(cls, lines: Lines) -> Polylines:
-        """The lines of a hatch, two points each."""
+        """Build lines of two points each from a hatch."""
         return cls.of(lines.ends.reshape(-1, 2), np.full(lines.n_lines, 2), lines.layer, lines.edge)
 
     @classmethod
     def around(cls, areas: Areas) -> Polylines:
-        """The outlines of areas as closed lines."""
+        """Return the outlines of areas as closed lines."""
         n_rings = areas.n_rings
         ends, closed = np.full((n_rings, 2), -1), np.ones(n_rings, np.bool_)
         return cls(areas.xy, areas.ring_start, areas.ring_layer, ends, closed)
 
     @classmethod
     def joined(cls, parts: Sequence[Polylines]) -> Polylines:
-        """All lines of several values, by layer; within a layer in the order of `parts`."""
+        """Join the lines of several values, by layer; within a layer in the order of `parts`."""
         layer = np.concatenate([part.layer for part in parts])
         size = np.concatenate([part.size for part in parts])
         whole = cls(
@@ -100,24 +100,25 @@ class Polylines:
 
     @property
     def size(self) -> Int:
-        """(M,) number of points of each line."""
+        """Number of points (M,) of each line."""
         return np.diff(self.start)
 
     def take(self, lines: Int) -> Polylines:
-        """Some of the lines (m,), which must be by ascending layer."""
+        """Return the lines with the given indices (m,); their layers must ascend."""
         size = self.size[lines]
         points = consecutive(self.start[lines], size)
         start = np.append(0, np.cumsum(size))
         return Polylines(self.xy[points], start, self.layer[lines], self.edge[lines], self.closed[lines])
 
     def length(self) -> Float:
-        """(M,) mm of each line."""
+        """Return the length (M,) of each line, mm."""
         return lengths(self.xy, self.start, self.closed)
 
     def without_repeats(self) -> tuple[Polylines, Int]:
-        """Open lines without points that repeat the one before, and (N,) which points are left.
+        """Remove repeated points from open lines, and lines with fewer than two points.
 
-        Lines with fewer than two points are left out.
+        Returns:
+            The lines, and the indices of the points that remain.
         """
         keep = np.hypot(*np.diff(self.xy, axis=0, prepend=np.nan).T) > _SAME
         keep[self.start[:-1]] = True

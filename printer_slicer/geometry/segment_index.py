@@ -1,4 +1,4 @@
-"""Points and ways against the outlines of their layers: how far away, inside or outside, crossed where."""
+"""Query the outlines of layers: distance to points, points inside, and crossings with straight lines."""
 
 from __future__ import annotations
 
@@ -12,35 +12,42 @@ from printer_slicer.geometry.vectors import nearest_share
 
 __all__ = ["OutlineIndex", "SegmentIndex", "distance_to_segments"]
 
-_PAIRS_AT_ONCE = 1 << 18  # of ways and segments: what is compared stays small
+_PAIRS_AT_ONCE = 1 << 18  # pairs of lines and segments per batch, to bound the memory
 
 
 class SegmentIndex:
     """Segments on layers in one search tree.
 
-    Each layer has a cell of its own on a square lattice, so that one query serves points of many layers. The cells are
-    so far apart that the nearest segment to a point is never one of another layer, if its own has any. Distances are
-    measured where the segments really are; only the search sees the moved ones.
+    Each layer has its own cell on a square grid, so that one query serves points of many layers. The cells are so far
+    apart that the nearest segment to a point is never on another layer, if its own layer has any. Distances use
+    the original positions; only the search uses the shifted ones.
     """
 
     def __init__(
         self, ends: tuple[Float, Float], layer: Int, n_layers: int, box: tuple[Float, Float]
     ) -> None:
-        """Take begins and ends (S, 2), mm, the layers (S,), and the corners (2,) of the box in which all points lie."""
+        """Build the tree.
+
+        Args:
+            ends: (S, 2) start and (S, 2) end points of the segments, mm.
+            layer: (S,) layer of each segment.
+            n_layers: number of layers.
+            box: lowest and highest corner (2,) of a box around all points to be queried, mm.
+        """
         self._begin, self._end = ends
         self._n_layers = n_layers
         self._filled = np.bincount(layer, minlength=n_layers) > 0
         self._right = float(self._begin[:, 0].max(initial=box[1][0]))
         room = np.maximum(box[1], self._begin.max(axis=0, initial=-np.inf))
         room -= np.minimum(box[0], self._begin.min(axis=0, initial=np.inf))
-        # A segment of the own layer is within one diagonal, one of another layer more than one diagonal away.
+        # Segments of the same layer are within one diagonal, those of other layers are more than one diagonal away.
         self._pitch = 2.5 * float(np.hypot(*room)) + 1.0
         cell = self._cell(layer)
         moved = np.stack([self._begin + cell, self._end + cell], axis=1)
         self._tree = SegmentTree(moved) if len(moved) else None
 
     def nearest(self, points: Float, layer: Int) -> Int:
-        """(P,) index of the segment of its layer nearest to each point (P, 2); -1 where the layer is empty."""
+        """Return the nearest segment (P,) on its layer for each point (P, 2); -1 if the layer is empty."""
         result = np.full(len(points), -1, np.int64)
         known = np.flatnonzero(self._filled[layer])
         if self._tree is not None and len(known):
@@ -48,7 +55,7 @@ class SegmentIndex:
         return result
 
     def distance(self, points: Float, layer: Int) -> Float:
-        """(P,) mm from each point (P, 2) to the nearest segment of its layer; inf where the layer is empty."""
+        """Return the distance (P,) from each point (P, 2) to the nearest segment of its layer, mm; inf if empty."""
         nearest = self.nearest(points, layer)
         result = np.full(len(points), np.inf)
         known = nearest >= 0
@@ -60,7 +67,7 @@ class SegmentIndex:
         """Find the segments of their `layer` (P,) within reach of points (P, 2), unordered.
 
         Returns:
-            (X,) the point, (X,) the segment, and (X,) mm between them, at most `reach`.
+            The point (X,), the segment (X,), and the distance between them (X,), mm.
         """
         none = np.zeros(0, np.int64)
         if self._tree is None or not len(points):
@@ -72,21 +79,21 @@ class SegmentIndex:
         return point[near], segment[near], apart[near]
 
     def crossed(self, begin: Float, end: Float, layer: Int) -> tuple[Int, Int, Float]:
-        """Where straight ways from `begin` to `end` (P, 2) cross segments of their `layer` (P,), in no order.
+        """Find where lines from `begin` to `end` (P, 2) cross segments of their `layer` (P,), unordered.
 
-        A segment belongs to one of its ends only, so a way through a corner crosses exactly one of the corner's.
+        A segment includes only one of its ends, so a line through a corner crosses exactly one of the two segments.
 
         Returns:
-            (X,) the way, (X,) the segment that it crosses, and (X,) how far along the way, 0 to 1.
+            The line (X,), the segment that it crosses (X,), and the position along the line (X,), 0 to 1.
         """
         none = np.zeros(0, np.int64)
         if self._tree is None or not len(begin):
             return none, none, np.zeros(0)
         cell = self._cell(layer)
-        way, segment = self._tree.meeting(begin + cell, end + cell)
+        line, segment = self._tree.meeting(begin + cell, end + cell)
         found = []
-        for some in np.array_split(np.arange(len(way)), len(way) // _PAIRS_AT_ONCE + 1):
-            one, other = way[some], segment[some]
+        for some in np.array_split(np.arange(len(line)), len(line) // _PAIRS_AT_ONCE + 1):
+            one, other = line[some], segment[some]
             share = crossing_shares(
                 begin.take(one, axis=0),
                 end.take(one, axis=0),
@@ -95,36 +102,36 @@ class SegmentIndex:
             )
             cross = ~np.isnan(share)
             found.append((one[cross], other[cross], share[cross]))
-        ways, segments, shares = zip(*found, strict=True)
-        return np.concatenate(ways), np.concatenate(segments), np.concatenate(shares)
+        lines, segments, shares = zip(*found, strict=True)
+        return np.concatenate(lines), np.concatenate(segments), np.concatenate(shares)
 
     def crossings(self, begin: Float, end: Float, layer: Int) -> Int:
-        """(P,) how often straight ways from `begin` to `end` (P, 2) cross segments of their `layer` (P,)."""
+        """Count how often (P,) lines from `begin` to `end` (P, 2) cross segments of their `layer` (P,)."""
         return np.bincount(self.crossed(begin, end, layer)[0], minlength=len(begin)).astype(np.int64)
 
     def _cell(self, layer: Int) -> Float:
-        """(P, 2) how far the cell of each layer is moved."""
+        """Return the offset (P, 2) of the cell of each layer."""
         side = int(np.ceil(np.sqrt(self._n_layers)))
         return np.column_stack(np.divmod(layer, side)) * self._pitch
 
 
 class OutlineIndex(SegmentIndex):
-    """The outlines of all layers: segment i begins at point i of the areas, and ends at the point that follows it."""
+    """Outlines of all layers: segment i starts at point i of the areas, and ends at the next point of the ring."""
 
     def __init__(self, areas: Areas, low: Float, high: Float) -> None:
-        """Take clean areas, and the corners (2,) of the box, mm, in which all points to ask for will lie."""
+        """Build the tree from clean areas, and the corners (2,) of a box around all points to be queried, mm."""
         ends = areas.xy, areas.xy[areas.following]
         super().__init__(ends, areas.point_layer, areas.n_layers, (low, high))
 
     def inside(self, points: Float, layer: Int) -> Bool:
-        """(P,) whether each point (P, 2) is in the area of its layer: a ray to the right leaves it an odd time."""
+        """Return a mask (P,) of points (P, 2) inside the area of their `layer` (P,)."""
         if self._tree is None or not len(points):
             return np.zeros(len(points), np.bool_)
         far = np.column_stack([np.full(len(points), self._right), points[:, 1]])
         cell = self._cell(layer)
         point, segment = self._tree.meeting(points + cell, far + cell)
         (x, y), (ax, ay), (bx, by) = points[point].T, self._begin[segment].T, self._end[segment].T
-        # Each end belongs to the part of the segment above it, so that a ray through a corner counts once.
+        # A segment includes its lower end only, so that a ray through a corner counts once.
         rising, falling = (ay <= y) & (by > y), (ay > y) & (by <= y)
         left = (bx - ax) * (y - ay) - (by - ay) * (x - ax)
         crossed = (rising & (left > 0)) | (falling & (left < 0))
@@ -132,7 +139,7 @@ class OutlineIndex(SegmentIndex):
 
 
 def distance_to_segments(points: Float, begin: Float, end: Float) -> Float:
-    """(P,) mm from each point (P, 2) to the segment from `begin` to `end` (P, 2) that goes with it."""
-    way, gap = end - begin, points - begin
-    # Seen from the begin: near a short segment far from the origin the place itself would lose digits.
-    return np.asarray(np.hypot(*(gap - nearest_share(gap, way)[:, None] * way).T))
+    """Return the distance (P,) from each point (P, 2) to its segment from `begin` to `end` (P, 2), mm."""
+    line, gap = end - begin, points - begin
+    # Coordinates relative to the start: for a short segment far from the origin, absolute ones lose digits.
+    return np.asarray(np.hypot(*(gap - nearest_share(gap, line)[:, None] * line).T))

@@ -1,4 +1,4 @@
-"""Sides of outlines that meet elsewhere than at their ends, found exactly on whole numbers."""
+"""Find sides of outlines that intersect other than at their ends, exactly, on integers."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ __all__ = ["layers_with_self_intersections"]
 
 
 def layers_with_self_intersections(ends: Int, layer: Int) -> Int:
-    """Layers on which two sides cross, touch, or lie on each other, other than by an end that they share.
+    """Find layers on which two sides cross, touch or overlap, except at an end that they share.
 
-    Polygon clipping rounds its corners to a grid: now and then one is rounded onto a side nearby, or across it.
+    Polygon clipping rounds corners to a grid, and occasionally moves one onto a nearby side, or across it.
 
     Args:
-        ends: (S, 2, 2) where sides begin and end, whole numbers below 1e9.
-        layer: (S,) of each.
+        ends: (S, 2, 2) start and end points of the sides, integers below 1e9.
+        layer: (S,) layer of each side.
 
     Returns:
         The layers, ascending.
@@ -27,8 +27,9 @@ def layers_with_self_intersections(ends: Int, layer: Int) -> Int:
     a, b = Boxes(low, high, layer).neighbours()
     first, second = ends.take(a, axis=0), ends.take(b, axis=0)
     straddled = [
-        np.sign(cross(way, other[:, 0] - one[:, 0])) * np.sign(cross(way, other[:, 1] - one[:, 0]))
-        for one, other, way in (
+        np.sign(cross(direction, other[:, 0] - one[:, 0]))
+        * np.sign(cross(direction, other[:, 1] - one[:, 0]))
+        for one, other, direction in (
             (first, second, first[:, 1] - first[:, 0]),
             (second, first, second[:, 1] - second[:, 0]),
         )
@@ -37,7 +38,7 @@ def layers_with_self_intersections(ends: Int, layer: Int) -> Int:
     for i, j in ((0, 0), (0, 1), (1, 0), (1, 1)):
         shared = (first[:, i] == second[:, j]).all(axis=1)
         one, other = first[:, 1 - i] - first[:, i], second[:, 1 - j] - second[:, j]
-        # From a shared end they may go anywhere but the same way.
+        # Sides with a shared end intersect only if they leave it in the same direction.
         meets[shared & ((cross(one, other) != 0) | (dot(_as_floats(one), _as_floats(other)) < 0))] = False
     return distinct(layer[a[meets]])
 

@@ -12,19 +12,22 @@ from printer_slicer.geometry.vectors import cross
 __all__ = ["BESIDE", "project_slabs"]
 
 BESIDE = 2e-5
-"""mm; what 32-bit coordinates leave of a height that was meant to be a border: slabs leave it out at both ends."""
+"""mm; margin left out at both ends of a slab, because 32-bit coordinates round heights near its borders."""
 _NO_AREA = 1e-9  # mm²
 
 
 def project_slabs(triangles: Float, bottom: Float, top: Float) -> Areas:
-    """Projections of the parts of all facets that lie within each slab, as rings that may overlap.
+    """Project the parts of all facets that lie within each slab onto the bed.
 
-    Facets that only touch a slab from outside, upright facets, and what lies within rounding of a border are left out.
+    Vertical facets, facets that only touch a slab from outside, and anything within rounding of a border are left out.
 
     Args:
         triangles: (F, 3, 3) mm.
         bottom: (L,) mm, ascending.
         top: (L,) mm, ascending; slabs may touch but not overlap.
+
+    Returns:
+        One layer per slab, with rings that may overlap.
     """
     low, high = bottom + BESIDE, top - BESIDE
     z = triangles[:, :, 2]
@@ -36,29 +39,32 @@ def project_slabs(triangles: Float, bottom: Float, top: Float) -> Areas:
     owner, place = spread(np.maximum(last - first, 0)[facets])
     facet = facets[owner]
     slab = first[facet] + place
-    # Counter-clockwise from above, whichever way the facet looks.
+    # Make all facets counter-clockwise as seen from above.
     corners = np.where((area[facet] > 0)[:, None, None], triangles[facet], triangles[facet][:, ::-1])
-    xy, size = _clipped(corners, low[slab], high[slab])
+    xy, size = _clip_triangles(corners, low[slab], high[slab])
     layers, order = slab[size > 0], np.argsort(slab[size > 0], kind="stable")
-    return _rings(xy, size[size > 0], layers, order, len(bottom))
+    return _stack_rings(xy, size[size > 0], layers, order, len(bottom))
 
 
-def _clipped(corners: Float, low: Float, high: Float) -> tuple[Float, Int]:
-    """Points of the triangles (n, 3, 3) between the heights `low` and `high` (n,), and how many of each.
+def _clip_triangles(corners: Float, low: Float, high: Float) -> tuple[Float, Int]:
+    """Clip triangles (n, 3, 3) to the heights `low` to `high` (n,).
 
-    The edges of a clipped triangle are the clipped edges of the triangle, in their order, joined by straight lines.
+    The outline of a clipped triangle consists of its clipped edges in order, joined by straight lines.
+
+    Returns:
+        The points (m, 2) of all outlines, one after the other, and the number of points (n,) of each.
     """
     begin, end = corners, corners[:, [1, 2, 0]]
     rise = end[:, :, 2] - begin[:, :, 2]
-    level = rise == 0
+    is_level = rise == 0
     share = [
-        np.clip((border[:, None] - begin[:, :, 2]) / np.where(level, 1.0, rise), 0, 1)
+        np.clip((border[:, None] - begin[:, :, 2]) / np.where(is_level, 1.0, rise), 0, 1)
         for border in (low, high)
     ]
     enter, leave = np.where(rise > 0, share[0], share[1]), np.where(rise > 0, share[1], share[0])
     within = (begin[:, :, 2] >= low[:, None]) & (begin[:, :, 2] <= high[:, None])
-    enter, leave = np.where(level, 0.0, enter), np.where(level, 1.0, leave)
-    kept = np.where(level, within, enter < leave)
+    enter, leave = np.where(is_level, 0.0, enter), np.where(is_level, 1.0, leave)
+    kept = np.where(is_level, within, enter < leave)
     step = (end - begin)[:, :, :2]
     points = np.stack(
         [begin[:, :, :2] + enter[:, :, None] * step, begin[:, :, :2] + leave[:, :, None] * step], axis=2
@@ -66,8 +72,8 @@ def _clipped(corners: Float, low: Float, high: Float) -> tuple[Float, Int]:
     return points[kept].reshape(-1, 2), 2 * kept.sum(axis=1)
 
 
-def _rings(xy: Float, size: Int, layer: Int, order: Int, n_layers: int) -> Areas:
-    """Rings of the given sizes, put in the order of their layers."""
+def _stack_rings(xy: Float, size: Int, layer: Int, order: Int, n_layers: int) -> Areas:
+    """Build a stack from rings with `size` points each, sorted by layer."""
     start = np.cumsum(size) - size
     owner, place = spread(size[order])
     moved = xy[start[order][owner] + place]

@@ -1,8 +1,8 @@
-"""Remove spikes, which rounding in a geometry engine leaves of strips narrower than its grid.
+"""Remove spikes: the remains of strips that are narrower than the grid of a geometry engine.
 
-Where two outlines lie a step of the grid apart, a cut between them leaves an outline that runs out and back along
-itself. Such a spike holds no area, but its rounded sides may cross, and whatever relies on simple rings (GEOS, an
-offset, a hatch) fails there.
+Where two outlines are one grid step apart, a cut between them leaves an outline that runs out and back along itself.
+Such a spike has no area, but its rounded sides may cross. Operations that need simple rings (GEOS, offsets, hatches)
+fail there.
 """
 
 from __future__ import annotations
@@ -16,15 +16,17 @@ from printer_slicer.geometry.polygons import STEPS_PER_MM
 __all__ = ["is_spike", "without_spikes"]
 
 _MOST = 2 / STEPS_PER_MM  # mm; rounding moves each side of a spike by up to one step
-_LEAST = 1 / STEPS_PER_MM + 1e-11  # mm; a ring with this mean width or less has only rounding as its area
+_LEAST = (
+    1 / STEPS_PER_MM + 1e-11
+)  # mm; the area of a ring with at most this mean width comes only from rounding
 
 
 def without_spikes(areas: Areas) -> Areas:
     """Remove the points at which an outline turns back on itself, and rings without area.
 
     Args:
-        areas: rings on the grid of the engines. A spike is at most two steps of that grid wide; a ring without area is
-            at most one step wide in the mean.
+        areas: rings on the grid of the engines. A spike is at most two grid steps wide. A ring without area is at most
+            one step wide on average.
     """
     spikes = is_spike(areas)
     if not spikes.any():
@@ -36,7 +38,7 @@ def without_spikes(areas: Areas) -> Areas:
     keep[points] = False
     part, spikes = areas.take(rings), spikes[points]
     while spikes.any():
-        # Only one of several neighbouring spikes at a time: without it, the next may not be a spike.
+        # Remove only one of several neighbouring spikes at a time: then the next one may no longer be a spike.
         gone = spikes & ~spikes[part.previous]
         sound = part.in_whole_rings(~(gone | _is_flat(part, spikes)))
         part, points = part.of_points(sound), points[sound]
@@ -46,21 +48,21 @@ def without_spikes(areas: Areas) -> Areas:
 
 
 def _is_flat(areas: Areas, spikes: Bool) -> Bool:
-    """(N,) whether the ring of each point is at most one step wide on average, or has only spikes (N,)."""
+    """Return a mask (N,) of points whose ring is at most one step wide on average, or has only `spikes` (N,)."""
     flat = 2 * np.abs(areas.ring_area()) <= areas.ring_length() * _LEAST
     flat |= np.logical_and.reduceat(spikes, areas.ring_start[:-1])
     return np.repeat(flat, np.diff(areas.ring_start))
 
 
 def is_spike(areas: Areas) -> Bool:
-    """(N,) whether the outline turns back at each point, within two steps of the grid."""
+    """Return a mask (N,) of points where the outline turns back on itself, within two grid steps."""
     spikes = np.zeros(len(areas.xy), np.bool_)
     if not areas.n_rings:
         return spikes
     first, last = areas.ring_start[:-1], areas.ring_start[1:] - 1
     x, y = np.ascontiguousarray(areas.xy.T)
     ahead_x, ahead_y = _to_next(x, first, last), _to_next(y, first, last)
-    # Whole arrays instead of indices, because every area from an engine passes here.
+    # Operations on whole arrays are faster than indices, and every area from an engine is checked here.
     along = np.zeros(len(x))
     np.multiply(ahead_x[1:], ahead_x[:-1], out=along[1:])
     along[1:] += ahead_y[1:] * ahead_y[:-1]
@@ -74,7 +76,7 @@ def is_spike(areas: Areas) -> Bool:
 
 
 def _to_next(values: Float, first: Int, last: Int) -> Float:
-    """(N,) the difference to the next point around the ring."""
+    """Return the difference (N,) to the next point around the ring."""
     ahead = np.empty_like(values)
     np.subtract(values[1:], values[:-1], out=ahead[:-1])
     ahead[last] = values[first] - values[last]

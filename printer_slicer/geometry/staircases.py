@@ -1,4 +1,4 @@
-"""What rows cover that lie side by side: one outline around each column of them, not one around each row."""
+"""Area covered by rows of a hatch, with one outline around each column of rows instead of one around each row."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from printer_slicer.geometry.hatching import columns
 
 __all__ = ["staircases"]
 
-_BEYOND = 1e-3  # of the half width: columns that stand on each other overlap
+_BEYOND = 1e-3  # of the half width, so that adjacent columns overlap
 
 
 def staircases(rows: Lines, u: Float, *, angle: float | Float, half: float | Float, n_layers: int) -> Areas:
-    """The union of rectangles along rows.
+    """Return the union of rectangles along rows.
 
-    Rows of which each is the only one beside the other stand in one column, whose outline goes up at one side, step by
-    step, and down at the other: far less to unite than every rectangle by itself.
+    Neighbouring rows form a column if each is the only one beside the other. The outline of a column goes up on one
+    side in steps, and down on the other. That is far less work for the union than one rectangle per row.
 
     Args:
-        rows: of a hatch.
-        u: (S, 2) mm, from where to where along each row its rectangle reaches.
-        angle: radians, of the rows; one for all layers or one per layer.
-        half: mm, from a row to the long sides of its rectangle, from half the distance of the rows to all of it; one
-            for all layers or one per layer.
-        n_layers: of the rows' stack.
+        rows: lines of a hatch.
+        u: (S, 2) mm, positions along the row where its rectangle starts and ends.
+        angle: radians, direction of the rows; one for all layers or one per layer.
+        half: mm, half the width of a rectangle, between half the row spacing and the whole spacing; one for all layers
+            or one per layer.
+        n_layers: number of layers of the stack.
     """
     if not rows.n_lines:
         return Areas.empty(n_layers)
@@ -43,10 +43,10 @@ def staircases(rows: Lines, u: Float, *, angle: float | Float, half: float | Flo
     low = np.tile(v - reach * (1 + _BEYOND), (2, 1))
     upper = np.delete(np.arange(len(order)), begin)
     lower = upper - 1
-    # Between two rows the longer one reaches as far as it is wide.
+    # Between two rows the step lies at the edge of the longer one.
     longer = (u[order[lower]] - u[order[upper]]).T * [[-1], [1]] > 0
     low[:, upper] = high[:, lower] = np.where(longer, (v + reach)[lower], (v - reach)[upper])
-    # Up at the right side and down at the left one.
+    # Go up on the right side and down on the left side.
     xy = np.zeros((4 * len(order), 2))
     first, total = np.repeat(4 * begin, size), np.repeat(4 * size, size)
     rank = 2 * (np.arange(len(order)) - np.repeat(begin, size))

@@ -1,4 +1,4 @@
-"""Areas moved along a straight way: all that they pass over."""
+"""Sweep areas along a straight line."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from printer_slicer.geometry.engine import normalize
 
 __all__ = ["sweep_areas"]
 
-_NOTHING = 1e-6  # mm; less than the steps of the engines' grids
+_SHORTEST = 1e-6  # mm; below the grid steps of the engines
 
 
 def sweep_areas(areas: Areas, way: Float) -> Areas:
     """Return the area that areas cover while they move from `-way` to `+way`.
 
+    The result is the union of the areas at both ends and of the parallelogram that each edge sweeps.
+
     Args:
         areas: clean areas.
-        way: (n_layers, 2) mm, of each layer.
-
-    The areas at both ends, and what each edge passes over: each of them winds around nothing but parts of the result.
+        way: (n_layers, 2) mm, half of the movement of each layer.
     """
     if not areas.n_rings:
         return areas
-    seen = np.where(np.abs(way) < _NOTHING, 0.0, way)
+    seen = np.where(np.abs(way) < _SHORTEST, 0.0, way)
     by = np.repeat(seen[areas.ring_layer], np.diff(areas.ring_start), axis=0)
     begin, end, layer = areas.xy, areas.xy[areas.following], areas.point_layer
     quads = np.stack([begin - by, end - by, end + by, begin + by], axis=1)

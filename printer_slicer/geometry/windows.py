@@ -1,4 +1,4 @@
-"""Intersections over windows of neighbouring layers, with few intersections of two layers each."""
+"""Intersections over windows of neighbouring layers, from few pairwise intersections."""
 
 from __future__ import annotations
 
@@ -13,28 +13,28 @@ __all__ = ["intersect_windows"]
 
 T = TypeVar("T")
 Intersect = Callable[[list[T], list[T]], list[T]]
-"""Intersects two lists entry by entry."""
+"""Function that intersects two lists entry by entry."""
 
 
 def intersect_windows(layers: Sequence[T], first: Int, last: Int, intersect: Intersect[T]) -> list[T]:
-    """The intersection of `layers[first[k]:last[k]]` for every window k.
+    """Return the intersection of `layers[first[k]:last[k]]` for every window k.
 
-    Entry i of table p is the intersection of 2^p consecutive layers from i on, made from two entries of the
-    table before; a window is the intersection of the two entries that begin and end with it. The cost grows
-    with the logarithm of the width, and entries no window asks for are not made.
+    Entry i of table p is the intersection of the 2^p layers from i on. It is the intersection of two entries of the
+    previous table. A window is the intersection of two entries, at its start and at its end. The cost grows with the
+    logarithm of the width, and unused entries are not computed.
 
     Args:
-        layers: what `intersect` takes, one entry per layer.
+        layers: one entry per layer, of the type that `intersect` takes.
         first: (W,) first layer of each window.
         last: (W,) one after its last layer; no window is empty or leaves the layers.
-        intersect: gives the intersections of two lists, entry by entry.
+        intersect: returns the intersections of two lists, entry by entry.
 
     Source: the sparse table of Bender & Farach-Colton, The LCA Problem Revisited, 2000, for range minima.
     """
     # frexp is exact for integers: width = m * 2^e with 0.5 <= m < 1, so e - 1 is floor(log2(width)).
     level = np.frexp((last - first).astype(np.float64))[1].astype(np.int64) - 1
     tail = last - (1 << level)
-    tables = _tables(layers, _wanted(first, tail, level), intersect)
+    tables = _build_tables(layers, _needed_entries(first, tail, level), intersect)
     pairs = [
         (tables[p][i], tables[p][j])
         for p, i, j in zip(level.tolist(), first.tolist(), tail.tolist(), strict=True)
@@ -47,21 +47,21 @@ def intersect_windows(layers: Sequence[T], first: Int, last: Int, intersect: Int
     return result
 
 
-def _wanted(first: Int, tail: Int, level: Int) -> list[Int]:
-    """The entries of each table that the windows need, directly or to build the tables above."""
+def _needed_entries(first: Int, tail: Int, level: Int) -> list[Int]:
+    """Return the entries of each table that the windows need, directly or to build the next tables."""
     top = int(level.max(initial=0))
-    wanted = [distinct(np.concatenate([first[level == p], tail[level == p]])) for p in range(top + 1)]
+    needed = [distinct(np.concatenate([first[level == p], tail[level == p]])) for p in range(top + 1)]
     for p in range(top, 0, -1):
         half = 1 << (p - 1)
-        wanted[p - 1] = distinct(np.concatenate([wanted[p - 1], wanted[p], wanted[p] + half]))
-    return wanted
+        needed[p - 1] = distinct(np.concatenate([needed[p - 1], needed[p], needed[p] + half]))
+    return needed
 
 
-def _tables(layers: Sequence[T], wanted: list[Int], intersect: Intersect[T]) -> list[dict[int, T]]:
-    """The wanted entries of each table; table 0 holds the layers themselves."""
-    tables = [{i: layers[i] for i in wanted[0].tolist()}]
-    for p in range(1, len(wanted)):
-        below, half, entries = tables[-1], 1 << (p - 1), wanted[p].tolist()
+def _build_tables(layers: Sequence[T], needed: list[Int], intersect: Intersect[T]) -> list[dict[int, T]]:
+    """Compute the needed entries of each table; table 0 holds the layers themselves."""
+    tables = [{i: layers[i] for i in needed[0].tolist()}]
+    for p in range(1, len(needed)):
+        below, half, entries = tables[-1], 1 << (p - 1), needed[p].tolist()
         made = intersect([below[i] for i in entries], [below[i + half] for i in entries])
         tables.append(dict(zip(entries, made, strict=True)))
     return tables

@@ -1,4 +1,4 @@
-"""The surface of the part as a function of z, and what is proven about any layer plan for it."""
+"""Surface of a part as a function of z, and proven error bounds for layer plans."""
 
 from printer_slicer.surface.certificate import (
     Certificate,

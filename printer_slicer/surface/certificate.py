@@ -1,12 +1,13 @@
-"""The certificate of a layer plan: how far from the surface its stack of layers can be wrong, proven.
+"""Certificate of a layer plan: a proven bound for the deviation of its layers from the surface.
 
-A layer is the prism over one section. A point of it is wrong if it is filled outside of the part or empty inside. From
-a wrong point straight up or down to the height at which the layer was cut one must pass the surface, so the distance to
-the surface is bounded by a vertical run (see `runs`) from the cut to the top of the layer, or down to its bottom. Where
-the layer holds everything (positive containment) or only what is common (negative), the run may cross the whole layer.
+A layer is the prism over one section. A point of the layer is wrong if it is filled outside the part, or empty inside
+it. A vertical line from a wrong point to the height of the section must pass the surface. So the distance to the
+surface is bounded by a vertical run (see `vertical_runs`) from the section to the top of the layer, or down to its
+bottom. If a layer is the union (positive containment) or the intersection (negative) of all its sections, the run may
+cross the whole layer.
 
-The certificate speaks of prisms over exact sections and of the mesh: not of bead shape, of contours simplified within
-the profile's resolution, nor of the surface that the mesh stands for.
+The certificate covers prisms over exact sections of the mesh. It does not cover the shape of extrusions, the
+simplification of contours within the resolution of the profile, or the deviation of the mesh from the real shape.
 """
 
 from __future__ import annotations
@@ -34,20 +35,20 @@ __all__ = [
     "read_surface",
 ]
 
-_ROUNDING = 1e-7  # mm; less than this over a tolerance is the sum's rounding
+_ROUNDING = 1e-7  # mm; allowed excess over a tolerance, for rounding of sums
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Surface:
-    """What of a part's surface decides about layers, read once for any number of plans.
+    """Properties of a part's surface that bound the error of layers, computed once for any number of plans.
 
     Attributes:
-        triangles: (F, 3, 3) mm, the facets of the part, standing on z = 0.
-        contacts: where balls touch it.
+        triangles: (F, 3, 3) mm, facets of the part, which stands on z = 0.
+        contacts: where a ball can touch the surface.
         turned: the same upside down: z counts downward.
-        up: the shadow of the facets that face up.
-        down: the shadow of the facets that face down.
-        area: mm², of the surface.
+        up: shadow of the facets that face up.
+        down: shadow of the facets that face down.
+        area: mm², area of the surface.
         height: mm, top of the part.
     """
 
@@ -62,13 +63,13 @@ class Surface:
 
 @dataclass(frozen=True, slots=True)
 class WorstLayer:
-    """Where the bound of a plan is attained, and by what.
+    """Layer with the largest bound of a plan, and the feature that causes it.
 
     Attributes:
         layer: index of the layer.
-        z, x, y: mm, a place on the facet, edge or corner.
-        kind: "facet", "flat", "edge", "corner", or "top" for what the last layer leaves out or adds over the part;
-            "none" where no layer can be wrong.
+        z, x, y: mm, a point on the facet, edge or corner.
+        kind: "facet", "flat", "edge", "corner", or "top" if the last layer ends below or above the top of the part;
+            "none" if no layer can be wrong.
         bound: mm.
     """
 
@@ -82,16 +83,16 @@ class WorstLayer:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Certificate(SvgRepr):
-    """What is proven about a layer plan.
+    """Proven error bounds of a layer plan.
 
     Attributes:
         plan: the layers.
-        bound: (L,) mm; no wrongly filled or empty point of the layer is farther from the surface than this.
-        volume: (L,) mm³; no more than this is filled or empty wrongly in the layer.
-        missing: mm by which the part rises over the last layer.
-        overshoot: mm by which the last layer rises over the part.
-        area: mm² of the surface.
-        worst: where `max_error` is attained.
+        bound: (L,) mm, largest distance of any wrongly filled or wrongly empty point of the layer from the surface.
+        volume: (L,) mm³, largest volume that is wrongly filled or wrongly empty in the layer.
+        missing: mm by which the part extends above the last layer.
+        overshoot: mm by which the last layer extends above the part.
+        area: mm², area of the surface.
+        worst: the layer with `max_error`.
     """
 
     plan: LayerPlan
@@ -110,24 +111,24 @@ class Certificate(SvgRepr):
 
     @property
     def max_error(self) -> float:
-        """No wrong point anywhere is farther from the surface than this, mm."""
+        """Largest distance of any wrong point from the surface, mm."""
         return max(float(self.bound.max(initial=0.0)), self.missing)
 
     @property
     def volume_error(self) -> float:
-        """No more than this is filled or empty wrongly, mm³; what the last layer leaves out is in it."""
+        """Largest total volume that is wrongly filled or empty, mm³, including any part above the last layer."""
         return float(self.volume.sum())
 
     @property
     def mean_error(self) -> float:
-        """Volume error by surface, mm: how thick a film the wrong places would make."""
+        """Volume error per surface area, mm."""
         return self.volume_error / self.area if self.area > 0 else 0.0
 
     def over(self, tolerance: float | Float) -> list[tuple[float, float, float]]:
-        """Stretches (lowest z, highest z, bound) of neighbouring layers whose bound is over `tolerance`, all mm.
+        """Return height ranges (lowest z, highest z, bound), mm, of consecutive layers with a bound over `tolerance`.
 
         Args:
-            tolerance: for all layers, or (L,).
+            tolerance: mm, one for all layers, or (L,).
         """
         breaks = self.bound > tolerance + _ROUNDING
         change = np.flatnonzero(np.diff(breaks.astype(np.int64), prepend=0, append=0))
@@ -158,16 +159,16 @@ def _surface(mesh: Mesh) -> Surface:
 
 
 def layer_bounds(surface: Surface, plan: LayerPlan) -> Float:
-    """(L,) mm, the bound of each layer of a plan, without the rest of its certificate."""
-    return np.maximum(*_runs(surface, plan))
+    """Return the bound (L,) of each layer of a plan, mm, without the rest of its certificate."""
+    return np.maximum(*_bounds_of_runs(surface, plan))
 
 
-def _runs(surface: Surface, plan: LayerPlan) -> tuple[Float, Float]:
-    """(L,) mm, what the runs upward and those downward allow to be wrong in each layer."""
+def _bounds_of_runs(surface: Surface, plan: LayerPlan) -> tuple[Float, Float]:
+    """Return the bounds (L,) of the upward and of the downward runs of each layer, mm."""
     bottom, top, cut = plan.bottom, plan.top, plan.cut
     if plan.containment == "mid":
         return run_bounds(surface.contacts, cut, top), _downward(surface, cut, bottom)
-    # Contained layers leave out what lies within rounding of their borders; at most that much is wrong for it.
+    # Layers with containment leave out a margin at their borders; it adds at most its height to the error.
     bottom, top = bottom + BESIDE, top - BESIDE
     return run_bounds(surface.contacts, bottom, top) + 2 * BESIDE, _downward(
         surface, top, bottom
@@ -175,7 +176,7 @@ def _runs(surface: Surface, plan: LayerPlan) -> tuple[Float, Float]:
 
 
 def _downward(surface: Surface, start: Float, end: Float) -> Float:
-    """(L,) mm, the bounds of the runs from `start` down to `end`."""
+    """Return the bounds (L,) of the runs from `start` down to `end`, mm."""
     return run_bounds(surface.turned, -start[::-1], -end[::-1])[::-1]
 
 
@@ -183,15 +184,15 @@ def certify(surface: Surface, plan: LayerPlan) -> Certificate:
     """Certify a layer plan: bound its deviation and volume error for this part.
 
     Args:
-        surface: of the part.
-        plan: any plan whose layers begin at z = 0; its containment says what the layers hold.
+        surface: surface of the part.
+        plan: any plan that starts at z = 0; its containment says which sections a layer covers.
     """
-    rising, falling = _runs(surface, plan)
+    rising, falling = _bounds_of_runs(surface, plan)
     top = plan.top
     missing = max(surface.height - float(top[-1]), 0.0)
-    volume = _volume(surface, plan)
+    volume = _volume_bounds(surface, plan)
     if missing:
-        volume[-1] += _shadow_over(surface.up, float(top[-1]), surface.height)
+        volume[-1] += _volume_above(surface.up, float(top[-1]), surface.height)
     return Certificate(
         plan,
         np.maximum(rising, falling),
@@ -199,7 +200,7 @@ def certify(surface: Surface, plan: LayerPlan) -> Certificate:
         missing,
         max(float(top[-1]) - surface.height, 0.0),
         surface.area,
-        _worst(surface, plan, rising, falling, missing),
+        _find_worst(surface, plan, rising, falling, missing),
     )
 
 
@@ -215,12 +216,12 @@ def certificate_comments(certificate: Certificate) -> tuple[str, ...]:
     )
 
 
-def _volume(surface: Surface, plan: LayerPlan) -> Float:
-    """(L,) the volume that each layer fills or leaves empty wrongly, at most."""
+def _volume_bounds(surface: Surface, plan: LayerPlan) -> Float:
+    """Return an upper bound (L,) of the volume that each layer wrongly fills or leaves empty, mm³."""
     bottom, top, cut = plan.bottom, plan.top, plan.cut
     over, under = (surface.up, surface.down) if plan.containment != "negative" else (surface.down, surface.up)
     if plan.containment == "mid":
-        # All planes at once: bottoms and cuts take turns, and the last top comes after them.
+        # All planes at once: bottoms and cuts alternate, and the last top follows.
         planes = np.append(np.column_stack([bottom, cut]).ravel(), top[-1])
         aside = 2 * cut - bottom - top
         total = np.zeros(plan.n_layers)
@@ -236,15 +237,17 @@ def _volume(surface: Surface, plan: LayerPlan) -> Float:
     return np.maximum(added, 0)
 
 
-def _shadow_over(up: Shadow, top: float, height: float) -> float:
-    """Volume of the part over the last layer, at most."""
+def _volume_above(up: Shadow, top: float, height: float) -> float:
+    """Return an upper bound of the volume of the part above the last layer, mm³."""
     planes = np.array([top, height])
     below, everything = up.integral(planes)
     return float((height - top) * up.under(planes, including=True)[1] - (everything - below))
 
 
-def _worst(surface: Surface, plan: LayerPlan, rising: Float, falling: Float, missing: float) -> WorstLayer:
-    """The layer with the largest bound, and the contact that weighs most in it."""
+def _find_worst(
+    surface: Surface, plan: LayerPlan, rising: Float, falling: Float, missing: float
+) -> WorstLayer:
+    """Find the layer with the largest bound, and the contact that contributes most to it."""
     bound = np.maximum(rising, falling)
     layer = int(bound.argmax())
     bottom, top, cut = float(plan.bottom[layer]), float(plan.top[layer]), float(plan.cut[layer])
@@ -260,14 +263,16 @@ def _worst(surface: Surface, plan: LayerPlan, rising: Float, falling: Float, mis
     place = steepest(contacts, begin, end)
     z = turn * min(max(float(contacts.low[place]), begin), end)
     source, flat = int(contacts.source[place]), contacts.low[place] == contacts.high[place]
-    x, y, z, kind = _place(surface.triangles, source, z, flat=bool(flat))
+    x, y, z, kind = _point_on_source(surface.triangles, source, z, flat=bool(flat))
     if end > surface.height and contacts is surface.contacts and z >= surface.height - _ROUNDING:
         kind = "top"
     return WorstLayer(layer, z, x, y, kind, float(bound[layer]))
 
 
-def _place(triangles: Float, source: int, z: float, *, flat: bool) -> tuple[float, float, float, str]:
-    """A point at height z, or as near as there is, on the facet, edge or corner that a contact comes from."""
+def _point_on_source(
+    triangles: Float, source: int, z: float, *, flat: bool
+) -> tuple[float, float, float, str]:
+    """Return a point at height z, or as near as possible, on the facet, edge or corner of a contact, and its kind."""
     n = len(triangles)
     if source < n:
         corners, kind = triangles[source], "flat" if flat else "facet"

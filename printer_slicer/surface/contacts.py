@@ -1,18 +1,22 @@
-"""Where a ball can touch the surface, and how steeply: what the certified error is made of.
+"""Where a ball can touch the surface, and how steeply. The certified error is computed from these contacts.
 
-A ball that rests on the surface touches a facet along its normal, an edge along a direction between the normals of its
-facets, a corner along a direction of its normal cone. What counts is the vertical part of that direction, its *rise*:
-how fast the distance to the surface can grow while one moves vertically. Let e be an edge, and let m be the direction
-in one of its facets that leaves e at a right angle. The directions u in which a ball can touch e are those with
-u · e = 0 and u · m <= 0 for the m of every facet at e. The steepest direction at right angles to e has the rise
-√(1 - e_z²) and is one of them exactly if no m points upward; otherwise the steepest touch at e is along the normal of a
-facet. A corner adds something only if all its edges lead downward (it then has rise 1), for the rim of a cone of
-directions that does not hold the vertical belongs to the edges. Balls that touch from below see the same upside down:
-there it is the edges whose every m points upward, and the corners from which all leads upward. Both sides go into one
-list: what one side does not need is what stops a way down the surface from going on (see `runs`).
+A ball on the surface touches a facet along its normal, an edge along a direction between the normals of its facets, and
+a corner along a direction of its normal cone. The *rise* is the vertical component of that unit direction: the rate at
+which the distance to the surface can grow during vertical movement.
 
-Nothing here asks whether the mesh is closed, oriented or free of crossings: a missing neighbour takes conditions
-away and can only raise a rise.
+Let e be the unit direction of an edge, and m the direction in one of its facets that leaves e at a right angle. The
+directions u in which a ball can touch e satisfy u · e = 0, and u · m <= 0 for every facet at e. The steepest direction
+at right angles to e has the rise √(1 - e_z²). It is allowed exactly if no m points upward. Otherwise the steepest
+contact at e is along the normal of a facet. A corner adds a contact only if all its edges lead downward; its rise is
+then 1. If its cone of directions does not include the vertical, the steepest directions lie on the rim of the cone,
+which belongs to the edges.
+
+Balls that touch from below follow the same rules upside down: edges where every m points upward, and corners from
+which all edges lead upward. Both sides go into one list: a contact that one side does not need marks a height at which
+a path down the surface can end (see `vertical_runs`).
+
+The mesh need not be closed, oriented or free of self-intersections. A missing neighbour removes conditions and can only
+increase a rise.
 """
 
 from __future__ import annotations
@@ -33,7 +37,7 @@ from printer_slicer.surface.envelope import Envelope
 __all__ = ["Contacts", "find_contacts"]
 
 _LEVEL: Final = 1e-9  # sine of the slope under which a direction counts as horizontal
-_NO_AREA: Final = 1e-12  # of its longest edge squared: such a facet has no normal worth the name
+_NO_AREA: Final = 1e-12  # of the longest edge squared: a facet with less has no reliable normal
 _AT_ONCE: Final = 1 << 15  # facets whose columns stay in the processor's cache
 _Keys = NDArray[np.uint64]
 _NEXT: Final = [1, 2, 0]
@@ -42,13 +46,13 @@ _BEFORE: Final = [2, 0, 1]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Contacts:
-    """Stretches of z in which balls touch the surface, by ascending `low`.
+    """Ranges of z in which a ball can touch the surface, by ascending `low`.
 
     Attributes:
         low, high: (n,) mm; equal for flats, level edges and extrema.
-        rise: (n,) 0 to 1, how fast the distance to the surface can grow with z.
-        source: (n,) where it is, of F facets: facet f as f; the edge after its corner c as F + 3 f + c; that corner
-            itself as 4 F + 3 f + c.
+        rise: (n,) 0 to 1, rate at which the distance to the surface can grow with z.
+        source: (n,) the feature, for F facets: f for facet f; F + 3 f + c for the edge after its corner c;
+            4 F + 3 f + c for that corner.
     """
 
     low: Float
@@ -62,22 +66,22 @@ class Contacts:
         object.__setattr__(self, "source", frozen_array(self.source, np.int64, (-1,)))
 
     def events(self) -> Float:
-        """(n,) heights of flats, level ridges and valleys, and of corners that are highest or lowest around, mm."""
+        """Return the heights (n,) of flats, level ridges and valleys, and local extrema, mm."""
         return distinct(self.low[(self.low == self.high) & (self.rise > 1 - _LEVEL)])
 
     def mirrored(self) -> Contacts:
-        """The same seen upside down: z becomes -z."""
+        """Return the contacts of the surface turned upside down: z becomes -z."""
         order = np.argsort(-self.high, kind="stable")
         return Contacts(-self.high[order], -self.low[order], self.rise[order], self.source[order])
 
 
-class _Marks(NamedTuple):
-    """Edges or corners of one block that may add a contact, as far as the block knows, and those that none has.
+class _ContactCandidates(NamedTuple):
+    """Edges or corners of one block of facets that may add a contact, and those that certainly add none.
 
     Attributes:
-        place: (n,) number of each that may.
+        place: (n,) number of each candidate.
         key: (n,) its key.
-        refused: (m,) keys of those that no contact has, of which other blocks may not know.
+        refused: (m,) keys of edges or corners without a contact that other blocks may also contain.
     """
 
     place: Int
@@ -85,8 +89,8 @@ class _Marks(NamedTuple):
     refused: _Keys
 
     @classmethod
-    def kept(cls, blocks: Sequence[_Marks]) -> Int:
-        """The numbers of those that no block refuses."""
+    def kept(cls, blocks: Sequence[_ContactCandidates]) -> Int:
+        """Return the numbers of the candidates that no block refuses."""
         place, key, refused = (np.concatenate(column) for column in zip(*blocks, strict=True))
         number, firsts = weld_keys(np.concatenate([key, refused]))
         gone = np.zeros(len(firsts), np.bool_)
@@ -94,36 +98,36 @@ class _Marks(NamedTuple):
         return np.asarray(place[~gone[number[: len(key)]]])
 
 
-class _Block(NamedTuple):
-    """What one block of facets says: each facet, the surface, and marks.
+class _FacetBlock(NamedTuple):
+    """Results for one block of facets.
 
     Attributes:
-        facets: (4, n) lowest and highest z, rise, and number of each.
-        area: mm².
-        marks: ridges and valleys by 3 f + c, where facet f has the edge after its corner c; peaks and pits, which are
-            corners, by 3 f + c.
+        facets: (4, n) lowest and highest z, rise, and number of each facet.
+        area: mm², total area.
+        marks: candidates for ridges and valleys (edges), peaks and pits (corners), each numbered 3 f + c: the edge
+            after corner c of facet f, or that corner.
     """
 
     facets: Float
     area: float
-    marks: tuple[_Marks, _Marks, _Marks, _Marks]
+    marks: tuple[_ContactCandidates, _ContactCandidates, _ContactCandidates, _ContactCandidates]
 
 
 def find_contacts(mesh: Mesh) -> tuple[Contacts, float]:
-    """Where balls touch the surface, from above or from below; and how large the surface is, mm².
+    """Find the contacts of the surface from above and below, and its area, mm².
 
     Args:
-        mesh: the part; any triangles will do.
+        mesh: the part; any triangles are allowed.
     """
     envelope = Envelope.over(*mesh.bounds[:, 2].tolist())
     blocks = []
     for at in range(0, max(mesh.n_facets, 1), _AT_ONCE):
-        block = _block(mesh.triangles, at)
+        block = _process_block(mesh.triangles, at)
         envelope.add(*block.facets[:3])
         blocks.append(block._replace(facets=block.facets[:, _matters(envelope, *block.facets[:3])]))
     low, high, rise, facet = np.concatenate([block.facets for block in blocks], axis=1)
     ridges, valleys, peaks, pits = (
-        _Marks.kept(marks) for marks in zip(*(block.marks for block in blocks), strict=True)
+        _ContactCandidates.kept(marks) for marks in zip(*(block.marks for block in blocks), strict=True)
     )
     area = sum(block.area for block in blocks)
     del blocks
@@ -142,12 +146,12 @@ def find_contacts(mesh: Mesh) -> tuple[Contacts, float]:
 
 
 def _matters(envelope: Envelope, low: Float, high: Float, rise: Float) -> Bool:
-    """(n,) contacts that add to some run; flats and extrema are kept, for they are events."""
+    """Return a mask (n,) of contacts that add to some run; flats and extrema are kept, because they are events."""
     return envelope.shows(low, high, rise) | (rise > 1 - _LEVEL)
 
 
-def _block(triangles: Float, begin: int) -> _Block:
-    """The contacts that the facets from `begin` on may have."""
+def _process_block(triangles: Float, begin: int) -> _FacetBlock:
+    """Find the possible contacts of the block of facets that starts at `begin`."""
     x, y, z = np.ascontiguousarray(
         triangles[begin : begin + _AT_ONCE].transpose(2, 1, 0)
     )  # (3, n): corner, facet
@@ -159,7 +163,7 @@ def _block(triangles: Float, begin: int) -> _Block:
     length = np.sqrt(level * level + climb * climb)
     size = np.sqrt(normal_x * normal_x + normal_y * normal_y + normal_z * normal_z)
     level /= np.maximum(length, 1e-300)  # √(1 - e_z²)
-    # A facet without area can lie in any plane through its edges, and has no inward direction that could refuse one.
+    # A facet without area may lie in any plane through its edges. It has no inward direction that could rule out one.
     solid = size > _NO_AREA * length.max(axis=0) ** 2
     rise = np.where(solid, np.abs(normal_z) / np.maximum(size, 1e-300), level.max(axis=0))
     inward = normal_x * across - normal_y * run  # m_z, times the lengths of normal and edge
@@ -167,19 +171,24 @@ def _block(triangles: Float, begin: int) -> _Block:
     steeper = (level > rise + _LEVEL) & (length > 0)
     tag = keys_of(x.ravel(), y.ravel(), z.ravel()).reshape(3, -1)
     marks = (
-        *_marked(edge_keys(tag), steeper, (inward > slack, inward < -slack), begin, in_two=True),
-        *_marked(tag, None, (_beside_higher(z, tag), _beside_higher(-z, tag)), begin, in_two=False),
+        *_find_candidates(edge_keys(tag), steeper, (inward > slack, inward < -slack), begin, in_two=True),
+        *_find_candidates(tag, None, (_beside_higher(z, tag), _beside_higher(-z, tag)), begin, in_two=False),
     )
     number = np.arange(begin, begin + len(rise), dtype=np.float64)
-    return _Block(np.stack([z.min(axis=0), z.max(axis=0), rise, number]), float(size.sum()) / 2, marks)
+    return _FacetBlock(np.stack([z.min(axis=0), z.max(axis=0), rise, number]), float(size.sum()) / 2, marks)
 
 
-def _marked(
+def _find_candidates(
     key: _Keys, wanted: Bool | None, refusals: tuple[Bool, Bool], begin: int, *, in_two: bool
-) -> tuple[_Marks, _Marks]:
-    """Marks of the edges or corners (3, n) of a block, for each of two kinds of refusals.
+) -> tuple[_ContactCandidates, _ContactCandidates]:
+    """Return the candidates among the edges or corners (3, n) of a block, for each of two kinds of refusals.
 
-    What is there twice within the block is known to no other block where facets share it by twos, as they do edges.
+    Args:
+        key: (3, n) key of each edge or corner.
+        wanted: (3, n) mask of those that may add a contact; all if None.
+        refusals: two masks (3, n) of those that add none.
+        begin: number of the first facet of the block.
+        in_two: whether two facets share each one, as with edges: those found twice occur in no other block.
     """
     flat = key.ravel()
     number, firsts = weld_keys(flat)
@@ -194,12 +203,14 @@ def _marked(
         gone = np.zeros(len(firsts), np.bool_)
         gone[number[refused.ravel()]] = True
         kept = ~gone[number[candidates]]
-        found.append(_Marks(place[kept], flat[candidates[kept]], flat[firsts[gone & outside_field]]))
+        found.append(
+            _ContactCandidates(place[kept], flat[candidates[kept]], flat[firsts[gone & outside_field]])
+        )
     return found[0], found[1]
 
 
 def _beside_higher(z: Float, tag: _Keys) -> Bool:
-    """(3, n) corners that have another one as high or higher beside them in their facet."""
+    """Return a mask (3, n) of corners with another corner of their facet at the same height or higher."""
     beside = np.zeros(z.shape, np.bool_)
     for others in (_NEXT, _BEFORE):
         beside |= (z[others] >= z) & (tag[others] != tag)

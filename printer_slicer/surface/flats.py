@@ -1,4 +1,4 @@
-"""Flats: horizontal stretches of the surface, where a layer should begin or end."""
+"""Flats: horizontal areas of the surface, where a layer should start or end."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from printer_slicer.model import Mesh
 __all__ = ["SMALLEST_FLAT", "find_flats"]
 
 SMALLEST_FLAT = 1.0  # mm²
-_LEVEL = 1e-3  # rise over run under which a facet is horizontal
-_SAME = 1e-3  # mm; facets this near in z belong to one flat
+_LEVEL = 1e-3  # slope below which a facet counts as horizontal
+_SAME = 1e-3  # mm; facets within this distance in z belong to the same flat
 _AT_ONCE = 1 << 15  # facets whose columns stay in the processor's cache
 
 
@@ -21,13 +21,14 @@ _found: WeakKeyDictionary[Mesh, tuple[Float, Float]] = WeakKeyDictionary()
 
 
 def find_flats(mesh: Mesh, smallest: float = SMALLEST_FLAT) -> tuple[Float, Float]:
-    """Heights (n,) ascending, mm, at which horizontal facets face up or down, and their areas (n,), mm².
-
-    Asked for twice, they are looked for once.
+    """Find the heights at which horizontal facets face up or down. The result is cached per mesh.
 
     Args:
         mesh: the part, standing on z = 0.
-        smallest: heights with less area than this, mm², are left out.
+        smallest: mm²; heights with less area than this are left out.
+
+    Returns:
+        The heights (n,), ascending, mm, and their areas (n,), mm².
     """
     if mesh not in _found:
         _found[mesh] = _all_flats(mesh)
@@ -37,7 +38,7 @@ def find_flats(mesh: Mesh, smallest: float = SMALLEST_FLAT) -> tuple[Float, Floa
 
 
 def _all_flats(mesh: Mesh) -> tuple[Float, Float]:
-    """Heights of all flats and their areas."""
+    """Return the heights (n,) of all flats, mm, and their areas (n,), mm²."""
     blocks = [_level_facets(mesh.triangles[at : at + _AT_ONCE]) for at in range(0, mesh.n_facets, _AT_ONCE)]
     place, area = np.concatenate([np.zeros((2, 0)), *blocks], axis=1)
     order = np.argsort(place, kind="stable")
@@ -50,7 +51,7 @@ def _all_flats(mesh: Mesh) -> tuple[Float, Float]:
 
 
 def _level_facets(triangles: Float) -> Float:
-    """(2, n) heights and areas of the facets that are flat."""
+    """Return the heights and areas (2, n) of the horizontal facets."""
     x, y, z = np.ascontiguousarray(triangles.transpose(2, 1, 0))  # (3, n): corner, facet
     run, across, climb = (column[[1, 2]] - column[0] for column in (x, y, z))
     normal_x = across[0] * climb[1] - climb[0] * across[1]

@@ -1,9 +1,9 @@
-"""Features thinner than the layers: places where the surface is passed more than once between two neighbouring cuts.
+"""Find features thinner than the layers, where a vertical line passes the surface more than once between two sections.
 
-Between two cuts the shadow of the surface counts every passage, and the difference of the two sections only whether
-their number is odd. What is left over are passages in pairs: a lid, a slot or the edge of a wedge that lies between two
-cuts and shows in neither. Only where nothing is left over does the certified error bound the way from the surface to
-the stack as well (see `runs`).
+Between two sections the shadow of the surface counts every passage. The difference of the two sections only shows
+whether their number is odd. The excess comes from pairs of passages: a lid, a slot or the edge of a wedge between two
+sections that appears in neither. Without any excess, the certified error also bounds the distance from the surface to
+the layers (see `vertical_runs`).
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from printer_slicer.surface.certificate import Surface
 
 __all__ = ["thin_areas"]
 
-_ROUNDING = 2e-5  # mm; what is left of contours that are rounded, for each mm of them
+_ROUNDING = 2e-5  # mm² of area per mm of contour that rounding may cause
 
 
 def thin_areas(surface: Surface, sections: Sections) -> Float:
-    """(L + 1,) mm², the area of features that lie between each cut and the one before, seen from above.
+    """Return the projected area (L + 1,) of features between each section and the previous one, mm².
 
-    The first entry is about what lies below the first cut, the last about what lies above the last.
+    The first entry is for features below the first section, the last for those above the last section.
 
     Args:
-        surface: of the part.
-        sections: cut in the middle of the layers, with resolution 0.
+        surface: surface of the part.
+        sections: sections in the middle of the layers, with resolution 0.
     """
     solid, cut = sections.solid, sections.plan.cut
     before = solid.raised(1)

@@ -1,4 +1,4 @@
-"""Toolpaths -> Travels: how the nozzle gets from path to path, and where the filament is pulled back for it."""
+"""Toolpaths -> Travels: moves of the nozzle between paths, and the retractions for them."""
 
 from __future__ import annotations
 
@@ -19,38 +19,38 @@ __all__ = ["travel"]
 def travel(paths: Toolpaths, sections: Sections, profile: Profile) -> Travels:
     """Plan the travels between paths in printing order.
 
-    Ways whose ends lie in one piece of the part go around its holes and corners, if they are not much longer than
-    straight ones; others cross as few outlines as they can at little cost. The filament is pulled back where a way
-    leaves the part, and where one longer than `printer.retract_before_travel` passes over top skin that is printed
-    already; what oozes anywhere else inside is not seen.
+    A travel within one piece of the part goes around its holes and corners, if the detour is not much longer than the
+    straight line. Other travels cross as few outlines as possible with short detours. The filament is retracted if a
+    travel leaves the part, or if it is longer than `printer.retract_before_travel` and passes over printed top solid
+    infill. Oozing elsewhere inside the part is not visible.
     """
     begin, end = leaves(paths)
     if paths.n_paths < 2:
         return Travels.straight(np.zeros(paths.n_paths, np.bool_), np.zeros(paths.n_paths, np.int64))
     every = np.concatenate([begin, end])
     outlines = OutlineIndex(sections.solid, every.min(axis=0), every.max(axis=0))
-    ways = straight(begin[1:], end[1:], paths.layer[1:])
-    crossings = ways.crossings(outlines)
+    routes = straight(begin[1:], end[1:], paths.layer[1:])
+    crossings = routes.crossings(outlines)
     if profile.quality.avoid_crossing:
-        ways, crossings = reroute(ways, crossings, sections.solid, outlines, profile)
-    retract = _retracted(paths, ways, crossings, profile)
-    route, place = spread(ways.count)
-    between = (place > 0) & (place < ways.count[route] - 1)
+        routes, crossings = reroute(routes, crossings, sections.solid, outlines, profile)
+    retract = _needs_retraction(paths, routes, crossings, profile)
+    route, place = spread(routes.count)
+    between = (place > 0) & (place < routes.count[route] - 1)
     return Travels(
-        ways.xy[between],
-        np.append([0, 0], np.cumsum(ways.count - 2)),
+        routes.xy[between],
+        np.append([0, 0], np.cumsum(routes.count - 2)),
         np.append(False, retract),
         np.append(0, crossings),
     )
 
 
-def _retracted(paths: Toolpaths, ways: Routes, crossings: Int, profile: Profile) -> Bool:
-    """(W,) on which ways the filament is pulled back."""
-    printer, length = profile.printer, ways.length()
+def _needs_retraction(paths: Toolpaths, routes: Routes, crossings: Int, profile: Profile) -> Bool:
+    """Return a mask (W,) of travels with a retraction."""
+    printer, length = profile.printer, routes.length()
     long = length > printer.retract_before_travel
     result = crossings > 0
     if printer.retract_inside:
         result |= long & (length > printer.retract_inside)
     some = np.flatnonzero(long & ~result)
-    result[some] = crosses_top_infill(paths, ways.take(some), some + 1)
+    result[some] = crosses_top_infill(paths, routes.take(some), some + 1)
     return result & (printer.retract_length > 0)

@@ -12,22 +12,27 @@ __all__ = ["detour_limits"]
 
 
 def detour_limits(straight: Float, profile: Profile) -> Float:
-    """(W,) mm: how long a way inside may be where the straight one of `straight` (W,) mm needs a retraction.
+    """Return the largest length (W,) of detours inside the part, mm.
 
-    Longer by `quality.max_detour`, or as long as takes no more time than straight way and retraction, all of them from
-    rest to rest; corners are not counted.
+    A detour may be longer than the straight travel by `quality.max_detour`. It may also be as long as possible without
+    taking more time than the straight travel with a retraction, each from standstill to standstill. Corners are not
+    counted.
+
+    Args:
+        straight: (W,) mm, lengths of the straight travels that need a retraction.
+        profile: speeds, accelerations and retraction.
     """
     speed = min(profile.speeds.travel, profile.printer.max_speed_x, profile.printer.max_speed_y)
     machine = limits_of(profile.printer)
     acceleration = min(machine.travel_acceleration, *machine.max_acceleration[:2])
-    seconds = _seconds(straight, speed, acceleration) + _retraction(profile.printer)
+    seconds = _seconds(straight, speed, acceleration) + _retraction_seconds(profile.printer)
     full = speed / acceleration  # s to reach the speed
-    as_quick = np.where(seconds < 2 * full, acceleration * seconds**2 / 4, speed * (seconds - full))
-    return np.asarray(np.maximum(as_quick, straight + profile.quality.max_detour))
+    equal_time = np.where(seconds < 2 * full, acceleration * seconds**2 / 4, speed * (seconds - full))
+    return np.asarray(np.maximum(equal_time, straight + profile.quality.max_detour))
 
 
-def _retraction(printer: Printer) -> float:
-    """S that pulling filament back, pushing it forward and lifting the nozzle in between take."""
+def _retraction_seconds(printer: Printer) -> float:
+    """Return the time for retraction, Z hop and deretraction, s."""
     machine = limits_of(printer)
     speeds = (min(one, printer.max_speed_e) for one in (printer.retract_speed, printer.deretract_speed))
     pull = min(printer.retract_acceleration, printer.max_acceleration_e)
@@ -37,7 +42,7 @@ def _retraction(printer: Printer) -> float:
 
 
 def _seconds(distance: Float | np.float64, speed: float, acceleration: float) -> Float:
-    """From rest to rest over `distance`, mm."""
+    """Return the time from standstill to standstill over `distance` mm, s."""
     ramps = speed**2 / acceleration  # mm to reach the speed and to stop from it
     return np.where(
         distance < ramps, 2 * np.sqrt(distance / acceleration), distance / speed + speed / acceleration

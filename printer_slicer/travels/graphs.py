@@ -1,8 +1,8 @@
-"""The legs of which a way may be made: from corner to corner that is seen from it.
+"""Visibility graphs for travels: the legs from corner to corner that a route may use.
 
-A shortest way turns only at corners that stick into its field, and passes each so that both sides of the corner lie on
-the same hand. A corner that lies on a way no longer than `l` has distances to the two ends that add up to no more than
-`l`.
+A shortest route turns only at corners that stick into its field, and passes each with both sides of the corner on the
+same side of the route. A corner on a route of length `l` lies in an ellipse: its distances to the two ends of the
+route add up to at most `l`.
 """
 
 from __future__ import annotations
@@ -20,20 +20,20 @@ from printer_slicer.travels.shortest_paths import GraphEdges, find_shortest_path
 
 __all__ = ["FoundRoutes", "RouteQueries", "estimate_work", "find_cheapest_routes"]
 
-_MOST = 1024  # corners that are looked at for a way, those that make it least longer
-_AHEAD = 32  # corners farther along the way to which legs are looked at: where there are no more, all of them
+_MAX_CORNERS = 1024  # considered for each route; those with the shortest detours
+_AHEAD = 32  # legs from a corner lead at most to this many of the next corners along the route
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RouteQueries:
-    """Ways to be found.
+    """Routes to be found.
 
     Attributes:
         begin, end: (W, 2) mm.
-        layer: (W,) on which they are.
-        own: (W,) the field of the ground in which both ends lie.
-        limit: (W,) mm; longer ways are of no use.
-        free: (W,) mm of tolls that no way can avoid, and that do not count.
+        layer: (W,) layer of each route.
+        own: (W,) the field in which both ends lie.
+        limit: (W,) mm; longer routes are not used.
+        free: (W,) mm, crossing costs that no route can avoid, and that do not count.
     """
 
     begin: Float
@@ -44,24 +44,24 @@ class RouteQueries:
     free: Float
 
     def take(self, some: Int) -> RouteQueries:
-        """Some of them."""
+        """Return the queries with the given indices."""
         names = ("begin", "end", "layer", "own", "limit", "free")
         return RouteQueries(*(getattr(self, name)[some] for name in names))
 
     @property
     def straight(self) -> Float:
-        """(W,) mm from begin to end."""
+        """Straight distances (W,) from begin to end, mm."""
         return np.asarray(np.hypot(*(self.end - self.begin).T))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FoundRoutes:
-    """Ways that were found.
+    """Routes that were found.
 
     Attributes:
-        there: (W,) for which of those asked for there is one within its limit.
-        corners: of the ground, that these pass, one after the other.
-        count: (W,) how many of them each way passes, 0 where there is none.
+        there: (W,) whether a route within the limit was found.
+        corners: (C,) indices of the corners on the routes, one route after the other.
+        count: (W,) number of corners on each route; 0 where no route was found.
     """
 
     there: Bool
@@ -69,147 +69,166 @@ class FoundRoutes:
     count: Int
 
     def take(self, some: Int) -> FoundRoutes:
-        """Some of them."""
+        """Return the routes with the given indices."""
         first = np.cumsum(self.count) - self.count
         corners = self.corners[consecutive(first[some], self.count[some])]
         return FoundRoutes(self.there[some], corners, self.count[some])
 
 
-def estimate_work(asked: RouteQueries, reach: Float, known: KnownObstacles, ground: RoutingField) -> Int:
-    """(W,) how many legs are looked at for each way, about."""
-    way, ring = known.pairs
-    _, count = _window(asked, reach, way, ring, ground)
-    total = np.bincount(way, weights=count, minlength=len(asked.own)).astype(np.int64)
-    seen = np.minimum(total, _MOST)
-    return np.asarray(total + seen * np.minimum(seen, _AHEAD))
+def estimate_work(queries: RouteQueries, reach: Float, known: KnownObstacles, field: RoutingField) -> Int:
+    """Estimate the number of legs (W,) to examine for each route."""
+    route, ring = known.pairs
+    _, count = _corner_range(queries, reach, route, ring, field)
+    total = np.bincount(route, weights=count, minlength=len(queries.own)).astype(np.int64)
+    candidates = np.minimum(total, _MAX_CORNERS)
+    return np.asarray(total + candidates * np.minimum(candidates, _AHEAD))
 
 
 def find_cheapest_routes(
-    asked: RouteQueries, reach: Float, known: KnownObstacles, ground: RoutingField
+    queries: RouteQueries, reach: Float, known: KnownObstacles, field: RoutingField
 ) -> FoundRoutes:
-    """The shortest ways of no more than `reach` (W,) mm, tolls counted, if there were only the known rings."""
-    n_ways = len(asked.own)
-    seen = _seen(asked, reach, known, ground)
-    begin, end = (np.arange(n_ways) + len(seen.way) + more for more in (0, n_ways))
-    meeting = ground.met(asked.begin, asked.end, asked.layer)
-    straight = _priced(asked.straight, np.arange(n_ways), meeting, known, ground)
+    """Find the cheapest routes of at most `reach` (W,) mm, including crossing costs, past the known rings only."""
+    n_routes = len(queries.own)
+    candidates = _find_candidates(queries, reach, known, field)
+    begin, end = (np.arange(n_routes) + len(candidates.route) + more for more in (0, n_routes))
+    crossings = field.met(queries.begin, queries.end, queries.layer)
+    straight = _add_crossing_costs(queries.straight, np.arange(n_routes), crossings, known, field)
     links = [
         GraphEdges(begin, end, straight),
-        *_spokes((asked.begin, begin), (asked.end, end), asked, seen, known, ground),
-        *_chords(reach, asked, seen, known, ground),
+        *_legs_to_ends((queries.begin, begin), (queries.end, end), queries, candidates, known, field),
+        *_legs_between_corners(reach, queries, candidates, known, field),
     ]
-    cost, nodes, count = find_shortest_paths(GraphEdges.joined(links), begin, end, len(seen.way) + 2 * n_ways)
-    there = cost <= reach + asked.free
-    return FoundRoutes(there, seen.corner[nodes[np.repeat(there, count)]], np.where(there, count, 0))
+    cost, nodes, count = find_shortest_paths(
+        GraphEdges.joined(links), begin, end, len(candidates.route) + 2 * n_routes
+    )
+    there = cost <= reach + queries.free
+    return FoundRoutes(there, candidates.corner[nodes[np.repeat(there, count)]], np.where(there, count, 0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Seen:
-    """The corners that may be on each way: (S,) entries, by way, and along it.
+class _CandidateCorners:
+    """Corners that may lie on each route, sorted by route and along it.
 
     Attributes:
-        way: (S,) of each.
-        corner: (S,) of the ground.
-        coming, going: (S,) mm from the begin of the way, and to its end.
-        count: (W,) how many each way has.
+        route: (S,) route of each entry.
+        corner: (S,) index of the corner.
+        coming, going: (S,) mm from the start of the route, and to its end.
+        count: (W,) number of entries of each route.
     """
 
-    way: Int
+    route: Int
     corner: Int
     coming: Float
     going: Float
     count: Int
 
 
-def _window(asked: RouteQueries, reach: Float, way: Int, ring: Int, ground: RoutingField) -> tuple[Int, Int]:
-    """(n,) the first corner of each ring that may lie on the way with it, and how many follow, by their x."""
-    middle, half = (asked.begin + asked.end)[:, 0] / 2, (asked.end - asked.begin)[:, 1] / 2
+def _corner_range(
+    queries: RouteQueries, reach: Float, route: Int, ring: Int, field: RoutingField
+) -> tuple[Int, Int]:
+    """Return the first corner (n,) of each ring that may lie on its route, by x, and their number (n,)."""
+    middle, half = (queries.begin + queries.end)[:, 0] / 2, (queries.end - queries.begin)[:, 1] / 2
     wide = np.sqrt(np.maximum(reach**2 / 4 - half**2, 0.0))  # of the ellipse around both ends
-    return ground.between((middle - wide)[way], (middle + wide)[way], ring)
+    return field.between((middle - wide)[route], (middle + wide)[route], ring)
 
 
-def _seen(asked: RouteQueries, reach: Float, known: KnownObstacles, ground: RoutingField) -> _Seen:
-    """The corners of known rings within the ellipse of each way."""
-    way, ring = known.pairs
-    first, count = _window(asked, reach, way, ring, ground)
-    way, corner = np.repeat(way, count), consecutive(first, count)
-    place = ground.corners.place[corner]
-    coming, going = (np.hypot(*(place - ends[way]).T) for ends in (asked.begin, asked.end))
-    near = np.flatnonzero(coming + going <= reach[way])
-    order = near[np.lexsort(((coming + going)[near], way[near]))]
-    total = np.bincount(way[order], minlength=len(asked.own))
-    kept = order[spread(total)[1] < _MOST]
-    kept = kept[np.lexsort(((coming - going)[kept], way[kept]))]
-    return _Seen(way[kept], corner[kept], coming[kept], going[kept], np.minimum(total, _MOST))
+def _find_candidates(
+    queries: RouteQueries, reach: Float, known: KnownObstacles, field: RoutingField
+) -> _CandidateCorners:
+    """Find the corners of known rings within the ellipse around each route."""
+    route, ring = known.pairs
+    first, count = _corner_range(queries, reach, route, ring, field)
+    route, corner = np.repeat(route, count), consecutive(first, count)
+    place = field.corners.place[corner]
+    coming, going = (np.hypot(*(place - ends[route]).T) for ends in (queries.begin, queries.end))
+    near = np.flatnonzero(coming + going <= reach[route])
+    order = near[np.lexsort(((coming + going)[near], route[near]))]
+    total = np.bincount(route[order], minlength=len(queries.own))
+    kept = order[spread(total)[1] < _MAX_CORNERS]
+    kept = kept[np.lexsort(((coming - going)[kept], route[kept]))]
+    return _CandidateCorners(
+        route[kept], corner[kept], coming[kept], going[kept], np.minimum(total, _MAX_CORNERS)
+    )
 
 
-_Ends = tuple[Float, Int]  # (W, 2) places and (W,) nodes
+_Ends = tuple[Float, Int]  # (W, 2) positions and (W,) nodes
 
 
-def _spokes(  # noqa: PLR0917 - both ends are of one kind
-    begin: _Ends, end: _Ends, asked: RouteQueries, seen: _Seen, known: KnownObstacles, ground: RoutingField
+def _legs_to_ends(  # noqa: PLR0917 - both ends are of one kind
+    begin: _Ends,
+    end: _Ends,
+    queries: RouteQueries,
+    candidates: _CandidateCorners,
+    known: KnownObstacles,
+    field: RoutingField,
 ) -> list[GraphEdges]:
-    """The legs from the begins of ways to corners, and from corners to the ends."""
-    made, rank = [], spread(seen.count)[1]
-    last = seen.count[seen.way] - 1 - rank
-    for (ends, nodes), length, ahead in ((begin, seen.coming, rank), (end, seen.going, last)):
+    """Return the legs from the starts of routes to corners, and from corners to the ends."""
+    made, rank = [], spread(candidates.count)[1]
+    last = candidates.count[candidates.route] - 1 - rank
+    for (ends, nodes), length, ahead in ((begin, candidates.coming, rank), (end, candidates.going, last)):
         some = np.flatnonzero(ahead < _AHEAD)
-        if np.isinf(ground.toll):  # a leg that crosses the outline of its corner may leave it on any hand
-            some = some[_passes(ends[seen.way[some]], seen.corner[some], ground)]
-        way = seen.way[some]
-        meeting = ground.met(ends[way], ground.corners.place[seen.corner[some]], asked.layer[way])
-        made.append((nodes[way], some, _priced(length[some], way, meeting, known, ground)))
+        if np.isinf(field.toll):  # a leg that may cross the outline of its corner may pass it on any side
+            some = some[_passes_on_one_side(ends[candidates.route[some]], candidates.corner[some], field)]
+        route = candidates.route[some]
+        crossings = field.met(ends[route], field.corners.place[candidates.corner[some]], queries.layer[route])
+        made.append((nodes[route], some, _add_crossing_costs(length[some], route, crossings, known, field)))
     (near, first, out), (far, last, back) = made
     return [GraphEdges(near, first, out), GraphEdges(last, far, back)]
 
 
-def _chords(
-    reach: Float, asked: RouteQueries, seen: _Seen, known: KnownObstacles, ground: RoutingField
+def _legs_between_corners(
+    reach: Float,
+    queries: RouteQueries,
+    candidates: _CandidateCorners,
+    known: KnownObstacles,
+    field: RoutingField,
 ) -> list[GraphEdges]:
-    """The legs between corners of the same way, in both directions."""
-    place = ground.corners.place
-    more = np.minimum(seen.count[seen.way] - spread(seen.count)[1] - 1, _AHEAD)
-    one = np.repeat(np.arange(len(seen.way)), more)
-    other = consecutive(np.arange(len(seen.way)) + 1, more)
-    a, b = seen.corner[one], seen.corner[other]
-    some = np.flatnonzero(_passes(place[a], b, ground))
-    some = some[_passes(place[b[some]], a[some], ground)]
+    """Return the legs between corners of the same route, in both directions."""
+    place = field.corners.place
+    more = np.minimum(candidates.count[candidates.route] - spread(candidates.count)[1] - 1, _AHEAD)
+    one = np.repeat(np.arange(len(candidates.route)), more)
+    other = consecutive(np.arange(len(candidates.route)) + 1, more)
+    a, b = candidates.corner[one], candidates.corner[other]
+    some = np.flatnonzero(_passes_on_one_side(place[a], b, field))
+    some = some[_passes_on_one_side(place[b[some]], a[some], field)]
     one, other, a, b = one[some], other[some], a[some], b[some]
     length = np.hypot(*(place[b] - place[a]).T)
-    around = np.minimum(seen.coming[one] + seen.going[other], seen.coming[other] + seen.going[one])
-    way = seen.way[one]
-    some = np.flatnonzero((length + around <= reach[way]) & (length > OFF))
-    one, other, a, b, way = (values[some] for values in (one, other, a, b, way))
+    around = np.minimum(
+        candidates.coming[one] + candidates.going[other], candidates.coming[other] + candidates.going[one]
+    )
+    route = candidates.route[one]
+    some = np.flatnonzero((length + around <= reach[route]) & (length > OFF))
+    one, other, a, b, route = (values[some] for values in (one, other, a, b, route))
     length = length[some]
-    # The same two corners are seen from many ways: what stands between them is looked up once.
+    # Many routes share the same pair of corners: look up the obstacles between them once.
     key = np.minimum(a, b) * len(place) + np.maximum(a, b)
     order = np.argsort(key, kind="stable")
     begins = run_starts(key[order])
     first, number = order[begins], np.zeros(len(key), np.int64)
     number[order] = np.cumsum(begins) - 1
     p, q = np.divmod(key[first], max(len(place), 1))
-    met, ring = ground.met(place[p], place[q], asked.layer[way[first]])
+    met, ring = field.met(place[p], place[q], queries.layer[route[first]])
     order = np.argsort(met, kind="stable")
     times = np.bincount(met, minlength=len(first))
     begin = (np.cumsum(times) - times)[number]
-    leg = np.repeat(np.arange(len(way)), times[number])
+    leg = np.repeat(np.arange(len(route)), times[number])
     rings = ring[order][consecutive(begin, times[number])]
-    cost = _priced(length, way, (leg, rings), known, ground)
+    cost = _add_crossing_costs(length, route, (leg, rings), known, field)
     return [GraphEdges(one, other, cost), GraphEdges(other, one, cost)]
 
 
-def _priced(
-    length: Float, way: Int, meeting: tuple[Int, Int], known: KnownObstacles, ground: RoutingField
+def _add_crossing_costs(
+    length: Float, route: Int, crossings: tuple[Int, Int], known: KnownObstacles, field: RoutingField
 ) -> Float:
-    """(n,) mm of legs with the tolls of the known rings that they meet; inf where they may not go."""
-    leg, ring = meeting
-    hits = np.bincount(leg[known.holds(way[leg], ring)], minlength=len(length))
-    return np.asarray(length + np.where(hits > 0, ground.toll * np.maximum(hits, 1), 0.0))
+    """Return the cost (n,) of legs, mm: length plus crossing costs of known rings; inf for forbidden legs."""
+    leg, ring = crossings
+    hits = np.bincount(leg[known.holds(route[leg], ring)], minlength=len(length))
+    return np.asarray(length + np.where(hits > 0, field.toll * np.maximum(hits, 1), 0.0))
 
 
-def _passes(place: Float, corner: Int, ground: RoutingField) -> Bool:
-    """(n,) whether a leg from `place` (n, 2) passes the corner (n,) with both of its sides on the same hand."""
-    corners = ground.corners
+def _passes_on_one_side(place: Float, corner: Int, field: RoutingField) -> Bool:
+    """Return a mask (n,) of legs from `place` (n, 2) that pass the corner (n,) with both of its sides on one side."""
+    corners = field.corners
     tip = corners.tip[corner]
     leg = tip - place
     one, other = cross(leg, corners.before[corner] - tip), cross(leg, corners.after[corner] - tip)

@@ -1,4 +1,4 @@
-"""Where the nozzle passes: inside the part, in the sections moved inward, and from piece to piece of it."""
+"""Regions for travels: the sections of the part, inset by a clearance, and the field outside of them."""
 
 from __future__ import annotations
 
@@ -15,32 +15,37 @@ from printer_slicer.travels.routing_field import OFF, Corners, RoutingField
 
 __all__ = ["InsetRegions", "inset_regions", "outside_field"]
 
-_SIMPLER = 0.5  # of the clearance: what the outlines of rooms may be off
-_REACH = 4.0  # clearances: what is farther out of the rooms is not led in
+_SIMPLER = 0.5  # tolerance for simplified outlines, as a fraction of the clearance
+_REACH = 4.0  # clearances; points farther outside the inset regions are not moved into them
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class InsetRegions:
-    """The sections without a margin along their outlines.
+    """Sections without a margin along their outlines.
 
     Attributes:
-        ground: to seek ways in; each outer ring with the holes in it is a field, by the number of that ring.
-        clearance: mm that the rooms are narrower than the sections on each side, about.
+        field: routing field; each outer ring with its holes is a separate field, numbered by the ring.
+        clearance: mm, approximate width of the margin.
     """
 
-    ground: RoutingField
+    field: RoutingField
     clearance: float
 
     def locate(self, points: Float, layer: Int) -> tuple[Float, Int]:
-        """Where points (P, 2) on their `layer` (P,) ascending lie in rooms, and in which: (P, 2) and (P,).
+        """Find the region of each point, and move points in the margin to the nearest position in a region.
 
-        Those in the margin are led in by the nearest way; those outside have no room, -1, and stay where they are.
+        Args:
+            points: (P, 2) mm.
+            layer: (P,) layer of each point, ascending.
+
+        Returns:
+            The positions (P, 2) mm, and the region (P,) of each. Points farther outside stay, with region -1.
         """
-        areas, place = self.ground.areas, points.copy()
+        areas, place = self.field.areas, points.copy()
         ring = find_enclosing_rings(areas, points, layer)
-        room = np.where((ring >= 0) & np.append(areas.ring_area() > 0, False)[ring], ring, -1)
-        out = np.flatnonzero(room < 0)
-        edge = self.ground.outlines.nearest(points[out], layer[out])
+        region = np.where((ring >= 0) & np.append(areas.ring_area() > 0, False)[ring], ring, -1)
+        out = np.flatnonzero(region < 0)
+        edge = self.field.outlines.nearest(points[out], layer[out])
         out, edge = out[edge >= 0], edge[edge >= 0]
         begin, end = areas.xy[edge], areas.xy[areas.following[edge]]
         foot, _ = feet(points[out], begin, end)
@@ -48,16 +53,16 @@ class InsetRegions:
         along = (end - begin)[near]
         inward = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.hypot(*along.T)[:, None]
         place[out[near]] = foot[near] + OFF * inward
-        room[out[near]] = self.ground.own[areas.point_ring[edge[near]]]
-        return place, room
+        region[out[near]] = self.field.own[areas.point_ring[edge[near]]]
+        return place, region
 
 
 def inset_regions(solid: Areas, box: tuple[Float, Float], clearance: float) -> InsetRegions:
-    """The rooms of sections.
+    """Inset the sections by a clearance and prepare them for routing.
 
     Args:
         solid: the sections.
-        box: corners (2,) of the box, mm, in which all points to ask for will lie.
+        box: corners (2,) of a box around all points to be queried, mm.
         clearance: mm.
     """
     areas = simplify(offset(solid, -clearance), _SIMPLER * clearance)
@@ -65,27 +70,27 @@ def inset_regions(solid: Areas, box: tuple[Float, Float], clearance: float) -> I
     around = find_enclosing_rings(
         areas.select(outer), areas.xy[areas.ring_start[:-1][~outer]], areas.ring_layer[~outer]
     )
-    room = np.arange(areas.n_rings)
-    room[~outer] = np.append(np.flatnonzero(outer), -1)[around]
+    region = np.arange(areas.n_rings)
+    region[~outer] = np.append(np.flatnonzero(outer), -1)[around]
     return InsetRegions(
-        RoutingField(areas, OutlineIndex(areas, *box), room, Corners.inside(areas), np.inf), clearance
+        RoutingField(areas, OutlineIndex(areas, *box), region, Corners.inside(areas), np.inf), clearance
     )
 
 
 def outside_field(
     solid: Areas, outlines: OutlineIndex, box: tuple[Float, Float], clearance: float, toll: float
 ) -> RoutingField:
-    """Where ways are sought that leave the part: each layer is a field, with corners inside and outside of it.
+    """Return the field for routes that leave the part: one field per layer, with corners on both sides of outlines.
 
     Args:
         solid: the sections.
-        outlines: of the sections.
-        box: corners (2,) of the box, mm, in which all points to ask for will lie.
+        outlines: outlines of the sections.
+        box: corners (2,) of a box around all points to be queried, mm.
         clearance: mm.
-        toll: mm that a way may be longer to cross one outline less.
+        toll: mm by which a route may be longer to cross one outline less.
     """
     simple = simplify(solid, _SIMPLER * clearance)
     corners = Corners.inside(simple, clearance).joined(Corners.outside(simple, clearance))
-    if simple.n_rings != solid.n_rings:  # slivers are gone; otherwise rings have the same numbers
+    if simple.n_rings != solid.n_rings:  # some slivers were dropped; otherwise ring numbers agree
         solid, outlines = simple, OutlineIndex(simple, *box)
     return RoutingField(solid, outlines, solid.ring_layer, corners, toll)

@@ -13,11 +13,11 @@ __all__ = ["KnownObstacles"]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class KnownObstacles:
-    """Which rings are known to stand in which way.
+    """Pairs of a route and a ring that blocks it.
 
     Attributes:
-        key: ascending, way times `n_rings` plus ring.
-        n_rings: of the ground.
+        key: (K,) route times `n_rings` plus ring, ascending.
+        n_rings: number of rings of the routing field.
     """
 
     key: Int
@@ -25,23 +25,23 @@ class KnownObstacles:
 
     @property
     def pairs(self) -> tuple[Int, Int]:
-        """Ways, ascending, and rings."""
-        way, ring = np.divmod(self.key, max(self.n_rings, 1))
-        return way, ring
+        """Routes (K,), ascending, and rings (K,)."""
+        route, ring = np.divmod(self.key, max(self.n_rings, 1))
+        return route, ring
 
-    def holds(self, way: Int, ring: Int) -> Bool:
-        """(n,) which of some pairs are known."""
-        asked = way * self.n_rings + ring
-        place = np.searchsorted(self.key, asked)
-        return np.asarray(np.append(self.key, -1)[place] == asked)
+    def holds(self, route: Int, ring: Int) -> Bool:
+        """Return a mask (n,) of pairs of a route and a ring that are known."""
+        key = route * self.n_rings + ring
+        place = np.searchsorted(self.key, key)
+        return np.asarray(np.append(self.key, -1)[place] == key)
 
-    def joined(self, way: Int, ring: Int) -> KnownObstacles:
-        """With more pairs."""
-        return KnownObstacles(distinct(np.concatenate([self.key, way * self.n_rings + ring])), self.n_rings)
+    def joined(self, route: Int, ring: Int) -> KnownObstacles:
+        """Return these pairs together with the given ones."""
+        return KnownObstacles(distinct(np.concatenate([self.key, route * self.n_rings + ring])), self.n_rings)
 
-    def of(self, ways: Int) -> KnownObstacles:
-        """Those of some ways (n,), ascending, which are then 0, 1, ...."""
-        first = np.searchsorted(self.key, ways * self.n_rings)
-        count = np.searchsorted(self.key, (ways + 1) * self.n_rings) - first
-        own = np.repeat(np.arange(len(ways)) - ways, count)
+    def of(self, routes: Int) -> KnownObstacles:
+        """Return the pairs of some routes (n,), ascending, renumbered from 0."""
+        first = np.searchsorted(self.key, routes * self.n_rings)
+        count = np.searchsorted(self.key, (routes + 1) * self.n_rings) - first
+        own = np.repeat(np.arange(len(routes)) - routes, count)
         return KnownObstacles(self.key[consecutive(first, count)] + own * self.n_rings, self.n_rings)

@@ -14,17 +14,17 @@ from printer_slicer.travels.routing_field import Corners
 
 __all__ = ["Routes", "build_routes", "drop_repeated_points", "ease_corners", "straight"]
 
-_TRIES = (1.0, 0.5, 0.0)  # of the way that corners are moved
+_TRIES = (1.0, 0.5, 0.0)  # fractions of the distance by which corners are moved
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Routes:
-    """Polylines (W,) on layers.
+    """Routes of travels as polylines on layers.
 
     Attributes:
-        xy: (N, 2) mm, with both ends of each.
-        count: (W,) points of each, 2 or more.
-        layer: (W,) ascending.
+        xy: (N, 2) mm, points of all routes, including both ends.
+        count: (W,) number of points of each route, 2 or more.
+        layer: (W,) layer of each route, ascending.
     """
 
     xy: Float
@@ -33,36 +33,36 @@ class Routes:
 
     @property
     def ends(self) -> tuple[Float, Float]:
-        """(W, 2) where each begins, and where it ends."""
+        """Start points (W, 2) and end points (W, 2), mm."""
         last = np.cumsum(self.count)
         return self.xy[last - self.count], self.xy[last - 1]
 
     @property
     def legs(self) -> tuple[Int, Int]:
-        """(E,) the route of each leg, and the point at which it begins; it ends at the next one."""
+        """Route (E,) of each leg, and the point (E,) at which it starts; it ends at the next point."""
         route, place = spread(self.count)
         inner = np.flatnonzero(place < self.count[route] - 1)
         return route[inner], inner
 
     def length(self) -> Float:
-        """(W,) mm."""
+        """Return the length (W,) of each route, mm."""
         route, point = self.legs
         step = np.hypot(*(self.xy[point + 1] - self.xy[point]).T)
         return np.bincount(route, weights=step, minlength=len(self.count)).astype(np.float64)
 
     def crossings(self, outlines: OutlineIndex) -> Int:
-        """(W,) how often each crosses outlines of its layer."""
+        """Count how often (W,) each route crosses outlines of its layer."""
         route, point = self.legs
         hits = outlines.crossings(self.xy[point], self.xy[point + 1], self.layer[route])
         return np.bincount(route, weights=hits, minlength=len(self.count)).astype(np.int64)
 
     def take(self, some: Int) -> Routes:
-        """Some of them, ascending."""
+        """Return the routes with the given indices, ascending."""
         first = np.cumsum(self.count) - self.count
         return Routes(self.xy[consecutive(first[some], self.count[some])], self.count[some], self.layer[some])
 
     def replaced(self, some: Int, by: Routes) -> Routes:
-        """These with `some` (n,) of them, ascending, replaced."""
+        """Return all routes, with `some` (n,), ascending, replaced by the routes `by`."""
         order = np.arange(len(self.count))
         order[some] = len(self.count) + np.arange(len(some))
         count = np.concatenate([self.count, by.count])
@@ -72,20 +72,23 @@ class Routes:
 
 
 def straight(begin: Float, end: Float, layer: Int) -> Routes:
-    """Routes from `begin` to `end` (W, 2)."""
+    """Return straight routes from `begin` to `end` (W, 2)."""
     return Routes(np.stack([begin, end], axis=1).reshape(-1, 2), np.full(len(layer), 2), layer)
 
 
 def build_routes(
     ends: Routes, entries: tuple[Float, Float], found: FoundRoutes, corners: Corners
 ) -> tuple[Routes, Int]:
-    """The routes that were found, as tight as they are, and (C,) which of their points are corners.
+    """Build the found routes, which pass close to their corners.
 
     Args:
-        ends: (W,) routes of which only the ends count.
-        entries: (W, 2) after the begin and before the end of each.
-        found: (W,) the corners between these.
-        corners: of the ground.
+        ends: (W,) routes whose ends are used.
+        entries: (W, 2) second point and (W, 2) last but one point of each route.
+        found: (W,) the corners between these points.
+        corners: corners of the routing field.
+
+    Returns:
+        The routes, and the indices (C,) of their points that are corners.
     """
     count = found.count + 4
     first = np.cumsum(count) - count
@@ -102,16 +105,20 @@ def build_routes(
 def ease_corners(
     tight: Routes, own: Int, step: Float, most: tuple[Int, Float], outlines: OutlineIndex
 ) -> tuple[Routes, Int]:
-    """The routes with corners farther away from what they turn around, and how many outlines each crosses.
+    """Move the corners of routes away from the walls that they turn around.
 
-    Not beyond the middle of what is free there, and not where more outlines are crossed or a route becomes too long.
+    A corner moves at most to the middle of the free space. A route keeps its corners if it would cross more outlines or
+    become too long.
 
     Args:
-        tight: (W,) routes.
-        own: (C,) which of their points are corners.
-        step: (C, 2) by which these are moved at most, mm.
-        most: (W,) outlines and (W,) mm: a route that crosses more, or is longer, stays tight.
-        outlines: that shall not be crossed.
+        tight: (W,) routes close to the walls.
+        own: (C,) indices of their points that are corners.
+        step: (C, 2) mm, the largest movement of each corner.
+        most: (W,) number of outlines that a route may cross, and (W,) its largest length, mm.
+        outlines: outlines of the sections.
+
+    Returns:
+        The routes, and the number of outlines (W,) that each crosses.
     """
     owner = np.repeat(np.arange(len(tight.count)), tight.count)[own]
     hit, _, share = outlines.crossed(tight.xy[own], tight.xy[own] + 2 * step, tight.layer[owner])
@@ -135,7 +142,7 @@ def ease_corners(
 
 
 def drop_repeated_points(routes: Routes) -> Routes:
-    """The routes without points that stand where the one before does."""
+    """Remove points that repeat the previous one."""
     route, place = spread(routes.count)
     kept = (place == 0) | (np.abs(np.diff(routes.xy, axis=0, prepend=np.inf)).max(axis=1) > 0)
     count = np.bincount(route[kept], minlength=len(routes.count))

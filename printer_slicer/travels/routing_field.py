@@ -1,4 +1,4 @@
-"""What ways turn around: the corners of outlines, and what crossing an outline costs."""
+"""Routing field: corners of outlines at which routes turn, and the cost of crossing an outline."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from printer_slicer.model import Areas
 
 __all__ = ["OFF", "Corners", "RoutingField"]
 
-OFF = 0.002  # mm from the outlines, so that a way along them does not touch them
-_SHARPEST = 0.5  # cosine of half the turn: sharper corners are not passed farther away
+OFF = 0.002  # mm from the outlines, so that a route along them does not touch them
+_SHARPEST = 0.5  # cosine of half the turn; sharper corners are passed no farther away than at this angle
 _COLUMNS = ("place", "tip", "away", "before", "after", "ring")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Corners:
-    """Where outlines stick into where ways are sought.
+    """Corners of outlines that stick into the field in which routes are searched.
 
     Attributes:
-        place: (C, 2) mm, beside the corner.
+        place: (C, 2) mm, position beside the corner at which a route turns.
         tip: (C, 2) mm, the corner.
-        away: (C, 2) from the corner to its place, of length 1: it halves the angle in which ways lie.
+        away: (C, 2) unit vector from the corner to its place, which bisects the angle outside the corner.
         before, after: (C, 2) mm, the points of the outline before and after the corner.
-        ring: (C,) of the outline.
+        ring: (C,) ring of the corner.
     """
 
     place: Float
@@ -39,47 +39,47 @@ class Corners:
 
     @classmethod
     def inside(cls, areas: Areas, off: float = OFF) -> Corners:
-        """Those that stick into areas, moved in so that ways from one to the next keep `off` mm away."""
+        """Return the corners that stick into areas, with places so that routes keep `off` mm away from outlines."""
         return cls._of(areas, -1, off)
 
     @classmethod
     def outside(cls, areas: Areas, off: float = OFF) -> Corners:
-        """Those that stick out of areas, moved out likewise."""
+        """Return the corners that stick out of areas, with places so that routes keep `off` mm away from outlines."""
         return cls._of(areas, 1, off)
 
     @classmethod
-    def _of(cls, areas: Areas, hand: int, off: float) -> Corners:
+    def _of(cls, areas: Areas, sign: int, off: float) -> Corners:
         before, after = areas.xy[areas.previous], areas.xy[areas.following]
-        coming, going = _unit(areas.xy - before), _unit(after - areas.xy)
-        some = np.flatnonzero(hand * cross(coming, going) > 0)
-        # As long as twice the sine of half the angle by which the outline turns there.
+        coming, going = _normalize(areas.xy - before), _normalize(after - areas.xy)
+        some = np.flatnonzero(sign * cross(coming, going) > 0)
+        # Its length is twice the sine of half the angle by which the outline turns.
         turn = (coming - going)[some]
-        away, cosine = _unit(turn), np.sqrt(np.maximum(1 - (turn**2).sum(axis=1) / 4, _SHARPEST**2))
+        away, cosine = _normalize(turn), np.sqrt(np.maximum(1 - (turn**2).sum(axis=1) / 4, _SHARPEST**2))
         tip = areas.xy[some]
         place = tip + (off / cosine)[:, None] * away
         return cls(place, tip, away, before[some], after[some], areas.point_ring[some])
 
     def joined(self, other: Corners) -> Corners:
-        """These and others."""
+        """Return these corners followed by the given ones."""
         return Corners(*(np.concatenate([getattr(self, name), getattr(other, name)]) for name in _COLUMNS))
 
     def take(self, some: Int) -> Corners:
-        """Some of them."""
+        """Return the corners with the given indices."""
         return Corners(*(getattr(self, name)[some] for name in _COLUMNS))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RoutingField:
-    """Fields in which ways are sought; a way stays in its own.
+    """Fields in which routes are searched; a route stays in its own field.
 
     Attributes:
-        areas: whose rings stand in the way.
-        outlines: of `areas`, to be asked.
-        own: (R,) the field of each ring.
-        corners: of the rings, by ring, then by x.
-        toll: mm that a way may be longer to cross one outline less; inf: none is crossed.
+        areas: areas whose rings are obstacles.
+        outlines: search index of the outlines of `areas`.
+        own: (R,) field of each ring.
+        corners: corners of the rings, sorted by ring, then by x.
+        toll: mm by which a route may be longer to cross one outline less; inf if no outline may be crossed.
         key: (C,) ascending, for searching corners by ring and x.
-        pitch: from ring to ring in `key`.
+        pitch: offset from ring to ring in `key`.
     """
 
     areas: Areas
@@ -100,18 +100,18 @@ class RoutingField:
         object.__setattr__(self, "pitch", pitch)
 
     def between(self, low: Float, high: Float, ring: Int) -> tuple[Int, Int]:
-        """(n,) the first corner of each ring (n,) with an x from `low` to `high` (n,), and how many there are."""
-        room = self.pitch / 4  # beyond all corners, not yet at the next ring
+        """Return the first corner (n,) of each ring (n,) with x from `low` to `high` (n,), and their number (n,)."""
+        room = self.pitch / 4  # beyond all corners, but before the next ring
         first = np.searchsorted(self.key, ring * self.pitch + np.clip(low, -room, room), side="left")
         last = np.searchsorted(self.key, ring * self.pitch + np.clip(high, -room, room), side="right")
         return np.asarray(first, np.int64), np.asarray(np.maximum(last - first, 0), np.int64)
 
     def met(self, begin: Float, end: Float, layer: Int) -> tuple[Int, Int]:
-        """Which legs from `begin` to `end` (n, 2) on `layer` (n,) cross which rings: leg and ring for each time."""
+        """Return a pair (leg, ring) for each crossing of a leg from `begin` to `end` (n, 2) on `layer` (n,)."""
         leg, edge, _ = self.outlines.crossed(begin, end, layer)
         return leg, self.areas.point_ring[edge]
 
 
-def _unit(way: Float) -> Float:
-    """(n, 2) ways of length 1; none stay none."""
-    return np.asarray(way / np.maximum(np.hypot(*way.T), 1e-12)[:, None])
+def _normalize(vectors: Float) -> Float:
+    """Return vectors (n, 2) scaled to length 1; zero vectors stay zero."""
+    return np.asarray(vectors / np.maximum(np.hypot(*vectors.T), 1e-12)[:, None])

@@ -11,17 +11,17 @@ from printer_slicer.arrays import Float, Int, run_starts
 
 __all__ = ["GraphEdges", "find_shortest_paths"]
 
-_GAIN = 1e-9  # mm by which a way must be shorter to be another one: rounding must not turn in circles
+_GAIN = 1e-9  # mm; smaller improvements are rounding and must not cause an endless loop
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GraphEdges:
-    """Straight legs between nodes, each for one direction.
+    """Directed edges between nodes.
 
     Attributes:
-        tail: (E,) the node at which each begins.
-        head: (E,) the node at which each ends.
-        length: (E,) mm, over 0; inf for those that lead nowhere.
+        tail: (E,) the node at which each edge starts.
+        head: (E,) the node at which it ends.
+        length: (E,) mm, greater than 0; inf for an edge that cannot be used.
     """
 
     tail: Int
@@ -30,7 +30,7 @@ class GraphEdges:
 
     @classmethod
     def joined(cls, parts: Sequence[GraphEdges]) -> GraphEdges:
-        """Those of several parts that go anywhere, one after the other."""
+        """Concatenate several sets of edges, without those of infinite length."""
         tail, head, length = (
             np.concatenate([getattr(part, name) for part in parts]) for name in ("tail", "head", "length")
         )
@@ -39,17 +39,17 @@ class GraphEdges:
 
 
 def find_shortest_paths(links: GraphEdges, begin: Int, end: Int, n_nodes: int) -> tuple[Float, Int, Int]:
-    """The shortest ways from `begin` to `end` (W,) nodes of graphs that have no node in common.
+    """Find the shortest path in each of many graphs that have no nodes in common.
 
     Args:
-        links: of all graphs.
-        begin: of each way.
-        end: of each way.
-        n_nodes: of all graphs.
+        links: edges of all graphs.
+        begin: (W,) start node of each path.
+        end: (W,) end node of each path.
+        n_nodes: number of nodes of all graphs.
 
     Returns:
-        (W,) the lengths, mm, inf where there is no way; the nodes between the ends of all ways one after the other, and
-        how many (W,) there are in each.
+        The lengths (W,), mm, inf where there is no path; the nodes between the ends, one path after the other; and the
+        number of these nodes (W,).
 
     Source: Bellman, On a routing problem, 1958.
     """
@@ -60,7 +60,7 @@ def find_shortest_paths(links: GraphEdges, begin: Int, end: Int, n_nodes: int) -
     size = np.diff(np.append(first, len(head)))
     distance = np.full(n_nodes, np.inf)
     distance[begin] = 0.0
-    # No shortest way visits a node twice, so this ends; a way of n legs is found in n rounds.
+    # No shortest path visits a node twice, so this ends. A path of n edges is found in n rounds.
     while len(first):
         best = np.minimum.reduceat(distance[tail] + length, first)
         nearer = best < distance[reached] - _GAIN
@@ -73,21 +73,25 @@ def find_shortest_paths(links: GraphEdges, begin: Int, end: Int, n_nodes: int) -
         on_best = np.flatnonzero(via <= np.repeat(np.minimum.reduceat(via, first), size))
         came[head[on_best]] = tail[on_best]
     found = np.isfinite(distance[end])
-    return distance[end], *_traced(came, begin, np.where(found, end, begin))
+    return distance[end], *_trace_back(came, begin, np.where(found, end, begin))
 
 
-def _traced(came: Int, begin: Int, end: Int) -> tuple[Int, Int]:
-    """The nodes strictly between `begin` and `end` (W,), from one to the one before it in `came`; and how many."""
-    ways, nodes, back = [], [], []
-    way, node, step = np.flatnonzero(begin != end), came[end[begin != end]], 0
-    while len(way):
-        going = node != begin[way]
-        way, node, step = way[going], node[going], step + 1
-        ways.append(way)
+def _trace_back(came: Int, begin: Int, end: Int) -> tuple[Int, Int]:
+    """Follow the predecessors `came` back from `end` to `begin` (W,).
+
+    Returns:
+        The nodes strictly between them in path order, one path after the other, and their number (W,).
+    """
+    paths, nodes, back = [], [], []
+    path, node, step = np.flatnonzero(begin != end), came[end[begin != end]], 0
+    while len(path):
+        going = node != begin[path]
+        path, node, step = path[going], node[going], step + 1
+        paths.append(path)
         nodes.append(node)
-        back.append(np.full(len(way), -step))
+        back.append(np.full(len(path), -step))
         node = came[node]
     none = np.zeros(0, np.int64)
-    way, node, rank = (np.concatenate([none, *column]) for column in (ways, nodes, back))
-    order = np.lexsort((rank, way))
-    return node[order], np.bincount(way, minlength=len(begin)).astype(np.int64)
+    path, node, rank = (np.concatenate([none, *column]) for column in (paths, nodes, back))
+    order = np.lexsort((rank, path))
+    return node[order], np.bincount(path, minlength=len(begin)).astype(np.int64)

@@ -16,17 +16,17 @@ from printer_slicer.travels.routes import Routes
 __all__ = ["crosses_top_infill"]
 
 _STEP = 0.5  # of the extrusion width: sampling distance along travels
-_OWN = 1.0  # of that width: so near to its ends a travel may lie on the lines that it joins
+_OWN = 1.0  # of the extrusion width: within this distance of its ends a travel may lie on the lines that it joins
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Shown:
-    """The lines of top skin and ironing.
+class _VisibleLines:
+    """Extrusions of top solid infill and ironing.
 
     Attributes:
         lines: their centre lines.
-        owner: (S,) the path that each belongs to.
-        width: (S,) mm of each.
+        owner: (S,) path of each line.
+        width: (S,) mm, width of each line.
     """
 
     lines: SegmentIndex
@@ -34,66 +34,66 @@ class _Shown:
     width: Float
 
 
-def crosses_top_infill(paths: Toolpaths, ways: Routes, leads_to: Int) -> Bool:
-    """(W,) whether travels cross printed top skin that will not be ironed later.
+def crosses_top_infill(paths: Toolpaths, routes: Routes, leads_to: Int) -> Bool:
+    """Return a mask (W,) of travels that cross printed top solid infill that is not ironed later.
 
     Args:
-        paths: in printing order.
-        ways: (W,) routes between them.
-        leads_to: (W,) the path that each leads to.
+        paths: paths in printing order.
+        routes: (W,) routes of the travels between them.
+        leads_to: (W,) the path after each travel.
     """
     result = np.zeros(len(leads_to), np.bool_)
-    shown = _shown(paths, ways.layer)
-    if not len(shown.owner):
+    visible = _select_visible_lines(paths, routes.layer)
+    if not len(visible.owner):
         return result
-    route, point = ways.legs
-    shows = np.zeros(paths.plan.n_layers, np.bool_)
-    shows[paths.layer[shown.owner]] = True
-    some = np.flatnonzero(shows[ways.layer[route]])
+    route, point = routes.legs
+    has_visible = np.zeros(paths.plan.n_layers, np.bool_)
+    has_visible[paths.layer[visible.owner]] = True
+    some = np.flatnonzero(has_visible[routes.layer[route]])
     route, point = route[some], point[some]
-    leg, line, _ = shown.lines.crossed(ways.xy[point], ways.xy[point + 1], ways.layer[route])
-    result |= _scarred(paths, leads_to, route[leg], shown.owner[line])
-    # Travels along a line do not cross it, but lie on it.
-    left = np.flatnonzero(shows[ways.layer] & ~result)
-    way, line = _on(shown, ways.take(left))
-    return result | _scarred(paths, leads_to, left[way], shown.owner[line])
+    leg, line, _ = visible.lines.crossed(routes.xy[point], routes.xy[point + 1], routes.layer[route])
+    result |= _mark_travels_over(paths, leads_to, route[leg], visible.owner[line])
+    # A travel along a line does not cross it, but lies on it.
+    left = np.flatnonzero(has_visible[routes.layer] & ~result)
+    travel, line = _lying_on(visible, routes.take(left))
+    return result | _mark_travels_over(paths, leads_to, left[travel], visible.owner[line])
 
 
-def _scarred(paths: Toolpaths, leads_to: Int, way: Int, over: Int) -> Bool:
-    """(W,) the travels that pass over a finished path, from pairs `way`, `over` (X,)."""
+def _mark_travels_over(paths: Toolpaths, leads_to: Int, travel: Int, over: Int) -> Bool:
+    """Return a mask (W,) of travels that pass over a finished path, from pairs of travel and path (X,)."""
     result = np.zeros(len(leads_to), np.bool_)
-    ironed_yet = (paths.role[leads_to[way]] == Role.IRONING) & (paths.role[over] == Role.TOP_SOLID_INFILL)
-    result[way[(over < leads_to[way]) & ~ironed_yet]] = True
+    ironed_yet = (paths.role[leads_to[travel]] == Role.IRONING) & (paths.role[over] == Role.TOP_SOLID_INFILL)
+    result[travel[(over < leads_to[travel]) & ~ironed_yet]] = True
     return result
 
 
-def _on(shown: _Shown, ways: Routes) -> tuple[Int, Int]:
-    """Find the travels that lie on a line between their ends: (X,) travel and (X,) line."""
-    widest, narrowest = float(shown.width.max()), float(shown.width.min())
-    way, xy, left = _sampled(ways, _STEP * narrowest)
+def _lying_on(visible: _VisibleLines, routes: Routes) -> tuple[Int, Int]:
+    """Find travels that lie on a line; return pairs of travel (X,) and line (X,)."""
+    widest, narrowest = float(visible.width.max()), float(visible.width.min())
+    travel, xy, left = _sample(routes, _STEP * narrowest)
     inner = left > _OWN * widest
-    way, xy = way[inner], xy[inner]
-    point, line, apart = shown.lines.within(xy, ways.layer[way], widest / 2)
-    on = apart < shown.width[line] / 2
-    return way[point[on]], line[on]
+    travel, xy = travel[inner], xy[inner]
+    point, line, apart = visible.lines.within(xy, routes.layer[travel], widest / 2)
+    on = apart < visible.width[line] / 2
+    return travel[point[on]], line[on]
 
 
-def _sampled(ways: Routes, step: float) -> tuple[Int, Float, Float]:
-    """Sample travels every `step` mm: (P,) travel, (P, 2) position, (P,) mm to the nearer end."""
-    route, point = ways.legs
-    begin, along = ways.xy[point], ways.xy[point + 1] - ways.xy[point]
+def _sample(routes: Routes, step: float) -> tuple[Int, Float, Float]:
+    """Sample travels about every `step` mm; return travel (P,), position (P, 2), and mm to the nearer end (P,)."""
+    route, point = routes.legs
+    begin, along = routes.xy[point], routes.xy[point + 1] - routes.xy[point]
     length = np.hypot(*along.T)
     leg, place = spread(np.ceil(length / step).astype(np.int64))
     share = (place + 0.5) / np.ceil(length / step)[leg]
     before = np.append(0.0, np.cumsum(length))
-    first = np.searchsorted(route, np.arange(len(ways.count)))
+    first = np.searchsorted(route, np.arange(len(routes.count)))
     gone = (before[:-1] - before[first[route]])[leg] + share * length[leg]
-    way = route[leg]
-    return way, begin[leg] + share[:, None] * along[leg], np.minimum(gone, ways.length()[way] - gone)
+    travel = route[leg]
+    return travel, begin[leg] + share[:, None] * along[leg], np.minimum(gone, routes.length()[travel] - gone)
 
 
-def _shown(paths: Toolpaths, layers: Int) -> _Shown:
-    """Return the lines of top skin and ironing on `layers` (n,)."""
+def _select_visible_lines(paths: Toolpaths, layers: Int) -> _VisibleLines:
+    """Return the extrusions of top solid infill and ironing on `layers` (n,)."""
     used = np.zeros(paths.plan.n_layers, np.bool_)
     used[layers] = True
     seen = roles_with(is_top=True)[paths.role]
@@ -103,4 +103,4 @@ def _shown(paths: Toolpaths, layers: Int) -> _Shown:
     owner = np.repeat(chosen, lines.beads_of_each)
     box = paths.xy.min(axis=0), paths.xy.max(axis=0)
     segments = SegmentIndex((lines.xy[begin], lines.xy[end]), paths.layer[owner], paths.plan.n_layers, box)
-    return _Shown(segments, owner, (lines.width[begin] + lines.width[end]) / 2)
+    return _VisibleLines(segments, owner, (lines.width[begin] + lines.width[end]) / 2)

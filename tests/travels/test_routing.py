@@ -102,13 +102,13 @@ def test_ways_in_rooms_are_the_shortest(areas: Areas, seed: int) -> None:
     asked = RouteQueries(
         begin[same], end[same], layer[same], room[same], np.full(len(same), np.inf), np.zeros(len(same))
     )
-    found = find_routes(asked, rooms.ground)
+    found = find_routes(asked, rooms.field)
 
     assert found.there.all()
     tight, _ = build_routes(
-        straight(begin[same], end[same], layer[same]), (begin[same], end[same]), found, rooms.ground.corners
+        straight(begin[same], end[same], layer[same]), (begin[same], end[same]), found, rooms.field.corners
     )
-    area = shape(rooms.ground.areas, 0)
+    area = shape(rooms.field.areas, 0)
     for one, mm, a, b in zip(same.tolist(), tight.length().tolist(), begin[same], end[same], strict=True):
         wanted = brute(area, a, b)
         assert mm == pytest.approx(wanted, rel=2e-3, abs=0.02), one
