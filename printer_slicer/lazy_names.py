@@ -17,7 +17,8 @@ def lazy_names(
     Args:
         package: full name of the package.
         homes: public name -> module of the package that defines it.
-        renamed: former public name -> the name that replaces it, for the error message.
+        renamed: former public name -> the name that replaces it. If the package has the new name, the former one still
+            works, with a warning; else the error names the new one.
     """
 
     def load(name: str) -> object:
@@ -26,8 +27,14 @@ def lazy_names(
         Raises:
             AttributeError: the package has no such name.
         """
+        new = renamed.get(name) if renamed else None
+        if new is not None and new in homes:
+            from printer_slicer.deprecation import warn_renamed  # noqa: PLC0415 - rarely needed
+
+            warn_renamed(f"{package}.{name}", f"{package}.{new}")
+            return load(new)
         if name not in homes:
-            hint = f"; it is now called {renamed[name]!r}" if renamed and name in renamed else ""
+            hint = f"; it is now called {new!r}" if new else ""
             raise AttributeError(f"module {package!r} has no attribute {name!r}{hint}")
         value: object = getattr(import_module(f"{package}.{homes[name]}"), name)
         setattr(sys.modules[package], name, value)

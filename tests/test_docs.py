@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import get_args
 
 import pytest
 
@@ -11,6 +12,7 @@ from benchmarks.readme import BLOCKS, written
 from printer_slicer.diagnostics import CODES
 from printer_slicer.planning import PLANNERS
 from printer_slicer.profile import load_profile
+from printer_slicer.stream.events import Accepted, Event, LineSent, event_kind
 from printer_slicer.stream.states import TRANSITIONS
 
 DOCS = Path(__file__).parent.parent / "docs"
@@ -27,6 +29,14 @@ def test_the_table_of_states_is_the_one_in_the_code() -> None:
     ]
 
     assert written.splitlines()[2:] == coded
+
+
+def test_the_table_of_events_is_the_one_in_the_code() -> None:
+    text = DOCS.joinpath("reference", "events.md").read_text()
+    kinds = [kind for kind in get_args(Event) if kind not in {Accepted, LineSent}]
+    coded = {(event_kind(kind.__new__(kind)), kind.__name__) for kind in kinds}
+
+    assert set(re.findall(r"^\| `(\w+)` \| `(\w+)` \|$", text, re.MULTILINE)) == coded
 
 
 def test_every_planner_has_a_row_in_the_table_of_planners() -> None:

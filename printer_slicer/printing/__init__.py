@@ -24,4 +24,4 @@ _HOMES = {
 __all__ = ["Controls", "PrintOptions", "PrintResult", "print_job", "resume_print"]
 
 
-__getattr__ = lazy_names(__name__, _HOMES)
+__getattr__ = lazy_names(__name__, _HOMES, {"Done": "PrintResult"})

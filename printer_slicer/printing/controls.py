@@ -11,6 +11,7 @@ from threading import Event as Flag
 from threading import Lock
 from typing import Any, TypedDict
 
+from printer_slicer.deprecation import warn_renamed
 from printer_slicer.errors import UsageError
 from printer_slicer.printing import commands
 from printer_slicer.printing.print_controller import PrintController, Request
@@ -46,12 +47,12 @@ class Controls:
         *,
         waits_for: str = _CONNECTING,
     ) -> None:
-        """Send commands to this conductor from now on, starting with those that came early.
+        """Send commands to this controller from now on, starting with those that came early.
 
         Args:
             controller: None if there is none for now.
             wake: wakes the thread that runs it.
-            waits_for: what the print is waiting for without a conductor.
+            waits_for: what the print is waiting for while there is no controller.
         """
         with self._lock:
             if self._controller is not None and controller is None:
@@ -72,6 +73,11 @@ class Controls:
             self._controller.submit(request)
             wake = self._wake
         wake()
+
+    def want(self, request: Request) -> None:
+        """Submit a request; former name of `submit`."""
+        warn_renamed("Controls.want", "Controls.submit")
+        self.submit(request)
 
     @property
     def has_end_request(self) -> bool:

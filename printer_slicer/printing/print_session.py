@@ -12,8 +12,9 @@ from pathlib import Path
 from threading import Event as Flag
 from threading import Thread, current_thread, main_thread
 from time import monotonic, time_ns
-from typing import TYPE_CHECKING, Any, Unpack
+from typing import TYPE_CHECKING, Any, Unpack, cast
 
+from printer_slicer.deprecation import accept_former_option
 from printer_slicer.diagnostics import insist
 from printer_slicer.errors import Cancelled, PortError, PrintError, UsageError
 from printer_slicer.jobs import Job
@@ -87,6 +88,7 @@ def print_job(
         Cancelled: Ctrl-C, SIGTERM or the printer's own wish; heaters are off. A second one halts the printer. A
             terminal that is closed (SIGHUP) and a listener that can no longer be written to end no print.
     """
+    accept_former_option(cast("dict[str, Any]", options), "shelf", "job_store")
     insist(job.findings, job.allowed, name=job.name)
     setup = host_settings_from(profile, job.allowed)
     speed = baud or setup.baud

@@ -19,6 +19,7 @@ from __future__ import annotations
 from math import inf, isfinite
 from typing import TYPE_CHECKING, Any, Final
 
+from printer_slicer.deprecation import warn_renamed
 from printer_slicer.firmware import DEFAULT_WIRE_DIALECT, get_wire_dialect
 from printer_slicer.stream import events as stream_events
 from printer_slicer.stream import replies
@@ -63,6 +64,7 @@ class Streamer:
         give_up: s until a printer that answers no probe counts as unresponsive.
         handle_actions: whether to pause and resume when the printer requests it; otherwise the owner does so.
         first: number of job entries that the printer has already received.
+        obeys: former name of `handle_actions`.
 
     Raises:
         UsageError: an entry can never be sent, or the dialect is unknown.
@@ -81,6 +83,7 @@ class Streamer:
         give_up: float = 30.0,
         handle_actions: bool = True,
         first: int = 0,
+        obeys: bool | None = None,
     ) -> None:
         self._dialect = get_wire_dialect(dialect or DEFAULT_WIRE_DIALECT)
         self._handshake = Handshake(connect_timeout, dialect)
@@ -94,7 +97,7 @@ class Streamer:
         self._events: list[stream_events.Event] = []
         self._urgent = b""
         self._numbered_job = self._first = first
-        self._handles_actions = handle_actions
+        self._handles_actions = handle_actions if obeys is None else _former_obeys(obeys)
         self._partial = b""
         self._last_message: tuple[float, str] = _NO_MESSAGE
         self._handlers: Mapping[type, Callable[[Any, float], None]] = {
@@ -178,7 +181,7 @@ class Streamer:
         self._queue.inject(command)
 
     def cancel(self, end_script: Sequence[bytes] = ()) -> None:
-        """Drop the rest of the job, send the end script instead, and finish.
+        """Drop the rest of the job and the injected commands, send the end script instead, and finish.
 
         A command that waits for a heater or a user is interrupted.
 
@@ -526,3 +529,9 @@ class Streamer:
     def _halt(self, reason: str) -> None:
         if self._apply(Trigger.HALT):
             self._events.append(stream_events.Halted(reason, self._acknowledged))
+
+
+def _former_obeys(obeys: bool) -> bool:
+    """Return the value of the former keyword `obeys`, with a warning."""
+    warn_renamed("Streamer(obeys=)", "Streamer(handle_actions=)", stacklevel=4)
+    return obeys

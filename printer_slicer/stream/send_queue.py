@@ -76,7 +76,7 @@ class SendQueue:
         return len(self._injected)
 
     def cancel(self, end_script: Sequence[bytes]) -> None:
-        """Replace the rest of the job by the end script."""
+        """Replace the rest of the job and all queued injected commands by the end script."""
         self._end_script = deque(end_script)
         self._injected.clear()
 

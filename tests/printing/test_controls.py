@@ -10,10 +10,15 @@ from typing import Any
 
 import pytest
 
+from printer_slicer import printing
+from printer_slicer.deprecation import accept_former_option
 from printer_slicer.errors import PortError
+from printer_slicer.printing.commands import Stop
 from printer_slicer.printing.control_socket import send_control_command
-from printer_slicer.printing.controls import Controls
+from printer_slicer.printing.controls import Controls, PrintResult
 from printer_slicer.printing.print_controller import Request
+from printer_slicer.stream.protocol import Streamer
+from printer_slicer.stream.states import State
 
 KNOWN = {"state": "printing", "done": 7, "total": 9}
 
@@ -77,3 +82,22 @@ def test_a_process_that_stands_still_is_named(tmp_path: Path) -> None:
         (tmp_path / "control.json").write_text(json.dumps({"path": str(tmp_path / "s")}), encoding="utf-8")
         with pytest.raises(PortError, match=r"does not answer within 0\.01 s: its process is stopped"):
             send_control_command(tmp_path, "status", timeout=0.01)
+
+
+def test_former_names_work_with_a_warning() -> None:
+    controls = Controls()
+    deaf = Deaf()
+    controls.bind(deaf)  # type: ignore[arg-type]
+    with pytest.warns(FutureWarning, match=r"Controls\.want is now called Controls\.submit"):
+        controls.want(Request(Stop()))
+    assert len(deaf.tickets) == 1
+    with pytest.warns(
+        FutureWarning, match=r"printing\.Done is now called printer_slicer\.printing\.PrintResult"
+    ):
+        assert printing.Done is PrintResult
+    with pytest.warns(FutureWarning, match="handle_actions"):
+        assert Streamer([b"M105"], obeys=False).state is State.CONNECTING
+    options: dict[str, Any] = {"shelf": 1}
+    with pytest.warns(FutureWarning, match="shelf is now called job_store"):
+        accept_former_option(options, "shelf", "job_store")
+    assert options == {"job_store": 1}

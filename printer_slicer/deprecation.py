@@ -1,0 +1,37 @@
+"""Warnings about names of the previous release, which still work in this one."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+__all__ = ["accept_former_option", "warn_renamed"]
+
+
+def warn_renamed(old: str, new: str, stacklevel: int = 3) -> None:
+    """Warn that a Python name is a former one.
+
+    Args:
+        old: the former name.
+        new: the name that replaces it.
+        stacklevel: number of calls between the user's code and the warning, as for `warnings.warn`.
+    """
+    warnings.warn(
+        f"{old} is now called {new}; the former name works in this release only",
+        FutureWarning,
+        stacklevel=stacklevel,
+    )
+
+
+def accept_former_option(options: dict[str, Any], old: str, new: str) -> None:
+    """Replace a former keyword argument by the current one, with a warning.
+
+    Args:
+        options: keyword arguments; changed in place.
+        old: the former name.
+        new: the current name; if both are given, its value counts.
+    """
+    if old in options:
+        warn_renamed(old, new, stacklevel=4)
+        value = options.pop(old)
+        options.setdefault(new, value)
