@@ -1,9 +1,10 @@
-"""What keeps a printer from being printed to: the port as the system has it, and the printer behind it.
+"""Diagnose connection problems: check a serial port and the printer behind it.
 
-The port is looked at without opening it: whose it is, who holds it, how long a chip waits. Where the system does not
-say, nothing is said. Then the printer: who it is, what it can do, how fast lines go, by commands that change nothing.
-These are dwells of no time (`G4 P0.000...`), as long as the lines of a print, numbered and checked as those are.
-Nothing heats, nothing moves. On boards that reset when their port is opened, opening it does so, as printing would.
+The port is checked without opening it: its permissions, the processes that have it open, and the latency timer of its
+chip. What the system does not report is left out. Then the printer is queried for its firmware and capabilities, and
+the line rate is measured with commands that change nothing: dwells of zero time (`G4 P0.000...`) that are as long as
+the lines of a print and have line numbers and checksums. Nothing heats or moves. Opening the port resets some boards,
+as it does for a print.
 
 Source: Linux's documentation of `latency_timer` (ftdi_sio) and of /proc/PID/fd.
 """
@@ -35,13 +36,13 @@ __all__ = ["PortCheck", "PortState", "PrinterDiagnosis", "diagnose_printer", "st
 
 @dataclass(frozen=True, slots=True)
 class PortCheck:
-    """One thing that was looked at.
+    """Result of one check.
 
     Attributes:
-        name: of it, such as `permission`.
-        state: `good`; `warn` where a print may suffer; `bad` where none can begin.
-        what: was found.
-        remedy: what to do about it, "" where nothing needs to be done.
+        name: name of the check, such as `permission`.
+        state: `good`; `warn` if a print may have problems; `bad` if no print can start.
+        what: what was found.
+        remedy: what to do about it, "" if nothing needs to be done.
     """
 
     name: str
@@ -51,7 +52,7 @@ class PortCheck:
 
 
 _SLOW_TIMER: Final = 2
-"""ms of a latency timer from which on every answer is late; 1 is the least."""
+"""Latency timer, ms, from which answers count as delayed; the minimum of the chips is 1."""
 
 
 _PSEUDO: Final = "/dev/pts/"
@@ -59,18 +60,18 @@ _PSEUDO: Final = "/dev/pts/"
 
 @dataclass(frozen=True, slots=True)
 class PortState:
-    """What the system says of a port.
+    """State of a port as the system reports it.
 
     Attributes:
-        address: as it was named.
-        device: what that leads to.
-        exists: whether there is such a thing.
-        is_port: whether it is a device that bytes can go through.
-        may_open: whether this person may.
-        group: that owns it, "" if not known.
-        in_group: whether this person is one of them.
-        latency_timer: ms that its chip waits for more bytes, None where there is none.
-        holders: who else has it open: number and name of each process that can be seen.
+        address: address as the user gave it.
+        device: the device to which the address resolves.
+        exists: whether the device exists.
+        is_port: whether it is a character device.
+        may_open: whether the current user may open it.
+        group: group that owns it, "" if unknown.
+        in_group: whether the current user is in this group.
+        latency_timer: time that its chip waits for more bytes, ms; None if it has no such timer.
+        holders: other processes that have it open: id and name of each visible one.
     """
 
     address: str
@@ -84,22 +85,25 @@ class PortState:
     holders: tuple[tuple[int, str], ...]
 
     def checks(self) -> Iterator[PortCheck]:
-        """What is made of it."""
+        """Yield the results of all checks of the port."""
         if not self.exists:
             yield PortCheck(
                 "port",
                 "bad",
-                f"there is no {self.address}",
-                "look at cable and power; `printer-slicer ports`",
+                f"{self.address} does not exist",
+                "Check cable and power; run `printer-slicer ports` to list the ports",
             )
             return
         if not self.is_port:
             yield PortCheck(
-                "port", "bad", f"{self.address} is no serial port", "`printer-slicer ports` lists them"
+                "port",
+                "bad",
+                f"{self.address} is not a serial port",
+                "Run `printer-slicer ports` to list the ports",
             )
             return
         leads = f" ({self.device})" if self.device != self.address else ""
-        yield PortCheck("port", "good", f"{self.address}{leads} is there")
+        yield PortCheck("port", "good", f"{self.address}{leads} exists")
         yield self._permission()
         yield self._held()
         if self.latency_timer is not None:
@@ -108,20 +112,20 @@ class PortState:
     def _permission(self) -> PortCheck:
         if self.may_open:
             return PortCheck("permission", "good", "you may open it")
-        remedy = "log in again, so that the group counts"
+        remedy = "Log out and in again, so that your new group takes effect"
         if not self.in_group and self.group:
-            remedy = f"sudo usermod -aG {self.group} $USER, then log in again"
+            remedy = f"Run sudo usermod -aG {self.group} $USER, then log out and in again"
         return PortCheck(
             "permission", "bad", f"you may not open it; it belongs to the group {self.group}", remedy
         )
 
     def _held(self) -> PortCheck:
         if not self.holders:
-            return PortCheck("in use", "good", "no other program is seen to have it open")
+            return PortCheck("in use", "good", "no other visible process has it open")
         who = ", ".join(f"{name} ({pid})" for pid, name in self.holders)
-        known = {"ModemManager": "sudo systemctl disable --now ModemManager"}
-        remedy = next((known[name] for _, name in self.holders if name in known), "close it there")
-        return PortCheck("in use", "bad", f"held by {who}", remedy)
+        known = {"ModemManager": "Run sudo systemctl disable --now ModemManager"}
+        remedy = next((known[name] for _, name in self.holders if name in known), "Close this program")
+        return PortCheck("in use", "bad", f"open in {who}", remedy)
 
     def _latency(self) -> PortCheck:
         timer = self.latency_timer or 0
@@ -130,19 +134,19 @@ class PortState:
         return PortCheck(
             "latency timer",
             "warn",
-            f"{timer} ms: every answer may wait so long",
-            "`print` asks for low latency when it opens the port; "
-            f"by hand: echo 1 | sudo tee /sys/class/tty/{Path(self.device).name}/device/latency_timer",
+            f"{timer} ms: each answer may be delayed by this time",
+            "`print` sets a low latency when it opens the port. "
+            f"To set it by hand: echo 1 | sudo tee /sys/class/tty/{Path(self.device).name}/device/latency_timer",
         )
 
 
 def state_of(address: str, *, proc: Path = Path("/proc"), ttys: Path = Path("/sys/class/tty")) -> PortState:
-    """Ask the system about a port.
+    """Return what the system reports about a port.
 
     Args:
-        address: its name, or a link to it.
-        proc: where the system tells of processes.
-        ttys: where it tells of serial devices.
+        address: device name, or a link to it.
+        proc: folder with the processes of the system.
+        ttys: folder with the serial devices of the system.
     """
     path = Path(address)
     exists = path.exists()
@@ -182,17 +186,17 @@ def _timer(device: str, ttys: Path) -> int | None:
 
 
 def _holders(device: str, proc: Path) -> Iterator[tuple[int, str]]:
-    """Other processes that have the device open; who serves a pseudo-terminal holds it."""
+    """Yield other processes that have the device open; none for a pseudo-terminal, whose server always has."""
     return iter(()) if device.startswith(_PSEUDO) else holders(device, proc)
 
 
 _LINE: Final = b"G4 P0.000000000000000000000"  # 38 bytes with number, checksum and line break
-_ALONE: Final = 60
-_ABREAST: Final = 240
-_PATIENCE: Final = 15.0  # s for a printer to answer at all
-_LATE: Final = 0.008  # s of an answer over what its bytes take: a latency timer, or a hub
-_SLOW: Final = 0.7  # of the lines that the wire could bring
-_WORTH: Final = (
+_SINGLE_LINES: Final = 60  # lines sent with one in flight
+_PAIRED_LINES: Final = 240  # lines sent with two in flight
+_CONNECT_TIMEOUT: Final = 15.0  # s
+_LATE: Final = 0.008  # s beyond the time of its bytes; more points to a latency timer or a hub
+_SLOW: Final = 0.7  # share of the line rate that the baud rate allows
+_NOTABLE: Final = (
     "EMERGENCY_PARSER",
     "AUTOREPORT_TEMP",
     "HOST_ACTION_COMMANDS",
@@ -204,18 +208,18 @@ _WORTH: Final = (
 
 @dataclass(frozen=True, slots=True)
 class PrinterDiagnosis:
-    """What a printer said, and how fast. Times in s.
+    """What a printer reported, and how fast it answered. Times in s.
 
     Attributes:
-        firmware: as it names itself; "" if it does not.
-        capabilities: as it says them.
-        temperatures: heater, °C.
-        baud: of the port.
-        answer, answer_95: from a line to its ok with one line in flight: half of them, and 95 %, took no longer; None
-            where too few were answered.
-        lines_per_second: with two in flight; None likewise.
-        wire: lines/s that the wire could bring.
-        link: of all of it.
+        firmware: name of the firmware; "" if it reports none.
+        capabilities: reported capabilities.
+        temperatures: heater and temperature, °C.
+        baud: baud rate of the port.
+        answer, answer_95: median and 95th percentile of the time from a line to its acknowledgement, with one line in
+            flight; None if too few lines were acknowledged.
+        lines_per_second: line rate with two lines in flight; None likewise.
+        wire: line rate that the baud rate allows.
+        link: statistics of the whole conversation.
         halted: why it ended early; "" if it did not.
     """
 
@@ -231,67 +235,71 @@ class PrinterDiagnosis:
     halted: str
 
     def checks(self) -> Iterator[PortCheck]:
-        """What is made of it."""
+        """Yield the results of all checks of the printer."""
         if self.halted:
-            remedy = "is it the right port, speed (--baud), and cable? is the printer on?"
+            remedy = "Check the port, the baud rate (--baud), the cable, and whether the printer is on"
             yield PortCheck("printer", "bad", self.halted, remedy)
             return
-        yield PortCheck("printer", "good", self.firmware or "answers, and does not say who it is")
+        yield PortCheck("printer", "good", self.firmware or "it answers, but does not name its firmware")
         yield from self._capabilities()
         if self.temperatures:
-            told = ", ".join(f"{name} {value:g} °C" for name, value in self.temperatures)
-            yield PortCheck("temperatures", "good", told)
+            readings = ", ".join(f"{name} {value:g} °C" for name, value in self.temperatures)
+            yield PortCheck("temperatures", "good", readings)
         yield from self._speed()
 
     def _capabilities(self) -> Iterator[PortCheck]:
         known = dict(self.capabilities)
         if not known:
-            yield PortCheck("capabilities", "good", "it tells none")
+            yield PortCheck("capabilities", "good", "it reports none")
             return
-        has = [name for name in _WORTH if known.get(name)]
-        lacks = [name for name in _WORTH if known.get(name) is False]
+        has = [name for name in _NOTABLE if known.get(name)]
+        lacks = [name for name in _NOTABLE if known.get(name) is False]
         yield PortCheck(
-            "capabilities", "good", f"{', '.join(has) or 'none of note'}; not {', '.join(lacks) or 'lacking'}"
+            "capabilities",
+            "good",
+            f"{', '.join(has) or 'none that print uses'}" + (f"; not {', '.join(lacks)}" if lacks else ""),
         )
         protected = known.get("THERMAL_PROTECTION")
         if protected is False:
             yield PortCheck(
                 "thermal protection",
                 "bad",
-                "the firmware says that it has none: a heater that runs away is stopped by nobody",
-                "build it with THERMAL_PROTECTION_HOTENDS and THERMAL_PROTECTION_BED, and stay with it until then",
+                "the firmware reports that it has none, so nothing stops a heater that overheats",
+                "Build it with THERMAL_PROTECTION_HOTENDS and THERMAL_PROTECTION_BED; do not leave the printer alone",
             )
         elif protected:
             yield PortCheck("thermal protection", "good", "yes")
 
     def _speed(self) -> Iterator[PortCheck]:
         if self.answer is None or self.answer_95 is None or self.lines_per_second is None:
-            yield PortCheck("line rate", "warn", "too few lines were answered to tell", "try again")
+            yield PortCheck(
+                "line rate", "warn", "too few lines were acknowledged to measure it", "Run doctor again"
+            )
             return
         over = self.answer - (1 / self.wire)
-        said = f"{self.answer * 1000:.1f} ms, 95 % within {self.answer_95 * 1000:.1f} ms"
+        times = f"{self.answer * 1000:.1f} ms, 95 % within {self.answer_95 * 1000:.1f} ms"
         if over > _LATE:
             yield PortCheck(
                 "answers",
                 "warn",
-                f"{said}: late",
-                "look at the chip's latency timer, a hub, or a busy computer",
+                f"{times}: slow",
+                "Check the latency timer of the USB chip, USB hubs and the load of the computer",
             )
         else:
-            yield PortCheck("answers", "good", said)
-        rate = f"{self.lines_per_second:.0f} lines/s with two in flight, the wire could bring {self.wire:.0f}"
+            yield PortCheck("answers", "good", times)
+        rate = f"{self.lines_per_second:.0f} lines/s with two in flight; the baud rate allows {self.wire:.0f}"
         slow = self.lines_per_second < _SLOW * self.wire
         advice = (
-            f"check files with `printer-slicer check FILE --link {self.baud} --latency {over * 1000:.0f}`; "
-            f"slice for it: --set printer.link_lines_per_second={int(0.95 * self.lines_per_second)}"
+            f"Check files with `printer-slicer check FILE --link {self.baud} --latency {over * 1000:.0f}`. "
+            f"Slice with --set printer.link_lines_per_second={int(0.95 * self.lines_per_second)}"
         )
         yield PortCheck("line rate", "warn" if slow else "good", rate, advice if slow else "")
         if self.link.resends or self.link.lost_answers:
             yield PortCheck(
                 "errors",
                 "warn",
-                f"{self.link.resends} lines were asked for again, {self.link.lost_answers} answers were missing",
-                "a better or shorter cable, another port, no hub",
+                f"{self.link.resends} resends, {self.link.lost_answers} lost acknowledgements",
+                "Use a better or shorter cable, another port, and no hub",
             )
         else:
             yield PortCheck("errors", "good", f"none in {self.link.lines} lines")
@@ -304,24 +312,24 @@ def diagnose_printer(
     baud: int,
     on_event: Callable[[Event], None] = lambda _: None,
 ) -> PrinterDiagnosis:
-    """Talk to the printer at the other end of an open port.
+    """Query the printer at an open port, and measure how fast it answers.
 
     Args:
-        transport: to it.
-        clock: s.
-        baud: of the port, for what the wire could bring.
-        on_event: is told what happens.
+        transport: the open port.
+        clock: monotonic time, s.
+        baud: baud rate of the port, for the line rate that it allows.
+        on_event: called with the events of the stream.
 
     Raises:
-        PortError: the port went away.
+        PortError: the connection is lost.
     """
     meter = LinkMeter()
     listener = _Listener(clock, on_event, meter)
     metered = MeteredTransport(transport, meter, clock)
-    alone = _times(metered, clock, listener, lines=_ALONE, window=1)
-    abreast = [] if listener.halted else _times(metered, clock, listener, lines=_ABREAST, window=2)
-    waits = sorted(after - before for before, after in pairwise(alone))
-    rate = (len(abreast) - 1) / (abreast[-1] - abreast[0]) if len(abreast) > 10 else None
+    single = _times(metered, clock, listener, lines=_SINGLE_LINES, window=1)
+    paired = [] if listener.halted else _times(metered, clock, listener, lines=_PAIRED_LINES, window=2)
+    waits = sorted(after - before for before, after in pairwise(single))
+    rate = (len(paired) - 1) / (paired[-1] - paired[0]) if len(paired) > 10 else None
     return PrinterDiagnosis(
         firmware=listener.firmware,
         capabilities=listener.capabilities,
@@ -339,20 +347,20 @@ def diagnose_printer(
 def _times(
     transport: Transport, clock: Callable[[], float], listener: _Listener, *, lines: int, window: int
 ) -> list[float]:
-    """When each line of one conversation was answered."""
+    """Send test lines in a new session; return when each was acknowledged, s."""
     listener.times = []
-    streamer = Streamer([_LINE] * lines, window_lines=window, connect_timeout=_PATIENCE)
+    streamer = Streamer([_LINE] * lines, window_lines=window, connect_timeout=_CONNECT_TIMEOUT)
     run(streamer, transport, clock, on_event=listener)
     return listener.times
 
 
 class _Listener:
-    """Keeps what is worth telling."""
+    """Collects what the diagnosis needs from the events of a stream."""
 
     def __init__(
         self, clock: Callable[[], float], on_event: Callable[[Event], None], meter: LinkMeter
     ) -> None:
-        self._clock, self._tell, self._meter = clock, on_event, meter
+        self._clock, self._on_event, self._meter = clock, on_event, meter
         self.times: list[float] = []
         self.firmware, self.halted = "", ""
         self.capabilities: tuple[tuple[str, bool], ...] = ()
@@ -368,4 +376,4 @@ class _Listener:
             self.temperatures = tuple((one.name, one.actual) for one in event.readings)
         elif isinstance(event, Halted):
             self.halted = event.reason
-        self._tell(event)
+        self._on_event(event)

@@ -1,9 +1,9 @@
-"""What a link can carry: stretches of short moves that would make the machine wait for lines.
+"""Merge and slow down short moves that a slow link cannot deliver in time.
 
-A file is sent line by line, at some lines a second; the firmware holds some lines ahead. It has none left where it has
-printed more lines than the link has brought, by as many as it holds. Whether that happens is a matter of sums: lines
-sent less lines printed, seen from where that was least. Lines that are no moves count too: fans, accelerations,
-progress, and what macros say at each layer.
+A file is sent line by line, at a limited number of lines per second, and the firmware buffers some lines. A buffer
+underrun occurs where the executed lines exceed the delivered lines by more than the buffer holds. Cumulative sums show
+where: lines sent minus lines executed, relative to the last minimum. Other lines than moves count too: fans,
+accelerations, progress, and the macros at each layer.
 """
 
 from __future__ import annotations
@@ -26,24 +26,24 @@ from printer_slicer.travels import travel
 
 __all__ = ["LinkReport", "crowded", "limit_link"]
 
-_AHEAD = 0.5  # of the moves that a firmware plans ahead are counted on
+_BUFFER_SHARE = 0.5  # share of the planner blocks of the firmware that the computation relies on
 _ROUNDS = 32
-_SPARE = 1.02  # slower than the link by this
+_MARGIN = 1.02  # moves stay slower than the link by this factor
 _SLOWEST = 0.1  # mm/s
-_PUT_BACK = 4  # lines at most that put back what a macro has changed
+_RESTORE_LINES = 4  # maximum number of lines that restore the state after a macro
 
 
 @dataclass(frozen=True, slots=True)
 class LinkReport:
-    """What it took to stay under the link.
+    """Changes that keep a program within the throughput of the link.
 
     Attributes:
-        lines_per_second: of the link.
+        lines_per_second: throughput of the link.
         layers: numbers, from 1, of the layers where the machine would have waited.
-        merged: lines fewer, for moves were merged.
-        slowed: moves that are slower.
-        seconds: longer than without.
-        waits: numbers, from 1, of the layers where it will wait all the same: nothing there can be slower.
+        merged: number of lines saved by merging moves.
+        slowed: number of moves that were slowed down.
+        seconds: increase of the print time, s.
+        waits: numbers, from 1, of the layers where it still waits, because no move there can be slower.
     """
 
     lines_per_second: float
@@ -55,20 +55,20 @@ class LinkReport:
 
 
 def crowded(program: Program, profile: Profile) -> Bool:
-    """(K,) moves of stretches in which the machine would run out of lines."""
+    """Return (K,) whether each move belongs to a buffer underrun, from the first late line on."""
     if not profile.printer.link_lines_per_second or not program.n_moves:
         return np.zeros(program.n_moves, np.bool_)
     return _crowded(program, profile, _lines(program, profile))
 
 
 def _crowded(program: Program, profile: Profile, lines: Float) -> Bool:
-    """The same, of moves that bring so many lines (K,)."""
+    """Return (K,) as `crowded` does, for moves with the given number of lines (K,)."""
     rate, seconds = profile.printer.link_lines_per_second, move_seconds(program, profile)
     late = lateness(np.cumsum(seconds) - seconds, lines / rate)
-    short = late > max(_AHEAD * profile.printer.firmware.planner_blocks, 1) / rate
+    short = late > max(_BUFFER_SHARE * profile.printer.firmware.planner_blocks, 1) / rate
     if not short.any():
         return short
-    # From where the lines began to run short.
+    # Each underrun starts where the lines were last in time.
     begins = np.flatnonzero(late == 0)
     since = begins[np.searchsorted(begins, np.flatnonzero(short), side="right") - 1]
     change = np.zeros(program.n_moves + 1, np.int64)
@@ -83,13 +83,13 @@ _Moves = tuple[Toolpaths, Travels, Program]
 def limit_link(
     moves: _Moves, printed: Sections, profile: Profile, profiles: Sequence[Profile]
 ) -> tuple[Toolpaths, Travels, Program, LinkReport | None]:
-    """The same with moves that the link to the printer can carry: merged where they are short, then slowed down.
+    """Fit a program to the throughput of the link: merge short moves, then slow moves down.
 
     Args:
-        moves: paths in the order of printing, the ways between them, and their moves.
-        printed: the sections that the nozzle sees.
-        profile: `printer.link_lines_per_second`; where that is 0 nothing is changed, and there is no report.
-        profiles: those whose numbers the paths have.
+        moves: paths in printing order, the travels between them, and the program.
+        printed: the sections that the nozzle must avoid.
+        profile: holds `printer.link_lines_per_second`; if that is 0, nothing changes and the report is None.
+        profiles: the profiles to which the paths refer by index.
     """
     toolpaths, travels, program = moves
     rate = profile.printer.link_lines_per_second
@@ -99,35 +99,35 @@ def limit_link(
     dense = _crowded_paths(toolpaths, travels, busy, profile)
     toolpaths = merge_moves(toolpaths, dense, profile.quality.link_tolerance)
     travels = travel(toolpaths, printed, profile)
-    slower, report = _paced(extrude(toolpaths, travels, profile, profiles), program, busy, profile)
+    slower, report = _slow_down(extrude(toolpaths, travels, profile, profiles), program, busy, profile)
     return toolpaths, travels, slower, report
 
 
 def _crowded_paths(paths: Toolpaths, travels: Travels, busy: Bool, profile: Profile) -> Bool:
-    """(M,) the paths that moves `busy` (K,) belong to."""
+    """Return (M,) whether each path has a move in `busy` (K,)."""
     found = np.zeros(paths.n_paths, np.bool_)
     found[move_rows(paths, travels, profile).path[busy]] = True
     return found
 
 
-def _paced(program: Program, before: Program, busy: Bool, profile: Profile) -> tuple[Program, LinkReport]:
-    """The program slowed down until the link can follow, and what that and merging took.
+def _slow_down(program: Program, before: Program, busy: Bool, profile: Profile) -> tuple[Program, LinkReport]:
+    """Slow a program down until the link can deliver it; return it with a report.
 
     Args:
-        program: to be slowed down; its short moves are merged already.
-        before: as it was.
-        busy: (K,) which moves of that would have made the machine wait.
-        profile: of both.
+        program: the program; its short moves are already merged.
+        before: the program before merging.
+        busy: (K,) whether each move of `before` belongs to a buffer underrun.
+        profile: the profile of both.
     """
     rate = profile.printer.link_lines_per_second
-    way = program.xyz - program.start
-    length = np.sqrt((way * way).sum(axis=1))
+    delta = program.xyz - program.start
+    length = np.sqrt((delta * delta).sum(axis=1))
     length = np.where(length > 0, length, np.abs(program.filament))
     first = program
     for _ in range(_ROUNDS):
         lines = _lines(program, profile)
         short = _crowded(program, profile, lines) & (program.role != Role.TRAVEL)
-        most = length * rate / (_share(program, lines) * _SPARE)
+        most = length * rate / (_chord_lines(program, lines) * _MARGIN)
         slower = np.where(short, np.minimum(program.speed, most), program.speed)
         slower = np.maximum(slower, np.minimum(program.speed, _SLOWEST))
         if (slower >= program.speed).all():
@@ -136,25 +136,25 @@ def _paced(program: Program, before: Program, busy: Bool, profile: Profile) -> t
     seconds = (float(move_seconds(one, profile).sum()) for one in (program, before))
     return program, LinkReport(
         rate,
-        _numbers(before, busy),
+        _layer_numbers(before, busy),
         before.n_moves - program.n_moves,
         int((program.speed < first.speed).sum()),
         next(seconds) - next(seconds),
-        _numbers(program, crowded(program, profile)),
+        _layer_numbers(program, crowded(program, profile)),
     )
 
 
-def _numbers(program: Program, moves: Bool) -> tuple[int, ...]:
-    """Numbers, from 1, of the layers of some moves (K,)."""
+def _layer_numbers(program: Program, moves: Bool) -> tuple[int, ...]:
+    """Return the numbers, from 1, of the layers with a move in `moves` (K,)."""
     return tuple((distinct(program.layer[moves]) + 1).tolist())
 
 
 def _lines(program: Program, profile: Profile) -> Float:
-    """(K,) lines that each move brings, with those in front of it; of an arc its first chord brings the line."""
+    """Return (K,) the number of lines of each move and before it; the line of an arc counts at its first chord."""
     lines = (~program.on_same_arc).astype(np.float64)
     for event in program.events:
         lines[min(event.index, program.n_moves - 1)] += 1
-    lines[run_starts(program.layer)] += _of_macros(profile)
+    lines[run_starts(program.layer)] += _macro_lines(profile)
     if profile.printer.progress:
         done = np.cumsum(move_seconds(program, profile))
         lines[1:] += np.diff(done // 60) > 0
@@ -162,16 +162,16 @@ def _lines(program: Program, profile: Profile) -> Float:
     return lines
 
 
-def _of_macros(profile: Profile) -> int:
-    """Lines that macros say at each layer, at most."""
+def _macro_lines(profile: Profile) -> int:
+    """Return the maximum number of lines of the macros at each layer."""
     count = 0
     for text in (profile.printer.before_layer_gcode, profile.printer.layer_gcode):
-        said = [line.strip() for line in text.split("\n") if line.partition(";")[0].strip()]
-        count += len(said) + (_PUT_BACK if any(line[:1] in "Gg" for line in said) else 0)
+        lines = [line.strip() for line in text.split("\n") if line.partition(";")[0].strip()]
+        count += len(lines) + (_RESTORE_LINES if any(line[:1] in "Gg" for line in lines) else 0)
     return count
 
 
-def _share(program: Program, lines: Float) -> Float:
-    """(K,) of the lines that an arc brings, for each of its chords."""
+def _chord_lines(program: Program, lines: Float) -> Float:
+    """Return (K,) the number of lines of each move; each chord of an arc has the lines of the whole arc."""
     number = np.cumsum(~program.on_same_arc) - 1
     return np.asarray((np.bincount(number, weights=lines) / np.bincount(number))[number])

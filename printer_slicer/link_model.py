@@ -1,19 +1,19 @@
-"""The link to a printer: when each line is sent, arrives, is executed and acknowledged, and where the planner runs dry.
+"""Model of the serial link: when lines are sent, received, executed and acknowledged, and where buffer underruns occur.
 
-    sent           when the wire is free and the lines in flight leave room: so many lines, so many bytes
-    arrives        when its bytes have gone over the wire and the latency is over
-    executed       when it has arrived, the line before it was executed, and the planner has a place for its moves
-    acknowledged   then; the answer takes its own way back
+    sent           as soon as the wire is free and the limits of lines and bytes in flight allow it
+    received       when its bytes have been transmitted and the latency has passed
+    executed       when it has been received, the line before it was executed, and the planner has room for its moves
+    acknowledged   when it is executed; the answer takes the time of its bytes and the latency
 
-`LinkState` follows one line after the other. `send_batch` gives the same times for thousands of lines at once, as far
-as the planner is never short of moves: then the moves do not depend on the lines, and `motion.ahead` gives their
-times. The lines depend on the moves and on each other; from the earliest that each could be they are put off until
-nothing changes any more. What comes before the first line that was too late is so. The rest is for a model of the
-planner that takes moves one by one: `LinkRun` alternates with `motion.planner_clock`, a dry run with the simulated
-firmware.
+`LinkState` computes this line by line. `send_batch` computes the same times for thousands of lines at once, as long as
+the planner never runs out of moves. Then the times of the moves do not depend on the lines, and
+`motion.vectorized_lookahead` computes them. The lines depend on the moves and on each other: starting with the earliest
+possible times, they are delayed until nothing changes any more. The result is valid up to the first line that is late.
+From there a model of the planner takes the moves one by one: `LinkRun` uses `motion.planner_clock`, a dry run the
+simulated firmware.
 
-While a part is sliced there are no lines yet. Then a link is a number of lines per second, and `lateness` says how far
-they fall behind the moves.
+During slicing there are no lines yet. Then the model of the link is a number of lines per second, and `lateness`
+returns how far the lines fall behind the moves.
 """
 
 from __future__ import annotations
@@ -51,26 +51,29 @@ __all__ = [
 GREETING_LINES: Final = 2
 """Numbered lines before the first of a job."""
 
-_BITS: Final = 10  # of a byte on the wire
+_BITS: Final = 10  # bits per byte on the wire
 _OK: Final = len("ok\n")
-_ROUNDS: Final = 24  # in which lines may put each other off
+_ROUNDS: Final = 24  # maximum number of iterations in which lines delay each other
 _SAME: Final = 1e-11  # s
-_NEAR: Final = 1e-6  # s; moments this near each other may change places by rounding
-_AT_ONCE: Final = (256, 8192)  # lines in a batch, at first and behind others that went well
-_WORTH: Final = 48  # lines from which on a batch is worth its cost
-_PAUSE: Final = (16, 256)  # lines that go one by one after a batch that failed, at first and at most
+_NEAR: Final = 1e-6  # s; times that differ by less may be swapped by rounding
+_BATCH_LINES: Final = (
+    256,
+    8192,
+)  # maximum number of lines in a batch: at first, and after successful batches
+_MIN_BATCH: Final = 48  # a batch of fewer lines is slower than single lines
+_SINGLE_LINES: Final = (16, 256)  # lines sent one by one after a failed batch: at first, and at most
 
 
 @dataclass(frozen=True, slots=True)
 class SerialLink:
-    """A cable and how the host uses it.
+    """Serial connection, and the limits of the host for lines in flight.
 
     Attributes:
-        baud: bits/s of both directions; a byte takes ten. 0: bytes take no time.
-        latency_out: s that every byte to the printer takes in addition.
-        latency_back: s that every byte from it does.
-        window_lines: most lines in flight.
-        window_bytes: most bytes in flight, those that the host keeps for a question included.
+        baud: baud rate of both directions; a byte takes ten bits. 0: bytes take no time.
+        latency_out: additional latency of each byte to the printer, s.
+        latency_back: additional latency of each byte from the printer, s.
+        window_lines: maximum number of lines in flight.
+        window_bytes: maximum number of bytes in flight, including those reserved for a probe.
     """
 
     baud: int
@@ -81,31 +84,31 @@ class SerialLink:
 
     @property
     def byte_seconds(self) -> float:
-        """Seconds of one byte."""
+        """Return the transmission time of one byte, s."""
         return _BITS / self.baud if self.baud else 0.0
 
     @property
     def line_bytes(self) -> int:
-        """Most bytes of lines in flight."""
+        """Return the maximum number of bytes of lines in flight."""
         return self.window_bytes - QUESTION_ROOM
 
     def lines_per_second(self, size: float) -> float:
-        """Most lines of `size` bytes that it carries: the wire, or the wait for answers."""
+        """Return the throughput for lines of `size` bytes, limited by the wire or by the wait for answers."""
         byte = self.byte_seconds
-        there_and_back = (size + _OK) * byte + self.latency_out + self.latency_back
-        abreast = max(1.0, min(self.window_lines, self.line_bytes // size))
-        return min(1 / (size * byte), abreast / there_and_back)
+        round_trip = (size + _OK) * byte + self.latency_out + self.latency_back
+        in_flight = max(1.0, min(self.window_lines, self.line_bytes // size))
+        return min(1 / (size * byte), in_flight / round_trip)
 
 
 def lateness(begins: Float, takes: Float) -> Float:
-    """How far lines fall behind the moves that they bring, on a link of so many lines per second.
+    """Return how far the lines of each move fall behind it, on a link with a fixed throughput.
 
     Args:
-        begins: (K,) s, when each move begins if lines take no time.
-        takes: (K,) s that the link needs for the lines of each.
+        begins: (K,) start of each move if lines take no time, s.
+        takes: (K,) time that the link needs for the lines of each move, s.
 
     Returns:
-        (K,) s, 0 where the lines of a move have caught up. Nothing waits as long as the planner holds that much.
+        (K,) delay, s; 0 where the lines have caught up. No move waits as long as the planner buffers that much motion.
     """
     late = np.zeros(len(begins))
     late[1:] = np.maximum(_queue(begins[:-1], takes[1:], -np.inf) - begins[1:], 0.0)
@@ -113,17 +116,17 @@ def lateness(begins: Float, takes: Float) -> Float:
 
 
 def line_sizes(commands: Sequence[bytes], first: int) -> tuple[Int, Int]:
-    """(n,) bytes of each line on the wire with number, checksum and line break; and those the host reckons with.
+    """Return (n,) bytes of each line with number, checksum and line break, and (n,) bytes that the host reserves.
 
     Args:
-        commands: without comments.
-        first: index in the job of the first of them.
+        commands: commands without comments.
+        first: index of the first one in the job.
     """
     text = np.frombuffer(b"\n".join(commands) + b"\n", np.uint8)
     ends = np.flatnonzero(text == ord("\n"))
     begins = np.append(0, ends[:-1] + 1)
     own = ends - begins
-    # Each line break is in the sum of its line, and taken out again.
+    # `reduceat` includes the line break of each line, so it is removed again.
     check = np.bitwise_xor.reduceat(text, begins).astype(np.int64) ^ ord("\n")
     number = first + np.arange(len(commands)) + GREETING_LINES + 1
     check ^= ord("N") ^ ord(" ")
@@ -140,14 +143,14 @@ def line_sizes(commands: Sequence[bytes], first: int) -> tuple[Int, Int]:
 
 @dataclass(slots=True)
 class LinkState:
-    """Where the conversation stands between two lines.
+    """State of the link between two lines. Times in s.
 
     Attributes:
-        link: what it goes over.
-        out, back: s, when either direction is free again.
-        answered: s, when the host had the answers to the last `window_lines` lines, the oldest first.
-        sizes: bytes of the last lines, one less than that.
-        executed: s, when the last line was.
+        link: the link.
+        out, back: when each direction is free again.
+        answered: when the host received the answers to the last `window_lines` lines, the oldest first.
+        sizes: bytes of the last `window_lines` - 1 lines.
+        executed: when the last line was executed.
     """
 
     link: SerialLink
@@ -159,11 +162,11 @@ class LinkState:
 
     @classmethod
     def idle(cls, link: SerialLink, now: float) -> LinkState:
-        """Nothing is in flight at `now`, s."""
+        """Return the state with nothing in flight at `now`, s."""
         return cls(link, now, now, (now,) * link.window_lines, (0,) * (link.window_lines - 1), now)
 
     def send(self, size: int, room: int) -> float:
-        """Send a line of `size` bytes for which the host wants `room`; the moment at which it has arrived, s."""
+        """Send a line of `size` bytes for which the host needs `room` bytes; return when it can be executed, s."""
         left, awaited = self.link.line_bytes - room, len(self.answered)
         for place, one in enumerate(reversed(self.sizes), start=1):
             left -= one
@@ -175,48 +178,48 @@ class LinkState:
         return max(self.out + self.link.latency_out, self.executed)
 
     def answer(self, size: int, now: float) -> None:
-        """The printer says so many bytes at `now`."""
+        """Send `size` bytes from the printer at `now`, s."""
         self.back = max(self.back, now) + size * self.link.byte_seconds
 
     def acknowledge(self, now: float) -> None:
-        """What it has said ends with the answer to the last line, which was executed at `now`."""
+        """Record that the bytes sent so far end with the answer to the last line, executed at `now`, s."""
         self.answered = (*self.answered, self.back + self.link.latency_back)[1:]
         self.executed = now
 
     def wait_for_all(self) -> None:
-        """The host sends nothing before it has the answer to the last line."""
+        """Make the host wait for the answer to the last line before it sends the next."""
         self.answered = (self.answered[-1],) * len(self.answered)
 
 
 class BatchRetry:
-    """When a batch is tried again after one that did not get far: after 16 lines, then after 32, up to 256."""
+    """Decides when to try a batch again after a failed one: after 16 lines, then after 32, up to 256."""
 
     def __init__(self) -> None:
-        self._pause, self._left = _PAUSE[0], 0
+        self._pause, self._left = _SINGLE_LINES[0], 0
 
     def is_due(self, lines: int) -> bool:
-        """Whether so many lines shall be tried as a batch."""
-        return self._left <= 0 and lines >= _WORTH
+        """Return whether to try this number of lines as a batch."""
+        return self._left <= 0 and lines >= _MIN_BATCH
 
     def tried(self, count: int) -> None:
-        """So many lines of a batch went well."""
-        good = count >= _WORTH
-        self._pause = _PAUSE[0] if good else min(2 * self._pause, _PAUSE[1])
-        self._left = 0 if good else self._pause
+        """Record that `count` lines of a batch succeeded."""
+        succeeded = count >= _MIN_BATCH
+        self._pause = _SINGLE_LINES[0] if succeeded else min(2 * self._pause, _SINGLE_LINES[1])
+        self._left = 0 if succeeded else self._pause
 
     def sent_one(self) -> None:
-        """A line went by itself."""
+        """Record that a line was sent singly."""
         self._left -= 1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LineBatch:
-    """Lines that follow each other, and the moves that they bring.
+    """Consecutive lines and their moves.
 
     Attributes:
-        sizes, rooms: (n,) bytes of each, as `line_sizes` gives them.
-        answers: (n,) bytes of what is said to each.
-        moving: (m,) the line of each move, ascending.
+        sizes, rooms: (n,) bytes of each line, from `line_sizes`.
+        answers: (n,) bytes of the answer to each line.
+        moving: (m,) line of each move, ascending.
         blocks: the m moves.
     """
 
@@ -228,16 +231,16 @@ class LineBatch:
 
 
 class BatchTimes(NamedTuple):
-    """What became of a batch.
+    """Times of a batch, s.
 
     Attributes:
-        done: how many of its lines were executed without the planner ever being short.
-        executed: (done,) s, when.
-        state: of the link then.
-        planner: what is being made and what waits then.
-        begins: s, when each move began that did; those that waited before the batch come first.
-        seconds: that each of them takes.
-        pushed: how many moves the planner was given, those that waited before included.
+        done: number of its lines that were executed before the planner ran out of moves.
+        executed: (done,) when each was executed.
+        state: state of the link after them.
+        planner: state of the planner after them.
+        begins: start of each move that has started; moves queued before the batch come first.
+        seconds: duration of each of these moves.
+        pushed: number of moves given to the planner, including those queued before the batch.
     """
 
     done: int
@@ -250,7 +253,7 @@ class BatchTimes(NamedTuple):
 
 
 def can_batch(limits: MotionLimits) -> bool:
-    """Whether `send_batch` knows planners of this kind."""
+    """Return whether `send_batch` supports this kind of planner."""
     return limits.minimum_cruise_ratio == 0 and limits.planner_blocks >= 4
 
 
@@ -261,33 +264,33 @@ def send_batch(
     limits: MotionLimits,
     busy: tuple[float, int] = (0.0, 0),
 ) -> BatchTimes:
-    """Send lines to a machine that moves.
+    """Send lines to a machine that is moving, as far as the planner never runs out of moves.
 
     Args:
-        lines: they.
-        planner: before them.
-        state: of the link before them.
-        limits: of the machine, with its planner; see `can_batch`.
-        busy: s after which, again and again, a machine that waits says that it is busy, 0: never; and bytes of that.
+        lines: the lines.
+        planner: state of the planner before them.
+        state: state of the link before them.
+        limits: limits of the machine and its planner; see `can_batch`.
+        busy: interval, s, at which a waiting machine sends a busy message, 0: never; and the bytes of that message.
     """
     blocks, corners = _with_waiting(planner, lines.blocks, limits)
     waiting, places = len(planner.queue), max(limits.planner_blocks - 1, 1)
     seconds, squares = lookahead_seconds(blocks, corners, places - 2, planner.square)
-    # ends[k] is when the block before block k ends, and block k begins.
+    # ends[k]: end of the block before block k, and start of block k.
     ends = np.append(planner.ends, planner.ends + np.cumsum(seconds))
-    # The block that each line would be the next to plan, and the last that is planned behind it.
+    # For each line, the next block to plan before it, and the last block planned after it.
     number = np.arange(len(lines.sizes))
     following = waiting + np.searchsorted(lines.moving, number)
     last = waiting + np.searchsorted(lines.moving, number, side="right") - 1
     place_at = np.where(last >= following, _at(ends, last - places + 1, -np.inf), -np.inf)
     in_time = ends[np.clip(following - places + 2, 0, len(ends) - 1)]
-    talk = _conversation(lines, place_at, state)
-    begun = np.maximum(talk.arrived, np.append(state.executed, talk.executed[:-1]))
-    late = (begun >= in_time) | _answered_late(talk.executed - begun, busy, state.link)
-    count = min(int(late.argmax()) if late.any() else len(number), talk.sure)
+    times = _line_times(lines, place_at, state)
+    begun = np.maximum(times.arrived, np.append(state.executed, times.executed[:-1]))
+    late = (begun >= in_time) | _answered_late(times.executed - begun, busy, state.link)
+    count = min(int(late.argmax()) if late.any() else len(number), times.sure)
     if count == 0:
         return BatchTimes(0, ends[:0], state, planner, ends[:0], seconds[:0], waiting)
-    began = int(np.searchsorted(ends, talk.executed[count - 1], side="right"))
+    began = int(np.searchsorted(ends, times.executed[count - 1], side="right"))
     pushed = int(last[count - 1]) + 1
     after = PlannerState(
         tuple((block_at(blocks, at), float(corners[at])) for at in range(began, pushed)),
@@ -295,12 +298,12 @@ def send_batch(
         float(squares[began - 1]) if began else planner.square,
         float(ends[began]),
     )
-    behind = talk.state_behind(count, lines, state)
-    return BatchTimes(count, talk.executed[:count], behind, after, ends[:began], seconds[:began], pushed)
+    link_state = times.state_after(count, lines, state)
+    return BatchTimes(count, times.executed[:count], link_state, after, ends[:began], seconds[:began], pushed)
 
 
 def _answered_late(waits: Float, busy: tuple[float, int], link: SerialLink) -> Bool:
-    """(n,) before which answers the machine said so late that it is busy that the answer comes behind that."""
+    """Return (n,) whether a busy message delays the answer to each line."""
     every, size = busy
     if every <= 0:
         return np.zeros(len(waits), np.bool_)
@@ -309,7 +312,7 @@ def _answered_late(waits: Float, busy: tuple[float, int], link: SerialLink) -> B
 
 
 def _with_waiting(planner: PlannerState, fresh: Blocks, limits: MotionLimits) -> tuple[Blocks, Float]:
-    """The blocks that wait and the new ones, and the squared speed of the corner before each."""
+    """Return the queued blocks followed by the new ones, and the squared junction speed before each."""
     blocks = _joined(_columns([block for block, _ in planner.queue]), fresh)
     known = np.array([corner for _, corner in planner.queue])
     if not len(fresh.length):
@@ -320,7 +323,7 @@ def _with_waiting(planner: PlannerState, fresh: Blocks, limits: MotionLimits) ->
 
 
 def _columns(blocks: Sequence[Block]) -> Blocks:
-    """Blocks as arrays."""
+    """Convert blocks to arrays."""
     return Blocks(
         np.array([block.length for block in blocks]),
         np.array([block.unit for block in blocks]).reshape(-1, 4).T,
@@ -331,7 +334,7 @@ def _columns(blocks: Sequence[Block]) -> Blocks:
 
 
 def _joined(first: Blocks, second: Blocks) -> Blocks:
-    """One behind the other."""
+    """Concatenate blocks."""
     return Blocks(
         np.append(first.length, second.length),
         np.append(first.unit, second.unit, axis=1),
@@ -342,7 +345,7 @@ def _joined(first: Blocks, second: Blocks) -> Blocks:
 
 
 def block_at(blocks: Blocks, at: int) -> Block:
-    """One of the blocks by itself."""
+    """Return one of the blocks."""
     x, y, z, e = blocks.unit[:, at].tolist()
     return Block(
         float(blocks.length[at]),
@@ -354,18 +357,18 @@ def block_at(blocks: Blocks, at: int) -> Block:
 
 
 def _at(values: Float, index: Int, before: float) -> Float:
-    """The values at these places; `before` for places before the first."""
+    """Return the values at these indices; `before` for negative indices."""
     return np.asarray(np.where(index >= 0, values[np.clip(index, 0, len(values) - 1)], before))
 
 
-class _Talk(NamedTuple):
-    """When things happen, s.
+class _LineTimes(NamedTuple):
+    """Times of lines, s.
 
     Attributes:
-        sent, arrived, executed: (n,) when each line has gone out, has arrived, is executed.
-        free: (n,) when the way back is free behind its answer.
-        answers: (window_lines + n,) the moments of all answers, those of `LinkState.answered` first.
-        sure: how many of the first lines will not be put off any more.
+        sent, arrived, executed: (n,) when each line was sent, received, executed.
+        free: (n,) when the direction to the host is free after the answer to each line.
+        answers: (window_lines + n,) times of all answers, those of `LinkState.answered` first.
+        sure: number of lines at the start whose times are final.
     """
 
     sent: Float
@@ -375,8 +378,8 @@ class _Talk(NamedTuple):
     answers: Float
     sure: int
 
-    def state_behind(self, count: int, lines: LineBatch, before: LinkState) -> LinkState:
-        """The link behind the first `count` lines."""
+    def state_after(self, count: int, lines: LineBatch, before: LinkState) -> LinkState:
+        """Return the state of the link after the first `count` lines."""
         sizes = np.concatenate([before.sizes, lines.sizes[:count]])[count:].astype(np.int64)
         return LinkState(
             before.link,
@@ -388,8 +391,8 @@ class _Talk(NamedTuple):
         )
 
 
-def _conversation(lines: LineBatch, place_at: Float, state: LinkState) -> _Talk:
-    """How the lines go back and forth if the planner has a place for each at `place_at`, (n,) s."""
+def _line_times(lines: LineBatch, place_at: Float, state: LinkState) -> _LineTimes:
+    """Compute the times of lines for which the planner has room at `place_at`, (n,) s."""
     link = state.link
     awaited = _awaited(lines, state)
     out, back = (np.asarray(one * link.byte_seconds) for one in (lines.sizes, lines.answers))
@@ -406,25 +409,25 @@ def _conversation(lines: LineBatch, place_at: Float, state: LinkState) -> _Talk:
         if sure == len(executed):
             break
         executed = later
-    return _Talk(sent, arrived, executed, free, answers, sure)
+    return _LineTimes(sent, arrived, executed, free, answers, sure)
 
 
 def _awaited(lines: LineBatch, state: LinkState) -> Int:
-    """(n,) which answer each line waits for, as a place in `_Talk.answers`."""
+    """Return (n,) the answer for which each line waits, as an index into `_LineTimes.answers`."""
     number, before = np.arange(len(lines.sizes)), len(state.sizes)
-    # Bytes sent before each line; those of lines before the batch that may still be in flight come first.
+    # Bytes sent before each line, starting with the lines before the batch that may still be in flight.
     total = np.cumsum(np.concatenate([[0], state.sizes, lines.sizes]).astype(np.int64))
     needed = total[number + before] + lines.rooms - state.link.line_bytes
     return np.asarray(np.clip(np.searchsorted(total, needed), number, number + before))
 
 
 def _queue(wanted: Float, takes: Float, free: float) -> Float:
-    """When each of some things is done that take their time one behind the other.
+    """Return (n,) when each of several consecutive transmissions ends, s.
 
     Args:
-        wanted: (n,) s before which each does not begin.
-        takes: (n,) s that it takes.
-        free: s, when the first may begin.
+        wanted: (n,) earliest start of each, s.
+        takes: (n,) duration of each, s.
+        free: earliest start of the first, s.
     """
     total = np.cumsum(takes)
     return np.asarray(total + np.maximum(free, np.maximum.accumulate(wanted - (total - takes))))
@@ -432,14 +435,14 @@ def _queue(wanted: Float, takes: Float, free: float) -> Float:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TimedJob:
-    """What a job asks of the link and of the planner.
+    """Lines and moves of a job.
 
     Attributes:
-        sizes, rooms: (n,) bytes of its lines, as `line_sizes` gives them.
-        moving: (m,) the line of each move, ascending; an arc is several moves.
+        sizes, rooms: (n,) bytes of its lines, from `line_sizes`.
+        moving: (m,) line of each move, ascending; an arc is several moves.
         blocks: the m moves.
-        stands: line -> s that the machine stands still there, once all moves before it are made.
-        limits: line -> limits of the machine that hold from there on.
+        stands: line -> duration of a standstill after all moves before it, s.
+        limits: line -> limits of the machine from this line on.
     """
 
     sizes: Int
@@ -452,15 +455,15 @@ class TimedJob:
 
 @dataclass(slots=True)
 class LinkRun:
-    """One way of a job over a link.
+    """Simulation of a job that is sent over a link.
 
     Attributes:
-        job, link: they.
-        limits: of the machine, with its planner.
-        begins: (n,) s at which the first move of each line begins; nan of lines without one.
-        end: s at which the last move was made.
+        job, link: the job and the link.
+        limits: limits of the machine and its planner.
+        begins: (n,) start of the first move of each line, s; nan for lines without a move.
+        end: end of the last move, s.
         clock: the planner.
-        batched: lines whose times were computed many at once.
+        batched: number of lines whose times were computed in batches.
     """
 
     job: TimedJob
@@ -472,7 +475,7 @@ class LinkRun:
     batched: int = 0
     _state: LinkState = field(init=False)
     _breaks: list[int] = field(init=False)
-    _first_move: list[int] = field(init=False)  # of each line, and the number of moves
+    _first_move: list[int] = field(init=False)  # first move of each line; at the end, the number of moves
 
     def __post_init__(self) -> None:
         self.begins = np.full(len(self.job.sizes), np.nan)
@@ -482,15 +485,15 @@ class LinkRun:
         self._breaks = sorted({*self.job.stands, *self.job.limits, len(self.job.sizes)})
 
     def run(self) -> LinkRun:
-        """Send all lines."""
-        at, retry, most = 0, BatchRetry(), _AT_ONCE[0]
+        """Send all lines; return self."""
+        at, retry, most = 0, BatchRetry(), _BATCH_LINES[0]
         while at < len(self.job.sizes):
             end = min(self._breaks[bisect_left(self._breaks, at)], at + most)
             count = 0
             if retry.is_due(end - at):
                 count = self._send_batch(at, end)
                 retry.tried(count)
-                most = min(2 * most, _AT_ONCE[1]) if count == end - at else _AT_ONCE[0]
+                most = min(2 * most, _BATCH_LINES[1]) if count == end - at else _BATCH_LINES[0]
             if not count:
                 self._send_one(at)
                 retry.sent_one()
@@ -500,7 +503,7 @@ class LinkRun:
         return self
 
     def _begin(self, line: int, now: float) -> None:
-        """A move begins; of the pieces of an arc the first one counts."""
+        """Record the start of a move; of an arc, the first chord counts."""
         if np.isnan(self.begins[line]):
             self.begins[line] = now
 
@@ -519,7 +522,7 @@ class LinkRun:
         state.acknowledge(now)
 
     def _send_batch(self, at: int, end: int) -> int:
-        """Send the lines from `at` to before `end`, as far as can be at once; how many that were."""
+        """Send lines from `at` to before `end` as a batch; return how many succeeded."""
         planner = self.clock.state(self._state.executed)
         if planner is None or not can_batch(self.limits):
             return 0
@@ -536,7 +539,7 @@ class LinkRun:
         if sent.done:
             labels = np.concatenate([self.clock.labels, job.moving[moves]]).astype(np.int64)
             began = len(sent.begins)
-            # The first label is that of the running move. An arc has begun with the first of its moves.
+            # The first label is that of the running move. An arc starts with the first of its moves.
             fresh, first = np.unique(labels[1 : began + 1], return_index=True)
             news = np.isnan(self.begins[fresh])
             self.begins[fresh[news]] = sent.begins[first[news]]

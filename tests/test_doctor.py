@@ -145,7 +145,7 @@ def test_a_file_is_no_port(tmp_path: Path) -> None:
     (check,) = state_of(str(file)).checks()
 
     assert check.state == "bad"
-    assert "no serial port" in check.what
+    assert "not a serial port" in check.what
 
 
 @pytest.fixture
@@ -197,7 +197,7 @@ def test_a_port_that_may_not_be_opened() -> None:
     assert check.state == "bad"
     assert "usermod -aG dialout" in check.remedy
     again = replace(state, in_group=True)
-    assert "log in again" in next(one for one in again.checks() if one.name == "permission").remedy
+    assert "Log out and in again" in next(one for one in again.checks() if one.name == "permission").remedy
 
 
 # The command
@@ -243,7 +243,7 @@ def test_what_is_in_the_way_is_said_with_its_remedy(tmp_path: Path) -> None:
     done = typed("doctor", tmp_path / "none")
 
     assert done.code == 4
-    assert is_message(done, "there is no", "look at cable")
+    assert is_message(done, "does not exist", "Check cable")
     assert json.loads(typed("doctor", tmp_path / "none", "--json").out)["ok"] is False
 
 

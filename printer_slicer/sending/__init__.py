@@ -1,6 +1,6 @@
-"""G-code to other people's print servers: upload, and start if wanted.
+"""Upload G-code to print servers such as OctoPrint, and start the print on request.
 
-Each kind of server is a row of `SERVERS`; what they have in common, the connection and its errors, is in `connection`.
+`SERVERS` holds one function per kind of server. The connection and its errors are in `connection`.
 """
 
 from __future__ import annotations
@@ -34,22 +34,24 @@ def send(
     user: str = "",
     timeout: float = 30.0,
 ) -> str:
-    """Upload a file to a print server; where it is there.
+    """Upload a file to a print server; return its path on the server.
 
     Args:
-        upload: what.
-        kind: of server, a key of `SERVERS`.
-        url: of its page; without a scheme http is meant.
-        key: API key, or password; empty: none.
-        user: whose password it is.
-        timeout: s that the server may be silent.
+        upload: the file and its destination.
+        kind: kind of server, a key of `SERVERS`.
+        url: address of its web page; the default scheme is http.
+        key: API key or password; empty: none.
+        user: user of the password.
+        timeout: time without an answer after which an error is raised, s.
 
     Raises:
-        UsageError: there is no such kind, or the file or its name cannot be sent.
-        PortError: the server is not there, is another one, refuses the key or the file, or does not start it.
+        UsageError: the kind is unknown, or the file or its name cannot be sent.
+        PortError: the server cannot be reached, is of another kind, rejects the key or the file, or does not start it.
     """
     if kind not in SERVERS:
-        raise UsageError(f"--to {kind}: no such kind of server", remedy=f"kinds are {', '.join(SERVERS)}")
-    upload.open().close()  # before anybody is asked for a session
+        raise UsageError(
+            f"--to {kind}: unknown kind of server", remedy=f"Choose one of: {', '.join(SERVERS)}"
+        )
+    upload.open().close()  # fail before a session is opened
     with Connection(url, kind, key=key, user=user, timeout=timeout) as connection:
         return SERVERS[kind](connection, upload)

@@ -1,4 +1,4 @@
-"""A connection to a print server, and what can go wrong with it. The only file that knows httpx."""
+"""HTTP connection to a print server, and its errors. The only module that imports httpx."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from printer_slicer.errors import PortError, UsageError
 __all__ = ["Connection", "CountedFile", "Upload", "refused"]
 
 _CHUNK: Final = 1 << 16
-_SHOWN: Final = 200  # characters of what a server says
+_SHOWN: Final = 200  # characters of a server's error message
 
 
 @dataclass(frozen=True, slots=True)
 class Upload:
-    """What to send.
+    """A file to upload, and its destination.
 
     Attributes:
-        path: of the file.
-        name: what it is called there.
-        folder: where, "" for the usual place.
-        start: whether it shall be printed.
-        on_progress: is told how many bytes are on their way, of how many.
+        path: path of the file.
+        name: file name on the server.
+        folder: folder on the server, "" for the default folder.
+        start: whether to start the print.
+        on_progress: called with the number of bytes sent and the size of the file.
     """
 
     path: Path
@@ -39,43 +39,46 @@ class Upload:
 
     def __post_init__(self) -> None:
         if not self.name or "/" in self.name or "\\" in self.name or not self.name.isprintable():
-            raise UsageError(f"{self.name!r}: no name for a file", remedy="name it with --name part.gcode")
+            raise UsageError(
+                f"{self.name!r} is not a valid file name",
+                remedy="Use --name to choose another, such as part.gcode",
+            )
         if ".." in Path(self.folder).parts or not self.folder.isprintable():
             raise UsageError(
-                f"--folder {self.folder!r}: no folder", remedy="for example --folder parts/small"
+                f"--folder {self.folder!r} is not a valid folder", remedy="Use a path such as parts/small"
             )
 
     @property
     def place(self) -> str:
-        """Folder and name."""
+        """Return folder and name, joined by a slash."""
         return "/".join(part for part in (self.folder.strip("/"), self.name) if part)
 
     def open(self) -> CountedFile:
-        """The file, whose reading is told.
+        """Open the file; reading it reports progress.
 
         Raises:
-            UsageError: it cannot be read.
+            UsageError: the file cannot be read.
         """
         try:
             return CountedFile(self.path, self.on_progress)
         except OSError as error:
             raise UsageError(
-                f"{self.path}: cannot be read: {error.strerror}", remedy="check name and permissions"
+                f"{self.path}: cannot be read: {error.strerror}", remedy="Check its name and permissions"
             ) from None
 
 
 class CountedFile:
-    """A file that tells how much of it was read."""
+    """File that reports how much of it was read."""
 
     def __init__(self, path: Path, on_progress: Callable[[int, int], None]) -> None:
         self._file = path.open("rb")
         self.size = os.fstat(self._file.fileno()).st_size
-        self._tell = on_progress
+        self._on_progress = on_progress
 
     def read(self, size: int = -1) -> bytes:
-        """Some of it."""
+        """Read up to `size` bytes, and report the progress."""
         data = self._file.read(size)
-        self._tell(self._file.tell(), self.size)
+        self._on_progress(self._file.tell(), self.size)
         return data
 
     def __iter__(self) -> Iterator[bytes]:
@@ -83,15 +86,15 @@ class CountedFile:
             yield data
 
     def fileno(self) -> int:
-        """Of the file."""
+        """Return the descriptor of the file."""
         return self._file.fileno()
 
     def seek(self, offset: int, whence: int = 0) -> int:
-        """Go to a place."""
+        """Move to a position."""
         return self._file.seek(offset, whence)
 
     def tell(self) -> int:
-        """The place."""
+        """Return the position."""
         return self._file.tell()
 
     def close(self) -> None:
@@ -106,17 +109,17 @@ class CountedFile:
 
 
 class Connection:
-    """Requests to one server, whose errors name it and say what to do.
+    """Connection to one server; its errors name the server and a remedy.
 
     Args:
-        url: of its page.
-        kind: of server, for messages.
-        key: API key, or password.
-        user: whose.
-        timeout: s that it may be silent.
+        url: address of its web page.
+        kind: kind of server, for messages.
+        key: API key or password.
+        user: user of the password.
+        timeout: time without an answer after which an error is raised, s.
 
     Raises:
-        UsageError: the address is none.
+        UsageError: the address or the key is invalid.
     """
 
     def __init__(self, url: str, kind: str, *, key: str = "", user: str = "", timeout: float = 30.0) -> None:
@@ -124,15 +127,17 @@ class Connection:
         self.kind, self.url, self.key, self.user = kind, whole.rstrip("/"), key, user
         if odd := next((one for one in key if not (one.isascii() and one.isprintable())), ""):
             raise UsageError(
-                f"the key holds {odd!r}, which no key does",
-                remedy="look at the file, the flag or the variable PRINTER_SLICER_KEY that it is from",
+                f"the key contains {odd!r}, which is not allowed in a key",
+                remedy="Check --key-file, --key or the variable PRINTER_SLICER_KEY",
             )
         try:
             parsed = httpx.URL(self.url)
         except (httpx.InvalidURL, ValueError, TypeError):
             parsed = httpx.URL("")
         if parsed.scheme not in {"http", "https"} or not parsed.host:
-            raise UsageError(f"{url}: no address of a server", remedy="for example http://octopi.local")
+            raise UsageError(
+                f"{url} is not the address of a server", remedy="Use an address such as http://octopi.local"
+            )
         self._client = httpx.Client(base_url=self.url, timeout=timeout, follow_redirects=False)
 
     def __enter__(self) -> Self:
@@ -144,34 +149,34 @@ class Connection:
         self._client.close()
 
     def digest(self) -> None:
-        """Show name and password as RFC 7616 wants it, from now on."""
+        """Use digest authentication (RFC 7616) for all further requests."""
         self._client.auth = httpx.DigestAuth(self.user, self.key)
 
     def head(self, headers: Mapping[str, str]) -> None:
-        """Send these headers with every request from now on."""
+        """Send these headers with all further requests."""
         self._client.headers.update(headers)
 
     def ask(self, method: str, path: str, **more: Any) -> httpx.Response:
-        """One request; its answer, whatever it is.
+        """Send a request; return the answer, whatever its status.
 
         Raises:
-            PortError: there is none.
+            PortError: there is no answer.
         """
         try:
             return self._client.request(method, path, **more)
         except httpx.ConnectError as error:
             raise PortError(
-                f"{self.url}: nobody answers there: {_reason(error)}",
-                remedy="is the server on, the address right, and the port, such as http://voron.local:7125?",
+                f"{self.url}: cannot connect: {_reason(error)}",
+                remedy="Check that the server is running, and check address and port, such as http://voron.local:7125",
             ) from None
         except httpx.TimeoutException:
             raise PortError(
-                f"{self.url}: no answer in time", remedy="look at the network, or give it --timeout 120"
+                f"{self.url}: no answer in time", remedy="Check the network, or use --timeout 120"
             ) from None
         except (httpx.HTTPError, httpx.InvalidURL) as error:
             raise PortError(
-                f"{self.url}: the connection broke: {_reason(error)}",
-                remedy="a server that has no room, or refuses the file, may cut it: look at its page, try again",
+                f"{self.url}: the connection was lost: {_reason(error)}",
+                remedy="Check on its web page whether its disk is full or it rejects the file, then try again",
             ) from None
 
     def upload(
@@ -183,22 +188,22 @@ class Connection:
         headers: Mapping[str, str] | None = None,
         params: Mapping[str, str] | None = None,
     ) -> httpx.Response:
-        """The file as the body of a request, streamed."""
+        """Send the file as the body of a request, in chunks; return the answer."""
         with upload.open() as file:
             all_headers = {**(headers or {}), "Content-Length": str(file.size)}
             return self.ask(method, path, content=iter(file), headers=all_headers, params=params)
 
     def form(self, path: str, upload: Upload, fields: Mapping[str, str]) -> httpx.Response:
-        """The file and some fields as a form, streamed."""
+        """Send the file and some fields as a form, in chunks; return the answer."""
         with upload.open() as file:
             files = {"file": (upload.name, file, "application/octet-stream")}
             return self.ask("POST", path, data=dict(fields), files=files)
 
     def said(self, answer: httpx.Response) -> dict[str, Any]:
-        """The object that an answer holds.
+        """Return the JSON object of an answer.
 
         Raises:
-            PortError: it is none of this kind of server.
+            PortError: the answer is not a JSON object, so the server is of another kind.
         """
         try:
             found = answer.json()
@@ -206,48 +211,50 @@ class Connection:
             found = None
         if not isinstance(found, dict):
             raise PortError(
-                f"{self.url}: what answers there is no {self.kind}",
-                remedy="check the address, or what --to says",
+                f"{self.url}: the server there is not {self.kind}",
+                remedy="Check the address and the kind after --to",
             )
         return found
 
 
 def refused(connection: Connection, answer: httpx.Response, what: str) -> PortError:
-    """The error for an answer that is no success."""
+    """Return the error for an answer with an error status."""
     code = answer.status_code
-    said = _words(answer)
+    said = _error_text(answer)
     message = f"{connection.url}: {what}: {code} {answer.reason_phrase}" + (f": {said}" if said else "")
     if code in {401, 403}:
-        with_one = "this key is not taken" if connection.key else "a key is wanted"
+        message += "; the key was rejected" if connection.key else "; a key is required"
         remedy = (
-            f"{with_one}: make one on the server's page, and give it with --key-file or PRINTER_SLICER_KEY"
+            "Create a key on the web page of the server and pass it with --key-file or PRINTER_SLICER_KEY"
         )
     elif code in {301, 302, 307, 308}:
-        remedy = f"it has moved to {answer.headers.get('location', 'another address')}: use that one"
+        remedy = f"Use the address to which it has moved: {answer.headers.get('location', 'not named')}"
     elif code == 404:
-        remedy = f"is it {connection.kind}, and is the address that of its page?"
+        remedy = f"Check that the server is {connection.kind} and that the address is that of its web page"
     elif code == 409:
-        remedy = "the printer is busy, or a file of that name is in use: wait, or take another --name"
+        remedy = (
+            "Wait until the printer is idle and the file of this name is not in use, or use another --name"
+        )
     elif code in {413, 507}:
-        remedy = "there is no room for the file: delete some there"
+        remedy = "Delete files on the server, because it has no space for this one"
     elif code == 415:
-        remedy = "the server takes no such file: does the name end in .gcode?"
+        remedy = "Use --name with a name that ends in .gcode"
     else:
-        remedy = "look at the server's own log"
+        remedy = "Read the log of the server"
     return PortError(message, remedy=remedy)
 
 
-def _words(answer: httpx.Response) -> str:
-    """What a server says of an error, in one line: never its whole page."""
+def _error_text(answer: httpx.Response) -> str:
+    """Return the error message of a server in one line; empty for an HTML page."""
     if "html" in answer.headers.get("content-type", ""):
         return ""
     try:
-        told = answer.json()
+        found = answer.json()
     except ValueError:
-        told = answer.text
+        found = answer.text
     for name in ("error", "message", "title"):
-        told = told.get(name, told) if isinstance(told, dict) else told
-    return " ".join(str(told).split())[:_SHOWN]
+        found = found.get(name, found) if isinstance(found, dict) else found
+    return " ".join(str(found).split())[:_SHOWN]
 
 
 def _reason(error: Exception) -> str:

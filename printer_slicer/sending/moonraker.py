@@ -1,4 +1,7 @@
-"""Moonraker. Source: its documentation, "External API: File management, Server administration, Authorization"."""
+"""Upload to Moonraker.
+
+Source: its documentation, "External API: File management, Server administration, Authorization".
+"""
 
 from __future__ import annotations
 
@@ -11,23 +14,25 @@ __all__ = ["send_to_moonraker"]
 
 
 def send_to_moonraker(connection: Connection, upload: Upload) -> str:
-    """Upload to the folder of G-codes, with a checksum; the path there.
+    """Upload to the folder `gcodes`, with a checksum; return the path on the server.
 
     Raises:
-        PortError: it cannot be done.
+        PortError: the upload or the start of the print failed.
     """
     if connection.key:
         connection.head({"X-Api-Key": connection.key})
     info = connection.ask("GET", "/server/info")
     if info.status_code != 200:
-        raise refused(connection, info, "asked who it is")
+        raise refused(connection, info, "the version query failed")
     state = connection.said(info).get("result")
     if not isinstance(state, dict) or "klippy_state" not in state:
-        raise PortError(f"{connection.url}: what answers there is no Moonraker", remedy="check --to")
+        raise PortError(
+            f"{connection.url}: the server there is not Moonraker", remedy="Check the kind after --to"
+        )
     if upload.start and state["klippy_state"] != "ready":
         raise PortError(
-            f"{connection.url}: Klipper is not ready ({state['klippy_state']}), so nothing can be printed",
-            remedy="look at its page; without --print the file is only uploaded",
+            f"{connection.url}: Klipper is not ready ({state['klippy_state']}), so the print cannot start",
+            remedy="Check its web page, or leave out --print to upload only",
         )
     with upload.path.open("rb") as file:
         checksum = file_digest(file, "sha256").hexdigest()
@@ -41,12 +46,13 @@ def send_to_moonraker(connection: Connection, upload: Upload) -> str:
         "/server/files/upload", upload, {key: value for key, value in fields.items() if value}
     )
     if answer.status_code not in {200, 201}:
-        raise refused(connection, answer, f"{upload.name} was not taken")
-    told = connection.said(answer)
-    told = told.get("result", told)
-    place = str(told.get("item", {}).get("path", upload.place))
-    if upload.start and not told.get("print_started", False):
+        raise refused(connection, answer, f"{upload.name} was not accepted")
+    answered = connection.said(answer)
+    answered = answered.get("result", answered)
+    place = str(answered.get("item", {}).get("path", upload.place))
+    if upload.start and not answered.get("print_started", False):
         raise PortError(
-            f"{connection.url}: {place} is there, but is not printed", remedy="is another print running?"
+            f"{connection.url}: {place} was uploaded, but the print did not start",
+            remedy="Check whether another print is running",
         )
     return place

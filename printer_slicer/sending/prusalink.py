@@ -1,4 +1,4 @@
-"""PrusaLink. Source: the OpenAPI description in its repository (`/api/v1/storage`, `/api/v1/files`)."""
+"""Upload to PrusaLink. Source: the OpenAPI description in its repository (`/api/v1/storage`, `/api/v1/files`)."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ __all__ = ["send_to_prusalink"]
 
 
 def send_to_prusalink(connection: Connection, upload: Upload) -> str:
-    """Upload to the first storage that can be written to, over a file of that name; the path there.
+    """Upload to the first writable storage; return the path on the server. A file of the same name is replaced.
 
-    With a user the key is a password, shown by digest; without it is an API key.
+    With a user the key is a password for digest authentication; without one it is an API key.
 
     Raises:
-        PortError: it cannot be done.
+        PortError: the upload or the start of the print failed.
     """
     if connection.user:
         connection.digest()
@@ -25,7 +25,7 @@ def send_to_prusalink(connection: Connection, upload: Upload) -> str:
         connection.head({"X-Api-Key": connection.key})
     answer = connection.ask("GET", "/api/v1/storage")
     if answer.status_code != 200:
-        raise refused(connection, answer, "asked for its storage")
+        raise refused(connection, answer, "the request for its storage failed")
     place = f"{_storage(connection, connection.said(answer)).strip('/')}/{upload.place}"
     headers = {
         "Content-Type": "text/x.gcode",
@@ -34,15 +34,15 @@ def send_to_prusalink(connection: Connection, upload: Upload) -> str:
     }
     done = connection.upload("PUT", f"/api/v1/files/{quote(place)}", upload, headers=headers)
     if done.status_code not in {200, 201}:
-        raise refused(connection, done, f"{upload.name} was not taken")
+        raise refused(connection, done, f"{upload.name} was not accepted")
     return place
 
 
 def _storage(connection: Connection, said: dict[str, Any]) -> str:
-    """Path of a storage that can be written to."""
+    """Return the path of the first writable storage."""
     for storage in said.get("storage_list", ()):
         if storage.get("available", False) and not storage.get("read_only", False):
             return str(storage["path"])
     raise PortError(
-        f"{connection.url}: has no storage to write to", remedy="plug a USB drive into the printer"
+        f"{connection.url}: it has no writable storage", remedy="Plug a USB drive into the printer"
     )

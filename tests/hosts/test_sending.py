@@ -84,7 +84,7 @@ def test_octoprint_without_a_printer_does_not_print(
     done = typed("send", gcode, "--to", "octoprint", octo[0], "--key-file", key_file, "--print")
 
     assert done.code == 4
-    assert is_message(done, "is there, but is not printed")
+    assert is_message(done, "was uploaded, but the print did not start")
 
 
 def test_octoprint_refuses_a_wrong_key(
@@ -97,8 +97,8 @@ def test_octoprint_refuses_a_wrong_key(
     right = typed("send", gcode, "--to", "octoprint", octo[0])
 
     assert (missing.code, wrong.code, right.code) == (4, 4, 0)
-    assert is_message(missing, "a key is wanted", "--key-file")
-    assert is_message(wrong, "this key is not taken", "PRINTER_SLICER_KEY")
+    assert is_message(missing, "a key is required", "--key-file")
+    assert is_message(wrong, "the key was rejected", "PRINTER_SLICER_KEY")
 
 
 def test_octoprint_is_not_taken_for_another_server(octo: tuple[str, Path], gcode: Path) -> None:
@@ -130,7 +130,7 @@ def test_moonraker_refuses_whom_it_does_not_know(tmp_path: Path, gcode: Path) ->
         done = typed("send", gcode, "--to", "moonraker", url)
 
     assert done.code == 4
-    assert is_message(done, "401", "a key is wanted")
+    assert is_message(done, "401", "a key is required")
     assert "Traceback" not in done.err
 
 
@@ -159,7 +159,7 @@ def test_prusalink_by_password(gcode: Path, key_file: Path) -> None:
         assert seen.started == ["/usb/a part.gcode"]
         wrong = typed("send", gcode, "--to", "prusalink", seen.url, "--key", "no", "--user", "maker")
         assert wrong.code == 4
-        assert is_message(wrong, "401", "this key is not taken")
+        assert is_message(wrong, "401", "the key was rejected")
 
 
 def test_what_is_printed_at_once_is_looked_at_before_it_is_sent(tmp_path: Path) -> None:
@@ -183,10 +183,10 @@ def test_prusalink_says_what_it_does_not_take(gcode: Path) -> None:
     with prusalink() as seen:
         done = typed("send", gcode, "--to", "prusalink", seen.url, "--key", "secret", "--name", "a.g")
         assert done.code == 4
-        assert is_message(done, "415", "end in .gcode")
+        assert is_message(done, "415", "ends in .gcode")
     with prusalink(full=True) as seen:
         done = typed("send", gcode, "--to", "prusalink", seen.url, "--key", "secret")
-        assert is_message(done, "no storage")
+        assert is_message(done, "no writable storage")
 
 
 # Duet
@@ -210,7 +210,7 @@ def test_duet_without_room(gcode: Path) -> None:
         done = typed("send", gcode, "--to", "duet", seen.url, "--key", "secret", "--print")
 
         assert done.code == 4
-        assert is_message(done, "was not taken", "room")
+        assert is_message(done, "was not accepted", "free space")
         assert seen.started == []
         assert seen.requests[-1] == "GET /rr_disconnect"
 
@@ -218,8 +218,8 @@ def test_duet_without_room(gcode: Path) -> None:
 @pytest.mark.parametrize(
     ("code", "said"),
     [
-        (2, "has no session left\n  close some of its pages, or wait a little"),
-        (7, "gives no session (err 7)\n  look at its page"),
+        (2, "all sessions are in use\n  Close some of its web pages, or try again later"),
+        (7, "it opens no session (err 7)\n  Check its web page"),
     ],
 )
 def test_duet_says_why_it_gives_no_session(code: int, said: str, gcode: Path) -> None:
@@ -240,33 +240,41 @@ API = {"/api/version": (200, {"api": "0.1"})}
 @pytest.mark.parametrize(
     ("kind", "says", "said"),
     [
-        ("moonraker", {"/server/info": (200, {})}, "what answers there is no Moonraker\n  check --to"),
+        (
+            "moonraker",
+            {"/server/info": (200, {})},
+            "the server there is not Moonraker\n  Check the kind after --to",
+        ),
         (
             "moonraker",
             {"/server/info": (200, {"result": None})},
-            "what answers there is no Moonraker\n  check --to",
+            "the server there is not Moonraker\n  Check the kind after --to",
         ),
         (
             "moonraker",
             {"/server/info": (200, {"result": {"klippy_state": "startup"}})},
             (
-                "Klipper is not ready (startup), so nothing can be printed\n"
-                "  look at its page; without --print the file is only uploaded"
+                "Klipper is not ready (startup), so the print cannot start\n"
+                "  Check its web page, or leave out --print to upload only"
             ),
         ),
         (
             "moonraker",
             READY | {"/server/files/upload": (201, {"item": {"path": "b.gcode"}, "print_started": False})},
-            "b.gcode is there, but is not printed\n  is another print running?",
+            "b.gcode was uploaded, but the print did not start\n  Check whether another print is running",
         ),
-        ("octoprint", {"/api/version": (200, {})}, "what answers there is no OctoPrint\n  check --to"),
+        (
+            "octoprint",
+            {"/api/version": (200, {})},
+            "the server there is not OctoPrint\n  Check the kind after --to",
+        ),
         (
             "octoprint",
             API
             | {"/api/files/local": (201, {"files": {"local": {"path": "b.gcode"}}, "effectivePrint": False})},
             (
-                "b.gcode is there, but is not printed\n"
-                "  connect OctoPrint to its printer and start the print there"
+                "b.gcode was uploaded, but the print did not start\n"
+                "  Connect OctoPrint to its printer and start the print there"
             ),
         ),
     ],
@@ -285,10 +293,10 @@ def test_what_is_not_printed_is_told_with_the_reason(
 @pytest.mark.parametrize(
     ("state", "advice"),
     [
-        ("Printing from SD", "it is busy with another print (Printing from SD)"),
-        ("Paused", "it is busy with another print (Paused)"),
-        ("Offline (Error: timeout)", "connect OctoPrint to its printer"),
-        ("Operational", "its printer is 'Operational': check it in OctoPrint"),
+        ("Printing from SD", "when the current print has ended (Printing from SD)"),
+        ("Paused", "when the current print has ended (Paused)"),
+        ("Offline (Error: timeout)", "Connect OctoPrint to its printer"),
+        ("Operational", "Check the printer in OctoPrint (its state is 'Operational')"),
     ],
 )
 def test_octoprint_that_does_not_print_is_asked_why(state: str, advice: str, tmp_path: Path) -> None:
@@ -304,7 +312,7 @@ def test_octoprint_that_does_not_print_is_asked_why(state: str, advice: str, tmp
 
     assert done.code == 4
     assert advice in done.err
-    assert ("connect OctoPrint" in done.err) == state.startswith("Offline")
+    assert ("Connect OctoPrint" in done.err) == state.startswith("Offline")
 
 
 # All of them
@@ -316,8 +324,8 @@ def test_a_key_that_is_none_is_refused_without_being_shown(gcode: Path) -> None:
     assert (done.code, done.err) == (
         2,
         (
-            "printer-slicer: the key holds 'ü', which no key does\n"
-            "  look at the file, the flag or the variable PRINTER_SLICER_KEY that it is from\n"
+            "printer-slicer: the key contains 'ü', which is not allowed in a key\n"
+            "  Check --key-file, --key or the variable PRINTER_SLICER_KEY\n"
         ),
     )
 
@@ -329,7 +337,7 @@ def test_a_file_that_cannot_be_read_is_told_before_the_server_is_asked(kind: str
         send(Upload(gone, "a.gcode"), kind, seen.url)
 
     assert str(caught.value) == (
-        f"{gone}: cannot be read: No such file or directory\n  check name and permissions"
+        f"{gone}: cannot be read: No such file or directory\n  Check its name and permissions"
     )
     assert seen.requests == []
 
@@ -353,7 +361,7 @@ def test_nobody_there(kind: str, gcode: Path) -> None:
         done = typed("send", gcode, "--to", kind, f"127.0.0.1:{unused.getsockname()[1]}")
 
     assert done.code == 4
-    assert is_message(done, "nobody answers there", "is the server on")
+    assert is_message(done, "cannot connect", "server is running")
 
 
 @pytest.mark.parametrize("kind", sorted(SERVERS))
@@ -390,13 +398,13 @@ def test_a_server_that_is_none(kind: str, answer: bytes, gcode: Path) -> None:
 
 @pytest.mark.parametrize("url", ["ftp://there", "http://", "://x"])
 def test_addresses_that_are_none(url: str, gcode: Path) -> None:
-    with pytest.raises(UsageError, match="no address"):
+    with pytest.raises(UsageError, match="not the address of a server"):
         send(Upload(gcode, "a.gcode"), "octoprint", url)
 
 
 @pytest.mark.parametrize("name", ["", "../a.gcode", "a/b.gcode", "a\n.gcode"])
 def test_names_that_are_none(name: str, gcode: Path) -> None:
-    with pytest.raises(UsageError, match="no name"):
+    with pytest.raises(UsageError, match="not a valid file name"):
         Upload(gcode, name)
 
 
@@ -406,8 +414,10 @@ def test_what_cannot_be_sent_is_named(tmp_path: Path, gcode: Path) -> None:
 
     assert is_message(typed("send", model, "--to", "duet", "there"), "not a G-code file", "Slice it first")
     assert is_message(typed("send", tmp_path / "b.gcode", "--to", "duet", "there"), "no such file")
-    assert is_message(typed("send", gcode, "--to", "prusa", "there"), "no such kind", "prusalink")
-    assert is_message(typed("send", gcode, "--to", "duet", "there", "--folder", "../.."), "no folder")
+    assert is_message(typed("send", gcode, "--to", "prusa", "there"), "unknown kind", "prusalink")
+    assert is_message(
+        typed("send", gcode, "--to", "duet", "there", "--folder", "../.."), "not a valid folder"
+    )
     missing = typed("send", gcode, "--to", "duet", "there", "--key-file", tmp_path / "none")
     assert is_message(missing, "cannot be read")
     assert os.environ.get("PRINTER_SLICER_KEY") is None
