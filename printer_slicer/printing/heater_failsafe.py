@@ -29,8 +29,8 @@ __all__ = ["failsafe_process", "main", "watch"]
 
 _DONE: Final = b"."
 _LOOK: Final = 0.5
-_ON_ITS_WAY: Final = 64
-"""Commands behind the last accepted one that may have been sent."""
+_UNACKED: Final = 64
+"""Number of commands after the last accepted one that may have been sent."""
 
 _LISTEN: Final = 1.0
 """s for the last bytes to leave before the port is closed."""
@@ -38,15 +38,15 @@ _LISTEN: Final = 1.0
 
 @contextmanager
 def failsafe_process(folder: Path, seconds: float) -> Iterator[None]:
-    """While this runs a second process watches over the print in `folder`.
+    """Run the failsafe process for a print within a `with` block.
 
     Args:
-        folder: of the print, on the shelf.
-        seconds: that a new host has to take the print up.
+        folder: folder of the print in the job store.
+        seconds: time for a new host to resume the print.
     """
     command = [sys.executable, "-m", "printer_slicer.printing.heater_failsafe", str(folder), f"{seconds:g}"]
     quiet = subprocess.DEVNULL
-    # A session of its own: Ctrl-C and the end of the terminal are for the host.
+    # In its own session, so that Ctrl-C and a closed terminal only reach the host.
     process = subprocess.Popen(  # noqa: S603 - our own program
         command, stdin=subprocess.PIPE, stdout=quiet, stderr=quiet, start_new_session=True
     )
@@ -58,7 +58,7 @@ def failsafe_process(folder: Path, seconds: float) -> Iterator[None]:
 
 
 def main(folder: Path, seconds: float) -> int:
-    """Wait until the host has ended, and make the printer cold if nobody else does; 1 if that failed."""
+    """Wait until the host has ended, then watch over the printer; return 1 if the heaters cannot be switched off."""
     while said := os.read(0, 1):
         if said == _DONE:
             return 0
@@ -86,9 +86,9 @@ def watch(folder: Path, seconds: float, clock: Callable[[], float] = monotonic) 
 
 
 def _wait_for_new_host(folder: Path, seconds: float, clock: Callable[[], float]) -> Print | None:
-    """The print, held by this process, when nobody has taken it up for so long; None when somebody has, or ended it.
+    """Wait for a new host; return the locked print if there is none in time, None if it was resumed or ended.
 
-    Somebody who holds it has not taken it up yet: the printer may turn out to be lost, or a person is asked.
+    A lock alone does not count as a resume: the printer may have lost its state, or the user is still being asked.
     """
     host = _last_host(folder)
     end, never = clock() + seconds, Flag()
@@ -102,7 +102,7 @@ def _wait_for_new_host(folder: Path, seconds: float, clock: Callable[[], float])
 
 
 def _last_host(folder: Path) -> str:
-    """Which host had the print last."""
+    """Return the id of the last host of the print."""
     try:
         return str(read_journal(folder).states.get(HOST, ""))
     except OSError:
@@ -110,13 +110,13 @@ def _last_host(folder: Path) -> str:
 
 
 def _switch_off(print_: Print) -> None:
-    """Say the last words to the printer, and note it.
+    """Send the shutdown commands to the printer, and record it in the journal.
 
     Raises:
-        PortError: it is not there.
+        PortError: the port cannot be opened, or the connection is lost.
     """
     journal_data = read_journal(print_.folder)
-    sent = split_gcode(print_.text).commands[: journal_data.entries + _ON_ITS_WAY]
+    sent = split_gcode(print_.text).commands[: journal_data.entries + _UNACKED]
     words = HeaterWatchdog().shutdown_lines(
         [*sent, *(record.command for record in journal_data.lines)], anyway=True
     )
@@ -129,7 +129,7 @@ def _switch_off(print_: Print) -> None:
     finally:
         port.close()
     journal = Journal(print_.folder)
-    journal.state({HEATERS_OFF: "nobody took it up"})
+    journal.state({HEATERS_OFF: "nobody resumed the print"})
     journal.close()
 
 

@@ -1,4 +1,4 @@
-"""What of a profile the host needs once a job is made: kept in the journal, so that profiles may change meanwhile."""
+"""Settings of a profile that the host needs during a print; stored with the print, so that profiles may change."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ __all__ = ["HostSettings", "host_settings_from", "parse_host_settings"]
 
 @dataclass(frozen=True, slots=True)
 class HostSettings:
-    """The printer, as the host sees it. Lengths mm, speeds mm/s.
+    """Settings of the printer for the host. Lengths mm, speeds mm/s.
 
     Attributes:
-        flavour: of its firmware.
-        limits: of its motion.
-        window_bytes: most bytes in flight.
-        baud: of the port.
+        flavour: G-code flavour of the firmware.
+        limits: motion limits.
+        window_bytes: maximum number of bytes in flight.
+        baud: baud rate of the port.
         low, high: front left and back right corner of the bed.
         top: greatest z.
-        retract, retract_speed, deretract_speed: of the filament around a pause.
-        travel_speed, lift_speed: of moves to and from the parking place.
-        lift: of the nozzle over the part.
-        purge: mm of filament pushed out and lost after the nozzle was cold.
-        coldest: °C below which the extruder must not turn.
-        settings: all of the profile, by which commands are judged that a person types; empty: they are not.
-        allowed: names of what was allowed all the same.
+        retract, retract_speed, deretract_speed: length and speeds of the retraction at a pause.
+        travel_speed, lift_speed: speeds of the moves to and from the parking position.
+        lift: height of the nozzle over the part while parked.
+        purge: length of filament purged after the nozzle was cold.
+        coldest: temperature below which the extruder must not move, °C.
+        settings: settings of the profile, to check commands that a user types; empty: no check.
+        allowed: names of the findings that were allowed.
     """
 
     flavour: str
@@ -56,17 +56,17 @@ class HostSettings:
 
     @property
     def firmware(self) -> Firmware:
-        """Its firmware."""
+        """Return the properties of the firmware."""
         return FIRMWARES[self.flavour]
 
     def as_json(self) -> dict[str, Any]:
-        """As JSON holds it."""
+        """Return it for JSON."""
         return asdict(self)
 
 
 def host_settings_from(profile: Profile, allowed: Iterable[str] = ()) -> HostSettings:
-    """What a profile says, and what was allowed against it."""
-    from printer_slicer.profile import settings_of  # noqa: PLC0415 - a setup that is there needs no profile
+    """Return the host settings of a profile, with the names of allowed findings."""
+    from printer_slicer.profile import settings_of  # noqa: PLC0415 - stored settings need no profile
 
     printer = profile.printer
     low, high = printer.corners
@@ -89,7 +89,7 @@ def host_settings_from(profile: Profile, allowed: Iterable[str] = ()) -> HostSet
 
 
 def parse_host_settings(values: Mapping[str, Any]) -> HostSettings:
-    """What `as_json` gave.
+    """Rebuild from the result of `as_json`.
 
     Raises:
         TypeError: a value has the wrong type.

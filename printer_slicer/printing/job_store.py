@@ -37,7 +37,7 @@ __all__ = [
     "unfinished",
 ]
 
-_PROBE_SECONDS = 0.04  # a process that looks whether a print is running holds its lock for less
+_PROBE_SECONDS = 0.04  # a check whether a print is running holds the lock for a shorter time
 _MOST_HEAD = 1 << 24  # bytes
 _HEAD, _JOB, _LOCK = "head.json", "job.gcode", "lock"
 _IN_HEAD = {"name": str, "port": str, "baud": int, "begun": str, "boot": str, "setup": dict}
@@ -100,7 +100,7 @@ class Print:
         """Lock the print; the lock ends with the process, however that ends."""
         from filelock import FileLock, Timeout  # noqa: PLC0415 - slow
 
-        # Another thread than the one that began a print may end it.
+        # A print may end in another thread than the one that started it.
         lock = FileLock(self.folder / _LOCK, mode=0o600, thread_local=False)
         try:
             lock.acquire(timeout=seconds, poll_interval=_PROBE_SECONDS / 4)
@@ -162,7 +162,7 @@ class DamagedPrint:
 
     @property
     def remedy(self) -> str:
-        """What to do about it."""
+        """Return what to do about it."""
         return f"Delete it with printer-slicer resume --discard {self.folder.name}; it cannot be resumed"
 
     def error(self) -> UsageError:
@@ -265,7 +265,7 @@ def _print_in(folder: Path) -> Print | None:
 
 def find_damage(print_: Print) -> DamagedPrint | None:
     """Return why a print cannot be resumed, as far as its files show; None if it can."""
-    # Who only controls a print does without these.
+    # A process that only controls a print does not need these imports.
     from printer_slicer.commands import split_gcode  # noqa: PLC0415
     from printer_slicer.printing.journal import read_journal  # noqa: PLC0415
     from printer_slicer.printing.reattach import find_journal_damage  # noqa: PLC0415
@@ -289,7 +289,7 @@ def find_damage(print_: Print) -> DamagedPrint | None:
 
 
 def _is_address(port: str) -> bool:
-    """Whether a text can be a port name."""
+    """Return whether a text can be a port name."""
     with suppress(UnicodeEncodeError):
         return b"\0" not in os.fsencode(port)
     return False
@@ -351,7 +351,7 @@ def find(job_store: JobStore, name: str, *, running: bool) -> Print:
         return named[0]
     kind = "running" if running else "unfinished"
     what = f"no {kind} print" if not named else f"{len(named)} {kind} prints"
-    there = "; ".join(f"{one.name} on {one.port}, begun {one.begun} ({one.folder.name})" for one in known)
+    there = "; ".join(f"{one.name} on {one.port}, started {one.begun} ({one.folder.name})" for one in known)
     raise UsageError(
         what + (f" {name}" if name else ""),
         remedy=f"Available: {there}"

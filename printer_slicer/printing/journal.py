@@ -1,17 +1,18 @@
-"""The journal of a print: what must be known to take it up again, whatever ends the host.
+"""Journal of a print: the data for a resume, however the host ends.
 
-A print has a folder of its own: `head.json` (what and where), `job.gcode` (a copy, so that the file may change or go)
-and `journal`, which only ever grows. One short line per record, with a checksum at its end:
+Each print has a folder with `head.json` (job, port and printer), `job.gcode` (a copy of the file, which may be changed
+or deleted meanwhile) and `journal`, to which records are only appended. A record is one short line with a checksum at
+its end:
 
-    E <entries>                   line numbers begin anew; so many entries of the job were accepted before
-    N <number> <entries> <text>   line <number> is not just the next entry: text is a command, or empty
-    A <number> <entries> <time>   the printer accepted everything up to line <number>
-    S <json>                      the print was paused, goes on, heats...
-    X <time> <reason>             the print ended, or was left
+    E <entries>                   line numbering restarts; <entries> job entries were accepted before
+    N <number> <entries> <text>   line <number> is not simply the next entry; <text> is its command, or empty
+    A <number> <entries> <time>   the printer has accepted everything up to line <number>
+    S <json>                      state: the print was paused, continues, heats...
+    X <time> <reason>             the print ended, or the host left it
 
-What is given a number is on record before its bytes are written, what was accepted as soon as it is known, each with
-one `write` to the system. So a host that is killed loses nothing. `sync`, called once a second by a thread of its own,
-brings it to the disk: a computer that loses its power loses the last second.
+A line is recorded before its bytes are sent, and an acknowledgement as soon as it arrives, each with one `write` call.
+So a killed host loses no record. A separate thread calls `sync` once a second to write the journal to the disk, so a
+computer that loses its power loses the records of the last second.
 """
 
 from __future__ import annotations
@@ -46,18 +47,18 @@ _NAME: Final = "journal"
 _LONGEST: Final = 1 << 32  # bytes
 _DIGITS: Final = 12  # maximum length of a count
 LOST: Final = "lost: "
-"""A reason begins so if the time of the loss is known: the cable was gone at that moment."""
+"""Prefix of a reason with a known time of the loss: the connection was lost at that moment."""
 
 HEATERS_OFF: Final = "heaters_off"
 HOST: Final = "host"
-"""State: why the heaters were switched off, so that the printer cannot just go on; empty where they were not."""
+"""State: why the heaters were switched off, so that the print needs a recovery; empty if they were not."""
 
 
 class Journal:
-    """The writing end.
+    """Writer of a journal.
 
     Attributes:
-        failed: why it cannot be written any more, empty while it can.
+        failed: why it can no longer be written; empty while it can.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -70,34 +71,34 @@ class Journal:
             self.failed = error.strerror or str(error)
 
     def epoch(self, entries: int) -> None:
-        """Line numbers begin anew, behind so many entries of the job."""
+        """Record that line numbering restarts after `entries` accepted job entries."""
         self._write(f"E {entries}")
 
     def numbered(self, number: int, entries: int, command: bytes) -> None:
-        """Line `number` is about to go out."""
+        """Record that line `number` is about to be sent."""
         self._write(f"N {number} {entries} {command.decode('latin-1')}")
 
     def accepted(self, number: int, entries: int, now: float) -> None:
-        """The printer took everything up to line `number`."""
+        """Record that the printer has accepted everything up to line `number`."""
         self._write(f"A {number} {entries} {now:.3f}")
 
     def state(self, values: Mapping[str, Any]) -> None:
-        """Anything else that must be known; a later one takes the place of those before."""
+        """Record named states; a later value replaces an earlier one of the same name."""
         self._write("S " + json.dumps(values))
 
     def ended(self, reason: str, now: float) -> None:
-        """The print ended, or was left."""
+        """Record that the print ended, or that the host left it."""
         self._write(f"X {now:.3f} " + " ".join(reason.split()))
 
     def sync(self) -> None:
-        """Bring it to the disk."""
+        """Write the journal to the disk."""
         if self._dirty and self._file >= 0:
             self._dirty = False
-            with suppress(OSError):  # /dev/full cannot; what fails for good fails in writing, too
+            with suppress(OSError):  # some files cannot be synced; a lasting error also makes `write` fail
                 os.fsync(self._file)
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the file."""
         if self._file >= 0:
             self.sync()
             os.close(self._file)
@@ -118,7 +119,7 @@ class Journal:
         self._dirty = True
 
     def _fail(self, reason: str) -> None:
-        """Half a record would hide what comes behind it: write no more."""
+        """Stop writing, because readers stop at an incomplete record."""
         self.failed = self.failed or reason
         os.close(self._file)
         self._file = -1
@@ -126,7 +127,7 @@ class Journal:
 
 @dataclass(frozen=True, slots=True)
 class NumberedRecord:
-    """From line `number` on, entry by entry; `entries` are accepted with it. See the record `N`."""
+    """Record `N`: with line `number`, `entries` job entries are accepted; each further line adds one."""
 
     number: int
     entries: int
@@ -135,19 +136,19 @@ class NumberedRecord:
 
 @dataclass(slots=True)
 class JournalData:
-    """What a journal tells.
+    """Contents of a journal.
 
     Attributes:
-        base: entries accepted when line numbers began anew for the last time.
-        before: last number accepted by then, -1 if they had never begun.
-        lines: records of line numbers since then.
-        line, entries: accepted last, number and entries of the job.
-        accepted: (entries, time in s) of each acknowledgement since numbers began anew.
-        commands: (entries before it, command) of everything that was not of the job, in order, accepted for certain.
-        states: what else was noted, last one of each kind.
-        stopped: when the host noticed that the print had ended, s; None if the host itself was ended.
-        reason: why, empty while it has not.
-        damage: the first invalid record and why; reading stops there. Empty if there is none.
+        base: number of entries accepted at the last restart of line numbering.
+        before: last line number accepted before that restart, -1 if there was none.
+        lines: records `N` since then.
+        line, entries: last accepted line number, and number of accepted job entries.
+        accepted: (entries, time in s) of each acknowledgement since then.
+        commands: (entries before it, command) of all accepted commands that are not from the job, in order.
+        states: recorded states, the last value of each name.
+        stopped: when the host noticed the end of the print, s; None if the host itself was terminated.
+        reason: why the print ended, empty if it has not.
+        damage: the first invalid record and what is wrong with it; reading stops there. Empty if there is none.
     """
 
     base: int = 0
@@ -164,7 +165,7 @@ class JournalData:
     _pending: list[NumberedRecord] = field(default_factory=list)
 
     def entries_at(self, number: int) -> int:
-        """Entries of the job that are accepted with line `number`; numbers are those since they began anew."""
+        """Return how many job entries are accepted with line `number` of the current numbering."""
         index = bisect_right(self.lines, number, key=lambda record: record.number) - 1
         if index < 0:
             return self.base
@@ -172,24 +173,26 @@ class JournalData:
         return record.entries + number - record.number
 
     def others_until(self, number: int) -> list[tuple[int, bytes]]:
-        """All commands that were not of the job, with those that line `number` proves to be accepted."""
+        """Return (entries before it, command) of all commands not from the job that are accepted with line `number`."""
         proven = [one for one in self._pending if one.number <= number]
         return self.commands + [(one.entries, one.command) for one in proven if one.command]
 
-    def take(self, kind: str, rest: str) -> None:
+    def add_record(self, kind: str, rest: str) -> None:
         """Add a record.
 
         Raises:
             ValueError: it is invalid.
         """
         if kind == "E":
-            self._begin_anew(_count(rest))
+            self._restart_numbering(_parse_count(rest))
         elif kind == "N":
             number, entries, command = rest.split(" ", 2)
-            self._number(NumberedRecord(_count(number), _count(entries), command.encode("latin-1")))
+            self._number(
+                NumberedRecord(_parse_count(number), _parse_count(entries), command.encode("latin-1"))
+            )
         elif kind == "A":
             number, entries, now = rest.split(" ")
-            self._accept(_count(number), _count(entries), _moment(now))
+            self._accept(_parse_count(number), _parse_count(entries), _parse_time(now))
         elif kind == "S":
             states = json.loads(rest)
             if not isinstance(states, dict):
@@ -198,18 +201,18 @@ class JournalData:
         elif kind == "X":
             now, reason = rest.split(" ", 1)
             if self.stopped is None:
-                self.stopped, self.reason = _moment(now), reason
+                self.stopped, self.reason = _parse_time(now), reason
         else:
             raise ValueError("unknown kind of record")
 
-    def _begin_anew(self, entries: int) -> None:
+    def _restart_numbering(self, entries: int) -> None:
         self.before = self.line if self.lines else self.before
         self.base = self.entries = entries
         self.line, self.stopped, self.reason = 0, None, ""
         self.lines, self.accepted, self._pending = [], [], []
 
     def _number(self, record: NumberedRecord) -> None:
-        # The printer may have been greeted anew: then what had the number before never counted.
+        # After a new handshake, earlier lines with these numbers were never accepted.
         for records in (self.lines, self._pending):
             while records and records[-1].number >= record.number:
                 records.pop()
@@ -224,7 +227,7 @@ class JournalData:
                 self.commands.append((done.entries, done.command))
 
 
-def _count(text: str) -> int:
+def _parse_count(text: str) -> int:
     """Parse a count.
 
     Raises:
@@ -236,7 +239,7 @@ def _count(text: str) -> int:
     return number
 
 
-def _moment(text: str) -> float:
+def _parse_time(text: str) -> float:
     """Parse a time, s.
 
     Raises:
@@ -249,9 +252,9 @@ def _moment(text: str) -> float:
 
 
 def read_journal(folder: Path) -> JournalData:
-    """What the journal in a folder tells, up to the first record that is damaged: a torn end is no error.
+    """Read the journal in a folder up to the first damaged record; an incomplete last record is not an error.
 
-    An invalid record with a correct checksum is noted in `damage`.
+    An invalid record with a correct checksum is reported in `damage`.
 
     Raises:
         OSError: it cannot be read.
@@ -264,7 +267,7 @@ def read_journal(folder: Path) -> JournalData:
             break
         try:
             kind, _, rest = data.decode("utf-8").partition(" ")
-            journal_data.take(kind, rest)
+            journal_data.add_record(kind, rest)
         except (ValueError, RecursionError) as error:
             journal_data.damage = f"record {index} is invalid: {error}"
             break
@@ -280,10 +283,10 @@ def _hints(kind: Any) -> dict[str, Any]:
 
 
 def dataclass_from_json(kind: type[_Value], kept: object) -> _Value:
-    """Rebuild a dataclass from what `dataclasses.asdict` and JSON made of it; unknown names are ignored.
+    """Rebuild a dataclass from the JSON form of `dataclasses.asdict`; unknown names are ignored.
 
     Raises:
-        TypeError: a value has the wrong type; names it.
+        TypeError: a value has the wrong type; the message names it.
     """
     if not isinstance(kept, Mapping):
         raise TypeError(f"expected a JSON object, found {_shown(kept)}")

@@ -1,7 +1,7 @@
 """State of a print that a resume needs: machine state, settings, and the extent of the printed part.
 
-Followed command by command in the order in which the printer gets them, so that a print can be taken up again as if
-it had never been left: after a pause, or on a machine that has lost everything. Lengths in mm, speeds in mm/s.
+It is updated with each command in the order in which the printer receives them, so that a print can be resumed without
+a difference: after a pause, or on a printer that has lost its state. Lengths in mm, speeds in mm/s.
 """
 
 from __future__ import annotations
@@ -18,22 +18,22 @@ from printer_slicer.gcode.state import MachineState, ModalState
 __all__ = ["SCRIPT", "PrintState", "Step", "number"]
 
 _HISTORY: Final = 256
-"""Commands that are remembered: more than the moves in any planner of Marlin's kind, and what lies between."""
+"""Number of commands kept: more than the moves in the planner of any Marlin-like firmware, and what lies between."""
 
 _STICKY: Final = commands_that(Effect.STICKY)
-"""Not SET_GCODE_OFFSET: a baby-step is in the height at which the nozzle stands, and that is what is told anew."""
+"""Without SET_GCODE_OFFSET: a baby step is part of the nozzle height, which a resume restores."""
 
 _WAITS: Final = commands_that(Effect.WAITS)
 _MESHES: Final = frozenset({b"BED_MESH_PROFILE", b"BED_MESH_CALIBRATE"})
 
 
 def number(value: float) -> bytes:
-    """A number as G-code has it."""
+    """Format a number for G-code."""
     return texts.number(value).encode()
 
 
 SCRIPT: Final = -2
-"""Instead of an entry: a command of the host's own scripts, without which what follows would be wrong."""
+"""Entry number of a command from a script of the host, on which later commands depend."""
 
 
 class Step(NamedTuple):
@@ -54,22 +54,22 @@ class Step(NamedTuple):
 
     @property
     def loses_place(self) -> bool:
-        """Whether it moves from a known position to an unknown one."""
+        """Return whether it moves from a known position to an unknown one."""
         return self.before.known and not self.after.known
 
 
 class PrintState:
-    """Follows commands.
+    """State of a print, updated by `follow` with each command.
 
     Args:
-        flavour: of the firmware.
+        flavour: G-code flavour of the firmware.
 
     Attributes:
         machine: machine state.
         stand: position and modes.
-        mesh: the command that has the bed's unevenness followed, empty for none.
-        sticky: settings to repeat after a printer restart, by what they set, and whether in inches.
-        recent: the last moves that may not have been made yet, and what belongs between them.
+        mesh: command that switches bed mesh compensation on, empty for none.
+        sticky: key of a setting -> command to repeat after a printer restart, and whether it is in inches.
+        recent: the last moves, which may not have been executed yet, and the commands between them.
     """
 
     def __init__(self, flavour: str = "marlin") -> None:
@@ -105,7 +105,7 @@ class PrintState:
 
     @property
     def comparable(self) -> bool:
-        """Whether all positions of unconfirmed moves are known in current coordinates."""
+        """Return whether the positions of all unconfirmed moves are known in current coordinates."""
         shift = self.machine.shift
         return self.stand.known and all(step.origin == shift and not step.loses_place for step in self.recent)
 
@@ -115,27 +115,27 @@ class PrintState:
         self.stand = self.machine.modal
 
     def follow(self, command: bytes, entry: int = -1) -> None:
-        """One more command, entry `entry` of the job; -1: somebody said it, SCRIPT: the host did."""
+        """Apply a command; `entry` is its index in the job, -1 for a command of a user, SCRIPT for one of the host."""
         command = strip(command)
         word, values = parse(command)
         before = self.stand
         moved = self.machine.apply(word, values, command) is not None
         self.stand = self.machine.modal
         if self.machine.frames != self._frames:
-            self._forget_laid()
+            self._forget_extent()
         if moved:
-            self._lay(before)
+            self._record_extent(before)
         elif word:
             self._set(word, values, command)
             if entry >= 0 and word in _WAITS:
                 self.recent.clear()
         else:
-            self._set_in_words(command)
+            self._set_extended(command)
         if moved or entry != -1:
             begin = before if moved else self.stand
             self.recent.append(Step(entry, begin, self.stand, command, self.machine.shift))
 
-    def _forget_laid(self) -> None:
+    def _forget_extent(self) -> None:
         """Forget the extent of the part, because an axis has an unknown origin."""
         was, self._frames = self._frames, self.machine.frames
         if was[2] != self._frames[2]:
@@ -143,7 +143,7 @@ class PrintState:
         if was[:2] != self._frames[:2]:
             self._box = None
 
-    def _lay(self, before: ModalState) -> None:
+    def _record_extent(self, before: ModalState) -> None:
         """Record the extent of an extruding move."""
         after = self.stand
         if after.e > before.e and after.z is not None and (after.x, after.y) != (before.x, before.y):
@@ -168,7 +168,7 @@ class PrintState:
         if word in _STICKY:
             self.sticky[word + b"".join(sorted(values))] = command, self.machine.inches
 
-    def _set_in_words(self, command: bytes) -> None:
+    def _set_extended(self, command: bytes) -> None:
         """Process an extended command, such as Klipper's."""
         name, _ = parse_extended(command)
         if name in _STICKY:

@@ -1,4 +1,4 @@
-"""Places within commanded moves: where a printer stopped, and what is left of the move."""
+"""Geometry of moves: the point of a move nearest to a position, and the rest of a move after it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["nearest", "remaining_move", "state_at"]
 
 _MOVES = commands_that(Effect.MOVES)
 _ARCS = commands_that(Effect.ARC)
-_CHORDS = 64  # of an arc, when the place on it that is nearest to a point is looked for
+_CHORDS = 64  # chords of an arc in the search for the point nearest to a position
 Point = tuple[float, float, float, float]
 
 
@@ -26,7 +26,7 @@ def _ends(step: Step) -> tuple[Point, Point]:
 
 
 def _centre(step: Step) -> tuple[float, float, float] | None:
-    """Centre of an arc and the signed angle that it turns, rad; None for a straight move."""
+    """Return the centre of an arc and its signed angle, rad; None for a straight move."""
     word, values = parse(step.command)
     if word not in _ARCS:
         return None
@@ -47,7 +47,7 @@ def _centre(step: Step) -> tuple[float, float, float] | None:
 
 
 def _at(step: Step, share: float) -> Point:
-    """The place after a share of a move."""
+    """Return the position after a share of a move."""
     start, end = _ends(step)
     x, y, z, e = (a + share * (b - a) for a, b in zip(start, end, strict=True))
     arc = _centre(step)
@@ -60,7 +60,7 @@ def _at(step: Step, share: float) -> Point:
 
 
 def _project(a: Point, b: Point, point: Point) -> tuple[float, float]:
-    """Share of a straight line that is nearest to a point, and the square of the distance."""
+    """Return the share of a line segment at its point nearest to a position, and the squared distance."""
     along = [q - p for p, q in zip(a, b, strict=True)]
     length = sum(d * d for d in along)
     share = sum(d * (q - p) for d, p, q in zip(along, a, point, strict=True)) / length if length else 1.0
@@ -69,7 +69,7 @@ def _project(a: Point, b: Point, point: Point) -> tuple[float, float]:
 
 
 def _nearest_on(step: Step, point: Point) -> tuple[float, float]:
-    """Share of a move nearest to a point, filament counted like a fourth axis, and the square of the distance."""
+    """Return the share of a move at its point nearest to a 4D position (with E), and the squared distance."""
     if _centre(step) is None:
         return _project(*_ends(step), point)
     best = (0.0, float("inf"))
@@ -81,18 +81,18 @@ def _nearest_on(step: Step, point: Point) -> tuple[float, float]:
 
 
 def nearest(steps: Sequence[Step], point: Point) -> tuple[int, float, float]:
-    """Which of some moves passes nearest to a point: its index, the share of it that is done, how far off, mm."""
+    """Return the index of the move nearest to a position, its share at the nearest point, and the distance, mm."""
     found = [
         (off, -index, share) for index, step in enumerate(steps) for share, off in [_nearest_on(step, point)]
     ]
     least = min(off for off, _, _ in found)
-    # Neighbours meet in one point: the later one, of which nothing is done yet.
+    # Consecutive moves share a point; take the later one, at its start.
     _, index, share = min((one for one in found if one[0] <= least + 1e-9), key=lambda one: one[1])
     return -index, share, sqrt(least)
 
 
 def state_at(step: Step, share: float) -> ModalState:
-    """How the printer stands after a share of a move."""
+    """Return the machine state after a share of a move."""
     x, y, z, e = _at(step, share)
     pulled = max(step.before.pulled - (e - step.before.e), 0.0)
     return replace(
@@ -107,10 +107,10 @@ def state_at(step: Step, share: float) -> ModalState:
 
 
 def remaining_move(step: Step, share: float) -> bytes:
-    """Return the command for the rest of a move from there, in the unit of the program."""
+    """Return the command for the rest of a move after a share of it, in the unit of the program."""
     here, after = state_at(step, share), step.after
     word = parse(step.command)[0]
-    words = [word if word in _MOVES else b"G1"]  # G53 is for machine coordinates, and these are the program's
+    words = [word if word in _MOVES else b"G1"]  # after G53 the coordinates would be those of the machine
 
     def say(letter: bytes, mm: float) -> bytes:
         return letter + number(mm / here.unit)

@@ -33,7 +33,7 @@ _HINTS: Final = (b"printing object", _OBJECT_NUMBER, b"EXCLUDE_OBJECT_START")
 _READ_MOVES: Final = commands_that(
     Effect.MODE | Effect.UNITS | Effect.SETS_POSITION | Effect.SETS_HOME_OFFSET | Effect.RETRACTS
 )
-_LEFT_OUT: Final = commands_that(Effect.MOVES) | _READ_MOVES | {b"G53"}
+_SKIPPED: Final = commands_that(Effect.MOVES) | _READ_MOVES | {b"G53"}
 """Commands that are not sent: moves, and those that only change how moves are read."""
 
 _LOOK_AHEAD: Final = 40
@@ -89,20 +89,20 @@ def _mark(line: bytes, names: dict[str, str], inside: str) -> str | None:
 
 
 class LiveJob(Sequence[bytes]):
-    """The entries of a job as they are sent: without the things that were given up.
+    """Entries of a job as they are sent, without cancelled objects.
 
     Args:
         commands: the entries.
-        spans: which of them belong to which thing.
-        first: entries before this one were sent.
+        spans: the entries of each object.
+        first: number of entries that were already sent.
         flavour: determines how the firmware reads some commands.
 
     Attributes:
-        modes: of the printer behind the entries that were followed so far, and behind what else was sent.
-        followed: so many entries.
-        cancelled: names of things given up.
-        cancelled_at: the entry from which on each of them is.
-        marked_for_klipper: whether the firmware knows the things, too.
+        modes: state of the print after the followed entries and all other commands sent.
+        followed: number of followed entries.
+        cancelled: names of cancelled objects.
+        cancelled_at: name -> entry from which the object is cancelled.
+        marked_for_klipper: whether the job marks the objects for Klipper, which can cancel them itself.
     """
 
     def __init__(
@@ -122,7 +122,7 @@ class LiveJob(Sequence[bytes]):
         self._spans = spans
         self._begins = [span.first for span in spans]
         self._changed: dict[int, bytes] = {}
-        self._looked = first  # entries before are sent, and stay as they are
+        self._decided = first  # earlier entries were sent, and no longer change
 
     @property
     def names(self) -> list[str]:
@@ -130,11 +130,11 @@ class LiveJob(Sequence[bytes]):
         return list(dict.fromkeys(span.name for span in self._spans))
 
     def as_json(self) -> dict[str, Any]:
-        """For the status."""
+        """Return this part of the status."""
         return {"objects": self.names, "cancelled": sorted(self.cancelled)}
 
     def __len__(self) -> int:
-        """Entries of the job."""
+        """Return the number of entries."""
         return len(self._commands)
 
     @overload
@@ -142,15 +142,15 @@ class LiveJob(Sequence[bytes]):
     @overload
     def __getitem__(self, index: slice) -> Sequence[bytes]: ...
     def __getitem__(self, index: int | slice) -> bytes | Sequence[bytes]:
-        """An entry as it is sent, empty if it is not."""
+        """Return an entry as it is sent, empty if it is skipped."""
         if isinstance(index, slice):
             return [self[i] for i in range(*index.indices(len(self)))]
-        if self.cancelled and index >= self._looked:
-            self._look(index)
+        if self.cancelled and index >= self._decided:
+            self._decide(index)
         return self._changed.get(index, self._commands[index]) if self._changed else self._commands[index]
 
     def __iter__(self) -> Iterator[bytes]:
-        """All entries, without deciding anything about those to come."""
+        """Iterate over the entries of the file; this decides nothing about later entries."""
         return iter(self._commands)
 
     def cancel(self, name: str, taken: int) -> str:
@@ -167,7 +167,7 @@ class LiveJob(Sequence[bytes]):
             raise UsageError(f"no object named {name!r}", remedy=f"Objects: {there}")
         self.cancelled.add(name)
         self.cancelled_at.setdefault(name, taken)
-        self._looked = max(self._looked, taken)
+        self._decided = max(self._decided, taken)
         return name
 
     def follow(self, until: int) -> PrintState:
@@ -177,40 +177,40 @@ class LiveJob(Sequence[bytes]):
         self.followed = max(self.followed, until)
         return self.modes
 
-    def _look(self, index: int) -> None:
-        """Decide about the span that holds an entry, if it belongs to a thing that was given up."""
+    def _decide(self, index: int) -> None:
+        """Decide what to send for the span of an entry, if it belongs to a cancelled object."""
         at = bisect_right(self._begins, index) - 1
         if at < 0:
-            self._looked = index
+            self._decided = index
             return
         span = self._spans[at]
         if index < span.end and span.name in self.cancelled:
-            self._leave_out(index, span.end)
-            self._looked = span.end
+            self._skip(index, span.end)
+            self._decided = span.end
         else:
-            self._looked = index + 1
+            self._decided = index + 1
 
-    def _leave_out(self, first: int, end: int) -> None:
-        """Send no moves from `first` to before `end`, and make up for what else they did."""
-        self._looked = end  # what follows asks for entries, too
+    def _skip(self, first: int, end: int) -> None:
+        """Skip the moves from `first` to before `end`, and send commands for their other effects."""
+        self._decided = end  # `follow` below reads entries, too
         before = self.follow(first)
         after = before.fork()
-        # On other firmwares it does not move the origin now, so it may be sent.
+        # Elsewhere M206 takes effect at the next homing, so it is sent.
         at_once = FLAVOURS[before.machine.flavour].home_offset == "at once"
-        left_out = _LEFT_OUT if at_once else _LEFT_OUT - commands_that(Effect.SETS_HOME_OFFSET)
+        skipped = _SKIPPED if at_once else _SKIPPED - commands_that(Effect.SETS_HOME_OFFSET)
         moves = []
         for index in range(first, end):
             command = self._commands[index]
             after.follow(command)
-            if parse(command)[0] in left_out:
+            if parse(command)[0] in skipped:
                 moves.append(index)
-        amends = _amends(before.machine, after.machine, self._comes_anyway(end, after.stand))
-        if len(amends) > len(moves):
+        replacement = _replacement(before.machine, after.machine, self._is_travel_next(end, after.stand))
+        if len(replacement) > len(moves):
             return
         self._changed |= dict.fromkeys(moves, b"")
-        self._changed |= dict(zip(moves[len(moves) - len(amends) :], amends, strict=True))
+        self._changed |= dict(zip(moves[len(moves) - len(replacement) :], replacement, strict=True))
 
-    def _comes_anyway(self, end: int, stand: ModalState) -> bool:
+    def _is_travel_next(self, end: int, stand: ModalState) -> bool:
         """Return whether the first move after the object is a travel to an absolute position."""
         for index in range(end, min(end + _LOOK_AHEAD, len(self._commands))):
             word, values = parse(self._commands[index])
@@ -223,7 +223,7 @@ class LiveJob(Sequence[bytes]):
         return False
 
 
-def _amends(before: MachineState, after: MachineState, comes_anyway: bool) -> list[bytes]:
+def _replacement(before: MachineState, after: MachineState, is_travel_next: bool) -> list[bytes]:
     """Return the commands that replace a cancelled object: from the state before it to the state after it."""
     now, script = before.fork(), list[bytes]()
 
@@ -237,8 +237,8 @@ def _amends(before: MachineState, after: MachineState, comes_anyway: bool) -> li
         say(command)
 
     new = after.modal
-    _amend_origin(now, after, say_in_mm)
-    for move in _amending_moves(now.modal, new, comes_anyway):
+    _restore_origin(now, after, say_in_mm)
+    for move in _height_and_travel(now.modal, new, is_travel_next):
         if now.counting.axes:
             say(b"G90")
         say_in_mm(move)
@@ -250,11 +250,11 @@ def _amends(before: MachineState, after: MachineState, comes_anyway: bool) -> li
         say(b"G10" if new.retracted else b"G11")
     if abs(now.modal.e - new.e) > _NEAR:
         say_in_mm(b"G92 E%s" % number(new.e))
-    _amend_modes(now, new, say, say_in_mm)
+    _restore_modes(now, new, say, say_in_mm)
     return script
 
 
-def _amend_origin(now: MachineState, after: MachineState, say_in_mm: Callable[[bytes], None]) -> None:
+def _restore_origin(now: MachineState, after: MachineState, say_in_mm: Callable[[bytes], None]) -> None:
     """Set the origin that the file has after the object, by M206 and G92."""
     homes = zip(now.home_offset, after.home_offset, strict=True)
     words = _words([new if abs(new - old) > _NEAR else None for old, new in homes])
@@ -279,19 +279,19 @@ def _words(values: Iterable[float | None]) -> list[bytes]:
     ]
 
 
-def _amending_moves(old: ModalState, new: ModalState, comes_anyway: bool) -> list[bytes]:
+def _height_and_travel(old: ModalState, new: ModalState, is_travel_next: bool) -> list[bytes]:
     """Move to the height after the object, up first and down last, and to its position if the file does not."""
     moves: list[bytes] = []
     risen = (new.z or 0.0) - (old.z or 0.0)
     if new.z is not None and abs(risen) > _NEAR:
         moves.append(b"G1 Z%s" % number(new.z))
-    if not comes_anyway and new.known and (new.x, new.y) != (old.x, old.y):
+    if not is_travel_next and new.known and (new.x, new.y) != (old.x, old.y):
         travel = b"G1 X%s Y%s F6000" % (number(new.x or 0.0), number(new.y or 0.0))
         moves.insert(len(moves) if risen > 0 else 0, travel)
     return moves
 
 
-def _amend_modes(
+def _restore_modes(
     now: MachineState, new: ModalState, say: Callable[[bytes], None], say_in_mm: Callable[[bytes], None]
 ) -> None:
     """Set the modes and the unit that the file has after the object."""

@@ -1,8 +1,7 @@
-"""Leaving the part and coming back: what is sent when a print pauses, and what brings it back to the same place.
+"""Commands that park the nozzle at a pause, and commands that return it to the same position.
 
-pause    pull back filament - lift over everything printed - go off the part (- cool down)
-resume   (heat up - push out what became old) - go over the place - down - push forward what was pulled back -
-         E, modes and speed as they were
+pause    retract - lift over everything printed - move off the part (- cool down)
+resume   (heat - purge old filament) - move over the position - lower - deretract - restore E, modes and speed
 """
 
 from __future__ import annotations
@@ -35,17 +34,17 @@ _NEAR = 0.001
 
 @dataclass(frozen=True, slots=True)
 class ParkedState:
-    """A print that was left: where to come back to, and how.
+    """State of a parked print: the position to return to, and how.
 
     Attributes:
-        entries: of the job that had a number when it was left.
-        stand: to come back to.
-        park: whether the nozzle leaves the place.
-        spot: where it waits, x and y.
-        safe: z of the way there and back.
-        hotend, bed: °C that the print wants.
+        entries: number of job entries that had a line number at the pause.
+        stand: machine state to return to.
+        park: whether the nozzle leaves its position.
+        spot: parking position, x and y, mm.
+        safe: z of the moves to and from it, mm.
+        hotend, bed: target temperatures of the print, °C.
         cold: whether the nozzle cools down meanwhile.
-        replay: commands of planned moves that were thrown away, to be sent after coming back.
+        replay: commands of discarded planned moves, to be sent after the return.
     """
 
     entries: int
@@ -59,7 +58,7 @@ class ParkedState:
     replay: tuple[str, ...] = field(default=())
 
     def as_json(self) -> dict[str, Any]:
-        """As the journal holds it."""
+        """Return it for the journal."""
         return asdict(self)
 
 
@@ -75,14 +74,14 @@ def parse_parked_state(values: Mapping[str, Any]) -> ParkedState:
 def park_state(
     stand: ModalState, modes: PrintState, setup: HostSettings, pause: Pause, entries: int
 ) -> ParkedState:
-    """What a print comes back to that is left now.
+    """Return the parked state for a pause at this moment.
 
     Args:
-        stand: to come back to.
-        modes: of the printer.
-        setup: the printer.
-        pause: how a person wants it.
-        entries: of the job that have a number.
+        stand: machine state to return to.
+        modes: state of the print.
+        setup: settings of the printer.
+        pause: options of the pause.
+        entries: number of job entries that have a line number.
     """
     machine, z = modes.machine, stand.place[2]
     over = z if modes.highest is None else max(modes.highest, z)
@@ -100,13 +99,13 @@ def park_state(
 
 
 def parking_position(setup: HostSettings, modes: PrintState) -> tuple[float, float]:
-    """The corner of the bed that is farthest from the part, as the program counts x and y.
+    """Return the corner of the bed that is farthest from the part, in coordinates of the program.
 
-    Where the program has moved its origin and nobody knows how far, that is where the nozzle is.
+    If the program has moved its origin by an unknown distance, this is the current position.
 
     Args:
-        setup: the printer.
-        modes: of the printer.
+        setup: settings of the printer.
+        modes: state of the print.
     """
     box, (by_x, by_y, _) = modes.box, modes.machine.offset
     if by_x is None or by_y is None:
@@ -118,18 +117,18 @@ def parking_position(setup: HostSettings, modes: PrintState) -> tuple[float, flo
     if box is None:
         return corners[0]
 
-    def off(corner: tuple[float, float]) -> float:
-        """How far a corner is from the box, mm; negative for how deep inside."""
+    def distance(corner: tuple[float, float]) -> float:
+        """Return the distance of a corner from the box, mm; negative inside."""
         beside = [box[axis] - corner[axis] for axis in (0, 1)] + [
             corner[axis] - box[axis + 2] for axis in (0, 1)
         ]
         return max(beside)
 
-    return max(corners, key=off)
+    return max(corners, key=distance)
 
 
 def leave(parked: ParkedState, modes: PrintState, setup: HostSettings) -> list[bytes]:
-    """The commands that take the nozzle off the part."""
+    """Return the commands that park the nozzle."""
     script: list[bytes] = []
     if parked.park:
         script += [b"G21"] if modes.machine.inches else []
@@ -146,12 +145,12 @@ def leave(parked: ParkedState, modes: PrintState, setup: HostSettings) -> list[b
 def return_to_part(
     parked: ParkedState, setup: HostSettings, pushed: float, *, inches: bool = False
 ) -> list[bytes]:
-    """The commands that bring the nozzle back.
+    """Return the commands that bring the nozzle back to the part.
 
     Args:
-        parked: where to.
-        setup: the printer.
-        pushed: mm of filament pushed forward since it was left; negative for what is pulled back.
+        parked: state to return to.
+        setup: settings of the printer.
+        pushed: mm of filament extruded since parking; negative for retracted.
         inches: whether a user has switched the printer to inches.
     """
     script = [b"G21"] if inches or parked.stand.inches else []
@@ -180,7 +179,7 @@ def return_to_part(
 
 
 def restore_modes(stand: ModalState) -> list[bytes]:
-    """Restore extruder position, modes, speed and unit on a printer in mm mode."""
+    """Return the commands that restore E, modes, speed and unit on a printer in mm mode."""
     script = [
         b"G92 E%s" % number(stand.e),
         b"G91" if stand.relative else b"G90",
@@ -191,7 +190,7 @@ def restore_modes(stand: ModalState) -> list[bytes]:
 
 
 def extruded_length(commands: Sequence[bytes]) -> float:
-    """mm of filament that commands pushed forward which count E from where it is."""
+    """Return the filament that commands with relative E extrude, mm."""
     moved = 0.0
     for command in commands:
         word, values = parse(command)
@@ -201,7 +200,7 @@ def extruded_length(commands: Sequence[bytes]) -> float:
 
 
 def end_script(modes: PrintState, setup: HostSettings, spot: tuple[float, float]) -> list[bytes]:
-    """What makes a machine safe that was stopped in the middle: heaters and fan off, nozzle away, motors off."""
+    """Return the end script of a cancelled print: heaters and fan off, nozzle off the part, motors off."""
     script = [b"M104 S0", b"M140 S0", b"M107"]
     if modes.machine.chamber:
         script.append(b"M141 S0")

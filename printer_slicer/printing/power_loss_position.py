@@ -1,8 +1,8 @@
-"""Where the nozzle was when the printer lost its power: the plan that it had then, run by the one model of motion.
+"""Estimate the nozzle position at a power loss from the times of the last acknowledgements.
 
-An `ok` means "has a place in the planner". A printer that keeps the host waiting has a full planner, and the ok comes
-when the running move ends. So the time of such an ok says which move begins at that moment, and from there on the model
-tells how far the machine came until the time of the loss.
+An `ok` means that the command has a place in the planner. If the printer delays an ok, its planner is full, and the ok
+comes when the current move ends. So the time of a delayed ok is the start of a known move. From there the motion model
+computes how far the machine moved until the loss.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from printer_slicer.printing.machine_state import Step
 __all__ = ["find_stop_position"]
 
 _WAITED: Final = 0.012
-"""s between two oks that the cable alone does not explain."""
+"""s between two oks above which the planner was full, because the link alone is faster."""
 
 _SAME: Final = 1e-6
 _START_DELAY: Final = 0.1
-"""s that a standing machine waits for more moves."""
+"""s for which a standing machine waits for more moves."""
 
 
 def find_stop_position(
@@ -32,37 +32,39 @@ def find_stop_position(
     *,
     noticed: float | None = None,
 ) -> tuple[int, float]:
-    """The move that was being made, as its index and the share of its time that had passed.
+    """Return the move during which the printer stopped, and the share of its time that had passed.
 
     Args:
-        steps: the last moves that were accepted, in order, and behind whatever the machine last stood still for.
-        accepted: (entries of the job accepted, when, s), ascending.
-        lost: when the printer was lost, s; None: later than everything that was planned took, so all was made.
-        limits: of the machine.
-        noticed: when the host noticed the restart, s. A printer with a full planner acknowledges at the end
-            of each move: then it stopped before that, and not as early as its last acknowledgement.
+        steps: the last accepted moves, in order, since the machine last stood still.
+        accepted: (number of accepted job entries, time in s), ascending.
+        lost: when the printer lost its power, s; None: after it had finished all planned moves.
+        limits: limits of the machine.
+        noticed: when the host noticed the restart, s. With a full planner, the printer acknowledges a line at the end
+            of each move, so it stopped after the last acknowledgement and before this time.
 
     Returns:
-        Index and share; the share is 1 at the end of a move.
+        Index of the move, and the share; it is 1 at the end of a move.
     """
-    made = [(index, block) for index, step in enumerate(steps) if (block := _block(step, limits)) is not None]
-    if lost is None or not made:
+    moves = [
+        (index, block) for index, step in enumerate(steps) if (block := _block(step, limits)) is not None
+    ]
+    if lost is None or not moves:
         return len(steps) - 1, 1.0
-    times = _times([steps[index] for index, _ in made], accepted)
-    blocks = [block for _, block in made]
+    times = _times([steps[index] for index, _ in moves], accepted)
+    blocks = [block for _, block in moves]
     number, share = _running(blocks, times, lost, limits)
     last = len(blocks) - max(limits.planner_blocks - 1, 1)
     if noticed is not None and number <= last:
         number, share = min(_running(blocks, times, noticed, limits), (last, 1.0))
-    if number == len(made):
+    if number == len(moves):
         return len(steps) - 1, 1.0
-    return made[number][0], share
+    return moves[number][0], share
 
 
 def _running(
     blocks: Sequence[Block], times: Sequence[float], lost: float, limits: MotionLimits
 ) -> tuple[int, float]:
-    """Which block was being made, and the share of its time that had passed; as many as there are when all were."""
+    """Return the block at time `lost`, and the share of its time that had passed; the number of blocks if all ended."""
     places = max(limits.planner_blocks - 1, 1)
     first, began = _anchor(times, places) or (0, times[0] + _START_DELAY)
     lookahead = Lookahead(limits)
@@ -82,14 +84,14 @@ def _running(
 
 
 def _block(step: Step, limits: MotionLimits) -> Block | None:
-    """The move as the planner has it; an arc counts as the straight line between its ends."""
+    """Return the planner block of a move; an arc is treated as a straight line between its ends."""
     x0, y0, z0 = step.before.place
     x1, y1, z1 = step.after.place
     return make_block(limits, (x1 - x0, y1 - y0, z1 - z0, step.after.e - step.before.e), step.after.speed)
 
 
 def _times(steps: Sequence[Step], accepted: Sequence[tuple[int, float]]) -> list[float]:
-    """When each move was accepted, s; what was said between the job's own entries, when its neighbour was."""
+    """Return when each move was accepted, s; for a move not from the job, the time of the move before it."""
     times: list[float] = []
     for step in steps:
         at = bisect_left(accepted, step.entry + 1, key=lambda one: one[0])
@@ -99,7 +101,7 @@ def _times(steps: Sequence[Step], accepted: Sequence[tuple[int, float]]) -> list
 
 
 def _anchor(times: Sequence[float], places: int) -> tuple[int, float] | None:
-    """The last move known to have begun at a known time, and that time."""
+    """Return the last move with a known start, and the time of that start, s; None if there is none."""
     for index in range(len(times) - 1, places - 1, -1):
         if times[index] - times[index - 1] > _WAITED:
             return index - places + 1, times[index]

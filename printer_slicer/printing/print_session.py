@@ -66,27 +66,26 @@ def print_job(
     """Send a job to a printer, line by line, and wait until it has executed all of it.
 
     Args:
-        job: what to print.
-        profile: on which printer.
+        job: the job.
+        profile: profile of the printer.
         port: device or pyserial URL.
-        baud: None takes the profile's.
-        **options: `on_event` is told what happens; `checkpoint` is where to write how far the print came, if it does
-            not come to its end; `controls` is for other threads, to pause, change and cancel; `job_store` is the folder
-            for what must be known to resume the print after anything, without one it cannot be; with `discard` an
-            unfinished print on this port is forgotten; `reconnect` says how many s to wait for a printer whose cable
-            was pulled, and needs a shelf; `dtr` is the level of the line that resets many boards, None: as the system
-            does; `allow` gives a reason why a command that a person types is refused, empty if it is not; with
-            `guard`, which needs a shelf, a second process switches the heaters off when this one has been gone for so
-            many s and nobody has taken the print up. A printer that is given up is told to switch its heaters off,
-            except with `guard` 0.
+        baud: baud rate; None: that of the profile.
+        **options: `on_event` is called with each event. `checkpoint` is the file for the progress of a print that ends
+            early. `controls` lets other threads pause, change and cancel the print. `job_store` is the folder for the
+            data of a resume; without it the print cannot be resumed. With `discard`, an unfinished print on this port
+            is deleted. `reconnect` is the time, s, to wait for a printer that was disconnected; it needs `job_store`.
+            `dtr` is the level of the line that resets many boards; None: the default of the system. `allow` returns
+            why a command typed by a user is rejected, empty if it is allowed. `guard` is the time, s, after which a
+            second process switches the heaters off if this one has died and nobody has resumed the print; it needs
+            `job_store`. When a print is aborted, the heaters are switched off, except with `guard` 0.
 
     Raises:
-        PolicyError: the job holds what was not allowed, see `Job.allowing`; nothing was sent.
+        PolicyError: the job has findings that are not allowed, see `Job.allowing`; nothing was sent.
         PortError: the port cannot be opened.
         UsageError: a print on this port is unfinished.
-        PrintError: the printer stopped, or the port went away; the checkpoint is written.
-        Cancelled: Ctrl-C, SIGTERM or the printer's own wish; heaters are off. A second one halts the printer. A
-            terminal that is closed (SIGHUP) and a listener that can no longer be written to end no print.
+        PrintError: the printer stopped, or the connection was lost; the checkpoint is written.
+        Cancelled: after Ctrl-C, SIGTERM or a request of the printer; the heaters are off. A second signal halts the
+            printer. A closed terminal (SIGHUP) or output does not end the print.
     """
     accept_former_option(cast("dict[str, Any]", options), "shelf", "job_store")
     insist(job.findings, job.allowed, name=job.name)
@@ -114,20 +113,20 @@ def resume_print(
     recover: Callable[[str], bool] = lambda _: False,
     **options: Unpack[PrintOptions],
 ) -> PrintResult:
-    """Go on with an unfinished print.
+    """Resume an unfinished print.
 
-    If the printer has kept its state, at the next line; else, with consent, at the place where it stopped, after homing
-    x and y, heating, and coming to it from outside the part.
+    If the printer has kept its state, the print continues with the next line. Otherwise, with consent, the printer
+    homes x and y, heats up, approaches from outside the part, and continues at the position where it stopped.
 
     Args:
-        print_: from the shelf.
-        job: made of its text.
-        port: where the printer is now, None: where it was.
-        recover: is told why the printer cannot just go on and what would be done; whether to do it.
+        print_: the print from the job store.
+        job: the job made from its text.
+        port: current port of the printer; None: the port of the print.
+        recover: called with the reason for a recovery and its steps; returns whether to do it.
         **options: as for `print_job`.
 
     Raises:
-        As `print_job`; UsageError: somebody prints it already; PrintError: no consent.
+        As `print_job`; UsageError: another process prints it; PrintError: no consent to a recovery.
     """
     from printer_slicer.printing.recovery import plan_recovery  # noqa: PLC0415 - rarely needed
 
@@ -178,7 +177,7 @@ def _reject_unfinished(job_store: Path, port: str, *, discard: bool) -> None:
     while (left := store.unfinished(job_store, port)) is not None:
         if not discard:
             raise UsageError(
-                f"{left.name}, begun {left.begun} on this port, is unfinished",
+                f"{left.name}, started {left.begun} on this port, is unfinished",
                 remedy="Run printer-slicer resume to continue it, or print --discard-unfinished to delete it",
             )
         left.forget()
@@ -273,7 +272,7 @@ class PrintSession:
         except OSError:
             self._on_event = _nobody
 
-    # One connection after the other.
+    # Connections.
 
     def _connections(self, transport: SerialPort, found: ResumePlan | None) -> None:
         while True:
@@ -285,7 +284,7 @@ class PrintSession:
                 return
 
     def _connect(self, transport: SerialPort, found: ResumePlan | None) -> None:
-        """Stream over one connection until the end; if a listener fails, end the print in good order first."""
+        """Stream over one connection until the end; if a listener fails, cancel the print first."""
         self._transport = transport
         self._board = identity(self._port) or self._board
         live = found.job if found else LiveJob(self._job.commands, self._spans, flavour=self._setup.flavour)
@@ -342,7 +341,7 @@ class PrintSession:
         cable = MeteredTransport(self._transport, self._meter, monotonic)
 
         def hear(event: Event) -> None:
-            """Tell the meter, and whoever acts on it."""
+            """Pass an event and the warnings of the link meter to the controller."""
             self._meter.on_event(event)
             for one in (event, *self._meter.warnings()):
                 controller.hear(one)
@@ -404,7 +403,7 @@ class PrintSession:
                 return transport
         raise error
 
-    # Signals, the disk, other processes.
+    # Signals and background services.
 
     @contextmanager
     def _signals(self) -> Iterator[None]:
@@ -446,7 +445,7 @@ class PrintSession:
         ):
             yield
 
-    # The end.
+    # End of the print.
 
     def _close(self) -> None:
         self._controls.bind(None)
@@ -490,7 +489,7 @@ class PrintSession:
 
 def forget_checkpoint(checkpoint: Path | None, job: Job) -> None:
     """Delete the checkpoint of a completed print, also that of an earlier try."""
-    with suppress(OSError, ValueError, TypeError, KeyError):  # the print is good all the same
+    with suppress(OSError, ValueError, TypeError, KeyError):  # a stale checkpoint does no harm
         if checkpoint is not None and json.loads(checkpoint.read_bytes())["job"] == job.name:
             checkpoint.unlink()
 
@@ -528,7 +527,7 @@ def synced(journal: Journal) -> Iterator[None]:
     stop = Flag()
 
     def work() -> None:
-        """Until the print has ended."""
+        """Sync until the print has ended."""
         while not stop.wait(_SYNC):
             journal.sync()
 

@@ -38,7 +38,7 @@ _QUESTIONS: Final = ("M105", "M114", "M115", "M155", "M400")
 _SAME_PLACE: Final = 0.06
 
 
-class PrinterStateLost(Exception):  # noqa: N818 - not a fault: what the printer knew is gone
+class PrinterStateLost(Exception):  # noqa: N818 - a state of the printer, not a fault
     """The printer has lost its state; the message says why."""
 
 
@@ -179,7 +179,7 @@ def find_resume_plan(
 
 def _entries(journal_data: JournalData, line: int) -> int:
     if journal_data.line == 0 and line in {journal_data.before, 0, 1, 2}:
-        # Numbers had just begun anew, or were about to: nothing of the job went out since.
+        # Numbering has just restarted, or was about to: no job entry was sent since.
         return journal_data.base
     if line < 1 or not journal_data.line - _BEHIND <= line <= journal_data.line + _BEYOND:
         raise PrinterStateLost(f"its last accepted line is {line}, not {journal_data.line}")
@@ -191,12 +191,12 @@ def rebuild(
 ) -> LiveJob:
     """Rebuild the job as sent so far, with user commands and cancelled objects."""
     job = LiveJob(commands, spans, flavour=flavour)
-    given_up = sorted((at, name) for name, at in dict(journal_data.states.get("cancelled_at", {})).items())
-    happened = [(at, 0, name) for at, name in given_up]
-    happened += [
+    cancelled = sorted((at, name) for name, at in dict(journal_data.states.get("cancelled_at", {})).items())
+    changes = [(at, 0, name) for at, name in cancelled]
+    changes += [
         (entries, 1, command.decode("latin-1")) for entries, command in journal_data.others_until(line)
     ]
-    for entries, kind, text in sorted(happened, key=lambda one: one[:2]):
+    for entries, kind, text in sorted(changes, key=lambda one: one[:2]):
         if kind == 0:
             job.cancel(text, entries)
         else:

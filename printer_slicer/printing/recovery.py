@@ -27,7 +27,7 @@ from printer_slicer.stream.protocol import RESET
 __all__ = ["Point", "RecoveryPlan", "find_recovery_point", "plan_recovery", "recovery_script"]
 
 _SOFT: Final = 150.0
-"""°C at which the nozzle comes loose from the plastic without dripping."""
+"""°C at which the nozzle comes loose from the part without oozing."""
 
 _OVER: Final = 1.0
 """mm above the layer at which the nozzle approaches from outside."""
@@ -127,7 +127,7 @@ def _lost(journal_data: JournalData, *, same_boot: bool) -> float | None:
         return journal_data.stopped
     if journal_data.stopped is None and same_boot:
         return None
-    # Silence, a reset that was noticed later, a computer without power: soon after the last answer.
+    # No answers, a late noticed reset, or a computer without power: assume a time just after the last answer.
     return journal_data.accepted[-1][1] if journal_data.accepted else None
 
 
@@ -186,7 +186,7 @@ def recovery_script(job: Job, point: Point, modes: PrintState, setup: HostSettin
     script += [setup.firmware.set_z_command(z)] if setup.firmware.set_z_command is not None else []
     script += [b"G90", b"G92 Z%s" % number(z), b"G1 Z%s" % number(safe) + lift, b"G28 X Y"]
     if origin != (0.0, 0.0):
-        # Homing has put the origin back to the machine's; the job counts from its own.
+        # Homing has restored the origin of the machine; the job uses its own.
         corner = [number(one - by) for one, by in zip(spot, origin, strict=True) if by is not None]
         script += [
             b"G1 X%s Y%s" % tuple(corner) + travel,

@@ -1,4 +1,4 @@
-"""The way back into an unfinished part: from outside, over what is printed, as little of it as possible."""
+"""Approach to an unfinished part: come down outside of it, then move over as little of it as possible."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from printer_slicer.printing.host_settings import HostSettings
 __all__ = ["extruded_points", "find_approach"]
 
 _DIRECTIONS: Final = 72
-_BESIDE: Final = 1.5  # mm from the way within which a bead counts as under it
-_CLEAR: Final = 5.0  # mm outside of the part where the nozzle comes down
-_DEPTH: Final = 2.0  # mm below the nozzle that still count as printed part
-_SAMPLE: Final = 1.0  # mm between points on a bead
+_BESIDE: Final = 1.5  # mm; an extrusion this close to the approach counts as under it
+_CLEAR: Final = 5.0  # mm between the part and the point where the nozzle comes down
+_DEPTH: Final = 2.0  # mm; parts farther below the nozzle are ignored
+_SAMPLE: Final = 1.0  # mm between sample points on an extrusion
 
 
 def extruded_points(job: Job, entries: int, setup: HostSettings) -> Float:
-    """(N, 3) points on all beads that the first entries of a job laid, mm."""
+    """Return (N, 3) sample points, mm, on all extrusions of the first entries of a job."""
     moves = read_moves(job.commands[:entries], setup.low, FLAVOURS[setup.flavour])
-    lays = (moves.delta[:, 3] > 0) & (moves.delta[:, :2] != 0).any(axis=1)
-    ends, deltas = moves.end[lays], moves.delta[lays, :3]
+    extrudes = (moves.delta[:, 3] > 0) & (moves.delta[:, :2] != 0).any(axis=1)
+    ends, deltas = moves.end[extrudes], moves.delta[extrudes, :3]
     pieces = np.maximum(np.ceil(np.hypot(deltas[:, 0], deltas[:, 1]) / _SAMPLE), 1).astype(int)
     which = np.repeat(np.arange(len(pieces)), pieces)
     step = np.arange(len(which)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
@@ -38,15 +38,15 @@ def extruded_points(job: Job, entries: int, setup: HostSettings) -> Float:
 def find_approach(
     points: Float, goal: tuple[float, float, float], setup: HostSettings
 ) -> tuple[float, float] | None:
-    """Where to come down beside the part, on the way to a place in its last layer.
+    """Return where to come down beside the part, on the way to a position in its last layer.
 
     Args:
-        points: (N, 3) on everything laid, mm.
-        goal: the place, mm.
-        setup: the printer.
+        points: (N, 3) sample points on all extrusions, mm.
+        goal: the position, mm.
+        setup: settings of the printer.
 
     Returns:
-        x and y, mm; None if there is no such place on the bed, or something higher is in every way: then the nozzle
+        x and y, mm; None if no such point is on the bed or higher extrusions block every direction. Then the nozzle
         must come from above.
     """
     x, y, z = goal

@@ -29,7 +29,7 @@ EXAMPLES: Final = """\
   printer-slicer console socket://192.168.1.7:8888 --command M503
   printer-slicer console /dev/ttyUSB0 --command M500 --allow eeprom"""
 _HELP = "type G-code; .temp reads temperatures, .stop is an emergency stop, .help shows this, .quit or Ctrl-D exits"
-_LOOK = 0.05  # s between looks at the port
+_LOOK = 0.05  # s between reads of the port
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -64,7 +64,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _status(status: dict[str, Any]) -> str:
     """Format the status for people."""
     waits = f"{status['job']}: waiting for {status.get('waits_for')}"
-    if "done" not in status:  # it has not begun
+    if "done" not in status:  # it has not started
         return waits
     heat = ", ".join(
         f"{name} {actual:g}" + (f"/{target:g}" if target else "")

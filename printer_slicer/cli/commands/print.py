@@ -50,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         parser.add_argument(
             "--discard-unfinished",
             action="store_true",
-            help="forget an interrupted print on this port; it cannot be resumed afterwards",
+            help="delete an interrupted print on this port; it cannot be resumed afterwards",
         )
     )
     add_layer_options(parser)

@@ -29,12 +29,12 @@ _ROW = "{job}: started {begun} on {port}, {accepted} commands done, {reason} ({i
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `resume`."""
     parser.add_argument(
-        "name", nargs="?", default="", metavar="JOB", help="which print, if there are several"
+        "name", nargs="?", default="", metavar="JOB", help="name of the print, if there are several"
     )
     parser.add_argument("--port", metavar="PORT", help="default: the port on which the print was started")
     what = parser.add_mutually_exclusive_group()
     what.add_argument("--list", action="store_true", help="list the unfinished prints")
-    what.add_argument("--discard", action="store_true", help="forget the print instead")
+    what.add_argument("--discard", action="store_true", help="delete the print instead")
     what.add_argument(
         "--recover",
         action="store_true",
@@ -82,7 +82,7 @@ def _resume(arguments: argparse.Namespace, found: Print) -> int:
         print(sanitize(why), file=sys.stderr)
         if not (sys.stdin.isatty() and sys.stderr.isatty()):
             print(
-                "There is no terminal to confirm this; use resume --recover to do it without asking",
+                "Use resume --recover to do this without a terminal to confirm it",
                 file=sys.stderr,
             )
             return False
