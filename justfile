@@ -79,7 +79,7 @@ settings:
     printer-slicer profiles settings --markdown > docs/reference/settings.md
     printer-slicer profiles schema -o profiles/schema
 
-# figures of README.md that commands print
+# outputs of commands in docs/results.md
 readme:
     python -m benchmarks.readme
 
@@ -87,7 +87,7 @@ readme:
 gallery *NAMES:
     python -m benchmarks.gallery {{NAMES}}
 
-# sample parts and the picture of the README
+# sample parts and the picture of the layer plan in docs/results.md
 parts:
     python sample_parts/make.py
     printer-slicer plan sample_parts/case_study.stl --printer marlin_220_06 --quality case_study --picture docs/case_study.svg --quiet

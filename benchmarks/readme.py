@@ -1,4 +1,4 @@
-"""Figures of README.md that commands print: `just readme` writes them anew, a test holds them against the commands.
+"""Update the command outputs in docs/results.md: `just readme`; a test compares them with the commands.
 
 python -m benchmarks.readme
 """
@@ -17,7 +17,7 @@ from typing import Any, Final
 from printer_slicer.cli import main as command_line
 
 ROOT: Final = Path(__file__).parents[1]
-README: Final = ROOT / "README.md"
+PAGE: Final = ROOT / "docs" / "results.md"
 _PLAN: Final = (
     "plan",
     "sample_parts/case_study.stl",
@@ -29,7 +29,7 @@ _PLAN: Final = (
 
 
 def _said(*arguments: str) -> str:
-    """What a command says on stdout."""
+    """Return what a command prints to stdout."""
     with redirect_stdout(io.StringIO()) as out:
         code = command_line(list(arguments))
     if code:
@@ -38,7 +38,7 @@ def _said(*arguments: str) -> str:
 
 
 def _paper() -> str:
-    """The plans for the part of the paper."""
+    """Return the table of the plans for the part of the paper."""
     with chdir(ROOT):
         plans = json.loads(_said(*_PLAN, "--json"))["plans"]
     rows = ["| plan | layers | saved | time | saved |", "|---|---:|---:|---:|---:|", *map(_row, plans)]
@@ -57,7 +57,7 @@ def _row(plan: Mapping[str, Any]) -> str:
 
 
 def _dry_run() -> str:
-    """The dry run of the vase, as the README's command before it slices it."""
+    """Return the output of the dry run of the vase, sliced by the command above it on the page."""
     made = re.findall(
         r"^printer-slicer (slice sample_parts/vase\.stl -o vase\.gcode .*)$", _text(), re.MULTILINE
     )
@@ -66,33 +66,33 @@ def _dry_run() -> str:
     with TemporaryDirectory() as folder, chdir(folder):
         _said(*arguments)
         text = _said("dry-run", "vase.gcode")
-    shown = text.partition("\nplastic")[0]
+    shown = re.split(r"\n(?i:plastic|executed)", text, maxsplit=1)[0]
     return f"```text\n{shown}\n```"
 
 
 BLOCKS: Final[Mapping[str, Callable[[], str]]] = {"dry-run": _dry_run, "paper": _paper}
-"""Name of a block, between `<!-- NAME -->` and `<!-- end -->` -> its text."""
+"""Functions that return the text between `<!-- NAME -->` and `<!-- end -->`, by name."""
 
 
 def _text() -> str:
-    return README.read_text(encoding="utf-8")
+    return PAGE.read_text(encoding="utf-8")
 
 
 def written(name: str) -> str:
-    """What stands in the README."""
-    return _text().partition(f"<!-- {name} -->\n")[2].partition("\n<!-- end -->")[0]
+    """Return the text of a block on the page."""
+    return _text().partition(f"<!-- {name} -->\n")[2].partition("<!-- end -->")[0].rstrip("\n")
 
 
 def main() -> None:
-    """Write all blocks anew."""
+    """Update all blocks."""
     text = _text()
     for name, made in BLOCKS.items():
         before, mark, rest = text.partition(f"<!-- {name} -->\n")
-        _, end, after = rest.partition("\n<!-- end -->")
+        _, end, after = rest.partition("<!-- end -->")
         if not (mark and end):
-            raise SystemExit(f"{README}: no block {name!r}")
-        text = f"{before}{mark}{made()}{end}{after}"
-    README.write_text(text, encoding="utf-8")
+            raise SystemExit(f"{PAGE}: no block {name!r}")
+        text = f"{before}{mark}{made()}\n{end}{after}"
+    PAGE.write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

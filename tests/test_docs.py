@@ -73,8 +73,8 @@ def test_settings_that_the_documents_change_can_be_changed_so(key: str, value: s
 
 # The dry run is of a large part; the pictures of the gallery are as exact, and of small ones.
 @pytest.mark.parametrize("name", BLOCKS)
-def test_the_readme_shows_what_the_commands_print(name: str) -> None:
-    assert written(name) == BLOCKS[name](), "`just readme` writes it anew"
+def test_results_show_what_the_commands_print(name: str) -> None:
+    assert written(name) == BLOCKS[name](), "`just readme` updates it"
 
 
 def test_contributing_names_files_that_there_are_and_that_know_the_firmwares() -> None:

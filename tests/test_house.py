@@ -355,6 +355,10 @@ def test_the_readme_exists_and_shows_how_to_slice_and_print() -> None:
     assert [path for path, _, _ in blocks("sh") if path.name == "README.md"] != []
 
 
+def test_the_readme_has_at_most_700_words() -> None:
+    assert len((ROOT / "README.md").read_text(encoding="utf-8").split()) <= 700
+
+
 @pytest.mark.parametrize("block", blocks("python"), ids=place_of)
 def test_the_python_code_of_the_documents_runs(block: tuple[Path, int, str], tmp_path: Path) -> None:
     path, line, code = block

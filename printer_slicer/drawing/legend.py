@@ -17,7 +17,7 @@ LEGEND_HEIGHT: Final = 37
 """px."""
 
 _MOST_STEPS: Final = 5
-_SIZE, _SWATCH, _STRIPES = 22, 40, 4
+_SIZE, _SWATCH, _STRIPES = 18, 40, 4
 _DARK: Final = "#1f2430"
 
 
@@ -75,4 +75,4 @@ def draw_legend(plan: LayerPlan, colours: Sequence[str], panel: Panel) -> Iterat
         for k, layer in enumerate(step.layers):
             yield Box(x + k * wide, panel.top, wide, 24, colours[layer], name="legend")
         text = fit_text(step.label, _SIZE, across - _SWATCH - 20)
-        yield Text(x + _SWATCH + 12, panel.top + 20, text, _SIZE, _DARK)
+        yield Text(x + _SWATCH + 12, panel.top + 18, text, _SIZE, _DARK)

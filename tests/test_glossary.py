@@ -1,0 +1,107 @@
+"""The words of docs/glossary.md: roles, settings and JSON use its terms, and none of the words that it excludes."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Final
+
+import pytest
+
+from printer_slicer.inspection.deposition.marks import Purpose
+from printer_slicer.roles import ROLES
+from tests.cli.command_line import PARTS, typed
+
+TEXT: Final = (Path(__file__).parents[1] / "docs" / "glossary.md").read_text(encoding="utf-8")
+BOX: Final = str(PARTS / "box.stl")
+COMMANDS: Final = {
+    "slice": ("slice", BOX, "-o", "box.gcode", "--quality", "standard"),
+    "plan": ("plan", BOX),
+    "dry-run": ("dry-run", "box.gcode"),
+    "check": ("check", "box.gcode"),
+    "check --model": ("check", "box.gcode", "--model", BOX),
+    "draw": ("draw", "box.gcode", "--layer", "2", "-o", "layer.svg"),
+}
+# Settings that PrusaSlicer and OrcaSlicer have under these names, and a published key of `check`.
+KEPT_SETTINGS: Final = ("quality.min_bead_width", "quality.max_bead_width")
+KEPT_KEYS: Final = ("skin",)
+
+
+def rows() -> Iterator[list[str]]:
+    """Yield the cells of each row of the glossary's tables, without their headings."""
+    for table in re.findall(r"(?m)(?:^\|.*\n)+", TEXT):
+        for line in table.splitlines()[2:]:
+            yield [cell.strip() for cell in line.strip("|").split("|")]
+
+
+def excluded_words() -> list[str]:
+    return sorted({plain(word) for *_, cell in rows() for word in re.findall(r"`([^`]+)`", cell)})
+
+
+def plain(text: str) -> str:
+    """Return the words of a text or name, in lower case with single spaces."""
+    return " ".join(re.findall(r"[a-z0-9]+", text.lower()))
+
+
+def find_excluded(texts: Iterator[str]) -> list[tuple[str, str]]:
+    """Return (text, excluded word) for each excluded word in a text."""
+    return [(text, word) for text in texts for word in excluded_words() if f" {word} " in f" {plain(text)} "]
+
+
+def strings_of(value: Any) -> Iterator[str]:
+    """Yield the keys and the text values of a JSON document."""
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            if key not in KEPT_KEYS:
+                yield key
+            yield from strings_of(inner)
+    elif isinstance(value, list):
+        for inner in value:
+            yield from strings_of(inner)
+    elif isinstance(value, str):
+        yield value
+
+
+def test_the_glossary_excludes_words() -> None:
+    assert len(excluded_words()) > 20
+    assert {"skin", "sparse", "outer perimeter", "rehearsal"} <= set(excluded_words())
+
+
+def test_every_role_is_in_the_glossary() -> None:
+    terms = {term for term, *_ in rows()}
+
+    assert {row.type_comment for row in ROLES if row.type_comment} <= terms
+    assert {purpose.label for purpose in Purpose} <= terms
+
+
+def test_names_of_roles_have_no_excluded_words() -> None:
+    names = [*(row.type_comment for row in ROLES), *(purpose.label for purpose in Purpose)]
+
+    assert find_excluded(iter(names)) == []
+
+
+def test_settings_have_no_excluded_words() -> None:
+    settings = json.loads(typed("profiles", "settings", "--json").out)
+    texts = [row["key"] for row in settings if row["key"] not in KEPT_SETTINGS]
+    texts += [row["meaning"] for row in settings]
+
+    assert len(settings) > 100
+    assert find_excluded(iter(texts)) == []
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the G-code of a box."""
+    made = tmp_path_factory.mktemp("glossary")
+    assert typed(*COMMANDS["slice"], cwd=made).code == 0
+    return made
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_json_has_no_excluded_words(command: str, folder: Path) -> None:
+    outcome = typed(*COMMANDS[command], "--json", cwd=folder)
+
+    assert outcome.code == 0, outcome.err
+    assert find_excluded(strings_of(json.loads(outcome.out))) == []
