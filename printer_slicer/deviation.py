@@ -1,9 +1,9 @@
-"""Mesh + Sections -> Deviation: how far the surface of the part is from what is printed.
+"""Measure the distance from the surface of a part to its stacked layers.
 
-What is printed is taken as the stack of sections, each as a body with upright walls from the bottom to the top of its
-layer. Its boundary is the walls, and where neighbouring sections differ the treads and undersides between them; the
-bed side of the first layer and the top of the last one are among these. Nothing is assumed about the part, so a missing
-top, a flat that no layer ends at, a lost feature and the stairs on a slope all count.
+Each section is treated as a body with vertical walls from the bottom to the top of its layer. The boundary of the
+stack consists of these walls, of the horizontal areas where neighbouring sections differ, of the bottom of the first
+layer and of the top of the last one. Nothing is assumed about the part: a missing top, a flat surface between two
+layer tops, a lost feature and the steps on a slope all count.
 """
 
 from __future__ import annotations
@@ -49,43 +49,43 @@ class Deviation:
 
     @property
     def p95(self) -> float:
-        """The distance that 95 % of the points do not exceed, mm."""
+        """95th percentile of the distance, mm."""
         return float(np.percentile(self.distance, 95))
 
     @property
     def max(self) -> float:
-        """Largest distance found, mm; the largest there is may be a little more."""
+        """Largest distance among the points, mm; the true maximum may be slightly larger."""
         return float(self.distance.max())
 
 
 def measure_deviation(mesh: Mesh, sections: Sections, n_points: int = 20_000, seed: int = 0) -> Deviation:
-    """Distances from random points on the surface of the part to the boundary of its stacked layers.
+    """Measure distances from random points on the surface of a part to the boundary of its stacked layers.
 
-    Each distance is exact but for rounding; only the choice of the points is random.
+    Each distance is exact except for rounding; only the choice of the points is random.
 
     Args:
         mesh: the part, standing on z = 0.
-        sections: the areas printed in each layer; cut with resolution 0 they hold the error of the layers alone.
-        n_points: how many points, one at least.
+        sections: the areas printed in each layer; with resolution 0 the result is the error of the layers alone.
+        n_points: number of points, at least 1.
         seed: the same seed gives the same points.
 
     Raises:
         PartError: no layer contains any material.
-        ValueError: no points are asked for.
+        ValueError: `n_points` is less than 1.
     """
     if n_points < 1:
         raise ValueError(f"at least one point is needed, got {n_points}")
     if sections.solid.n_rings == 0:
         raise PartError(
             f"{mesh.name}: no layer contains any material",
-            remedy="the part may be thinner than one layer; check its size and units",
+            remedy="The part may be thinner than one layer. Check its size and units",
         )
     points = _points_on(mesh, n_points, np.random.default_rng(seed))
     return Deviation(points, _distance_to_stack(points, sections))
 
 
 def _points_on(mesh: Mesh, count: int, rng: np.random.Generator) -> Float:
-    """(count, 3) random points, each piece of the surface as likely as its area."""
+    """Return (count, 3) random points, distributed evenly by area."""
     a, b, c = mesh.triangles.transpose(1, 0, 2)
     share = np.cumsum(np.linalg.norm(np.cross(b - a, c - a), axis=1))
     # A facet without area spans no part of the scale and is never chosen.

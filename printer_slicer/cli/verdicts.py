@@ -135,11 +135,7 @@ def insist_printable(verdict: Verdict) -> None:
 def verdict_text(arguments: argparse.Namespace, verdict: Verdict, job: Job, profile: Profile) -> str:
     """Return the result as text: summary, errors, warnings, then facts."""
     wrong = [*verdict.problems, *_other_errors(verdict, job)]
-    head = (
-        f"{verdict.job}: prints correctly"
-        if not wrong
-        else f"{verdict.job}: do NOT print it, {_count(wrong)}"
-    )
+    head = f"{verdict.job}: no problems" if not wrong else f"{verdict.job}: do not print, {_count(wrong)}"
     lines = [head, *(f"{'error':<12}{sanitize(one)}" for one in wrong[:_MOST_FAULTS])]
     if len(wrong) > _MOST_FAULTS:
         lines.append(f"{'error':<12}... and {len(wrong) - _MOST_FAULTS} more (--json lists all)")

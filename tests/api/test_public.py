@@ -197,9 +197,9 @@ def test_a_verdict_is_a_card_that_tells_what_is_wrong() -> None:
     shown = [ET.fromstring(verdict._repr_svg_()) for verdict in (good, bad)]
     said = [" | ".join(node.text or "" for node in root.iter(f"{SVG}text")) for root in shown]
 
-    assert said[0].startswith("cone would print as intended | executed | ")
-    assert f"{good.commands} of {good.commands} commands, each once and in order" in said[0]
-    assert said[1].startswith("cone has 12 problems")
+    assert said[0].startswith("cone: no problems | executed | ")
+    assert f"{good.commands} of {good.commands} commands, in order" in said[0]
+    assert said[1].startswith("cone: do not print, 12 errors")
     assert said[1].count("problem ") == 8
     assert said[1].endswith("and 4 more")
     assert repr(good) == f"<Verdict 'cone': ok, {good.commands} of {good.commands} commands>"

@@ -1,4 +1,4 @@
-"""What goes wrong with plastic while it is laid, looked for height by height against everything laid before.
+"""Find defects of the extrusion, height by height, against everything printed before.
 
 what                when
 in the air          beads that nothing holds, see `deposition.unsupported`
@@ -36,17 +36,17 @@ _MOST_DEFECTS: Final = 200
 
 
 class DefectFinder:
-    """Looks at what is laid.
+    """Finds the defects in moves of one height at a time.
 
     Args:
-        height_map: what stands on the plate so far; what is looked at is put into it.
-        max_flow: mm³/s that the material melts.
-        marks: what comments tell.
+        height_map: everything printed so far; checked moves are added to it.
+        max_flow: highest flow of the material, mm³/s.
+        marks: layers and roles from the comments.
 
     Attributes:
         defects: the worst of each kind in each layer, in order, the first 200.
-        counts: how many layers have each kind.
-        peak: the highest flow; None without any.
+        counts: number of layers with each kind.
+        peak: the highest flow; None without extrusion.
     """
 
     def __init__(self, height_map: HeightMap, max_flow: float, marks: Marks) -> None:
@@ -56,7 +56,7 @@ class DefectFinder:
         self.peak: Defect | None = None
 
     def check(self, batch: MoveBatch, numbers: Int) -> None:
-        """Look at moves of one height, `numbers` (n,) their layers."""
+        """Check moves of one height; `numbers` (n,) are their layers."""
         self._flow(batch, numbers)
         cut = split_moves(batch.start, batch.end)
         cell = self._height_map.cells(cut)
@@ -68,7 +68,7 @@ class DefectFinder:
             deposit(self._height_map, batch, some, cell[laid], self._marks)
 
     def _flow(self, batch: MoveBatch, numbers: Int) -> None:
-        """Plastic per second."""
+        """Check the flow."""
         if not len(batch.flow):
             return
         at = int(batch.flow.argmax())
@@ -83,7 +83,7 @@ class DefectFinder:
             self._keep(batch.defect_at("flow", first, numbers, flow))
 
     def _crash(self, batch: MoveBatch, cut: MovePieces, cell: Int, numbers: Int) -> None:
-        """The nozzle, lower than what stands in its way."""
+        """Find collisions of the nozzle with the print."""
         depth = self._height_map.depth(cell, cut.z)
         upright = cut.length <= NOTHING
         sinks = (batch.end[:, 2] < batch.start[:, 2] - NOTHING)[cut.move]
@@ -101,7 +101,7 @@ class DefectFinder:
         self._keep(batch.defect_at("crash", int(cut.move[hit[0]]), numbers, through)._replace(depth=worst))
 
     def _unsupported(self, batch: MoveBatch, cut: MovePieces, cell: Int, numbers: Int) -> None:
-        """Beads with nothing under them that nothing holds."""
+        """Find unsupported extrusion."""
         low = batch.end[cut.move, 2] < _SCRAPES
         if float(cut.length[low].sum()) > MIN_REPORTED_LENGTH:
             first = int(cut.move[np.flatnonzero(low)[0]])
@@ -114,7 +114,7 @@ class DefectFinder:
             self._keep(defect_at._replace(x=float(cut.x[at]), y=float(cut.y[at])))
 
     def _keep(self, defect_at: Defect) -> None:
-        """Keep a mishap, one of each kind in a layer."""
+        """Keep a defect, one of each kind per layer."""
         same = next(
             (i for i in range(len(self.defects) - 1, -1, -1) if self.defects[i].kind == defect_at.kind), None
         )

@@ -1,4 +1,4 @@
-"""What became of the material of a print as a printer executed it: layers, times, volumes, mishaps."""
+"""Results of recording the extrusion of a print: layers, times, volumes, defects."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ __all__ = ["Deposition", "LayerDeposition", "MissingExtrusion"]
 
 @dataclass(slots=True)
 class LayerDeposition:
-    """What was done in a layer.
+    """Times, volumes and lengths of a layer.
 
     Attributes:
         number: see `Marks.layer`.
-        first: its first command.
-        z: mm, the height of most of its beads so far.
-        seconds: of all its moves.
-        volume: mm³ laid while moving.
-        peak_flow: mm³/s.
-        length: mm of beads.
-        empty: mm that the nozzle went and filament was pushed, but none came out: it had been pulled back farther.
-        back: mm that it went while filament was pulled back.
+        first: the first command of the layer.
+        z: mm, the height of most of its extrusion so far.
+        seconds: s, total time of its moves.
+        volume: mm³ extruded while moving.
+        peak_flow: highest flow, mm³/s.
+        length: mm of extrusion.
+        empty: mm on which filament was fed but none came out, because it was still retracted.
+        back: mm travelled while filament was retracted.
         wrong: the first command of what is `empty`; None without any.
         middle, thick: mm², cross-sections of beads that half of the length at height z exceeds, and a twentieth.
     """
@@ -47,15 +47,15 @@ class LayerDeposition:
 
 
 class MissingExtrusion(NamedTuple):
-    """A stretch in which the nozzle climbs layer by layer, or filament is pushed, but nothing is laid.
+    """A part of the print in which the nozzle climbs layer by layer, or filament is fed, but nothing is extruded.
 
     Attributes:
-        command, last: its first and its last.
-        shows: the command by which there was no doubt; 0 before that.
-        length: mm gone in the plane.
-        low, high: mm, the heights gone through.
-        pushed, back: mm of the length on which filament is pushed, in vain, and pulled back.
-        wrong: the first command that pushes in vain; 0 without any.
+        command, last: the first and the last command.
+        shows: the command that proves it; 0 before that.
+        length: mm travelled in x and y.
+        low, high: mm, range of heights.
+        pushed, back: mm of the length on which filament is fed in vain, and retracted.
+        wrong: the first command that feeds filament in vain; 0 if there is none.
     """
 
     command: int
@@ -71,23 +71,23 @@ class MissingExtrusion(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Deposition:
-    """What the material came to. Times in s.
+    """The extrusion of a whole print. Times in s.
 
     Attributes:
-        layers: in the order in which they were begun.
-        by_role: seconds of laying, by the names of beads.
-        travel, extruder: seconds of moves without filament, and of the extruder alone.
-        volume: mm³ laid while moving.
-        standing: mm³ that came out while standing.
+        layers: in the order in which they were started.
+        by_role: extrusion time by role name.
+        travel, extruder: time of travel moves, and of moves of the extruder alone.
+        volume: mm³ extruded while moving.
+        standing: mm³ extruded while standing.
         length: mm of beads.
-        speed: mm/s, that half of all length is laid slower than.
-        peak: the highest flow, as a mishap tells it; None without any.
+        speed: mm/s, median over the extruded length.
+        peak: the highest flow, as a defect; None without extrusion.
         defects: the worst of each kind in each layer, in order.
-        counts: how many layers have each kind of them.
-        first_extrusion: the first command that lays; None if none does.
-        first_missing: the first command of whose filament some did not come out; None if there is none.
-        missing_extrusion: the first long stretch in which the print goes on but nothing is laid; None without.
-        plate: what stands on it at the end.
+        counts: number of layers with each kind of defect.
+        first_extrusion: the first command that extrudes; None if none does.
+        first_missing: the first command with filament that did not come out of the nozzle; None if there is none.
+        missing_extrusion: the first long part of the print without extrusion; None if there is none.
+        plate: heights on the plate at the end.
         timeline: speed over the time in motion.
     """
 

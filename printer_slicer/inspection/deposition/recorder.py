@@ -1,6 +1,6 @@
-"""The material as a printer executed it: kept account of while it prints, in memory that does not grow with the job.
+"""Record the extrusion of a print while it is executed, in memory that does not grow with the job.
 
-Moves come in chunks. What is laid at one height is looked at together, see `defects`.
+Moves come in chunks. Extrusions of one height are checked together, see `defects`.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ _BINS: Final = np.geomspace(1e-3, 1e4, 1400)
 
 
 class DepositionRecorder:
-    """Keeps the account.
+    """Records layers, times, volumes and defects of a print.
 
     Args:
         box: corners of what the nozzle can reach, x and y, mm.
-        area: mm² of the filament.
-        max_flow: mm³/s that the material melts.
-        marks: what comments tell.
+        area: cross-section of the filament, mm².
+        max_flow: highest flow of the material, mm³/s.
+        marks: layers and roles from the comments.
     """
 
     def __init__(
@@ -74,12 +74,12 @@ class DepositionRecorder:
         self._timeline = TimelineRecorder()
 
     def feed(self, rows: Float, seconds: Float, kept_back: float = 0.0) -> None:
-        """Some more moves.
+        """Add moves.
 
         Args:
-            rows: (n, 9) as `sim.move_log` has them.
-            seconds: (n,) that each takes.
-            kept_back: share of what is fed that does not come out of the nozzle.
+            rows: (n, 9) rows of `sim.move_log`.
+            seconds: (n,) s, duration of each.
+            kept_back: share of the fed filament that does not come out of the nozzle.
         """
         self._timeline.feed(rows, seconds)
         pushed = self._pushed(rows) * self._area
@@ -98,7 +98,7 @@ class DepositionRecorder:
         self._share_out(rows, seconds, (fresh, extrudes))
 
     def _share_out(self, rows: Float, seconds: Float, laid: tuple[Float, Bool]) -> None:
-        """Moves into batches of one height; what they lay, mm³, and whether they do."""
+        """Split moves into batches of one height, with their volumes, mm³, and whether they extrude."""
         fresh, extrudes = laid
         z = rows[:, 6]
         # Cut where something is laid at another height than before, or the nozzle goes under what was laid just now.
@@ -116,7 +116,7 @@ class DepositionRecorder:
         self._wait(rows[begin:], seconds[begin:], fresh[begin:])
 
     def close(self) -> Deposition:
-        """All that was found."""
+        """Finish, and return the results."""
         self._check_waiting()
         names = self._marks.labels
         return Deposition(
@@ -139,7 +139,7 @@ class DepositionRecorder:
         )
 
     def _pushed(self, rows: Float) -> Float:
-        """(n,) mm of filament that leave the nozzle; each tool has its own."""
+        """Return the (n,) mm of filament that leave the nozzle; each tool has its own filament."""
         if not len(self._marks.tools):
             return self._fresh(rows[:, FED], 0)
         tool = self._marks.tool(rows[:, COMMAND].astype(np.int64))
@@ -149,7 +149,7 @@ class DepositionRecorder:
         return result
 
     def _fresh(self, fed: Float, tool: int) -> Float:
-        """(n,) mm of the filament of a tool that leave the nozzle: what goes beyond the farthest that it was."""
+        """Return the (n,) mm of filament of one tool that leave the nozzle: feed beyond its maximum so far."""
         before, reached = self._reached.get(tool, (0.0, 0.0))
         total = np.round(before + np.cumsum(fed), 7)
         peak = np.maximum.accumulate(np.maximum(total, reached))
@@ -158,7 +158,7 @@ class DepositionRecorder:
         return np.asarray(np.diff(peak, prepend=reached))
 
     def _wait(self, rows: Float, seconds: Float, fresh: Float) -> None:
-        """Keep moves until all that lie at their height have come."""
+        """Keep moves until all moves of their height have come."""
         if len(rows):
             self._waiting.append((rows, seconds, fresh))
             self._waits += len(rows)
@@ -166,7 +166,7 @@ class DepositionRecorder:
                 self._check_waiting()
 
     def _check_waiting(self) -> None:
-        """Look at what waits."""
+        """Check the moves that were kept."""
         if not self._waiting:
             return
         rows, seconds, fresh = (np.concatenate(parts) for parts in zip(*self._waiting, strict=True))
@@ -177,7 +177,7 @@ class DepositionRecorder:
         self._defects.check(batch, numbers)
 
     def _numbers(self, batch: MoveBatch) -> Int:
-        """(n,) the layer of each move."""
+        """Return the (n,) layer of each move."""
         if len(self._marks.layers):
             return self._marks.layer(batch.command)
         if not batch.extrudes.any():
@@ -189,7 +189,7 @@ class DepositionRecorder:
         return np.full(len(batch.command), self._number)
 
     def _add(self, batch: MoveBatch, numbers: Int) -> None:
-        """Count times and volumes."""
+        """Add the times and volumes of moves."""
         extrudes = batch.extrudes
         self._seconds += np.bincount(batch.role[extrudes], batch.seconds[extrudes], len(self._seconds))
         still = batch.flat <= NOTHING
@@ -205,7 +205,7 @@ class DepositionRecorder:
                 self._add_to(number, batch, numbers == number)
 
     def _add_to(self, number: int, batch: MoveBatch, own: Bool) -> None:
-        """Count what was done in a layer."""
+        """Add moves to a layer."""
         layer = self._layers.setdefault(number, LayerDeposition(number, int(batch.command[own.argmax()])))
         laid = own & batch.extrudes
         lengths, volumes = batch.flat[laid], batch.volume[laid]
@@ -226,7 +226,7 @@ class DepositionRecorder:
 
 
 def _exceeded(values: Float, weights: Float, shares: tuple[float, ...]) -> list[float]:
-    """The values that such shares of all weight exceed."""
+    """Return the values that are exceeded by the given shares of the total weight."""
     order = np.argsort(values)
     total = np.cumsum(weights[order])
     places = np.searchsorted(total, (1.0 - np.array(shares)) * total[-1])
@@ -234,13 +234,13 @@ def _exceeded(values: Float, weights: Float, shares: tuple[float, ...]) -> list[
 
 
 def _latest(values: Float, before: float) -> Float:
-    """(n,) the last value in front of each that is a number."""
+    """Replace nan by the last value before it, (n,)."""
     values = np.append(before, values[:-1])
     known = np.maximum.accumulate(np.where(np.isnan(values), 0, np.arange(len(values))))
     return np.asarray(values[known])
 
 
 def _median(bins: Float) -> float:
-    """The value in the middle of all weight; 0 of none."""
+    """Return the weighted median; 0 without values."""
     total = np.cumsum(bins)
     return float(np.append(_BINS, _BINS[-1])[np.searchsorted(total, total[-1] / 2)]) if total[-1] > 0 else 0.0

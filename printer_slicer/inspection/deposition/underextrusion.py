@@ -1,4 +1,4 @@
-"""Where a print goes on but lays nothing: the nozzle climbs as it does from layer to layer, or filament is pushed."""
+"""Find where a print continues without extrusion: the nozzle climbs through layers, or filament is fed in vain."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ _MANY: Final = 20  # moves: most travel is shorter
 
 
 class MissingExtrusionFinder:
-    """Looks for them in moves as they come.
+    """Finds the first stretch without extrusion in batches of moves.
 
     Attributes:
-        first: the first one; None so far.
+        first: the first stretch; None if there is none so far.
     """
 
     def __init__(self) -> None:
@@ -35,7 +35,7 @@ class MissingExtrusionFinder:
         self._steps, self._since = 0, 0.0
 
     def feed(self, rows: Float, extrudes: Bool) -> None:
-        """Some more moves, as `sim.move_log` has them, and which of them lay something."""
+        """Add moves, as rows of `sim.move_log`, and which of them extrude."""
         if self.first is not None and (self._now is None or self.first.command != self._now.command):
             return  # it has ended
         edges = np.concatenate([[-1], np.flatnonzero(extrudes), [len(rows)]])
@@ -48,7 +48,7 @@ class MissingExtrusionFinder:
                 self._go_on(rows[edges[gap] + 1 : edges[gap + 1]])
 
     def _go_on(self, rows: Float) -> None:
-        """Some more moves without plastic."""
+        """Add moves that do not extrude."""
         if not len(rows):
             return
         flat = np.hypot(*(rows[:, END] - rows[:, START])[:, :2].T)
@@ -71,7 +71,7 @@ class MissingExtrusionFinder:
             self.first = self._now
 
     def _climbed(self, rows: Float, gone: Float) -> tuple[int, float]:
-        """The command at which it was clear that it climbs without plastic, 0 before that; and up to where it did.
+        """Return the command that proves a climb without extrusion, 0 if none does, and the height reached.
 
         Args:
             rows: moves.

@@ -1,4 +1,4 @@
-"""What follows from what: a fault that comes of another one is not told a second time."""
+"""Find the causes of faults, so that consequences of one fault are not reported as further faults."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ _ON: Final = 1  # layers behind the last one with a fault, in which something ma
 
 @dataclass(slots=True)
 class Cause:
-    """Something that went wrong.
+    """A fault from which other faults may follow.
 
     Attributes:
         kind: a key of `CODES`.
-        command: where, from 0.
-        last: the last layer in which something may follow from it.
+        command: index of the command, from 0.
+        last: the last layer in which a consequence is possible.
     """
 
     kind: str
@@ -48,7 +48,7 @@ class Cause:
     last: int
 
     def explains(self, kind: str, command: int, layer: int) -> bool:
-        """Whether another fault follows from it; then more may follow from that in the next layer."""
+        """Return whether a fault follows from this cause; if so, more may follow in the next layer."""
         follows = kind in _FOLLOWS[self.kind] and command >= self.command and layer <= self.last
         if follows:
             self.last = max(self.last, layer + _ON)
@@ -56,7 +56,7 @@ class Cause:
 
 
 def causes_of(job: Job, report: Report, comparison: Comparison, deposition: Deposition) -> list[Cause]:
-    """What the firmware refused or clipped, layer by layer."""
+    """Return the commands that the firmware rejected or clipped, as causes by layer."""
     inches = bool(report.violations) and uses_inches(job.commands)
     found: dict[tuple[str, int], Cause] = {}
     # What is beyond the list may lie in any layer.
@@ -72,7 +72,7 @@ def causes_of(job: Job, report: Report, comparison: Comparison, deposition: Depo
 
 
 def drop_consequences(defects: Sequence[Defect], causes: list[Cause]) -> list[Defect]:
-    """Mishaps that follow from nothing else."""
+    """Return the defects that are not the consequence of another fault."""
     left = []
     for one in sorted(defects, key=lambda one: one.command):
         if is_explained(causes, one.kind, one.command - 1, one.layer):
@@ -86,10 +86,10 @@ def drop_consequences(defects: Sequence[Defect], causes: list[Cause]) -> list[De
 
 
 def is_explained(causes: Iterable[Cause], kind: str, command: int, layer: int) -> bool:
-    """Whether a fault follows from some causes; all of them take note."""
+    """Return whether a fault follows from any of the causes, and update those causes."""
     return sum(cause.explains(kind, command, layer) for cause in causes) > 0
 
 
 def layer_of(deposition: Deposition, command: int) -> int:
-    """The layer of a command, as the account counts them; 0 before the first."""
+    """Return the layer of a command, as the recorder counts layers; 0 before the first."""
     return max((one.number for one in deposition.layers if one.first <= command + 1), default=0)

@@ -1,8 +1,8 @@
-"""Commands that only move, or set something for the moves behind them: what they do, for thousands at once.
+"""Compute the combined effect of thousands of simple commands: moves, and settings for the moves after them.
 
-Such a stretch ends before the first command that waits, asks, homes, heats and waits, is an arc, is not known, leaves
-the machine, extrudes cold or too far, or changes limits other than accelerations: those are executed by the simulated
-firmware itself, one by one.
+A run of such commands ends before the first command that waits, queries, homes, is an arc or unknown, leaves the
+machine, extrudes cold or too far, or changes limits other than accelerations. The simulated firmware executes those
+commands one by one.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ _OK: Final = len("ok\n")
 
 
 class Chunk:
-    """Some commands of a job, read once.
+    """Parsed consecutive commands of a job.
 
     Args:
-        commands: without comments.
-        first: index in the job of the first of them.
+        commands: the commands, without comments.
+        first: index of the first one in the job.
     """
 
     def __init__(self, commands: Sequence[bytes], first: int) -> None:
@@ -57,24 +57,24 @@ class Chunk:
         return len(self.commands)
 
     def break_after(self, begin: int) -> int:
-        """The first command from `begin` on that has to be executed by itself; the number of commands without one."""
+        """Return the index of the first command from `begin` on that must be executed singly, else the count."""
         at = bisect_left(self._breaks, begin)
         return self._breaks[at] if at < len(self._breaks) else len(self.commands)
 
     def between(self, begin: int, end: int) -> list[tuple[int, str, str]]:
-        """Place, kind and text of the commands in a stretch that are no moves."""
+        """Return index, kind and text of the commands in a range that are not moves."""
         first, last = bisect_left(self.others, begin), bisect_left(self.others, end)
         return [(self.others[at], self.kinds[at], self.texts[self.others[at]]) for at in range(first, last)]
 
 
 def _keeps_hot(kind: str, target: float, start: BatchStart) -> bool:
-    """Whether a new target is one that the firmware takes as it is, and that lets filament be fed."""
+    """Return whether the firmware accepts a target temperature unchanged, and it allows extrusion."""
     low, high = start.bed_targets if kind == "M140" else start.targets
     return low <= target <= high
 
 
 def _kind(text: str) -> str:
-    """What kind of command without motion or waiting this is; empty for all others."""
+    """Return the kind of a command that neither moves nor waits; empty for all others."""
     code = text.partition(" ")[0]
     if code in _SILENT or code == _ACCELERATION:
         return code
@@ -89,18 +89,18 @@ def _kind(text: str) -> str:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CommandRun:
-    """What commands that follow each other do to a printer as it stands before them.
+    """The effect of consecutive commands on a printer in a given state.
 
     Attributes:
-        begin: the first of them in its chunk.
-        position: (n, 4) where each leads, x, y, z, e, mm.
-        delta: (n, 4) its way, e as it is fed.
-        feed: (n,) mm/s asked for last.
-        speed: (n,) mm/s wanted.
-        acceleration: (n,) wanted, mm/s².
-        answer: (n,) bytes of what is said to it.
-        limits: place in the stretch, and what holds from there on.
-        timed: place and text of what changes heaters and fans.
+        begin: index of the first command in its chunk.
+        position: (n, 4) mm, end position of each command: x, y, z, e.
+        delta: (n, 4) mm, displacement of each command, with e as it is fed.
+        feed: (n,) mm/s, last feed rate that was set.
+        speed: (n,) mm/s, requested speed.
+        acceleration: (n,) mm/s², requested acceleration.
+        answer: (n,) bytes in the reply to each command.
+        limits: (index in the run, limits from there on).
+        timed: (index in the run, text) of commands that change heaters and fans.
     """
 
     begin: int
@@ -118,7 +118,7 @@ class CommandRun:
 
     @classmethod
     def read(cls, chunk: Chunk, begin: int, start: BatchStart) -> CommandRun | None:
-        """The stretch that begins at a command, None if that has to be executed by itself."""
+        """Return the run that starts at a command; None if that command must be executed singly."""
         end = chunk.break_after(begin)
         others = chunk.between(begin, end)
         for place, kind, text in others:
@@ -152,7 +152,7 @@ class CommandRun:
         )
 
     def lines(self, chunk: Chunk, limits: MotionLimits) -> LineBatch:
-        """What these commands ask of the link and of the planner."""
+        """Return the load of these commands on the link and the planner."""
         own = slice(self.begin, self.begin + len(self))
         moving, length = find_moving(np.ascontiguousarray(self.delta.T))
         delta = np.ascontiguousarray(self.delta[moving].T)
@@ -164,7 +164,7 @@ _Others = list[tuple[int, str, str]]
 
 
 def _ways(words: Float, start: BatchStart, others: _Others) -> tuple[Float, Float]:
-    """(n, 4) positions and ways; what the printer has is where they begin."""
+    """Return the (n, 4) positions and displacements, from the current position of the printer."""
     unit, offset = start.unit, start.offset
     position, delta = np.zeros((len(words), 4)), np.zeros((len(words), 4))
     for axis in range(3):
@@ -193,7 +193,7 @@ def _ways(words: Float, start: BatchStart, others: _Others) -> tuple[Float, Floa
 
 
 def _allowed(position: Float, delta: Float, is_plain: Bool, start: BatchStart) -> Bool:
-    """(n,) which commands the firmware executes as they are written."""
+    """Return (n,) whether the firmware executes each command unchanged."""
     low, high = np.array(start.low), np.array(start.high)
     good = ((position[:, :3] >= low) & (position[:, :3] <= high)).all(axis=1) | ~is_plain
     if not start.moves:
@@ -205,14 +205,14 @@ def _allowed(position: Float, delta: Float, is_plain: Bool, start: BatchStart) -
 
 
 def _accelerations(start: BatchStart, others: _Others) -> list[tuple[int, MotionLimits]]:
-    """The limits from each command on that changes accelerations; what that means the firmware says."""
+    """Return the limits after each command that changes accelerations, as the firmware interprets it."""
     own = [(place, text) for place, kind, text in others if kind == _ACCELERATION]
     limits = start.limits_after([text for _, text in own])
     return [(place, after) for (place, _), after in zip(own, limits, strict=True)]
 
 
 def _wanted(delta: Float, limits: MotionLimits, changes: Sequence[tuple[int, MotionLimits]]) -> Float:
-    """(n,) the acceleration of each way, before the axes have their say."""
+    """Return the (n,) requested acceleration of each move, before the limits of the axes."""
     travels = (delta[:, :3] != 0).any(axis=1)
     feeds = delta[:, 3] != 0
     which = np.zeros(len(delta), np.int64)
@@ -228,7 +228,7 @@ def _wanted(delta: Float, limits: MotionLimits, changes: Sequence[tuple[int, Mot
 
 
 def _answers(position: Float, start: BatchStart, others: _Others) -> Int:
-    """(n,) bytes of each answer. The step counts behind G92 are taken for those where the plan ends."""
+    """Return the (n,) bytes of each reply. Step counts after G92 are taken from the end of the planned motion."""
     answer = np.full(len(position), _OK)
     for place, kind, _ in others:
         if kind == _SETS_E:
@@ -238,12 +238,12 @@ def _answers(position: Float, start: BatchStart, others: _Others) -> Int:
 
 
 def _held(values: Float, before: float) -> Float:
-    """(n,) the last value that is a number, `before` before the first."""
+    """Replace nan by the last value before it; by `before` at the start."""
     values = np.append(before, values)
     last = np.maximum.accumulate(np.where(np.isnan(values), 0, np.arange(len(values))))
     return np.asarray(values[last][1:])
 
 
 def limits_at(command_run: CommandRun, count: int, before: MotionLimits) -> MotionLimits:
-    """The limits behind the first `count` commands."""
+    """Return the limits after the first `count` commands."""
     return next((after for place, after in reversed(command_run.limits) if place < count), before)

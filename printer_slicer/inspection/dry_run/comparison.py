@@ -1,4 +1,4 @@
-"""What a printer executes, against what a job holds."""
+"""Compare the commands that a printer executes with the commands of a job."""
 
 from __future__ import annotations
 
@@ -24,15 +24,16 @@ SHOWN: Final = 20
 class Comparison:
     """Compares what a printer executes with what a job holds, command by command.
 
-    A command that is not next in the job is a stray. The job goes on further down where as many commands are missing as
-    strays came, or where two that were executed stand one behind the other: an altered or lost line is one difference.
+    A command that is not the next one of the job is unexpected. The comparison continues further down in the job where
+    as many commands are missing as unexpected ones came, or where two executed commands follow each other. So an
+    altered or lost line is one difference.
 
     Attributes:
-        executed: how many commands of the job were executed, in their order.
-        due: index of the one that is next.
-        n_unexpected: how many commands were executed that were not.
-        unexpected: the first few of them: (index of what was next, the command).
-        skipped: indices of the first few commands that were passed over.
+        executed: number of commands of the job that were executed in order.
+        due: index of the next command of the job.
+        n_unexpected: number of executed commands that were unexpected.
+        unexpected: the first few of them: (index of the command that was due, the executed command).
+        skipped: indices of the first few commands that were not executed.
         digest: SHA-256 over the executed commands of the job, each followed by a newline.
     """
 
@@ -51,7 +52,7 @@ class Comparison:
         self.skipped: list[int] = []
 
     def __call__(self, text: str) -> None:
-        """One more executed command."""
+        """Compare one more executed command."""
         self._begun += 1
         command = text.encode("latin-1")
         if self.due < len(self._commands) and command == self._commands[self.due]:
@@ -71,18 +72,18 @@ class Comparison:
                 self.unexpected.append((self.due, text))
 
     def many(self, commands: Sequence[bytes]) -> None:
-        """Many commands that are next in the job were executed; none of them is what a host asks."""
+        """Count many commands that were executed in order; none of them is a query of the host."""
         self._begun += len(commands)
         self.executed += len(commands)
         self.due += len(commands)
         self._hash.update(b"\n".join(commands) + b"\n")
 
     def of_job(self, executed: int) -> bool:
-        """Whether the command that was executed as number `executed`, counted from 1, is one of the job."""
+        """Return whether executed command number `executed`, counted from 1, belongs to the job."""
         return executed >= self._ends[bisect_right(self._begins, executed) - 1]
 
     def commands_of(self, executed: Int) -> Int:
-        """(n,) what `command_of` gives for each."""
+        """Return the result of `command_of` for each, (n,)."""
         run = np.searchsorted(np.array(self._begins), executed, side="right") - 1
         since = executed - np.array(self._ends)[run]
         return np.asarray(
@@ -90,26 +91,26 @@ class Comparison:
         )
 
     def command_of(self, executed: int) -> int:
-        """Index in the job of the command that was executed as number `executed`, counted from 1.
+        """Return the index in the job of executed command number `executed`, counted from 1.
 
-        Of one that is not the job's it is that of the command in front of it, -1 if there was none.
+        For a command that is not of the job, return the index of the command before it; -1 if there is none.
         """
         return int(self.commands_of(np.array([executed]))[0])
 
     @property
     def digest(self) -> str:
-        """SHA-256 so far, in hexadecimal."""
+        """Return the SHA-256 so far, in hexadecimal."""
         return self._hash.hexdigest()
 
     def _take(self, command: bytes) -> None:
-        """The command that is next was executed."""
+        """Count the next command as executed."""
         self.executed += 1
         self.due += 1
         self._in_row = 0
         self._hash.update(command + b"\n")
 
     def _set_apart(self) -> None:
-        """The command that was executed is not of the job. What follows each other is one run."""
+        """Record an executed command as unexpected; consecutive ones form one run."""
         if self._ends[-1] != self._begun:
             self._begins.append(self._begun)
             self._ends.append(self._begun)
@@ -118,7 +119,7 @@ class Comparison:
         self._ends[-1] = self._begun + 1
 
     def _found_again(self, command: bytes) -> bool:
-        """Whether the job goes on with this command, or went on with the stray before it."""
+        """Return whether the job continues with this command, or continued with the unexpected one before it."""
         ahead = self._commands[self.due : self.due + _WINDOW + 1]
         altered = self._in_row
         if 0 < altered < len(ahead) and ahead[altered] == command and self._ends[-1] == self._begun:
@@ -140,7 +141,7 @@ class Comparison:
         return True
 
     def _pass_over(self, count: int) -> None:
-        """Commands of the job were not executed; it goes on behind the last run."""
+        """Record commands of the job as skipped; the job continues after the last run."""
         self.skipped += range(self.due, self.due + min(count, SHOWN - len(self.skipped)))
         self.due += count
         self._behind[-1] = self.due

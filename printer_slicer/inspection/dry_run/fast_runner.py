@@ -1,9 +1,9 @@
-"""A job on the simulated printer without its bytes: the times are those that the conversation would take.
+"""Run a job on the simulated printer without sending bytes, at the times that a serial link would give.
 
-Host and printer greet each other as they do. Then every line goes to the firmware at the moment at which it would have
-arrived, with two lines in flight; and where nothing else can happen, the effect of thousands of lines is computed at
-once and handed to the firmware, see `command_runs` and `printer_slicer.link_model`. What is executed, and when, is the
-same as over the wire, but for bytes of some answers that nobody waits for.
+Handshake and firmware detection go over the port as usual. After that, the firmware gets every line at the moment it
+would arrive with two lines in flight. Where nothing else can happen, the effect of thousands of lines is computed at
+once and applied to the firmware, see `command_runs` and `printer_slicer.link_model`. Commands and times are the same
+as over the link, except for the bytes of some replies that the host does not wait for.
 """
 
 from __future__ import annotations
@@ -49,24 +49,24 @@ _ROW: Final = 9
 
 
 class _IdentifiedError(Exception):
-    """Host and printer know each other now."""
+    """Raised to end the handshake, once the host has identified the printer."""
 
 
 class EndlessPrintError(Exception):
-    """A command, or the whole print, takes longer than anybody would wait."""
+    """A command takes longer than a day, or the whole print longer than 30 days."""
 
 
 class FastRunner:
-    """Executes a job.
+    """Executes a job on a simulated printer.
 
     Args:
-        printer: that executes it, as it was switched on.
-        port: to it, over which they greet each other.
-        link: how long bytes take.
-        on_many: is told of commands that were executed in their order.
+        printer: the printer, as it was switched on.
+        port: the port to it, for the handshake.
+        link: baud rate, latency and window.
+        on_many: called with commands that were executed in order.
 
     Attributes:
-        batched: commands of which the firmware only took note.
+        batched: number of commands that were applied in batches.
     """
 
     def __init__(
@@ -85,11 +85,11 @@ class FastRunner:
 
     @property
     def now(self) -> float:
-        """When the host had the last answer, s."""
+        """Time at which the host received the last reply, s."""
         return self._link.answered[-1]
 
     def greet(self, streamer: Streamer) -> list[Event]:
-        """Let host and printer meet over the port; what the host was told."""
+        """Perform the handshake over the port, and return what the host learned about the printer."""
         heard: list[Event] = []
 
         def record(events: Sequence[Event]) -> None:
@@ -103,10 +103,10 @@ class FastRunner:
         return heard
 
     def execute(self, commands: Sequence[bytes], on_progress: Callable[[int], None]) -> int:
-        """Execute a job; how many of its commands were, before the printer halted.
+        """Execute a job, and return how many commands were executed before the end or a halt.
 
         Raises:
-            EndlessPrintError: one of them takes longer than a day, or all of them longer than 30.
+            EndlessPrintError: a command takes longer than a day, or the print longer than 30 days.
         """
         done = 0
         while done < len(commands) and not self._printer.state.killed:
@@ -116,7 +116,7 @@ class FastRunner:
         return done
 
     def close(self) -> str:
-        """Wait for the end of the motion and ask where the printer is, as the host does; what it says.
+        """Wait for the end of the motion, query the position as the host does, and return the reply.
 
         Raises:
             EndlessPrintError: the motion does not end.
@@ -131,7 +131,7 @@ class FastRunner:
         return said
 
     def _execute(self, chunk: Chunk) -> int:
-        """Execute a chunk; how many of its commands were."""
+        """Execute a chunk, and return how many of its commands were executed."""
         at = 0
         while at < len(chunk) and not self._printer.state.killed:
             count = 0
@@ -146,7 +146,7 @@ class FastRunner:
         return at
 
     def _one(self, chunk: Chunk, at: int) -> str:
-        """Have one command executed by the firmware; what is said to it."""
+        """Execute one command on the firmware, and return the reply."""
         printer, link = self._printer, self._link
         now = link.send(int(chunk.sizes[at]), int(chunk.rooms[at]))
         while (due := printer.wakeup()) is not None and due <= now:
@@ -170,7 +170,7 @@ class FastRunner:
         return b"".join(said).decode("latin-1")
 
     def _batch(self, chunk: Chunk, at: int) -> int:
-        """Execute as many commands at once as can be; how many that were."""
+        """Execute as many commands as possible in one batch, and return their number."""
         start = self._printer.start_batch(self._link.executed)
         if start is None or not can_batch(start.limits):
             return 0
@@ -189,7 +189,7 @@ class FastRunner:
     def _apply(
         self, chunk: Chunk, command_run: CommandRun, lines: LineBatch, times: BatchTimes, start: BatchStart
     ) -> None:
-        """Have the firmware take note of what was reckoned."""
+        """Apply a computed batch to the state of the firmware."""
         count = times.done
         self.batched += count
         begin = command_run.begin
@@ -225,7 +225,7 @@ class FastRunner:
 def _rows(
     command_run: CommandRun, lines: LineBatch, times: BatchTimes, commands: int
 ) -> tuple[Float, dict[str, Any]]:
-    """What `MoveLog` wants to know of the moves, and what `Batch` wants to know of what they lay."""
+    """Return the rows of the moves for `MoveLog`, and the extrusion of the moves for `Batch`."""
     moving = lines.moving[lines.moving < times.done]
     own = slice(0, len(moving))
     end, delta = command_run.position[moving], command_run.delta[moving]
@@ -252,7 +252,7 @@ def _rows(
 def _planned_after(
     command_run: CommandRun, lines: LineBatch, times: BatchTimes, start: BatchStart
 ) -> Planned:
-    """What is being made and what waits behind a batch."""
+    """Return the current move and the planned moves after a batch."""
     before, after, began = start.planned, times.planner, len(times.begins)
     # Where the running block, each that waited, and each new one ends; e as filament fed.
     fed = start.filament + np.cumsum(command_run.delta[lines.moving, 3])

@@ -107,8 +107,8 @@ class Verdict(SvgRepr):
             "filament": f"{self.report.filament / 1000:.2f} m",
         }
         count = len(self.problems)
-        how = "prints correctly" if self.ok else f"has {count} problem{'s' if count > 1 else ''}"
-        return Summary(f"{self.job} {how}", facts, self.problems)
+        how = "no problems" if self.ok else f"do not print, {count} error{'s' if count > 1 else ''}"
+        return Summary(f"{self.job}: {how}", facts, self.problems)
 
 
 class RunContext(NamedTuple):

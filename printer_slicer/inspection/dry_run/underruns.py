@@ -1,8 +1,8 @@
-"""Where a link is too slow for a file: buffer underruns, before anything is printed.
+"""Find buffer underruns of a job on a serial link, before it is printed.
 
-Where the planner runs short the machine brakes, for it must be able to stop behind the last move it knows, and where
-it runs dry it stands still, with the nozzle on the part. The job is sent twice over `printer_slicer.link_model`: over
-the link, and over one on which lines take no time. Where moves begin later and later, lines do not come in time.
+With few moves in its buffer the planner slows down, because it must be able to stop after the last move it knows. With
+an empty buffer the machine stands still, with the nozzle on the part. `printer_slicer.link_model` computes the times of
+the job twice: for the given link, and for one that takes no time. An underrun is where moves start later and later.
 """
 
 from __future__ import annotations
@@ -34,14 +34,14 @@ _STANDS: Final = commands_that(Effect.WAITS)
 
 @dataclass(frozen=True, slots=True)
 class Underrun:
-    """Commands during which the machine is slower, or stands still, because lines do not come.
+    """A range of commands in which the machine slows down or stops because lines arrive too late.
 
     Attributes:
-        first, last: indices of the commands.
-        seconds: lost.
-        lines_per_second_needed: lines/s that the printer would need there.
-        lines_per_second_available: lines/s that come.
-        line, last_line: of the text, counted from 1; 0 if not known.
+        first, last: indices of the first and the last command.
+        seconds: time lost, s.
+        lines_per_second_needed: lines/s that the printer needs there.
+        lines_per_second_available: lines/s that the link carries there.
+        line, last_line: lines of the file, counted from 1; 0 if unknown.
         layer: counted from 1; 0 before the first.
     """
 
@@ -57,16 +57,16 @@ class Underrun:
 
 @dataclass(frozen=True, slots=True)
 class UnderrunReport:
-    """What a link makes of a job.
+    """The buffer underruns of a job on a link.
 
     Attributes:
-        link: it.
-        underruns: where the machine is slower for it, in order.
-        stalls, stalled_seconds: how often and how long it stands still.
-        moving_seconds: of all moves.
-        seconds: from the first line to the end of the last move; homing, heating and people are not counted.
-        ideal_seconds: the same where lines take no time.
-        lines_per_second: most that the link carries of lines as long as these are on average.
+        link: the link.
+        underruns: all of them, in order.
+        stalls, stalled_seconds: number and total time of complete stops.
+        moving_seconds: total time of all moves.
+        seconds: from the first line to the end of the last move, without homing, heating and waiting for the user.
+        ideal_seconds: the same for a link that takes no time.
+        lines_per_second: throughput of the link for lines of the average length of this job.
     """
 
     link: SerialLink
@@ -80,7 +80,7 @@ class UnderrunReport:
 
     @property
     def ok(self) -> bool:
-        """Whether nothing is lost that anybody would see."""
+        """Whether there is no underrun."""
         return not self.underruns
 
 
@@ -91,13 +91,13 @@ def find_underruns(
     link: SerialLink,
     marks: Mapping[int, int] | None = None,
 ) -> UnderrunReport:
-    """Send a job over a link that is only modelled.
+    """Find the buffer underruns of a job on a modelled link.
 
     Args:
-        commands: of the job, as they are sent.
-        moves: of them.
-        limits: of the machine, with its planner.
-        link: the cable, and the host's window.
+        commands: commands of the job, as they are sent.
+        moves: moves of the commands.
+        limits: limits of the machine, with its planner.
+        link: baud rate and latency of the link, and the window of the host.
         marks: command index -> layer, ascending.
     """
     job = timed_job(commands, moves, limits)
@@ -116,7 +116,7 @@ def find_underruns(
 
 
 def timed_job(commands: Sequence[bytes], moves: Moves, limits: MotionLimits) -> TimedJob:
-    """What commands ask of the link and of the planner; arguments as for `find_underruns`."""
+    """Return the load of each command on the link and the planner; arguments as for `find_underruns`."""
     sizes, rooms = line_sizes(commands, 0)
     parts: list[Blocks] = []
     lines, changed, begin = [moves.line[:0]], {}, 0
@@ -143,7 +143,7 @@ def timed_job(commands: Sequence[bytes], moves: Moves, limits: MotionLimits) -> 
 
 
 def _stands(command: bytes) -> float | None:
-    """Seconds that a command stands still, None if it does not; what it waits for besides is not counted."""
+    """Return the seconds of a dwell; None for any other command. Waiting for heaters or the user is not counted."""
     word, values = parse(command)
     if (word or parse_extended(command)[0]) not in _STANDS:
         return None
@@ -153,11 +153,11 @@ def _stands(command: bytes) -> float | None:
 
 
 def _underruns(real: Float, free: Float, marks: Mapping[int, int]) -> Iterable[Underrun]:
-    """Moves that follow each other closely and begin later and later.
+    """Find the ranges of moves that start later and later compared with an ideal link.
 
     Args:
-        real: (n,) s at which the first move of each command begins over the link; nan without one.
-        free: the same where lines take no time.
+        real: (n,) s, start of the first move of each command over the link; nan for commands without a move.
+        free: (n,) s, the same for a link that takes no time.
         marks: command index -> layer, ascending.
     """
     commands = np.flatnonzero(~np.isnan(real))
