@@ -59,7 +59,7 @@ def shelves(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 
 @pytest.fixture(autouse=True)
-def shelf_of_its_own(shelves: Iterator[Path], monkeypatch: pytest.MonkeyPatch) -> Path:
+def own_job_store(shelves: Iterator[Path], monkeypatch: pytest.MonkeyPatch) -> Path:
     """Prints that a test leaves unfinished are nobody else's."""
     state = next(shelves)
     state.mkdir()

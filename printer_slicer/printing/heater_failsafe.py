@@ -33,7 +33,7 @@ _UNACKED: Final = 64
 """Number of commands after the last accepted one that may have been sent."""
 
 _LISTEN: Final = 1.0
-"""s for the last bytes to leave before the port is closed."""
+"""Time to transmit the last bytes before the port is closed, s."""
 
 
 @contextmanager
@@ -59,8 +59,8 @@ def failsafe_process(folder: Path, seconds: float) -> Iterator[None]:
 
 def main(folder: Path, seconds: float) -> int:
     """Wait until the host has ended, then watch over the printer; return 1 if the heaters cannot be switched off."""
-    while said := os.read(0, 1):
-        if said == _DONE:
+    while data := os.read(0, 1):
+        if data == _DONE:
             return 0
     return watch(folder, seconds)
 
@@ -91,9 +91,9 @@ def _wait_for_new_host(folder: Path, seconds: float, clock: Callable[[], float])
     A lock alone does not count as a resume: the printer may have lost its state, or the user is still being asked.
     """
     host = _last_host(folder)
-    end, never = clock() + seconds, Flag()
+    end, timer = clock() + seconds, Flag()
     while True:
-        never.wait(min(_LOOK, max(end - clock(), 0.01)))
+        timer.wait(min(_LOOK, max(end - clock(), 0.01)))
         print_ = load_print(folder)
         if print_ is None or _last_host(folder) != host:
             return None

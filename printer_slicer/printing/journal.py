@@ -313,7 +313,7 @@ def _of(wanted: Any, kept: object, name: str) -> Any:
 
 
 def _is(wanted: Any, kept: object) -> bool:
-    """Whether a plain value has the wanted type."""
+    """Return whether a plain value has the expected type."""
     if get_origin(wanted) is Literal:
         return kept in get_args(wanted)
     if wanted is float:

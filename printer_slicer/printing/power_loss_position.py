@@ -17,11 +17,11 @@ from printer_slicer.printing.machine_state import Step
 __all__ = ["find_stop_position"]
 
 _WAITED: Final = 0.012
-"""s between two oks above which the planner was full, because the link alone is faster."""
+"""Time between two oks above which the planner was full, because the link alone is faster, s."""
 
 _SAME: Final = 1e-6
 _START_DELAY: Final = 0.1
-"""s for which a standing machine waits for more moves."""
+"""Time for which a standing machine waits for more moves, s."""
 
 
 def find_stop_position(

@@ -519,7 +519,7 @@ REPORT: Final = b"M155 S2"
 """Command that makes the firmware report temperatures by itself."""
 
 _POLL: Final = 5.0
-"""s between two temperature queries, if the firmware does not report by itself."""
+"""Interval of temperature queries, if the firmware does not report by itself, s."""
 
 
 class Prompts:

@@ -518,7 +518,7 @@ def write_checkpoint(job: Job, done: int, checkpoint: Path | None, reason: str) 
 
 
 _SYNC = 1.0
-"""s between two syncs of the journal to disk."""
+"""Interval at which the journal is synced to disk, s."""
 
 
 @contextmanager

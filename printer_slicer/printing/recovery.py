@@ -27,10 +27,10 @@ from printer_slicer.stream.protocol import RESET
 __all__ = ["Point", "RecoveryPlan", "find_recovery_point", "plan_recovery", "recovery_script"]
 
 _SOFT: Final = 150.0
-"""°C at which the nozzle comes loose from the part without oozing."""
+"""Temperature at which the nozzle comes loose from the part without oozing, °C."""
 
 _OVER: Final = 1.0
-"""mm above the layer at which the nozzle approaches from outside."""
+"""Height above the layer at which the nozzle approaches from outside, mm."""
 
 _COLD: Final = "The job sets no nozzle temperature: heat nozzle and bed by hand first."
 
@@ -86,7 +86,7 @@ def plan_recovery(print_: Print, job: Job) -> RecoveryPlan:
     if not point.stand.known or modes.box is None:
         raise PrintError(f"{job.name}: nothing has been printed yet", remedy=_REMEDY)
     script = recovery_script(job, point, modes, print_.setup)
-    told = _told(job, point, modes, print_.setup)
+    steps = _describe_steps(job, point, modes, print_.setup)
     rest = LiveJob(job.commands, find_object_spans(job.text), point.entries)
     rest.modes, rest.followed = modes, point.entries
     for name in live.cancelled:
@@ -99,11 +99,11 @@ def plan_recovery(print_: Print, job: Job) -> RecoveryPlan:
         0.0,
         tuple(command.decode("latin-1") for command in (*script, *point.replay)),
         point.as_json(),
-        told,
+        steps,
     )
 
 
-def _told(job: Job, point: Point, modes: PrintState, setup: HostSettings) -> str:
+def _describe_steps(job: Job, point: Point, modes: PrintState, setup: HostSettings) -> str:
     """Describe the steps of `recovery_script`."""
     machine, (x, y, z) = modes.machine, point.stand.place
     steps = [f"warm the nozzle to {min(_SOFT, machine.hotend):g} °C"] if machine.hotend else []
@@ -134,13 +134,13 @@ def _lost(journal_data: JournalData, *, same_boot: bool) -> float | None:
 def find_recovery_point(
     journal_data: JournalData, job: LiveJob, lost: float | None, setup: HostSettings
 ) -> Point:
-    """Where the nozzle was, and what is left to do there.
+    """Return the position at which the printer lost its state, and the rest of the interrupted moves.
 
     Args:
         journal_data: the journal.
-        job: the entries as they were sent; is followed as far as they were accepted.
-        lost: when the printer was lost, s; None: it made all it had planned.
-        setup: the printer.
+        job: the entries as they were sent; it is followed up to the last accepted entry.
+        lost: when the printer lost its state, s; None: after it had finished all planned moves.
+        setup: settings of the printer.
     """
     if values := journal_data.states.get("recovering_at"):
         replay = tuple(text.encode("latin-1") for text in values["replay"])

@@ -1,4 +1,4 @@
-"""The line that resets many boards is set as wished whenever a port is opened, for a print and for its resumption."""
+"""The DTR line, which resets many boards, is set as requested whenever a print or a resume opens the port."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def listener() -> Iterator[Listener]:
     there.close()
 
 
-def printed(url: str, _shelf: Path, dtr: bool) -> None:
+def printed(url: str, _job_store: Path, dtr: bool) -> None:
     print_job(JOB, PROFILE, url, dtr=dtr)
 
 
@@ -75,7 +75,7 @@ def resumed(url: str, job_store: Path, dtr: bool) -> None:
 
 @pytest.mark.parametrize("begin", [printed, resumed])
 @pytest.mark.parametrize("dtr", [True, False])
-def test_dtr_is_as_wished(
+def test_dtr_is_as_requested(
     begin: Callable[[str, Path, bool], None], dtr: bool, listener: Listener, tmp_path: Path
 ) -> None:
     with pytest.raises(PrinterSlicerError):

@@ -24,7 +24,7 @@ KNOWN = {"state": "printing", "done": 7, "total": 9}
 
 
 class Deaf:
-    """A print that never comes to its wishes, or one that always does."""
+    """Print that never answers requests, or always does if `deaf` is false."""
 
     def __init__(self, *, deaf: bool = True) -> None:
         self.tickets: list[Request] = []

@@ -81,7 +81,7 @@ def noted(**states: Any) -> bytes:
     return b"S " + json.dumps(states).encode()
 
 
-def shelf_in(folder: Path) -> tuple[Path, Print, Print]:
+def job_store_in(folder: Path) -> tuple[Path, Print, Print]:
     job_store = folder / "prints"
     return job_store, left(job_store, "good.gcode"), left(job_store, "bad.gcode")
 
@@ -90,7 +90,7 @@ def shelf_in(folder: Path) -> tuple[Path, Print, Print]:
 def test_a_record_that_makes_no_sense_is_named_and_blocks_no_other_print(
     record: bytes, tmp_path: Path
 ) -> None:
-    job_store, good, bad = shelf_in(tmp_path)
+    job_store, good, bad = job_store_in(tmp_path)
     add(bad, record)
     (damage,) = damaged_prints(job_store)
 
@@ -134,7 +134,7 @@ def a_pipe(path: Path) -> None:
 def test_a_file_that_is_none_is_named_and_blocks_no_other_print(
     file: str, spoil: Callable[[Path], None], tmp_path: Path
 ) -> None:
-    job_store, good, bad = shelf_in(tmp_path)
+    job_store, good, bad = job_store_in(tmp_path)
     spoil(bad.folder / file)
     (damage,) = damaged_prints(job_store)
 
@@ -147,7 +147,7 @@ def test_a_file_that_is_none_is_named_and_blocks_no_other_print(
 
 @pytest.mark.parametrize("port", ["a\0b", "\ud800"])
 def test_a_port_that_cannot_be_one_blocks_no_other_print(port: str, tmp_path: Path) -> None:
-    job_store, good, bad = shelf_in(tmp_path)
+    job_store, good, bad = job_store_in(tmp_path)
     head = json.loads((bad.folder / "head.json").read_text(encoding="utf-8")) | {"port": port}
     (bad.folder / "head.json").write_text(json.dumps(head), encoding="utf-8")
 
@@ -160,7 +160,7 @@ def test_a_port_that_cannot_be_one_blocks_no_other_print(port: str, tmp_path: Pa
 def test_a_head_of_anything_blocks_no_other_print(
     name: str | None, value: Any, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
-    job_store, good, bad = shelf_in(tmp_path_factory.mktemp("shelf"))
+    job_store, good, bad = job_store_in(tmp_path_factory.mktemp("shelf"))
     path = bad.folder / "head.json"
     head = json.loads(path.read_text(encoding="utf-8"))
     path.write_text(json.dumps(value if name is None else {**head, name: value}), encoding="utf-8")
@@ -208,7 +208,7 @@ def as_kept(value: Any) -> Any:
 def test_a_state_that_makes_no_sense_is_named_before_the_port_is_opened(
     state: dict[str, Any], told: str, tmp_path: Path
 ) -> None:
-    _, _, bad = shelf_in(tmp_path)
+    _, _, bad = job_store_in(tmp_path)
     add(bad, b"S " + json.dumps(state).encode())
     job = job_of_text("bad.gcode", TEXT, limits=SETUP.limits, corner=SETUP.low, flavour=SETUP.flavour)
 
@@ -220,7 +220,7 @@ def test_a_state_that_makes_no_sense_is_named_before_the_port_is_opened(
 
 
 def test_more_commands_than_the_job_has_cannot_have_been_accepted(tmp_path: Path) -> None:
-    _, good, bad = shelf_in(tmp_path)
+    _, good, bad = job_store_in(tmp_path)
     add(bad, b"A 9 4 11.0")
 
     assert find_journal_damage(read_journal(good.folder), 3) == ""
@@ -251,9 +251,9 @@ def test_more_commands_than_the_job_has_cannot_have_been_accepted(tmp_path: Path
     ],
 )
 def test_a_journal_that_no_print_of_this_job_wrote_is_named_and_blocks_no_other_print(
-    record: bytes, told: str, shelf_of_its_own: Path
+    record: bytes, told: str, own_job_store: Path
 ) -> None:
-    job_store, good, bad = shelf_in(shelf_of_its_own)
+    job_store, good, bad = job_store_in(own_job_store)
     add(bad, record)
     (damage,) = damaged_prints(job_store)
     resumed = typed("resume")
@@ -268,7 +268,7 @@ def test_a_journal_that_no_print_of_this_job_wrote_is_named_and_blocks_no_other_
 
 
 def test_a_job_without_commands_is_named_and_blocks_no_other_print(tmp_path: Path) -> None:
-    job_store, good, bad = shelf_in(tmp_path)
+    job_store, good, bad = job_store_in(tmp_path)
     (bad.folder / "job.gcode").write_bytes(b"; nothing\n")
     (damage,) = damaged_prints(job_store)
 
@@ -277,7 +277,7 @@ def test_a_job_without_commands_is_named_and_blocks_no_other_print(tmp_path: Pat
 
 
 def test_states_that_a_print_really_notes_make_sense(tmp_path: Path) -> None:
-    _, good, _ = shelf_in(tmp_path)
+    _, good, _ = job_store_in(tmp_path)
     states = {
         "phase": "parking",
         "parked": PARKED.as_json(),
@@ -292,8 +292,8 @@ def test_states_that_a_print_really_notes_make_sense(tmp_path: Path) -> None:
     assert parse_parked_state(read_journal(good.folder).states["parked"]) == PARKED
 
 
-def test_the_command_line_names_what_it_skips_and_forgets_it_when_told(shelf_of_its_own: Path) -> None:
-    _, good, bad = shelf_in(shelf_of_its_own)
+def test_the_command_line_names_what_it_skips_and_forgets_it_on_request(own_job_store: Path) -> None:
+    _, good, bad = job_store_in(own_job_store)
     (bad.folder / "head.json").write_text("{", encoding="utf-8")
     listed, rows = typed("resume", "--list"), json.loads(typed("resume", "--list", "--json").out)
     resumed = typed("resume")

@@ -99,11 +99,11 @@ def test_now_is_sooner_than_behind_the_plan() -> None:
     def seconds(now: bool) -> float:
         rig = Rig(text)
         rig.connect()
-        wished, waiting = [0.0], [0.0]
+        requested, waiting = [0.0], [0.0]
 
         def turn(at: float) -> None:
-            if rig.streamer.acknowledged >= 30 and not wished[0]:
-                wished[0] = at
+            if rig.streamer.acknowledged >= 30 and not requested[0]:
+                requested[0] = at
                 rig.submit(commands.Pause(now=now, park=False))
             if rig.controller.phase is PrintPhase.WAITING:
                 waiting[0] = waiting[0] or at
@@ -113,7 +113,7 @@ def test_now_is_sooner_than_behind_the_plan() -> None:
                     rig.submit(commands.Stop())
 
         rig.run(turn)
-        return rig.port.now() - wished[0]
+        return rig.port.now() - requested[0]
 
     assert seconds(now=True) < 12.0 < 40.0 < seconds(now=False)
 
@@ -132,14 +132,14 @@ def test_a_cold_pause_heats_up_again_before_it_goes_back() -> None:
 def test_a_nozzle_temperature_set_in_a_cold_pause_holds_when_the_print_goes_on() -> None:
     rig = Rig(tower(6))
     rig.connect()
-    wished = [False]
+    requested = [False]
 
     def turn(_now: float) -> None:
         phase = rig.controller.phase
-        if phase is PrintPhase.RUNNING and not wished[0] and rig.streamer.acknowledged >= 120:
+        if phase is PrintPhase.RUNNING and not requested[0] and rig.streamer.acknowledged >= 120:
             rig.submit(commands.Pause(cold=True))
-        elif phase is PrintPhase.WAITING and not wished[0]:
-            wished[0] = True
+        elif phase is PrintPhase.WAITING and not requested[0]:
+            requested[0] = True
             rig.submit(commands.SetTemperature("nozzle", 190.0))
             rig.submit(commands.Resume())
 

@@ -1,4 +1,4 @@
-"""Wishes, the printer's own questions, temperatures, things that are given up."""
+"""Commands of users, prompts of the printer, temperatures, cancelled objects."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ LINES = "G28\nG90\nM83\nG1 Z1 F600\n" + "".join(
 
 
 def run_with(rig: Rig, at: dict[int, commands.PrintCommand]) -> Rig:
-    """Print, and wish something when so many commands were accepted."""
+    """Print, and submit a command after a number of accepted commands."""
     rig.connect()
     left = dict(at)
 
@@ -60,7 +60,7 @@ def run_with(rig: Rig, at: dict[int, commands.PrintCommand]) -> Rig:
         (commands.Say("M117 hello"), "M117 hello"),
     ],
 )
-def test_a_wish_becomes_a_command_in_the_middle_of_the_job(
+def test_a_request_becomes_a_command_in_the_middle_of_the_job(
     command: commands.PrintCommand, gcode: str
 ) -> None:
     rig = run_with(Rig(LINES), {100: command})
@@ -172,7 +172,7 @@ def test_temperatures_cost_less_than_2_percent(
     assert with_ / without < 1.02
 
 
-# The printer's wishes
+# Requests of the printer
 
 
 def told(rig: Rig, *events: Event) -> None:
@@ -375,7 +375,7 @@ def test_a_file_without_marks_has_no_things() -> None:
         job.cancel("0", 0)
 
 
-# How wishes are typed
+# Parsing of commands
 
 
 @pytest.mark.parametrize(

@@ -96,12 +96,14 @@ def _resume(arguments: argparse.Namespace, found: Print) -> int:
 
     def resume_rest(**common: Any) -> PrintResult:
         """Print the rest of the job."""
-        return resume_print(found, job, port=arguments.port, recover=recover, **_judged(setup), **common)
+        return resume_print(
+            found, job, port=arguments.port, recover=recover, **_check_options(setup), **common
+        )
 
     return print_with(arguments, job, Path(f"{Path(found.name).stem}.checkpoint.json"), resume_rest)
 
 
-def _judged(setup: HostSettings) -> dict[str, Any]:
+def _check_options(setup: HostSettings) -> dict[str, Any]:
     """Return the check of commands typed during the print, with the settings of its start."""
     from printer_slicer.cli.jobs import command_check
     from printer_slicer.profile import profile_from

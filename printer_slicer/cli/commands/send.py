@@ -83,8 +83,8 @@ def run(arguments: argparse.Namespace) -> int:
         raise UsageError(f"{path}: no such file", remedy="Check the path")
     _check(arguments)
     kind, url = arguments.to
-    with _progress(arguments) as tell:
-        upload = Upload(path, arguments.name or path.name, arguments.folder, arguments.start, tell)
+    with _progress(arguments) as on_progress:
+        upload = Upload(path, arguments.name or path.name, arguments.folder, arguments.start, on_progress)
         place = send(
             upload, kind, url, key=_key(arguments), user=arguments.user, timeout=float(arguments.timeout)
         )
@@ -151,8 +151,8 @@ def _progress(arguments: argparse.Namespace) -> Iterator[Callable[[int, int], No
     ) as bar:
         task = bar.add_task("sending", visible=False)
 
-        def tell(done: int, size: int) -> None:
+        def update(done: int, size: int) -> None:
             """Show the number of sent bytes."""
             bar.update(task, total=size, completed=done, visible=monotonic() - begun > PATIENCE)
 
-        yield tell
+        yield update
