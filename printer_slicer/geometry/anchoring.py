@@ -73,7 +73,7 @@ def anchor(areas: Areas, lines: Polylines, *, longest: float, hook: float, apart
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Outline:
-    """All outlines as one line, so that a single number is a position on an outline.
+    """All outlines laid end to end, so that one number gives a position on an outline.
 
     Attributes:
         areas: the areas with these outlines.
@@ -148,6 +148,7 @@ class _Connections:
 
 
 def _find_connections(lines: Polylines, outline: _Outline, ends: Int, apart: float) -> _Connections:
+    """Sort the line ends by position on the outlines and connect each to the next one on its ring."""
     edge = lines.edge.ravel()[ends]
     point = np.stack([lines.start[:-1], lines.start[1:] - 1], axis=1).ravel()[ends]
     into = np.hypot(*(lines.xy[point] - outline.areas.xy[edge]).T)
@@ -185,14 +186,14 @@ def _choose_connections(connections: _Connections, longest: float) -> Bool:
     If it is odd, the longest one is excluded first, and one end stays free.
     """
     allowed = (connections.length <= longest) & (connections.end // 2 != connections.next_end // 2)
-    here, there = connections.cut[:, 0], connections.cut[connections.following, 1]
+    cut, next_cut = connections.cut[:, 0], connections.cut[connections.following, 1]
     # If the lines at both ends lean toward each other, they cross: the connection would make a small loop there.
-    allowed &= connections.length >= here + there + 2 * np.minimum(here, there)
+    allowed &= connections.length >= cut + next_cut + 2 * np.minimum(cut, next_cut)
     place, number = np.arange(len(allowed)), np.repeat(np.arange(len(connections.first)), connections.count)
     first, count = connections.first[number], connections.count[number]
     full = np.logical_and.reduceat(allowed, connections.first)
     odd = connections.count % 2 == 1
-    allowed[_place_of_greatest(connections.length, connections.first, number)[full & odd]] = False
+    allowed[_index_of_greatest(connections.length, connections.first, number)[full & odd]] = False
     # Rotate each ring so that it starts after a connection that is not allowed: no run wraps around its end.
     breaks = np.maximum.reduceat(np.where(allowed, -1, place), connections.first)
     begin = np.where(full & ~odd, connections.first, breaks + 1)
@@ -203,21 +204,21 @@ def _choose_connections(connections: _Connections, longest: float) -> Bool:
     taken = np.zeros(len(allowed), np.bool_)
     if len(inside):
         ring = number[inside]
-        chosen = _alternate(run[inside], connections.length[turned[inside]], (full & ~odd)[ring])
+        chosen = _choose_alternating(run[inside], connections.length[turned[inside]], (full & ~odd)[ring])
         taken[turned[inside]] = chosen
     return taken
 
 
-def _place_of_greatest(values: Float, first: Int, number: Int) -> Int:
+def _index_of_greatest(values: Float, first: Int, number: Int) -> Int:
     """Return the (R,) index of the greatest value of each group."""
     greatest = np.maximum.reduceat(values, first)
-    there = np.flatnonzero(values == greatest[number])
-    place = np.zeros(len(first), np.int64)
-    place[number[there[::-1]]] = there[::-1]
-    return place
+    candidates = np.flatnonzero(values == greatest[number])
+    index = np.zeros(len(first), np.int64)
+    index[number[candidates[::-1]]] = candidates[::-1]
+    return index
 
 
-def _alternate(run: Int, length: Float, around: Bool) -> Bool:
+def _choose_alternating(run: Int, length: Float, around: Bool) -> Bool:
     """Choose every other member of each run, so that the total length is least.
 
     Args:
@@ -289,7 +290,7 @@ def _make_hooks(connections: _Connections, mate: Int, hook: float) -> _OutlinePa
 
 def _open_loops(mate: Int, joints: _OutlineParts, hooks: _OutlineParts) -> tuple[Int, _OutlineParts]:
     """Replace the joint that closes a loop by a hook that reaches to the start of the loop."""
-    following = _following(mate)
+    following = _next_entries(mate)
     lowest, done = np.arange(len(mate)) // 2, following < 0
     jump = np.where(done, np.arange(len(mate)), following)
     ended = done
@@ -310,7 +311,7 @@ def _open_loops(mate: Int, joints: _OutlineParts, hooks: _OutlineParts) -> tuple
     return mate, hooks.extended(end[those], place[those], to_place[those])
 
 
-def _following(mate: Int) -> Int:
+def _next_entries(mate: Int) -> Int:
     """Return for each end (2 S,) by which a line is entered the end by which the next line is entered, or -1."""
     return np.asarray(mate[np.arange(len(mate)) ^ 1])
 
@@ -349,7 +350,7 @@ def _assemble(
 def _order_paths(mate: Int) -> tuple[Int, Int]:
     """Return the end by which each line is entered, in path order, and the path that each line belongs to."""
     n = len(mate)
-    following = _following(mate)
+    following = _next_entries(mate)
     last, rank = chain_steps(np.where(following < 0, np.arange(n), following))
     heads = np.flatnonzero(mate < 0)
     head_of = np.full(n, -1)
@@ -365,41 +366,42 @@ class _VertexPool:
 
     def __init__(self, lines: Polylines, outline: _Outline, hooks: _OutlineParts) -> None:
         self.lines, self.outline = lines, outline
-        ring = self._ring_of(hooks)
+        ring = self._rings_of(hooks)
         low, high = outline.ring_place[ring], outline.ring_place[ring + 1]
         tip = low + (hooks.to_place - low) % (high - low)
         tips = outline.xy(tip, outline.edge_at(tip, ring))
         self.xy = np.concatenate([lines.xy, outline.areas.xy, tips])
         self._tip = len(lines.xy) + len(outline.areas.xy)
-        self._corner = self._corners(len(tips))
+        self._is_corner = self._find_corners(len(tips))
         self._hooks = hooks
 
-    def _ring_of(self, parts: _OutlineParts) -> Int:
+    def _rings_of(self, parts: _OutlineParts) -> Int:
+        """Return the ring on which each outline part lies."""
         return self.outline.ring[self.lines.edge.ravel()[parts.end]]
 
     def line(self, entry: Int) -> tuple[Int, Int]:
         """Return the vertices of each line in the direction of the path, and their number."""
         line, turned = entry // 2, entry % 2
         first, size = self.lines.start[line], self.lines.size[line]
-        return self._run(first + turned * (size - 1), size, 1 - 2 * turned), size
+        return self._number_sequence(first + turned * (size - 1), size, 1 - 2 * turned), size
 
     def part_vertices(self, of: _OutlineParts, which: Int, *, backward: bool) -> tuple[Int, Int]:
         """Return the vertices of the outline parts `which` (-1: none), with the tips of hooks, and their number."""
         some = np.flatnonzero(which >= 0)
         item = which[some]
         areas, is_hook = self.outline.areas, of is self._hooks
-        ring = self._ring_of(of)[item]
+        ring = self._rings_of(of)[item]
         start, n = areas.ring_start[ring], np.diff(areas.ring_start)[ring]
         low, high = self.outline.ring_place[ring], self.outline.ring_place[ring + 1]
         begin, end = of.place[item], of.to_place[item]
         ahead = end >= begin
         one, another = np.minimum(begin, end), np.maximum(begin, end)
         # Vertices strictly in between; the count continues around the ring.
-        first = self._count_to(one, ring, start, low, high) + 1
-        between = np.maximum(self._count_to(another, ring, start, low, high) - first + 1, 0)
+        first = self._count_points_up_to(one, ring, start, low, high) + 1
+        between = np.maximum(self._count_points_up_to(another, ring, start, low, high) - first + 1, 0)
         forward = ahead != backward
         step = np.where(forward, 1, -1)
-        place = self._run(np.where(forward, first, first + between - 1), between, step)
+        place = self._number_sequence(np.where(forward, first, first + between - 1), between, step)
         owner = np.repeat(np.arange(len(some)), between)
         index = len(self.lines.xy) + start[owner] + place % n[owner]
         count = np.zeros(len(which), np.int64)
@@ -411,13 +413,13 @@ class _VertexPool:
         count[some] += 1
         return np.insert(index, at, self._tip + item), count
 
-    def _count_to(self, place: Float, ring: Int, start: Int, low: Float, high: Float) -> Int:
+    def _count_points_up_to(self, place: Float, ring: Int, start: Int, low: Float, high: Float) -> Int:
         """Count the points of the ring after its first up to a position, which may be more than one turn away."""
         turns = np.floor((place - low) / (high - low)).astype(np.int64)
         here = place - turns * (high - low)
         return turns * np.diff(self.outline.areas.ring_start)[ring] + self.outline.edge_at(here, ring) - start
 
-    def _run(self, first: Int, count: Int, step: Int) -> Int:
+    def _number_sequence(self, first: Int, count: Int, step: Int) -> Int:
         """Return `count[i]` numbers `first[i], first[i] + step[i], ...` for every i."""
         return np.asarray(
             np.repeat(first, count) + consecutive(np.zeros_like(count), count) * np.repeat(step, count)
@@ -438,9 +440,9 @@ class _VertexPool:
         size = np.bincount(np.cumsum(heads) - 1, weights=counts.sum(axis=1)).astype(np.int64)
         layer = self.lines.layer[entry[heads] // 2]
         made, kept = Polylines.of(self.xy[index], size, layer).without_repeats()
-        return made, np.flatnonzero(self._corner[index[kept]])
+        return made, np.flatnonzero(self._is_corner[index[kept]])
 
-    def _corners(self, n_tips: int) -> Bool:
+    def _find_corners(self, n_tips: int) -> Bool:
         """Return a mask (V,) of vertices that are a line end on an outline or a convex corner of one."""
         lines, areas = self.lines, self.outline.areas
         of_lines = np.zeros(len(lines.xy), np.bool_)

@@ -48,25 +48,25 @@ class Boxes:
 
     def overlapping(self, other: Boxes) -> tuple[Int, Int]:
         """Return unordered pairs (own, other) of boxes that overlap or touch on the same layer."""
-        own_spans, other_spans = _spans_on_first_axis(self, other)
+        own_spans, other_spans = _project_on_first_axis(self, other)
         # If two intervals on an axis overlap, one of them starts within the other.
         found = [
-            self._overlapping_in_y(other, own, others)
-            for own, others in _pairs_starting_within(own_spans, other_spans)
+            self._keep_overlapping_in_y(other, own, others)
+            for own, others in _find_starts_within(own_spans, other_spans)
         ]
         found += [
-            self._overlapping_in_y(other, own, others)
-            for others, own in _pairs_starting_within(other_spans, own_spans, ties=False)
+            self._keep_overlapping_in_y(other, own, others)
+            for others, own in _find_starts_within(other_spans, own_spans, ties=False)
         ]
         return _concatenate_pairs(found)
 
     def neighbours(self) -> tuple[Int, Int]:
         """Return unordered pairs of different boxes that overlap or touch on the same layer, each pair once."""
-        (spans,) = _spans_on_first_axis(self)
+        (spans,) = _project_on_first_axis(self)
         low, found = spans[0], []
-        for a, b in _pairs_starting_within(spans, spans):
+        for a, b in _find_starts_within(spans, spans):
             once = (low[b] > low[a]) | (b > a)
-            found.append(self._overlapping_in_y(self, a[once], b[once]))
+            found.append(self._keep_overlapping_in_y(self, a[once], b[once]))
         return _concatenate_pairs(found)
 
     def touched(self, other: Boxes) -> Bool:
@@ -75,7 +75,7 @@ class Boxes:
         result[self.overlapping(other)[0]] = True
         return result
 
-    def _overlapping_in_y(self, other: Boxes, own: Int, others: Int) -> tuple[Int, Int]:
+    def _keep_overlapping_in_y(self, other: Boxes, own: Int, others: Int) -> tuple[Int, Int]:
         """Keep the pairs that also overlap along the second axis."""
         (low, high), (from_, to) = ((one.low[:, 1], one.high[:, 1]) for one in (self, other))
         meet = (low.take(own) <= to.take(others)) & (from_.take(others) <= high.take(own))
@@ -85,7 +85,7 @@ class Boxes:
 _Spans = tuple[Float, Float]
 
 
-def _spans_on_first_axis(*many: Boxes) -> list[_Spans]:
+def _project_on_first_axis(*many: Boxes) -> list[_Spans]:
     """Return the intervals that boxes cover on the first axis, shifted by layer so that layers do not overlap."""
     ends = np.concatenate([end[:, 0] for one in many for end in (one.low, one.high)])
     ends = ends[np.isfinite(ends)]  # boxes around nothing have infinite corners
@@ -93,7 +93,7 @@ def _spans_on_first_axis(*many: Boxes) -> list[_Spans]:
     return [(one.low[:, 0] + one.layer * pitch, one.high[:, 0] + one.layer * pitch) for one in many]
 
 
-def _pairs_starting_within(spans: _Spans, others: _Spans, *, ties: bool = True) -> Iterator[tuple[Int, Int]]:
+def _find_starts_within(spans: _Spans, others: _Spans, *, ties: bool = True) -> Iterator[tuple[Int, Int]]:
     """Yield batches of pairs of a span and another span that starts within it.
 
     With `ties`, spans that start at the same position count too.

@@ -60,7 +60,7 @@ CLIP_TYPES: Final = {
     "difference": clipper2.ClipType.DIFFERENCE,
     "intersection": clipper2.ClipType.INTERSECTION,
 }
-_CROWD: Final = 16  # rings of a layer; for fewer, splitting takes longer than it saves
+_CROWDED: Final = 16  # rings of a layer; for fewer, splitting takes longer than it saves
 _LEAST: Final = 0.5  # grid steps; smaller offsets are skipped
 
 
@@ -81,13 +81,13 @@ def load_any(areas: Areas) -> list[Rings]:
 
 def store(layers: list[Rings]) -> Areas:
     """Convert the rings of all layers to one stack in mm."""
-    xy, start, ring_layer = _ragged(layers)
+    xy, start, ring_layer = _concatenate_rings(layers)
     # Divide, do not multiply: n / 100 000 is the double nearest to the decimal number, n * 0.00001 is not.
     return without_spikes(Areas(xy / STEPS_PER_MM, start, ring_layer, len(layers)))
 
 
-def _ragged(layers: list[Rings]) -> tuple[Int, Int, Int]:
-    """Return all points (N, 2), the offset of each ring (R + 1,), and its layer (R,)."""
+def _concatenate_rings(layers: list[Rings]) -> tuple[Int, Int, Int]:
+    """Concatenate the rings of all layers: points (N, 2), offset (R + 1,) and layer (R,) of each ring."""
     rings = [ring for layer in layers for ring in layer]
     xy = np.concatenate(rings) if rings else np.zeros((0, 2), np.int64)
     start = np.cumsum(np.array([0, *map(len, rings)], dtype=np.int64))
@@ -134,13 +134,13 @@ def _split_columns(a: list[Rings], b: list[Rings]) -> dict[int, list[tuple[Rings
     The sweep line runs from front to back, so its cost grows with the number of edges side by side.
     """
     count = np.array([(len(one), len(other)) for one, other in zip(a, b, strict=True)]).reshape(-1, 2)
-    crowd = np.flatnonzero(count.sum(axis=1) >= _CROWD)
-    if not len(crowd):
+    crowded_layers = np.flatnonzero(count.sum(axis=1) >= _CROWDED)
+    if not len(crowded_layers):
         return {}
-    rings = [ring for layer in crowd.tolist() for ring in (*a[layer], *b[layer])]
-    size, is_clip = count[crowd].ravel(), np.tile([False, True], len(crowd))
-    is_clip, home = np.repeat(is_clip, size), np.repeat(crowd, count[crowd].sum(axis=1))
-    low, high = _x_ranges(rings)
+    rings = [ring for layer in crowded_layers.tolist() for ring in (*a[layer], *b[layer])]
+    size, is_clip = count[crowded_layers].ravel(), np.tile([False, True], len(crowded_layers))
+    is_clip, home = np.repeat(is_clip, size), np.repeat(crowded_layers, count[crowded_layers].sum(axis=1))
+    low, high = _find_x_ranges(rings)
     # Shift the layers apart in x, so that all of them are split at once.
     beside = home * (int(high.max()) - int(low.min()) + 1)
     low, high = low + beside, high + beside
@@ -151,14 +151,14 @@ def _split_columns(a: list[Rings], b: list[Rings]) -> dict[int, list[tuple[Rings
     sorted_rings = list(map(rings.__getitem__, order.tolist()))
     starts = np.flatnonzero(begins)
     subjects = starts + np.bincount(column, ~is_clip[order], len(starts)).astype(np.int64)
-    columns: dict[int, list[tuple[Rings, Rings]]] = {layer: [] for layer in crowd.tolist()}
+    columns: dict[int, list[tuple[Rings, Rings]]] = {layer: [] for layer in crowded_layers.tolist()}
     bounds = zip(starts.tolist(), subjects.tolist(), [*starts[1:].tolist(), len(order)], strict=True)
     for layer, (first, middle, last) in zip(home[order[starts]].tolist(), bounds, strict=True):
         columns[layer].append((sorted_rings[first:middle], sorted_rings[middle:last]))
     return {layer: pairs for layer, pairs in columns.items() if len(pairs) > 1}
 
 
-def _x_ranges(rings: Rings) -> tuple[Int, Int]:
+def _find_x_ranges(rings: Rings) -> tuple[Int, Int]:
     """Return the lowest and the highest x of each ring."""
     begin = np.cumsum([0, *map(len, rings)])[:-1]
     x = np.concatenate(rings)[:, 0]
@@ -168,7 +168,7 @@ def _x_ranges(rings: Rings) -> tuple[Int, Int]:
 def outlines_within(outlines: Areas, layers: list[Rings]) -> list[list[Float]]:
     """Return for each layer the parts of the rings of `outlines` that lie within it: open lines (n, 2), mm."""
     clipper, result = clipper2.Clipper64(), []
-    for lines, clips in zip(_lines_near_layers(outlines, layers), layers, strict=True):
+    for lines, clips in zip(_select_near_lines(outlines, layers), layers, strict=True):
         if lines and clips:
             clipper.clear()
             clipper.add_open_subject(lines)
@@ -180,13 +180,13 @@ def outlines_within(outlines: Areas, layers: list[Rings]) -> list[list[Float]]:
     return result
 
 
-def _lines_near_layers(outlines: Areas, layers: list[Rings]) -> list[Rings]:
+def _select_near_lines(outlines: Areas, layers: list[Rings]) -> list[Rings]:
     """Return for each layer the rings of `outlines` as open lines, without the sides outside the layer's box."""
     result: list[Rings] = [[] for _ in layers]
     if not outlines.n_rings:
         return result
     grid = np.rint(outlines.xy * STEPS_PER_MM).astype(np.int64)
-    xy, start, ring_layer = _ragged(layers)
+    xy, start, ring_layer = _concatenate_rings(layers)
     low, high = boxes(xy, start, ring_layer, len(layers))
     layer, ring, following = outlines.point_layer, outlines.point_ring, outlines.following
     near = np.ones(len(grid), np.bool_)

@@ -69,12 +69,12 @@ def _find_cuts(areas: Areas, lines: Polylines) -> tuple[_Cuts, _Cuts]:
     owner = np.repeat(np.arange(lines.n_lines), lines.size)
     segment = np.flatnonzero(np.append(np.diff(owner) == 0, False))
     segment = segment[(points[segment + 1] != points[segment]).any(axis=1)]
-    of_segment, of_edge = _nearby_pairs(
+    of_segment, of_edge = _find_nearby_pairs(
         _Segments(points[segment], points[segment + 1], lines.layer[owner[segment]]),
         _Segments(outline, outline[areas.following], areas.point_layer),
     )
-    at, edge, share, enters = _crossings(points, segment[of_segment], outline, areas.following, of_edge)
-    return _starts_and_ends(areas, lines, owner, (at, edge, share, enters))
+    at, edge, share, enters = _find_crossings(points, segment[of_segment], outline, areas.following, of_edge)
+    return _find_starts_and_ends(areas, lines, owner, (at, edge, share, enters))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,13 +86,13 @@ class _Segments:
     layer: Int
 
 
-def _nearby_pairs(segments: _Segments, edges: _Segments) -> tuple[Int, Int]:
+def _find_nearby_pairs(segments: _Segments, edges: _Segments) -> tuple[Int, Int]:
     """Return pairs of a segment and an edge that share a cell of their layer; a pair may occur twice."""
     a, b, layer = segments.a, segments.b, segments.layer
     size = np.abs(b - a).max(axis=1)
     usual = float(size.mean()) / STEPS_PER_MM if len(a) else 1.0
     cell = min(max(3 * usual, _SMALLEST_CELL), _LARGEST_CELL) * STEPS_PER_MM
-    other, other_row, other_column = _cells(edges.a, edges.b, cell)
+    other, other_row, other_column = _find_cells(edges.a, edges.b, cell)
     low_row, low_column = other_row.min() - 1, other_column.min() - 1
     n_rows, n_columns = other_row.max() - low_row + 2, other_column.max() - low_column + 2
 
@@ -105,15 +105,15 @@ def _nearby_pairs(segments: _Segments, edges: _Segments) -> tuple[Int, Int]:
 
     other_key = keys(edges.layer[other], other_row, other_column)
     # Skip short segments with no edge in the nine cells around their start, which are most of them.
-    taken = distinct(other_key)
-    taken = distinct((taken[:, None] + np.array([-1, 0, 1])).ravel())
-    taken = distinct((taken[:, None] + np.array([-n_columns, 0, n_columns])).ravel())
+    occupied = distinct(other_key)
+    occupied = distinct((occupied[:, None] + np.array([-1, 0, 1])).ravel())
+    occupied = distinct((occupied[:, None] + np.array([-n_columns, 0, n_columns])).ravel())
     at = np.floor(a / cell).astype(np.int64)
     begin = keys(layer, at[:, 1], at[:, 0])
-    found = taken[np.minimum(np.searchsorted(taken, begin), len(taken) - 1)] == begin
+    found = occupied[np.minimum(np.searchsorted(occupied, begin), len(occupied) - 1)] == begin
     near = np.flatnonzero(found | (size + 2 * _PAD * STEPS_PER_MM > cell))
 
-    item, row, column = _cells(a[near], b[near], cell)
+    item, row, column = _find_cells(a[near], b[near], cell)
     item = near[item]
     key = keys(layer[item], row, column)
     order = np.argsort(other_key, kind="stable")
@@ -123,7 +123,7 @@ def _nearby_pairs(segments: _Segments, edges: _Segments) -> tuple[Int, Int]:
     return np.repeat(item, count), other[order[consecutive(first, count)]]
 
 
-def _cells(a: Int, b: Int, cell: float) -> tuple[Int, Int, Int]:
+def _find_cells(a: Int, b: Int, cell: float) -> tuple[Int, Int, Int]:
     """Return the segment, row and column of every cell that the segments from `a` to `b` (n, 2) pass through."""
     pad = _PAD * STEPS_PER_MM
     (ax, ay), (bx, by) = a.T.astype(np.float64), b.T.astype(np.float64)
@@ -141,7 +141,7 @@ def _cells(a: Int, b: Int, cell: float) -> tuple[Int, Int, Int]:
     return np.repeat(item, wide), np.repeat(row, wide), consecutive(left, wide)
 
 
-def _crossings(
+def _find_crossings(
     points: Int, segment: Int, outline: Int, following: Int, edge: Int
 ) -> tuple[Int, Int, Float, Bool]:
     """Find the pairs of a segment and an edge that cross.
@@ -154,7 +154,7 @@ def _crossings(
     step, side = q - p, b - a
     beside_a, beside_b = cross(step, a - p), cross(step, b - p)
     before, after = cross(side, p - a), cross(side, q - a)
-    aside_step, aside_side = _shifts_to_left(step), _shifts_to_left(side)
+    aside_step, aside_side = _is_shifted_left(step), _is_shifted_left(side)
     left_a, left_b = (np.where(value == 0, ~aside_step, value > 0) for value in (beside_a, beside_b))
     left_p, left_q = (np.where(value == 0, aside_side, value > 0) for value in (before, after))
     crossing = np.flatnonzero((left_a != left_b) & (left_p != left_q))
@@ -197,18 +197,21 @@ def _drop_cancelling(place: Int, enters: Bool) -> Int:
     return np.asarray(np.flatnonzero(nth <= more))
 
 
-def _shifts_to_left(step: Int) -> Bool:
-    """Return a mask (n,): a point on the line, shifted slightly in x and far less in y, lies to the left of it."""
+def _is_shifted_left(step: Int) -> Bool:
+    """Return a mask (n,) of lines for which a point on them lies on the left after a tiny shift in x.
+
+    If the line is parallel to x, a far smaller shift in y decides.
+    """
     return np.asarray(np.where(step[:, 1] == 0, step[:, 0] > 0, step[:, 1] < 0))
 
 
-def _starts_and_ends(
+def _find_starts_and_ends(
     areas: Areas, lines: Polylines, owner: Int, crossings: tuple[Int, Int, Float, Bool]
 ) -> tuple[_Cuts, _Cuts]:
     """Find the start and end of each part from the crossings (point before, edge, share, enters) along the lines."""
     at, edge, share, enters = crossings
     line = owner[at]
-    depth, before = _depths(areas, lines, line, np.where(enters, 1, -1))
+    depth, before = _count_depths(areas, lines, line, np.where(enters, 1, -1))
     begins, ends = enters & (depth == 1), ~enters & (depth == 0)
     inside_first = np.flatnonzero(before > 0)
     after = before.copy()
@@ -279,7 +282,7 @@ def _assemble(lines: Polylines, begin: _Cuts, end: _Cuts) -> tuple[Polylines, In
     return made.take(kept), begin.line[kept]
 
 
-def _depths(areas: Areas, lines: Polylines, line: Int, change: Int) -> tuple[Int, Int]:
+def _count_depths(areas: Areas, lines: Polylines, line: Int, change: Int) -> tuple[Int, Int]:
     """Return the number of areas around each line after each crossing (C,), and at its start (M,)."""
     total = np.cumsum(change)
     first = np.flatnonzero(run_starts(line))
@@ -290,11 +293,11 @@ def _depths(areas: Areas, lines: Polylines, line: Int, change: Int) -> tuple[Int
         before[line[first]] = np.maximum(-np.minimum.reduceat(own, first), 0)
     untouched = np.ones(lines.n_lines, np.bool_)
     untouched[line] = False
-    before[untouched] = _starts_inside(areas, lines, np.flatnonzero(untouched))
+    before[untouched] = _is_start_inside(areas, lines, np.flatnonzero(untouched))
     return own + before[line], before
 
 
-def _starts_inside(areas: Areas, lines: Polylines, which: Int) -> Bool:
+def _is_start_inside(areas: Areas, lines: Polylines, which: Int) -> Bool:
     """Return a mask (n,) of the lines `which` whose first point lies in the areas."""
     point, layer = lines.xy[lines.start[which]], lines.layer[which]
     low, high = areas.boxes()

@@ -191,6 +191,7 @@ def lowest_of_chain(following: Int | Index) -> Int:
 
 
 def _lowest_index(following: Int | Index) -> Index:
+    """Return the 32-bit result of `lowest_of_chain`."""
     # 32-bit indices take half the time, because memory access dominates.
     jump = following.astype(np.int32)
     lowest: Index = np.arange(len(following), dtype=np.int32)

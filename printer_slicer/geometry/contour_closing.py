@@ -98,12 +98,12 @@ def close_near(loose: LooseEnds, reach: float) -> Chords:
     for radius in (*(tier for tier in _TIERS if tier < reach), reach):
         if not len(loose.tails):
             break
-        found = _choose_shortest(loose, *_pairs_within(loose, radius))
+        found = _choose_shortest(loose, *_find_pairs_within(loose, radius))
         chords, loose = Chords.merged([chords, found]), loose.without(found)
     return chords
 
 
-def _pairs_within(loose: LooseEnds, radius: float) -> tuple[Int, Int]:
+def _find_pairs_within(loose: LooseEnds, radius: float) -> tuple[Int, Int]:
     """Return all pairs (tail, head) of one plane that are at most the radius apart.
 
     Cells are as wide as the radius and numbered by plane, row, column, so the three cells of a row in which a near head
@@ -117,7 +117,7 @@ def _pairs_within(loose: LooseEnds, radius: float) -> tuple[Int, Int]:
     tails, heads = loose.tails[maybe[: len(loose.tails)]], loose.heads[maybe[len(loose.tails) :]]
     if not len(tails) or not len(heads):
         return tails[:0], heads[:0]
-    key, row = _cells(loose, np.concatenate([tails, heads]), radius)
+    key, row = _number_cells(loose, np.concatenate([tails, heads]), radius)
     by_tail, by_head = (np.argsort(part, kind="stable") for part in (key[: len(tails)], key[len(tails) :]))
     tails, tail_key = tails[by_tail], key[: len(tails)][by_tail]
     heads, head_key = heads[by_head], key[len(by_tail) :][by_head]
@@ -136,7 +136,7 @@ def _pairs_within(loose: LooseEnds, radius: float) -> tuple[Int, Int]:
     return np.concatenate([tail for tail, _ in found]), np.concatenate([head for _, head in found])
 
 
-def _cells(loose: LooseEnds, node: Int, width: float) -> tuple[Int, int]:
+def _number_cells(loose: LooseEnds, node: Int, width: float) -> tuple[Int, int]:
     """Return the cell number (n,) of each node, and the difference between the numbers of neighbouring rows.
 
     There is an unused cell between rows and between planes. Cells are wider where 62 bits would not be enough.
@@ -202,14 +202,14 @@ def close_with_chords(
         here = slice(*np.searchsorted(segment_plane, [plane, plane + 1]))
         tails = loose.tails[loose.plane[loose.tails] == plane]
         heads = loose.heads[loose.plane[loose.heads] == plane]
-        found = _chords_without_crossing(loose.xy, tails, heads, begin[here], end[here])
+        found = _choose_uncrossed(loose.xy, tails, heads, begin[here], end[here])
         chords = Chords.merged([chords, found])
         if len(found.tail) < count:
             break
     return chords
 
 
-def _chords_without_crossing(xy: Float, tails: Int, heads: Int, begin: Float, end: Float) -> Chords:
+def _choose_uncrossed(xy: Float, tails: Int, heads: Int, begin: Float, end: Float) -> Chords:
     """Find chords on one plane, the shortest first, that cross neither a segment nor each other."""
     gap = xy[tails][:, None] - xy[heads][None]
     width = np.hypot(gap[:, :, 0], gap[:, :, 1]).ravel()

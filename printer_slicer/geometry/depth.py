@@ -42,12 +42,12 @@ def _fill_depths(result: Float, areas: Areas, points: Float, layer: Int, reach: 
     areas = areas.of_layers(layer)
     if not areas.n_rings:
         return
-    begin, end, of_layer = _edges_near_points(
-        _short_edges(areas, _CELL * reach), points, layer, _CELL * reach
+    begin, end, of_layer = _select_edges_near_points(
+        _split_edges(areas, _CELL * reach), points, layer, _CELL * reach
     )
     if not len(begin):
         return
-    owner, edge = _nearby_pairs(points, layer, (begin, end, of_layer), reach)
+    owner, edge = _find_nearby_pairs(points, layer, (begin, end, of_layer), reach)
     if not len(owner):
         return
     # Column by column: fetching pairs of numbers is much slower than fetching single ones.
@@ -69,21 +69,21 @@ def near_outlines(areas: Areas, points: Float, layer: Int, reach: float) -> Bool
     parts = [np.zeros(0, np.bool_)]
     for at in range(0, len(points), _AT_ONCE):
         some = slice(at, at + _AT_ONCE)
-        parts.append(_near_outlines(areas, points[some], layer[some], reach))
+        parts.append(_is_near_outlines(areas, points[some], layer[some], reach))
     return np.concatenate(parts)
 
 
-def _near_outlines(areas: Areas, points: Float, layer: Int, reach: float) -> Bool:
+def _is_near_outlines(areas: Areas, points: Float, layer: Int, reach: float) -> Bool:
     """Return the mask of `near_outlines` for a batch of points."""
     areas = areas.of_layers(layer)
     if not areas.n_rings:
         return np.zeros(len(points), np.bool_)
-    _, key, own = _cells(points, layer, _short_edges(areas, _CELL * reach), reach)
+    _, key, own = _find_cells(points, layer, _split_edges(areas, _CELL * reach), reach)
     key = distinct(key)
     return np.asarray(key.take(np.minimum(np.searchsorted(key, own), len(key) - 1)) == own)
 
 
-def _short_edges(areas: Areas, longest: float) -> _Edges:
+def _split_edges(areas: Areas, longest: float) -> _Edges:
     """Split the edges into pieces of at most `longest` mm; return both ends (E, 2) and the layer (E,)."""
     along = areas.xy.take(areas.following, axis=0) - areas.xy
     count = np.maximum(np.ceil(np.hypot(*along.T) / longest), 1).astype(np.int64)
@@ -95,7 +95,7 @@ def _short_edges(areas: Areas, longest: float) -> _Edges:
     return begin.take(long, axis=0), (begin + piece).take(long, axis=0), layer.take(long)
 
 
-def _edges_near_points(edges: _Edges, points: Float, layer: Int, size: float) -> _Edges:
+def _select_edges_near_points(edges: _Edges, points: Float, layer: Int, size: float) -> _Edges:
     """Keep the edges that may lie within half of `size` of a point; most outlines have no point near them.
 
     An edge is at most `size` long, so its middle lies in the cell of such a point or in a neighbouring one. Several
@@ -115,7 +115,7 @@ def _edges_near_points(edges: _Edges, points: Float, layer: Int, size: float) ->
     return begin.take(some, axis=0), end.take(some, axis=0), of_layer.take(some)
 
 
-def _cells(points: Float, layer: Int, edges: _Edges, reach: float) -> tuple[Int, Int, Int]:
+def _find_cells(points: Float, layer: Int, edges: _Edges, reach: float) -> tuple[Int, Int, Int]:
     """Return pairs of an edge (n,) and a cell (n,) within its reach, and the cell of each point (P,)."""
     begin, end, of_layer = edges
     size = _CELL * reach
@@ -133,9 +133,9 @@ def _cells(points: Float, layer: Int, edges: _Edges, reach: float) -> tuple[Int,
     return edge, key, (layer * wide[0] + cell[:, 0] - origin[0]) * wide[1] + cell[:, 1] - origin[1]
 
 
-def _nearby_pairs(points: Float, layer: Int, edges: _Edges, reach: float) -> tuple[Int, Int]:
+def _find_nearby_pairs(points: Float, layer: Int, edges: _Edges, reach: float) -> tuple[Int, Int]:
     """Return all pairs of a point and an edge that may be within reach of each other, by ascending point."""
-    edge, key, own = _cells(points, layer, edges, reach)
+    edge, key, own = _find_cells(points, layer, edges, reach)
     order = np.argsort(key, kind="stable")
     key, edge = key.take(order), edge.take(order)
     # Consecutive points lie along lines, so they mostly share a cell.

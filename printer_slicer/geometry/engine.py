@@ -44,19 +44,19 @@ _CROWD: Final = 16  # rings per layer on average; with fewer, all rings go to th
 VARIABLE: Final = "PRINTER_SLICER_GEOMETRY"
 
 
-def _clipper() -> Polygons:
+def _load_clipper() -> Polygons:
     from printer_slicer.geometry import clipper  # noqa: PLC0415 - each run loads one engine
 
     return clipper
 
 
-def _planar() -> Polygons:
+def _load_planar() -> Polygons:
     from printer_slicer.geometry import planar  # noqa: PLC0415 - each run loads one engine
 
     return planar
 
 
-ENGINES: Final[Mapping[str, Callable[[], Polygons]]] = {"clipper": _clipper, "planar": _planar}
+ENGINES: Final[Mapping[str, Callable[[], Polygons]]] = {"clipper": _load_clipper, "planar": _load_planar}
 
 _override: ContextVar[str | None] = ContextVar("engine", default=None)
 
@@ -95,7 +95,7 @@ def _default_engine() -> Polygons:
     return engine_named(os.environ.get(VARIABLE) or "clipper")
 
 
-def _engine() -> Polygons:
+def _current_engine() -> Polygons:
     name = _override.get()
     return _default_engine() if name is None else engine_named(name)
 
@@ -105,7 +105,7 @@ def normalize(areas: Areas) -> Areas:
 
     Overlapping or self-crossing shells merge; a ring that runs clockwise on its own covers nothing.
     """
-    engine = _engine()
+    engine = _current_engine()
     return engine.store(engine.load_any(areas))
 
 
@@ -151,7 +151,11 @@ def offset(areas: Areas, distance: float | Float, *, join: Join = "miter") -> Ar
     Raises:
         ValueError: `distance` has another length or is not finite.
     """
-    engine, by, some = _engine(), _distances(distance, areas.n_layers), distinct(areas.ring_layer)
+    engine, by, some = (
+        _current_engine(),
+        _check_distances(distance, areas.n_layers),
+        distinct(areas.ring_layer),
+    )
     layers = engine.load(_pick_layers(areas, some))
     return _put_back_layers(engine.store(engine.offset(layers, by[some], join)), some, areas.n_layers)
 
@@ -170,13 +174,13 @@ def offset_open(areas: Areas, distance: float | Float, limit: float = MITER_LIMI
     Raises:
         ValueError: `distance` has another length, is negative or not finite.
     """
-    by = _distances(distance, areas.n_layers)
+    by = _check_distances(distance, areas.n_layers)
     if (by < 0).any():
         raise ValueError("an opening needs distances of 0 or more")
     # No circle of this radius fits into a ring with less area than the circle. A hole without its ring covers nothing.
     size = areas.ring_area()
     areas = areas.select((size <= 0) | (size > _ROUNDING * np.pi * by[areas.ring_layer] ** 2))
-    engine, some = _engine(), distinct(areas.ring_layer)
+    engine, some = _current_engine(), distinct(areas.ring_layer)
     layers = engine.load(_pick_layers(areas, some))
     return _put_back_layers(engine.store(engine.opened(layers, by[some], limit)), some, areas.n_layers)
 
@@ -202,7 +206,7 @@ def stroke_lines(xy: Float, start: Int, layer: Int, radius: Float, n_layers: int
     steps = np.round(radius, 3)
     if not (np.isfinite(steps).all() and (steps > 0).all()):
         raise ValueError("lines need radii over 0")
-    engine = _engine()
+    engine = _current_engine()
     return engine.store(engine.stroke(xy, start, layer, steps, n_layers))
 
 
@@ -225,7 +229,7 @@ def outlines_within(outlines: Areas, areas: Areas) -> tuple[Float, Int, Int]:
     """
     if outlines.n_layers != areas.n_layers:
         raise ValueError(f"stacks of {outlines.n_layers} and {areas.n_layers} layers")
-    engine = _engine()
+    engine = _current_engine()
     found = engine.outlines_within(outlines.of_layers(areas.used), engine.load(areas))
     lines = [line for layer in found for line in layer]
     layer = np.repeat(np.arange(areas.n_layers), [len(layer) for layer in found])
@@ -289,24 +293,24 @@ def window_intersections(areas: Areas, windows: Sequence[tuple[Int, Int]]) -> li
             raise ValueError(f"the window of layer {layer} is empty: {first[layer]} to {last[layer]}")
     inside = [np.flatnonzero((first >= 0) & (last <= n)) for first, last in windows]
     wide = [some[last[some] > first[some] + 1] for some, (first, last) in zip(inside, windows, strict=True)]
-    made = iter(_wide_windows(areas, wide, windows))
+    made = iter(_intersect_wide_windows(areas, wide, windows))
     result = []
     for some, several, (first, _) in zip(inside, wide, windows, strict=True):
         single = np.full(n, -1)
         single[some] = first[some]
         single[several] = -1
         result.append(
-            _layers_from(areas, single).merge(next(made)) if len(several) else _layers_from(areas, single)
+            _copy_layers(areas, single).merge(next(made)) if len(several) else _copy_layers(areas, single)
         )
     return result
 
 
-def _wide_windows(areas: Areas, wide: list[Int], windows: Sequence[tuple[Int, Int]]) -> list[Areas]:
+def _intersect_wide_windows(areas: Areas, wide: list[Int], windows: Sequence[tuple[Int, Int]]) -> list[Areas]:
     """Return the intersections of windows of more than one layer, for each of `windows` that has any of them."""
     ends = [(first[some], last[some]) for some, (first, last) in zip(wide, windows, strict=True) if len(some)]
     if not ends:
         return []
-    engine = _engine()
+    engine = _current_engine()
     first, last = (np.concatenate(column) for column in zip(*ends, strict=True))
     made = iter(
         intersect_windows(engine.load(areas), first, last, lambda a, b: engine.combine("intersection", a, b))
@@ -321,7 +325,7 @@ def _wide_windows(areas: Areas, wide: list[Int], windows: Sequence[tuple[Int, In
     return result
 
 
-def _layers_from(areas: Areas, source: Int) -> Areas:
+def _copy_layers(areas: Areas, source: Int) -> Areas:
     """Return a stack in which each layer has the rings of the layer `source` (n_layers,), or nothing for -1."""
     filled = np.flatnonzero(source >= 0)
     bounds, source = areas.layer_start, source[filled]
@@ -332,7 +336,7 @@ def _layers_from(areas: Areas, source: Int) -> Areas:
     return Areas(points, np.append(0, np.cumsum(sizes)), np.repeat(filled, count), areas.n_layers)
 
 
-def _distances(distance: float | Float, n_layers: int) -> Float:
+def _check_distances(distance: float | Float, n_layers: int) -> Float:
     by = per_layer(distance, n_layers)
     if not np.isfinite(by).all():
         raise ValueError("offset distances must be finite")
@@ -347,7 +351,7 @@ def _combine_near(operation: Operation, a: Areas, b: Areas) -> tuple[Areas, Bool
     meets = np.all((low_a <= high_b) & (low_b <= high_a), axis=1)
     if not meets.any():
         return Areas.empty(a.n_layers), meets
-    engine, some = _engine(), np.flatnonzero(meets)
+    engine, some = _current_engine(), np.flatnonzero(meets)
     (a, apart_a), (b, apart_b) = _split_near(_pick_layers(a, some), _pick_layers(b, some))
     result = engine.store(engine.combine(operation, engine.load(a), engine.load(b)))
     if operation != "intersection":

@@ -38,7 +38,7 @@ def hatch(areas: Areas, *, angle: float | Float, spacing: float | Float, phase: 
         raise ValueError("spacing must be positive")
     angles = per_layer(angle, n)
     axis = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    layer, row, u, edge = _crossings(areas, axis, spacings, phases)
+    layer, row, u, edge = _find_crossings(areas, axis, spacings, phases)
     if not len(u):
         return Lines(np.zeros((0, 2, 2)), layer, row, np.zeros((0, 2)), np.zeros((0, 2), np.int64))
     # Sorting by one key for layer, row and position takes a third of the time of sorting by three: rows are laid end
@@ -55,7 +55,7 @@ def hatch(areas: Areas, *, angle: float | Float, spacing: float | Float, phase: 
     return Lines(np.stack([u * cos - v * sin, u * sin + v * cos], axis=2), layer, row, u, edge)
 
 
-def _crossings(areas: Areas, axis: Float, spacing: Float, phase: Float) -> tuple[Int, Int, Float, Int]:
+def _find_crossings(areas: Areas, axis: Float, spacing: Float, phase: Float) -> tuple[Int, Int, Float, Int]:
     """Return layer, row, position along the row and edge of every crossing of an outline and a row."""
     layer = areas.point_layer
     (x, y), (cos, sin) = areas.xy.T, axis.take(layer, axis=0).T
@@ -101,8 +101,8 @@ def row_ends(lines: Lines, *, max_turn: float | Float) -> tuple[Int, Int]:
     """
     if not lines.n_lines:
         return np.zeros(0, np.int64), np.zeros(1, np.int64)
-    above = _only_neighbours(lines)
-    lowest, rank = _columns(lines, above)
+    above = _find_only_neighbours(lines)
+    lowest, rank = _group_columns(lines, above)
     joined, backward = _choose_turns(lines, above, lowest, max_turn)
     order = np.lexsort((rank, lowest))
     begin = np.flatnonzero(np.append(True, ~joined[order][:-1]))
@@ -114,7 +114,7 @@ def row_ends(lines: Lines, *, max_turn: float | Float) -> tuple[Int, Int]:
     return end.ravel(), np.append(0, np.cumsum(2 * sizes[pieces]))
 
 
-def _only_neighbours(lines: Lines) -> Int:
+def _find_only_neighbours(lines: Lines) -> Int:
     """Return the line (S,) of the next row beside each line if each is the only one beside the other, else -1."""
     changes = (np.diff(lines.row) != 0) | (np.diff(lines.layer) != 0)
     group = np.append(0, np.cumsum(changes))
@@ -147,10 +147,11 @@ def columns(lines: Lines) -> tuple[Int, Int]:
     Returns:
         The lowest line (S,) of the column of each line, and the number of rows (S,) from there to the line.
     """
-    return _columns(lines, _only_neighbours(lines))
+    return _group_columns(lines, _find_only_neighbours(lines))
 
 
-def _columns(lines: Lines, above: Int) -> tuple[Int, Int]:
+def _group_columns(lines: Lines, above: Int) -> tuple[Int, Int]:
+    """Group lines into columns as `columns` does, given the line (S,) above each."""
     foot = np.arange(len(above))
     joinable = np.flatnonzero(above >= 0)
     foot[above[joinable]] = joinable

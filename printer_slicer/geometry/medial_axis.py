@@ -1,4 +1,4 @@
-"""Medial axis of areas: the part of the Voronoi diagram of their outlines that lies inside.
+"""Medial axis of areas: the part of the Voronoi diagram of their outlines inside the areas.
 
 Each connected area has its own diagram.
 """
@@ -216,13 +216,13 @@ def _compute_axis(sides: _Sides, reach: float, left_out: Int, chord: float) -> M
         sides.layer[site],
     )
     twin = np.arange(len(chosen)) ^ 1  # both edges of a pair are primary, or neither is
-    kept = _lies_inside(edges, twin)
+    kept = _is_inside(edges, twin)
     begin, end = edges.points[:, 1], edges.points[:, 2]
     near = [norm(place - feet(place, begin, end)[0]) <= reach for place in np.moveaxis(edges.ends, 1, 0)]
     kept &= near[0] | near[1]
     kept &= kept[twin]
     edges = edges.take(np.flatnonzero(kept))
-    return _split_edges(edges, _next_edges(diagram, chosen[kept]), left_out, chord)
+    return _split_edges(edges, _find_next_edges(diagram, chosen[kept]), left_out, chord)
 
 
 def _bound_edges(diagram: Diagram, points: Float, length: float) -> tuple[Float, Int]:
@@ -244,7 +244,7 @@ def _bound_edges(diagram: Diagram, points: Float, length: float) -> tuple[Float,
     return np.concatenate([diagram.vertex, diagram.vertex[diagram.start[away]] + direction]), edge
 
 
-def _lies_inside(edges: _DiagramEdges, twin: Int) -> Bool:
+def _is_inside(edges: _DiagramEdges, twin: Int) -> Bool:
     """Return a mask (h,) of edges inside the areas: to the left of their side, or of a side of their corner."""
     middle = (edges.ends[:, 0] + edges.ends[:, 1]) / 2
     before, begin, end, after = np.moveaxis(edges.points, 1, 0)
@@ -257,7 +257,7 @@ def _lies_inside(edges: _DiagramEdges, twin: Int) -> Bool:
     return np.where(edges.corner, both, inside)
 
 
-def _next_edges(diagram: Diagram, chosen: Int) -> Int:
+def _find_next_edges(diagram: Diagram, chosen: Int) -> Int:
     """Return for each chosen edge (h,) the next chosen edge with the outline on the left, or -1.
 
     Edges between a side and its own end are crossed: the axis continues in the cell of that end.
@@ -280,7 +280,7 @@ def _split_edges(edges: _DiagramEdges, following: Int, left_out: Int, chord: flo
     used, number = compact_ids(edges.vertex, int(edges.vertex.max(initial=-1)) + 1)
     xy, layer = np.zeros((len(used), 2)), np.zeros(len(used), np.int64)
     xy[number], layer[number] = edges.ends, edges.layer[:, None]
-    count, inner = _split_points(edges, chord)
+    count, inner = _find_split_points(edges, chord)
     edge, step = np.repeat(np.arange(len(count)), count), consecutive(np.zeros_like(count), count)
     new = len(used) + np.cumsum(count - 1) - (count - 1)
     is_first, is_last = step == 0, step == count[edge] - 1
@@ -321,7 +321,7 @@ def _split_edges(edges: _DiagramEdges, following: Int, left_out: Int, chord: flo
     )
 
 
-def _split_points(edges: _DiagramEdges, chord: float) -> tuple[Int, Float]:
+def _find_split_points(edges: _DiagramEdges, chord: float) -> tuple[Int, Float]:
     """Return the number of pieces (h / 2,) of each edge, and the points (n, 2) between them.
 
     Between a corner and a side the edge is a parabola. Between two corners it is straight, but an extrusion beside it

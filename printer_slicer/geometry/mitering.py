@@ -25,7 +25,15 @@ _BACK: Final = -0.999
 
 
 class _Corners(NamedTuple):
-    """Corners (N,): directions of the edges before and after, cosine and sine of the turn, length of the edge after."""
+    """Corners of rings.
+
+    Attributes:
+        before: direction of the previous edge, x (N,) and y (N,).
+        after: direction of the next edge, x (N,) and y (N,).
+        cosine: (N,) cosine of the turn.
+        sine: (N,) sine of the turn.
+        length: (N,) length of the next edge.
+    """
 
     before: tuple[Float, Float]
     after: tuple[Float, Float]
@@ -54,24 +62,25 @@ def miter_rings(xy: Int, start: Int, distance: Float, limit: float = MITER_LIMIT
         following = next_in_ring(start)
     x, y = xy.T.astype(np.float64)
     by = np.repeat(distance, np.diff(start))
-    corners = _corners((x, y), following)
+    corners = _measure_corners((x, y), following)
     outer = (corners.sine * by >= 0) | (corners.cosine <= _BACK)
     cut = outer & (limit**2 * (1 + corners.cosine) <= 2)
-    through = ~outer & ((corners.cosine < _GENTLE) | _swallowed(corners, by, cut, following))
+    through = ~outer & ((corners.cosine < _GENTLE) | _is_swallowed(corners, by, cut, following))
     count = 1 + cut + 2 * through
     end = np.cumsum(count)
     share = by / (1 + np.maximum(corners.cosine, _BACK))
     (vx, vy), (ux, uy) = corners.before, corners.after
     moved = np.zeros((len(end) + int((count - 1).sum()), 2))
     moved[end - count] = np.column_stack([x + (uy + vy) * share, y - (ux + vx) * share])
-    for which, build in ((cut, _cut_off), (through, _through_corner)):
+    for which, build in ((cut, _cut_off), (through, _pass_through_corner)):
         some = np.flatnonzero(which)
         for place, points in enumerate(build(corners, some, by.take(some))):
             moved[end[some] - count[some] + place] = xy.take(some, axis=0) + np.column_stack(points)
     return np.rint(moved).astype(np.int64), np.append(0, end).take(start)
 
 
-def _corners(points: tuple[Float, Float], following: Int) -> _Corners:
+def _measure_corners(points: tuple[Float, Float], following: Int) -> _Corners:
+    """Compute directions, turns and edge lengths from x (N,) and y (N,) of the points."""
     ux, uy = (column.take(following) - column for column in points)
     length = np.sqrt(ux * ux + uy * uy)
     ux, uy = ux / length, uy / length
@@ -80,7 +89,7 @@ def _corners(points: tuple[Float, Float], following: Int) -> _Corners:
     return _Corners((vx, vy), (ux, uy), vx * ux + vy * uy, vx * uy - vy * ux, length)
 
 
-def _swallowed(corners: _Corners, by: Float, cut: Bool, following: Int) -> Bool:
+def _is_swallowed(corners: _Corners, by: Float, cut: Bool, following: Int) -> Bool:
     """Return a mask (N,) of corners at an edge that would be shortened by more than its length."""
     # A turn to the left lengthens both of its edges by the distance times the tangent of half the turn.
     gained = by * np.where(cut, 0.0, corners.sine / (1 + np.maximum(corners.cosine, _BACK)))
@@ -105,7 +114,7 @@ def _cut_off(corners: _Corners, some: Int, by: Float) -> _Points:
     return (out_x + out_y * half, out_y - out_x * half), (out_x - out_y * half, out_y + out_x * half)
 
 
-def _through_corner(corners: _Corners, some: Int, by: Float) -> _Points:
+def _pass_through_corner(corners: _Corners, some: Int, by: Float) -> _Points:
     """Return the end of the previous edge, the corner, and the start of the next edge, relative to the corner."""
     (vx, vy), (ux, uy) = (
         tuple(column.take(some) for column in direction) for direction in (corners.before, corners.after)

@@ -67,7 +67,9 @@ def load_any(areas: Areas) -> list[Any]:
     lines = _group_by_layer(_linear_rings(areas), areas.ring_layer, areas.n_layers)
     cut = shapely.union_all(lines[:, None], axis=1, grid_size=1 / STEPS_PER_MM)
     faces, face_layer = shapely.get_parts(shapely.polygonize(cut[:, None], axis=1), return_index=True)
-    keep = _winding_numbers(areas, shapely.get_coordinates(shapely.point_on_surface(faces)), face_layer) > 0
+    keep = (
+        _find_winding_numbers(areas, shapely.get_coordinates(shapely.point_on_surface(faces)), face_layer) > 0
+    )
     return list(
         shapely.union_all(_group_by_layer(faces[keep], face_layer[keep], areas.n_layers)[:, None], axis=1)
     )
@@ -75,17 +77,17 @@ def load_any(areas: Areas) -> list[Any]:
 
 def store(layers: list[Any]) -> Areas:
     """Convert all layers to one stack on the grid: outer rings counter-clockwise, holes clockwise."""
-    polygons, layer = shapely.get_parts(_array(layers), return_index=True)
+    polygons, layer = shapely.get_parts(_shape_array(layers), return_index=True)
     solid = shapely.get_type_id(polygons) == shapely.GeometryType.POLYGON
     rings, polygon = shapely.get_rings(shapely.orient_polygons(polygons[solid]), return_index=True)
-    areas = _areas(rings, layer[solid][polygon], len(layers))
+    areas = _build_areas(rings, layer[solid][polygon], len(layers))
     grid = np.rint(areas.xy * STEPS_PER_MM) / STEPS_PER_MM
-    return without_spikes(_only_corners(Areas(grid, areas.ring_start, areas.ring_layer, areas.n_layers)))
+    return without_spikes(_remove_collinear(Areas(grid, areas.ring_start, areas.ring_layer, areas.n_layers)))
 
 
 def combine(operation: Operation, a: list[Any], b: list[Any]) -> list[Any]:
     """Return the union, difference or intersection of two lists of layers, entry by entry."""
-    return list(_only_polygons(OPERATIONS[operation](_array(a), _array(b))))
+    return list(_select_polygons(OPERATIONS[operation](_shape_array(a), _shape_array(b))))
 
 
 def outlines_within(outlines: Areas, layers: list[Any]) -> list[list[Float]]:
@@ -97,25 +99,25 @@ def outlines_within(outlines: Areas, layers: list[Any]) -> list[list[Float]]:
     result = []
     for k, area in enumerate(layers):
         parts = shapely.get_parts(shapely.intersection(rings[first[k] : last[k]], area))
-        lines = shapely.get_parts(shapely.line_merge(shapely.multilinestrings(_only_lines(parts))))
+        lines = shapely.get_parts(shapely.line_merge(shapely.multilinestrings(_select_lines(parts))))
         result.append(
             [np.rint(shapely.get_coordinates(line) * STEPS_PER_MM) / STEPS_PER_MM for line in lines]
         )
     return result
 
 
-def _only_lines(shapes: Shapes) -> Shapes:
+def _select_lines(shapes: Shapes) -> Shapes:
     """Return only the lines, without the points in which shapes touched."""
     return shapes[np.isin(shapely.get_type_id(shapes), (1, 2))]
 
 
 def offset(layers: list[Any], distance: Float, join: Join, limit: float = MITER_LIMIT) -> list[Any]:
     """Move the outlines of each layer outward by its distance, mm."""
-    shapes = _array(layers)
+    shapes = _shape_array(layers)
     if join == "round":
-        return list(shapely.buffer(shapes, distance, quad_segs=_quarter_steps(distance)))
+        return list(shapely.buffer(shapes, distance, quad_segs=_count_quarter_steps(distance)))
     result = _buffer_mitered(shapes, distance, limit)
-    kites, sharp = _corner_kites(store(layers), distance, limit)
+    kites, sharp = _make_corner_kites(store(layers), distance, limit)
     # GEOS cuts off sharp corners at the limit. On layers with such corners, cut off all corners at the distance,
     # then add the points of the other corners again.
     square = _buffer_mitered(shapes[sharp], distance[sharp], 1.0)
@@ -133,7 +135,7 @@ def stroke(xy: Float, start: Int, layer: Int, radius: Float, n_layers: int) -> l
     new = np.diff(layer[order], prepend=-1).astype(np.bool_) | (np.diff(radius[order], prepend=-1.0) != 0)
     pen, first = np.cumsum(new) - 1, order[new]
     drawn = shapely.buffer(
-        _group_by_layer(lines[order], pen, len(first)), radius[first], quad_segs=_quarter_steps(radius)
+        _group_by_layer(lines[order], pen, len(first)), radius[first], quad_segs=_count_quarter_steps(radius)
     )
     return list(shapely.union_all(_group_by_layer(drawn, layer[first], n_layers)[:, None], axis=1))
 
@@ -153,11 +155,11 @@ def _buffer_mitered(shapes: Shapes, distance: Float, limit: float) -> Shapes:
 
 def simplify(areas: Areas, tolerance: float) -> Areas:
     """Remove points from rings, so that no outline moves by more than `tolerance` mm; see `engine.simplify`."""
-    turned = _from_leftmost(areas.select(np.diff(areas.ring_start) >= 3))
+    turned = _start_at_leftmost(areas.select(np.diff(areas.ring_start) >= 3))
     if tolerance == 0:
-        return _only_corners(turned)
+        return _remove_collinear(turned)
     rings = shapely.simplify(_linear_rings(turned), tolerance, preserve_topology=False)
-    simple = _areas(rings, turned.ring_layer, turned.n_layers)
+    simple = _build_areas(rings, turned.ring_layer, turned.n_layers)
     sizes = np.diff(simple.ring_start)
     kept = sizes >= 3
     # Drop rings that changed direction: a hole would become a solid.
@@ -175,7 +177,7 @@ def convex_hull(points: Float) -> Areas:
     return Areas.from_rings([[np.asarray(ring, np.float64)]])
 
 
-def _array(layers: list[Any]) -> Shapes:
+def _shape_array(layers: list[Any]) -> Shapes:
     shapes: Shapes = np.full(len(layers), None, dtype=np.object_)
     shapes[:] = layers
     return shapes
@@ -194,7 +196,7 @@ def _group_by_layer(shapes: Shapes, layer: Int, n_layers: int) -> Shapes:
     return groups
 
 
-def _only_polygons(shapes: Shapes) -> Shapes:
+def _select_polygons(shapes: Shapes) -> Shapes:
     """Remove the lines and points in which areas touched."""
     kind = shapely.get_type_id(shapes)
     mixed = (kind != shapely.GeometryType.POLYGON) & (kind != shapely.GeometryType.MULTIPOLYGON)
@@ -206,7 +208,7 @@ def _only_polygons(shapes: Shapes) -> Shapes:
     return shapes
 
 
-def _areas(rings: Shapes, layer: Int, n_layers: int) -> Areas:
+def _build_areas(rings: Shapes, layer: Int, n_layers: int) -> Areas:
     """Build a stack from closed shapely rings, one per entry of `layer`; some may have fewer than three points."""
     xy, index = shapely.get_coordinates(rings, return_index=True)
     closing = np.append(index[1:] != index[:-1], True)[: len(index)]
@@ -214,7 +216,7 @@ def _areas(rings: Shapes, layer: Int, n_layers: int) -> Areas:
     return Areas(xy[~closing], np.append(0, np.cumsum(sizes)), layer, n_layers)
 
 
-def _winding_numbers(areas: Areas, points: Float, point_layer: Int) -> Int:
+def _find_winding_numbers(areas: Areas, points: Float, point_layer: Int) -> Int:
     """Return the winding number (P,) of the rings of its layer around each point."""
     winding = np.zeros(len(points), dtype=np.int64)
     ends = areas.xy[areas.following]
@@ -222,13 +224,11 @@ def _winding_numbers(areas: Areas, points: Float, point_layer: Int) -> Int:
     first, last = np.searchsorted(point_layer, [np.arange(areas.n_layers), np.arange(1, areas.n_layers + 1)])
     for k in np.unique(point_layer).tolist():
         here = slice(bounds[k], bounds[k + 1])
-        winding[first[k] : last[k]] = _winding_on_layer(
-            areas.xy[here], ends[here], points[first[k] : last[k]]
-        )
+        winding[first[k] : last[k]] = _count_windings(areas.xy[here], ends[here], points[first[k] : last[k]])
     return winding
 
 
-def _winding_on_layer(starts: Float, ends: Float, points: Float) -> Int:
+def _count_windings(starts: Float, ends: Float, points: Float) -> Int:
     """Return the winding number (P,) of the edges around each point.
 
     It is the number of edges that cross the ray to the right upward, minus those that cross it downward.
@@ -243,7 +243,7 @@ def _winding_on_layer(starts: Float, ends: Float, points: Float) -> Int:
     return np.asarray(upward.sum(axis=1) - downward.sum(axis=1), dtype=np.int64)
 
 
-def _quarter_steps(distance: Float) -> int:
+def _count_quarter_steps(distance: Float) -> int:
     """Return the number of chords per quarter circle that keeps the largest circle within the tolerance."""
     radius = float(np.abs(distance).max(initial=0.0))
     if radius <= ROUND_TOLERANCE:
@@ -251,7 +251,7 @@ def _quarter_steps(distance: Float) -> int:
     return max(2, int(np.ceil(np.pi / 4 / np.arccos(1 - ROUND_TOLERANCE / radius))))
 
 
-def _corner_kites(areas: Areas, distance: Float, limit: float) -> tuple[Shapes, Bool]:
+def _make_corner_kites(areas: Areas, distance: Float, limit: float) -> tuple[Shapes, Bool]:
     """Return the kites that extended sides add at corners within the limit.
 
     Growing opens a gap at convex corners, shrinking at concave ones.
@@ -277,7 +277,7 @@ def _corner_kites(areas: Areas, distance: Float, limit: float) -> tuple[Shapes, 
     return shapely.union_all(_group_by_layer(kites, layer[chosen], areas.n_layers)[:, None], axis=1), sharp
 
 
-def _from_leftmost(areas: Areas) -> Areas:
+def _start_at_leftmost(areas: Areas) -> Areas:
     """Rotate each ring so that it starts at its leftmost point, the lowest if there are several."""
     if not areas.n_rings:
         return areas
@@ -300,16 +300,16 @@ def _from_leftmost(areas: Areas) -> Areas:
     )
 
 
-def _only_corners(areas: Areas) -> Areas:
+def _remove_collinear(areas: Areas) -> Areas:
     """Remove repeated points and points on the straight line between their neighbours."""
     while True:
-        keep = _corners(areas)
+        keep = _is_corner(areas)
         if keep.all():
             return areas
         areas = areas.of_points(keep)
 
 
-def _corners(areas: Areas) -> Bool:
+def _is_corner(areas: Areas) -> Bool:
     """Return a mask (N,) of points that differ from the previous one; if all do, of points where the outline turns."""
     following, previous = areas.following, areas.previous
     x, y = np.ascontiguousarray(areas.xy.T)

@@ -57,7 +57,7 @@ def crossings_of(triangles: Float, planes: Float) -> Iterator[Crossings]:
     level = np.zeros((3, len(triangles)), np.int32)
     for corner in range(3):
         level[corner] = np.searchsorted(planes, np.ascontiguousarray(triangles[:, corner, 2]), side="right")
-    for facets, low, high in _batches_of_planes(level, len(planes)):
+    for facets, low, high in _split_into_batches(level, len(planes)):
         yield _cross_planes(triangles.take(facets, axis=0), level.take(facets, axis=1), planes, low, high)
 
 
@@ -83,7 +83,7 @@ def section_contours(triangles: Float, planes: Float) -> Areas:
     return Areas.following_on([_join_rings(part, n) for part in crossings_of(triangles, planes)], n)
 
 
-def _batches_of_planes(level: Index, n_planes: int) -> Iterator[tuple[Int, int, int]]:
+def _split_into_batches(level: Index, n_planes: int) -> Iterator[tuple[Int, int, int]]:
     """Yield batches: the facets that cross some planes, the first of these planes and the one after the last."""
     bottom = np.minimum(np.minimum(level[0], level[1]), level[2])
     top = np.maximum(np.maximum(level[0], level[1]), level[2])
@@ -118,7 +118,7 @@ def _cross_planes(triangles: Float, level: Index, planes: Float, low: int, high:
     x, y, z = np.ascontiguousarray(triangles.transpose(2, 1, 0))  # (3, n): corner, facet
     clipped = np.clip(level, low, high)
     after = clipped[[1, 2, 0]]
-    rising, falling = _half_edges(clipped < after), _half_edges(clipped > after, turned=True)
+    rising, falling = _select_half_edges(clipped < after), _select_half_edges(clipped > after, turned=True)
     tag = keys_of(x.ravel(), y.ravel(), z.ravel())
     key = np.concatenate(
         [directed_keys(tag.take(side.low), tag.take(side.high)) for side in (rising, falling)]
@@ -137,14 +137,14 @@ def _cross_planes(triangles: Float, level: Index, planes: Float, low: int, high:
     bottom = np.minimum(np.minimum(clipped[0], clipped[1]), clipped[2])
     top = np.maximum(np.maximum(clipped[0], clipped[1]), clipped[2])
     slot = np.cumsum(top - bottom) - top  # the slot of (facet, plane) is slot[facet] + plane
-    head = _nodes(rising, flat, slot, base.take(edge_of_rising))
-    tail = _nodes(falling, flat, slot, base.take(edge_of_falling))
+    head = _find_nodes(rising, flat, slot, base.take(edge_of_rising))
+    tail = _find_nodes(falling, flat, slot, base.take(edge_of_falling))
     # An edge that spans several batches counts in the batch where it starts.
     unpaired = int((level.ravel()[ends[0][alone]] >= low).sum())
     return Crossings(xy, plane.astype(np.int64), tail, head, unpaired)
 
 
-def _half_edges(which: Bool, *, turned: bool = False) -> _HalfEdges:
+def _select_half_edges(which: Bool, *, turned: bool = False) -> _HalfEdges:
     """Return the half-edges for which the mask `which` (3, n) is true; `turned` ones go down from their corner."""
     item = np.flatnonzero(which)
     after = item + which.shape[1]
@@ -152,7 +152,7 @@ def _half_edges(which: Bool, *, turned: bool = False) -> _HalfEdges:
     return _HalfEdges(item, after, item) if turned else _HalfEdges(item, item, after)
 
 
-def _nodes(half_edges: _HalfEdges, level: Index, slot: Int, base: Int | Index) -> Int:
+def _find_nodes(half_edges: _HalfEdges, level: Index, slot: Int, base: Int | Index) -> Int:
     """Return the node (S,) that each facet-plane pair has on its rising (or falling) side."""
     first = level.take(half_edges.low)
     owner, place = spread(level.take(half_edges.high) - first)
@@ -197,13 +197,13 @@ def _pair_half_edges(key: _UInt, n_rising: int) -> tuple[Int, Int, Int, Int]:
     ):
         return rising.astype(np.int64), falling.astype(np.int64), one.astype(np.int64), np.zeros(0, np.int64)
     # Copies of the same key pair by rank: the k-th rising with the k-th falling one; the rest stays unpaired.
-    ranks = [_rank_among_equal(side, n_edges) for side in (rising, falling)]
+    ranks = [_rank_equal(side, n_edges) for side in (rising, falling)]
     copy = np.concatenate(ranks) * np.int64(n_edges) + edge
     _, chosen, number, count = np.unique(copy, return_index=True, return_inverse=True, return_counts=True)
     return number[:n_rising], number[n_rising:], chosen, np.flatnonzero(count == 1)
 
 
-def _rank_among_equal(edge: Index, n_edges: int) -> Int:
+def _rank_equal(edge: Index, n_edges: int) -> Int:
     """Return the number (n,) of earlier entries with the same edge."""
     order = np.argsort(edge, kind="stable")
     begin = np.cumsum(np.bincount(edge, minlength=n_edges)) - np.bincount(edge, minlength=n_edges)

@@ -42,26 +42,26 @@ def find_enclosing_rings(outlines: Areas, points: Float, layer: Int) -> Int:
     first, count = np.minimum(begins, ends), np.abs(begins - ends)
     odd = []
     passing = np.flatnonzero(count)
-    for edges in np.split(passing, _split_positions(count[passing], _PAIRS_AT_ONCE)):
+    for edges in np.split(passing, _find_split_positions(count[passing], _PAIRS_AT_ONCE)):
         edge = np.repeat(edges, count[edges])
         point, end = order[consecutive(first[edges], count[edges])], following[edge]
         reached = x[edge] + (py[point] - y[edge]) / (y[end] - y[edge]) * (x[end] - x[edge])
         right = reached > px[point]
-        odd.append(_occurring_oddly(point[right] * n_rings + ring[edge[right]]))
-    point, within = np.divmod(_occurring_oddly(np.concatenate(odd)), n_rings)
+        odd.append(_select_odd_counts(point[right] * n_rings + ring[edge[right]]))
+    point, within = np.divmod(_select_odd_counts(np.concatenate(odd)), n_rings)
     by_size = np.argsort(np.abs(outlines.ring_area()), kind="stable")
     rank, smallest = np.argsort(by_size), np.full(len(points), n_rings)
     np.minimum.at(smallest, point, rank[within])
     return np.append(by_size, -1).take(smallest)
 
 
-def _split_positions(count: Int, most: int) -> Int:
+def _find_split_positions(count: Int, most: int) -> Int:
     """Return where to split items with `count` (n,) entries each, so that a part has about `most` entries."""
     total = np.cumsum(count)
     return np.searchsorted(total, np.arange(most, int(total[-1]) if len(total) else 0, most)).astype(np.int64)
 
 
-def _occurring_oddly(values: Int) -> Int:
+def _select_odd_counts(values: Int) -> Int:
     """Return the values that occur an odd number of times, ascending."""
     found, place = unique_inverse(values)
     return np.asarray(found[np.bincount(place, minlength=len(found)) % 2 == 1])
@@ -114,7 +114,7 @@ def any_crossing(begin: Float, end: Float, a: Float, b: Float) -> Bool:
     An edge includes only one of its ends, so a line through a corner crosses exactly one of the corner's edges.
     """
     line = end - begin
-    side_a, side_b = _side(begin, line, a), _side(begin, line, b)
+    side_a, side_b = _find_sides(begin, line, a), _find_sides(begin, line, b)
     edge = (b - a)[None]
     gap = begin[:, None] - a[None]
     along = gap[:, :, 0] * edge[:, :, 1] - gap[:, :, 1] * edge[:, :, 0]
@@ -124,7 +124,7 @@ def any_crossing(begin: Float, end: Float, a: Float, b: Float) -> Bool:
     return np.asarray((((side_a < 0) != (side_b < 0)) & (along > 0) & (along < turn)).any(axis=1))
 
 
-def _side(begin: Float, line: Float, points: Float) -> Float:
-    """Return the side (P, E) of each line on which each point lies: positive to the left."""
+def _find_sides(begin: Float, line: Float, points: Float) -> Float:
+    """Return for each line and point (P, E) a number that is positive if the point lies to the left of the line."""
     gap = points[None] - begin[:, None]
     return line[:, None, 0] * gap[:, :, 1] - line[:, None, 1] * gap[:, :, 0]

@@ -42,7 +42,7 @@ class SegmentIndex:
         room -= np.minimum(box[0], self._begin.min(axis=0, initial=np.inf))
         # Segments of the same layer are within one diagonal, those of other layers are more than one diagonal away.
         self._pitch = 2.5 * float(np.hypot(*room)) + 1.0
-        cell = self._cell(layer)
+        cell = self._cell_offset(layer)
         moved = np.stack([self._begin + cell, self._end + cell], axis=1)
         self._tree = SegmentTree(moved) if len(moved) else None
 
@@ -51,7 +51,7 @@ class SegmentIndex:
         result = np.full(len(points), -1, np.int64)
         known = np.flatnonzero(self._filled[layer])
         if self._tree is not None and len(known):
-            result[known] = self._tree.nearest(points[known] + self._cell(layer[known]))
+            result[known] = self._tree.nearest(points[known] + self._cell_offset(layer[known]))
         return result
 
     def distance(self, points: Float, layer: Int) -> Float:
@@ -72,7 +72,7 @@ class SegmentIndex:
         none = np.zeros(0, np.int64)
         if self._tree is None or not len(points):
             return none, none, np.zeros(0)
-        cell = self._cell(layer)
+        cell = self._cell_offset(layer)
         point, segment = self._tree.meeting(points + cell - reach, points + cell + reach)
         apart = distance_to_segments(points[point], self._begin[segment], self._end[segment])
         near = apart <= reach
@@ -89,7 +89,7 @@ class SegmentIndex:
         none = np.zeros(0, np.int64)
         if self._tree is None or not len(begin):
             return none, none, np.zeros(0)
-        cell = self._cell(layer)
+        cell = self._cell_offset(layer)
         line, segment = self._tree.meeting(begin + cell, end + cell)
         found = []
         for some in np.array_split(np.arange(len(line)), len(line) // _PAIRS_AT_ONCE + 1):
@@ -109,7 +109,7 @@ class SegmentIndex:
         """Count how often (P,) lines from `begin` to `end` (P, 2) cross segments of their `layer` (P,)."""
         return np.bincount(self.crossed(begin, end, layer)[0], minlength=len(begin)).astype(np.int64)
 
-    def _cell(self, layer: Int) -> Float:
+    def _cell_offset(self, layer: Int) -> Float:
         """Return the offset (P, 2) of the cell of each layer."""
         side = int(np.ceil(np.sqrt(self._n_layers)))
         return np.column_stack(np.divmod(layer, side)) * self._pitch
@@ -128,7 +128,7 @@ class OutlineIndex(SegmentIndex):
         if self._tree is None or not len(points):
             return np.zeros(len(points), np.bool_)
         far = np.column_stack([np.full(len(points), self._right), points[:, 1]])
-        cell = self._cell(layer)
+        cell = self._cell_offset(layer)
         point, segment = self._tree.meeting(points + cell, far + cell)
         (x, y), (ax, ay), (bx, by) = points[point].T, self._begin[segment].T, self._end[segment].T
         # A segment includes its lower end only, so that a ray through a corner counts once.

@@ -61,7 +61,7 @@ def is_spike(areas: Areas) -> Bool:
         return spikes
     first, last = areas.ring_start[:-1], areas.ring_start[1:] - 1
     x, y = np.ascontiguousarray(areas.xy.T)
-    ahead_x, ahead_y = _to_next(x, first, last), _to_next(y, first, last)
+    ahead_x, ahead_y = _subtract_from_next(x, first, last), _subtract_from_next(y, first, last)
     # Operations on whole arrays are faster than indices, and every area from an engine is checked here.
     along = np.zeros(len(x))
     np.multiply(ahead_x[1:], ahead_x[:-1], out=along[1:])
@@ -75,7 +75,7 @@ def is_spike(areas: Areas) -> Bool:
     return spikes
 
 
-def _to_next(values: Float, first: Int, last: Int) -> Float:
+def _subtract_from_next(values: Float, first: Int, last: Int) -> Float:
     """Return the difference (N,) to the next point around the ring."""
     ahead = np.empty_like(values)
     np.subtract(values[1:], values[:-1], out=ahead[:-1])

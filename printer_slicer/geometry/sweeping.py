@@ -14,7 +14,7 @@ _SHORTEST = 1e-6  # mm; below the grid steps of the engines
 
 
 def sweep_areas(areas: Areas, way: Float) -> Areas:
-    """Return the area that areas cover while they move from `-way` to `+way`.
+    """Sweep areas along the straight line from `-way` to `+way`.
 
     The result is the union of the areas at both ends and of the parallelogram that each edge sweeps.
 

@@ -24,7 +24,7 @@ __all__ = ["Diagram", "diagram_of"]
 
 # Grid steps from the origin to the middle of a diagram. The library needs vertices with a relative error of some
 # 10^-14, and computes with more digits than a double has if it is not sure of that. Near the origin it rarely is sure.
-_AWAY = 10_000_000
+_CENTER_OFFSET = 10_000_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,7 +64,8 @@ def diagram_of(ends: Float, area: Int) -> Diagram:
     middle = np.rint((low + high) / 2)  # whole mm, so that no point is rounded again
     n_sides = np.diff(np.append(starts, len(area)))
     steps = (
-        np.rint((ends - np.repeat(middle, n_sides, axis=0)[:, None]) * STEPS_PER_MM).astype(np.int64) + _AWAY
+        np.rint((ends - np.repeat(middle, n_sides, axis=0)[:, None]) * STEPS_PER_MM).astype(np.int64)
+        + _CENTER_OFFSET
     )
     raw = _RawDiagrams()
     with _without_garbage_collection():
@@ -73,17 +74,17 @@ def diagram_of(ends: Float, area: Int) -> Diagram:
             for first, count in zip(starts.tolist(), n_sides.tolist(), strict=True)
         ]
     n_edges, n_cells, n_vertices = np.array(sizes).T
-    around = np.frombuffer(raw.around, np.int64) + np.repeat(_earlier_total(n_edges), n_edges)
+    around = np.frombuffer(raw.around, np.int64) + np.repeat(_sum_earlier(n_edges), n_edges)
     count = np.frombuffer(raw.counts, np.int64)
     begins = np.delete(np.frombuffer(raw.begins, np.int64), np.cumsum(count + 1) - 1)
-    begins = np.where(begins < 0, -1, begins + np.repeat(_earlier_total(n_vertices), n_edges))
+    begins = np.where(begins < 0, -1, begins + np.repeat(_sum_earlier(n_vertices), n_edges))
     start, cell, after = np.zeros((3, len(around)), np.int64)
     start[around] = begins
     cell[around] = np.repeat(np.arange(len(count)), count)
     after[around] = around[next_in_ring(np.append(0, np.cumsum(count)))]
     sites = np.frombuffer(raw.sites, np.int64).reshape(-1, 2)
     side, place = sites[:, 0] + np.repeat(starts, n_cells), sites[:, 1]
-    vertex = (np.frombuffer(raw.vertices).reshape(-1, 2) - _AWAY) / STEPS_PER_MM
+    vertex = (np.frombuffer(raw.vertices).reshape(-1, 2) - _CENTER_OFFSET) / STEPS_PER_MM
     return Diagram(
         vertex + np.repeat(middle, n_vertices, axis=0),
         start,
@@ -114,7 +115,7 @@ def _is_primary(cell: Int, steps: Int, side: Int, place: Int) -> Bool:
     return np.repeat(result, 2)
 
 
-def _earlier_total(size: Int) -> Int:
+def _sum_earlier(size: Int) -> Int:
     """Return the total size of all earlier parts."""
     return np.asarray(np.cumsum(size) - size)
 

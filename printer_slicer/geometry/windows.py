@@ -34,7 +34,7 @@ def intersect_windows(layers: Sequence[T], first: Int, last: Int, intersect: Int
     # frexp is exact for integers: width = m * 2^e with 0.5 <= m < 1, so e - 1 is floor(log2(width)).
     level = np.frexp((last - first).astype(np.float64))[1].astype(np.int64) - 1
     tail = last - (1 << level)
-    tables = _build_tables(layers, _needed_entries(first, tail, level), intersect)
+    tables = _build_tables(layers, _find_needed_entries(first, tail, level), intersect)
     pairs = [
         (tables[p][i], tables[p][j])
         for p, i, j in zip(level.tolist(), first.tolist(), tail.tolist(), strict=True)
@@ -47,7 +47,7 @@ def intersect_windows(layers: Sequence[T], first: Int, last: Int, intersect: Int
     return result
 
 
-def _needed_entries(first: Int, tail: Int, level: Int) -> list[Int]:
+def _find_needed_entries(first: Int, tail: Int, level: Int) -> list[Int]:
     """Return the entries of each table that the windows need, directly or to build the next tables."""
     top = int(level.max(initial=0))
     needed = [distinct(np.concatenate([first[level == p], tail[level == p]])) for p in range(top + 1)]

@@ -142,17 +142,18 @@ class Certificate(SvgRepr):
         return found
 
 
-_read: WeakKeyDictionary[Mesh, Surface] = WeakKeyDictionary()
+_cached_surfaces: WeakKeyDictionary[Mesh, Surface] = WeakKeyDictionary()
 
 
 def read_surface(mesh: Mesh) -> Surface:
     """Return the surface of a part that stands on z = 0; the result is cached per mesh."""
-    if mesh not in _read:
-        _read[mesh] = _surface(mesh)
-    return _read[mesh]
+    if mesh not in _cached_surfaces:
+        _cached_surfaces[mesh] = _analyse_mesh(mesh)
+    return _cached_surfaces[mesh]
 
 
-def _surface(mesh: Mesh) -> Surface:
+def _analyse_mesh(mesh: Mesh) -> Surface:
+    """Find contacts and shadows of a mesh."""
     contacts, area = find_contacts(mesh)
     up, down = project_surface(mesh)
     return Surface(mesh.triangles, contacts, contacts.mirrored(), up, down, area, mesh.height)
@@ -160,22 +161,22 @@ def _surface(mesh: Mesh) -> Surface:
 
 def layer_bounds(surface: Surface, plan: LayerPlan) -> Float:
     """Return the bound (L,) of each layer of a plan, mm, without the rest of its certificate."""
-    return np.maximum(*_bounds_of_runs(surface, plan))
+    return np.maximum(*_bound_runs(surface, plan))
 
 
-def _bounds_of_runs(surface: Surface, plan: LayerPlan) -> tuple[Float, Float]:
+def _bound_runs(surface: Surface, plan: LayerPlan) -> tuple[Float, Float]:
     """Return the bounds (L,) of the upward and of the downward runs of each layer, mm."""
     bottom, top, cut = plan.bottom, plan.top, plan.cut
     if plan.containment == "mid":
-        return run_bounds(surface.contacts, cut, top), _downward(surface, cut, bottom)
+        return run_bounds(surface.contacts, cut, top), _bound_downward_runs(surface, cut, bottom)
     # Layers with containment leave out a margin at their borders; it adds at most its height to the error.
     bottom, top = bottom + BESIDE, top - BESIDE
-    return run_bounds(surface.contacts, bottom, top) + 2 * BESIDE, _downward(
+    return run_bounds(surface.contacts, bottom, top) + 2 * BESIDE, _bound_downward_runs(
         surface, top, bottom
     ) + 2 * BESIDE
 
 
-def _downward(surface: Surface, start: Float, end: Float) -> Float:
+def _bound_downward_runs(surface: Surface, start: Float, end: Float) -> Float:
     """Return the bounds (L,) of the runs from `start` down to `end`, mm."""
     return run_bounds(surface.turned, -start[::-1], -end[::-1])[::-1]
 
@@ -187,12 +188,12 @@ def certify(surface: Surface, plan: LayerPlan) -> Certificate:
         surface: surface of the part.
         plan: any plan that starts at z = 0; its containment says which sections a layer covers.
     """
-    rising, falling = _bounds_of_runs(surface, plan)
+    rising, falling = _bound_runs(surface, plan)
     top = plan.top
     missing = max(surface.height - float(top[-1]), 0.0)
-    volume = _volume_bounds(surface, plan)
+    volume = _bound_volumes(surface, plan)
     if missing:
-        volume[-1] += _volume_above(surface.up, float(top[-1]), surface.height)
+        volume[-1] += _bound_volume_above(surface.up, float(top[-1]), surface.height)
     return Certificate(
         plan,
         np.maximum(rising, falling),
@@ -216,7 +217,7 @@ def certificate_comments(certificate: Certificate) -> tuple[str, ...]:
     )
 
 
-def _volume_bounds(surface: Surface, plan: LayerPlan) -> Float:
+def _bound_volumes(surface: Surface, plan: LayerPlan) -> Float:
     """Return an upper bound (L,) of the volume that each layer wrongly fills or leaves empty, mm³."""
     bottom, top, cut = plan.bottom, plan.top, plan.cut
     over, under = (surface.up, surface.down) if plan.containment != "negative" else (surface.down, surface.up)
@@ -237,7 +238,7 @@ def _volume_bounds(surface: Surface, plan: LayerPlan) -> Float:
     return np.maximum(added, 0)
 
 
-def _volume_above(up: Shadow, top: float, height: float) -> float:
+def _bound_volume_above(up: Shadow, top: float, height: float) -> float:
     """Return an upper bound of the volume of the part above the last layer, mm³."""
     planes = np.array([top, height])
     below, everything = up.integral(planes)
@@ -263,15 +264,13 @@ def _find_worst(
     place = steepest(contacts, begin, end)
     z = turn * min(max(float(contacts.low[place]), begin), end)
     source, flat = int(contacts.source[place]), contacts.low[place] == contacts.high[place]
-    x, y, z, kind = _point_on_source(surface.triangles, source, z, flat=bool(flat))
+    x, y, z, kind = _find_point(surface.triangles, source, z, flat=bool(flat))
     if end > surface.height and contacts is surface.contacts and z >= surface.height - _ROUNDING:
         kind = "top"
     return WorstLayer(layer, z, x, y, kind, float(bound[layer]))
 
 
-def _point_on_source(
-    triangles: Float, source: int, z: float, *, flat: bool
-) -> tuple[float, float, float, str]:
+def _find_point(triangles: Float, source: int, z: float, *, flat: bool) -> tuple[float, float, float, str]:
     """Return a point at height z, or as near as possible, on the facet, edge or corner of a contact, and its kind."""
     n = len(triangles)
     if source < n:

@@ -1,4 +1,4 @@
-"""Where a ball can touch the surface, and how steeply. The certified error is computed from these contacts.
+"""Contacts: where a ball can touch the surface, and how steeply. The certified error is computed from them.
 
 A ball on the surface touches a facet along its normal, an edge along a direction between the normals of its facets, and
 a corner along a direction of its normal cone. The *rise* is the vertical component of that unit direction: the rate at
@@ -93,9 +93,9 @@ class _ContactCandidates(NamedTuple):
         """Return the numbers of the candidates that no block refuses."""
         place, key, refused = (np.concatenate(column) for column in zip(*blocks, strict=True))
         number, firsts = weld_keys(np.concatenate([key, refused]))
-        gone = np.zeros(len(firsts), np.bool_)
-        gone[number[len(key) :]] = True
-        return np.asarray(place[~gone[number[: len(key)]]])
+        is_refused = np.zeros(len(firsts), np.bool_)
+        is_refused[number[len(key) :]] = True
+        return np.asarray(place[~is_refused[number[: len(key)]]])
 
 
 class _FacetBlock(NamedTuple):
@@ -124,7 +124,7 @@ def find_contacts(mesh: Mesh) -> tuple[Contacts, float]:
     for at in range(0, max(mesh.n_facets, 1), _AT_ONCE):
         block = _process_block(mesh.triangles, at)
         envelope.add(*block.facets[:3])
-        blocks.append(block._replace(facets=block.facets[:, _matters(envelope, *block.facets[:3])]))
+        blocks.append(block._replace(facets=block.facets[:, _is_relevant(envelope, *block.facets[:3])]))
     low, high, rise, facet = np.concatenate([block.facets for block in blocks], axis=1)
     ridges, valleys, peaks, pits = (
         _ContactCandidates.kept(marks) for marks in zip(*(block.marks for block in blocks), strict=True)
@@ -140,12 +140,12 @@ def find_contacts(mesh: Mesh) -> tuple[Contacts, float]:
     rise = np.concatenate([rise, steep, np.ones(len(corners))])
     source = np.concatenate([facet.astype(np.int64), mesh.n_facets + edges, 4 * mesh.n_facets + corners])
     envelope.add(low, high, rise)
-    order = np.flatnonzero((rise > _LEVEL) & _matters(envelope, low, high, rise))
+    order = np.flatnonzero((rise > _LEVEL) & _is_relevant(envelope, low, high, rise))
     order = order[np.argsort(low[order], kind="stable")]
     return Contacts(low[order], high[order], rise[order], source[order]), area
 
 
-def _matters(envelope: Envelope, low: Float, high: Float, rise: Float) -> Bool:
+def _is_relevant(envelope: Envelope, low: Float, high: Float, rise: Float) -> Bool:
     """Return a mask (n,) of contacts that add to some run; flats and extrema are kept, because they are events."""
     return envelope.shows(low, high, rise) | (rise > 1 - _LEVEL)
 
@@ -171,15 +171,23 @@ def _process_block(triangles: Float, begin: int) -> _FacetBlock:
     steeper = (level > rise + _LEVEL) & (length > 0)
     tag = keys_of(x.ravel(), y.ravel(), z.ravel()).reshape(3, -1)
     marks = (
-        *_find_candidates(edge_keys(tag), steeper, (inward > slack, inward < -slack), begin, in_two=True),
-        *_find_candidates(tag, None, (_beside_higher(z, tag), _beside_higher(-z, tag)), begin, in_two=False),
+        *_find_candidates(
+            edge_keys(tag), steeper, (inward > slack, inward < -slack), begin, shared_by_two=True
+        ),
+        *_find_candidates(
+            tag,
+            None,
+            (_has_higher_neighbour(z, tag), _has_higher_neighbour(-z, tag)),
+            begin,
+            shared_by_two=False,
+        ),
     )
     number = np.arange(begin, begin + len(rise), dtype=np.float64)
     return _FacetBlock(np.stack([z.min(axis=0), z.max(axis=0), rise, number]), float(size.sum()) / 2, marks)
 
 
 def _find_candidates(
-    key: _Keys, wanted: Bool | None, refusals: tuple[Bool, Bool], begin: int, *, in_two: bool
+    key: _Keys, wanted: Bool | None, refusals: tuple[Bool, Bool], begin: int, *, shared_by_two: bool
 ) -> tuple[_ContactCandidates, _ContactCandidates]:
     """Return the candidates among the edges or corners (3, n) of a block, for each of two kinds of refusals.
 
@@ -188,30 +196,30 @@ def _find_candidates(
         wanted: (3, n) mask of those that may add a contact; all if None.
         refusals: two masks (3, n) of those that add none.
         begin: number of the first facet of the block.
-        in_two: whether two facets share each one, as with edges: those found twice occur in no other block.
+        shared_by_two: whether two facets share each one, as with edges: those found twice occur in no other block.
     """
     flat = key.ravel()
     number, firsts = weld_keys(flat)
     candidates = firsts.astype(np.int64) if wanted is None else np.flatnonzero(wanted)
-    outside_field = (
-        np.bincount(number, minlength=len(firsts)) == 1 if in_two else np.ones(len(firsts), np.bool_)
+    may_be_shared = (
+        np.bincount(number, minlength=len(firsts)) == 1 if shared_by_two else np.ones(len(firsts), np.bool_)
     )
     corner, facet = np.divmod(candidates, key.shape[1])
     place = 3 * (begin + facet) + corner
     found = []
     for refused in refusals:
-        gone = np.zeros(len(firsts), np.bool_)
-        gone[number[refused.ravel()]] = True
-        kept = ~gone[number[candidates]]
+        is_refused = np.zeros(len(firsts), np.bool_)
+        is_refused[number[refused.ravel()]] = True
+        kept = ~is_refused[number[candidates]]
         found.append(
-            _ContactCandidates(place[kept], flat[candidates[kept]], flat[firsts[gone & outside_field]])
+            _ContactCandidates(place[kept], flat[candidates[kept]], flat[firsts[is_refused & may_be_shared]])
         )
     return found[0], found[1]
 
 
-def _beside_higher(z: Float, tag: _Keys) -> Bool:
+def _has_higher_neighbour(z: Float, tag: _Keys) -> Bool:
     """Return a mask (3, n) of corners with another corner of their facet at the same height or higher."""
-    beside = np.zeros(z.shape, np.bool_)
+    has_higher = np.zeros(z.shape, np.bool_)
     for others in (_NEXT, _BEFORE):
-        beside |= (z[others] >= z) & (tag[others] != tag)
-    return beside
+        has_higher |= (z[others] >= z) & (tag[others] != tag)
+    return has_higher

@@ -17,7 +17,7 @@ _SAME = 1e-3  # mm; facets within this distance in z belong to the same flat
 _AT_ONCE = 1 << 15  # facets whose columns stay in the processor's cache
 
 
-_found: WeakKeyDictionary[Mesh, tuple[Float, Float]] = WeakKeyDictionary()
+_cached_flats: WeakKeyDictionary[Mesh, tuple[Float, Float]] = WeakKeyDictionary()
 
 
 def find_flats(mesh: Mesh, smallest: float = SMALLEST_FLAT) -> tuple[Float, Float]:
@@ -30,16 +30,18 @@ def find_flats(mesh: Mesh, smallest: float = SMALLEST_FLAT) -> tuple[Float, Floa
     Returns:
         The heights (n,), ascending, mm, and their areas (n,), mm².
     """
-    if mesh not in _found:
-        _found[mesh] = _all_flats(mesh)
-    height, area = _found[mesh]
+    if mesh not in _cached_flats:
+        _cached_flats[mesh] = _find_all_flats(mesh)
+    height, area = _cached_flats[mesh]
     large = area >= smallest
     return height[large], area[large]
 
 
-def _all_flats(mesh: Mesh) -> tuple[Float, Float]:
+def _find_all_flats(mesh: Mesh) -> tuple[Float, Float]:
     """Return the heights (n,) of all flats, mm, and their areas (n,), mm²."""
-    blocks = [_level_facets(mesh.triangles[at : at + _AT_ONCE]) for at in range(0, mesh.n_facets, _AT_ONCE)]
+    blocks = [
+        _select_level_facets(mesh.triangles[at : at + _AT_ONCE]) for at in range(0, mesh.n_facets, _AT_ONCE)
+    ]
     place, area = np.concatenate([np.zeros((2, 0)), *blocks], axis=1)
     order = np.argsort(place, kind="stable")
     place, area = place[order], area[order]
@@ -50,7 +52,7 @@ def _all_flats(mesh: Mesh) -> tuple[Float, Float]:
     return np.add.reduceat(area * place, begins) / total, total
 
 
-def _level_facets(triangles: Float) -> Float:
+def _select_level_facets(triangles: Float) -> Float:
     """Return the heights and areas (2, n) of the horizontal facets."""
     x, y, z = np.ascontiguousarray(triangles.transpose(2, 1, 0))  # (3, n): corner, facet
     run, across, climb = (column[[1, 2]] - column[0] for column in (x, y, z))

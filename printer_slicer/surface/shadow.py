@@ -103,12 +103,12 @@ def _sum_intersected(shadow: Shadow, planes: Float, end: Int, power: int) -> Flo
         owner, place = spread(count[some])
         facet, plane = some[owner], begin[some][owner] + place
         total += np.bincount(
-            plane, weights=_contribution(shadow, facet, planes[plane], power), minlength=len(planes)
+            plane, weights=_evaluate_parabolas(shadow, facet, planes[plane], power), minlength=len(planes)
         )
     return total
 
 
-def _contribution(shadow: Shadow, facet: Int, z: Float, power: int) -> Float:
+def _evaluate_parabolas(shadow: Shadow, facet: Int, z: Float, power: int) -> Float:
     """Return the share of facets at heights between their corners in the shadow (power 2) or its integral (3)."""
     low, middle, high, area = shadow.low[facet], shadow.middle[facet], shadow.high[facet], shadow.area[facet]
     rising = z < middle

@@ -44,7 +44,7 @@ def run_bounds(contacts: Contacts, start: Float, end: Float) -> Float:
     """
     if len(start) == 0:
         return np.zeros(0)
-    at_start = _steepest_across(contacts, start)
+    at_start = _find_steepest_across(contacts, start)
     first, last = np.searchsorted(contacts.low, start), np.searchsorted(contacts.low, end)
     count = np.maximum(last - first, 0)
     # One list for all runs: the start of each run, then the contacts that start within it.
@@ -63,7 +63,7 @@ def run_bounds(contacts: Contacts, start: Float, end: Float) -> Float:
     return np.bincount(run, weights=weighted, minlength=len(start)).astype(np.float64)
 
 
-def _steepest_across(contacts: Contacts, planes: Float) -> Float:
+def _find_steepest_across(contacts: Contacts, planes: Float) -> Float:
     """Return the steepest rise (n,) of the contacts that start below each plane and reach above it."""
     first = np.searchsorted(planes, contacts.low, side="right")
     last = np.searchsorted(planes, contacts.high, side="left") - 1

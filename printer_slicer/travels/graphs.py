@@ -59,12 +59,12 @@ class FoundRoutes:
     """Routes that were found.
 
     Attributes:
-        there: (W,) whether a route within the limit was found.
+        is_found: (W,) whether a route within the limit was found.
         corners: (C,) indices of the corners on the routes, one route after the other.
         count: (W,) number of corners on each route; 0 where no route was found.
     """
 
-    there: Bool
+    is_found: Bool
     corners: Int
     count: Int
 
@@ -72,13 +72,13 @@ class FoundRoutes:
         """Return the routes with the given indices."""
         first = np.cumsum(self.count) - self.count
         corners = self.corners[consecutive(first[some], self.count[some])]
-        return FoundRoutes(self.there[some], corners, self.count[some])
+        return FoundRoutes(self.is_found[some], corners, self.count[some])
 
 
 def estimate_work(queries: RouteQueries, reach: Float, known: KnownObstacles, field: RoutingField) -> Int:
     """Estimate the number of legs (W,) to examine for each route."""
     route, ring = known.pairs
-    _, count = _corner_range(queries, reach, route, ring, field)
+    _, count = _find_corner_range(queries, reach, route, ring, field)
     total = np.bincount(route, weights=count, minlength=len(queries.own)).astype(np.int64)
     candidates = np.minimum(total, _MAX_CORNERS)
     return np.asarray(total + candidates * np.minimum(candidates, _AHEAD))
@@ -95,14 +95,16 @@ def find_cheapest_routes(
     straight = _add_crossing_costs(queries.straight, np.arange(n_routes), crossings, known, field)
     links = [
         GraphEdges(begin, end, straight),
-        *_legs_to_ends((queries.begin, begin), (queries.end, end), queries, candidates, known, field),
-        *_legs_between_corners(reach, queries, candidates, known, field),
+        *_find_legs_to_ends((queries.begin, begin), (queries.end, end), queries, candidates, known, field),
+        *_find_legs_between_corners(reach, queries, candidates, known, field),
     ]
     cost, nodes, count = find_shortest_paths(
         GraphEdges.joined(links), begin, end, len(candidates.route) + 2 * n_routes
     )
-    there = cost <= reach + queries.free
-    return FoundRoutes(there, candidates.corner[nodes[np.repeat(there, count)]], np.where(there, count, 0))
+    is_found = cost <= reach + queries.free
+    return FoundRoutes(
+        is_found, candidates.corner[nodes[np.repeat(is_found, count)]], np.where(is_found, count, 0)
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -123,7 +125,7 @@ class _CandidateCorners:
     count: Int
 
 
-def _corner_range(
+def _find_corner_range(
     queries: RouteQueries, reach: Float, route: Int, ring: Int, field: RoutingField
 ) -> tuple[Int, Int]:
     """Return the first corner (n,) of each ring that may lie on its route, by x, and their number (n,)."""
@@ -137,7 +139,7 @@ def _find_candidates(
 ) -> _CandidateCorners:
     """Find the corners of known rings within the ellipse around each route."""
     route, ring = known.pairs
-    first, count = _corner_range(queries, reach, route, ring, field)
+    first, count = _find_corner_range(queries, reach, route, ring, field)
     route, corner = np.repeat(route, count), consecutive(first, count)
     place = field.corners.place[corner]
     coming, going = (np.hypot(*(place - ends[route]).T) for ends in (queries.begin, queries.end))
@@ -154,7 +156,7 @@ def _find_candidates(
 _Ends = tuple[Float, Int]  # (W, 2) positions and (W,) nodes
 
 
-def _legs_to_ends(  # noqa: PLR0917 - both ends are of one kind
+def _find_legs_to_ends(  # noqa: PLR0917 - both ends are of one kind
     begin: _Ends,
     end: _Ends,
     queries: RouteQueries,
@@ -176,7 +178,7 @@ def _legs_to_ends(  # noqa: PLR0917 - both ends are of one kind
     return [GraphEdges(near, first, out), GraphEdges(last, far, back)]
 
 
-def _legs_between_corners(
+def _find_legs_between_corners(
     reach: Float,
     queries: RouteQueries,
     candidates: _CandidateCorners,

@@ -44,16 +44,16 @@ class InsetRegions:
         areas, place = self.field.areas, points.copy()
         ring = find_enclosing_rings(areas, points, layer)
         region = np.where((ring >= 0) & np.append(areas.ring_area() > 0, False)[ring], ring, -1)
-        out = np.flatnonzero(region < 0)
-        edge = self.field.outlines.nearest(points[out], layer[out])
-        out, edge = out[edge >= 0], edge[edge >= 0]
+        outside = np.flatnonzero(region < 0)
+        edge = self.field.outlines.nearest(points[outside], layer[outside])
+        outside, edge = outside[edge >= 0], edge[edge >= 0]
         begin, end = areas.xy[edge], areas.xy[areas.following[edge]]
-        foot, _ = feet(points[out], begin, end)
-        near = np.hypot(*(foot - points[out]).T) <= _REACH * self.clearance
+        foot, _ = feet(points[outside], begin, end)
+        near = np.hypot(*(foot - points[outside]).T) <= _REACH * self.clearance
         along = (end - begin)[near]
         inward = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.hypot(*along.T)[:, None]
-        place[out[near]] = foot[near] + OFF * inward
-        region[out[near]] = self.field.own[areas.point_ring[edge[near]]]
+        place[outside[near]] = foot[near] + OFF * inward
+        region[outside[near]] = self.field.own[areas.point_ring[edge[near]]]
         return place, region
 
 

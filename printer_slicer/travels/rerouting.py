@@ -51,12 +51,12 @@ def reroute(
     limit = detour_limits(straight, profile)
     limit = np.where(crossings[blocked] > 0, limit, np.minimum(limit, straight + _GRAZING))
     improver = _RouteImprover(outlines, _ROOM * width, routes, crossings)
-    region, other = _route_inside(improver, regions, blocked, limit)
+    region, other = _find_routes_inside(improver, regions, blocked, limit)
     # Where the regions are too narrow for this clearance, try a smaller one.
     left = np.flatnonzero(improver.crossings[blocked] > 0)
     if len(left):
         close = inset_regions(solid, box, _CLOSE * width)
-        region[left], other[left] = _route_inside(improver, close, blocked[left], limit[left])
+        region[left], other[left] = _find_routes_inside(improver, close, blocked[left], limit[left])
     fewest = (region >= 0).astype(np.float64) + (other >= 0)
     spare = improver.crossings[blocked] - fewest
     many = np.flatnonzero(spare > 0)
@@ -67,7 +67,7 @@ def reroute(
     return improver.routes, improver.crossings
 
 
-def _route_inside(
+def _find_routes_inside(
     improver: _RouteImprover, regions: InsetRegions, which: Int, limit: Float
 ) -> tuple[Int, Int]:
     """Lead the routes `which` (n,) through inset regions, if they get no longer than `limit` (n,) mm.
@@ -105,8 +105,8 @@ class _RouteImprover:
         leads = np.hypot(*(queries.begin - ends[0]).T) + np.hypot(*(queries.end - ends[1]).T)
         queries = replace(queries, limit=queries.limit - leads)
         found = find_routes(queries, field)
-        there = np.flatnonzero(found.there)
-        which, queries, found, leads = which[there], queries.take(there), found.take(there), leads[there]
+        kept = np.flatnonzero(found.is_found)
+        which, queries, found, leads = which[kept], queries.take(kept), found.take(kept), leads[kept]
         tight, own = build_routes(self.routes.take(which), (queries.begin, queries.end), found, field.corners)
         # Routes in inset regions cross nothing.
         least = tight.crossings(self.outlines) if np.isfinite(field.toll) else np.zeros(len(which), np.int64)

@@ -27,11 +27,11 @@ _WORK = 1 << 26  # legs in total, some seconds; the remaining routes stay straig
 def find_routes(queries: RouteQueries, field: RoutingField) -> FoundRoutes:
     """Find the shortest routes, including tolls for crossed outlines."""
     n_routes, straight, work = len(queries.own), queries.straight, 0
-    there, level = np.zeros(n_routes, np.bool_), np.zeros(n_routes, np.int64)
+    is_found, level = np.zeros(n_routes, np.bool_), np.zeros(n_routes, np.int64)
     left, none = np.flatnonzero(straight <= queries.limit), np.zeros(0, np.int64)
     of_route, passed = [none], [none]
     known = KnownObstacles(none, field.areas.n_rings).joined(
-        *_rings_of_same_field(queries, field, queries.begin, queries.end, np.arange(n_routes))
+        *_find_rings_of_same_field(queries, field, queries.begin, queries.end, np.arange(n_routes))
     )
     for _ in range(_ROUNDS):
         reach = np.minimum(straight + _LONGER[np.minimum(level, len(_LONGER) - 1)], queries.limit)
@@ -44,19 +44,19 @@ def find_routes(queries: RouteQueries, field: RoutingField) -> FoundRoutes:
             route, ring = _find_obstacles(found, queries.take(some), field)
             new = ~known.holds(some[route], ring)
             known = known.joined(some[route[new]], ring[new])
-            level[some[~found.there]] += 1
-            there[some] = found.there
-            there[some[route[new]]] = False
-            good = there[some]
+            level[some[~found.is_found]] += 1
+            is_found[some] = found.is_found
+            is_found[some[route[new]]] = False
+            good = is_found[some]
             of_route.append(np.repeat(some[good], found.count[good]))
             passed.append(found.take(np.flatnonzero(good)).corners)
-        left = left[~there[left] & (level[left] < len(_LONGER))]
+        left = left[~is_found[left] & (level[left] < len(_LONGER))]
         left = left[(level[left] == 0) | (straight[left] + _LONGER[level[left] - 1] < queries.limit[left])]
         if not len(left):
             break
     route, corners = np.concatenate(of_route), np.concatenate(passed)
     order = np.argsort(route, kind="stable")
-    return FoundRoutes(there, corners[order], np.bincount(route, minlength=n_routes).astype(np.int64))
+    return FoundRoutes(is_found, corners[order], np.bincount(route, minlength=n_routes).astype(np.int64))
 
 
 def _split_batches(
@@ -71,18 +71,18 @@ def _split_batches(
 
 def _find_obstacles(found: FoundRoutes, queries: RouteQueries, field: RoutingField) -> tuple[Int, Int]:
     """Return pairs of a found route and a ring of its field that it meets."""
-    count = np.where(found.there, found.count + 2, 0)
+    count = np.where(found.is_found, found.count + 2, 0)
     first = np.cumsum(count) - count
     owner, place = spread(count)
     xy = np.zeros((len(owner), 2))
-    some = np.flatnonzero(found.there)
+    some = np.flatnonzero(found.is_found)
     xy[first[some]], xy[first[some] + count[some] - 1] = queries.begin[some], queries.end[some]
     xy[(place > 0) & (place < count[owner] - 1)] = field.corners.place[found.corners]
     leg = np.flatnonzero(place < count[owner] - 1)
-    return _rings_of_same_field(queries, field, xy[leg], xy[leg + 1], owner[leg])
+    return _find_rings_of_same_field(queries, field, xy[leg], xy[leg + 1], owner[leg])
 
 
-def _rings_of_same_field(
+def _find_rings_of_same_field(
     queries: RouteQueries, field: RoutingField, begin: Float, end: Float, route: Int
 ) -> tuple[Int, Int]:
     """Return pairs of a route and a ring of its field that one of its legs meets.

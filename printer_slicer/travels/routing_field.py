@@ -49,6 +49,7 @@ class Corners:
 
     @classmethod
     def _of(cls, areas: Areas, sign: int, off: float) -> Corners:
+        """Return the convex (sign 1) or concave (sign -1) corners of areas, with places `off` mm from outlines."""
         before, after = areas.xy[areas.previous], areas.xy[areas.following]
         coming, going = _normalize(areas.xy - before), _normalize(after - areas.xy)
         some = np.flatnonzero(sign * cross(coming, going) > 0)

@@ -55,7 +55,7 @@ def crosses_top_infill(paths: Toolpaths, routes: Routes, leads_to: Int) -> Bool:
     result |= _mark_travels_over(paths, leads_to, route[leg], visible.owner[line])
     # A travel along a line does not cross it, but lies on it.
     left = np.flatnonzero(has_visible[routes.layer] & ~result)
-    travel, line = _lying_on(visible, routes.take(left))
+    travel, line = _find_lying_on(visible, routes.take(left))
     return result | _mark_travels_over(paths, leads_to, left[travel], visible.owner[line])
 
 
@@ -67,10 +67,10 @@ def _mark_travels_over(paths: Toolpaths, leads_to: Int, travel: Int, over: Int) 
     return result
 
 
-def _lying_on(visible: _VisibleLines, routes: Routes) -> tuple[Int, Int]:
+def _find_lying_on(visible: _VisibleLines, routes: Routes) -> tuple[Int, Int]:
     """Find travels that lie on a line; return pairs of travel (X,) and line (X,)."""
     widest, narrowest = float(visible.width.max()), float(visible.width.min())
-    travel, xy, left = _sample(routes, _STEP * narrowest)
+    travel, xy, left = _sample_travels(routes, _STEP * narrowest)
     inner = left > _OWN * widest
     travel, xy = travel[inner], xy[inner]
     point, line, apart = visible.lines.within(xy, routes.layer[travel], widest / 2)
@@ -78,7 +78,7 @@ def _lying_on(visible: _VisibleLines, routes: Routes) -> tuple[Int, Int]:
     return travel[point[on]], line[on]
 
 
-def _sample(routes: Routes, step: float) -> tuple[Int, Float, Float]:
+def _sample_travels(routes: Routes, step: float) -> tuple[Int, Float, Float]:
     """Sample travels about every `step` mm; return travel (P,), position (P, 2), and mm to the nearer end (P,)."""
     route, point = routes.legs
     begin, along = routes.xy[point], routes.xy[point + 1] - routes.xy[point]
@@ -87,9 +87,13 @@ def _sample(routes: Routes, step: float) -> tuple[Int, Float, Float]:
     share = (place + 0.5) / np.ceil(length / step)[leg]
     before = np.append(0.0, np.cumsum(length))
     first = np.searchsorted(route, np.arange(len(routes.count)))
-    gone = (before[:-1] - before[first[route]])[leg] + share * length[leg]
+    from_start = (before[:-1] - before[first[route]])[leg] + share * length[leg]
     travel = route[leg]
-    return travel, begin[leg] + share[:, None] * along[leg], np.minimum(gone, routes.length()[travel] - gone)
+    return (
+        travel,
+        begin[leg] + share[:, None] * along[leg],
+        np.minimum(from_start, routes.length()[travel] - from_start),
+    )
 
 
 def _select_visible_lines(paths: Toolpaths, layers: Int) -> _VisibleLines:

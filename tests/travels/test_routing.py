@@ -104,7 +104,7 @@ def test_ways_in_rooms_are_the_shortest(areas: Areas, seed: int) -> None:
     )
     found = find_routes(asked, rooms.field)
 
-    assert found.there.all()
+    assert found.is_found.all()
     tight, _ = build_routes(
         straight(begin[same], end[same], layer[same]), (begin[same], end[same]), found, rooms.field.corners
     )
