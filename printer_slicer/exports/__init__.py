@@ -1,7 +1,7 @@
-"""Contours for other machines: SVG, the Common Layer Interface (CLI) and StereoLithography Contours (SLC).
+"""Write contours as SVG, Common Layer Interface (CLI) and StereoLithography Contours (SLC).
 
-Each writer gives the same bytes for the same sections: no dates, no names of files. What it rounds it says in its
-docstring and, as far as the format has a place for it, in the file.
+The output depends only on the sections: it has no dates and no file names. Each writer documents its rounding in its
+docstring and, if the format allows, in the file.
 """
 
 from printer_slicer.exports.cli_format import CLI_UNITS, write_cli

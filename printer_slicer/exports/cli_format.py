@@ -1,18 +1,17 @@
-"""Common Layer Interface 2.0, ASCII and binary.
+"""Write the Common Layer Interface 2.0, ASCII and binary.
 
-What the specification says and this writer does:
+The format, as this writer uses it:
 
-- the header is ASCII in both kinds; in the binary kind the first command follows `$$HEADEREND` at once;
-- a layer command names the upper surface of its layer. The thickness of a layer is the difference from the one
-  before, so a layer without polylines at z = 0 comes first and gives the first layer its thickness; `$$LAYERS`
-  counts it;
-- a polyline is `id, dir, n` and n points. Seen from above, dir 0 runs clockwise around the inside of a hole and dir 1
-  counter-clockwise around a solid; the last point of a closed polyline is its first;
-- commands in the binary kind are a 16-bit number, least significant byte first: 127 layer (32-bit float), 130
-  polyline (three 32-bit integers, then 32-bit floats).
+- The header is ASCII in both variants. In the binary variant the first command follows `$$HEADEREND` directly.
+- A layer command gives the z of the top of its layer. The thickness of a layer is the difference from the previous
+  one, so the file starts with an empty layer at z = 0, which `$$LAYERS` counts.
+- A polyline is `id, dir, n` and n points. Seen from above, dir 0 runs clockwise around a hole and dir 1
+  counter-clockwise around a solid. The last point of a closed polyline equals the first.
+- A command in the binary variant is a 16-bit little-endian number: 127 layer (32-bit float), 130 polyline (three 32-bit
+  integers, then 32-bit floats).
 
-The binary kind also has short commands (128, 129) with unsigned 16-bit numbers. They cannot be negative and end at
-65 535 units; the long ones hold every whole number of units up to 16 777 216 exactly. Only those are written.
+The binary variant also has short commands (128, 129) with unsigned 16-bit numbers, which are limited to 0 to 65 535
+units. Only the long commands are written: they hold every whole number of units up to 16 777 216 exactly.
 
 Source: Common Layer Interface (CLI), version 2.0 (www.hmilch.net/downloads/cli_format.html).
 """
@@ -32,27 +31,27 @@ from printer_slicer.model import Sections
 __all__ = ["CLI_UNITS", "write_cli"]
 
 CLI_UNITS: Final = 0.001
-"""mm; coordinates are whole multiples of this unless another unit is asked for."""
+"""mm; default unit of the coordinates."""
 
-_EXACT = 2**24  # every whole number up to this is a 32-bit float
+_EXACT = 2**24  # every integer up to this is exact as a 32-bit float
 _LAYER, _POLYLINE = 127, 130
-_PART = 1  # the identifier that polylines and label share
+_PART = 1  # identifier of the part in polylines and in the label
 
 
 def write_cli(sections: Sections, *, binary: bool, units_mm: float = CLI_UNITS) -> bytes:
-    """A stack of contours as a CLI file.
+    """Return a stack of contours as a CLI file.
 
-    Coordinates and heights are whole multiples of `units_mm`, so each is at most half a unit off; the header says so.
-    Rings that are smaller than the unit are left out, and the header says how many.
+    Coordinates and heights are rounded to whole multiples of `units_mm`, and the header says so. Rings smaller than
+    the unit are left out, and the header gives their number.
 
     Args:
         sections: the contours; layers may have any heights.
-        binary: the binary kind instead of the ASCII one; both hold the same numbers.
-        units_mm: what the numbers of the file count, mm.
+        binary: write the binary variant instead of ASCII; both hold the same numbers.
+        units_mm: unit of the numbers in the file, mm.
 
     Raises:
-        UsageError: a unit that is not between 0.000 001 and 1 mm.
-        OutputError: layers thinner than the unit, or, in the binary kind, numbers too large to be exact.
+        UsageError: the unit is not between 0.000 001 and 1 mm.
+        OutputError: a layer is thinner than the unit, or, in the binary variant, a number is too large to be exact.
     """
     if not 1e-6 <= units_mm <= 1.0:
         raise UsageError(f"CLI units of {units_mm:g} mm", remedy="Choose between 0.000001 and 1 mm")
@@ -66,7 +65,7 @@ def write_cli(sections: Sections, *, binary: bool, units_mm: float = CLI_UNITS) 
 
 
 def _check(rounded: Rounded, z: Int, units: float, *, binary: bool) -> None:
-    """Refuse what would not be read back as it is."""
+    """Check that every number can be read back exactly."""
     if (np.diff(z) <= 0).any():
         layer = int(np.flatnonzero(np.diff(z) <= 0)[0])
         raise OutputError(
@@ -81,7 +80,7 @@ def _check(rounded: Rounded, z: Int, units: float, *, binary: bool) -> None:
 
 
 def _header(rounded: Rounded, z: Int, units: float, *, binary: bool) -> bytes:
-    """From $$HEADERSTART to $$HEADEREND."""
+    """Return the header from $$HEADERSTART to $$HEADEREND."""
     low, high = (
         (rounded.xy.min(axis=0), rounded.xy.max(axis=0)) if len(rounded.xy) else (np.zeros(2), np.zeros(2))
     )
@@ -105,13 +104,13 @@ def _header(rounded: Rounded, z: Int, units: float, *, binary: bool) -> bytes:
 
 
 def _decimal(value: float) -> str:
-    """A length, mm, without exponent and without more digits than it has."""
+    """Format a length, mm, without an exponent and without trailing zeros."""
     text = f"{value:.9f}".rstrip("0")
     return text + "0" if text.endswith(".") else text
 
 
 def _lines(rounded: Rounded, z: Int) -> list[str]:
-    """The commands of the geometry section, one a line."""
+    """Return the commands of the geometry section, one per line."""
     xy, start = rounded.closed()
     words = list(map(str, xy.ravel().tolist()))
     direction = rounded.outer.astype(np.int64).tolist()
@@ -127,7 +126,7 @@ def _lines(rounded: Rounded, z: Int) -> list[str]:
 
 
 def _binary(rounded: Rounded, z: Int) -> list[bytes]:
-    """The same commands as bytes."""
+    """Return the commands of the geometry section in binary form."""
     xy, start = rounded.closed()
     points = memoryview(xy.astype("<f4").tobytes())
     direction = rounded.outer.astype(np.int64).tolist()

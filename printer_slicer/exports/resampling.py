@@ -1,30 +1,28 @@
-"""Contours made smoother or sampled anew, each point provably within a bound of where the contour was, and back.
+"""Smooth and resample contours within a proven bound of the original.
 
-What holds for `smooth` and `resample`, ring by ring, and therefore for the contours of a layer:
+`smooth` and `resample` guarantee for each ring, and so for the contours of a layer:
 
-- the Hausdorff distance between the old and the new ring is at most `bound`: no point of one is farther from the
-  other;
-- no ring is lost, turned over, or made to cross or touch itself or another ring; rings lie within each other as
-  before.
+- The Hausdorff distance between the old and the new ring is at most `bound`.
+- No ring is lost, inverted, or made to cross or touch itself or another ring. The nesting of the rings stays the same.
 
-Why, for points that are moved. Every point p of a ring is moved by at most r(p) <= bound, and a point of an edge
-goes with the same share of both ends, so it moves by no more than the greater of the two: this matches old and new
-points, in both directions, within the bound. Where another ring is d away from an edge, both ends of the edge are
-moved by less than d / 2, and so are those of the other: during the whole move the rings never meet, so which lies
-in which, the winding number of one about any point of the other, cannot change. That a ring does not meet itself is
-looked up afterwards: points of edges that do, and all points of a ring whose area changed its sign, go back to
-where they were, until no edge that was moved meets another. Each round takes back at least one point, so it ends.
+Proof for moved points. Every point p of a ring moves by at most r(p) <= bound. A point on an edge moves with a fixed
+mix of both ends, so by no more than the larger of the two. This pairs old and new points, in both directions, within
+the bound. If another ring is at distance d from an edge, both ends of the edge move by less than d / 2, and so do those
+of the other ring. So the rings never meet during the move, and their nesting (the winding number of one about any point
+of the other) cannot change. Self-intersection is checked afterwards: the points of edges that meet, and all points of a
+ring whose area changed its sign, move back, until no moved edge meets another. Each round moves at least one point
+back, so it ends.
 
-Why, for points that are left out. Points that stay lie on the old ring. Between two of them the old ring, an arc,
-is replaced by a chord, and only if all corners of the arc are within r <= bound of the chord. The points within r
-of a segment are a convex set, so the whole arc is in it; and the arc leads from one end of the chord to the other,
-so each point of the chord is the foot of a point of the arc, which is as near. What lies between arc and chord,
-their convex hull, is within 2 r of the arc. Where another ring is d away from the arc, r < d / 4 on both sides: the
-hulls do not meet, nor do the rings while arcs become chords inside them. Chords of a ring that meet get the points
-of their arcs back, and so does a ring whose area changed its sign.
+Proof for removed points. The remaining points lie on the old ring. Between two of them an arc of the old ring is
+replaced by a chord, but only if all corners of the arc are within r <= bound of the chord. The set of points within r
+of a segment is convex, so it contains the whole arc. The arc runs from one end of the chord to the other, so each point
+of the chord is the projection of a point of the arc within r. The convex hull of both is within 2 r of the arc.
+If another ring is at distance d from the arc, r < d / 4 on both sides: the hulls do not meet, and neither do the rings
+while arcs become chords inside them. If chords of a ring meet, their arcs get their points back, and so does a ring
+whose area changed its sign.
 
 Sources: Desbrun, Meyer, Schröder & Barr, Implicit fairing of irregular meshes using diffusion and curvature flow,
-1999 (the mean that counts nearer neighbours more); Douglas & Peucker, Algorithms for the reduction of the number of
+1999 (the mean weighted towards nearer neighbours); Douglas & Peucker, Algorithms for the reduction of the number of
 points required to represent a digitized line or its caricature, 1973.
 """
 
@@ -43,60 +41,62 @@ from printer_slicer.geometry.segment_index import distance_to_segments
 
 __all__ = ["resample", "smooth"]
 
-_MOVED: Final = 0.9  # share of the bound for moving points; the rest is for leaving points out
+_MOVED: Final = 0.9  # fraction of the bound for moving points; the rest is for removing points
 _PASSES: Final = 8  # of the filter
-_WAY: Final = 0.6  # how far a point goes toward the mean of its neighbours in one pass
-# Bounds between the points put beside a corner; a right angle becomes three turns of 24 to 48 degrees.
+_STEP_FRACTION: Final = (
+    0.6  # fraction of the distance to the mean of its neighbours that a point moves in one pass
+)
+# Spacing of the points added beside a corner, in bounds; a right angle becomes three turns of 24 to 48 degrees.
 _STEP: Final = 0.75
-_HALF: Final = 0.49  # of the distance to another ring that a point may be moved
-_QUARTER: Final = 0.24  # of the distance to another ring that a chord may be off
+_MOVE_FRACTION: Final = 0.49  # of the distance to another ring: how far a point may move
+_CHORD_FRACTION: Final = 0.24  # of the distance to another ring: how far a chord may deviate
 _STILL: Final = 1e-9  # mm; less than this is rounding
 _MOST_POINTS: Final = 20_000_000
 
 
 def smooth(areas: Areas, bound: float) -> Areas:
-    """The areas with smoother contours, nowhere farther than `bound` mm from the old ones, nor those from them.
+    """Smooth contours; old and new ones are at most `bound` mm apart.
 
-    Points are put beside corners, all are moved toward the mean of their neighbours, held to the bound, and points
-    that were put in but are not needed are left out again. Long straight edges stay where they are; what is convex
-    becomes a little smaller (a circle of 1 mm radius within 0.05 mm: by 0.0025 mm). Where the bound or another
-    contour leaves no room, the contour stays as it is. The module's text has the proof.
+    Points are added beside corners, all points move toward the mean of their neighbours within the bound, and added
+    points that are not needed are removed. Long straight edges stay in place. Convex shapes become slightly smaller (a
+    circle of 1 mm radius with a bound of 0.05 mm: by 0.0025 mm). Where the bound or another contour leaves no room, the
+    contour stays unchanged. See the module docstring for the proof.
 
     Args:
         areas: clean areas.
         bound: mm, over 0.
 
     Raises:
-        UsageError: a bound that is not over 0.
+        UsageError: the bound is not over 0.
     """
     if not (bound > 0 and isfinite(bound)):
         raise UsageError(f"a contour cannot be smoothed within {bound:g} mm", remedy="Choose a bound over 0")
     if not areas.n_rings:
         return areas
-    refined, original = _refined(areas, _STEP * bound, _PASSES)
-    moved = _filtered(refined, _MOVED * bound)
-    # Points that were put on an edge which did not move are not needed.
+    refined, original = _add_corner_points(areas, _STEP * bound, _PASSES)
+    moved = _move_points(refined, _MOVED * bound)
+    # Points added on an edge that did not move are not needed.
     still = (moved.xy == refined.xy).all(axis=1)
     around = still[refined.following] & still & still[refined.previous]
     keep = original | ~around
     kept = _only(moved, keep)
-    # Points that did not move hold the straight edges between them in place.
-    return _only(kept, _needed(kept, original[keep] | still[keep], (1 - _MOVED) * bound))
+    # Points that did not move keep the straight edges between them in place.
+    return _only(kept, _points_to_keep(kept, original[keep] | still[keep], (1 - _MOVED) * bound))
 
 
 def resample(areas: Areas, spacing: float, bound: float) -> Areas:
-    """The areas with points at most `spacing` mm apart along the contour, at no place farther than `bound` mm off.
+    """Resample contours to points at most `spacing` mm apart; old and new contours are at most `bound` mm apart.
 
-    Corners that cannot be left out within the bound stay; between them the points lie on the old contour at equal
-    distances. With a bound of 0 the contour is the same line, with more points. The module's text has the proof.
+    Corners that the bound requires stay; between them the points lie on the old contour at equal distances. With a
+    bound of 0 the contour is the same line with more points. See the module docstring for the proof.
 
     Args:
         areas: clean areas.
-        spacing: mm, over 0; inf: leave out what is not needed and put nothing in.
+        spacing: mm, over 0; inf: only remove points that are not needed.
         bound: mm, 0 or more.
 
     Raises:
-        UsageError: a spacing that is not over 0 or takes more than 20 million points, or a bound under 0.
+        UsageError: the spacing is not over 0 or needs more than 20 million points, or the bound is under 0.
     """
     if not spacing > 0:
         raise UsageError(f"points cannot be {spacing:g} mm apart", remedy="Choose a distance over 0")
@@ -111,29 +111,29 @@ def resample(areas: Areas, spacing: float, bound: float) -> Areas:
             f"points {spacing:g} mm apart are more than {_MOST_POINTS // 10**6} million",
             remedy="Choose a larger distance",
         )
-    corners = _needed(areas, _thirds(areas), bound)
-    dense, chosen = _spaced(areas, corners, spacing)
-    return _only(dense, _needed(dense, chosen, bound))
+    corners = _points_to_keep(areas, _thirds(areas), bound)
+    dense, chosen = _add_spaced_points(areas, corners, spacing)
+    return _only(dense, _points_to_keep(dense, chosen, bound))
 
 
 def _edge_lengths(areas: Areas) -> Float:
-    """(N,) mm."""
+    """Return the length of each edge (N,), mm."""
     return np.asarray(np.hypot(*(areas.xy[areas.following] - areas.xy).T))
 
 
 def _only(areas: Areas, keep: Bool) -> Areas:
-    """The stack with only the points for which `keep` is true; at least three of each ring must be."""
+    """Return the stack with the points for which `keep` is true; it must keep at least three of each ring."""
     count = np.add.reduceat(keep, areas.ring_start[:-1], dtype=np.int64)
     return Areas(areas.xy[keep], np.append(0, np.cumsum(count)), areas.ring_layer, areas.n_layers)
 
 
-def _with_points(areas: Areas, edge: Int, share: Float) -> tuple[Areas, Bool]:
-    """The same contours with points put on edges, and (N + P,) which points were there before.
+def _add_points(areas: Areas, edge: Int, share: Float) -> tuple[Areas, Bool]:
+    """Add points on edges; return the contours and which points are old (N + P,).
 
     Args:
         areas: the contours.
-        edge: (P,) ascending.
-        share: (P,) of the edge's length from its first point, ascending on each edge, between 0 and 1.
+        edge: (P,) edge of each new point, ascending.
+        share: (P,) fraction of the edge's length from its first point, 0 to 1, ascending on each edge.
     """
     begin, end = areas.xy[edge], areas.xy[areas.following[edge]]
     put = begin + share[:, None] * (end - begin)
@@ -151,10 +151,10 @@ def _with_points(areas: Areas, edge: Int, share: Float) -> tuple[Areas, Bool]:
 # Moving points
 
 
-def _refined(areas: Areas, step: float, reach: int) -> tuple[Areas, Bool]:
-    """The contours with `reach` points, `step` mm apart, on both sides of each corner; which points were there before.
+def _add_corner_points(areas: Areas, step: float, reach: int) -> tuple[Areas, Bool]:
+    """Add `reach` points, `step` mm apart, on both sides of each corner; return the contours and which points are old.
 
-    Edges with no room for so many are divided evenly.
+    Edges that are too short for that are divided evenly.
     """
     length = _edge_lengths(areas)
     short = length <= 2 * reach * step
@@ -164,14 +164,14 @@ def _refined(areas: Areas, step: float, reach: int) -> tuple[Areas, Bool]:
     even = number / (count[edge] + 1)
     one = step / np.maximum(length[edge], step)
     ends = np.where(number <= reach, number * one, 1 - (2 * reach + 1 - number) * one)
-    return _with_points(areas, edge, np.where(short[edge], even, ends))
+    return _add_points(areas, edge, np.where(short[edge], even, ends))
 
 
-def _filtered(areas: Areas, bound: float) -> Areas:
-    """The contours with their points moved by at most `bound` mm and no ring meeting itself or another."""
-    room = clearance(areas, bound / _HALF)
-    most = np.minimum(bound, _HALF * np.minimum(room, room[areas.previous]))
-    step = _smoothing(areas, most)
+def _move_points(areas: Areas, bound: float) -> Areas:
+    """Move the points by at most `bound` mm so that no ring meets itself or another."""
+    room = clearance(areas, bound / _MOVE_FRACTION)
+    limit = np.minimum(bound, _MOVE_FRACTION * np.minimum(room, room[areas.previous]))
+    step = _displacement(areas, limit)
     sign = np.sign(areas.ring_area())
     sizes = np.diff(areas.ring_start)
     check = np.ones(areas.n_rings, np.bool_)
@@ -188,12 +188,12 @@ def _filtered(areas: Areas, bound: float) -> Areas:
     return Areas(areas.xy + step, areas.ring_start, areas.ring_layer, areas.n_layers)
 
 
-def _smoothing(areas: Areas, most: Float) -> Float:
-    """(N, 2) mm by which each point is moved, at most by `most` (N,).
+def _displacement(areas: Areas, limit: Float) -> Float:
+    """Return the displacement (N, 2) of each point, mm, at most `limit` (N,) long.
 
-    Each point goes some way toward the mean of its neighbours, the nearer one counting more, again and again. On a
-    straight line no point moves, and what is convex stays convex; a filter that also takes steps back, to keep the
-    size of circles, was tried and left bumps of a third of the rounding beside each corner.
+    In each pass a point moves toward the mean of its neighbours, weighted towards the nearer one. Points on a straight
+    line do not move, and convex shapes stay convex. A filter with backward steps, which keeps the size of circles, left
+    bumps of a third of the rounding beside each corner.
     """
     following, previous = areas.following, areas.previous
     weight = 1.0 / np.maximum(_edge_lengths(areas), _STILL)
@@ -204,19 +204,19 @@ def _smoothing(areas: Areas, most: Float) -> Float:
     for _ in range(_PASSES):
         for axis, column in enumerate(columns):
             here = column + steps[axis]
-            steps[axis] += _WAY * (share * here[following] + rest * here[previous] - here)
-        held = np.minimum(1.0, most / np.maximum(np.hypot(*steps), _STILL))
+            steps[axis] += _STEP_FRACTION * (share * here[following] + rest * here[previous] - here)
+        held = np.minimum(1.0, limit / np.maximum(np.hypot(*steps), _STILL))
         steps = [step * held for step in steps]
     moved = np.stack(steps, axis=1)
     moved[np.hypot(*steps) < _STILL] = 0.0
     return moved
 
 
-# Leaving points out
+# Removing points
 
 
 def _thirds(areas: Areas) -> Bool:
-    """(N,) the first point of each ring and those a third and two thirds of its points later."""
+    """Return three points of each ring as a mask (N,): the first and those after a third and two thirds of it."""
     chosen = np.zeros(len(areas.xy), np.bool_)
     start, sizes = areas.ring_start[:-1], np.diff(areas.ring_start)
     for third in range(3):
@@ -224,21 +224,23 @@ def _thirds(areas: Areas) -> Bool:
     return chosen
 
 
-def _needed(areas: Areas, chosen: Bool, bound: float) -> Bool:
-    """(N,) the chosen points and those without which a chord would be too far from its arc or meet another.
+def _points_to_keep(areas: Areas, chosen: Bool, bound: float) -> Bool:
+    """Return the points to keep (N,): the chosen ones and those needed for valid chords.
+
+    A chord is valid if it is close enough to its arc and meets no other.
 
     Args:
         areas: the contours.
-        chosen: (N,) points that stay: the first of each ring and two more at least.
+        chosen: (N,) points that stay: the first and at least two more of each ring.
         bound: mm.
     """
-    room = np.minimum(bound, _QUARTER * clearance(areas, max(bound / _QUARTER, _STILL)))
+    room = np.minimum(bound, _CHORD_FRACTION * clearance(areas, max(bound / _CHORD_FRACTION, _STILL)))
     chosen = _within(areas, chosen, room)
     sign, sizes = np.sign(areas.ring_area()), np.diff(areas.ring_start)
     check = np.logical_or.reduceat(~chosen, areas.ring_start[:-1])
     while check.any():
         made = _only(areas, chosen)
-        arc = np.cumsum(chosen) - 1  # which chord each old edge has become a part of
+        arc = np.cumsum(chosen) - 1  # the chord that replaces each old edge
         back = np.repeat(np.sign(made.ring_area()) != sign, sizes)
         index = np.flatnonzero(np.repeat(check, np.diff(made.ring_start)))
         for chord in contacts(made.select(check)):
@@ -250,9 +252,9 @@ def _needed(areas: Areas, chosen: Bool, bound: float) -> Bool:
 
 
 def _within(areas: Areas, chosen: Bool, room: Float) -> Bool:
-    """(N,) the chosen points and as many as it takes for every chord to be within `room` (N,) of each edge it replaces.
+    """Return the points (N,) needed to keep every chord within `room` (N,) of the edges it replaces.
 
-    Of each arc that is too far from its chord the farthest corner is chosen too, until none is.
+    Starting from the chosen points, add the farthest corner of each arc that is too far from its chord, until none is.
     """
     chosen = chosen.copy()
     ring_end = np.repeat(areas.ring_start[1:], np.diff(areas.ring_start))
@@ -277,11 +279,11 @@ def _within(areas: Areas, chosen: Bool, room: Float) -> Bool:
     return chosen
 
 
-def _spaced(areas: Areas, corners: Bool, spacing: float) -> tuple[Areas, Bool]:
-    """The contours with points at equal distances between corners, at most `spacing` mm, and which points to choose."""
+def _add_spaced_points(areas: Areas, corners: Bool, spacing: float) -> tuple[Areas, Bool]:
+    """Add points at equal distances of at most `spacing` mm between corners; return also which points to choose."""
     length = _edge_lengths(areas)
     ends = np.flatnonzero(corners)
-    along = np.cumsum(length) - length  # mm of contour before each point, through all rings
+    along = np.cumsum(length) - length  # mm of contour before each point, counted through all rings
     arc = np.add.reduceat(length, ends)
     count = np.maximum(np.ceil(arc / spacing - _STILL), 1).astype(np.int64) - 1
     which = np.repeat(np.arange(len(ends)), count)
@@ -289,7 +291,7 @@ def _spaced(areas: Areas, corners: Bool, spacing: float) -> tuple[Areas, Bool]:
     place = along[ends][which] + arc[which] * number / (count[which] + 1)
     edge = np.searchsorted(along, place, side="right") - 1
     share = np.clip((place - along[edge]) / np.maximum(length[edge], _STILL), 0.0, 1.0)
-    dense, original = _with_points(areas, edge, share)
+    dense, original = _add_points(areas, edge, share)
     chosen = np.ones(len(original), np.bool_)
     chosen[original] = corners
     return dense, chosen

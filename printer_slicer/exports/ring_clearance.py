@@ -1,4 +1,4 @@
-"""Edges of a stack that come near each other: how far other rings are, and where a ring meets itself.
+"""Find the distance between rings of a stack, and where a ring meets itself.
 
 Edge `i` of a stack runs from point `i` to the point after it around its ring.
 """
@@ -19,13 +19,13 @@ from printer_slicer.geometry.vectors import cross
 
 __all__ = ["clearance", "contacts"]
 
-_SAME: Final = 1e-9  # mm; what is nearer than this touches
-_RUN: Final = 16  # edges that are looked for together
-_AT_ONCE: Final = 2048  # runs to look around; in dense contours each may have hundreds of others in reach
+_SAME: Final = 1e-9  # mm; edges closer than this touch
+_RUN: Final = 16  # edges per run
+_AT_ONCE: Final = 2048  # runs per query; in dense contours each may have hundreds of others in reach
 
 
 def clearance(areas: Areas, reach: float) -> Float:
-    """(N,) mm from each edge to the nearest edge of another ring of its layer, `reach` where none is nearer."""
+    """Return the distance (N,) from each edge to the nearest other ring of its layer, mm, at most `reach`."""
     result = np.full(len(areas.xy), reach)
     for here, there in _near(areas, reach, same_ring=False):
         gap = _distance(areas, here, there)
@@ -35,7 +35,7 @@ def clearance(areas: Areas, reach: float) -> Float:
 
 
 def contacts(areas: Areas) -> tuple[Int, Int]:
-    """Pairs of edges of the same ring that cross or touch, other than neighbours in the point that they share."""
+    """Return pairs of edges of the same ring that cross or touch, except neighbours at their common point."""
     found = [(np.zeros(0, np.int64), np.zeros(0, np.int64))]
     for here, there in _near(areas, _SAME, same_ring=True):
         meet = _meet(areas, here, there)
@@ -45,14 +45,14 @@ def contacts(areas: Areas) -> tuple[Int, Int]:
 
 
 def _meet(areas: Areas, first: Int, second: Int) -> Bool:
-    """(P,) whether the edges of each pair of one ring have more in common than the point that neighbours share."""
+    """Return whether the edges of each pair (P,) of one ring meet, other than neighbours at their common point."""
     following = areas.following
     closes = following[second] == first  # the last edge of a ring and its first
     first, second = np.where(closes, second, first), np.where(closes, first, second)
     neighbours = following[first] == second
     gap = np.zeros(len(first))
     gap[~neighbours] = _distance(areas, first[~neighbours], second[~neighbours])
-    # Two edges from one point touch elsewhere only where the far end of one lies on the other.
+    # Two edges from one point touch elsewhere only if the far end of one lies on the other.
     begin, corner = areas.xy[first[neighbours]], areas.xy[second[neighbours]]
     end = areas.xy[following[second[neighbours]]]
     folded = np.minimum(distance_to_segments(begin, corner, end), distance_to_segments(end, begin, corner))
@@ -61,15 +61,15 @@ def _meet(areas: Areas, first: Int, second: Int) -> Bool:
 
 
 def _near(areas: Areas, reach: float, *, same_ring: bool) -> Iterator[tuple[Int, Int]]:
-    """Pairs of edges of one layer whose boxes are at most `reach` apart, the lower index first, some at a time.
+    """Yield batches of pairs of edges in one layer whose boxes are at most `reach` apart, lower index first.
 
-    Edges that follow one another are near to each other, so runs of them are looked for, and then what is in the runs
-    is compared.
+    Consecutive edges are close together, so runs of edges are looked up first, and then the edges in nearby runs are
+    compared.
 
     Args:
         areas: the contours.
         reach: mm.
-        same_ring: whether both edges of a pair are of the same ring, or of different ones.
+        same_ring: whether the edges of a pair belong to the same ring or to different ones.
     """
     if not areas.n_rings:
         return
@@ -78,16 +78,16 @@ def _near(areas: Areas, reach: float, *, same_ring: bool) -> Iterator[tuple[Int,
     first = areas.ring_start[ring] + number * _RUN
     last = np.append(first[1:], len(areas.xy))
     begin, end = areas.xy, areas.xy[areas.following]
-    # Twice the reach, since far from the origin the corners of the boxes are rounded.
+    # Use twice the reach, because the corners of the boxes are rounded far from the origin.
     low, high = np.minimum(begin, end) - reach, np.maximum(begin, end) + reach
     box_low, box_high = np.minimum.reduceat(low, first), np.maximum.reduceat(high, first)
-    # One tree for all layers: each has a cell of its own on a square lattice, too far from the others to be met.
+    # Use one tree for all layers: each layer has its own cell on a square lattice, out of reach of the others.
     span = float((box_high.max(axis=0) - box_low.min(axis=0)).max())
     side = int(np.ceil(np.sqrt(areas.n_layers)))
     cell = np.column_stack(np.divmod(areas.ring_layer[ring], side)) * (span + 1.0)
     box_low, box_high = box_low + cell, box_high + cell
     tree = SegmentTree(np.stack([box_low, box_high], axis=1))
-    # Runs as rows; what is missing in short ones meets nothing.
+    # Store runs as rows; the padding of short runs meets nothing.
     edge = first[:, None] + np.arange(_RUN)
     there = edge < last[:, None]
     edge = np.minimum(edge, len(areas.xy) - 1)
@@ -108,13 +108,13 @@ def _near(areas: Areas, reach: float, *, same_ring: bool) -> Iterator[tuple[Int,
 def _meeting_boxes(
     lows: Sequence[Float], highs: Sequence[Float], one: Int, other: Int
 ) -> tuple[Int, Int, Int]:
-    """For pairs (P,) of rows of boxes: the pair, the place in one row and in the other of boxes that touch.
+    """Return the touching boxes of pairs (P,) of rows: the pair, and the column in each row.
 
     Args:
         lows: (R, n) lower bounds of the boxes, along x and along y.
-        highs: (R, n) upper ones.
-        one: (P,) a row.
-        other: (P,) another.
+        highs: (R, n) upper bounds.
+        one: (P,) first row of each pair.
+        other: (P,) second row of each pair.
     """
     meet = np.ones((len(one), lows[0].shape[1], lows[0].shape[1]), np.bool_)
     for low, high in zip(lows, highs, strict=True):
@@ -125,7 +125,7 @@ def _meeting_boxes(
 
 
 def _distance(areas: Areas, first: Int, second: Int) -> Float:
-    """(P,) mm between the edges of each pair, 0 where they cross."""
+    """Return the distance between the edges of each pair (P,), mm; 0 where they cross."""
     following = areas.following
     a, b = areas.xy[first], areas.xy[following[first]]
     c, d = areas.xy[second], areas.xy[following[second]]
@@ -135,5 +135,5 @@ def _distance(areas: Areas, first: Int, second: Int) -> Float:
 
 
 def _side(a: Float, b: Float, point: Float) -> Float:
-    """(P,) positive where the point lies to the left of the way from a to b."""
+    """Return a positive number for each point (P,) to the left of the line from a to b."""
     return cross(b - a, point - a)

@@ -18,19 +18,19 @@ __all__ = ["Rounded", "in_float32", "on_grid"]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rounded:
-    """The rings of a stack as a file holds them.
+    """The rings of a stack with rounded coordinates, as a file holds them.
 
-    Points that round to the point after them are gone; so are rings that rounding leaves without an area, or turns
-    over. Rings that were closer to each other than the rounding may touch.
+    Points that equal the next one after rounding are removed, and so are rings that lose their area or change their
+    direction. Rings that were closer together than the rounding may touch.
 
     Attributes:
         xy: (N, 2) units as int64, or mm as float32; the last point of a ring is not its first.
         ring_start: (R + 1,) ring `i` is `xy[ring_start[i]:ring_start[i + 1]]`.
         ring_layer: (R,) ascending.
-        outer: (R,) whether the ring is the outline of a solid, counter-clockwise, and not that of a hole.
-        n_layers: number of layers, also counting empty ones.
-        error: how far a coordinate is moved at most, mm, measured.
-        lost: number of rings that are gone.
+        outer: (R,) whether the ring is the outline of a solid (counter-clockwise), not of a hole.
+        n_layers: number of layers, including empty ones.
+        error: largest change of a coordinate, mm, measured.
+        lost: number of removed rings.
     """
 
     xy: NDArray[Any]
@@ -51,12 +51,12 @@ class Rounded:
             object.__setattr__(self, name, frozen_array(getattr(self, name), dtype, shape))
 
     def layers(self) -> Iterator[range]:
-        """The indices of the rings of each layer, from the bed up."""
+        """Yield the ring indices of each layer, from the bed up."""
         first = np.searchsorted(self.ring_layer, np.arange(self.n_layers + 1)).tolist()
         return (range(begin, end) for begin, end in pairwise(first))
 
     def closed(self) -> tuple[NDArray[Any], list[int]]:
-        """All rings with their first point repeated at their end, and (R + 1,) where each begins."""
+        """Return all rings with their first point repeated at the end, and the start of each (R + 1,)."""
         sizes = np.diff(self.ring_start) + 1
         index = consecutive(self.ring_start[:-1], sizes)
         start = np.concatenate([[0], np.cumsum(sizes)])
@@ -64,7 +64,7 @@ class Rounded:
         return self.xy[index], start.tolist()
 
     def longest_edge(self) -> float:
-        """The greatest distance between neighbouring points, in what `xy` is in; 0 where there is none."""
+        """Return the largest distance between neighbouring points, in the unit of `xy`; 0 without points."""
         xy, start = self.closed()
         length = np.hypot(*np.diff(xy.astype(np.float64), axis=0).T)
         length[np.array(start[1:-1], dtype=np.int64) - 1] = 0.0  # from the end of a ring to the next one
@@ -72,19 +72,19 @@ class Rounded:
 
 
 def on_grid(areas: Areas, units: float) -> Rounded:
-    """Areas in whole multiples of `units` mm, each coordinate at most half a unit from where it was."""
+    """Round areas to whole multiples of `units` mm; coordinates change by at most half a unit."""
     grid = np.rint(areas.xy / units)
     return _rounded(areas, grid.astype(np.int64), float(np.abs(grid * units - areas.xy).max(initial=0.0)))
 
 
 def in_float32(areas: Areas) -> Rounded:
-    """Areas in 32-bit floats, mm: 24 binary digits, so within 0.000 004 mm up to 128 mm from the origin."""
+    """Round areas to 32-bit floats, mm; coordinates change by at most 0.000 004 mm up to 128 mm from the origin."""
     single = areas.xy.astype(np.float32)
     return _rounded(areas, single, float(np.abs(single - areas.xy).max(initial=0.0)))
 
 
 def _rounded(areas: Areas, values: NDArray[Any], error: float) -> Rounded:
-    """The stack with `values` (N, 2) instead of its points."""
+    """Return the stack with `values` (N, 2) instead of its points."""
     sizes = np.diff(areas.ring_start)
     differs = (values != values[areas.following]).any(axis=1) if len(values) else np.zeros(0, np.bool_)
     before = np.concatenate([[0], np.cumsum(differs)])

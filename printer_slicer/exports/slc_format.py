@@ -1,15 +1,16 @@
-"""StereoLithography Contour (SLC) 2.0 of 3D Systems.
+"""Write StereoLithography Contour (SLC) 2.0 files of 3D Systems.
 
-What the specification says and this writer does:
+The format, as this writer uses it:
 
-- the header is up to 2048 ASCII characters of `-KEYWORD value`, ending in carriage return, line feed and control-Z,
-  and 256 reserved bytes follow;
-- the sampling table, a byte and that many entries, has one entry for each run of layers of one thickness: lowest z,
-  thickness, line width compensation (0: none), reserved. The first entry begins at the first contour layer;
-- a contour layer is the z of its bottom, the number of boundaries, and for each the number of points, the number of
-  gaps (0) and the points. The last point is the first; solids run counter-clockwise, holes clockwise;
-- the end is the z of the top of the part with 0xFFFFFFFF for the number of boundaries;
-- numbers are 32-bit floats and unsigned integers, least significant byte first.
+- The header is up to 2048 ASCII characters of `-KEYWORD value`. It ends with carriage return, line feed and control-Z,
+  and 256 reserved bytes follow.
+- The sampling table is a byte with the number of entries and the entries. Each describes a run of layers of equal
+  thickness: lowest z, thickness, line width compensation (0: none), reserved. The first starts at the first contour
+  layer.
+- A contour layer is the z of its bottom, the number of boundaries, and for each the number of points, the number of
+  gaps (0) and the points. The last point equals the first; solids run counter-clockwise, holes clockwise.
+- The file ends with the z of the top of the part and 0xFFFFFFFF as the number of boundaries.
+- Numbers are little-endian 32-bit floats and unsigned integers.
 
 Source: 3D Systems, SLC File Specification, about 1994 (paulbourke.net/dataformats/slc; rp-ml.org/rp-ml-1999/0713.html).
 """
@@ -33,13 +34,13 @@ _MULTIPLE = 1e-6  # of a thickness
 
 
 def write_slc(sections: Sections) -> bytes:
-    """A stack of contours as an SLC file, in mm.
+    """Return a stack of contours as an SLC file, in mm.
 
-    Coordinates and heights are 32-bit floats: up to 128 mm from the origin at most 0.000 004 mm off, up to 1 m at
-    most 0.000 031 mm. The header says "float32". Rings that this rounding leaves without an area are left out.
+    Coordinates and heights are rounded to 32-bit floats, by at most 0.000 004 mm up to 128 mm from the origin and
+    0.000 031 mm up to 1 m. The header says "float32". Rings without an area after rounding are left out.
 
     Raises:
-        OutputError: more than 255 runs of equal layers, or layers that 32-bit floats cannot tell apart.
+        OutputError: there are more than 255 runs of equal layers, or layers that are equal as 32-bit floats.
     """
     plan, rounded = sections.plan, in_float32(sections.solid)
     z = np.concatenate([[0.0], plan.top]).astype(np.float32)
@@ -54,14 +55,14 @@ def write_slc(sections: Sections) -> bytes:
 
 
 def uneven_multiples(plan: LayerPlan) -> bool:
-    """Whether the plan has a thickness that is no whole multiple of its thinnest; the specification warns of that."""
+    """Return whether a layer height is not a multiple of the smallest one; the specification warns of that."""
     thin = float(plan.height.min())
     ratio = plan.height / thin
     return bool((np.abs(ratio - np.rint(ratio)) > _MULTIPLE).any())
 
 
 def _header(rounded: Rounded, top: float) -> bytes:
-    """Version, unit, kind, who wrote it, and the box around the part."""
+    """Return the header: version, unit, type, program, and the bounding box of the part."""
     low, high = (
         (rounded.xy.min(axis=0).tolist(), rounded.xy.max(axis=0).tolist())
         if len(rounded.xy)
@@ -75,7 +76,7 @@ def _header(rounded: Rounded, top: float) -> bytes:
 
 
 def _table(plan: LayerPlan) -> bytes:
-    """One entry for each run of layers of equal thickness."""
+    """Return the sampling table: an entry for each run of layers of equal thickness."""
     runs = plan.runs()
     if len(runs) > _MOST_RUNS:
         raise OutputError(
@@ -91,7 +92,7 @@ def _table(plan: LayerPlan) -> bytes:
 
 
 def _layers(rounded: Rounded, z: list[float]) -> list[bytes]:
-    """The contour layers and what ends them."""
+    """Return the contour layers and the end mark."""
     xy, start = rounded.closed()
     points = memoryview(xy.astype("<f4").tobytes())
     pieces: list[bytes] = []

@@ -1,14 +1,14 @@
-"""SVG: all layers as groups of one drawing, or one drawing per layer.
+"""Write contours as SVG: all layers as groups of one drawing, or one drawing per layer.
 
-The drawing is in mm: `width` and `height` say so, and one unit of the view box is one mm. SVG counts y downward, so
-a point (X, Y) of the drawing is the point (x0 + X, y1 - Y) of the part; x0 and y1, the left and the upper side of
-the box around all layers, stand in the root as `data-x` and `data-y`. All layers share that box, so drawings of
-single layers fit on each other.
+The drawing is in mm: `width` and `height` have this unit, and one unit of the view box is one mm. In SVG, y points
+down, so a point (X, Y) of the drawing is the point (x0 + X, y1 - Y) of the part. The attributes `data-x` and `data-y`
+of the root give x0 and y1, the left and the upper side of the box around all layers. All layers share this box, so
+drawings of single layers align.
 
-Each group carries `slic3r:z`, the top of its layer, `slic3r:slice-z`, where the part was cut, and
-`slic3r:layer-height`, as the layered drawings of Slic3r have them, which projector software reads; and it is a
-layer for Inkscape. Groups stand directly in the root and have no transformation and no colour of their own. One
-path holds all contours of a layer, filled by the even-odd rule.
+Each group has the attributes `slic3r:z` (top of the layer), `slic3r:slice-z` (height of the cut) and
+`slic3r:layer-height`, as in the layered drawings of Slic3r, which projector software reads. It is also a layer in
+Inkscape. Groups are direct children of the root without a transform or a colour. One path holds all contours of a
+layer, filled by the even-odd rule.
 
 Source: W3C, Scalable Vector Graphics (SVG) 1.1; the attributes: Slic3r 1.3, SLAPrint.
 """
@@ -28,20 +28,19 @@ from printer_slicer.model import LayerPlan, Sections
 __all__ = ["SVG_DIGITS", "write_svg", "write_svgs"]
 
 SVG_DIGITS: Final = 3
-"""Digits after the point: coordinates are whole micrometres unless asked otherwise."""
+"""Default number of decimals: coordinates are whole micrometres."""
 
 _MOST_DIGITS = 6
 
 
 def write_svg(sections: Sections, *, digits: int = SVG_DIGITS) -> bytes:
-    """All layers as one layered SVG; groups without a path are empty layers.
+    """Return all layers as one layered SVG; groups without a path are empty layers.
 
-    Coordinates have `digits` digits after the point, so each is at most half of the last one off, and heights at
-    least four; the description in the file says so. Rings that are smaller than that are left out, and the
-    description says how many.
+    Coordinates are rounded to `digits` decimals, heights to at least four; the description in the file says so. Rings
+    smaller than that are left out, and the description gives their number.
 
     Raises:
-        UsageError: less than 0 or more than 6 digits.
+        UsageError: `digits` is less than 0 or more than 6.
     """
     head, drawn = _prepared(sections, digits)
     groups = [_group(sections.plan, layer, drawn[layer], digits) for layer in range(sections.plan.n_layers)]
@@ -49,10 +48,10 @@ def write_svg(sections: Sections, *, digits: int = SVG_DIGITS) -> bytes:
 
 
 def write_svgs(sections: Sections, *, digits: int = SVG_DIGITS) -> Iterator[tuple[str, bytes]]:
-    """One SVG per layer with the name of its file: layer0000.svg is the first layer; rounded as `write_svg` does.
+    """Yield a file name and an SVG for each layer, from layer0000.svg; rounded as in `write_svg`.
 
     Raises:
-        UsageError: less than 0 or more than 6 digits.
+        UsageError: `digits` is less than 0 or more than 6.
     """
     head, drawn = _prepared(sections, digits)
     width = max(4, len(str(sections.plan.n_layers - 1)))
@@ -62,7 +61,7 @@ def write_svgs(sections: Sections, *, digits: int = SVG_DIGITS) -> Iterator[tupl
 
 
 def _prepared(sections: Sections, digits: int) -> tuple[str, list[str]]:
-    """The beginning of the drawing, and the path data of each layer."""
+    """Return the start of the drawing and the path data of each layer."""
     if not 0 <= digits <= _MOST_DIGITS:
         raise UsageError(f"{digits} digits in an SVG", remedy=f"Choose between 0 and {_MOST_DIGITS}")
     rounded = on_grid(sections.solid, 10.0**-digits)
@@ -75,7 +74,7 @@ def _prepared(sections: Sections, digits: int) -> tuple[str, list[str]]:
 
 
 def _head(rounded: Rounded, box: Int, digits: int) -> str:
-    """From the XML declaration to the description."""
+    """Return the drawing from the XML declaration to the description."""
     x0, y0, x1, y1 = (box / 10**digits).tolist()
     places = _z_digits(digits)
     wide, high = (f"{size:.{digits}f}" for size in (x1 - x0, y1 - y0))
@@ -93,12 +92,12 @@ def _head(rounded: Rounded, box: Int, digits: int) -> str:
 
 
 def _z_digits(digits: int) -> int:
-    """Digits of heights: layers are planned in finer steps than contours need."""
+    """Return the number of decimals for heights; layers are planned in finer steps than contours need."""
     return max(digits, 4)
 
 
 def _paths(rounded: Rounded, box: Int, digits: int) -> list[str]:
-    """The path data of each layer, empty where there is nothing."""
+    """Return the path data of each layer; empty for an empty layer."""
     place = np.stack([rounded.xy[:, 0] - box[0], box[3] - rounded.xy[:, 1]], axis=1) / 10**digits
     pair = f"%.{digits}f,%.{digits}f"
     points = [pair % (x, y) for x, y in place.tolist()]
@@ -110,7 +109,7 @@ def _paths(rounded: Rounded, box: Int, digits: int) -> list[str]:
 
 
 def _group(plan: LayerPlan, layer: int, path: str, digits: int) -> str:
-    """One layer."""
+    """Return the group of one layer."""
     z, cut, height = (float(values[layer]) for values in (plan.top, plan.cut, plan.height))
     places = _z_digits(digits)
     drawn = f'<path fill-rule="evenodd" d="{path}"/>' if path else ""

@@ -1,7 +1,7 @@
-"""Mesh -> Mesh: put right what keeps it from bounding a solid, and tell what was done.
+"""Repair meshes so that they bound a solid, and report each repair.
 
-Whole meshes are mended here as far as their edges tell what is missing; what stays open is closed section by section
-when the mesh is cut. The steps stand in the order in which they are taken, because each relies on the ones before it.
+This package repairs the whole mesh as far as its edges show what is missing. Gaps that remain are closed in each
+section when the mesh is cut. Each step relies on the ones before it.
 """
 
 from __future__ import annotations
@@ -23,37 +23,37 @@ __all__ = ["repair", "require_no_repair"]
 
 _Step = Callable[[Facets], tuple[Facets, list[Repair]]]
 _sound: WeakKeyDictionary[Mesh, bool] = WeakKeyDictionary()
-"""What came out of here, which needs not go through again, and whether it was sound to begin with."""
+"""Repaired meshes, which need no second repair, and whether they were sound from the start."""
 
 
 def repair(mesh: Mesh) -> tuple[Mesh, Repairs]:
     """Repair a mesh so that it bounds a solid as far as possible, and report what was done.
 
-    1. Facets that are there more than once are dropped but for one, or altogether where they bound nothing.
-    2. Corners at open edges are joined when they are near, see `join_corners`; then facets may be there twice again.
-    3. Sheets without thickness that end at a whole surface are dropped.
-    4. Loose facets that bound nothing are dropped, see `drop_loose_facets`.
-    5. Neighbours face the same way: the lesser part of each patch is turned round.
-    6. Holes are filled, see `fill_holes`.
-    7. Shells face outward, unless they are voids, see `orient_outward`.
+    1. Drop duplicate facets except one, or all copies if they bound nothing.
+    2. Join nearby corners at open edges, see `join_corners`; then drop new duplicates.
+    3. Drop sheets without thickness that end at a closed surface.
+    4. Drop loose facets that bound nothing, see `drop_loose_facets`.
+    5. Make neighbours face the same way: flip the smaller part of each patch.
+    6. Fill holes, see `fill_holes`.
+    7. Make shells face outward, except for voids, see `orient_outward`.
 
-    A mesh that needs nothing of this is returned as it is.
+    A mesh that needs no repair is returned unchanged.
 
     Raises:
-        MeshError: the surface has one side only, or nothing is left of it.
+        MeshError: the surface is one-sided, or no facets remain.
     """
     if mesh in _sound:
         return mesh, Repairs(sound=_sound[mesh])
-    mended, repairs = _repaired(mesh)
-    _sound[mended] = repairs.sound
-    return mended, repairs
+    repaired, repairs = _run_steps(mesh)
+    _sound[repaired] = repairs.sound
+    return repaired, repairs
 
 
 def require_no_repair(name: str, repairs: Repairs) -> None:
     """Raise an error if a mesh needed repair.
 
     Raises:
-        MeshError: there was one; names the first.
+        MeshError: the mesh was repaired; names the first repair.
     """
     if repairs.count:
         first = repairs.done[0]
@@ -64,7 +64,7 @@ def require_no_repair(name: str, repairs: Repairs) -> None:
         )
 
 
-def _repaired(mesh: Mesh) -> tuple[Mesh, Repairs]:
+def _run_steps(mesh: Mesh) -> tuple[Mesh, Repairs]:
     if is_sound(mesh.triangles):
         return mesh, Repairs(sound=True)
     facets = Facets.read(mesh.triangles)

@@ -13,13 +13,13 @@ __all__ = ["orient_consistently"]
 
 
 def orient_consistently(facets: Facets, name: str) -> tuple[Facets, list[Repair]]:
-    """Flip facets until neighbours face the same way; in each patch the side with less area is flipped.
+    """Flip facets until neighbours face the same way; in each patch, flip the side with less area.
 
-    Every facet is two items, as it is and turned; neighbours link the items that face alike. A patch of one side only
-    links both items of one facet.
+    Each facet is two nodes of a graph, as it is and flipped. Neighbours link the nodes that face the same way. In a
+    one-sided patch both nodes of a facet are connected.
 
     Raises:
-        MeshError: the surface has one side only, like a Möbius strip.
+        MeshError: the surface is one-sided, like a Möbius strip.
     """
     pair, same = facets.pairs()
     if same.all():
@@ -38,7 +38,7 @@ def orient_consistently(facets: Facets, name: str) -> tuple[Facets, list[Repair]
             f"{name}: the surface is one-sided around x {x:.2f} y {y:.2f} z {z:.2f} and encloses no solid",
             remedy="Close the mesh in the program that made it",
         )
-    # Of the two sides of a patch the one that more area is on already.
+    # Keep the side of each patch that has more area already.
     area = np.linalg.norm(facets.normals, axis=1)
     n_sides = int(side.max()) + 1
     weight = np.bincount(as_is, area, n_sides) - np.bincount(turned, area, n_sides)

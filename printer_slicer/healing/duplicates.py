@@ -1,4 +1,4 @@
-"""Corners that are one but for rounding, facets that are there more than once, sheets that bound nothing."""
+"""Join corners that differ by rounding, and drop duplicate facets and sheets without thickness."""
 
 from __future__ import annotations
 
@@ -17,38 +17,38 @@ _SAME_PLACE = 0.001  # mm
 _SMALL = 1e-4  # of the size of the part
 _NEAR_PLACE = 0.25  # mm
 _SHORTER = 0.1  # of the shortest edge
-_LEAST = 1e-30  # mm; damaged files hold numbers next to nothing
-_SINGLE_STEPS = 4 * 2.0**-24  # of a coordinate: what is lost by a few roundings to 32 bits
+_LEAST = 1e-30  # mm; damaged files have numbers close to zero
+_SINGLE_STEPS = 4 * 2.0**-24  # of a coordinate: the error of a few roundings to 32 bits
 
 
 def join_corners(facets: Facets) -> tuple[Facets, list[Repair]]:
     """Join corners of open edges that are close together; each group moves to its first corner by x, y, z.
 
-    First those nearer than a micrometre (a ten thousandth of a small part, or what 32-bit numbers tell apart);
-    where edges stay open, those nearer than a quarter of a mm and a tenth of the shortest edge of the facets there, so
-    that no facet collapses.
+    The first pass joins corners within 0.001 mm (less in a small part, more where 32-bit numbers are coarser). The
+    second pass works on the edges that stay open. It joins corners within 0.25 mm and a tenth of the shortest edge of
+    the facets there, so that no facet collapses.
     """
     size = float(np.ptp(facets.points, axis=0).max(initial=0.0))
     far = float(np.abs(facets.points).max(initial=0.0))
     reach = max(min(_SAME_PLACE, _SMALL * size), _SINGLE_STEPS * far, _LEAST)
-    facets, done = _joined(facets, reach)
+    facets, done = _join_within(facets, reach)
     at_open = (facets.count[facets.edges] == 1).any(axis=1)
     if not at_open.any():
         return facets, done
     open_ones = facets.triangles[at_open]
     shortest = float(np.linalg.norm(open_ones - open_ones[:, [1, 2, 0]], axis=2).min())
-    facets, more = _joined(facets, min(_NEAR_PLACE, _SHORTER * shortest))
+    facets, more = _join_within(facets, min(_NEAR_PLACE, _SHORTER * shortest))
     return facets, done + more
 
 
-def _joined(facets: Facets, reach: float) -> tuple[Facets, list[Repair]]:
-    """With corners at open edges joined that are within `reach` mm of each other along every axis."""
+def _join_within(facets: Facets, reach: float) -> tuple[Facets, list[Repair]]:
+    """Join corners at open edges that are within `reach` mm of each other along every axis."""
     at_open = facets.count[facets.edges] % 2 == 1
     is_loose = np.zeros(len(facets.points), np.bool_)
     is_loose[facets.corners[at_open]] = is_loose[facets.corners[:, [1, 2, 0]][at_open]] = True
     loose = np.flatnonzero(is_loose)
-    for shift in (0.0, 0.5):  # what is at a border of the first cells is in the middle of the second ones
-        # What is up to two reaches apart may be joined, in crowds.
+    for shift in (0.0, 0.5):  # a point at the border of a cell is in the middle of a shifted one
+        # In a cluster, corners up to twice the reach apart may be joined.
         loose = loose[may_have_neighbours(facets.points[loose], 2 * reach, shift=shift)]
     loose = loose[np.lexsort(facets.points[loose].T[::-1])]
     if not len(loose):
@@ -68,10 +68,10 @@ def _joined(facets: Facets, reach: float) -> tuple[Facets, list[Repair]]:
 def drop_duplicates(facets: Facets) -> tuple[Facets, list[Repair]]:
     """Drop duplicate facets, whichever way the copies face.
 
-    Copies that hang together are judged together. One stays where the surface around them ends at them, and where
-    they are a whole shell of their own. Where the surface around them is whole without them, those that face opposite
-    ways are a wall within the solid or a sheet, and all go; those that face the same way are a side that two solids
-    have in common, and all stay. A shell that is there twice, inward and outward, goes where it lies within the solid.
+    Connected copies are treated together. One copy stays if the surrounding surface ends at them, or if they form a
+    shell of their own. If the surrounding surface is closed without them, copies that face opposite ways are an
+    internal wall or a sheet and are all dropped; copies that face the same way are a side shared by two solids and all
+    stay. A shell that exists both inward and outward is dropped if it lies within the solid.
     """
     group, first = _equal_facets(facets)
     size = np.bincount(group)
@@ -83,7 +83,7 @@ def drop_duplicates(facets: Facets) -> tuple[Facets, list[Repair]]:
     single = Facets.of(facets.points, facets.corners[first[several]])
     wanted = np.full(len(size), -1)
     wanted[several] = _copies_wanted(single, facets.kept(~several[group]), facing[several])
-    # The copy that stays faces the way most of them do.
+    # Keep a copy that faces the same way as most of them.
     rank = np.lexsort((-hand * np.sign(facing)[group], group))
     best = rank[np.searchsorted(group[rank], np.arange(len(size)))]
     keep = wanted[group] < 0
@@ -94,7 +94,7 @@ def drop_duplicates(facets: Facets) -> tuple[Facets, list[Repair]]:
 
 
 def _equal_facets(facets: Facets) -> tuple[Int, Int]:
-    """(F,) a number for each set of three corners, and one facet of each number."""
+    """Return a number for each facet (F,), equal for the same three corners, and one facet for each number."""
     ordered = np.sort(facets.corners, axis=1)
     pair = np.unique(ordered[:, 0] * np.int64(len(facets.points)) + ordered[:, 1], return_inverse=True)[1]
     _, first, group = np.unique(
@@ -104,19 +104,19 @@ def _equal_facets(facets: Facets) -> tuple[Int, Int]:
 
 
 def _handedness(corners: Int) -> Int:
-    """(F,) 1 where the numbers of the corners ascend around the facet from the lowest, else -1."""
+    """Return 1 for each facet (F,) whose corner numbers ascend around it from the lowest, else -1."""
     a, b, c = corners.T
     ascents = (a < b).astype(int) + (b < c) + (c < a)
     return np.where(ascents == 2, 1, -1)
 
 
 def _copies_wanted(single: Facets, rest: Facets, facing: Float) -> Int:
-    """(n,) how many copies of each facet are to stay: 0, 1, or -1 for all.
+    """Return how many copies of each facet (n,) to keep: 0, 1, or -1 for all.
 
     Args:
-        single: one of each facet that is there more than once.
-        rest: the facets that are there once.
-        facing: (n,) copies that face one way less those that face the other.
+        single: one copy of each duplicate facet.
+        rest: the facets without duplicates.
+        facing: (n,) copies that face one way minus those that face the other.
     """
     patch = single.patches()
     n_patches = int(patch.max(initial=-1)) + 1
@@ -137,7 +137,7 @@ def _copies_wanted(single: Facets, rest: Facets, facing: Float) -> Int:
 
 
 def _counts_at(facets: Facets, key: Int) -> Int:
-    """(n,) facets at the edges with these keys."""
+    """Return the number of facets (n,) at the edges with these keys."""
     order = np.argsort(facets.key)
     place = np.minimum(np.searchsorted(facets.key[order], key), max(len(order) - 1, 0))
     if not len(order):
@@ -146,10 +146,10 @@ def _counts_at(facets: Facets, key: Int) -> Int:
 
 
 def drop_sheets(facets: Facets) -> tuple[Facets, list[Repair]]:
-    """Without patches that bound nothing: walls of one facet within or beside a surface that is whole without them.
+    """Drop sheets: patches without thickness in or beside a surface that is closed without them.
 
-    A patch ends at edges that only it has, or that more than two facets share. Where every other facet beside it has a
-    partner without it, and there are such facets, it is dropped, the smallest patches first.
+    A patch ends at open edges or at edges with more than two facets. It is dropped if it has neighbours at its border
+    and each of them has a partner without it. The smallest patches are dropped first.
     """
     dropped: list[Float] = []
     while True:
@@ -166,7 +166,7 @@ def drop_sheets(facets: Facets) -> tuple[Facets, list[Repair]]:
 
 
 def _sheets(facets: Facets, patch: Int, n_patches: int) -> Bool:
-    """(F,) facets of patches without which the surface beside them is whole; no two of them share an edge."""
+    """Return the facets (F,) of patches without which the adjacent surface is closed; no two share an edge."""
     edge, owner = facets.edges.ravel(), np.repeat(patch, 3)
     # The patch's own facets at each of its edges.
     pair, own = np.unique(owner * np.int64(len(facets.count)) + edge, return_counts=True)
@@ -179,7 +179,7 @@ def _sheets(facets: Facets, patch: Int, n_patches: int) -> Bool:
     if not candidate.any():
         return np.zeros(len(patch), np.bool_)
     area = np.bincount(patch, np.linalg.norm(facets.normals, axis=1), n_patches)
-    # Patches that meet at an edge exclude each other: the smallest of those that hang together goes.
+    # Patches that share an edge exclude each other: drop only the smallest of connected ones.
     at_crowded = border & (others > 0) & candidate[pair_patch]
     order = np.argsort(pair_edge[at_crowded], kind="stable")
     e, p = pair_edge[at_crowded][order], pair_patch[at_crowded][order]

@@ -1,4 +1,4 @@
-"""Facets by the numbers of their corners, and what the edges between them tell."""
+"""Facets with numbered corners and edges, and their connectivity."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ class Facets:
         points: (V, 3) mm.
         corners: (F, 3) number of the point at each corner; the three differ.
         edges: (F, 3) number of the edge from each corner to the next.
-        turns: (F, 3) 1 where the facet goes along that edge from the lower number to the higher, else -1.
-        count: (E,) facets at each edge.
-        net: (E,) sum of their turns: 0 where every facet has one beside it that looks to the same side.
-        key: (E,) the numbers of both ends in one.
+        turns: (F, 3) 1 where the facet runs along that edge from the lower point number to the higher, else -1.
+        count: (E,) number of facets at each edge.
+        net: (E,) sum of their turns: 0 where each facet has a neighbour that faces the same way.
+        key: (E,) a key made of the numbers of both ends.
     """
 
     points: Float
@@ -37,7 +37,7 @@ class Facets:
 
     @classmethod
     def of(cls, points: Float, corners: Int) -> Facets:
-        """From points (V, 3) and the numbers (F, 3) of corners; facets with two equal corners are left out."""
+        """Create facets from points (V, 3) and corner numbers (F, 3); drop facets with two equal corners."""
         a, b, c = corners.T
         corners = corners[(a != b) & (b != c) & (c != a)]
         after = corners[:, [1, 2, 0]]
@@ -52,40 +52,40 @@ class Facets:
 
     @classmethod
     def read(cls, triangles: Float) -> Facets:
-        """From loose triangles (F, 3, 3): equal coordinates make equal corners."""
+        """Create facets from triangles (F, 3, 3); corners with equal coordinates become one."""
         flat = triangles.reshape(-1, 3)
         number, firsts = weld_keys(corner_keys(flat))
-        if not np.array_equal(flat[firsts][number], flat):  # two places of one key: next to never
+        if not np.array_equal(flat[firsts][number], flat):  # two positions with the same key: very rare
             _, first, inverse = np.unique(flat, axis=0, return_index=True, return_inverse=True)
             firsts, number = first.astype(np.int32), inverse.astype(np.int32)
         return cls.of(flat[firsts], number.reshape(-1, 3).astype(np.int64))
 
     @property
     def triangles(self) -> Float:
-        """(F, 3, 3) mm."""
+        """Return the triangles (F, 3, 3), mm."""
         return np.asarray(self.points[self.corners])
 
     @property
     def middles(self) -> Float:
-        """(F, 3) mm, the middle of each facet."""
+        """Return the centroid (F, 3) of each facet, mm."""
         return np.asarray(self.triangles.mean(axis=1))
 
     @property
     def normals(self) -> Float:
-        """(F, 3) mm², twice the area of each facet, along its normal."""
+        """Return the normal (F, 3) of each facet; its length is twice the area, mm²."""
         a, b, c = self.triangles.transpose(1, 0, 2)
         return np.cross(b - a, c - a)
 
     def kept(self, keep: Bool) -> Facets:
-        """Only the facets for which `keep` (F,) is true."""
+        """Return the facets for which `keep` (F,) is true."""
         return Facets.of(self.points, self.corners[keep])
 
     def turned(self, turn: Bool) -> Facets:
-        """With the facets for which `turn` (F,) is true facing the other way."""
+        """Return all facets, with those flipped for which `turn` (F,) is true."""
         return Facets.of(self.points, np.where(turn[:, None], self.corners[:, ::-1], self.corners))
 
     def pairs(self) -> tuple[Int, Bool]:
-        """Facets that share an edge with one other only: (2, P) facets, and (P,) whether both face the same side."""
+        """Return pairs of facets (2, P) that alone share an edge, and whether both face the same way (P,)."""
         half = np.flatnonzero(self.count[self.edges.ravel()] == 2)
         order = half[np.argsort(self.edges.ravel()[half], kind="stable")]
         first, second = order[::2], order[1::2]
@@ -93,5 +93,5 @@ class Facets:
         return np.stack([first // 3, second // 3]), np.asarray(turns[first] != turns[second])
 
     def patches(self) -> Int:
-        """(F,) the patch of each facet, from 0: facets that hang together by edges that two facets share."""
+        """Return the patch of each facet (F,), from 0; a patch is connected by edges with exactly two facets."""
         return label_components(self.pairs()[0], len(self.corners))

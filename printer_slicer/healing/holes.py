@@ -1,4 +1,4 @@
-"""Holes in a surface: closed walks along open edges, filled with facets where it is plain what is missing."""
+"""Fill holes in a surface with facets where the missing shape is clear."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from printer_slicer.model import Repair
 __all__ = ["CRACK", "fill_holes"]
 
 CRACK = 1.0
-"""mm; open edges of two surfaces that are nearer than this are the two sides of a crack, which sections close."""
-_FLAT = 0.002  # mm; corners this near to a plane lie in it
-_SHALLOW = 0.25  # of the width of a hole: how far its corners may be off the plane through it
-_MOST = 0.8  # of the area of a body: how much of it may be filled in
+"""mm; open edges closer than this are the two sides of a crack, which is closed in the sections."""
+_FLAT = 0.002  # mm; corners this close to a plane lie in it
+_SHALLOW = 0.25  # of the width of a hole: maximum distance of its corners from its plane
+_MOST = 0.8  # of the area of a body: maximum area of its filled holes
 _MOST_APEXES = 200
-_MOST_PAIRS = 30_000_000  # of corners and edges compared to find cracks
+_MOST_PAIRS = 30_000_000  # corners times edges to compare in the search for cracks
 _PAIRS_AT_ONCE = 1_000_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Holes:
-    """Closed walks in which the missing facets run along open edges.
+    """The borders of holes: closed loops of open edges.
 
     Attributes:
-        corner: (n,) points along all walks.
-        start: (H + 1,) walk `i` is `corner[start[i]:start[i + 1]]`.
+        corner: (n,) point numbers along all borders.
+        start: (H + 1,) border `i` is `corner[start[i]:start[i + 1]]`.
     """
 
     corner: Int
@@ -39,16 +39,16 @@ class _Holes:
 
     @property
     def size(self) -> Int:
-        """(H,) corners of each."""
+        """Return the number of corners of each hole (H,)."""
         return np.diff(self.start)
 
     @property
     def following(self) -> Int:
-        """(n,) place of the next corner around the hole."""
+        """Return the index of the next corner around the hole (n,)."""
         return next_in_ring(self.start)
 
     def kept(self, keep: Bool) -> _Holes:
-        """Only the walks for which `keep` (H,) is true."""
+        """Return the holes for which `keep` (H,) is true."""
         owner, place = spread(self.size[keep])
         return _Holes(
             self.corner[self.start[:-1][keep][owner] + place],
@@ -59,10 +59,10 @@ class _Holes:
 def fill_holes(facets: Facets) -> tuple[Facets, list[Repair]]:
     """Fill holes with facets between their corners.
 
-    A hole is a closed walk along edges that lack a facet. One of three corners gets the facet that is missing; one with
-    more gets a fan, where its corners lie in a plane or nearly (a quarter of its width), where it is no side of a
-    crack (no open edge of another hole within 1 mm), and where all fans of a body together have no more than
-    four fifths of its area. An edge that is split on one side only leaves a hole without area, and its fan has none.
+    A hole is a closed loop of edges that lack a facet. A hole with three corners gets the missing facet. A larger hole
+    gets a fan under three conditions: its corners lie in a plane or nearly (within a quarter of its width), it is not
+    one side of a crack (no open edge of another hole within 1 mm), and all fans of a body have at most four fifths of
+    its area. An edge that is split on one side only is a hole without area.
     """
     holes = _holes(facets)
     if not len(holes.size):
@@ -100,35 +100,35 @@ def fill_holes(facets: Facets) -> tuple[Facets, list[Repair]]:
 
 
 def _holes(facets: Facets) -> _Holes:
-    """The walks around holes; where several begin and end at one corner, each goes on as its facets do."""
+    """Find the borders of all holes; skip holes with a corner that several borders pass."""
     half = np.flatnonzero(facets.net[facets.edges.ravel()] == facets.turns.ravel())
-    # One half-edge for each facet that is missing on the other side of it.
+    # Take one half-edge for each missing facet.
     half = half[np.unique(facets.edges.ravel()[half], return_index=True)[1]]
     half = half[np.abs(facets.net[facets.edges.ravel()[half]]) == 1]
-    end, begin = facets.corners.ravel()[half], facets.corners[:, [1, 2, 0]].ravel()[half]
-    # The missing facet goes from `begin` to `end`; a corner where only one walk passes is enough to go on.
-    alone = (np.bincount(begin, minlength=len(facets.points)) == 1) & (
+    end, start = facets.corners.ravel()[half], facets.corners[:, [1, 2, 0]].ravel()[half]
+    # The missing facet runs from `start` to `end`. The next edge is unique at a corner that only one border passes.
+    alone = (np.bincount(start, minlength=len(facets.points)) == 1) & (
         np.bincount(end, minlength=len(facets.points)) == 1
     )
     at = np.full(len(facets.points), -1)
-    at[begin] = np.arange(len(begin))
-    # Walks that come to a corner where this is not so are left out.
-    usable = alone[begin] & alone[end]
-    group = label_components(np.stack([begin, end]), len(facets.points))
-    usable &= np.bincount(group[begin], ~usable, len(facets.points))[group[begin]] == 0
+    at[start] = np.arange(len(start))
+    # Skip borders with other corners.
+    usable = alone[start] & alone[end]
+    group = label_components(np.stack([start, end]), len(facets.points))
+    usable &= np.bincount(group[start], ~usable, len(facets.points))[group[start]] == 0
     chosen = np.flatnonzero(usable)
     if not len(chosen):
         return _Holes(np.zeros(0, np.int64), np.zeros(1, np.int64))
-    number = np.full(len(begin), -1)
+    number = np.full(len(start), -1)
     number[chosen] = np.arange(len(chosen))
     walk, rank = cycles(number[at[end[chosen]]])
     order = np.lexsort((rank, walk))
     size = np.unique(walk, return_counts=True)[1]
-    return _Holes(begin[chosen][order], np.concatenate([[0], np.cumsum(size)]))
+    return _Holes(start[chosen][order], np.concatenate([[0], np.cumsum(size)]))
 
 
 def _are_facets(facets: Facets, holes: _Holes) -> Bool:
-    """(H,) whether a hole is nothing but the border of one facet, which stands alone."""
+    """Return whether each hole (H,) is only the border of a single isolated facet."""
     triple = np.flatnonzero(holes.size == 3)
     corners = np.sort(holes.corner[holes.start[:-1][triple][:, None] + np.arange(3)], axis=1)
     a, b, c = np.concatenate([np.sort(facets.corners, axis=1), corners]).T
@@ -141,7 +141,7 @@ def _are_facets(facets: Facets, holes: _Holes) -> Bool:
 
 
 def _shapes(points: Float, holes: _Holes) -> tuple[Float, Float, Float]:
-    """(H,) the extent of each hole, mm, its area, mm², and how far its corners are from a plane, mm."""
+    """Return the extent of each hole (H,), mm, its area, mm², and the distance of its corners from a plane, mm."""
     xyz, hole = points[holes.corner], np.repeat(np.arange(len(holes.size)), holes.size)
     start = holes.start[:-1]
     middle = np.add.reduceat(xyz, start) / holes.size[:, None]
@@ -151,7 +151,7 @@ def _shapes(points: Float, holes: _Holes) -> tuple[Float, Float, Float]:
     extent = 2 * np.maximum.reduceat(np.linalg.norm(arm, axis=1), start)
     direction = normal / np.maximum(area, 1e-300)[:, None]
     off = np.maximum.reduceat(np.abs((arm * direction[hole]).sum(axis=1)), start)
-    # A hole without area has no plane; it is as far off as its corners are from its longest arm.
+    # A hole without area has no plane; use the distance of its corners from its longest arm.
     longest = np.lexsort((np.linalg.norm(arm, axis=1), hole))[holes.start[1:] - 1]
     axis = arm[longest] / np.maximum(np.linalg.norm(arm[longest], axis=1), 1e-300)[:, None]
     aside = np.linalg.norm(np.cross(arm, axis[hole]), axis=1)
@@ -160,7 +160,7 @@ def _shapes(points: Float, holes: _Holes) -> tuple[Float, Float, Float]:
 
 
 def _cracks(points: Float, holes: _Holes) -> Bool:
-    """(H,) whether a corner of the hole lies near an edge of another; all do where there are too many to compare."""
+    """Return whether each hole (H,) has a corner near an edge of another; all True if too many to compare."""
     hole = np.repeat(np.arange(len(holes.size)), holes.size)
     result = np.zeros(len(holes.size), np.bool_)
     several = np.flatnonzero((holes.size > 3)[hole])
@@ -168,10 +168,10 @@ def _cracks(points: Float, holes: _Holes) -> Bool:
         return result
     if len(several) * len(hole) > _MOST_PAIRS:
         return ~result
-    begin, end = points[holes.corner], points[holes.corner[holes.following]]
-    along = end - begin
+    start, end = points[holes.corner], points[holes.corner[holes.following]]
+    along = end - start
     for some in np.array_split(several, len(several) * len(hole) // _PAIRS_AT_ONCE + 1):
-        gap = begin[some][:, None] - begin[None]
+        gap = start[some][:, None] - start[None]
         gap -= nearest_share(gap, along)[..., None] * along
         near = (dot(gap, gap) < CRACK**2) & (hole[some][:, None] != hole[None])
         result[hole[some][near.any(axis=1)]] = True
@@ -179,7 +179,7 @@ def _cracks(points: Float, holes: _Holes) -> Bool:
 
 
 def _within_share(facets: Facets, holes: _Holes, area: Float) -> Bool:
-    """(H,) whether the holes of a body are small beside what there is of it."""
+    """Return whether the body of each hole (H,) has holes small enough for its area."""
     body = label_components(facets.corners.T, len(facets.points))
     n_bodies = int(body.max()) + 1
     there = np.bincount(body[facets.corners[:, 0]], np.linalg.norm(facets.normals, axis=1) / 2, n_bodies)
@@ -189,7 +189,7 @@ def _within_share(facets: Facets, holes: _Holes, area: Float) -> Bool:
 
 
 def _fans(points: Float, holes: _Holes) -> Int:
-    """(n, 3) corners of the facets that fill the holes, each from one corner of the hole to all of its sides."""
+    """Return the facets (n, 3) that fill the holes, as fans from one corner of each."""
     triple = holes.size == 3
     facets = [holes.corner[holes.start[:-1][triple][:, None] + np.arange(3)]]
     for k in np.flatnonzero(~triple).tolist():
@@ -200,7 +200,7 @@ def _fans(points: Float, holes: _Holes) -> Int:
 
 
 def _apex(walk: Float) -> int:
-    """The corner whose fan has the least area: none of its facets overlap if the hole can be seen from there."""
+    """Return the corner whose fan has the least area; its facets do not overlap if it sees the whole hole."""
     if len(walk) > _MOST_APEXES:
         return 0
     arm = walk[None] - walk[:, None]

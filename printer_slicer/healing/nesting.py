@@ -1,4 +1,4 @@
-"""Which surfaces run around which places: for all places at once, by the facets over and around them."""
+"""Find which surfaces enclose which points, for all points at once."""
 
 from __future__ import annotations
 
@@ -9,27 +9,27 @@ from printer_slicer.geometry.facet_topology import spread
 
 __all__ = ["covers", "runs_around"]
 
-_AT_ONCE = 1 << 16  # facets whose boxes are looked up together
-_PAIRS_AT_ONCE = 1 << 19  # of places and facets
+_AT_ONCE = 1 << 16  # facets whose bounding boxes are looked up at a time
+_PAIRS_AT_ONCE = 1 << 19  # points times facets
 _MOST_PAIRS = 20_000_000
 _Found = tuple[Int, Int, Float]
 
 
 def runs_around(triangles: Float, owner: Int, places: Float) -> _Found:
-    """How often closed surfaces run around places: facets over a place that look up less those that look down.
+    """Count how often closed surfaces enclose points: facets above a point that face up minus those that face down.
 
     Args:
         triangles: (F, 3, 3) mm.
-        owner: (F,) the surface that each belongs to.
-        places: (n, 3) mm, on no surface.
+        owner: (F,) the surface of each facet.
+        places: (n, 3) points, mm, on no surface.
 
     Returns:
-        (m,) place, surface and turns, of all pairs with other than 0 turns; by place, then surface.
+        Index of the point, surface and count (m,) of each pair with a count other than 0; by point, then surface.
     """
     from printer_slicer.geometry.planar import SegmentTree  # noqa: PLC0415 - shapely only when it is needed
 
     if not len(places) or not len(triangles):
-        return _summed([], int(owner.max(initial=0)) + 1)
+        return _sum_pairs([], int(owner.max(initial=0)) + 1)
     tree = SegmentTree(np.stack([places[:, :2], places[:, :2]], axis=1))
     low, high = places.min(axis=0), places.max(axis=0)
     found: list[_Found] = []
@@ -48,22 +48,22 @@ def runs_around(triangles: Float, owner: Int, places: Float) -> _Found:
             turns = np.where(_height_at(these, x, y) > z, _turns_around(these, x, y), 0)
             counts = np.flatnonzero(turns)
             found.append((place[some][counts], owner[at + facet[some][counts]], turns[counts].astype(float)))
-    return _summed(found, int(owner.max()) + 1)
+    return _sum_pairs(found, int(owner.max()) + 1)
 
 
 def covers(triangles: Float, owner: Int, places: Float) -> _Found:
-    """How much of all directions from a place open surfaces cover, seen from behind: 1 within one that were closed.
+    """Measure the fraction of the full solid angle that open surfaces cover around points, seen from behind.
 
-    An open surface covers less, but more than half of all directions deep inside. Only places within the envelope of a
-    surface are looked at. Where there are too many pairs, facets straight over the places count instead.
+    A closed surface covers all of it (1) around a point inside; an open one covers less, but over half deep inside.
+    Only points in the bounding box of a surface are considered. With too many pairs, `runs_around` is used instead.
 
     Args:
         triangles: (F, 3, 3) mm.
-        owner: (F,) the surface that each belongs to.
-        places: (n, 3) mm, on no surface.
+        owner: (F,) the surface of each facet.
+        places: (n, 3) points, mm, on no surface.
 
     Returns:
-        (m,) place, surface and share; by place, then surface.
+        Index of the point, surface and fraction (m,); by point, then surface.
 
     Source: van Oosterom & Strackee, The solid angle of a plane triangle, 1983.
     """
@@ -72,8 +72,8 @@ def covers(triangles: Float, owner: Int, places: Float) -> _Found:
     size = np.diff(np.append(first, len(order)))
     ordered = triangles.take(order, axis=0)
     pairs: list[tuple[Int, Int]] = []
-    for k, (begin, count) in enumerate(zip(first.tolist(), size.tolist(), strict=True)):
-        corners = ordered[begin : begin + count]
+    for k, (start, count) in enumerate(zip(first.tolist(), size.tolist(), strict=True)):
+        corners = ordered[start : start + count]
         within = (places >= corners.min(axis=(0, 1))) & (places <= corners.max(axis=(0, 1)))
         place = np.flatnonzero(within.all(axis=1))
         pairs.append((place, np.full(len(place), k)))
@@ -93,11 +93,11 @@ def covers(triangles: Float, owner: Int, places: Float) -> _Found:
         )
         sums = np.asarray(np.bincount(pair, share, len(some)), np.float64)
         found.append((place[some], surface[number[some]], sums))
-    return _summed(found, int(owner.max(initial=0)) + 1)
+    return _sum_pairs(found, int(owner.max(initial=0)) + 1)
 
 
-def _summed(found: list[_Found], n_owners: int) -> _Found:
-    """Each pair of place and surface once."""
+def _sum_pairs(found: list[_Found], n_owners: int) -> _Found:
+    """Add up the values of equal pairs of point and surface."""
     nothing = np.zeros(0, np.int64)
     place, owner = (np.concatenate([nothing, *(some[i] for some in found)]) for i in (0, 1))
     value = np.concatenate([np.zeros(0), *(some[2] for some in found)])
@@ -108,7 +108,7 @@ def _summed(found: list[_Found], n_owners: int) -> _Found:
 
 
 def _solid_angles(triangles: Float, places: Float) -> Float:
-    """(n,) of each facet, seen from its place, as a share of all directions."""
+    """Return the solid angle (n,) of each facet, seen from its point, as a fraction of the full sphere."""
     a, b, c = (triangles - places[:, None]).transpose(1, 0, 2)
     la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))
     box = np.einsum("ij,ij->i", a, np.cross(b, c))
@@ -120,13 +120,13 @@ def _solid_angles(triangles: Float, places: Float) -> Float:
 
 
 def _turns_around(triangles: Float, x: Float, y: Float) -> Int:
-    """(n,) 1 where the facet, seen from above, runs around the place counter-clockwise, -1 clockwise, else 0."""
-    begin, end = triangles, triangles[:, [1, 2, 0]]
+    """Return 1 for each facet (n,) that runs counter-clockwise around its point from above, -1 clockwise, else 0."""
+    start, end = triangles, triangles[:, [1, 2, 0]]
     x, y = x[:, None], y[:, None]
-    up = (begin[:, :, 1] <= y) & (end[:, :, 1] > y)
-    down = (begin[:, :, 1] > y) & (end[:, :, 1] <= y)
-    # From the lower end to the upper one, so that both facets of an edge see the same number.
-    low, high = np.where(down[:, :, None], end, begin), np.where(down[:, :, None], begin, end)
+    up = (start[:, :, 1] <= y) & (end[:, :, 1] > y)
+    down = (start[:, :, 1] > y) & (end[:, :, 1] <= y)
+    # Compute from the lower end to the upper one, so that both facets of an edge give the same number.
+    low, high = np.where(down[:, :, None], end, start), np.where(down[:, :, None], start, end)
     rise = np.where(up | down, high[:, :, 1] - low[:, :, 1], 1.0)
     where = low[:, :, 0] + (y - low[:, :, 1]) / rise * (high[:, :, 0] - low[:, :, 0])
     right = where > x
@@ -134,7 +134,7 @@ def _turns_around(triangles: Float, x: Float, y: Float) -> Int:
 
 
 def _height_at(triangles: Float, x: Float, y: Float) -> Float:
-    """(n,) height of the plane of each facet over its place; upright facets give their top."""
+    """Return the height (n,) of the plane of each facet above its point; vertical facets give their top."""
     a, b, c = triangles.transpose(1, 0, 2)
     normal = np.cross(b - a, c - a)
     flat = normal[:, 2] != 0

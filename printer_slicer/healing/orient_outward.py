@@ -15,23 +15,25 @@ from printer_slicer.model import Repair
 
 __all__ = ["enclosed_volume", "orient_outward"]
 
-_INWARD = 1e-3  # of the size of a facet: how far a place is moved off it
+_INWARD = 1e-3  # of the size of a facet: distance of a test point from it
 _NO_VOLUME = 1e-9  # mm³
-_CLEAR = 1e-3  # of its area to the power of 1.5: what an open surface must enclose to have an inside
+_CLEAR = 1e-3  # of its area to the power of 1.5: minimum volume for an open surface to have an inside
 _MOSTLY = 0.5
-_FEW = 2000  # open shells that are held against each other
-_LOOKS = 6  # places of an outward shell besides the largest facet that must all be within another
+_FEW = 2000  # maximum number of open shells that are compared
+_LOOKS = (
+    6  # test points of an outward shell, besides the largest facet, that must all be within another shell
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Shells:
-    """The surface in pieces that face one way each: closed shells, and open ones within a crack's width of each other.
+    """The surface split into shells: closed ones, and groups of open ones within a crack's width of each other.
 
     Attributes:
         of_facet: (F,) the shell of each facet.
         volume: (S,) mm³, signed.
-        closed: (S,).
-        clear: (S,) whether a shell encloses enough to have an inside.
+        closed: (S,) whether the shell is closed.
+        clear: (S,) whether the shell encloses enough volume to have an inside.
     """
 
     of_facet: Int
@@ -41,11 +43,11 @@ class _Shells:
 
     @classmethod
     def of(cls, facets: Facets) -> _Shells:
-        """Closed patches each by itself, open ones that hang together as one."""
+        """Group the patches of a surface into shells; each closed patch is a shell."""
         patch = facets.patches()
         n_patches = int(patch.max(initial=-1)) + 1
         closed = _closed(facets, patch, n_patches)
-        shell = _open_together(facets, patch, closed)[patch]
+        shell = _group_open_patches(facets, patch, closed)[patch]
         n_shells = int(shell.max(initial=-1)) + 1
         whole = np.ones(n_shells, np.bool_)
         whole[shell[~closed[patch]]] = False
@@ -57,15 +59,15 @@ class _Shells:
 def orient_outward(facets: Facets) -> tuple[Facets, list[Repair]]:
     """Flip shells until every shell except a void faces outward.
 
-    A shell that faces inward is a void if it lies within the solid, as the larger shells around it say; otherwise it is
-    turned. With it turn those that faced outward in it: what the file has inside out, it has inside out with its voids.
-    The largest are judged first.
+    A shell that faces inward is a void if it lies within the solid, judged by the larger shells around it. Otherwise it
+    is flipped, together with the shells in it that faced outward: a body that is inside out has its voids inside out
+    too. The largest shells are checked first.
     """
     shells = _Shells.of(facets)
     inward = shells.clear & (shells.volume < 0)
     if not inward.any():
         return facets, []
-    turn = _to_turn(facets, shells, inward)
+    turn = _shells_to_flip(facets, shells, inward)
     if not turn.any():
         return facets, []
     done = []
@@ -77,7 +79,10 @@ def orient_outward(facets: Facets) -> tuple[Facets, list[Repair]]:
 
 
 def enclosed_volume(facets: Facets, shell: Int, n_shells: int) -> tuple[Float, Float]:
-    """(n_shells,) signed volume, mm³, and area, mm², of each shell; open ones end at the middle of their border."""
+    """Return the signed volume, mm³, and the area, mm², of each shell (n_shells,).
+
+    Open shells are closed by a cone to the middle of their border.
+    """
     origin = np.zeros((n_shells, 3))
     origin[shell[::-1]] = facets.points[facets.corners[::-1, 0]]
     border = facets.count[facets.edges] == 1
@@ -93,7 +98,7 @@ def enclosed_volume(facets: Facets, shell: Int, n_shells: int) -> tuple[Float, F
 
 
 def _closed(facets: Facets, patch: Int, n_patches: int) -> Bool:
-    """(n_patches,) whether the facets of each patch alone pass every edge as often in both directions."""
+    """Return whether the facets of each patch (n_patches,) use every edge equally often in both directions."""
     key, inverse = np.unique(
         np.repeat(patch, 3) * np.int64(len(facets.count)) + facets.edges.ravel(), return_inverse=True
     )
@@ -101,30 +106,30 @@ def _closed(facets: Facets, patch: Int, n_patches: int) -> Bool:
     return np.asarray(np.bincount(key[net != 0] // len(facets.count), minlength=n_patches) == 0)
 
 
-def _open_together(facets: Facets, patch: Int, closed: Bool) -> Int:
-    """(P,) the shell of each patch: open ones whose envelopes are within the width of a crack are one."""
+def _group_open_patches(facets: Facets, patch: Int, closed: Bool) -> Int:
+    """Return the shell of each patch (P,); open patches with bounding boxes within a crack's width are one shell."""
     open_ones = np.flatnonzero(~closed)
     if not 1 < len(open_ones) <= _FEW:
         return np.arange(len(closed))
-    low, high = _envelopes(facets, patch, len(closed))
+    low, high = _bounding_boxes(facets, patch, len(closed))
     low, high = low[open_ones] - CRACK / 2, high[open_ones] + CRACK / 2
     near = ((low[:, None] <= high[None]) & (high[:, None] >= low[None])).all(axis=2)
     pairs = open_ones[np.stack(np.nonzero(near))]
     return label_components(pairs, len(closed))
 
 
-def _envelopes(facets: Facets, shell: Int, n_shells: int) -> tuple[Float, Float]:
-    """(n_shells, 3) lowest and highest corner around each shell."""
+def _bounding_boxes(facets: Facets, shell: Int, n_shells: int) -> tuple[Float, Float]:
+    """Return the lower and upper corners (n_shells, 3) of the bounding box of each shell."""
     order = np.argsort(shell, kind="stable")
     first = np.searchsorted(shell[order], np.arange(n_shells))
     corners = facets.triangles.take(order, axis=0)
     return np.minimum.reduceat(corners.min(axis=1), first), np.maximum.reduceat(corners.max(axis=1), first)
 
 
-def _to_turn(facets: Facets, shells: _Shells, inward: Bool) -> Bool:
-    """(S,) which shells are to be turned, see `orient_outward`."""
+def _shells_to_flip(facets: Facets, shells: _Shells, inward: Bool) -> Bool:
+    """Return which shells (S,) to flip, see `orient_outward`."""
     asked = np.flatnonzero(inward | _may_be_voids(facets, shells, inward))
-    places, asker = _places(facets, shells, asked, inward)
+    places, asker = _test_points(facets, shells, asked, inward)
     found = [
         look(facets.triangles[some], shells.of_facet[some], places)
         for look, some in (
@@ -139,10 +144,10 @@ def _to_turn(facets: Facets, shells: _Shells, inward: Bool) -> Bool:
     place, other, around = place[larger], other[larger], around[larger]
     order = np.argsort(asker[place], kind="stable")
     place, other, around = place[order], other[order], around[order]
-    begin, end = (np.searchsorted(asker[place], asked, side=side) for side in ("left", "right"))
+    start, end = (np.searchsorted(asker[place], asked, side=side) for side in ("left", "right"))
     turn = np.zeros(len(inward), np.bool_)
     for k in np.argsort(-size[asked], kind="stable").tolist():
-        shell, these = asked[k], slice(int(begin[k]), int(end[k]))
+        shell, these = asked[k], slice(int(start[k]), int(end[k]))
         if inward[shell]:
             turn[shell] = (around[these] * np.where(turn[other[these]], -1, 1)).sum() < _MOSTLY
         else:
@@ -154,10 +159,10 @@ def _to_turn(facets: Facets, shells: _Shells, inward: Bool) -> Bool:
 
 
 def _may_be_voids(facets: Facets, shells: _Shells, inward: Bool) -> Bool:
-    """(S,) shells that face outward and whose envelope lies in that of a larger one that faces inward."""
+    """Return which shells (S,) face outward with a bounding box inside that of a larger inward shell."""
     from printer_slicer.geometry.planar import SegmentTree  # noqa: PLC0415 - shapely only when it is needed
 
-    low, high = _envelopes(facets, shells.of_facet, len(inward))
+    low, high = _bounding_boxes(facets, shells.of_facet, len(inward))
     around, outward = np.flatnonzero(inward), np.flatnonzero(shells.clear & ~inward)
     tree = SegmentTree(np.stack([low[around, :2], high[around, :2]], axis=1))
     one, other = tree.meeting(low[outward, :2], high[outward, :2])
@@ -169,8 +174,11 @@ def _may_be_voids(facets: Facets, shells: _Shells, inward: Bool) -> Bool:
     return result
 
 
-def _places(facets: Facets, shells: _Shells, asked: Int, inward: Bool) -> tuple[Float, Int]:
-    """(n, 3) places just within shells, and (n,) the shell: behind its largest facet, for outward ones more."""
+def _test_points(facets: Facets, shells: _Shells, asked: Int, inward: Bool) -> tuple[Float, Int]:
+    """Return test points (n, 3) just inside shells, and the shell of each (n,).
+
+    There is one behind the largest facet of each shell, and there are more for shells that face outward.
+    """
     normals = facets.normals
     size = np.linalg.norm(normals, axis=1)
     order = np.lexsort((size, shells.of_facet))
@@ -178,7 +186,7 @@ def _places(facets: Facets, shells: _Shells, asked: Int, inward: Bool) -> tuple[
     first = np.searchsorted(shells.of_facet[order], asked)
     chosen, asker = [order[last]], [asked]
     several = np.flatnonzero(~inward[asked])
-    for look in range(_LOOKS):  # spread over its facets from small to large
+    for look in range(_LOOKS):  # choose facets from small to large
         chosen.append(order[first + (last - first) * look // _LOOKS][several])
         asker.append(asked[several])
     facet, shell = np.concatenate(chosen), np.concatenate(asker)

@@ -13,18 +13,17 @@ from printer_slicer.model import Repair
 
 __all__ = ["drop_loose_facets"]
 
-_FLAT = 1e-3  # of its area to the power of 1.5: a piece that encloses less has no inside
+_FLAT = 1e-3  # of its area to the power of 1.5: a patch that encloses less volume is flat
 _MOST = 0.05  # of the area of the mesh
-_MOST_EDGES = 100_000  # open ones that are held against each other
+_MOST_EDGES = 100_000  # maximum number of open edges that are compared
 
 
 def drop_loose_facets(facets: Facets) -> tuple[Facets, list[Repair]]:
-    """Drop flat shells that share no edge with others and run along no open edge of another.
+    """Drop flat patches that share no edge with others and do not run along an open edge of another.
 
-    Along is: both ends and the middle are within the width of a crack.
-
-    Something else is left. Where that is open too, they are at most a twentieth of the surface; otherwise all stay, for
-    the mesh may be nothing but such pieces, to be closed section by section.
+    An edge runs along another if both of its ends and its middle are within the width of a crack. All patches stay if
+    nothing else would remain, or if the rest is open too and they are more than a twentieth of the surface: then the
+    mesh may consist of such patches, which are joined in each section.
     """
     open_edge = facets.count[facets.edges] == 1
     if not open_edge.any() or int(open_edge.sum()) > _MOST_EDGES:
@@ -44,25 +43,25 @@ def drop_loose_facets(facets: Facets) -> tuple[Facets, list[Repair]]:
 
 
 def _beside_others(facets: Facets, patch: Int, open_edge: Bool, loose: Bool) -> Int:
-    """(n,) those of the `loose` (P,) patches that have an open edge along those of other patches."""
+    """Return the patches (n,) among `loose` (P,) that have an open edge along one of another patch."""
     from printer_slicer.geometry.planar import SegmentTree  # noqa: PLC0415 - shapely only when it is needed
 
     if not loose.any():
         return np.zeros(0, np.int64)
     owner = np.repeat(patch, 3)[open_edge.ravel()]
-    begin = facets.points[facets.corners[open_edge]]
+    start = facets.points[facets.corners[open_edge]]
     end = facets.points[facets.corners[:, [1, 2, 0]][open_edge]]
-    tree = SegmentTree(np.stack([begin[:, :2], end[:, :2]], axis=1))
+    tree = SegmentTree(np.stack([start[:, :2], end[:, :2]], axis=1))
     own = np.flatnonzero(loose[owner])
     beside = np.ones(len(own), np.bool_)
-    for point in (begin[own], (begin[own] + end[own]) / 2, end[own]):
+    for point in (start[own], (start[own] + end[own]) / 2, end[own]):
         place, other = tree.meeting(point[:, :2] - CRACK, point[:, :2] + CRACK)
         apart = owner[own[place]] == owner[other]
-        near = ~apart & (_distance(point[place], begin[other], end[other]) <= CRACK)
+        near = ~apart & (_distance(point[place], start[other], end[other]) <= CRACK)
         beside &= np.bincount(place[near], minlength=len(own)) > 0
     return np.unique(owner[own[beside]])
 
 
-def _distance(point: Float, begin: Float, end: Float) -> Float:
-    """(n,) mm from each point (n, 3) to its straight line from `begin` to `end`."""
-    return np.asarray(np.linalg.norm(point - feet(point, begin, end)[0], axis=1))
+def _distance(point: Float, start: Float, end: Float) -> Float:
+    """Return the distance (n,) of each point (n, 3) from its segment from `start` to `end`, mm."""
+    return np.asarray(np.linalg.norm(point - feet(point, start, end)[0], axis=1))

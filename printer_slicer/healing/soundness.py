@@ -1,4 +1,4 @@
-"""Whether a mesh needs no repair at all: one closed surface that faces outward. Nearly every part is."""
+"""Check whether a mesh is one closed surface that faces outward and needs no repair, as most parts are."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from printer_slicer.geometry.facet_topology import edge_keys, keys_of
 
 __all__ = ["is_sound"]
 
-_HOLLOW = 1e-6  # of what is under all facets: a surface and its reverse hold nothing but rounding
+_HOLLOW = 1e-6  # of the volume below all facets: less than this is rounding
 _AT_ONCE = 1 << 15  # facets whose edges stay in the processor's cache
 _Keys = NDArray[np.uint64]
 
 
 class _Edges(NamedTuple):
-    """Edges that a block of facets has alone, and what hangs together within it.
+    """The unmatched edges of a block of facets, and its connected pieces.
 
     Attributes:
-        key: (n,) of each edge, the same for both of its directions.
-        upward: (n,) whether the facet passes it towards the corner with the higher key.
+        key: (n,) key of each edge, the same for both directions.
+        upward: (n,) whether the facet uses it towards the corner with the higher key.
         piece: (n,) the piece of the block that the facet belongs to.
-        pieces: how many pieces the block has.
+        pieces: number of pieces in the block.
     """
 
     key: _Keys
@@ -35,26 +35,26 @@ class _Edges(NamedTuple):
 
 
 def is_sound(triangles: Float) -> bool:
-    """Whether facets (F, 3, 3) are one closed surface that faces outward.
+    """Return whether facets (F, 3, 3) are one closed surface that faces outward.
 
-    Every edge has one facet on each side, and facets hang together by edges: bodies that touch in a corner or an edge
-    are not one. Of an edge that one body touches itself along, block by block, either side may be seen alone.
+    Every edge must have one facet on each side, and all facets must be connected by edges; bodies that touch only in a
+    corner or an edge are not. Where a body touches itself along an edge, the result may depend on the blocks.
     """
     blocks, volume, shaded = [], 0.0, 0.0
     bottom = float(triangles[:, :, 2].min(initial=0.0))
     for at in range(0, len(triangles), _AT_ONCE):
         x, y, z = np.ascontiguousarray(triangles[at : at + _AT_ONCE].transpose(2, 1, 0))
         blocks.append(_edges_of(keys_of(x.ravel(), y.ravel(), z.ravel()).reshape(3, -1)))
-        # Over every facet stands a column from the lowest corner; those under facets that look down count negative.
+        # Sum the columns between the lowest corner and each facet; columns below facets that face down are negative.
         columns = (x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0])
         columns *= z[0] + z[1] + z[2] - 3 * bottom
         volume += float(columns.sum())
         shaded += float(np.abs(columns).sum())
-    return volume > _HOLLOW * shaded and _close(blocks)
+    return volume > _HOLLOW * shaded and _blocks_match(blocks)
 
 
 def _edges_of(tag: _Keys) -> _Edges:
-    """What is left of a block when its facets are joined two by two, from the keys of the corners (3, n)."""
+    """Match the edges of a block of facets and return the unmatched ones, from the keys of the corners (3, n)."""
     key, upward = edge_keys(tag).ravel(), (tag < tag[[1, 2, 0]]).ravel()
     n = tag.shape[1]
     number, firsts = weld_keys(key)
@@ -68,8 +68,8 @@ def _edges_of(tag: _Keys) -> _Edges:
     return _Edges(key[alone], upward[alone], piece[alone % n].astype(np.int32), int(piece.max()) + 1)
 
 
-def _close(blocks: list[_Edges]) -> bool:
-    """Whether the edges that blocks leave alone join all of their pieces to one, two by two."""
+def _blocks_match(blocks: list[_Edges]) -> bool:
+    """Return whether the unmatched edges of all blocks pair up and connect all pieces."""
     key = np.concatenate([block.key for block in blocks])
     upward = np.concatenate([block.upward for block in blocks])
     offset = np.cumsum([0, *(block.pieces for block in blocks)])

@@ -1,12 +1,11 @@
 """Read and write model files.
 
-One module per format; `reading` chooses between them, and `soundness` judges what came out. STL and OBJ are read
-piece by piece, 3MF as a stream of XML, GLB, PLY and OFF from their arrays; STEP goes through OpenCASCADE,
-imported only then.
+There is one module per format. `reading` chooses between them, and `soundness` checks the result. STL and OBJ are read
+in chunks, 3MF as a stream of XML, and GLB, PLY and OFF from their arrays. STEP is converted by OpenCASCADE, which is
+imported only when it is needed.
 
-What a file may contain and still be a part: it has facets, all coordinates are finite, and it extends in x, y and z.
-Facets with two equal corners are left out and counted. Whether the surface is closed, faces outward and encloses a
-volume is for `healing` to find.
+A file holds a part if it has facets, all coordinates are finite, and it extends in x, y and z. Facets with two equal
+corners are dropped and counted. `healing` checks whether the surface is closed, faces outward and encloses a volume.
 """
 
 from __future__ import annotations

@@ -21,15 +21,15 @@ __all__ = ["Archive", "open_archive"]
 PIECE: Final = 1 << 20
 """Bytes unpacked at a time."""
 DIRECTORY_ENTRY: Final = 46
-"""Least bytes of an entry of the directory."""
+"""Minimum length of a directory entry, bytes."""
 LONGEST_NAME: Final = 1024
-"""Bytes of name, extra fields and comment that an entry of the directory has, on the average at most."""
+"""Maximum average length of the name, extra fields and comment of a directory entry, bytes."""
 ENTRY_LEFT: Final = 22
-"""Bytes of the record that ends an archive, without its comment."""
+"""Length of the record at the end of an archive without its comment, bytes."""
 
 
 class Archive:
-    """The members of a ZIP archive, by names without regard to case or a slash at the start."""
+    """The members of a ZIP archive; names ignore case and a leading slash."""
 
     def __init__(self, source: ModelFile, limits: Limits) -> None:
         self.path = source.path
@@ -42,17 +42,17 @@ class Archive:
 
     @property
     def names(self) -> list[str]:
-        """Names of the members, lower case."""
+        """Return the names of the members in lower case."""
         return list(self._members)
 
     def __contains__(self, name: str) -> bool:
         return _plain(name) in self._members
 
     def pieces(self, name: str) -> Iterator[bytes]:
-        """A member, piece by piece.
+        """Yield the content of a member in chunks.
 
         Raises:
-            MeshError: it is not there, or unpacking it would break a limit.
+            MeshError: the member does not exist, or unpacking it would exceed a limit.
         """
         info = self._members.get(_plain(name))
         if info is None:
@@ -61,13 +61,13 @@ class Archive:
         with self._zip.open(info) as file:
             while piece := file.read(PIECE):
                 self._expanded += len(piece)
-                if self._expanded > self._limits.expanded_bytes:  # whatever its directory says
+                if self._expanded > self._limits.expanded_bytes:  # the directory may understate the size
                     raise self._bomb(f"unpacks to over {self._limits.expanded_bytes} bytes")
                 yield piece
                 self._source.progress(min(file.tell() / max(info.file_size, 1), 1.0))
 
     def _check(self, info: zipfile.ZipInfo) -> None:
-        """Refuse what is not worth beginning to unpack."""
+        """Reject a member that is encrypted, too large, or compressed with an unsupported method."""
         if info.flag_bits & 1:
             raise MeshError(
                 f"{self.path}: the archive is encrypted", remedy="Export the part again without a password"
@@ -99,7 +99,7 @@ def _plain(name: str) -> str:
 
 
 def _check_directory(source: ModelFile, limits: Limits) -> None:
-    """Refuse a directory that is too long to be read; its length stands at the end of the file."""
+    """Reject an archive whose directory is too long; the end of the file tells its length."""
     source.file.seek(max(0, source.size - (1 << 16) - ENTRY_LEFT))
     end = source.file.read()
     at = end.rfind(b"PK\5\6")
@@ -109,20 +109,20 @@ def _check_directory(source: ModelFile, limits: Limits) -> None:
     large = end.rfind(b"PK\6\6", 0, at)
     if length == 0xFFFFFFFF and large >= 0 and len(end) >= large + 48:
         (length,) = struct.unpack_from("<Q", end, large + 40)
-    most = limits.members * (DIRECTORY_ENTRY + LONGEST_NAME)
-    if length > min(most, source.size):
+    limit = limits.members * (DIRECTORY_ENTRY + LONGEST_NAME)
+    if length > min(limit, source.size):
         raise MeshError(
-            f"{source.path}: the directory of the archive has {length} bytes; the limit is {most}",
+            f"{source.path}: the directory of the archive has {length} bytes; the limit is {limit}",
             remedy=COPY_AGAIN,
         )
 
 
 @contextmanager
 def open_archive(source: ModelFile, limits: Limits) -> Iterator[Archive]:
-    """The archive in a file, open.
+    """Open the archive in a file.
 
     Raises:
-        MeshError: it is no sound archive, or has too many members.
+        MeshError: the archive is not valid or has too many members.
     """
     try:
         archive = Archive(source, limits)

@@ -1,4 +1,7 @@
-"""ASCII STL, chunk by chunk: split into words at once, every 21st of which must be the same."""
+"""Read ASCII STL files in chunks.
+
+Each chunk is split into words. A facet has 21 words, so every 21st word must be the same.
+"""
 
 from __future__ import annotations
 
@@ -22,24 +25,24 @@ __all__ = ["is_ascii_stl", "read_ascii_stl"]
 GRAMMAR: Final = (
     b"facet normal # # # outer loop vertex # # # vertex # # # vertex # # # endloop endfacet".split()
 )
-"""Words of one facet of an ASCII STL; # is a number."""
+"""The words of one facet of an ASCII STL; # is a number."""
 COORDINATES: Final = (8, 9, 10, 12, 13, 14, 16, 17, 18)
-"""Places in GRAMMAR of the nine coordinates."""
+"""Indices of the nine coordinates in GRAMMAR."""
 FIXED: Final = tuple((place, word) for place, word in enumerate(GRAMMAR) if word != b"#")
 NORMAL: Final = re.compile(rb"\bfacet[ \t]+normal\b[^\n]*?(?=\bouter\b|$)", re.MULTILINE)
-"""The normal of a facet, whatever it is: the corners decide."""
+"""The normal of a facet; its value is ignored, because the corners determine it."""
 LONGEST_LINE: Final = 1 << 24
 """bytes"""
 PADDING: Final = b"\0\x1a"
-"""What programs leave behind the end of a text: zeros, and the mark of an end that CP/M and DOS had."""
+"""Bytes that programs append to a text: zeros and the end-of-file character of CP/M and DOS."""
 
 
 class _MalformedError(Exception):
-    """The text is malformed; the place is searched for afterwards."""
+    """The text is malformed; `_fault` finds the line afterwards."""
 
 
 def is_ascii_stl(source: ModelFile) -> bool:
-    """Whether it begins like an ASCII STL and has next to no zero bytes, of which every binary one has many."""
+    """Return whether a file starts like an ASCII STL and has almost no zero bytes; binary files have many."""
     head = source.head
     if head.startswith((b"\xff\xfe", b"\xfe\xff")):
         head = head.replace(b"\0", b"")[2:]
@@ -50,14 +53,14 @@ def is_ascii_stl(source: ModelFile) -> bool:
 
 
 def read_ascii_stl(source: ModelFile, limits: Limits) -> tuple[Float, list[str]]:
-    """(F, 3, 3) corners of an ASCII STL of any number of solids, and what deserves a look.
+    """Return the corners (F, 3, 3) of all solids of an ASCII STL, and warnings.
 
-    Normals may be anything, as programs write what is no number there; where one is, the file is read a second time
-    without them. Only when something else is wrong it is read line by line, to say where. A file may end with padding,
-    and without `endsolid` where its last facet is whole.
+    Some programs write normals that are not numbers; such a file is read a second time without its normals. If
+    anything else is wrong, the file is read line by line to find the line. A file may end with padding, and
+    `endsolid` may be missing after a complete facet.
 
     Raises:
-        MeshError: names the line that is not as it should be.
+        MeshError: the file is malformed; names the line.
     """
     try:
         pieces, last = _facets(_whole_lines(source), source, limits)
@@ -74,7 +77,7 @@ def read_ascii_stl(source: ModelFile, limits: Limits) -> tuple[Float, list[str]]
 
 
 def _facets(texts: Iterator[bytes], source: ModelFile, limits: Limits) -> tuple[list[Float], bytes]:
-    """Corners of the facets in pieces of a text, (F, 3, 3) each, and what the last line with `solid` began with."""
+    """Return the corners (F, 3, 3) of each chunk of text, and how the last line with `solid` started."""
     pieces: list[Float] = []
     count, left, last = 0, list[bytes](), b""
     for text in texts:
@@ -91,12 +94,12 @@ def _facets(texts: Iterator[bytes], source: ModelFile, limits: Limits) -> tuple[
 
 
 def _without_normals(source: ModelFile) -> Iterator[bytes]:
-    """The file as from `_whole_lines`, with zeros as normals."""
+    """Yield the chunks of `_whole_lines` with all normals set to zero."""
     return (NORMAL.sub(b"facet normal 0 0 0 ", text) for text in _whole_lines(source))
 
 
 def _whole_lines(source: ModelFile) -> Iterator[bytes]:
-    """The file in lower case, in pieces that end with a line."""
+    """Yield the file in lower case, in chunks that end with a complete line."""
     rest = b""
     for chunk in _without_padding(source.text_chunks()):
         text = rest + chunk.lower() if rest else chunk.lower()
@@ -112,7 +115,7 @@ def _whole_lines(source: ModelFile) -> Iterator[bytes]:
 
 
 def _without_padding(chunks: Iterator[bytes]) -> Iterator[bytes]:
-    """The text without what is behind its end; within the text, where it is wrong, one byte of it is left."""
+    """Yield the text without padding at its end; padding inside the text becomes one byte, which is an error."""
     held = b""
     for chunk in chunks:
         text = chunk.rstrip(PADDING)
@@ -123,30 +126,30 @@ def _without_padding(chunks: Iterator[bytes]) -> Iterator[bytes]:
 
 
 def _words_between_solids(text: bytes, last: bytes) -> tuple[list[bytes], bytes]:
-    """Split all but the lines `solid name` and `endsolid name`.
+    """Split text into words, except for the lines `solid name` and `endsolid name`.
 
     Args:
         text: whole lines in lower case.
-        last: what the last such line before began with: `b""` for solid, `b"end"` for endsolid.
+        last: how the previous such line started: `b""` for solid, `b"end"` for endsolid.
 
     Returns:
-        The words, and what the last such line began with.
+        The words, and how the last such line started.
     """
-    pieces, begin, at = [], 0, 0
+    pieces, start, at = [], 0, 0
     while (at := text.find(b"solid", at)) >= 0:
         line = text.rfind(b"\n", 0, at) + 1
         end = text.find(b"\n", at) % (len(text) + 1)
         prefix = text[line:at].strip()
         if prefix in (b"", b"end"):
-            pieces.append(text[begin:line])
-            begin, last = end, prefix
+            pieces.append(text[start:line])
+            start, last = end, prefix
         at = end
-    pieces.append(text[begin:])
+    pieces.append(text[start:])
     return b"\n".join(pieces).split(), last
 
 
 def _corners(words: list[bytes]) -> Float:
-    """(F, 3, 3) corners of whole facets."""
+    """Return the corners (F, 3, 3) of complete facets."""
     n_words = len(GRAMMAR)
     n_facets = len(words) // n_words
     for place, word in FIXED:
@@ -164,11 +167,11 @@ def _corners(words: list[bytes]) -> Float:
 
 
 def _fault(source: ModelFile) -> MeshError:
-    """Describe the first line that is not as it should be."""
+    """Describe the first malformed line."""
     place, inside, number, last_used = 0, False, 0, 1
 
     def fault(what: str, remedy: str = EXPORT_AGAIN) -> MeshError:
-        """The error in the line that is being looked at."""
+        """Return an error that names the current line."""
         return MeshError(f"{source.path}, line {number}: {what}", remedy=remedy)
 
     lines = (
@@ -185,7 +188,7 @@ def _fault(source: ModelFile) -> MeshError:
             inside = words[0] == b"solid"
             continue
         for word in words:
-            if wrong := _not_as_wanted(word, place):
+            if wrong := _describe_invalid_word(word, place):
                 return fault(wrong, _remedy(word, place))
             place = (place + 1) % len(GRAMMAR)
     number = last_used
@@ -194,8 +197,8 @@ def _fault(source: ModelFile) -> MeshError:
     return fault("the file ends without 'endsolid'" if inside else "'solid' is missing", COPY_AGAIN)
 
 
-def _not_as_wanted(word: bytes, place: int) -> str:
-    """Say what is wrong with a word at this place of GRAMMAR; empty when nothing is."""
+def _describe_invalid_word(word: bytes, place: int) -> str:
+    """Describe what is wrong with a word at this index of GRAMMAR; empty if it is valid."""
     wanted = GRAMMAR[place]
     found = word[:40].decode("ascii", "replace")
     if wanted != b"#":
@@ -208,7 +211,7 @@ def _not_as_wanted(word: bytes, place: int) -> str:
 
 
 def _remedy(word: bytes, place: int) -> str:
-    """What to do about it."""
+    """Return the remedy for an invalid word."""
     if GRAMMAR[place] == b"#" and b"," in word:
         return "Export the part again with decimal points: set the program's language or region to English"
     return EXPORT_AGAIN

@@ -1,4 +1,4 @@
-"""Objects that consist of objects, each moved by a matrix: what 3MF and glTF have in common."""
+"""Assemble objects that consist of other objects, each with a transform, as in 3MF and glTF."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ class ObjectReference:
     """An object placed in another one, or on the plate.
 
     Attributes:
-        key: of the object.
-        matrix: (4, 4) for rows: moved points are `[x, y, z, 1] @ matrix`; None moves nothing.
+        key: the key of the object.
+        matrix: (4, 4) for row vectors: moved points are `[x, y, z, 1] @ matrix`. None means no transform.
     """
 
     key: Hashable
@@ -43,7 +43,7 @@ class ObjectReference:
 
 
 class ObjectTable:
-    """Objects by number while a file is read, with counts checked against the limits."""
+    """The objects read so far, by number; their counts are checked against the limits."""
 
     def __init__(self, path: Path, limits: Limits) -> None:
         self.bodies: dict[Hashable, ObjectBuilder] = {}
@@ -53,10 +53,10 @@ class ObjectTable:
         self._n_uses = 0
 
     def begin(self, key: Hashable, name: str) -> ObjectBuilder:
-        """A new object.
+        """Add an object.
 
         Raises:
-            ValueError: there is one of that number.
+            ValueError: an object with this key exists already.
         """
         if key in self.bodies:
             raise ValueError(f"{name} is defined twice")
@@ -66,19 +66,19 @@ class ObjectTable:
         return self._last
 
     def count_reference(self) -> None:
-        """An object more, or one placed more.
+        """Count one more object or one more placement.
 
         Raises:
-            MeshError: too many.
+            MeshError: there are too many.
         """
         self._n_uses += 1
         check_instances(self._n_uses, self._path, self._limits)
 
     def check(self) -> None:
-        """Look how much there is; to be called now and then.
+        """Check the number of vertices and facets; call this regularly while reading.
 
         Raises:
-            MeshError: too much.
+            MeshError: there are too many.
         """
         n_coordinates, n_corners = self._held()
         check_vertices(n_coordinates // 3, self._path, self._limits)
@@ -90,14 +90,14 @@ class ObjectTable:
 
 @dataclass(slots=True, eq=False)
 class ObjectBuilder:
-    """An object while it is read.
+    """An object that is being read.
 
     Attributes:
-        name: what messages call it.
-        xyz: coordinates of its vertices, three each.
-        corners: indices of the vertices of its facets, three each.
+        name: the name used in messages.
+        xyz: coordinates of its vertices, three per vertex.
+        corners: vertex indices of its facets, three per facet.
         parts: the objects it consists of.
-        label: what the file calls it.
+        label: the name in the file.
     """
 
     name: str
@@ -107,10 +107,10 @@ class ObjectBuilder:
     label: str = ""
 
     def indices(self, path: Path) -> Int:
-        """(F, 3) its facets.
+        """Return the vertex indices (F, 3) of the facets.
 
         Raises:
-            MeshError: a facet with a vertex that there is not.
+            MeshError: a facet uses a vertex that does not exist.
         """
         indices: Int = np.frombuffer(self.corners, dtype=np.int64).reshape(-1, 3)
         n_vertices = len(self.xyz) // 3
@@ -130,24 +130,24 @@ def assemble(
     limits: Limits,
     scale: float,
 ) -> Float:
-    """(F, 3, 3) corners of everything on the plate.
+    """Return the corners (F, 3, 3) of all objects on the plate.
 
     Args:
-        roots: what stands on the plate.
+        roots: the objects placed on the plate.
         bodies: key -> object.
         path: for messages.
-        limits: of the number of facets, of objects and of their nesting.
+        limits: for the number of facets, the number of objects and their nesting.
         scale: mm per unit.
 
     Raises:
-        MeshError: an object that is not there, that holds itself, or too many.
+        MeshError: an object is missing or contains itself, or there are too many.
     """
     placed = _placements(roots, bodies, path, limits)
     indices = {id(body): body.indices(path) for body, _ in placed}
     triangles = np.zeros((sum(len(indices[id(body)]) for body, _ in placed), 3, 3))
-    begin = 0
+    filled = 0
     for body, matrix in placed:
-        # The scale goes into the points, not into the matrix: a point that is not moved is the file's number times it.
+        # Scale the points, not the matrix: then a point without a transform is exactly its number times the scale.
         points = np.frombuffer(body.xyz, dtype=np.float64).reshape(-1, 3)
         if matrix is not None:
             points = points @ matrix[:3, :3] + matrix[3, :3]
@@ -156,15 +156,15 @@ def assemble(
         faces = faces[:, ::-1] if matrix is not None and is_mirrored(matrix) else faces
         for start in range(0, len(faces), BLOCK):
             part = faces[start : start + BLOCK]
-            triangles[begin : begin + len(part)] = points[part]
-            begin += len(part)
+            triangles[filled : filled + len(part)] = points[part]
+            filled += len(part)
     return triangles
 
 
 def count_facets_by_object(
     roots: Sequence[ObjectReference], bodies: Mapping[Hashable, ObjectBuilder], path: Path, limits: Limits
 ) -> list[tuple[str, int]]:
-    """What each thing on the plate is called, and how many of the facets of `assemble` it has; they come in turn."""
+    """Return the name and the number of facets of each object on the plate, in the order of `assemble`."""
     found = []
     for root in roots:
         placed = _placements([root], bodies, path, limits)
@@ -173,14 +173,14 @@ def count_facets_by_object(
 
 
 def is_mirrored(matrix: Float) -> bool:
-    """Whether a (4, 4) or (3, 3) matrix mirrors, so that facets must be turned to keep the outside out."""
+    """Return whether a (4, 4) or (3, 3) matrix mirrors; then facets must be flipped to face outward."""
     return bool(np.linalg.det(matrix[:3, :3]) < 0)
 
 
 def _placements(
     roots: Sequence[ObjectReference], bodies: Mapping[Hashable, ObjectBuilder], path: Path, limits: Limits
 ) -> list[tuple[ObjectBuilder, Float | None]]:
-    """Every object with facets, as often as it is placed, with the matrix that brings it to the plate."""
+    """Return each instance of each object with facets, with its transform to plate coordinates."""
     placed: list[tuple[ObjectBuilder, Float | None]] = []
     n_facets = n_vertices = n_seen = 0
     waiting: list[tuple[ObjectReference, Float | None, int]] = [(use, None, 0) for use in reversed(roots)]
@@ -198,19 +198,19 @@ def _placements(
                 f"{path}: {body.name}: {what or f'more than {limits.instances} objects are placed'}",
                 remedy="Check that no object contains itself, then export the part again",
             )
-        matrix = _composed(use.matrix, outer)
+        matrix = _compose(use.matrix, outer)
         if len(body.corners):
             n_facets += len(body.corners) // 3
             n_vertices += len(body.xyz) // 3
             check_facets(n_facets, path, limits)
-            check_vertices(n_vertices, path, limits, most=3)
+            check_vertices(n_vertices, path, limits, per_facet=3)
             placed.append((body, matrix))
         waiting += [(part, matrix, depth + 1) for part in reversed(body.parts)]
     return placed
 
 
-def _composed(inner: Float | None, outer: Float | None) -> Float | None:
-    """First the inner, then the outer."""
+def _compose(inner: Float | None, outer: Float | None) -> Float | None:
+    """Return the transform that applies `inner`, then `outer`."""
     if inner is None or outer is None:
         return outer if inner is None else inner
     composed: Float = inner @ outer

@@ -1,4 +1,4 @@
-"""Binary STL: read block by block into one array, and written."""
+"""Read and write binary STL files."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ __all__ = ["export_stl", "is_sized_binary_stl", "read_binary_stl"]
 
 FACET: Final = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 HEADER_SIZE: Final = 84
-"""80 bytes of anything and the number of facets."""
+"""Length of the header, bytes: 80 bytes of any content and the number of facets."""
 
 PRINTABLE: Final = bytes(range(32, 127)) + b"\t\r\n"
 SPOT: Final = 1e-6
-"""mm; no facet is smaller. Digits and blanks, read as floats, are."""
+"""mm; no facet is smaller. Text that is read as floats gives smaller ones."""
 
 UNCOUNTED: Final = (0, 0xFFFFFFFF)
-"""What programs that write while they compute leave in place of the number of facets."""
+"""Placeholders for the number of facets, left by programs that did not know it when they wrote the header."""
 
 
 def is_sized_binary_stl(source: ModelFile) -> bool:
-    """Whether this is a binary STL of exactly the announced length.
+    """Return whether a file is a binary STL whose length matches its header.
 
-    The word `solid` at the start says nothing: binary files begin with it too.
+    The word `solid` at the start proves nothing: binary files may start with it too.
     """
     return source.size >= HEADER_SIZE and source.size == HEADER_SIZE + FACET.itemsize * _n_announced(source)
 
@@ -47,14 +47,13 @@ def _n_announced(source: ModelFile) -> int:
 
 
 def read_binary_stl(source: ModelFile, limits: Limits) -> tuple[Float, list[str]]:
-    """(F, 3, 3) corners of a binary STL, and what deserves a look.
+    """Return the corners (F, 3, 3) of a binary STL, and warnings.
 
-    A tail after the last facet is allowed where it holds no facets: where it is zeros, printable text, or mostly
-    numbers that are no coordinates. A header without a number (0 or all ones) is allowed where nothing but whole
-    facets follows.
+    Data after the last facet is allowed if it holds no facets: zeros, printable text, or mostly numbers that are not
+    coordinates. A header without a facet count (0 or all ones) is allowed if only complete facets follow.
 
     Raises:
-        MeshError: the number of facets is neither that of the header nor left open, or this is no STL at all.
+        MeshError: the number of facets does not match the header, or the file is not an STL.
     """
     path, head = source.path, source.head
     if source.size < HEADER_SIZE or (head.isascii() and b"\0" not in head):
@@ -79,7 +78,7 @@ def read_binary_stl(source: ModelFile, limits: Limits) -> tuple[Float, list[str]
 
 
 def _corners(source: ModelFile, count: int) -> Float:
-    """Read `count` facets; all that is held beside the result is one block."""
+    """Read `count` facets; only one block is in memory besides the result."""
     corners = np.zeros((count, 3, 3))
     block = np.zeros(min(count, BLOCK), dtype=FACET)
     source.file.seek(HEADER_SIZE)
@@ -94,12 +93,12 @@ def _corners(source: ModelFile, count: int) -> Float:
 
 
 def _ends_in_zeros(source: ModelFile) -> bool:
-    """Whether the last facet's length of the file is padding."""
+    """Return whether the last bytes of the file, as many as a facet has, are padding."""
     return _only_zeros(source, FACET.itemsize)
 
 
 def _only_zeros(source: ModelFile, length: int) -> bool:
-    """Whether so many bytes at the end of the file are zero."""
+    """Return whether the last `length` bytes of the file are zero."""
     source.file.seek(source.size - length)
     while chunk := source.file.read(1 << 20):
         if chunk.strip(b"\0"):
@@ -108,7 +107,7 @@ def _only_zeros(source: ModelFile, length: int) -> bool:
 
 
 def _may_be_facets(source: ModelFile, length: int) -> bool:
-    """Whether so many bytes at the end of the file may be facets, or another binary STL."""
+    """Return whether the last `length` bytes of the file may be facets or another binary STL."""
     source.file.seek(source.size - length)
     header = HEADER_SIZE
     while len(piece := source.file.read(BLOCK * FACET.itemsize)) >= FACET.itemsize:
@@ -119,9 +118,10 @@ def _may_be_facets(source: ModelFile, length: int) -> bool:
 
 
 def _mostly_facets(piece: bytes) -> bool:
-    """Whether at least half of the records that are not zeros have finite corners within what is read, not in one spot.
+    """Return whether at least half of the non-zero records look like facets.
 
-    Bytes that mean something else are, as 32-bit floats, spread over 76 powers of ten.
+    The corners of a facet are finite, within the accepted range, and not all in one spot. Other data, read as 32-bit
+    floats, is spread over 76 powers of ten.
     """
     corners = np.frombuffer(piece, FACET, len(piece) // FACET.itemsize)["corners"].astype(np.float64)
     near = (np.abs(corners) < LARGEST).all(axis=(1, 2))
@@ -133,8 +133,8 @@ def export_stl(mesh: Mesh, path: str | os.PathLike[str]) -> None:
     """Write a binary STL; the same mesh always gives the same bytes.
 
     Args:
-        mesh: what to write; its numbers are mm.
-        path: of the file.
+        mesh: the mesh to write, in mm.
+        path: the file.
 
     Raises:
         OutputError: the file cannot be written.
@@ -150,7 +150,7 @@ def export_stl(mesh: Mesh, path: str | os.PathLike[str]) -> None:
 
 
 def _facets(triangles: Float) -> np.ndarray[tuple[int], np.dtype[np.void]]:
-    """(F,) facets as the file has them, with normals."""
+    """Return the facet records (F,) of the file, with normals."""
     facets = np.zeros(len(triangles), dtype=FACET)
     facets["corners"] = triangles
     a, b, c = facets["corners"].astype(np.float64).transpose(1, 0, 2)

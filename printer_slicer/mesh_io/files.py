@@ -22,12 +22,12 @@ if TYPE_CHECKING:
 __all__ = ["CHUNK", "ModelFile", "Progress", "open_model_file", "strip_byte_order_mark"]
 
 Progress = Callable[[float], None]
-"""Is told the share that is read, 0 to 1."""
+"""Receives the fraction of the file read so far, 0 to 1."""
 
 CHUNK: Final = 1 << 20
 """Bytes read at a time."""
-WORTH_TELLING: Final = 1 << 23
-"""Bytes of a file of which progress is told."""
+PROGRESS_BYTES: Final = 1 << 23
+"""Minimum file size for which progress is reported, bytes."""
 
 UTF_16: Final = {codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
 
@@ -49,10 +49,10 @@ class ModelFile:
         self._progress = progress
 
     def whole(self, limit: int) -> bytes:
-        """All of it.
+        """Return the whole content.
 
         Raises:
-            MeshError: it is longer than the limit, bytes.
+            MeshError: it is longer than `limit`, bytes.
         """
         if self.size > limit:
             raise _too_long(self.path, self.size, limit)
@@ -60,7 +60,7 @@ class ModelFile:
         return self.file.read(limit + 1)
 
     def chunks(self) -> Iterator[bytes]:
-        """All of it, piece by piece."""
+        """Yield the content in chunks."""
         self.file.seek(0)
         done = 0
         while chunk := self.file.read(CHUNK):
@@ -69,7 +69,7 @@ class ModelFile:
             self.progress(done / max(self.size, done))
 
     def text_chunks(self) -> Iterator[bytes]:
-        """All of it, piece by piece, as UTF-8 without a byte order mark; old line ends become new ones."""
+        """Yield the content in chunks of UTF-8 without a byte order mark; all line endings become LF."""
         coding = next((name for mark, name in UTF_16.items() if self.head.startswith(mark)), "")
         decoder = codecs.getincrementaldecoder(coding)("replace") if coding else None
         old_lines = b"\r" in self.head and b"\n" not in self.head
@@ -80,13 +80,13 @@ class ModelFile:
             yield chunk.replace(b"\r", b"\n") if old_lines else chunk
 
     def progress(self, share: float) -> None:
-        """Tell how much is read; of small files nothing is told."""
-        if self.size > WORTH_TELLING:
+        """Report the fraction read so far; small files report nothing."""
+        if self.size > PROGRESS_BYTES:
             self._progress(share)
 
 
 def _too_long(path: Path, size: int, limit: int) -> MeshError:
-    """A file that is too long to be read."""
+    """Return the error for a file that is too long."""
     return MeshError(
         f"{path}: {size} bytes; the limit for this format is {limit}",
         remedy="Export the part with fewer facets, or as binary STL",
@@ -94,10 +94,10 @@ def _too_long(path: Path, size: int, limit: int) -> MeshError:
 
 
 def _open(path: Path, limits: Limits) -> BufferedReader:
-    """The file, at its first byte.
+    """Open a file at its first byte.
 
     Raises:
-        UsageError: it cannot be opened.
+        UsageError: the file cannot be opened.
     """
     try:
         return open_input(path, limits.pipe_seconds)
@@ -116,24 +116,24 @@ def _open(path: Path, limits: Limits) -> BufferedReader:
         ) from error
     except OSError as error:
         raise UsageError(f"{path}: cannot be read: {error.strerror}", remedy="Check the path") from error
-    except ValueError as error:  # a zero byte in the name
+    except ValueError as error:  # the name contains a zero byte
         raise UsageError(f"{str(path)!r}: not a possible file name", remedy="Check the name") from error
 
 
 @contextmanager
 def open_model_file(path: Path, limits: Limits, progress: Progress) -> Iterator[ModelFile]:
-    """The file, open.
+    """Open a model file.
 
     Raises:
-        UsageError: it cannot be read.
-        MeshError: it is empty or too long.
+        UsageError: the file cannot be read.
+        MeshError: the file is empty or too long.
     """
     file = _open(path, limits)
     with file, ExitStack() as stack:
         try:
             if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
                 spool = stack.enter_context(TemporaryFile())
-                source = ModelFile(path, _spooled(file, spool, path, limits), progress)
+                source = ModelFile(path, _spool(file, spool, path, limits), progress)
             else:
                 source = ModelFile(path, file, progress)
             if not source.head:
@@ -148,8 +148,8 @@ def open_model_file(path: Path, limits: Limits, progress: Progress) -> Iterator[
             raise UsageError(f"{path}: cannot be read: {error.strerror}", remedy="Check the disk") from error
 
 
-def _spooled(pipe: BufferedReader, spool: BufferedRandom, path: Path, limits: Limits) -> BufferedRandom:
-    """What comes out of a pipe, as a file that has a length and can be read twice."""
+def _spool(pipe: BufferedReader, spool: BufferedRandom, path: Path, limits: Limits) -> BufferedRandom:
+    """Copy a pipe to a temporary file, which has a length and can be read twice."""
     length = 0
     while chunk := pipe.read(CHUNK):
         length += len(chunk)
@@ -161,7 +161,7 @@ def _spooled(pipe: BufferedReader, spool: BufferedRandom, path: Path, limits: Li
 
 
 def strip_byte_order_mark(data: bytes) -> bytes:
-    """Text as UTF-8 that begins with its first letter."""
+    """Return UTF-8 text without its byte order mark."""
     for mark, name in UTF_16.items():
         if data.startswith(mark):
             return data[len(mark) :].decode(name, "replace").encode("utf-8", "replace")

@@ -1,7 +1,7 @@
-"""glTF 2.0: nodes, meshes, accessors, with what compilers of it may do to positions; as text, and as GLB.
+"""Read glTF 2.0 files as text (.gltf) and in binary form (.glb).
 
-Only what decides the shape is looked at: never materials or images. A glTF may name files in its folder or below it,
-which become part of it; a GLB may not.
+Only data that determines the shape is read, no materials or images. A .gltf file may refer to files in its folder or
+below it; a GLB file may not.
 """
 
 from __future__ import annotations
@@ -48,12 +48,12 @@ KNOWN: Final = (
     "EXT_texture",
     "KHR_xmp",
 )
-"""How the names of extensions begin that are followed, or do not change what is read here."""
+"""Prefixes of the extensions that are supported or do not affect the shape."""
 PACKING: Final = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression")
 SCENE: Final = ("scene", 0)
 TOGETHER: Final = "Keep the files of a glTF together, or export it as GLB"
 UPRIGHT: Final = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
-"""glTF's y points up, ours is z; for rows."""
+"""Rotates y up, as in glTF, to z up; for row vectors."""
 
 
 FAULTS: Final = (
@@ -65,11 +65,11 @@ FAULTS: Final = (
     RecursionError,
     struct.error,
 )
-"""What reading raises where something in a file does not fit together."""
+"""Exceptions that an inconsistent file causes while it is read."""
 
 
 class _Document:
-    """The text of a file, and the arrays that it describes in its buffers."""
+    """The JSON of a file and the arrays in its buffers."""
 
     def __init__(
         self, tree: dict[str, Any], buffers: Mapping[int, bytes | memoryview], path: Path, limits: Limits
@@ -83,17 +83,17 @@ class _Document:
         self._length = sum(map(len, buffers.values()))
 
     def check_packed(self, what: dict[str, Any]) -> None:
-        """Refuse numbers that are only there in a packed form; files should say so in front, but not all do.
+        """Reject compressed data; not all files declare the required extension as they should.
 
         Raises:
-            MeshError: a primitive, or a part of the buffer, has one of the extensions that pack.
+            MeshError: a primitive or a buffer view uses a compression extension.
         """
         for name in PACKING:
             if name in what.get("extensions", {}):
                 raise _unknown(self._path, name)
 
     def array(self, index: int) -> Numbers:
-        """(count, columns) the numbers of an accessor."""
+        """Return the numbers (count, columns) of an accessor."""
         accessor = self.tree["accessors"][_index(index)]
         count, columns = int(accessor["count"]), COLUMNS[accessor["type"]]
         kind = np.dtype(COMPONENTS[accessor["componentType"]])
@@ -112,10 +112,10 @@ class _Document:
         return numbers
 
     def count(self, n_vertices: int, n_facets: int) -> None:
-        """So many vertices and facets more.
+        """Add to the number of vertices and facets.
 
         Raises:
-            MeshError: too many; several primitives can share the same bytes.
+            MeshError: there are too many; several primitives can share the same bytes.
         """
         self._n_vertices += n_vertices
         self._n_facets += n_facets
@@ -123,16 +123,16 @@ class _Document:
         check_facets(self._n_facets, self._path, self._limits)
 
     def count_instances(self, count: int) -> None:
-        """So many instances more.
+        """Add to the number of instances.
 
         Raises:
-            MeshError: too many; several nodes can share the same bytes.
+            MeshError: there are too many; several nodes can share the same bytes.
         """
         self._n_instances += count
         check_instances(self._n_instances, self._path, self._limits)
 
     def notes(self) -> list[str]:
-        """What deserves a look."""
+        """Return warnings about the file."""
         return [
             f"{number} meshes are {what}: this is ignored, and their rest shape is used"
             for number, what in (
@@ -143,7 +143,7 @@ class _Document:
         ]
 
     def _replaced(self, numbers: Numbers, sparse: dict[str, Any]) -> Numbers:
-        """The numbers, with some of them replaced."""
+        """Return the numbers with the substitutions of a sparse accessor applied."""
         count = int(sparse["count"])
         kind = np.dtype(COMPONENTS[sparse["indices"]["componentType"]])
         places = self._numbers(sparse["indices"], kind, count, 1)[:, 0]
@@ -152,7 +152,7 @@ class _Document:
         return replaced
 
     def _numbers(self, where: dict[str, Any], kind: np.dtype[Any], count: int, columns: int) -> Numbers:
-        """(count, columns) numbers as they lie in a buffer; nothing is copied."""
+        """Return numbers (count, columns) as a view of a buffer."""
         view = self.tree["bufferViews"][_index(where["bufferView"])]
         start, length = int(view.get("byteOffset", 0)), int(view["byteLength"])
         offset, least = int(where.get("byteOffset", 0)), columns * kind.itemsize
@@ -167,7 +167,7 @@ class _Document:
         )
 
     def _buffer(self, view: dict[str, Any]) -> memoryview | bytes:
-        """The buffer that a view is a part of."""
+        """Return the buffer of a buffer view."""
         number = _index(view["buffer"])
         if number not in self._buffers:
             uri = self.tree["buffers"][number].get("uri")
@@ -182,11 +182,11 @@ class _Document:
 
 
 def _check_extensions(tree: Mapping[str, Any], path: Path) -> None:
-    """Refuse a file that cannot be understood without an extension that is not known here.
+    """Reject a file that requires an unsupported extension.
 
     Raises:
-        MeshError: it is one.
-        TypeError: what it requires is no list.
+        MeshError: the file requires one.
+        TypeError: the required extensions are not a list.
     """
     for name in tree.get("extensionsRequired", []):
         if not str(name).startswith(KNOWN):
@@ -196,24 +196,24 @@ def _check_extensions(tree: Mapping[str, Any], path: Path) -> None:
 def read_glb(
     data: bytes, path: Path, limits: Limits, unit: str | None, *, y_up: bool = True
 ) -> tuple[Float, str, list[str]]:
-    """Everything in the scene of a GLB file, z up.
+    """Read the scene of a GLB file and turn it z up.
 
     Args:
-        data: the file.
-        path: of the file, for messages.
-        limits: of what it holds.
-        unit: the key in UNITS that its numbers mean; None: metres, as glTF says.
-        y_up: whether its y points up, as glTF says.
+        data: content of the file.
+        path: path of the file, for messages.
+        limits: limits for the content.
+        unit: unit of the coordinates, a key in UNITS; None means metres, as in the glTF specification.
+        y_up: whether y points up, as in the glTF specification.
 
     Returns:
-        (F, 3, 3) corners, mm; the unit they were written in; what deserves a look.
+        Corners (F, 3, 3), mm; the unit of the file; warnings.
 
     Raises:
-        MeshError: it is no sound GLB.
+        MeshError: the GLB is not valid.
     """
     try:
         tree, binary = _chunks(data, limits)
-        # Bytes in the file itself are those of its first buffer, if that has no others.
+        # The binary chunk is the first buffer if that has no 'uri'.
         is_own = tree.get("buffers") and tree["buffers"][0].get("uri") is None
         return _read_scene(tree, {0: binary} if is_own else {}, path, limits, unit, y_up=y_up)
     except FAULTS as error:
@@ -223,16 +223,20 @@ def read_glb(
 def read_gltf(
     data: bytes, path: Path, limits: Limits, unit: str | None = None
 ) -> tuple[Float, str, list[str]]:
-    """(F, 3, 3) mm, corners of all meshes of the scene, z up; the unit, m if none is asked for; what deserves a look.
+    """Read the scene of a .gltf file and turn it z up.
 
     Args:
-        data: the text.
-        path: where it is from; files that it names are looked for in its folder.
-        limits: of the bytes in all files together, and of the facets.
-        unit: what the numbers mean, a key in `UNITS`.
+        data: content of the file.
+        path: path of the file; it may refer to files in its folder.
+        limits: limits for the bytes of all files together and for the facets.
+        unit: unit of the coordinates, a key in UNITS; None means metres.
+
+    Returns:
+        Corners (F, 3, 3), mm; the unit of the file; warnings.
 
     Raises:
-        MeshError: it is no sound file, a file it names is missing or outside of its folder, or it has too many facets.
+        MeshError: the file is not valid, a file it refers to is missing or outside its folder, or it has too many
+            facets.
     """
     try:
         tree = json.loads(strip_byte_order_mark(data))
@@ -255,22 +259,22 @@ def _read_scene(
     *,
     y_up: bool = True,
 ) -> tuple[Float, str, list[str]]:
-    """Everything in the scene of a glTF, z up.
+    """Read the scene of a glTF document and turn it z up.
 
     Args:
-        tree: the text of it.
-        buffers: number -> bytes of those that are known; others may stand in the text.
-        path: of the file, for messages.
-        limits: of what it holds.
-        unit: as for `read_glb`.
-        y_up: as for `read_glb`.
+        tree: the JSON document.
+        buffers: number -> bytes of the buffers.
+        path: path of the file, for messages.
+        limits: limits for the content.
+        unit: see `read_glb`.
+        y_up: see `read_glb`.
 
     Returns:
-        As `read_glb`.
+        See `read_glb`.
 
     Raises:
-        MeshError: there is too much in it, or an extension is not known.
-        FAULTS: something in it does not fit together.
+        MeshError: the content exceeds a limit, or an extension is not supported.
+        FAULTS: the file is inconsistent.
     """
     _check_extensions(tree, path)
     document = _Document(tree, buffers, path, limits)
@@ -285,7 +289,7 @@ def _read_scene(
 
 
 def _reason_of(error: Exception) -> str:
-    """What to say of one of `FAULTS`."""
+    """Describe one of the exceptions in `FAULTS`."""
     reason = str(error).partition("\n")[0][:200] or type(error).__name__
     return f"missing key {reason}" if isinstance(error, KeyError) else reason
 
@@ -299,15 +303,15 @@ def _check_version(tree: object) -> None:
 
 
 def _buffers(tree: dict[str, Any], path: Path, left: int) -> dict[int, bytes]:
-    """The bytes of each buffer, by its number.
+    """Return the bytes of each buffer by its number.
 
     Args:
-        tree: of the file.
-        path: of the file.
-        left: bytes that all of them may have.
+        tree: the JSON document.
+        path: path of the file.
+        left: maximum length of all buffers together, bytes.
 
     Raises:
-        MeshError: one cannot be had.
+        MeshError: a buffer cannot be read.
     """
     found: dict[int, bytes] = {}
     buffers = tree.get("buffers", [])
@@ -319,7 +323,11 @@ def _buffers(tree: dict[str, Any], path: Path, left: int) -> dict[int, bytes]:
             raise MeshError(
                 f"{path}: not a valid .gltf file: buffer {number} has no 'uri'", remedy=EXPORT_AGAIN
             )
-        data = _written_out(uri, number, path) if uri[:5].lower() == "data:" else _beside(uri, path, left)
+        data = (
+            _decode_data_uri(uri, number, path)
+            if uri[:5].lower() == "data:"
+            else _read_buffer_file(uri, path, left)
+        )
         wanted = buffer.get("byteLength")
         if isinstance(wanted, int) and len(data) < wanted:
             raise MeshError(
@@ -330,8 +338,8 @@ def _buffers(tree: dict[str, Any], path: Path, left: int) -> dict[int, bytes]:
     return found
 
 
-def _written_out(uri: str, number: int, path: Path) -> bytes:
-    """The bytes that stand in the file itself."""
+def _decode_data_uri(uri: str, number: int, path: Path) -> bytes:
+    """Decode a buffer that is embedded as a data URI."""
     kind, _, text = uri.partition(",")
     try:
         data = base64.b64decode(unquote(text), validate=True)
@@ -344,39 +352,39 @@ def _written_out(uri: str, number: int, path: Path) -> bytes:
     return data
 
 
-def _beside(uri: str, path: Path, most: int) -> bytes:
-    """The bytes of a file in the folder of the model, or below it.
+def _read_buffer_file(uri: str, path: Path, limit: int) -> bytes:
+    """Read a buffer from a file in the folder of the model or below it.
 
     Args:
-        uri: its name, relative to the folder; special characters may be encoded as in URLs.
-        path: of the model.
-        most: bytes to be read.
+        uri: name of the file, relative to the folder; special characters may be encoded as in URLs.
+        path: path of the model.
+        limit: maximum length, bytes.
 
     Raises:
-        MeshError: it is elsewhere, missing or too long.
+        MeshError: the file is outside the folder, missing or too long.
     """
     try:
         folder = path.parent.resolve()
-        # A backslash parts folders on some systems only: taken so on all, nothing is outside on one alone.
+        # A backslash separates folders on some systems only; treat it so on all, so that the check is the same.
         target = (folder / unquote(uri).replace("\\", "/")).resolve()
         if ":" in uri.partition("/")[0] or not target.is_relative_to(folder):
             raise MeshError(f"{path}: refers to a file outside its folder: {uri!r}", remedy=TOGETHER)
-        return read_input(target, most)
+        return read_input(target, limit)
     except (FileNotFoundError, IsADirectoryError, NotADirectoryError):
         raise MeshError(f"{path}: refers to a missing file: {uri!r}", remedy=TOGETHER) from None
-    except RuntimeError:  # of older Pythons, for links that lead to each other
+    except RuntimeError:  # raised by older Pythons for circular links
         raise MeshError(f"{path}: refers to a circular link: {uri!r}", remedy=TOGETHER) from None
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else error
         if isinstance(error, OSError) and error.errno == errno.EFBIG:
-            reason = f"it is longer than the {max(most, 0)} bytes that remain of the limit for all files"
+            reason = f"it is longer than the {max(limit, 0)} bytes that remain of the limit for all files"
         raise MeshError(
             f"{path}: refers to a file that cannot be read: {uri!r}: {reason}", remedy=TOGETHER
         ) from None
 
 
 def _chunks(data: bytes, limits: Limits) -> tuple[dict[str, Any], memoryview]:
-    """The text of a GLB, and its bytes; none where it has none."""
+    """Return the JSON of a GLB and its binary chunk, which may be empty."""
     magic, version, _ = struct.unpack_from("<4sLL", data)
     if magic != b"glTF" or version != 2:
         raise ValueError("it is not binary glTF version 2")
@@ -397,20 +405,20 @@ def _chunks(data: bytes, limits: Limits) -> tuple[dict[str, Any], memoryview]:
 
 
 def _scene(tree: dict[str, Any]) -> ObjectBuilder:
-    """What stands in the scene."""
+    """Return the scene as an object that consists of its root nodes."""
     nodes, scenes = tree.get("nodes", []), tree.get("scenes", [])
     if scenes:
-        begin = [_index(index) for index in scenes[_index(tree.get("scene", 0))].get("nodes", [])]
+        roots = [_index(index) for index in scenes[_index(tree.get("scene", 0))].get("nodes", [])]
     else:
         children = {_index(child) for node in nodes for child in node.get("children", [])}
-        begin = [index for index in range(len(nodes)) if index not in children]
+        roots = [index for index in range(len(nodes)) if index not in children]
     return ObjectBuilder(
-        "the scene", parts=[ObjectReference(("node", index), _matrix(nodes[index])) for index in begin]
+        "the scene", parts=[ObjectReference(("node", index), _matrix(nodes[index])) for index in roots]
     )
 
 
 def _bodies(document: _Document) -> dict[Hashable, ObjectBuilder]:
-    """Nodes and the meshes they hold."""
+    """Return an object for each node and each mesh in use."""
     bodies: dict[Hashable, ObjectBuilder] = {}
     nodes = document.tree.get("nodes", [])
     for index, node in enumerate(nodes):
@@ -428,14 +436,14 @@ def _bodies(document: _Document) -> dict[Hashable, ObjectBuilder]:
 
 
 def _is_morphed(node: dict[str, Any], mesh: dict[str, Any]) -> bool:
-    """Whether weights move the vertices of a mesh."""
+    """Return whether morph targets move the vertices of a mesh."""
     return any(node.get("weights", mesh.get("weights", []))) and any(
         "targets" in primitive for primitive in mesh["primitives"]
     )
 
 
 def _instances(document: _Document, node: dict[str, Any]) -> Sequence[Float | None]:
-    """The matrices (4, 4) of the copies of the mesh of a node; mostly there is one, which is not moved."""
+    """Return the transforms (4, 4) of the instances of a node's mesh; usually there is one without a transform."""
     if INSTANCING not in node.get("extensions", {}):
         return [None]
     attributes = node["extensions"][INSTANCING]["attributes"]
@@ -459,7 +467,7 @@ def _instances(document: _Document, node: dict[str, Any]) -> Sequence[Float | No
 
 
 def _mesh(document: _Document, index: int) -> ObjectBuilder:
-    """The facets of all primitives of a mesh."""
+    """Read the facets of all primitives of a mesh."""
     body = ObjectBuilder(f"mesh {index}")
     for primitive in document.tree["meshes"][index]["primitives"]:
         mode = primitive.get("mode", TRIANGLES)
@@ -484,12 +492,12 @@ def _mesh(document: _Document, index: int) -> ObjectBuilder:
 
 
 def _accessors(primitive: dict[str, Any]) -> list[Any]:
-    """Those of the positions and of the corners."""
+    """Return the accessor indices of the positions and of the vertex indices."""
     return [primitive["attributes"]["POSITION"], *([primitive["indices"]] if "indices" in primitive else [])]
 
 
 def _unknown(path: Path, extension: str) -> MeshError:
-    """What to say of a file that cannot be read without an extension."""
+    """Return the error for a file that requires an unsupported extension."""
     return MeshError(
         f"{path}: the file requires the glTF extension '{extension[:60]}', which is not supported",
         remedy="Export it without compression, or as STL or 3MF",
@@ -497,19 +505,19 @@ def _unknown(path: Path, extension: str) -> MeshError:
 
 
 def _faces(corners: Numbers, mode: int) -> Numbers:
-    """(F, 3) facets of a list, a strip or a fan of corners."""
+    """Return the facets (F, 3) of a list, a strip or a fan of vertex indices."""
     if mode == TRIANGLES:
         return corners[: len(corners) // 3 * 3].reshape(-1, 3)
     count = max(len(corners) - 2, 0)
     first = np.arange(count)
     if mode == FAN:
         return np.stack([corners[first * 0], corners[first + 1], corners[first + 2]], axis=1)
-    odd = first % 2  # every second facet of a strip runs the other way
+    odd = first % 2  # every second facet of a strip has the opposite winding
     return np.stack([corners[first], corners[first + 1 + odd], corners[first + 2 - odd]], axis=1)
 
 
 def _matrix(node: dict[str, Any]) -> Float | None:
-    """(4, 4) of a node, for rows."""
+    """Return the transform (4, 4) of a node, for row vectors."""
     if "matrix" in node:
         return _finite(np.reshape(np.array(node["matrix"], dtype=np.float64), (4, 4)))
     if not node.keys() & {"translation", "rotation", "scale"}:
@@ -523,7 +531,13 @@ def _matrix(node: dict[str, Any]) -> Float | None:
 
 
 def _matrices(translation: Float, rotation: Float, scale: Float) -> Float:
-    """(N, 4, 4) for rows, of shifts (N, 3), quaternions (N, 4), their real part last, and scales (N, 3)."""
+    """Return transforms (N, 4, 4) for row vectors.
+
+    Args:
+        translation: (N, 3).
+        rotation: (N, 4) quaternions, real part last.
+        scale: (N, 3).
+    """
     if translation.shape[1] != 3 or rotation.shape[1] != 4 or scale.shape[1] != 3:
         raise ValueError("a transform has the wrong number of components")
     matrices = np.zeros((len(translation), 4, 4))
@@ -548,7 +562,7 @@ def _finite(matrices: Float) -> Float:
 
 
 def _index(value: object) -> int:
-    """A place in a list; Python would count negative ones from the end."""
+    """Check an index; Python would count negative ones from the end."""
     if not isinstance(value, int) or value < 0:
         raise ValueError(f"expected an index, found {str(value)[:20]}")
     return value

@@ -1,4 +1,4 @@
-"""Limits for model files, which protect the machine from files made to exhaust it."""
+"""Limits for model files; they protect the computer from files made to exhaust it."""
 
 from __future__ import annotations
 
@@ -18,25 +18,25 @@ MIB: Final = 1 << 20
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What `load_mesh` takes; everything beyond is a `MeshError`.
+    """Maximum values that `load_mesh` accepts; it raises a `MeshError` beyond them.
 
     Attributes:
-        facets: of one file, copies of objects counted as often as they are placed; also its vertices, as 3MF, GLB and
-            OBJ store them, and a third of the vertices of all copies.
-        file_bytes: length of a file of any format.
-        text_bytes: length of a file that is read as a whole: PLY, OFF, GLB, glTF with the files it
-            names, STEP.
-        expanded_bytes: length of all that is unpacked from one 3MF archive.
-        expansion: unpacked length divided by packed length of a member of an archive, where it is over 1 MiB.
+        facets: facets of one file, counting every instance of an object; also the vertices stored in a 3MF, GLB or
+            OBJ file, and a third of the vertices of all instances.
+        file_bytes: length of a file of any format, bytes.
+        text_bytes: length of a file that is read as a whole, bytes: PLY, OFF, GLB, STEP, and glTF with the files it
+            refers to.
+        expanded_bytes: unpacked length of all files read from one 3MF archive, bytes.
+        expansion: unpacked length of an archive member divided by its packed length, if it is over 1 MiB.
         members: files in an archive.
-        instances: objects of one file, each copy counted; also components on the way to them.
-        nesting: of components in components.
-        json_bytes: length of the text in a GLB.
+        instances: objects placed by one file, counting every copy and the components that contain them.
+        nesting: depth of components in components.
+        json_bytes: length of the JSON in a GLB, bytes.
         names: different names of elements and attributes in an XML document.
-        xml_depth: elements in elements.
-        xml_token: bytes of one tag or comment.
-        step_seconds: that turning a STEP file into facets may take.
-        pipe_seconds: that a named pipe may wait for a program that writes to it.
+        xml_depth: nesting of XML elements.
+        xml_token: length of one tag or comment, bytes.
+        step_seconds: time for the conversion of a STEP file to facets, s.
+        pipe_seconds: time to wait until a program writes to a named pipe, s.
     """
 
     facets: int = 20_000_000
@@ -56,14 +56,14 @@ class Limits:
 
 
 LIMITS: Final = Limits()
-"""The limits that hold when nobody says otherwise."""
+"""The default limits."""
 
 
 def check_facets(count: int, path: Path, limits: Limits) -> None:
-    """Refuse more facets than allowed.
+    """Check the number of facets.
 
     Raises:
-        MeshError: there are.
+        MeshError: there are more than allowed.
     """
     if count > limits.facets:
         raise MeshError(
@@ -72,24 +72,24 @@ def check_facets(count: int, path: Path, limits: Limits) -> None:
         )
 
 
-def check_vertices(count: int, path: Path, limits: Limits, most: int = 1) -> None:
-    """Refuse more vertices than `most` per facet allowed.
+def check_vertices(count: int, path: Path, limits: Limits, per_facet: int = 1) -> None:
+    """Check the number of vertices against `per_facet` per allowed facet.
 
     Raises:
-        MeshError: there are.
+        MeshError: there are more than allowed.
     """
-    if count > most * limits.facets:
+    if count > per_facet * limits.facets:
         raise MeshError(
-            f"{path}: {count} vertices; the limit is {most * limits.facets}",
+            f"{path}: {count} vertices; the limit is {per_facet * limits.facets}",
             remedy="Export the part with fewer facets, or raise `Limits.facets` from Python",
         )
 
 
 def check_instances(count: int, path: Path, limits: Limits) -> None:
-    """Refuse more objects placed than allowed.
+    """Check the number of placed objects.
 
     Raises:
-        MeshError: there are.
+        MeshError: there are more than allowed.
     """
     if count > limits.instances:
         raise MeshError(

@@ -1,7 +1,7 @@
 """Read untrusted XML element by element with expat.
 
-A document type is refused, and with it entities of every kind: expanding, external, nested. So nothing is ever fetched
-or multiplied. Depth and length of the markup are limited, and the text between the tags is not kept.
+Documents with a document type are rejected, so there are no entities of any kind and nothing is fetched or expanded.
+Depth and length of the markup are limited, and the text between the tags is not kept.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ if TYPE_CHECKING:
 __all__ = ["Handler", "XmlReader", "number_in", "whole_in"]
 
 Handler = Callable[[list[str]], None]
-"""Takes the attributes of an element: name, value, name, value, ..."""
+"""Receives the attributes of an element: name, value, name, value, ..."""
 
 
 class XmlReader:
-    """Calls one function per element by its name; subclasses say which.
+    """Calls a handler for each element by its name; subclasses register the handlers.
 
-    Names are those of the document where it has no namespace, and `namespace name` where it has one.
+    Names are written as in the document if it has no namespace, else as `namespace name`.
 
     Attributes:
         namespaces: prefix -> namespace, as the document declares them.
@@ -49,7 +49,7 @@ class XmlReader:
         self._parser.StartDoctypeDeclHandler = self._refuse_document_type
 
     def on(self, names: Iterable[str], start: Handler | None, end: Callable[[], None] | None = None) -> None:
-        """What to call for the elements of these names."""
+        """Register the handlers for elements of these names."""
         for name in names:
             if start:
                 self._starts[name] = start
@@ -60,7 +60,7 @@ class XmlReader:
         """Read a whole document.
 
         Raises:
-            MeshError: it is no sound XML, or beyond a limit; what the handlers raise besides.
+            MeshError: the XML is not valid, or a limit is exceeded. Errors of the handlers pass through.
         """
         n_fed = 0
         try:
@@ -70,7 +70,7 @@ class XmlReader:
                 self.check()
                 if len(self._names) > self.limits.names:
                     raise self.fault(f"more than {self.limits.names} different names")
-                # Else one endless tag would be looked through from its start again and again.
+                # Otherwise an endless tag would be scanned from its start again and again.
                 if n_fed - self._parser.CurrentByteIndex > self.limits.xml_token + len(piece):
                     raise self.fault(f"a tag is longer than {self.limits.xml_token} bytes")
             self._parser.Parse(b"", True)
@@ -80,15 +80,15 @@ class XmlReader:
             reason = str(error).partition("\n")[0][:120]
             raise self.fault(reason[:1].lower() + reason[1:]) from error
         finally:
-            # The parser and its handlers hold each other; a large document should not wait for the collector.
+            # Break the reference cycle of parser and handlers, to free the memory of a large document at once.
             self._parser.StartElementHandler = self._parser.EndElementHandler = None
             self._parser.StartNamespaceDeclHandler = self._parser.StartDoctypeDeclHandler = None
 
     def check(self) -> None:
-        """Is called now and then: to look how much there is, and to raise a MeshError if it is too much."""
+        """Check the content read so far against the limits; called regularly, may raise a MeshError."""
 
     def fault(self, what: str, remedy: str = EXPORT_AGAIN) -> MeshError:
-        """An error that names the line that is being read."""
+        """Return an error that names the current line."""
         return MeshError(
             f"{self.path}:{self._what} line {self._parser.CurrentLineNumber}: {what}", remedy=remedy
         )
@@ -120,19 +120,19 @@ class XmlReader:
 
 
 def number_in(attributes: list[str], name: str) -> float:
-    """The value of an attribute that is a number.
+    """Return the value of a numeric attribute.
 
     Raises:
-        LookupError, ValueError: it is missing or none.
+        LookupError, ValueError: the attribute is missing or not a number.
     """
     return float(_value(attributes, name))
 
 
 def whole_in(attributes: list[str], name: str) -> int:
-    """The value of an attribute that is a whole number.
+    """Return the value of an integer attribute.
 
     Raises:
-        LookupError, ValueError: it is missing or none.
+        LookupError, ValueError: the attribute is missing or not an integer.
     """
     return int(_value(attributes, name))
 

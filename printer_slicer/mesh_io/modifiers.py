@@ -1,8 +1,8 @@
-"""What slicers say of the objects in their 3MF files: names, and volumes that are not to be printed.
+"""Read the data of other slicers in 3MF files: object names and volumes that must not be printed.
 
-Those are modifiers, blockers, enforcers and holes. PrusaSlicer keeps all volumes of an object in one mesh and tells by
-ranges of facets what each is; Bambu Studio and OrcaSlicer keep each as a component. Neither is part of the 3MF
-standard, but to print a support blocker as plastic would be no answer to that.
+These volumes are modifiers, blockers, enforcers and negative volumes. PrusaSlicer stores all volumes of an object in
+one mesh and lists their ranges of facets; Bambu Studio and OrcaSlicer store each one as a component. Neither is part of
+the 3MF standard, but without this data a support blocker would be printed as solid.
 """
 
 from __future__ import annotations
@@ -34,25 +34,25 @@ HOLES: Final = frozenset({"negativevolume", "negative_part"})
 
 @dataclass(frozen=True, slots=True)
 class _Volume:
-    """One that is not to be printed."""
+    """A volume that must not be printed."""
 
     name: str
     kind: str
 
     def spoken(self) -> str:
-        """Name and kind as messages say them."""
+        """Return the name and the kind for messages."""
         return f"'{self.name[:LONGEST_NAME]}' ({self.kind[:LONGEST_NAME]})"
 
 
 class Modifiers(XmlReader):
-    """What the configuration file of a slicer says about volumes."""
+    """The volumes in the configuration file of a slicer."""
 
     def __init__(self, path: Path, limits: Limits, what: str) -> None:
         super().__init__(path, limits, what)
         self._object = self._component = self._name = self._kind = ""
         self._range = (0, -1)
         self._n_marked = 0
-        self._inside = False  # a volume
+        self._inside = False  # of a volume
         self.names: dict[str, str] = {}
         self.ranges: dict[str, list[tuple[tuple[int, int], _Volume]]] = {}
         self.components: dict[tuple[str, str], _Volume] = {}
@@ -86,7 +86,7 @@ class Modifiers(XmlReader):
         elif key == "volume_type" and given.get("type") == "volume":
             self._kind = value
         elif key == "modifier" and given.get("type") == "volume" and value == "1":
-            self._kind = self._kind or "modifier"  # before there were kinds
+            self._kind = self._kind or "modifier"  # files of older versions have no kinds
 
     def _end_volume(self) -> None:
         self._inside = False
@@ -99,7 +99,7 @@ class Modifiers(XmlReader):
             self.components[self._object, self._component] = volume
 
     def _marked(self) -> _Volume | None:
-        """The volume that ends, if it is not to be printed."""
+        """Return the current volume if it must not be printed."""
         if self._kind.lower() in PLAIN:
             return None
         self._n_marked += 1
@@ -108,17 +108,17 @@ class Modifiers(XmlReader):
         return _Volume(self._name, self._kind)
 
     def name(self, bodies: dict[Hashable, ObjectBuilder], part: str) -> None:
-        """Call the objects of a model file what the slicer calls them, where the model has no names."""
+        """Give unnamed objects of a model file the names that the slicer stored."""
         for number, name in self.names.items():
             body = bodies.get((part, number))
             if body is not None:
                 body.label = body.label or name
 
     def taken_from(self, bodies: dict[Hashable, ObjectBuilder], part: str) -> list[str]:
-        """Take these volumes out of the objects of a model file.
+        """Remove these volumes from the objects of a model file.
 
         Returns:
-            What deserves a look.
+            Warnings.
         """
         taken: list[_Volume] = []
         for number, ranges in self.ranges.items():
@@ -144,7 +144,7 @@ class Modifiers(XmlReader):
 
 
 def _notes(taken: Sequence[_Volume]) -> list[str]:
-    """What deserves a look where these volumes are left out."""
+    """Return warnings about the removed volumes."""
     if not taken:
         return []
     count = "1 volume that only changes" if len(taken) == 1 else f"{len(taken)} volumes that only change"
@@ -166,10 +166,10 @@ def _listed(volumes: Sequence[_Volume]) -> str:
 
 
 def read_modifiers(archive: Archive, limits: Limits) -> Modifiers:
-    """What the slicer that made an archive says about its volumes; nothing where no slicer did.
+    """Read the slicer's data about volumes; empty if no slicer made the archive.
 
     Raises:
-        MeshError: the slicer's file is no sound XML.
+        MeshError: the slicer's file is not valid XML.
     """
     name = next((name for name in FILES if name in archive), "")
     reader = Modifiers(archive.path, limits, name)

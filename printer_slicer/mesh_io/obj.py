@@ -1,8 +1,7 @@
-"""OBJ: the facets of all its objects and groups, read piece by piece, each as whole arrays.
+"""Read the facets of all objects and groups of OBJ files, in chunks.
 
-Written after appendix B1 of the Advanced Visualizer manual of Wavefront. Of its statements `v` and `f` are read; what
-belongs to a picture, and points, lines, curves and free-form surfaces are not. A weight behind the coordinates of a
-vertex matters to curves only, a colour to pictures: both are left out.
+Source: Wavefront, Advanced Visualizer manual, appendix B1. The statements `v` and `f` are read. Materials, points,
+lines, curves and free-form surfaces are ignored, and so are weights and colours after the coordinates of a vertex.
 """
 
 from __future__ import annotations
@@ -29,11 +28,11 @@ if TYPE_CHECKING:
 __all__ = ["read_obj"]
 
 BLANK: Final = 32
-"""Bytes up to this one part words."""
+"""Bytes up to this value separate words."""
 LONGEST_LINE: Final = 1 << 24
 """bytes"""
 MOST_CONTINUED: Final = 1000
-"""Lines at the end of a piece that are looked at for one that is not continued."""
+"""Maximum number of continued lines at the end of a chunk."""
 COMMENT: Final = re.compile(rb"#[^\n]*")
 INDENT: Final = re.compile(rb"(?m)^[\t\v\f ]+")
 CORNER: Final = re.compile(rb"([-+]?\d+)(/\S*)?")
@@ -44,20 +43,20 @@ UNREAD: Final = {
     b"curv2": "curves",
     b"surf": "free-form surfaces",
 }
-"""Statements that draw something without facets."""
+"""Statements that define geometry without facets."""
 
 
 class _MalformedError(Exception):
-    """The text is malformed; the place is searched for afterwards."""
+    """The text is malformed; `_fault` finds the line afterwards."""
 
 
 def read_obj(source: ModelFile, limits: Limits) -> tuple[Float, list[str]]:
-    """(F, 3, 3) corners of the facets, and what deserves a look; polygons are cut into fans.
+    """Return the corners (F, 3, 3) of the facets, and warnings; polygons are split into fans.
 
-    Only when something is wrong the file is read line by line, to say where.
+    If something is wrong, the file is read again line by line to find the line.
 
     Raises:
-        MeshError: too many facets, or no sound file; names the line.
+        MeshError: there are too many facets, or the file is malformed; names the line.
     """
     vertices, counts, corners = [np.zeros((0, 3))], [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
     n_vertices = n_faces = n_facets = n_surfaces = 0
@@ -89,7 +88,7 @@ def read_obj(source: ModelFile, limits: Limits) -> tuple[Float, list[str]]:
 
 
 def _pieces(source: ModelFile) -> Iterator[bytes]:
-    """The file in pieces of whole statements, each ending its lines with LF and the last one too."""
+    """Yield the file in chunks of complete statements; every line ends with LF."""
     rest = b""
     for chunk in source.text_chunks():
         text = rest + chunk if rest else chunk
@@ -106,7 +105,7 @@ def _pieces(source: ModelFile) -> Iterator[bytes]:
 
 
 def _end_of_statements(text: bytes) -> int:
-    """The place behind the last line that is not continued by the next one."""
+    """Return the index after the last line that the next one does not continue."""
     end = text.rfind(b"\n") + 1
     for _ in range(MOST_CONTINUED):
         if not text.endswith((b"\\\n", b"\\\r\n"), 0, end):
@@ -120,7 +119,7 @@ def _with_new_lines(text: bytes) -> bytes:
 
 
 class _Lines:
-    """The statements of a piece of the file: where they begin, and which are vertices or faces."""
+    """The statements of a chunk: where they start, and which are vertices or faces."""
 
     def __init__(self, text: bytes) -> None:
         if b"#" in text:
@@ -138,7 +137,7 @@ class _Lines:
         self._is_face = (first == ord("f")) & (second <= BLANK)
 
     def vertices(self) -> Float:
-        """(V, 3) coordinates."""
+        """Return the vertex coordinates (V, 3)."""
         text, counts = self._words_of(self._is_vertex)
         if not len(counts):
             return np.zeros((0, 3))
@@ -151,10 +150,10 @@ class _Lines:
         return xyz
 
     def faces(self, n_before: int) -> tuple[Int, Int]:
-        """(P,) corners of each face, and the vertices of all corners, counted from 0.
+        """Return the number of corners of each face (P,), and the vertex indices of all corners, from 0.
 
         Args:
-            n_before: vertices in the pieces before.
+            n_before: number of vertices in the previous chunks.
         """
         text, counts = self._words_of(self._is_face)
         if not len(counts):
@@ -162,7 +161,7 @@ class _Lines:
         numbers = _numbers(text, "i8", counts)
         if numbers.min() >= 1:
             return counts, numbers - 1
-        # -1 is the last vertex that stands before the face.
+        # -1 is the last vertex before the face.
         known = (n_before + np.cumsum(self._is_vertex))[self._is_face]
         corners = np.where(numbers < 0, np.repeat(known, counts) + numbers, numbers - 1)
         if corners.min() < 0:
@@ -170,7 +169,10 @@ class _Lines:
         return counts, corners
 
     def _words_of(self, chosen: NDArray[np.bool_]) -> tuple[NDArray[np.uint8], Int]:
-        """The text of some statements without their keywords and all from `/` to the end of a word; words of each."""
+        """Return the text of the chosen statements and the number of words in each.
+
+        Keywords are removed, and so is the rest of a word from `/` on.
+        """
         lengths = self._lengths[chosen]
         text = self._bytes[np.repeat(chosen, self._lengths)]
         begins = np.cumsum(lengths) - lengths
@@ -183,7 +185,7 @@ class _Lines:
             if (slash[1:] & blank[:-1]).any():
                 raise _MalformedError
             marks = np.flatnonzero(blank | slash)
-            behind = np.repeat(slash[marks], np.diff(marks, append=len(text)))  # the first byte is blank
+            behind = np.repeat(slash[marks], np.diff(marks, append=len(text)))  # the first byte is a blank
             text[behind] = BLANK
             blank |= behind
         begun = np.zeros(len(text), np.bool_)
@@ -192,7 +194,7 @@ class _Lines:
 
 
 def _numbers(text: NDArray[np.uint8], kind: str, counts: Int) -> NDArray[Any]:
-    """One number for every word."""
+    """Convert each word to a number."""
     try:
         numbers = numbers_in(text.tobytes(), kind)
     except ValueError:
@@ -203,7 +205,7 @@ def _numbers(text: NDArray[np.uint8], kind: str, counts: Int) -> NDArray[Any]:
 
 
 def _statements(source: ModelFile) -> Iterator[tuple[int, list[bytes]]]:
-    """The number of the line it begins in, and the words of every statement, the slow way."""
+    """Yield the first line number and the words of each statement; slow, used to find errors."""
     number, begun, words, is_continued = 0, 1, list[bytes](), False
     for text in _pieces(source):
         for line in text.split(b"\n")[:-1]:
@@ -218,11 +220,11 @@ def _statements(source: ModelFile) -> Iterator[tuple[int, list[bytes]]]:
 
 
 def _fault(source: ModelFile, n_vertices: int | None) -> MeshError:
-    """Describe the first statement that is not as it should be.
+    """Describe the first malformed statement.
 
     Args:
         source: the file.
-        n_vertices: in all of it, where one beyond them is looked for.
+        n_vertices: number of vertices in the file, to find a face that uses a missing one.
     """
     known = 0
     for number, words in _statements(source):
@@ -238,7 +240,7 @@ def _fault(source: ModelFile, n_vertices: int | None) -> MeshError:
 
 
 def _wrong_vertex(words: list[bytes]) -> str:
-    """What is wrong with a vertex; empty where nothing is."""
+    """Describe what is wrong with a vertex; empty if it is valid."""
     for word in words:
         if not NUMBER.fullmatch(word):
             return f"expected a number, found '{_spoken(word)}'"
@@ -246,7 +248,7 @@ def _wrong_vertex(words: list[bytes]) -> str:
 
 
 def _wrong_face(words: list[bytes], known: int, n_vertices: int | None) -> str:
-    """What is wrong with a face behind so many vertices; empty where nothing is."""
+    """Describe what is wrong with a face after `known` vertices; empty if it is valid."""
     for word in words:
         match = CORNER.fullmatch(word)
         if match is None:
@@ -266,7 +268,7 @@ def _spoken(word: bytes) -> str:
 
 
 def _nothing(source: ModelFile) -> MeshError:
-    """What to say of a file without facets."""
+    """Return the error for a file without facets."""
     found = {UNREAD[words[0]] for _, words in _statements(source) if words and words[0] in UNREAD}
     only = f", only {' and '.join(sorted(found))}" if found else ""
     return MeshError(f"{source.path}: the file contains no facets{only}", remedy=EXPORT_AGAIN)

@@ -1,8 +1,8 @@
-"""OFF: vertices and polygons, one in a line, as text, or as numbers of four bytes, the highest first.
+"""Read OFF files: vertices and polygons as text, one per line, or as big-endian numbers of four bytes.
 
-Written after the description of the format in the manual of Geomview. Normals and colours, of vertices and of faces,
-are behind what is read: in a text only the end of a line tells colours of faces from the next face. Where vertices and
-faces do not stand one in a line, the numbers are read by their counts, if there are exactly as many as that makes.
+Source: the description of the format in the manual of Geomview. Normals and colours follow the data of a vertex or a
+face and are ignored. In a text, only the end of a line separates the colour of a face from the next face. If vertices
+and faces are not one per line, the numbers are read by their counts, provided that the total matches exactly.
 """
 
 from __future__ import annotations
@@ -27,21 +27,21 @@ if TYPE_CHECKING:
 __all__ = ["read_off"]
 
 KEYWORD: Final = re.compile(r"\s*(?:(ST)?(C)?(N)?(4?n?)OFF\b)?")
-"""What a file begins with; it may also begin with its counts."""
+"""The keyword at the start of a file; it may be missing."""
 BINARY: Final = re.compile(rb"\s*(ST)?(C)?(N)?(4?n?)OFF[ \t]+BINARY[ \t]*\r?\n")
 BEHIND: Final = (2, 4, 3)
-"""Numbers behind the coordinates of a vertex: of its place in a picture (ST), its colour (C), its normal (N)."""
+"""Numbers after the coordinates of a vertex: texture coordinates (ST), colour (C), normal (N)."""
 CORNERS: Final = Property("corners", "i4", "i4")
 COLOUR: Final = Property("colour", "f4", "i4")
-"""What a face consists of."""
+"""The properties of a face."""
 
 
 def read_off(data: bytes, path: Path, limits: Limits) -> Float:
-    """(F, 3, 3) corners of the facets; polygons are cut into fans.
+    """Return the corners (F, 3, 3) of the facets; polygons are split into fans.
 
     Raises:
-        MeshError: too many facets.
-        ValueError: it is no sound file; says why.
+        MeshError: there are too many facets.
+        ValueError: the file is malformed; says why.
     """
     if head := BINARY.match(data):
         return _read_binary(data[head.end() :], head, path, limits)
@@ -53,14 +53,14 @@ def read_off(data: bytes, path: Path, limits: Limits) -> Float:
     try:
         return _read_lines(body, path, limits)
     except ValueError:
-        triangles = _read_counted(body, _behind(keyword), path, limits)
+        triangles = _read_counted(body, _n_extra(keyword), path, limits)
         if triangles is None:
             raise
         return triangles
 
 
 def _read_lines(text: str, path: Path, limits: Limits) -> Float:
-    """The facets of what follows the keyword, where every vertex and every face has a line."""
+    """Read the text after the keyword if every vertex and every face has its own line."""
     lines = [line for line in text.splitlines() if line and not line.isspace()]
     announced = lines[0].split() if lines else []
     if len(announced) < 2 or not all(word.isdecimal() for word in announced[:2]):
@@ -76,18 +76,19 @@ def _read_lines(text: str, path: Path, limits: Limits) -> Float:
     return triangulate_polygons(vertices, counts, corners, path, limits)
 
 
-def _read_counted(text: str, n_behind: int, path: Path, limits: Limits) -> Float | None:
-    """The same by the numbers of vertices, of faces and of their corners; None where these do not use up all numbers.
+def _read_counted(text: str, n_extra: int, path: Path, limits: Limits) -> Float | None:
+    """Read the text by the counts of vertices, faces and corners; return None unless they use up all numbers.
 
-    What breaks off or lacks a number must not become another part: files with as many lines as that makes are not read
-    so, nor faces of less than three corners, and the number of edges may only be missing where it would end its line.
+    A truncated file or a missing number must not produce a different part. So this does not apply to files with one
+    line per vertex and face or with faces of fewer than three corners, and the number of edges may only be missing
+    at the end of its line.
     """
     lines = [line for line in text.splitlines() if line and not line.isspace()]
-    begin = 2 if lines and len(lines[0].split()) == 2 else 3
+    start = 2 if lines and len(lines[0].split()) == 2 else 3
     try:
         body = Words(text.encode())
         announced = body.number(0, ""), body.number(1, "")
-        vertices, faces, end = _tables(body, announced, begin, n_behind, (CORNERS,))
+        vertices, faces, end = _tables(body, announced, start, n_extra, (CORNERS,))
         whole_rows = len(lines) == 1 + sum(announced)
         if end == body.end and not whole_rows and (faces.counts >= 3).all():
             return triangulate_polygons(vertices, faces.counts, whole(faces.values), path, limits)
@@ -97,7 +98,7 @@ def _read_counted(text: str, n_behind: int, path: Path, limits: Limits) -> Float
 
 
 def _read_binary(data: bytes, head: re.Match[bytes], path: Path, limits: Limits) -> Float:
-    """The same, of what follows the first line."""
+    """Read the binary data after the first line."""
     if head[4]:
         raise ValueError("its points do not have three coordinates")
     body = Bytes(data, ">")
@@ -105,30 +106,30 @@ def _read_binary(data: bytes, head: re.Match[bytes], path: Path, limits: Limits)
         raise ValueError("the numbers of vertices and faces are missing at the start")
     announced = body.number(0, "i4"), body.number(4, "i4")
     check_facets(announced[1], path, limits)
-    vertices, faces, _ = _tables(body, announced, 12, _behind(head), (CORNERS, COLOUR))
+    vertices, faces, _ = _tables(body, announced, 12, _n_extra(head), (CORNERS, COLOUR))
     return triangulate_polygons(vertices, faces.counts, faces.values.astype(np.int64), path, limits)
 
 
-def _behind(head: re.Match[bytes] | re.Match[str]) -> int:
-    """Numbers behind the coordinates of each vertex."""
+def _n_extra(head: re.Match[bytes] | re.Match[str]) -> int:
+    """Return how many numbers follow the coordinates of each vertex."""
     return sum(number for number, given in zip(BEHIND, head.groups(), strict=False) if given)
 
 
 def _tables(
-    body: TableBody, announced: tuple[int, int], begin: int, n_behind: int, face: tuple[Property, ...]
+    body: TableBody, announced: tuple[int, int], start: int, n_extra: int, face: tuple[Property, ...]
 ) -> tuple[Float, Column, int]:
-    """Vertices (V, 3), the corners of the faces, and where these end in the body.
+    """Return the vertices (V, 3), the corners of the faces, and the end of the faces in the body.
 
     Args:
-        body: what is behind the first line, or the first word.
-        announced: vertices and faces.
-        begin: where the vertices begin in it.
-        n_behind: numbers behind the coordinates of each vertex.
-        face: what each face consists of.
+        body: the data after the first line or the first word.
+        announced: number of vertices and of faces.
+        start: where the vertices start in the body.
+        n_extra: how many numbers follow the coordinates of each vertex.
+        face: the properties of a face.
     """
-    columns = ["x", "y", "z", *(f"behind {k}" for k in range(n_behind))]
+    columns = ["x", "y", "z", *(f"behind {k}" for k in range(n_extra))]
     vertex = Element("vertex", announced[0], tuple(Property(name, "f4") for name in columns))
-    vertices, at = read_table(body, vertex, begin, "xyz")
+    vertices, at = read_table(body, vertex, start, "xyz")
     faces, end = read_table(body, Element("face", announced[1], face), at, (CORNERS.name,))
     if not vertices or not faces:
         nothing = np.zeros(0, np.int64)
@@ -138,26 +139,26 @@ def _tables(
 
 
 def _faces(lines: list[str]) -> tuple[Int, Int]:
-    """(F,) corners of each face, and all of them."""
+    """Return the number of corners of each face (F,), and the corners of all faces."""
     counts = np.zeros(len(lines), np.int64)
     for number, line in enumerate(lines):
         word = line.split(None, 1)[0]
         if not (word.isdecimal() and len(word) < 10 and 2 * int(word) < len(line)):
             raise ValueError(f"face {number + 1} is malformed: '{line.strip()[:60]}'")
         counts[number] = int(word)
-    begin = np.cumsum(counts) - counts
+    first_corner = np.cumsum(counts) - counts
     corners = np.zeros(int(counts.sum()), np.int64)
     by_size = np.argsort(counts, kind="stable")
     for start, end in pairwise(np.flatnonzero(np.diff(counts[by_size], prepend=-1, append=-1)).tolist()):
         rows, size = by_size[start:end], int(counts[by_size[start]])
         if size:
             part = _numbers([lines[row] for row in rows.tolist()], range(1, size + 1), "face")
-            corners[begin[rows, None] + np.arange(size)] = whole(part)
+            corners[first_corner[rows, None] + np.arange(size)] = whole(part)
     return counts, corners
 
 
 def _numbers(lines: Sequence[str], columns: range, what: str) -> Float:
-    """(L, C) the numbers in these columns of each line."""
+    """Return the numbers (L, C) in these columns of each line."""
     if not lines:
         return np.zeros((0, len(columns)))
     try:

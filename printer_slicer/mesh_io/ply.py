@@ -1,7 +1,7 @@
-"""PLY: elements with numbers and lists of numbers, as text or as bytes of either order.
+"""Read PLY files: elements with numbers and lists of numbers, as text or as binary of either byte order.
 
-Written after Greg Turk, The PLY Polygon File Format, 1994. Strips of triangles are lists in which -1 ends a strip;
-every second triangle of a strip runs the other way round.
+Source: Greg Turk, The PLY Polygon File Format, 1994. Triangle strips are lists in which -1 ends a strip; every second
+triangle of a strip has the opposite winding.
 """
 
 from __future__ import annotations
@@ -31,16 +31,16 @@ TYPES: Final = {
 }  # fmt: skip
 FORMATS: Final = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 LISTS: Final = ("vertex_indices", "vertex_index")
-"""What programs call the corners of a face."""
+"""Names that programs use for the corners of a face."""
 LONGEST_HEADER: Final = 1 << 16
 
 
 def read_ply(data: bytes, path: Path, limits: Limits) -> Float:
-    """(F, 3, 3) corners of the facets; polygons are cut into fans, strips into triangles.
+    """Return the corners (F, 3, 3) of the facets; polygons are split into fans, strips into triangles.
 
     Raises:
-        MeshError: too many facets.
-        ValueError: it is no sound file; says why.
+        MeshError: there are too many facets.
+        ValueError: the file is malformed; says why.
     """
     elements, order, begin = _header(data)
     body: TableBody = Bytes(data[begin:], order) if order else Words(data[begin:])
@@ -60,15 +60,20 @@ def read_ply(data: bytes, path: Path, limits: Limits) -> Float:
         elif element.name == "tristrips" and element.number:
             strips = _named(columns, element, *LISTS)
             check_facets(len(strips.values), path, limits)
-            facets = _unrolled(strips.counts, whole(strips.values))
+            facets = _unroll_strips(strips.counts, whole(strips.values))
             counts.append(np.full(len(facets), 3))
             corners.append(facets.ravel())
     vertices = vertices.astype(np.float64)
     return triangulate_polygons(vertices, np.concatenate(counts), np.concatenate(corners), path, limits)
 
 
-def _unrolled(counts: Int, corners: Int) -> Int:
-    """(F, 3) the facets of strips: `counts` (L,) corners in each list, all in one; after -1 another strip begins."""
+def _unroll_strips(counts: Int, corners: Int) -> Int:
+    """Return the facets (F, 3) of triangle strips.
+
+    Args:
+        counts: (L,) corners in each list.
+        corners: the corners of all lists; -1 ends a strip.
+    """
     begins = np.zeros(len(corners) + 1, np.bool_)
     begins[np.cumsum(counts) - counts] = True
     begins[1:] |= corners == -1
@@ -80,7 +85,7 @@ def _unrolled(counts: Int, corners: Int) -> Int:
 
 
 def _header(data: bytes) -> tuple[list[Element], str, int]:
-    """The elements, the order of bytes, empty in texts, and where the body begins."""
+    """Return the elements, the byte order (empty for text), and where the body starts."""
     head = re.match(rb"ply[ \t]*(\r\n|\n|\r)", data)
     end = re.compile(rb"(?<=[\r\n])end_header[ \t]*").search(data, 0, LONGEST_HEADER)
     if head is None or end is None:
@@ -115,7 +120,7 @@ def _property(words: Sequence[str]) -> Property:
 
 
 def _named(columns: dict[str, Column], element: Element, *names: str) -> Column:
-    """The column of the first of these names that has numbers in it, else of the first that is there."""
+    """Return the first of these columns that has numbers, else the first that exists."""
     found = [columns[name] for name in names if name in columns]
     if found:
         return next((column for column in found if len(column.values)), found[0])

@@ -1,4 +1,4 @@
-"""Facets from the polygons that OBJ, PLY and OFF files are made of."""
+"""Triangulate the polygons of OBJ, PLY and OFF files."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ if TYPE_CHECKING:
 __all__ = ["triangulate_polygons", "whole"]
 
 MOST_CORNERS: Final = 64
-"""Polygons of more corners, where they are not convex, are fans from their first corner: others are not tried."""
+"""A polygon with more corners becomes a fan from its first corner even if it is not convex."""
 BLOCK: Final = 1 << 16
-"""Corners of polygons looked at together."""
+"""Number of polygon corners processed at a time."""
 AGAINST: Final = -1e-9
-"""A facet that faces against its polygon by more than this share of it is folded over its neighbours."""
+"""A facet is folded if it faces against its polygon by more than this fraction of the polygon."""
 
 
 def whole(values: Float) -> Int:
-    """Whole numbers as they come out of a text.
+    """Convert numbers from a text to integers.
 
     Raises:
-        ValueError: one is none.
+        ValueError: one is not a whole number.
     """
     if not (np.abs(values) < 1 << 53).all() or not (values == np.rint(values)).all():
         raise ValueError("a vertex number is not a whole number")
@@ -38,22 +38,25 @@ def whole(values: Float) -> Int:
 
 
 def triangulate_polygons(vertices: Float, counts: Int, corners: Int, path: Path, limits: Limits) -> Float:
-    """(T, 3, 3) corners of the facets that polygons are cut into, in their order.
+    """Split polygons into facets.
 
-    A polygon is cut into a fan from its first corner. Where that folds, since the polygon is not convex, the corner
-    whose fan has the least area is taken: the polygon itself, wherever one of its corners sees all of it. Polygons of
-    less than three corners have no facets.
+    A polygon becomes a fan from its first corner. If that fan folds over, because the polygon is not convex, the fan
+    with the least area is used; it covers exactly the polygon if one corner sees all of it. Polygons with fewer than
+    three corners have no facets.
 
     Args:
         vertices: (V, 3).
-        counts: (P,) corners of each polygon.
-        corners: (sum of counts,) indices of their vertices.
+        counts: (P,) number of corners of each polygon.
+        corners: (sum of counts,) vertex indices.
         path: for messages.
-        limits: of the number of facets.
+        limits: for the number of facets.
+
+    Returns:
+        Corners (T, 3, 3) of the facets, in the order of the polygons.
 
     Raises:
-        MeshError: too many facets.
-        ValueError: a vertex that there is not.
+        MeshError: there are too many facets.
+        ValueError: a vertex does not exist.
     """
     if len(corners) and not (corners.min() >= 0 and corners.max() < len(vertices)):
         wrong = int(np.flatnonzero((corners < 0) | (corners >= len(vertices)))[0])
@@ -62,8 +65,8 @@ def triangulate_polygons(vertices: Float, counts: Int, corners: Int, path: Path,
     if len(counts) and (counts == 3).all():
         check_facets(len(counts), path, limits)
         return np.asarray(vertices[corners.reshape(-1, 3)])
-    begin = np.cumsum(counts) - counts
-    counts, begin = counts[counts >= 3], begin[counts >= 3]
+    first_corner = np.cumsum(counts) - counts
+    counts, first_corner = counts[counts >= 3], first_corner[counts >= 3]
     n_facets = counts - 2
     check_facets(int(n_facets.sum()), path, limits)
     first = np.cumsum(n_facets) - n_facets
@@ -75,13 +78,13 @@ def triangulate_polygons(vertices: Float, counts: Int, corners: Int, path: Path,
         step = max(BLOCK // size, 1)
         for at in range(start, end, step):
             rows = by_size[at : min(at + step, end)]
-            points = vertices[corners[begin[rows, None] + np.arange(size)]]
+            points = vertices[corners[first_corner[rows, None] + np.arange(size)]]
             triangles[first[rows, None] + np.arange(size - 2)] = _fans(points)
     return triangles
 
 
 def _fans(points: Float) -> Float:
-    """(P, N - 2, 3, 3) facets of polygons (P, N, 3), whose corners may be turned on."""
+    """Return the facets (P, N - 2, 3, 3) of polygons (P, N, 3); may rotate the order of their corners."""
     size = points.shape[1]
     if 3 < size <= MOST_CORNERS:
         crosses = _crosses(points)
@@ -95,7 +98,7 @@ def _fans(points: Float) -> Float:
 
 
 def _from_best_corner(points: Float) -> Float:
-    """(P, N, 3) the polygons, each beginning with the corner whose fan has the least area."""
+    """Return the polygons (P, N, 3), each starting at the corner whose fan has the least area."""
     best = points.copy()
     least = np.full(len(points), np.inf)
     for apex in range(points.shape[1] if len(points) else 0):
@@ -107,5 +110,5 @@ def _from_best_corner(points: Float) -> Float:
 
 
 def _crosses(points: Float) -> Float:
-    """(P, N - 2, 3) twice the area of each facet of the fans from the first corners, along their normals."""
+    """Return the normals (P, N - 2, 3) of the facets in the fans from the first corners; length: twice the area."""
     return np.asarray(np.cross(points[:, 1:-1] - points[:, :1], points[:, 2:] - points[:, :1]))

@@ -36,7 +36,7 @@ MAGIC: Final = (
     (b"ply", "ply"),
     (b"OFF", "off"),
 )
-"""How files begin; those that no other format can begin with come first."""
+"""First bytes of the formats; unambiguous ones come first."""
 PACKED: Final = (
     b"\x1f\x8b",
     b"7z\xbc\xaf\x27\x1c",
@@ -45,27 +45,27 @@ PACKED: Final = (
     b"BZh",
     b"\x28\xb5\x2f\xfd",
 )
-"""How files that programs have packed begin: gzip, 7z, RAR, xz, bzip2, zstd."""
+"""First bytes of compressed files: gzip, 7z, RAR, xz, bzip2, zstd."""
 AMF: Final = re.compile(rb"<(\w+:)?amf[\s>]")
-"""What an AMF begins with, a format that was given up: few programs still write it."""
+"""Start of an AMF file, an obsolete format that few programs still write."""
 VERTEX: Final = re.compile(rb"(?<![^\r\n])[ \t]*v[ \t]+[-+.\d]")
 FACE: Final = re.compile(rb"(?<![^\r\n])[ \t]*f[ \t]+[-+]?\d")
-"""How lines of an OBJ begin."""
+"""Start of a face line in an OBJ file."""
 N_CERTAIN: Final = 3
-"""So many entries of MAGIC say more than the name of the file does."""
+"""Number of entries of MAGIC that take precedence over the file name."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Model:
-    """A part as it was read.
+    """A part read from a file.
 
     Attributes:
-        mesh: in mm, where the file has it.
+        mesh: the mesh in mm, positioned as in the file.
         path: the file.
-        kind: its format, one of FORMATS.
-        unit: what its numbers were taken to mean, a key in `UNITS`.
-        n_folded: facets with two equal corners; they have no area and were left out.
-        notes: what deserves a look, for people.
+        kind: format, one of FORMATS.
+        unit: unit assumed for the coordinates, a key in `UNITS`.
+        n_folded: number of facets with two equal corners; they have no area and were dropped.
+        notes: warnings.
     """
 
     mesh: Mesh
@@ -79,7 +79,7 @@ class Model:
         """Warn about an implausible size and name the probable unit; empty if the size is plausible.
 
         Args:
-            room: (3,) what the printer prints, mm; None: 2 m each way.
+            room: (3,) build volume of the printer, mm; None: 2 m along each axis.
         """
         size = self.mesh.size
         advice = unit_advice(size, self.unit, room, certain=self.kind == "step")
@@ -93,24 +93,24 @@ class Model:
         )
 
 
-def _quiet(_share: float) -> None:
-    """A `progress` that says nothing."""
+def _ignore_progress(_share: float) -> None:
+    """Ignore progress."""
 
 
 def load_mesh(path: str | os.PathLike[str], *, units: str | None = None, limits: Limits = LIMITS) -> Mesh:
-    """Mesh in a file, in mm, where the file has it: it is not moved to the bed.
+    """Load the mesh of a file in mm; it stays where the file places it and is not moved to the bed.
 
-    Binary and ASCII STL, 3MF, OBJ, PLY, OFF, GLB, glTF and, with the extra `step`, STEP, known by what they begin with
-    and else by extension. Several solids or objects in a file become one mesh, as the file places them.
+    Reads binary and ASCII STL, 3MF, OBJ, PLY, OFF, GLB, glTF and, with the extra `step`, STEP. The first bytes of the
+    file decide the format, else the extension. Several solids or objects become one mesh, as the file places them.
 
     Args:
-        path: of the file.
-        units: what the numbers in the file mean, a key in `UNITS`; None: what the file says, else mm.
-        limits: beyond which a file is refused.
+        path: the file.
+        units: unit of the coordinates, a key in `UNITS`; None: the unit that the file states, else mm.
+        limits: maximum sizes and counts.
 
     Raises:
-        UsageError: the file cannot be read, its format is not known, or the unit is not.
-        MeshError: what is in the file is not a part, or goes beyond a limit.
+        UsageError: the file cannot be read, or its format or the unit is unknown.
+        MeshError: the file does not hold a part or exceeds a limit.
     """
     return load_model(path, units=units, limits=limits).mesh
 
@@ -120,18 +120,18 @@ def load_model(
     *,
     units: str | None = None,
     limits: Limits = LIMITS,
-    progress: Progress = _quiet,
+    progress: Progress = _ignore_progress,
 ) -> Model:
-    """The same as `load_mesh`, with what is known about the file.
+    """Load a file like `load_mesh`, with information about the file.
 
     Args:
-        path: of the file.
-        units: what the numbers in the file mean, as for `load_mesh`.
-        limits: beyond which a file is refused.
-        progress: is told the share of a large file that has been read, 0 to 1.
+        path: the file.
+        units: unit of the coordinates, see `load_mesh`.
+        limits: maximum sizes and counts.
+        progress: receives the fraction of a large file read so far, 0 to 1.
 
     Raises:
-        UsageError, MeshError: as for `load_mesh`.
+        UsageError, MeshError: see `load_mesh`.
     """
     path = Path(path)
     unit = check_unit(units) if units is not None else None
@@ -145,17 +145,17 @@ def load_model(
 
 
 def _items(shares: list[tuple[str, int]], triangles: Float, name: str) -> tuple[PlateObject, ...]:
-    """The things in a file, if there are several, or one with a name; others are called as the file."""
-    begin, items = 0, []
+    """Return the objects of a file if there are several or one has a name; unnamed ones are called as the file."""
+    first, items = 0, []
     for label, count in shares if len(shares) > 1 or (shares and shares[0][0]) else []:
-        bounds = Mesh(triangles[begin : begin + count]).bounds
-        items.append(PlateObject.of(label or name, bounds, begin, count))
-        begin += count
+        bounds = Mesh(triangles[first : first + count]).bounds
+        items.append(PlateObject.of(label or name, bounds, first, count))
+        first += count
     return tuple(items)
 
 
 def _kind(source: ModelFile) -> str:
-    """The format: by what the file begins with where that is certain, else by its extension, else by its content."""
+    """Detect the format by unambiguous first bytes, else by the extension, else by the content."""
     if is_sized_binary_stl(source):
         return "stl"
     if source.head.startswith(PACKED):
@@ -188,9 +188,9 @@ def _kind(source: ModelFile) -> str:
     )
 
 
-# Readers: source, format, unit asked for, limits -> corners in mm, unit, notes, and where a file says so, the names of
-# the things in it with the number of their facets, which come in turn.
-# Each imports its module when it is called: most parts are STL.
+# Readers: source, format, requested unit, limits -> corners in mm, unit, warnings, and, if the file names its objects,
+# the name and the number of facets of each, in order.
+# Each reader imports its module when it is called, because most parts are STL.
 
 Result = tuple["Float", str, list[str]] | tuple["Float", str, list[str], list[tuple[str, int]]]
 
@@ -200,7 +200,7 @@ def _read_stl(source: ModelFile, _kind: str, unit: str | None, limits: Limits) -
         triangles, notes = read_ascii_stl(source, limits)
     else:
         triangles, notes = read_binary_stl(source, limits)
-    return _scaled(triangles, unit or "mm"), unit or "mm", notes
+    return _scale_to_mm(triangles, unit or "mm"), unit or "mm", notes
 
 
 def _read_zip(source: ModelFile, _kind: str, unit: str | None, limits: Limits) -> Result:
@@ -235,7 +235,7 @@ def _read_obj(source: ModelFile, _kind: str, unit: str | None, limits: Limits) -
     from printer_slicer.mesh_io.obj import read_obj  # noqa: PLC0415
 
     triangles, notes = read_obj(source, limits)
-    return _scaled(triangles, unit or "mm"), unit or "mm", notes
+    return _scale_to_mm(triangles, unit or "mm"), unit or "mm", notes
 
 
 def _read_table(source: ModelFile, kind: str, unit: str | None, limits: Limits) -> Result:
@@ -250,7 +250,7 @@ def _read_table(source: ModelFile, kind: str, unit: str | None, limits: Limits) 
     except (ValueError, LookupError, TypeError, ArithmeticError) as error:
         reason = str(error).partition("\n")[0][:200] or type(error).__name__
         raise MeshError(f"{source.path}: not a valid .{kind} file: {reason}", remedy=COPY_AGAIN) from error
-    return _scaled(triangles, unit or "mm"), unit or "mm", []
+    return _scale_to_mm(triangles, unit or "mm"), unit or "mm", []
 
 
 _READERS: Final = {
@@ -265,8 +265,8 @@ _READERS: Final = {
 }
 
 
-def _scaled(triangles: Float, unit: str) -> Float:
-    """The triangles in mm, in place."""
+def _scale_to_mm(triangles: Float, unit: str) -> Float:
+    """Scale the triangles to mm in place."""
     if UNITS[unit] != 1:
         for block in blocks(len(triangles)):
             triangles[block] *= UNITS[unit]

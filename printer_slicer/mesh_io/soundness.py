@@ -1,4 +1,4 @@
-"""Is it a part: facets that can bound a volume. Works block by block, so that no second copy of a large mesh exists."""
+"""Check that facets can bound a volume, in blocks, without a second copy of a large mesh."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 __all__ = ["BLOCK", "COPY_AGAIN", "EXPORT_AGAIN", "LARGEST", "blocks", "drop_folded_facets"]
 
 BLOCK: Final = 1 << 13
-"""Facets looked at together: 0.6 MiB of float64, which stays in the cache."""
+"""Number of facets processed at a time: 0.6 MiB of float64, which fits the cache."""
 
 LARGEST: Final = 1e7
-"""mm; a coordinate beyond 10 km is damage, and its cube would drown the volume."""
+"""mm; a coordinate beyond 10 km is an error, and its cube would swamp the volume."""
 
 EXPORT_AGAIN: Final = "Export the part again from the program that made it"
 TOO_FAR: Final = (
@@ -33,23 +33,23 @@ COPY_AGAIN: Final = "Copy or download the file again; if that does not help, exp
 
 
 def blocks(count: int) -> Iterator[slice]:
-    """The slices of BLOCK facets that make up `count`."""
+    """Yield slices of BLOCK facets that cover `count` facets."""
     for start in range(0, count, BLOCK):
         yield slice(start, min(start + BLOCK, count))
 
 
 def drop_folded_facets(triangles: Float, path: Path) -> tuple[Float, int]:
-    """The triangles that can bound a part. Which way they face, and whether they bound one, is for repair to find.
+    """Drop facets with two equal corners; `healing` checks orientation and closure.
 
     Args:
-        triangles: (F, 3, 3) mm; they are changed.
-        path: of the file, for messages.
+        triangles: (F, 3, 3) mm; changed in place.
+        path: path of the file, for messages.
 
     Returns:
-        (F', 3, 3) triangles, a view of those given; how many without area were left out.
+        Triangles (F', 3, 3), a view of the argument; the number of dropped facets.
 
     Raises:
-        MeshError: there is no facet, no extent, or a coordinate that is none.
+        MeshError: there are no facets, the part has no extent, or a coordinate is not finite.
     """
     if len(triangles) == 0:
         raise MeshError(f"{path}: the file contains no facets", remedy=EXPORT_AGAIN)
@@ -63,7 +63,7 @@ def drop_folded_facets(triangles: Float, path: Path) -> tuple[Float, int]:
 
 
 def _unfolded(triangles: Float, path: Path) -> Float:
-    """Move the facets with three corners to the front; a view of these."""
+    """Move the facets with three different corners to the front and return a view of them."""
     n_kept = 0
     for block in blocks(len(triangles)):
         part = triangles[block]
@@ -85,7 +85,7 @@ def _unfolded(triangles: Float, path: Path) -> Float:
 
 
 def _folded(part: Float) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    """(F,) which facets have two equal corners."""
+    """Return which facets (F,) have two equal corners."""
     folded = np.zeros(len(part), dtype=np.bool_)
     for a, b in ((0, 1), (1, 2), (2, 0)):
         near = np.flatnonzero(part[:, a, 0] == part[:, b, 0])

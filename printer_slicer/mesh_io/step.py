@@ -1,6 +1,6 @@
-"""STEP, turned into facets by OpenCASCADE: the optional package cascadio, in a process of its own.
+"""Convert STEP files to facets with OpenCASCADE (the optional package cascadio) in a separate process.
 
-That library is written in C++ and given files from anywhere; what it does to its process it does not do to ours.
+The library is written in C++ and reads untrusted files; a crash in it must not end this process.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ if TYPE_CHECKING:
 __all__ = ["STEP_ANGLE", "STEP_TOLERANCE", "read_step"]
 
 STEP_TOLERANCE: Final = 0.01
-"""mm that facets may be off the surface they stand for; contours are simplified by about as much."""
+"""Maximum deviation of the facets from the surface, mm; contours are simplified by about as much."""
 STEP_ANGLE: Final = 0.2
-"""rad between the normals of neighbouring facets of a curved surface, at most."""
+"""Maximum angle between the normals of neighbouring facets of a curved surface, rad."""
 
-_SHOWN: Final = 200  # characters of what it says
+_SHOWN: Final = 200  # characters of its output
 
 CONVERT: Final = """
 import sys
@@ -37,50 +37,50 @@ cascadio.step_to_glb(sys.argv[1], sys.argv[2], float(sys.argv[3]), float(sys.arg
 
 
 def read_step(data: bytes, path: Path, limits: Limits) -> tuple[Float, str, list[str]]:
-    """Everything in a STEP file.
+    """Read all solids of a STEP file.
 
     Args:
-        data: the file.
-        path: of the file, for messages.
-        limits: of what comes out.
+        data: content of the file.
+        path: path of the file, for messages.
+        limits: limits for the result.
 
     Returns:
-        (F, 3, 3) corners, mm; "mm"; what deserves a look.
+        Corners (F, 3, 3), mm; "mm"; warnings.
 
     Raises:
         UsageError: cascadio is not installed.
-        MeshError: it is no sound STEP file, or one without solids.
+        MeshError: the STEP file is not valid or has no solids.
     """
     if not _is_installed("cascadio"):
         raise UsageError(
             f"{path}: reading STEP files needs the package cascadio",
             remedy="Run python -m pip install 'printer-slicer[step]', or export the part as STL or 3MF",
         )
-    # Named by us: the library must never be given a name from elsewhere, nor guess the format by it.
+    # Use our own file name: the library must not see an untrusted name or guess the format from it.
     with TemporaryDirectory(prefix="printer-slicer-") as folder:
         given, made = Path(folder, "part.step"), Path(folder, "part.glb")
         given.write_bytes(data)
         _convert([str(given), str(made), str(STEP_TOLERANCE), str(STEP_ANGLE)], path, limits)
         if not made.is_file() or not (converted := made.read_bytes()):
             raise MeshError(f"{path}: not a valid STEP file, or it contains no solids", remedy=COPY_AGAIN)
-    # Told by trying: it writes metres as glTF wants, but leaves z up.
+    # Found by testing: it writes metres, as glTF requires, but leaves z up.
     triangles, _, notes = read_glb(converted, path, limits, "m", y_up=False)
     return triangles, "mm", notes
 
 
 def _is_installed(name: str) -> bool:
-    """Whether a package can be imported; it is not."""
+    """Return whether a package can be imported, without importing it."""
     try:
         return find_spec(name) is not None
-    except (ImportError, ValueError):  # somebody forbids it
+    except (ImportError, ValueError):  # imports of it are blocked
         return False
 
 
 def _convert(arguments: list[str], path: Path, limits: Limits) -> None:
-    """STEP to GLB, in a process of its own.
+    """Convert STEP to GLB in a separate process.
 
     Raises:
-        MeshError: it takes too long, or it fails.
+        MeshError: the conversion takes too long or fails.
     """
     try:
         done = subprocess.run(  # noqa: S603 - ourselves, and names that we made

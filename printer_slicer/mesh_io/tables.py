@@ -1,8 +1,8 @@
-"""Tables of numbers and of lists of numbers, as text or as bytes of either order: what PLY and OFF files are made of.
+"""Read tables of numbers and of lists of numbers, as text or as bytes of either order, for PLY and OFF files.
 
-Rows of the same length are read as one table; where they differ, as where triangles and quads are mixed, in windows of
-many rows. Texts become one array of numbers, so that both kinds are read alike: a number is so many places
-long, bytes there and one here.
+Rows of equal length are read as one table. Rows of different lengths, for example triangles and quads, are read in
+windows of many rows. A text is first converted to one array of numbers, so that both kinds are read by the same code.
+Positions are bytes in binary data and numbers in a text.
 """
 
 from __future__ import annotations
@@ -37,18 +37,18 @@ NUMBER: Final = re.compile(rb"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?|[-+]?(nan|in
 NO_NUMBER: Final = re.compile(
     rb"(?<!\S)(?:[-+]?nan(?!\S)|(?!(?:" + NUMBER.pattern + rb")(?!\S))\S+)", re.IGNORECASE
 )
-"""A word in a text that is no number, `nan` included."""
+"""A word in a text that is not a number, including `nan`."""
 MOST_ODD: Final = 1_000_000
-"""Words in a text that are no numbers; one with more of them is no table."""
+"""Maximum number of words that are not numbers; a text with more of them is not a table."""
 WINDOW: Final = 1 << 15
-"""Places in which rows of different lengths are looked for together: few enough to stay in the processor's cache."""
+"""Positions searched at a time for rows of different lengths; they fit the processor's cache."""
 ROW_PLACES: Final = 16
-"""Places for each row that is left, in the last window."""
+"""Positions for each remaining row in the last window."""
 
 
 @dataclass(frozen=True, slots=True)
 class Property:
-    """One column: numbers of a `kind`, or lists of them after their length, which is of the kind `count`."""
+    """A column of numbers of type `kind`, or of lists of them with a length of type `count`."""
 
     name: str
     kind: str
@@ -57,7 +57,7 @@ class Property:
 
 @dataclass(frozen=True, slots=True)
 class Element:
-    """A table of `number` rows."""
+    """A table with `number` rows."""
 
     name: str
     number: int
@@ -66,50 +66,50 @@ class Element:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Column:
-    """The numbers of one property: (n,) how many in each row, and all in one."""
+    """The numbers of one property: how many each row has (n,), and those of all rows in one array."""
 
     counts: Int
     values: NDArray[Any]
 
 
 class TableBody(Protocol):
-    """What follows the header."""
+    """The data after the header."""
 
     end: int
 
     def size(self, kind: str) -> int:
-        """Places that a number takes."""
+        """Return the number of positions that a number takes."""
 
     def number(self, at: int, kind: str) -> int:
-        """The whole number at a place."""
+        """Return the integer at a position."""
 
     def counts(self, at: Int, kind: str) -> Int:
-        """The whole numbers at places, -1 where there is none that counts anything."""
+        """Return the integers at positions, or -1 where there is no valid count."""
 
     def numbers(self, at: Int, kind: str) -> NDArray[Any]:
-        """The numbers at places."""
+        """Return the numbers at positions."""
 
     def table(self, start: int, stride: int, shape: tuple[int, int], kind: str) -> NDArray[Any]:
-        """Rows of numbers, each `stride` places after the one before."""
+        """Return rows of numbers that start `stride` positions apart."""
 
 
 class Bytes:
-    """A body of bytes in one order."""
+    """Binary data of one byte order."""
 
     def __init__(self, data: bytes, order: str) -> None:
         self.end, self._data, self._order = len(data), data, order
 
     def size(self, kind: str) -> int:
-        """Places that a number takes."""
+        """Return the number of positions that a number takes."""
         return int(kind[1])
 
     def number(self, at: int, kind: str) -> int:
-        """The whole number at a place."""
+        """Return the integer at a position."""
         piece = self._data[at : at + int(kind[1])]
         return int.from_bytes(piece, "little" if self._order == "<" else "big", signed=kind[0] == "i")
 
     def counts(self, at: Int, kind: str) -> Int:
-        """The whole numbers at places, -1 where there is none that counts anything."""
+        """Return the integers at positions, or -1 where there is no valid count."""
         last = self.end - int(kind[1])
         if last < 0:
             return np.full(len(at), -1)
@@ -117,20 +117,20 @@ class Bytes:
         return np.where((at <= last) & (found >= 0), found, -1)
 
     def numbers(self, at: Int, kind: str) -> NDArray[Any]:
-        """The numbers at places."""
+        """Return the numbers at positions."""
         size = int(kind[1])
         return np.ndarray((self.end - size + 1,), self._order + kind, self._data, strides=(1,))[at]
 
     def table(self, start: int, stride: int, shape: tuple[int, int], kind: str) -> NDArray[Any]:
-        """Rows of numbers, each `stride` places after the one before."""
+        """Return rows of numbers that start `stride` positions apart."""
         return np.ndarray(shape, self._order + kind, self._data, start, (stride, int(kind[1])))
 
 
 class Words:
-    """A body of text, as its numbers.
+    """Text data, converted to numbers.
 
-    Programs write what is no number where nobody looks, as in coordinates of textures: a word like that is only refused
-    where it is asked for.
+    Some programs write words that are not numbers, for example in texture coordinates. Such a word is an error only if
+    its value is needed.
     """
 
     def __init__(self, data: bytes) -> None:
@@ -143,7 +143,7 @@ class Words:
         self.end = len(self._words)
 
     def _despite_odd_words(self, data: bytes) -> NDArray[np.float64]:
-        """The numbers, with nan for each word that is none."""
+        """Return the numbers, with nan for each word that is not a number."""
         found: list[bytes] = []
 
         def marked(match: re.Match[bytes]) -> bytes:
@@ -161,27 +161,27 @@ class Words:
         return words
 
     def _odd_between(self, first: int, end: int) -> Int:
-        """(O,) places of words that are no numbers, from the first place up to the end."""
-        begin, stop = np.searchsorted(self._odd_places, [first, end])
-        return self._odd_places[begin:stop]
+        """Return the positions (O,) of words from `first` up to `end` that are not numbers."""
+        start, stop = np.searchsorted(self._odd_places, [first, end])
+        return self._odd_places[start:stop]
 
     def _refuse(self, odd: Int) -> None:
-        """Refuse the first of the words at these places, if there are any."""
+        """Raise an error for the first of the words at these positions, if there are any."""
         if len(odd):
             raise _no_number(self._odd[int(odd[0])])
 
     def size(self, kind: str) -> int:  # noqa: ARG002 - as for bytes
-        """Places that a number takes."""
+        """Return the number of positions that a number takes."""
         return 1
 
     def number(self, at: int, kind: str) -> int:  # noqa: ARG002
-        """The whole number at a place."""
+        """Return the integer at a position."""
         if at in self._odd:
             raise _no_number(self._odd[at])
         return int(self._words[at])
 
     def counts(self, at: Int, kind: str) -> Int:  # noqa: ARG002
-        """The whole numbers at places, -1 where there is none that counts anything."""
+        """Return the integers at positions, or -1 where there is no valid count."""
         if not self.end:
             return np.full(len(at), -1)
         found = self._words[np.minimum(at, self.end - 1)]
@@ -189,14 +189,14 @@ class Words:
         return np.where(good, found, -1.0).astype(np.int64)
 
     def numbers(self, at: Int, kind: str) -> NDArray[Any]:  # noqa: ARG002
-        """The numbers at places."""
+        """Return the numbers at positions."""
         if self._odd and len(at):
             odd = self._odd_between(int(at.min()), int(at.max()) + 1)
             self._refuse(odd[np.isin(odd, at)])
         return self._words[at]
 
     def table(self, start: int, stride: int, shape: tuple[int, int], kind: str) -> NDArray[Any]:  # noqa: ARG002
-        """Rows of numbers, each `stride` places after the one before."""
+        """Return rows of numbers that start `stride` positions apart."""
         if self._odd:
             odd = self._odd_between(start, start + stride * shape[0])
             self._refuse(odd[(odd - start) % stride < shape[1]])
@@ -204,16 +204,16 @@ class Words:
 
 
 def numbers_in(text: bytes, kind: str) -> NDArray[Any]:
-    """(N,) the numbers of a kind that a text consists of, blanks between them.
+    """Return the numbers (N,) of a text, separated by blanks.
 
-    A word such as `1-2` counts as two: who knows the number of words compares.
+    A word such as `1-2` gives two numbers; a caller that knows the number of words has to compare.
 
     Raises:
-        ValueError: a word is none; says which.
+        ValueError: a word is not a number; names it.
     """
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("error", DeprecationWarning)  # what older numpy says of words like that
+            warnings.simplefilter("error", DeprecationWarning)  # older numpy only warns about such words
             return np.fromstring(text, dtype=kind, sep=" ")
     except (ValueError, DeprecationWarning):
         words = (match[0] for match in re.finditer(rb"\S+", text))
@@ -228,16 +228,16 @@ def _no_number(word: bytes) -> ValueError:
 def read_table(
     body: TableBody, element: Element, start: int, names: Collection[str]
 ) -> tuple[dict[str, Column], int]:
-    """The columns of these names, and where the element ends.
+    """Read the columns of these names, and return them with the end of the element.
 
     Args:
-        body: what follows the header.
-        element: what is there.
-        start: where it begins in the body.
-        names: of the properties that matter.
+        body: the data after the header.
+        element: the element to read.
+        start: where it starts in the body.
+        names: the properties to read.
 
     Raises:
-        ValueError: there are too few bytes or words for it.
+        ValueError: there are too few bytes or words.
     """
     if not 0 <= element.number <= body.end:
         raise ValueError(
@@ -255,12 +255,12 @@ def read_table(
             for one, at, count in zip(element.properties, first, counts, strict=True)
             if one.name in names
         }, start + element.number * stride
-    return _walked(body, element, start, names)
+    return _read_uneven_rows(body, element, start, names)
 
 
 def _row(body: TableBody, element: Element, at: int) -> tuple[list[int], list[int], int]:
-    """Where the numbers of each property of a row begin, how many there are, and the length of the row."""
-    begin, places, counts = at, [], []
+    """Return the start and the count of the numbers of each property of a row, and the length of the row."""
+    start, places, counts = at, [], []
     for one in element.properties:
         count = 1
         if one.count:
@@ -272,51 +272,52 @@ def _row(body: TableBody, element: Element, at: int) -> tuple[list[int], list[in
         at += count * body.size(one.kind)
         if count < 0 or at > body.end:
             raise ValueError(f"the file ends or is damaged within element '{element.name[:40]}'")
-    return places, counts, at - begin
+    return places, counts, at - start
 
 
 def _even(body: TableBody, element: Element, first: list[int], counts: list[int], stride: int) -> bool:
-    """Whether all rows have lists as long as those of the first row."""
+    """Return whether the lists in all rows are as long as in the first row."""
     try:
         return all(
             (body.table(at - body.size(one.count), stride, (element.number, 1), one.count) == count).all()
             for one, at, count in zip(element.properties, first, counts, strict=True)
             if one.count
         )
-    except ValueError:  # no number, as lists of other lengths stand before it
+    except ValueError:  # not a number, because lists of other lengths come before it
         return False
 
 
-def _walked(
+def _read_uneven_rows(
     body: TableBody, element: Element, start: int, names: Collection[str]
 ) -> tuple[dict[str, Column], int]:
-    """The columns of these names where rows differ in length, and where the element ends: window by window."""
+    """Read the columns of an element whose rows differ in length, window by window; see `read_table`."""
     wanted = [(number, one) for number, one in enumerate(element.properties) if one.name in names]
     counts: dict[str, list[Int]] = {one.name: [] for _, one in wanted}
     values: dict[str, list[NDArray[Any]]] = {one.name: [] for _, one in wanted}
     left = element.number
     while left:
-        begins = _begins(body, element, start, min(WINDOW, ROW_PLACES * left))[:left]
-        places, sizes, ends = _rows(body, element, begins)
+        starts = _row_starts(body, element, start, min(WINDOW, ROW_PLACES * left))[:left]
+        places, sizes, ends = _rows(body, element, starts)
         wrong = (np.minimum.reduce(sizes) < 0) | (ends > body.end)
         if wrong.any():
-            _row(body, element, int(begins[wrong.argmax()]))  # says what is wrong
+            _row(body, element, int(starts[wrong.argmax()]))  # raises the error
         for number, one in wanted:
             count = sizes[number]
             within = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
             at = np.repeat(places[number], count) + within * body.size(one.kind)
             counts[one.name].append(count.astype(np.int32))
             values[one.name].append(body.numbers(at, one.kind))
-        left, start = left - len(begins), int(ends[-1])
+        left, start = left - len(starts), int(ends[-1])
     return {
         name: Column(np.concatenate(counts[name]), np.concatenate(values[name])) for name in counts
     }, start
 
 
-def _begins(body: TableBody, element: Element, start: int, window: int) -> Int:
-    """(R,) where the rows begin that follow each other from `start` on, within so many places.
+def _row_starts(body: TableBody, element: Element, start: int, window: int) -> Int:
+    """Return the starts (R,) of the consecutive rows from `start` on, within `window` positions.
 
-    Each place is asked where a row would end that began there; of the rows found, so many more are found at each turn.
+    For each position, compute where a row that starts there would end. Following these links in doubling steps gives
+    all starts.
     """
     after = np.full(window + 1, window)
     after[:-1] = np.minimum(_rows(body, element, np.arange(start, start + window))[2] - start, window)
@@ -327,14 +328,19 @@ def _begins(body: TableBody, element: Element, start: int, window: int) -> Int:
     return start + rows[: np.searchsorted(rows, window)]
 
 
-def _rows(body: TableBody, element: Element, begins: Int) -> tuple[list[Int], list[Int], Int]:
-    """For rows that begin there, by properties: where numbers begin, and how many; and where the rows end.
+def _rows(body: TableBody, element: Element, starts: Int) -> tuple[list[Int], list[Int], Int]:
+    """Return for each property the start and the count of its numbers, and the end of each row.
 
-    Counts that make no sense are -1.
+    Invalid counts are -1.
+
+    Args:
+        body: the data after the header.
+        element: the element to read.
+        starts: (R,) possible starts of rows.
     """
-    at, places, counts = begins, [], []
+    at, places, counts = starts, [], []
     for one in element.properties:
-        count: Int = np.ones(len(begins), np.int64)
+        count: Int = np.ones(len(starts), np.int64)
         if one.count:
             count = body.counts(at, one.count)
             at = at + body.size(one.count)

@@ -1,7 +1,7 @@
-"""3MF: objects, components and build items, across the model files of one archive.
+"""Read 3MF files: objects, components and build items of all model files in an archive.
 
-Written after the 3MF Core Specification 1.3 and the Production Extension 1.1. Left out are objects that are no model
-(supports, surfaces, other), build items with `printable="0"`, and volumes that slicers mark as modifiers.
+Sources: 3MF Core Specification 1.3 and Production Extension 1.1. Objects of other types than model (support, surface,
+other), build items with `printable="0"` and volumes that slicers mark as modifiers are left out.
 """
 
 from __future__ import annotations
@@ -39,15 +39,15 @@ __all__ = ["read_three_mf"]
 
 HOME: Final = "http://schemas.microsoft.com/3dmanufacturing/"
 CORE: Final = ("", f"{HOME}core/2015/02 ", f"{HOME}2013/01 ")
-"""What names of elements begin with."""
+"""Prefixes of element names."""
 PATH: Final = tuple(f"{HOME}production/{year} path" for year in ("2015/06", "2021/04"))
 UNDERSTOOD: Final = tuple(f"{HOME}{name}/" for name in ("core", "production", "material", "trianglesets"))
-"""Extensions that a file may require; those that only colour or group facets do not change the shape."""
+"""Extensions that a file may require; those for colours or groups of facets do not affect the shape."""
 RELATIONS: Final = "_rels/.rels"
 RELATION: Final = ("", "http://schemas.openxmlformats.org/package/2006/relationships ")
 START: Final = "http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"
 OTHERS: Final = (".stl", ".3mf", ".amf", ".obj", ".ply", ".off", ".glb", ".step", ".stp")
-"""Names of models that somebody has packed as they are."""
+"""Extensions of models in an ordinary ZIP archive."""
 PAINT: Final = {
     "custom_supports": "supports",
     "paint_supports": "supports",
@@ -58,14 +58,13 @@ PAINT: Final = {
     "fuzzy_skin": "fuzzy skin",
     "paint_fuzzy_skin": "fuzzy skin",
 }
-"""What slicers let people paint on facets: the attribute in PrusaSlicer's files, and in those of Bambu Studio and
-OrcaSlicer."""
+"""Attributes of painted facets in files of PrusaSlicer, and of Bambu Studio and OrcaSlicer."""
 USUAL_START: Final = "3d/3dmodel.model"
 
 
 @dataclass(slots=True, eq=False)
 class _Model:
-    """One model file of an archive, as far as it matters."""
+    """The data of one model file of an archive."""
 
     objects: ObjectTable
     unit: str = "millimeter"
@@ -73,11 +72,11 @@ class _Model:
     items: list[ObjectReference] = field(default_factory=list)
     n_unprintable: int = 0
     painted: Counter[tuple[Hashable, str]] = field(default_factory=Counter)
-    """Object and a value of PAINT -> facets."""
+    """Object and value of PAINT -> number of facets."""
 
 
 class _ModelReader(XmlReader):
-    """Reads one model file."""
+    """Reader of one model file."""
 
     def __init__(self, path: Path, limits: Limits, part: str) -> None:
         super().__init__(path, limits, part)
@@ -115,7 +114,7 @@ class _ModelReader(XmlReader):
         self.model.kinds[key] = given.get("type", "model")
 
     def _vertex(self, attributes: list[str]) -> None:
-        # Most files write nothing but x, y, z in this order; there can be millions of them.
+        # Most files write only x, y, z, in this order; there can be millions of vertices.
         if attributes[::2] == ["x", "y", "z"]:
             self._body.xyz.extend((float(attributes[1]), float(attributes[3]), float(attributes[5])))
         else:
@@ -141,7 +140,7 @@ class _ModelReader(XmlReader):
             self.model.items.append(self._use(given))
 
     def _use(self, given: dict[str, str]) -> ObjectReference:
-        """An object that is placed, in this or another model file."""
+        """Return a reference to an object in this or another model file."""
         self.model.objects.count_reference()
         part = next((_absolute(given[name]) for name in PATH if name in given), self._part)
         return ObjectReference(
@@ -149,7 +148,7 @@ class _ModelReader(XmlReader):
         )
 
     def _matrix(self, text: str) -> Float | None:
-        """(4, 4) of the twelve numbers of a transform."""
+        """Return the matrix (4, 4) for the twelve numbers of a transform."""
         if not text:
             return None
         numbers = [float(word) for word in text.split()]
@@ -161,7 +160,7 @@ class _ModelReader(XmlReader):
 
 
 class _RelationReader(XmlReader):
-    """Finds the model file that a program shall begin with."""
+    """Reader of the relationships that name the root model file."""
 
     def __init__(self, path: Path, limits: Limits) -> None:
         super().__init__(path, limits, RELATIONS)
@@ -177,19 +176,19 @@ class _RelationReader(XmlReader):
 def read_three_mf(
     archive: Archive, limits: Limits, unit: str | None
 ) -> tuple[Float, str, list[str], list[tuple[str, int]]]:
-    """Everything that a 3MF archive builds.
+    """Read all build items of a 3MF archive.
 
     Args:
-        archive: open.
-        limits: of what it holds.
-        unit: the key in UNITS that its numbers mean; None: what it says itself.
+        archive: the open archive.
+        limits: limits for the content.
+        unit: unit of the coordinates, a key in UNITS; None: the unit that the file states.
 
     Returns:
-        (F, 3, 3) corners, mm; the unit they were written in; what deserves a look; names of the things on the plate,
-        each with the number of its facets.
+        Corners (F, 3, 3), mm; the unit of the file; warnings; the name and the number of facets of each object on the
+        plate.
 
     Raises:
-        MeshError: it is no sound 3MF.
+        MeshError: the 3MF is not valid.
     """
     path, start = archive.path, _start(archive, limits)
     first = _read(archive, limits, start)
@@ -220,11 +219,9 @@ def _read(archive: Archive, limits: Limits, part: str) -> _Model:
 def _with_more(
     archive: Archive, limits: Limits, start: str, first: _Model
 ) -> tuple[dict[Hashable, ObjectBuilder], dict[Hashable, str], Counter[tuple[Hashable, str]]]:
-    """Objects, their kinds and what is painted on them.
+    """Return the objects, their types and their painted facets, including those of other model files.
 
-    Those of the model files that the first one takes objects from, as items or components, are among them.
-
-    These must not take from others in turn.
+    The root model file may use objects of other model files, but those may not use further files.
     """
     bodies, kinds, painted = dict(first.objects.bodies), dict(first.kinds), Counter(first.painted)
     uses = [*first.items, *(use for body in bodies.values() for use in body.parts)]
@@ -238,7 +235,7 @@ def _with_more(
 
 
 def _start(archive: Archive, limits: Limits) -> str:
-    """Name of the model file to begin with."""
+    """Return the name of the root model file."""
     if RELATIONS in archive:
         reader = _RelationReader(archive.path, limits)
         reader.read(archive.pieces(RELATIONS))
@@ -260,7 +257,7 @@ def _start(archive: Archive, limits: Limits) -> str:
 def _without_other_kinds(
     bodies: dict[Hashable, ObjectBuilder], kinds: dict[Hashable, str], notes: list[str]
 ) -> None:
-    """Empty the objects that are no part: supports, surfaces and others."""
+    """Empty the objects that are not models: supports, surfaces and others."""
     for key, kind in kinds.items():
         if kind != "model":
             notes.append(f"{bodies[key].name} is of type '{kind[:40]}' and left out")
@@ -268,7 +265,7 @@ def _without_other_kinds(
 
 
 def _paint_notes(painted: Counter[tuple[Hashable, str]], bodies: dict[Hashable, ObjectBuilder]) -> list[str]:
-    """What is painted on facets and not followed, a line for each kind of it."""
+    """Return a warning for each kind of painted facets that is ignored."""
     owners = {use.key: body.label for body in bodies.values() if body.label for use in body.parts}
     notes = []
     for what in dict.fromkeys(PAINT.values()):
@@ -287,10 +284,10 @@ def _items(count: int) -> str:
 
 
 def _number(text: str) -> str:
-    """Numbers of objects, as the same number may be written in several ways."""
+    """Normalise an object number, which may be written in several ways."""
     return str(int(text))
 
 
 def _absolute(name: str) -> str:
-    """Name of a member of the archive."""
+    """Return the name of an archive member as an absolute path."""
     return posixpath.normpath("/" + name).lstrip("/").lower()

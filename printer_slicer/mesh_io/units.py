@@ -44,32 +44,32 @@ OTHER_NAMES: Final[Mapping[str, str]] = {
     "feet": "foot",
     "microns": "micron",
 }
-"""What 3MF files call them."""
+"""Names of units in 3MF files."""
 
 TINY: Final = 0.5
-"""mm; no nozzle prints a part that is nowhere larger than one bead."""
+"""mm; a part this small is no larger than one extrusion and cannot be printed."""
 SMALL: Final = 3.0
-"""mm; a part that is nowhere larger than this is more often one of that many inches."""
+"""mm; a part up to this size was more likely meant in inches."""
 SMALLEST_MEANT: Final = 1.0
-"""mm; nobody means a part that is nowhere larger than this."""
+"""mm; a guessed unit must make the part larger than this."""
 THINNEST_MEANT: Final = 0.1
-"""mm; nobody means a part of which an edge is shorter: no nozzle prints that."""
+"""mm; a guessed unit must make every edge of the bounding box at least this long, else it cannot be printed."""
 LARGEST_MEANT: Final = 2000.0
-"""mm; larger than the bed of any but the rarest printers; the limit where the printer is not known."""
+"""mm; maximum size if the printer is unknown; few beds are larger."""
 
 SMALL_ORDER: Final = ("m", "inch", "cm", "foot", "mm")
-"""How files come to be too small, the most frequent first, for parts under TINY."""
+"""Units to try for parts under TINY, most frequent first."""
 INCH_ORDER: Final = ("inch", "cm", "m", "foot", "mm")
-"""The same between TINY and SMALL."""
+"""Units to try for parts between TINY and SMALL."""
 LARGE_ORDER: Final = ("mm", "inch", "cm", "micron")
-"""How files come to be too large, the most frequent first."""
+"""Units to try for parts that are too large, most frequent first."""
 
 
 def check_unit(unit: str) -> str:
-    """The unit, if there is one of that name.
+    """Check that a unit exists, and return it.
 
     Raises:
-        UsageError: there is not.
+        UsageError: the unit is unknown.
     """
     if unit not in UNITS:
         raise UsageError(f"unknown unit {unit!r}", remedy=f"Use one of: {', '.join(UNITS)}")
@@ -77,10 +77,10 @@ def check_unit(unit: str) -> str:
 
 
 def parse_unit(name: str, path: Path) -> str:
-    """The key in UNITS of a unit as a file names it.
+    """Return the key in UNITS for the name of a unit in a file.
 
     Raises:
-        MeshError: no such unit.
+        MeshError: the unit is unknown.
     """
     unit = OTHER_NAMES.get(name.strip().lower(), name.strip().lower())
     if unit not in UNITS:
@@ -92,19 +92,19 @@ def parse_unit(name: str, path: Path) -> str:
 
 
 def likely_unit(size: Float, unit: str, room: Float | None = None) -> str:
-    """The unit that the numbers of a file were probably meant in.
+    """Guess the unit of a file with an implausible size.
 
-    A part that extends at most 0.5 mm in x, y and z is doubted, as is one of at most 3 mm, which is taken for inches
-    first, and one that does not fit the room. The guess is the first unit, in the order in which such files are seen,
-    that makes the part larger than 1 mm, no edge of its envelope shorter than 0.1 mm, and all smaller than the room.
+    A size is implausible if it is at most 0.5 mm along all axes, at most 3 mm (probably inches), or larger than the
+    build volume. The guess is the most frequent unit that makes the part larger than 1 mm and all edges of its bounding
+    box at least 0.1 mm long and no larger than the build volume.
 
     Args:
-        size: (3,) edges of the part's envelope, mm, as it was read.
-        unit: the key in UNITS that it was read with.
-        room: (3,) what the printer prints, mm; None: 2 m each way.
+        size: (3,) edges of the part's bounding box, mm, as it was read.
+        unit: the unit it was read with, a key in UNITS.
+        room: (3,) build volume of the printer, mm; None: 2 m along each axis.
 
     Returns:
-        A key in UNITS, or an empty text when the size is nothing to doubt, or no unit would make sense.
+        A key in UNITS; empty if the size is plausible or no unit fits.
     """
     limits = [LARGEST_MEANT] * 3 if room is None else [float(length) for length in room]
     edges = [float(length) for length in size]
@@ -127,13 +127,13 @@ def _fits(edges: list[float], factor: float, room: list[float]) -> bool:
 
 
 def unit_advice(size: Float, unit: str, room: Float | None = None, *, certain: bool = False) -> str:
-    """What to do about a part of doubtful size; empty when there is nothing to doubt, or nothing to advise.
+    """Return a remedy for an implausible size; empty if the size is plausible or there is no remedy.
 
     Args:
-        size: (3,) edges of the part's envelope, mm, as it was read.
-        unit: the key in UNITS that it was read with.
-        room: (3,) what the printer prints, mm; None: 2 m each way.
-        certain: whether the file says itself what its numbers mean and --units is refused for it.
+        size: (3,) edges of the part's bounding box, mm, as it was read.
+        unit: the unit it was read with, a key in UNITS.
+        room: (3,) build volume of the printer, mm; None: 2 m along each axis.
+        certain: whether the file states its unit, so that --units does not apply.
     """
     other = likely_unit(size, unit, room)
     if not other:
