@@ -25,8 +25,8 @@ class Deviation:
     """Distances from points on the surface of the part to the boundary of the stacked layers.
 
     Attributes:
-        points: (n, 3) mm, spread evenly over the surface at random.
-        distance: (n,) mm.
+        points: (n, 3) random points, evenly distributed over the surface, mm.
+        distance: (n,) distance of each point, mm.
     """
 
     points: Float
@@ -80,7 +80,7 @@ def measure_deviation(mesh: Mesh, sections: Sections, n_points: int = 20_000, se
             f"{mesh.name}: no layer contains any material",
             remedy="The part may be thinner than one layer. Check its size and units",
         )
-    points = _points_on(mesh, n_points, np.random.default_rng(seed))
+    points = _random_points(mesh, n_points, np.random.default_rng(seed))
     return Deviation(points, _distance_to_stack(points, sections))
 
 
@@ -88,46 +88,49 @@ def _points_on(mesh: Mesh, count: int, rng: np.random.Generator) -> Float:
     """Return (count, 3) random points, distributed evenly by area."""
     a, b, c = mesh.triangles.transpose(1, 0, 2)
     share = np.cumsum(np.linalg.norm(np.cross(b - a, c - a), axis=1))
-    # A facet without area spans no part of the scale and is never chosen.
+    # A facet without area has no share of the sum and is never chosen.
     facet = np.searchsorted(share[:-1], rng.random(count) * share[-1], side="right")
-    # The square root spreads points evenly over a triangle, though it has less room towards its first corner.
-    away, across = np.sqrt(rng.random((count, 1))), rng.random((count, 1))
-    return np.asarray((1 - away) * a[facet] + away * ((1 - across) * b[facet] + across * c[facet]))
+    # The square root distributes points evenly over a triangle, which is narrower towards its first corner.
+    outward, across = np.sqrt(rng.random((count, 1))), rng.random((count, 1))
+    return np.asarray((1 - outward) * a[facet] + outward * ((1 - across) * b[facet] + across * c[facet]))
 
 
 def _distance_to_stack(points: Float, sections: Sections) -> Float:
-    """(n,) from each point to the boundary of the stack: the walls beside it, then all that is above and below."""
+    """Return the distance of each point (n,) from the boundary of the stack, mm.
+
+    The walls of the point's own layer are searched first, then the layers above and below.
+    """
     planes = np.concatenate([[0.0], sections.plan.top])
     xy, z = np.ascontiguousarray(points[:, :2]), points[:, 2]
     outlines = OutlineIndex(sections.solid, xy.min(axis=0), xy.max(axis=0))
-    home = np.clip(np.searchsorted(planes[1:], z), 0, sections.plan.n_layers - 1).astype(np.int64)
-    outside = np.maximum(z - planes[home + 1], planes[home] - z)
-    best: Float = np.hypot(outlines.distance(xy, home), np.maximum(outside, 0.0))
-    inside = outlines.inside(xy, home)
+    own_layer = np.clip(np.searchsorted(planes[1:], z), 0, sections.plan.n_layers - 1).astype(np.int64)
+    outside = np.maximum(z - planes[own_layer + 1], planes[own_layer] - z)
+    best: Float = np.hypot(outlines.distance(xy, own_layer), np.maximum(outside, 0.0))
+    inside = outlines.inside(xy, own_layer)
     for step in (1, -1):
-        _search(outlines, planes, (xy, z, home, inside), best, step)
+        _search(outlines, planes, (xy, z, own_layer, inside), best, step)
     return best
 
 
 def _search(
     outlines: OutlineIndex, planes: Float, start: tuple[Float, Float, Int, Bool], best: Float, step: int
 ) -> None:
-    """Lower `best` by what lies above (step 1) or below (step -1) each point, layer by layer.
+    """Reduce the distances `best` by searching the layers above (step 1) or below (step -1) each point.
 
-    A point whose xy is in exactly one of two neighbouring sections lies straight over or under a tread; nothing
-    beyond it is nearer. The rim of a tread belongs to a wall, so for all other points the walls are enough.
+    If the xy of a point is in exactly one of two neighbouring sections, the point is above or below a horizontal face,
+    and nothing beyond it is nearer. The rim of such a face belongs to a wall, so for other points the walls are enough.
     """
     xy, z, layer, inside = start
     active = np.arange(len(xy))
     while len(active):
-        away = np.abs(z[active] - planes[layer + (step > 0)])
-        near = away < best[active]
-        active, away, layer, inside = active[near], away[near], layer[near] + step, inside[near]
+        gap = np.abs(z[active] - planes[layer + (step > 0)])
+        near = gap < best[active]
+        active, gap, layer, inside = active[near], gap[near], layer[near] + step, inside[near]
         exists = (layer >= 0) & (layer < len(planes) - 1)
         beyond = np.zeros(len(active), np.bool_)
         beyond[exists] = outlines.inside(xy[active[exists]], layer[exists])
-        tread = inside != beyond
-        best[active[tread]] = away[tread]
-        further = exists & ~tread
-        active, away, layer, inside = active[further], away[further], layer[further], beyond[further]
-        best[active] = np.minimum(best[active], np.hypot(outlines.distance(xy[active], layer), away))
+        face = inside != beyond
+        best[active[face]] = gap[face]
+        further = exists & ~face
+        active, gap, layer, inside = active[further], gap[further], layer[further], beyond[further]
+        best[active] = np.minimum(best[active], np.hypot(outlines.distance(xy[active], layer), gap))

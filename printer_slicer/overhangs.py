@@ -1,6 +1,6 @@
-"""Grade overhangs: compute how much of each perimeter's width lies over the layer below.
+"""Grade overhangs: compute how much of each perimeter's width rests on the layer below.
 
-If the centre line runs at depth d inside the section of the layer below, the share 1/2 + d / width is supported. The
+If the centre line runs at depth d inside the section of the layer below, the fraction 1/2 + d / width is supported. The
 sections themselves are compared, so the result is exact for any layer height.
 """
 
@@ -26,10 +26,10 @@ from printer_slicer.model import Sections, Toolpaths
 
 __all__ = ["grade_overhangs"]
 
-_CARRIED = (
+_SUPPORTED = (
     0.9  # share that counts as fully supported; vertical walls differ by the simplification of contours
 )
-_GRADES = (0.02, 0.25, 0.5, 0.75, _CARRIED)
+_GRADES = (0.02, 0.25, 0.5, 0.75, _SUPPORTED)
 _STEP = 1.0  # extrusion widths between tested positions
 _SHORTEST = 0.5  # extrusion widths; shorter runs of one grade are merged
 _AT_ONCE = 1 << 18  # pieces that are tested at once
@@ -37,10 +37,10 @@ _REACH = 1.05  # extrusion widths from an outline within which depths are comput
 
 
 def grade_overhangs(paths: Toolpaths, sections: Sections) -> Toolpaths:
-    """Return the perimeters with their support (`carried`), and with points where it changes its grade.
+    """Return the perimeters with their `support_ratio`, and with additional points where its grade changes.
 
-    Grades are over 90, 75, 50, 25 and 2 % of the width. Within a run of one grade `carried` is the mean. Runs shorter
-    than half an extrusion width are merged with the previous one.
+    The grades start at 90, 75, 50, 25 and 2 % of the width. Within a run of one grade `support_ratio` is the mean. Runs
+    shorter than half an extrusion width are merged with the previous one.
     """
     if not paths.n_paths:
         return paths
@@ -48,20 +48,20 @@ def grade_overhangs(paths: Toolpaths, sections: Sections) -> Toolpaths:
     own = np.arange(solid.n_layers)
     below = window_intersection(solid, own - 1, own)
     width = float(paths.width.max())
-    air = _hanging(solid, below, width)
+    air = _find_overhangs(solid, below, width)
     near, shortest = _near(paths, air, width), _SHORTEST * float(paths.width.mean())
     count = _counts(paths, near, _STEP * width)
     parts = []
     for first, last in pairwise(_bounds(paths, count)):
         some, points = paths.take(np.arange(first, last)), slice(*paths.start[[first, last]])
         pieces = _cut(some, near[points], count[points])
-        parts.append(_joined(some, pieces, _carried(some, pieces, (below, air), width), shortest))
+        parts.append(_join_pieces(some, pieces, _support_ratios(some, pieces, (below, air), width), shortest))
     return Toolpaths.joined(paths.plan, parts)
 
 
-def _hanging(solid: Areas, below: Areas, width: float) -> Areas:
-    """Return the parts of each section too far out for an extrusion that still counts as supported."""
-    air = difference(solid.select(solid.ring_layer > 0), offset(below, (1 - _CARRIED) * width))
+def _find_overhangs(solid: Areas, below: Areas, width: float) -> Areas:
+    """Return the parts of each section where an extrusion does not count as supported."""
+    air = difference(solid.select(solid.ring_layer > 0), offset(below, (1 - _SUPPORTED) * width))
     return air.select(np.abs(air.ring_area()) > 1e-3 * width**2)
 
 
@@ -86,10 +86,10 @@ class _Pieces:
     open: Bool
 
     def at(self, paths: Toolpaths, ahead: float = 0) -> Float:
-        """Return the position (K, 2) of each piece at `ahead`, from 0 (begin) to 1 (end)."""
+        """Return the position (K, 2) of each piece at `ahead`, from 0 (start) to 1 (end)."""
         share = ((self.step + ahead) / self.count)[:, None]
-        begin = paths.xy.take(self.point, axis=0)
-        return begin + share * (paths.xy.take(self.following, axis=0) - begin)
+        start = paths.xy.take(self.point, axis=0)
+        return start + share * (paths.xy.take(self.following, axis=0) - start)
 
     def take(self, which: Int) -> _Pieces:
         """Return some of the pieces (n,), ascending."""
@@ -101,8 +101,8 @@ class _Pieces:
 
 def _near(paths: Toolpaths, air: Areas, width: float) -> Bool:
     """Return whether the segment from each point (N,) crosses the box around an overhang."""
-    begin, end = (np.ascontiguousarray(xy.T) for xy in (paths.xy, paths.xy.take(paths.following, axis=0)))
-    low, high = np.minimum(begin, end) - width, np.maximum(begin, end) + width
+    start, end = (np.ascontiguousarray(xy.T) for xy in (paths.xy, paths.xy.take(paths.following, axis=0)))
+    low, high = np.minimum(start, end) - width, np.maximum(start, end) + width
     result = np.zeros(len(paths.xy), np.bool_)
     if not air.n_rings:
         return result
@@ -140,8 +140,8 @@ def _cut(paths: Toolpaths, near: Bool, count: Int) -> _Pieces:
     return _Pieces(point, following.take(point), step, count.take(point), path, near.take(point))
 
 
-def _carried(paths: Toolpaths, pieces: _Pieces, under: tuple[Areas, Areas], width: float) -> Float:
-    """Return the supported share (K,) of each piece, from both of its ends; no extrusion is wider than `width`."""
+def _support_ratios(paths: Toolpaths, pieces: _Pieces, under: tuple[Areas, Areas], width: float) -> Float:
+    """Return the support ratio of each piece (K,), from both of its ends; no extrusion is wider than `width`."""
     result = np.ones(len(pieces.point))
     chosen = np.flatnonzero(pieces.open)
     looked_at = pieces.take(chosen)
@@ -154,16 +154,16 @@ def _carried(paths: Toolpaths, pieces: _Pieces, under: tuple[Areas, Areas], widt
     if not len(chosen):
         return result
     looked_at, layer = pieces.take(chosen), layer.compress(near)
-    begin, end = looked_at.at(paths), looked_at.at(paths, 1)
-    # A piece mostly begins where the previous one ends; only other ends need a test of their own.
-    apart = np.append(
-        (end[:-1, 0] != begin[1:, 0]) | (end[:-1, 1] != begin[1:, 1]) | (np.diff(chosen) != 1), True
+    start, end = looked_at.at(paths), looked_at.at(paths, 1)
+    # Most pieces start where the previous one ends; only other ends need an additional test.
+    is_last = np.append(
+        (end[:-1, 0] != start[1:, 0]) | (end[:-1, 1] != start[1:, 1]) | (np.diff(chosen) != 1), True
     )
-    size = 1 + apart
+    size = 1 + is_last
     place = np.cumsum(size) - size
     points = np.zeros((int(size.sum()), 2))
-    points[place], points[place[apart] + 1] = begin, end[apart]
-    depth = _resolved(under, points, np.repeat(layer, size), _REACH * width, place[apart] + 1)
+    points[place], points[place[is_last] + 1] = start, end[is_last]
+    depth = _depths(under, points, np.repeat(layer, size), _REACH * width, place[is_last] + 1)
     wide = (paths.width.take(looked_at.point) + paths.width.take(looked_at.following)) / 2
     shares = np.clip(0.5 + np.stack([depth.take(place), depth.take(place + 1)]) / wide, 0, 1)
     result[chosen] = shares.mean(axis=0)
@@ -180,15 +180,15 @@ def _one_sided(pieces: _Pieces, some: Int, middle: Float, layer: Int, air: Areas
         layer: (n,).
         air: overhanging areas.
     """
-    begins = np.flatnonzero(
+    first = np.flatnonzero(
         (np.diff(some, prepend=-2) != 1) | (np.diff(pieces.path.take(some), prepend=-1) != 0)
     )
-    found = find_enclosing_rings(air, middle.take(begins, axis=0), layer.take(begins))
+    found = find_enclosing_rings(air, middle.take(first, axis=0), layer.take(first))
     hangs = (found >= 0) & (np.append(air.ring_area(), 0)[found] > 0)
-    return np.repeat(np.where(hangs, 0.0, 1.0), np.diff(begins, append=len(some)))
+    return np.repeat(np.where(hangs, 0.0, 1.0), np.diff(first, append=len(some)))
 
 
-def _resolved(under: tuple[Areas, Areas], points: Float, layer: Int, reach: float, last: Int) -> Float:
+def _depths(under: tuple[Areas, Areas], points: Float, layer: Int, reach: float, last: Int) -> Float:
     """Return the depth (P,) of consecutive points, limited to +- `reach`; `last` are the last points of chains.
 
     `under` is the section of the layer below, and the overhanging areas of the layer itself.
@@ -209,8 +209,8 @@ def _resolved(under: tuple[Areas, Areas], points: Float, layer: Int, reach: floa
         depth[unknown[exists][same]] = np.copysign(reach, depth[source[same]])
     # The remaining chains are unknown as a whole; one point of each is tested.
     unknown = np.flatnonzero(np.isnan(depth))
-    begins = run_starts(chain[unknown])
-    probe, which = unknown[begins], np.cumsum(begins) - 1
+    is_start = run_starts(chain[unknown])
+    probe, which = unknown[is_start], np.cumsum(is_start) - 1
     order = np.argsort(layer[probe], kind="stable")
     found = np.full(len(probe), -1)
     # Far from all outlines below, testing the overhanging areas is equivalent, and they have fewer outlines.
@@ -220,18 +220,18 @@ def _resolved(under: tuple[Areas, Areas], points: Float, layer: Int, reach: floa
     return depth
 
 
-def _joined(paths: Toolpaths, pieces: _Pieces, carried: Float, shortest: float) -> Toolpaths:
-    """Return the paths with a point wherever a run of one grade begins."""
+def _join_pieces(paths: Toolpaths, pieces: _Pieces, support_ratio: Float, shortest: float) -> Toolpaths:
+    """Return the paths with a point at the start of each run of one grade."""
     length = paths.steps().take(pieces.point) / pieces.count
-    of_piece = np.digitize(carried, _GRADES)
+    of_piece = np.digitize(support_ratio, _GRADES)
     grade = _without_short(of_piece, pieces.path, length, shortest)
-    begins = np.append(True, (np.diff(grade) != 0) | (np.diff(pieces.path) != 0))
-    stretch = np.cumsum(begins) - 1
+    is_start = np.append(True, (np.diff(grade) != 0) | (np.diff(pieces.path) != 0))
+    run = np.cumsum(is_start) - 1
     weight = length * (grade == of_piece)
-    total = np.bincount(stretch, weight)
-    mean = np.bincount(stretch, weight * carried) / np.where(total > 0, total, 1.0)
-    mean = np.where((grade[begins] == len(_GRADES)) | (total == 0), 1.0, mean)
-    kept = np.flatnonzero((pieces.step == 0) | begins)
+    total = np.bincount(run, weight)
+    mean = np.bincount(run, weight * support_ratio) / np.where(total > 0, total, 1.0)
+    mean = np.where((grade[is_start] == len(_GRADES)) | (total == 0), 1.0, mean)
+    kept = np.flatnonzero((pieces.step == 0) | is_start)
     some = pieces.take(kept)
     share = some.step / some.count
     width, following = paths.width.take(some.point), paths.width.take(some.following)
@@ -245,17 +245,17 @@ def _joined(paths: Toolpaths, pieces: _Pieces, carried: Float, shortest: float) 
         paths.role,
         paths.height,
         paths.closed,
-        mean[stretch[kept]],
+        mean[run[kept]],
         paths.chain_id,
     )
 
 
 def _without_short(grade: Int, path: Int, length: Float, shortest: float) -> Int:
     """Return the grades (K,) with runs shorter than `shortest` merged into the previous longer one."""
-    begins = np.append(True, (np.diff(grade) != 0) | (np.diff(path) != 0))
-    stretch = np.cumsum(begins) - 1
-    first = np.flatnonzero(begins)
-    long = np.bincount(stretch, length) >= shortest
+    is_start = np.append(True, (np.diff(grade) != 0) | (np.diff(path) != 0))
+    run = np.cumsum(is_start) - 1
+    first = np.flatnonzero(is_start)
+    long = np.bincount(run, length) >= shortest
     long |= run_starts(path[first])  # the first run of a path has no previous one
     source = np.maximum.accumulate(np.where(long, np.arange(len(first)), 0))
-    return np.asarray(grade[first][source][stretch])
+    return np.asarray(grade[first][source][run])

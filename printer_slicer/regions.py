@@ -1,4 +1,4 @@
-"""Divide the area inside the perimeters into regions, by the distance to the surfaces above and below.
+"""Divide the area inside the perimeters into regions by their distance from the surfaces above and below.
 
 Shell thicknesses are in mm. With layers of different heights, the layers within a shell thickness are a range of z with
 a different number of layers for each layer. Their common area comes from a table of intersections over 1, 2, 4, ...
@@ -9,9 +9,9 @@ must be closed. So internal infill is only what is inside the perimeters on this
 thickness ends, above and below. The shell then keeps its thickness across a slope of any angle t to the bed: a point
 `thickness` below one that is `depth` inside the face is depth sin t + thickness cos t away from the face. On steep
 slopes this makes solid strips of thickness / tan t beside the perimeters, which alone are depth sin t thick there.
-Strips are left out where the perimeters alone reach the wanted share (`slope_shell_ratio`) of the lesser of thickness
-and depth, and where strips are narrower than half an extrusion. With a share of 0, thickness is only measured
-vertically, and the shell of a 45° slope is depth sin t thick.
+Strips are left out where the perimeters alone reach the fraction `slope_shell_ratio` of the smaller of thickness and
+depth, and where strips are narrower than half an extrusion. With a ratio of 0, thickness is only measured vertically,
+and the shell of a 45° slope is depth sin t thick.
 """
 
 from __future__ import annotations
@@ -54,32 +54,32 @@ def classify(sections: Sections, walls: Walls, profile: Profile) -> Regions:
     rules, width = _Rules.of(settings_by_layer(profile, plan)), walls.width
     near, (open_above, open_below) = _exposed(sections, inside, rules)
     shell = _shell(walls, near, rules)
-    carrying, infill = _below(solid), difference(inside, shell)
+    supporting, infill = _below(solid), difference(inside, shell)
     if rules.empty.any():
         hollow = _below(infill.of_layers(rules.empty))
         # Nothing can stand on hollow areas, not even internal infill.
         lid = intersection(shell.of_layers(rules.empty).merge(inside.of_layers(~rules.empty)), hollow)
-        carrying, open_below = difference(carrying, hollow), union(open_below, lid)
+        supporting, open_below = difference(supporting, hollow), union(open_below, lid)
         infill = difference(infill, lid)
-    down = _grown(open_below, inside, width, rules.anchor)
-    skin, hanging = down.select(down.ring_layer == 0), down.select(down.ring_layer > 0)
+    down = _grow(open_below, inside, width, rules.anchor)
+    on_bed, overhanging = down.select(down.ring_layer == 0), down.select(down.ring_layer > 0)
     bridges = find_bridges(
-        offset_open(open_below, width / 4), hanging, carrying, width, (rules.anchor, rules.angle)
+        offset_open(open_below, width / 4), overhanging, supporting, width, (rules.anchor, rules.angle)
     )
-    down = skin.merge(bridges.covered())
-    up = difference(_grown(open_above, inside, width, 2 * width), down)
-    infill, scraps = _worth_it(difference(infill, down.merge(up)), width, rules)
-    scraps = _over(scraps, _below(infill)).merge(
-        _narrow(difference(hanging, down.merge(up).merge(infill)), width)
+    down = on_bed.merge(bridges.covered())
+    up = difference(_grow(open_above, inside, width, 2 * width), down)
+    infill, scraps = _split_usable(difference(infill, down.merge(up)), width, rules)
+    scraps = _scraps_over_infill(scraps, _below(infill)).merge(
+        _narrow(difference(overhanging, down.merge(up).merge(infill)), width)
     )
     bridges = bridges.with_scraps(split_connected(scraps), width / 4)
-    open_to_air = skin.merge(bridges.covered()).merge(up)
+    open_to_air = on_bed.merge(bridges.covered()).merge(up)
     covered = difference(inside, infill.merge(open_to_air))
     internal = find_internal_bridges(covered, _below(infill), width, rules.anchor)
     bridge, angle = bridges.of_stack()
     return Regions(
         plan,
-        bottom_solid_infill=skin,
+        bottom_solid_infill=on_bed,
         bridge=bridge,
         top_solid_infill=up,
         # A disc on a smaller one is not bridged: bridge lines would end unsupported. Solid infill bonds below.
@@ -93,7 +93,7 @@ def classify(sections: Sections, walls: Walls, profile: Profile) -> Regions:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Rules:
-    """Settings of the regions for each layer (L,), in mm, mm², shares and counts.
+    """Settings of the regions for each layer (L,), in mm, mm², ratios and counts.
 
     Attributes:
         full: whether the inside is all solid.
@@ -183,9 +183,10 @@ def _across_slopes(walls: Walls, rules: _Rules) -> tuple[Areas, Areas]:
     # A slope continues through all layers between, so the farthest layer decides.
     over, under = (
         offset_open(
-            _uncovered(inside, at), _needless(walls, rules, skin, np.abs(plan.cut[at] - plan.cut)) / 2
+            _uncovered(inside, at),
+            _unneeded_width(walls, rules, thickness, np.abs(plan.cut[at] - plan.cut)) / 2,
         )
-        for at, skin in ((highest, rules.top), (lowest, rules.bottom))
+        for at, thickness in ((highest, rules.top), (lowest, rules.bottom))
     )
     return over, under
 
@@ -207,22 +208,22 @@ def _uncovered(inside: Areas, at: Int) -> Areas:
     return difference(inside.of_layers(other), cover.of_layers(other))
 
 
-def _needless(walls: Walls, rules: _Rules, skin: Float, apart: Float) -> Float:
+def _unneeded_width(walls: Walls, rules: _Rules, thickness: Float, section_distance: Float) -> Float:
     """Return the width (L,) of solid strips beside the perimeters that can be left out, mm.
 
     Such strips come from slopes so steep that the perimeters alone are thick enough: the strip is thickness / tan t
-    wide, the perimeters are depth sin t thick. Real steps are wider than these strips. `apart` (L,) is the distance in
-    mm between the sections at both ends of the shell thickness.
+    wide, the perimeters are depth sin t thick. Real steps are wider than these strips. `section_distance` (L,) is
+    the distance between the sections at both ends of the shell thickness, mm.
     """
     half = walls.width / 2
     gap = bead.spacing(walls.width, walls.plan.height)
     depth = np.where(rules.perimeters > 0, half + (rules.perimeters - 0.5) * gap, 0.0)
-    promised = np.maximum(rules.slope * np.minimum(skin, depth), 1e-9)
-    steep = apart * np.sqrt(np.maximum((depth / promised) ** 2 - 1, 0))
+    promised = np.maximum(rules.slope * np.minimum(thickness, depth), 1e-9)
+    steep = section_distance * np.sqrt(np.maximum((depth / promised) ** 2 - 1, 0))
     return np.clip(steep, half, np.maximum(depth, half))
 
 
-def _worth_it(infill: Areas, width: Float, rules: _Rules) -> tuple[Areas, Areas]:
+def _split_usable(infill: Areas, width: Float, rules: _Rules) -> tuple[Areas, Areas]:
     """Split internal infill into usable areas and scraps that are too small or too narrow for it."""
     as_they_are = rules.empty | (rules.smallest == 0)
     if as_they_are.all():
@@ -236,7 +237,7 @@ def _worth_it(infill: Areas, width: Float, rules: _Rules) -> tuple[Areas, Areas]
     return kept.merge(untouched), difference(infill, kept)
 
 
-def _over(scraps: Areas, infill: Areas) -> Areas:
+def _scraps_over_infill(scraps: Areas, infill: Areas) -> Areas:
     """Return the scraps that lie mostly over internal infill; as solid infill they would be unsupported."""
     pieces = split_connected(scraps)
     area = intersection(pieces.areas, pieces.beside(infill)).area()
@@ -273,6 +274,6 @@ def _window_below(plan: LayerPlan, thickness: Float) -> tuple[Int, Int]:
     return np.where(near_bed & (thickness > 0), -1, first).astype(np.int64), last
 
 
-def _grown(area: Areas, inside: Areas, width: Float, by: Float) -> Areas:
+def _grow(area: Areas, inside: Areas, width: Float, by: Float) -> Areas:
     """Drop slivers narrower than half an extrusion, and grow by `by` (L,) mm so that lines end on a support."""
     return intersection(offset(offset_open(area, width / 4), by), inside)

@@ -23,23 +23,22 @@ from printer_slicer.roles import Role, is_perimeter, roles_with
 
 __all__ = ["extrude", "move_seconds"]
 
-_HALF = 0.5  # share of the width; perimeters with less support are overhang perimeters
+_OVERHANG_SUPPORT = 0.5  # fraction of the width; perimeters with less support are overhang perimeters
 
 
 def extrude(paths: Toolpaths, travels: Travels, profile: Profile, rules: Sequence[Profile] = ()) -> Program:
     """Return the moves that print `paths` in order, with `travels` between them, fan and temperatures.
 
-    Speeds, accelerations and flow come from `rules`, by the number of each path; from `profile` without rules, and for
-    paths of no object. Layers shorter than `material.min_layer_time` are slowed down, at most to
-    `material.min_speed`.
+    Speeds, accelerations and flow come from `rules`, by the `settings_id` of each path, or from `profile` if there are
+    no rules. Layers that take less than `material.min_layer_time` are slowed down, at most to `material.min_speed`.
     """
     # Timing takes the most memory, so it runs in a function without the inputs of the moves.
     rules = tuple(rules) or (profile,)
-    program, carried = _moves(paths, travels, profile, rules)
+    program, support_ratio = _moves(paths, travels, profile, rules)
     program = slow_small_layers(program, profile)
     events = [
         *_heat(program, paths, profile.material, rules),
-        *fan_events(program, carried, profile),
+        *fan_events(program, support_ratio, profile),
         *program.events,
     ]
     return copy_times(replace(program, events=tuple(sorted(events, key=lambda event: event.index))), program)
@@ -48,12 +47,12 @@ def extrude(paths: Toolpaths, travels: Travels, profile: Profile, rules: Sequenc
 def _moves(
     paths: Toolpaths, travels: Travels, profile: Profile, rules: tuple[Profile, ...]
 ) -> tuple[Program, Float]:
-    """Return the moves at full speed, and the share (K,) of each extrusion that lies over the layer below."""
+    """Return the moves at full speed, and the fraction of the width (K,) that rests on the layer below."""
     rows = move_rows(paths, travels, profile)
     beads = extrusion_beads(paths, rows, rules)
     role = np.where(rows.is_bead, paths.role[rows.path], Role.TRAVEL)
-    carried = rows.spread(beads.carried)
-    role[is_perimeter(role) & (carried < _HALF)] = Role.OVERHANG_PERIMETER
+    support_ratio = rows.spread(beads.support_ratio)
+    role[is_perimeter(role) & (support_ratio < _OVERHANG_SUPPORT)] = Role.OVERHANG_PERIMETER
     diameter = np.array([extruder.material.filament_diameter for extruder in profile.extruders])
     layer, tool = paths.layer[rows.path], paths.tool[rows.path]
     on_bed = paths.begins_at(0)[rows.path]
@@ -78,11 +77,11 @@ def _moves(
         centre = np.full((program.n_moves, 2), np.nan)
         centre[rows.is_bead] = paths.centre[rows.begin]
         program = replace(program, centre=centre)
-    return program, carried
+    return program, support_ratio
 
 
 def _tool_changes(tool: Int) -> list[ToolChange]:
-    """Return the changes of the tool (K,); the first tool is active from the start."""
+    """Return the tool changes between moves with the tools `tool` (K,); the first tool is already active."""
     changed = np.flatnonzero(np.diff(tool)) + 1
     return [
         ToolChange(index, number)
@@ -93,18 +92,18 @@ def _tool_changes(tool: Int) -> list[ToolChange]:
 def _heat(program: Program, paths: Toolpaths, material: Material, rules: tuple[Profile, ...]) -> list[Event]:
     """Return temperature changes after the first layer, and those of overrides for height ranges.
 
-    If objects have different layers, the first change comes after the last object has begun.
+    If objects have different layer plans, the first change comes after the first layer of every object.
     """
     of_rule = np.array([rule.material.nozzle_temperature for rule in rules])
-    begins = np.flatnonzero(np.diff(program.layer, prepend=-1) > 0)
-    wanted = np.full(paths.plan.n_layers, material.nozzle_temperature, np.float64)
+    layer_starts = np.flatnonzero(np.diff(program.layer, prepend=-1) > 0)
+    temperature = np.full(paths.plan.n_layers, material.nozzle_temperature, np.float64)
     own = roles_with(is_part=True)[paths.role]
-    wanted[paths.layer[own]] = of_rule[paths.settings_id[own]]
+    temperature[paths.layer[own]] = of_rule[paths.settings_id[own]]
     nozzle, bed = material.first_layer_nozzle_temperature, material.first_layer_bed_temperature
     events: list[Event] = []
     last = int(paths.layer[paths.begins_at(0)].max(initial=0))
-    for index in begins[program.layer[begins] > last].tolist():
-        now = float(wanted[program.layer[index]])
+    for index in layer_starts[program.layer[layer_starts] > last].tolist():
+        now = float(temperature[program.layer[index]])
         if now != nozzle or bed != material.bed_temperature:
             changed = now if now != nozzle else None
             events.append(

@@ -18,21 +18,21 @@ def acceleration_events(
     """Return changes of acceleration before moves; none if the profiles have only one acceleration.
 
     Args:
-        role: (K,) of the moves.
-        on_bed: (K,) whether they belong to a first layer.
-        rule: (K,) number of each move's profile.
+        role: (K,) role of each move.
+        on_bed: (K,) whether the move belongs to a first layer.
+        rule: (K,) index of each move's profile in `rules`.
         rules: the profiles.
     """
     profile = rules[0]
     beads = np.flatnonzero(role != Role.TRAVEL)
-    wanted = np.stack([_of_roles(one) for one in rules])[rule[beads], role[beads]]
+    acceleration = np.stack([_of_roles(one) for one in rules])[rule[beads], role[beads]]
     first = profile.accelerations.first_layer
     if first:
-        wanted = np.where(on_bed[beads], first, wanted)
-    change = np.flatnonzero(np.diff(wanted, prepend=profile.printer.acceleration) != 0)
+        acceleration = np.where(on_bed[beads], first, acceleration)
+    change = np.flatnonzero(np.diff(acceleration, prepend=profile.printer.acceleration) != 0)
     return tuple(
         Acceleration(index, value)
-        for index, value in zip(beads[change].tolist(), wanted[change].tolist(), strict=True)
+        for index, value in zip(beads[change].tolist(), acceleration[change].tolist(), strict=True)
     )
 
 

@@ -16,8 +16,8 @@ from printer_slicer.roles import ROLES, Role, roles_with
 
 __all__ = ["fan_events", "slow_small_layers"]
 
-_ROUNDS = 30  # most rounds of slowing down; short moves hardly get slower at lower speeds
-_NEARLY = 0.995  # share of the minimum layer time that is enough
+_ROUNDS = 30  # maximum number of rounds; lower speeds hardly slow down short moves
+_NEARLY = 0.995  # fraction of the minimum layer time that is enough
 _FAN_STEP = 0.05  # smaller changes of the fan are not written
 # Hidden extrusions are slowed down first; bridges and overhangs last.
 _SLOWED_IN: Final = np.array([row.slowed_in for row in ROLES])
@@ -28,26 +28,26 @@ def slow_small_layers(program: Program, profile: Profile) -> Program:
     material = profile.material
     if not material.min_layer_time:
         return program
-    pace = program.speed, move_seconds(program, profile)
+    motion = program.speed, move_seconds(program, profile)
     # The lower bound must not make slower moves faster, such as those of the first layer.
     floor = np.minimum(program.speed, material.min_speed)
     extrudes, slowed_in = program.role != Role.TRAVEL, _SLOWED_IN[program.role]
     for last in range(int(_SLOWED_IN.max()) + 1):
-        pace = _slowed(program, pace, floor, extrudes & (slowed_in <= last), profile)
-    return program if pace[0] is program.speed else replace(program, speed=pace[0])
+        motion = _slow_down(program, motion, floor, extrudes & (slowed_in <= last), profile)
+    return program if motion[0] is program.speed else replace(program, speed=motion[0])
 
 
-def _slowed(
-    program: Program, pace: tuple[Float, Float], floor: Float, may: Bool, profile: Profile
+def _slow_down(
+    program: Program, motion: tuple[Float, Float], floor: Float, may: Bool, profile: Profile
 ) -> tuple[Float, Float]:
-    """Slow down the moves `may` (K,) on layers that are too short; return speeds and seconds (K,)."""
-    speed, seconds = pace
+    """Slow down the moves `may` (K,) on layers that are too short; return speeds and times (K,), s."""
+    speed, seconds = motion
     least, layer = profile.material.min_layer_time, program.layer
     for _ in range(_ROUNDS):
-        total, laying = (np.bincount(layer, weights=part) for part in (seconds, seconds * may))
-        room = least - (total - laying)
-        short = (total < least * _NEARLY) & (laying > 0)
-        factor = np.where(short, laying / np.maximum(room, 1e-9), 1.0)[layer]
+        total, slowable = (np.bincount(layer, weights=part) for part in (seconds, seconds * may))
+        room = least - (total - slowable)
+        short = (total < least * _NEARLY) & (slowable > 0)
+        factor = np.where(short, slowable / np.maximum(room, 1e-9), 1.0)[layer]
         slower = np.where(may & (factor < 1), np.maximum(speed * factor, floor), speed)
         changed = slower < speed * _NEARLY
         if not changed.any():  # layers that are still too short are at their lowest speed
@@ -58,24 +58,24 @@ def _slowed(
     return speed, seconds
 
 
-def fan_events(program: Program, carried: Float, profile: Profile) -> list[Event]:
+def fan_events(program: Program, support_ratio: Float, profile: Profile) -> list[Event]:
     """Return fan changes: faster on short layers, ramped up over height, full on bridges, in between on overhangs.
 
-    `carried` (K,) is the share of each extrusion that lies over the layer below.
+    `support_ratio` (K,) is the fraction of each extrusion's width that rests on the layer below.
     """
     material, plan = profile.material, program.plan
     seconds = np.bincount(program.layer, weights=move_seconds(program, profile), minlength=plan.n_layers)
     span = max(material.fan_layer_time - material.min_layer_time, 1e-9)
     hurry = np.clip((material.fan_layer_time - seconds) / span, 0, 1)
     strongest = max(material.fan_ratio, material.fan_ratio_max)
-    wanted = material.fan_ratio + hurry * (strongest - material.fan_ratio)
+    by_time = material.fan_ratio + hurry * (strongest - material.fan_ratio)
     ramp_height = max(material.fan_full_above - material.fan_off_below, 1e-9)
     ramp = np.clip((plan.top - material.fan_off_below) / ramp_height, 0, 1)
-    ratio = (wanted * ramp)[program.layer]
-    hangs = roles_with(is_bridge=True)[program.role]
-    bridge = _until_next_bead(program.role, hangs) & (ramp[program.layer] > 0)
+    ratio = (by_time * ramp)[program.layer]
+    is_bridge = roles_with(is_bridge=True)[program.role]
+    bridge = _is_next_extrusion(program.role, is_bridge) & (ramp[program.layer] > 0)
     on_bridges = np.maximum(ratio, material.fan_ratio_bridge)
-    toward = np.interp(_of_next_bead(program.role, carried, 1.0), SHARES, _overhang_fans(material))
+    toward = np.interp(_of_next_extrusion(program.role, support_ratio, 1.0), SHARES, _overhang_fans(material))
     toward = np.where(ramp[program.layer] > 0, toward, 0.0)
     ratio = np.where(bridge, on_bridges, ratio + toward * (on_bridges - ratio))
     steps = np.round(ratio / _FAN_STEP).astype(np.int64)
@@ -85,7 +85,7 @@ def fan_events(program: Program, carried: Float, profile: Profile) -> list[Event
 
 
 def _overhang_fans(material: Material) -> tuple[float, ...]:
-    """Return for each supported share in `SHARES` how far the fan speed goes toward that on bridges."""
+    """Return for each support ratio in `SHARES` the weight of the bridge fan speed."""
     return (
         material.fan_overhang_0_ratio,
         material.fan_overhang_25_ratio,
@@ -95,15 +95,15 @@ def _overhang_fans(material: Material) -> tuple[float, ...]:
     )
 
 
-def _of_next_bead(role: Int, values: Float, otherwise: float) -> Float:
-    """(K,) the value of the bead that each move leads to."""
+def _of_next_extrusion(role: Int, values: Float, otherwise: float) -> Float:
+    """Return the value of the next extrusion for each move (K,); extrusions keep their own value."""
     is_bead = role != Role.TRAVEL
     following = np.minimum.accumulate(np.where(is_bead, np.arange(len(role)), len(role))[::-1])[::-1]
     return np.asarray(np.append(values, otherwise)[following])
 
 
-def _until_next_bead(role: Int, wanted: Bool) -> Bool:
-    """(K,) the value of the bead that each move leads to."""
+def _is_next_extrusion(role: Int, selected: Bool) -> Bool:
+    """Return whether the next extrusion of each move (K,) is selected."""
     is_bead = role != Role.TRAVEL
     following = np.minimum.accumulate(np.where(is_bead, np.arange(len(role)), len(role))[::-1])[::-1]
-    return np.asarray((following < len(role)) & wanted[np.minimum(following, len(role) - 1)])
+    return np.asarray((following < len(role)) & selected[np.minimum(following, len(role) - 1)])

@@ -16,7 +16,7 @@ from printer_slicer.roles import ROLES, Role, is_perimeter, roles_with
 __all__ = ["SHARES", "BeadValues", "extrusion_beads", "path_speeds"]
 
 SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
-"""Supported shares of the width for which there are settings."""
+"""Support ratios for which there are settings."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,9 +27,9 @@ class BeadValues:
         length: (B,) mm.
         width: (B,) mm, mean along the move.
         height: (B,) mm, at full flow.
-        share: (B,) share of the cross-section that is extruded, mean along the move.
-        flow: (B,) factor of the cross-section.
-        carried: (B,) share of the width that lies over the layer below.
+        share: (B,) fraction of the cross-section that is extruded, mean along the move.
+        flow: (B,) flow ratio.
+        support_ratio: (B,) fraction of the width that rests on the layer below.
     """
 
     length: Float
@@ -37,7 +37,7 @@ class BeadValues:
     height: Float
     share: Float
     flow: Float
-    carried: Float
+    support_ratio: Float
 
     @property
     def cross_section(self) -> Float:
@@ -52,9 +52,9 @@ class BeadValues:
 
 def extrusion_beads(paths: Toolpaths, rows: MoveRows, rules: tuple[Profile, ...]) -> BeadValues:
     """Return the values of extruding moves, with the flow of their paths' profiles."""
-    begin, end, path = rows.begin, rows.end, rows.bead_path
-    way = paths.xy.take(end, axis=0) - paths.xy.take(begin, axis=0)
-    climbed = paths.z_offset[end] - paths.z_offset[begin]
+    start, end, path = rows.begin, rows.end, rows.bead_path
+    delta = paths.xy.take(end, axis=0) - paths.xy.take(start, axis=0)
+    climbed = paths.z_offset[end] - paths.z_offset[start]
     flow, first = (
         np.array(values)[paths.settings_id[path]]
         for values in (
@@ -63,12 +63,12 @@ def extrusion_beads(paths: Toolpaths, rows: MoveRows, rules: tuple[Profile, ...]
         )
     )
     return BeadValues(
-        np.sqrt((way * way).sum(axis=1) + climbed * climbed),
-        (paths.width[begin] + paths.width[end]) / 2,
+        np.sqrt((delta * delta).sum(axis=1) + climbed * climbed),
+        (paths.width[start] + paths.width[end]) / 2,
         paths.height[path],
-        (paths.flow_ratio[begin] + paths.flow_ratio[end]) / 2,
+        (paths.flow_ratio[start] + paths.flow_ratio[end]) / 2,
         np.where(paths.begins_at(0)[path], first, 1.0) * flow,
-        paths.support_ratio[begin],
+        paths.support_ratio[start],
     )
 
 
@@ -93,73 +93,74 @@ def path_speeds(paths: Toolpaths, rows: MoveRows, beads: BeadValues, rules: tupl
             (rows.kind <= MoveKind.TRAVEL) & (rows.kind >= MoveKind.WIPE) & paths.begins_at(0)[rows.path]
         )
         speed[careful] = np.minimum(speed[careful], speeds.first_layer_travel)
-    laid = _laid(paths, path, beads, rules[0])
+    printing = _extrusion_speeds(paths, path, beads, rules[0])
     for number, rule in enumerate(rules[1:], 1):
-        laid = np.where(paths.settings_id[path] == number, _laid(paths, path, beads, rule), laid)
-    speed[rows.is_bead] = laid
+        own = _extrusion_speeds(paths, path, beads, rule)
+        printing = np.where(paths.settings_id[path] == number, own, printing)
+    speed[rows.is_bead] = printing
     return speed
 
 
-def _laid(paths: Toolpaths, path: Int, beads: BeadValues, profile: Profile) -> Float:
-    """(B,) mm/s of the beads of paths (B,) with the settings of one profile."""
+def _extrusion_speeds(paths: Toolpaths, path: Int, beads: BeadValues, profile: Profile) -> Float:
+    """Return the speed of the extrusions of paths (B,) with the settings of one profile, mm/s."""
     speeds = profile.speeds
-    laid = _wanted(paths, profile)[path]
-    hangs = is_perimeter(paths.role[path]) & (beads.carried < 1)
-    slower = laid * np.interp(beads.carried, SHARES, _overhang_shares(speeds))
-    slower = np.minimum(slower, _overhang_limit(beads.carried, laid, profile))
-    # The last quarter goes over to a bridge.
-    faster = np.maximum(laid - speeds.bridge, 0) * np.minimum(beads.carried / SHARES[1], 1)
-    laid = np.where(hangs, np.minimum(slower, speeds.bridge + faster), laid)
+    speed = _supported_speeds(paths, profile)[path]
+    is_overhang = is_perimeter(paths.role[path]) & (beads.support_ratio < 1)
+    slower = speed * np.interp(beads.support_ratio, SHARES, _overhang_shares(speeds))
+    slower = np.minimum(slower, _overhang_limit(beads.support_ratio, speed, profile))
+    # Below a support ratio of a quarter, the speed blends into the bridge speed.
+    faster = np.maximum(speed - speeds.bridge, 0) * np.minimum(beads.support_ratio / SHARES[1], 1)
+    speed = np.where(is_overhang, np.minimum(slower, speeds.bridge + faster), speed)
     on_bed = profile.material.first_layer_max_flow_ratio
     melted = np.where(paths.begins_at(0)[path], on_bed, 1.0) * profile.max_flow
-    return np.minimum(laid, melted / np.maximum(beads.cross_section, 1e-9))
+    return np.minimum(speed, melted / np.maximum(beads.cross_section, 1e-9))
 
 
-def _overhang_limit(carried: Float, laid: Float, profile: Profile) -> Float:
-    """(B,) mm/s that the printer allows perimeters of which (B,) a share is carried, between its points in lines.
+def _overhang_limit(support_ratio: Float, full_speed: Float, profile: Profile) -> Float:
+    """Return the speed (B,) that the printer allows perimeters with these support ratios, mm/s.
 
-    At the ends, and where the printer names none, it is the speed that perimeters have anyway, (B,) mm/s.
+    The limits of the printer are interpolated. Where it has none, the limit is the speed `full_speed` (B,).
     """
     limits = profile.printer.speeds
     points = (profile.speeds.bridge, limits.overhang_25, limits.overhang_50, limits.overhang_75, 0.0)
     if not any(points[1:]):
-        return laid
-    of_point = np.stack([np.minimum(laid, one) if one else laid for one in points])
-    below = np.clip((carried / SHARES[1]).astype(np.int64), 0, len(SHARES) - 2)
-    share = carried / SHARES[1] - below
-    each = np.arange(len(carried))
+        return full_speed
+    of_point = np.stack([np.minimum(full_speed, one) if one else full_speed for one in points])
+    below = np.clip((support_ratio / SHARES[1]).astype(np.int64), 0, len(SHARES) - 2)
+    share = support_ratio / SHARES[1] - below
+    each = np.arange(len(support_ratio))
     return np.asarray(of_point[below, each] * (1 - share) + of_point[below + 1, each] * share)
 
 
-def _wanted(paths: Toolpaths, profile: Profile) -> Float:
+def _supported_speeds(paths: Toolpaths, profile: Profile) -> Float:
     """Return the speed (M,) of paths where they are supported, mm/s."""
     speeds = profile.speeds
-    wanted = _of_roles(speeds)[paths.role]
+    speed = _of_roles(speeds)[paths.role]
     single = (paths.role == Role.PERIMETER) & ~paths.closed
-    wanted = np.where(single, speeds.gap_fill, wanted)
+    speed = np.where(single, speeds.gap_fill, speed)
     if speeds.small_perimeter:
         small = is_perimeter(paths.role) & paths.closed
         small &= paths.length() < 2 * np.pi * speeds.small_perimeter_radius
-        wanted = np.where(small, np.minimum(wanted, speeds.small_perimeter), wanted)
+        speed = np.where(small, np.minimum(speed, speeds.small_perimeter), speed)
     if speeds.even_flow_ratio:
-        wanted = wanted * _evened(paths, profile)
+        speed = speed * _even_flow_factors(paths, profile)
     raft = paths.role == Role.RAFT
     base = int(paths.layer[raft].max(initial=-1)) + 1  # the part's first layer
     if base:
-        wanted = np.where(raft & (paths.layer == base - 1), profile.raft_interface_speed, wanted)
+        speed = np.where(raft & (paths.layer == base - 1), profile.raft_interface_speed, speed)
     first = np.where(roles_with(is_infill=True)[paths.role], speeds.first_layer_infill, speeds.first_layer)
     begins = paths.begins_at(0) | paths.begins_at(base)
-    wanted = np.where(begins, np.minimum(wanted, first), wanted)
+    speed = np.where(begins, np.minimum(speed, first), speed)
     low, high = float(paths.plan.top[base]), speeds.slow_below
     if high > low:
         share = np.clip((paths.z_top - low) / (high - low), 0, 1)
-        ramped = np.minimum(wanted, first + share * np.maximum(wanted - first, 0))
-        wanted = np.where(raft, wanted, ramped)
-    return np.asarray(wanted)
+        ramped = np.minimum(speed, first + share * np.maximum(speed - first, 0))
+        speed = np.where(raft, speed, ramped)
+    return np.asarray(speed)
 
 
-def _evened(paths: Toolpaths, profile: Profile) -> Float:
-    """Return speed factors (M,) that make the flow of thin and thick layers more even."""
+def _even_flow_factors(paths: Toolpaths, profile: Profile) -> Float:
+    """Return speed factors (M,) that reduce the difference in flow between thin and thick layers."""
     speeds = profile.speeds
     factor = (profile.quality.layer_height / np.maximum(paths.height, 1e-6)) ** speeds.even_flow_ratio
     return np.asarray(np.clip(factor, 1 / speeds.even_flow_most, speeds.even_flow_most))
@@ -174,7 +175,7 @@ def _of_roles(speeds: Speeds) -> Float:
 
 
 def _overhang_shares(speeds: Speeds) -> tuple[float, ...]:
-    """Return for each supported share in `SHARES` the share of the perimeter's speed."""
+    """Return for each support ratio in `SHARES` the ratio to the normal perimeter speed."""
     return (
         speeds.overhang_0_ratio,
         speeds.overhang_25_ratio,

@@ -13,7 +13,7 @@ from printer_slicer.profile import Profile
 
 __all__ = ["APPROACH", "MoveKind", "MoveRows", "move_rows"]
 
-APPROACH = 2.0  # mm above the first layer at which the nozzle arrives
+APPROACH = 2.0  # mm above the first layer: height of the first travel
 _SHORTEST = 0.003  # mm, of an extrusion
 _LEVEL = 1e-6  # mm
 _RAMP = 3.0  # mm of travel per mm of a ramped lift
@@ -33,7 +33,7 @@ class MoveRows:
         path: (K,) the path that each move belongs to or leads to.
         kind: (K,) `MoveKind` of each move.
         xyz: (K, 3) end position, mm.
-        pulled: (K,) filament of moves without extrusion, mm.
+        pulled: (K,) filament moved without extrusion, mm; negative for retractions.
         begin: (B,) first points of the extrusions.
         end: (B,) last points of the extrusions.
     """
@@ -65,20 +65,20 @@ class MoveRows:
 def move_rows(paths: Toolpaths, travels: Travels, profile: Profile) -> MoveRows:
     """Return the moves that print paths in order."""
     wipes = find_wipes(paths, travels, profile)
-    ways = _ways(paths, travels, profile)
-    count = _counts(paths, travels, wipes, ways)
+    ends = _travel_ends(paths, travels, profile)
+    count = _counts(paths, travels, wipes, ends)
     path = np.repeat(np.arange(paths.n_paths), count.sum(axis=1))
     kind = np.repeat(np.tile(np.arange(MoveKind.BEAD + 1), paths.n_paths), count.ravel())
     begin, end = paths.ends_of_beads
-    # A sudden change of the width repeats a point, and files are written in steps of 1 µm.
+    # A sudden change of width repeats a point, and G-code is written in steps of 1 µm.
     far = np.hypot(*(paths.xy.take(end, axis=0) - paths.xy.take(begin, axis=0)).T) > _SHORTEST
     kept = np.ones(len(path), np.bool_)
     kept[kind == MoveKind.BEAD] = far
     path, kind, begin, end = path[kept], kind[kept], begin[far], end[far]
-    xyz = _positions(paths, travels, wipes, ways, (path, kind, end))
-    xyz = _standing(xyz, kind)
+    xyz = _positions(paths, travels, wipes, ends, (path, kind, end))
+    xyz = _move_retractions(xyz, kind)
     if profile.printer.z_hop_ramp:
-        xyz = _ramped(xyz, path, kind, travels)
+        xyz = _ramp_lifts(xyz, path, kind, travels)
     pulled = np.zeros(len(path))
     pulled[kind == MoveKind.RETRACT] = -wipes.standing[path[kind == MoveKind.RETRACT]]
     pulled[kind == MoveKind.WIPE] = -wipes.moving
@@ -95,66 +95,66 @@ def move_rows(paths: Toolpaths, travels: Travels, profile: Profile) -> MoveRows:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Ways:
-    """Travels to each path.
+class _TravelEnds:
+    """Start, end and height of the travel to each path.
 
     Attributes:
-        leave: (M, 2) mm, begin of the travel.
-        begin: (M, 2) mm, end of the travel.
-        low: (M,) mm, z at its begin.
-        travelled: (M,) mm, z while travelling.
-        high: (M,) mm, z at which the path begins.
+        start: (M, 2) start of the travel, mm.
+        end: (M, 2) end of the travel, mm.
+        start_z: (M,) z at the start, mm.
+        travel_z: (M,) z during the travel, mm.
+        path_z: (M,) z at which the path starts, mm.
     """
 
-    leave: Float
-    begin: Float
-    low: Float
-    travelled: Float
-    high: Float
+    start: Float
+    end: Float
+    start_z: Float
+    travel_z: Float
+    path_z: Float
 
 
-def _ways(paths: Toolpaths, travels: Travels, profile: Profile) -> _Ways:
+def _travel_ends(paths: Toolpaths, travels: Travels, profile: Profile) -> _TravelEnds:
     first, last = paths.start[:-1], paths.start[1:] - 1
     top = paths.z_top
-    begin, end = top + paths.z_offset[first], top + paths.z_offset[np.where(paths.closed, first, last)]
-    leave = np.append(begin[:1], end[:-1])
+    start, end = top + paths.z_offset[first], top + paths.z_offset[np.where(paths.closed, first, last)]
+    leave = np.append(start[:1], end[:-1])
     hop = np.where(travels.retract, profile.printer.z_hop, 0.0)
     hop[:1] = APPROACH
-    # Paths that begin lower than the previous one ends are approached from above.
-    return _Ways(*leaves(paths), leave, np.maximum(leave, begin) + hop, begin)
+    # A path that starts lower than the previous one ends is approached from above.
+    return _TravelEnds(*leaves(paths), leave, np.maximum(leave, start) + hop, start)
 
 
-def _counts(paths: Toolpaths, travels: Travels, wipes: Wipes, ways: _Ways) -> Int:
+def _counts(paths: Toolpaths, travels: Travels, wipes: Wipes, ends: _TravelEnds) -> Int:
     """Return the number (M, 7) of moves of each kind for each path."""
     first = np.arange(paths.n_paths) == 0
     count = np.zeros((paths.n_paths, MoveKind.BEAD + 1), np.int64)
     count[:, MoveKind.RETRACT] = travels.retract & (wipes.standing > 0)
     count[:, MoveKind.WIPE] = np.diff(wipes.start)
-    count[:, MoveKind.LIFT] = (ways.travelled - ways.low > _LEVEL) & ~first
-    moves = (ways.begin != ways.leave).any(axis=1) | (count[:, MoveKind.WIPE] > 0)
+    count[:, MoveKind.LIFT] = (ends.travel_z - ends.start_z > _LEVEL) & ~first
+    moves = (ends.end != ends.start).any(axis=1) | (count[:, MoveKind.WIPE] > 0)
     count[:, MoveKind.TRAVEL] = moves | first
     count[:, MoveKind.TRAVEL] += np.diff(travels.start)
-    count[:, MoveKind.DROP] = ways.travelled - ways.high > _LEVEL
+    count[:, MoveKind.DROP] = ends.travel_z - ends.path_z > _LEVEL
     count[:, MoveKind.DERETRACT] = travels.retract
     count[:, MoveKind.BEAD] = paths.beads_of_each
     return count
 
 
 def _positions(
-    paths: Toolpaths, travels: Travels, wipes: Wipes, ways: _Ways, moves: tuple[Int, Int, Int]
+    paths: Toolpaths, travels: Travels, wipes: Wipes, ends: _TravelEnds, moves: tuple[Int, Int, Int]
 ) -> Float:
     """Return the end positions (K, 3) of moves, given by path, kind and, for extrusions, last point."""
     path, kind, end = moves
     top = paths.z_top
     xyz = np.zeros((len(path), 3))
-    xyz[:, :2], xyz[:, 2] = ways.begin[path], ways.high[path]
+    xyz[:, :2], xyz[:, 2] = ends.end[path], ends.path_z[path]
     stays = kind <= MoveKind.LIFT
-    xyz[stays, :2] = ways.leave[path[stays]]
-    low = kind <= MoveKind.WIPE  # still at the height of the path before
-    xyz[low, 2] = ways.low[path[low]]
+    xyz[stays, :2] = ends.start[path[stays]]
+    low = kind <= MoveKind.WIPE  # still at the height of the previous path
+    xyz[low, 2] = ends.start_z[path[low]]
     xyz[kind == MoveKind.WIPE, :2] = wipes.xy
     lifted = (kind == MoveKind.LIFT) | (kind == MoveKind.TRAVEL)
-    xyz[lifted, 2] = ways.travelled[path[lifted]]
+    xyz[lifted, 2] = ends.travel_z[path[lifted]]
     wiped = np.flatnonzero((kind == MoveKind.LIFT) & (np.diff(wipes.start) > 0)[path])
     xyz[wiped, :2] = xyz[wiped - 1, :2]
     # All moves of a travel except the last one end at its waypoints.
@@ -167,7 +167,7 @@ def _positions(
     return xyz
 
 
-def _standing(xyz: Float, kind: Int) -> Float:
+def _move_retractions(xyz: Float, kind: Int) -> Float:
     """Move retractions to the actual nozzle position, because very short last extrusions are dropped."""
     pulls = np.flatnonzero(kind == MoveKind.RETRACT)
     pulls = pulls[pulls > 0]
@@ -175,13 +175,13 @@ def _standing(xyz: Float, kind: Int) -> Float:
     return xyz
 
 
-def _ramped(xyz: Float, path: Int, kind: Int, travels: Travels) -> Float:
-    """Change lifts into ramps: the nozzle rises while it travels."""
+def _ramp_lifts(xyz: Float, path: Int, kind: Int, travels: Travels) -> Float:
+    """Change lifts into ramps: the nozzle rises during the travel."""
     lift = np.flatnonzero((kind == MoveKind.LIFT) & travels.retract[path])
     lift = lift[(lift > 0) & (lift + 1 < len(xyz))]
-    way = xyz[lift + 1, :2] - xyz[lift - 1, :2]
-    far = np.hypot(*way.T)
+    delta = xyz[lift + 1, :2] - xyz[lift - 1, :2]
+    far = np.hypot(*delta.T)
     rise = xyz[lift, 2] - xyz[lift - 1, 2]
     share = np.where(far > 0, np.minimum(_RAMP * rise / np.maximum(far, 1e-9), 0.5), 0.0)
-    xyz[lift, :2] = xyz[lift - 1, :2] + way * share[:, None]
+    xyz[lift, :2] = xyz[lift - 1, :2] + delta * share[:, None]
     return xyz

@@ -45,18 +45,18 @@ def retime_moves(program: Program, seconds: Float, speed: Float, around: Int, pr
 
     The change affects at most the adjacent layers, because the nozzle nearly stops at each layer change.
     """
-    # Include one more layer on both sides, because the first and last move of the range begin and end at rest.
-    first, begin, end, last = np.searchsorted(program.layer, around[[0, 0, 1, 1]] + [-2, -1, 2, 3])
+    # Include one more layer on both sides, because the first and last move of the range start and end at rest.
+    first, start, end, last = np.searchsorted(program.layer, around[[0, 0, 1, 1]] + [-2, -1, 2, 3])
     again = _seconds(program, speed, profile, first, last)
-    return np.concatenate([seconds[:begin], again[begin - first : end - first], seconds[end:]])
+    return np.concatenate([seconds[:start], again[start - first : end - first], seconds[end:]])
 
 
 def _seconds(program: Program, speed: Float, profile: Profile, first: int, last: int) -> Float:
     """Return the times (n,) of the moves from `first` up to `last` at speeds (K,), as if there were no others."""
     before = program.xyz[first - 1] if first else program.origin
-    way = np.diff(program.xyz[first:last], axis=0, prepend=before[None])
+    delta = np.diff(program.xyz[first:last], axis=0, prepend=before[None])
     return durations(
-        np.column_stack([way, program.filament[first:last]]),
+        np.column_stack([delta, program.filament[first:last]]),
         speed[first:last],
         limits_of(profile.printer),
         acceleration=move_accelerations(program, profile.printer, first, last),

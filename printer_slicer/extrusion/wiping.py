@@ -12,7 +12,7 @@ from printer_slicer.profile import Profile
 
 __all__ = ["Wipes", "find_wipes"]
 
-_SHARE = 0.9  # share of the retraction speed that is used while wiping
+_SHARE = 0.9  # fraction of the retraction speed that is used while wiping
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -38,7 +38,7 @@ class Archive:
         self._expanded = 0
         _check_directory(source, limits)
         self._zip = zipfile.ZipFile(source.file)
-        self._members = {_plain(info.filename): info for info in self._zip.infolist()}
+        self._members = {_normalize_name(info.filename): info for info in self._zip.infolist()}
 
     @property
     def names(self) -> list[str]:
@@ -46,7 +46,7 @@ class Archive:
         return list(self._members)
 
     def __contains__(self, name: str) -> bool:
-        return _plain(name) in self._members
+        return _normalize_name(name) in self._members
 
     def pieces(self, name: str) -> Iterator[bytes]:
         """Yield the content of a member in chunks.
@@ -54,7 +54,7 @@ class Archive:
         Raises:
             MeshError: the member does not exist, or unpacking it would exceed a limit.
         """
-        info = self._members.get(_plain(name))
+        info = self._members.get(_normalize_name(name))
         if info is None:
             raise MeshError(f"{self.path}: the archive does not contain '{name[:200]}'", remedy=EXPORT_AGAIN)
         self._check(info)
@@ -62,7 +62,7 @@ class Archive:
             while piece := file.read(PIECE):
                 self._expanded += len(piece)
                 if self._expanded > self._limits.expanded_bytes:  # the directory may understate the size
-                    raise self._bomb(f"unpacks to over {self._limits.expanded_bytes} bytes")
+                    raise self._expansion_error(f"unpacks to over {self._limits.expanded_bytes} bytes")
                 yield piece
                 self._source.progress(min(file.tell() / max(info.file_size, 1), 1.0))
 
@@ -78,23 +78,23 @@ class Archive:
                 remedy="Pack it again as an ordinary ZIP archive",
             )
         if self._expanded + info.file_size > self._limits.expanded_bytes:
-            raise self._bomb(
+            raise self._expansion_error(
                 f"unpacks to {self._expanded + info.file_size} bytes, over the limit of"
                 f" {self._limits.expanded_bytes}"
             )
         if info.file_size > max(PIECE, self._limits.expansion * info.compress_size):
-            raise self._bomb(
+            raise self._expansion_error(
                 f"unpacks to {info.file_size} bytes from {info.compress_size}, over {self._limits.expansion:g} times"
             )
 
-    def _bomb(self, what: str) -> MeshError:
+    def _expansion_error(self, what: str) -> MeshError:
         return MeshError(
             f"{self.path}: {what}",
             remedy="Do not trust the file; if it is your own, export it as binary STL",
         )
 
 
-def _plain(name: str) -> str:
+def _normalize_name(name: str) -> str:
     return name.replace("\\", "/").lstrip("/").lower()
 
 

@@ -190,7 +190,7 @@ def _placements(
         body = bodies.get(use.key)
         if body is None:
             raise MeshError(
-                f"{path}: object {_spoken(use.key)} is placed but not defined", remedy=EXPORT_AGAIN
+                f"{path}: object {_display_name(use.key)} is placed but not defined", remedy=EXPORT_AGAIN
             )
         if depth > limits.nesting or n_seen + len(waiting) > limits.instances:
             what = f"objects are nested more than {limits.nesting} deep" if depth > limits.nesting else ""
@@ -217,5 +217,5 @@ def _compose(inner: Float | None, outer: Float | None) -> Float | None:
     return composed
 
 
-def _spoken(key: Hashable) -> str:
+def _display_name(key: Hashable) -> str:
     return str(key[-1] if isinstance(key, tuple) else key)[:80]

@@ -55,7 +55,7 @@ class ModelFile:
             MeshError: it is longer than `limit`, bytes.
         """
         if self.size > limit:
-            raise _too_long(self.path, self.size, limit)
+            raise _length_error(self.path, self.size, limit)
         self.file.seek(0)
         return self.file.read(limit + 1)
 
@@ -85,7 +85,7 @@ class ModelFile:
             self._progress(share)
 
 
-def _too_long(path: Path, size: int, limit: int) -> MeshError:
+def _length_error(path: Path, size: int, limit: int) -> MeshError:
     """Return the error for a file that is too long."""
     return MeshError(
         f"{path}: {size} bytes; the limit for this format is {limit}",
@@ -142,7 +142,7 @@ def open_model_file(path: Path, limits: Limits, progress: Progress) -> Iterator[
                     remedy="Copy or download the file again; if that does not help, export the part again",
                 )
             if source.size > limits.file_bytes:
-                raise _too_long(path, source.size, limits.file_bytes)
+                raise _length_error(path, source.size, limits.file_bytes)
             yield source
         except OSError as error:
             raise UsageError(f"{path}: cannot be read: {error.strerror}", remedy="Check the disk") from error
@@ -154,7 +154,7 @@ def _spool(pipe: BufferedReader, spool: BufferedRandom, path: Path, limits: Limi
     while chunk := pipe.read(CHUNK):
         length += len(chunk)
         if length > limits.file_bytes:
-            raise _too_long(path, length, limits.file_bytes)
+            raise _length_error(path, length, limits.file_bytes)
         spool.write(chunk)
     spool.seek(0)
     return spool

@@ -90,7 +90,7 @@ class _Document:
         """
         for name in PACKING:
             if name in what.get("extensions", {}):
-                raise _unknown(self._path, name)
+                raise _extension_error(self._path, name)
 
     def array(self, index: int) -> Numbers:
         """Return the numbers (count, columns) of an accessor."""
@@ -190,7 +190,7 @@ def _check_extensions(tree: Mapping[str, Any], path: Path) -> None:
     """
     for name in tree.get("extensionsRequired", []):
         if not str(name).startswith(KNOWN):
-            raise _unknown(path, str(name))
+            raise _extension_error(path, str(name))
 
 
 def read_glb(
@@ -496,7 +496,7 @@ def _accessors(primitive: dict[str, Any]) -> list[Any]:
     return [primitive["attributes"]["POSITION"], *([primitive["indices"]] if "indices" in primitive else [])]
 
 
-def _unknown(path: Path, extension: str) -> MeshError:
+def _extension_error(path: Path, extension: str) -> MeshError:
     """Return the error for a file that requires an unsupported extension."""
     return MeshError(
         f"{path}: the file requires the glTF extension '{extension[:60]}', which is not supported",

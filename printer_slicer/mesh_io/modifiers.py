@@ -62,22 +62,22 @@ class Modifiers(XmlReader):
         self.on(["metadata"], self._metadata)
 
     def _begin_object(self, attributes: list[str]) -> None:
-        self._object = _given(attributes).get("id", "")
+        self._object = _attribute_dict(attributes).get("id", "")
         self._inside = False
 
     def _begin_volume(self, attributes: list[str]) -> None:
-        given = _given(attributes)
+        given = _attribute_dict(attributes)
         self._range = (int(given.get("firstid", "0")), int(given.get("lastid", "-1")))
         self._name = self._kind = ""
         self._inside = True
 
     def _begin_part(self, attributes: list[str]) -> None:
-        given = _given(attributes)
+        given = _attribute_dict(attributes)
         self._component, self._kind, self._name = given.get("id", ""), given.get("subtype", ""), ""
         self._inside = True
 
     def _metadata(self, attributes: list[str]) -> None:
-        given = _given(attributes)
+        given = _attribute_dict(attributes)
         key, value = given.get("key"), given.get("value", "")
         if key == "name" and self._inside:
             self._name = value
@@ -149,18 +149,18 @@ def _notes(taken: Sequence[_Volume]) -> list[str]:
         return []
     count = "1 volume that only changes" if len(taken) == 1 else f"{len(taken)} volumes that only change"
     verb = "is" if len(taken) == 1 else "are"
-    notes = [f"{count} settings, supports or other volumes {verb} left out: {_listed(taken)}"]
+    notes = [f"{count} settings, supports or other volumes {verb} left out: {_join_names(taken)}"]
     if holes := [volume for volume in taken if volume.kind.lower() in HOLES]:
         them = (
             "1 of them is a negative volume and is"
             if len(holes) == 1
             else f"{len(holes)} of them are negative volumes and are"
         )
-        notes.append(f"{them} not cut out: {_listed(holes)}")
+        notes.append(f"{them} not cut out: {_join_names(holes)}")
     return notes
 
 
-def _listed(volumes: Sequence[_Volume]) -> str:
+def _join_names(volumes: Sequence[_Volume]) -> str:
     more = f" and {len(volumes) - MOST_NAMED} more" if len(volumes) > MOST_NAMED else ""
     return ", ".join(volume.spoken() for volume in volumes[:MOST_NAMED]) + more
 
@@ -178,5 +178,5 @@ def read_modifiers(archive: Archive, limits: Limits) -> Modifiers:
     return reader
 
 
-def _given(attributes: list[str]) -> dict[str, str]:
+def _attribute_dict(attributes: list[str]) -> dict[str, str]:
     return dict(zip(attributes[::2], attributes[1::2], strict=True))

@@ -80,7 +80,7 @@ def read_obj(source: ModelFile, limits: Limits) -> tuple[Float, list[str]]:
     if len(corner) and corner.max() >= n_vertices:
         raise _fault(source, n_vertices)
     if not n_facets:
-        raise _nothing(source)
+        raise _no_facets_error(source)
     notes = [f"{n_surfaces} free-form surfaces are left out"] if n_surfaces else []
     return triangulate_polygons(
         np.concatenate(vertices), np.concatenate(counts), corner, source.path, limits
@@ -100,8 +100,8 @@ def _pieces(source: ModelFile) -> Iterator[bytes]:
                 remedy=EXPORT_AGAIN,
             )
         if end:
-            yield _with_new_lines(text[:end])
-    yield _with_new_lines(rest + b"\n\n")  # two: the last line may be continued
+            yield _normalize_line_ends(text[:end])
+    yield _normalize_line_ends(rest + b"\n\n")  # two: the last line may be continued
 
 
 def _end_of_statements(text: bytes) -> int:
@@ -114,7 +114,7 @@ def _end_of_statements(text: bytes) -> int:
     return 0
 
 
-def _with_new_lines(text: bytes) -> bytes:
+def _normalize_line_ends(text: bytes) -> bytes:
     return text.replace(b"\r\n", b"\n").replace(b"\r", b"\n") if b"\r" in text else text
 
 
@@ -231,28 +231,28 @@ def _fault(source: ModelFile, n_vertices: int | None) -> MeshError:
         wrong = ""
         if words[:1] == [b"v"]:
             known += 1
-            wrong = _wrong_vertex(words[1:])
+            wrong = _vertex_problem(words[1:])
         elif words[:1] == [b"f"]:
-            wrong = _wrong_face(words[1:], known, n_vertices)
+            wrong = _face_problem(words[1:], known, n_vertices)
         if wrong:
             return MeshError(f"{source.path}, line {number}: {wrong}", remedy=EXPORT_AGAIN)
     return MeshError(f"{source.path}: not a valid .obj file", remedy=EXPORT_AGAIN)
 
 
-def _wrong_vertex(words: list[bytes]) -> str:
+def _vertex_problem(words: list[bytes]) -> str:
     """Describe what is wrong with a vertex; empty if it is valid."""
     for word in words:
         if not NUMBER.fullmatch(word):
-            return f"expected a number, found '{_spoken(word)}'"
+            return f"expected a number, found '{_display_name(word)}'"
     return "" if len(words) >= 3 else f"a vertex has only {len(words)} coordinates"
 
 
-def _wrong_face(words: list[bytes], known: int, n_vertices: int | None) -> str:
+def _face_problem(words: list[bytes], known: int, n_vertices: int | None) -> str:
     """Describe what is wrong with a face after `known` vertices; empty if it is valid."""
     for word in words:
         match = CORNER.fullmatch(word)
         if match is None:
-            return f"expected a vertex number, found '{_spoken(word)}'"
+            return f"expected a vertex number, found '{_display_name(word)}'"
         corner = int(match[1][:20])
         if corner == 0:
             return "a face uses vertex 0; vertices are numbered from 1"
@@ -263,11 +263,11 @@ def _wrong_face(words: list[bytes], known: int, n_vertices: int | None) -> str:
     return ""
 
 
-def _spoken(word: bytes) -> str:
+def _display_name(word: bytes) -> str:
     return word[:60].decode("ascii", "replace")
 
 
-def _nothing(source: ModelFile) -> MeshError:
+def _no_facets_error(source: ModelFile) -> MeshError:
     """Return the error for a file without facets."""
     found = {UNREAD[words[0]] for _, words in _statements(source) if words and words[0] in UNREAD}
     only = f", only {' and '.join(sorted(found))}" if found else ""

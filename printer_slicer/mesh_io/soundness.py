@@ -53,7 +53,7 @@ def drop_folded_facets(triangles: Float, path: Path) -> tuple[Float, int]:
     """
     if len(triangles) == 0:
         raise MeshError(f"{path}: the file contains no facets", remedy=EXPORT_AGAIN)
-    kept = _unfolded(triangles, path)
+    kept = _move_unfolded_to_front(triangles, path)
     if len(kept) == 0:
         raise MeshError(f"{path}: all its facets have zero area", remedy=EXPORT_AGAIN)
     for name, size in zip("xyz", Mesh(kept).size.tolist(), strict=True):
@@ -62,7 +62,7 @@ def drop_folded_facets(triangles: Float, path: Path) -> tuple[Float, int]:
     return kept, len(triangles) - len(kept)
 
 
-def _unfolded(triangles: Float, path: Path) -> Float:
+def _move_unfolded_to_front(triangles: Float, path: Path) -> Float:
     """Move the facets with three different corners to the front and return a view of them."""
     n_kept = 0
     for block in blocks(len(triangles)):
@@ -75,7 +75,7 @@ def _unfolded(triangles: Float, path: Path) -> Float:
                 f"{path}: facet {block.start + wild // 9 + 1} of {len(triangles)} has the coordinate {flat[wild]:g}",
                 remedy=TOO_FAR if abs(flat[wild]) < LARGEST / UNITS["micron"] else EXPORT_AGAIN,
             )
-        folded = _folded(part)
+        folded = _is_folded(part)
         if folded.any():
             part = part[~folded]
         if n_kept != block.start or len(part) != block.stop - block.start:
@@ -84,7 +84,7 @@ def _unfolded(triangles: Float, path: Path) -> Float:
     return triangles[:n_kept]
 
 
-def _folded(part: Float) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+def _is_folded(part: Float) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
     """Return which facets (F,) have two equal corners."""
     folded = np.zeros(len(part), dtype=np.bool_)
     for a, b in ((0, 1), (1, 2), (2, 0)):

@@ -139,10 +139,10 @@ class Words:
         try:
             self._words = numbers_in(data, "f8")
         except ValueError:
-            self._words = self._despite_odd_words(data)
+            self._words = self._read_odd_words(data)
         self.end = len(self._words)
 
-    def _despite_odd_words(self, data: bytes) -> NDArray[np.float64]:
+    def _read_odd_words(self, data: bytes) -> NDArray[np.float64]:
         """Return the numbers, with nan for each word that is not a number."""
         found: list[bytes] = []
 

@@ -142,7 +142,7 @@ class _ModelReader(XmlReader):
     def _use(self, given: dict[str, str]) -> ObjectReference:
         """Return a reference to an object in this or another model file."""
         self.model.objects.count_reference()
-        part = next((_absolute(given[name]) for name in PATH if name in given), self._part)
+        part = next((_absolute_name(given[name]) for name in PATH if name in given), self._part)
         return ObjectReference(
             (part, _number(given.get("objectid", ""))), self._matrix(given.get("transform", ""))
         )
@@ -170,7 +170,7 @@ class _RelationReader(XmlReader):
     def _relation(self, attributes: list[str]) -> None:
         given = dict(zip(attributes[::2], attributes[1::2], strict=True))
         if given.get("Type") == START and not self.start:
-            self.start = _absolute(given.get("Target", ""))
+            self.start = _absolute_name(given.get("Target", ""))
 
 
 def read_three_mf(
@@ -193,11 +193,11 @@ def read_three_mf(
     path, start = archive.path, _start(archive, limits)
     first = _read(archive, limits, start)
     own_unit = unit or parse_unit(first.unit, path)
-    bodies, kinds, painted = _with_more(archive, limits, start, first)
+    bodies, kinds, painted = _read_referenced(archive, limits, start, first)
     modifiers = read_modifiers(archive, limits)
     modifiers.name(bodies, start)
     notes = modifiers.taken_from(bodies, start)
-    _without_other_kinds(bodies, kinds, notes)
+    _empty_other_kinds(bodies, kinds, notes)
     notes += _paint_notes(painted, bodies)
     if first.n_unprintable:
         notes.append(f"{_items(first.n_unprintable)} marked as not printable and left out")
@@ -216,7 +216,7 @@ def _read(archive: Archive, limits: Limits, part: str) -> _Model:
     return reader.model
 
 
-def _with_more(
+def _read_referenced(
     archive: Archive, limits: Limits, start: str, first: _Model
 ) -> tuple[dict[Hashable, ObjectBuilder], dict[Hashable, str], Counter[tuple[Hashable, str]]]:
     """Return the objects, their types and their painted facets, including those of other model files.
@@ -254,7 +254,7 @@ def _start(archive: Archive, limits: Limits) -> str:
     raise MeshError(f"{archive.path}: the archive contains no 3D model", remedy=EXPORT_AGAIN)
 
 
-def _without_other_kinds(
+def _empty_other_kinds(
     bodies: dict[Hashable, ObjectBuilder], kinds: dict[Hashable, str], notes: list[str]
 ) -> None:
     """Empty the objects that are not models: supports, surfaces and others."""
@@ -288,6 +288,6 @@ def _number(text: str) -> str:
     return str(int(text))
 
 
-def _absolute(name: str) -> str:
+def _absolute_name(name: str) -> str:
     """Return the name of an archive member as an absolute path."""
     return posixpath.normpath("/" + name).lstrip("/").lower()

@@ -93,16 +93,16 @@ class LayerPlan(SvgRepr):
 
     @property
     def bottom(self) -> Float:
-        """(L,) z of the bottom of each layer, mm."""
+        """Return the z of the bottom of each layer (L,), mm."""
         return np.array(self.base) if len(self.base) else np.concatenate([[0.0], self.top[:-1]])
 
     def find_tops(self, tops: Float) -> Int:
-        """Return (n,) the indices of the layers with these tops, mm."""
+        """Return the indices of the layers with these tops (n,), mm."""
         return np.searchsorted(self.top, tops - SAME_TOP)
 
     @property
     def height(self) -> Float:
-        """(L,) layer heights, mm."""
+        """Return the layer heights (L,), mm."""
         # Rounded to 0.1 nm, because rounding errors in differences of tops would make equal heights unequal.
         return np.round(self.top - self.bottom, 7)
 

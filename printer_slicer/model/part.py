@@ -91,7 +91,7 @@ class Mesh(SvgRepr):
 
     @property
     def bounds(self) -> Float:
-        """(2, 3) lower and upper corner of the bounding box, mm."""
+        """Return the lower and upper corner of the bounding box (2, 3), mm."""
         if self not in _bounds:
             _bounds[self] = frozen_array(self._ends(), np.float64, (2, 3))
         return _bounds[self]
@@ -109,7 +109,7 @@ class Mesh(SvgRepr):
 
     @property
     def size(self) -> Float:
-        """(3,) size of the bounding box, mm."""
+        """Return the size of the bounding box (3,), mm."""
         low, high = self.bounds
         return np.asarray(high - low)
 

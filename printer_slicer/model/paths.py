@@ -236,7 +236,7 @@ class Toolpaths(SvgRepr):
         return replace(self, start=start, **columns, **of_path)
 
     def begins_at(self, layer: int) -> Bool:
-        """Return (M,) which paths are in this layer, or in a later layer but start at the same bottom.
+        """Return which paths are in this layer (M,), or in a later layer but start at the same bottom.
 
         The latter are first layers of objects with their own layer plan.
         """
@@ -255,30 +255,30 @@ class Toolpaths(SvgRepr):
 
     @property
     def following(self) -> Int:
-        """(N,) index of the next point; at the end of an open path the point itself."""
+        """Return the index of the next point (N,); the last point of an open path has its own."""
         return next_in_ring(self.start, self.closed)
 
     @property
     def beads_of_each(self) -> Int:
-        """(M,) number of line segments of each path; a loop has one more, back to its first point."""
+        """Return the number of line segments of each path (M,); a loop has one more, back to its first point."""
         return np.diff(self.start) - ~self.closed
 
     @property
     def ends_of_beads(self) -> tuple[Int, Int]:
-        """Start and end point indices, (B,) each, of all line segments."""
+        """Return the start and end point indices, (B,) each, of all line segments."""
         begin = consecutive(self.start[:-1], self.beads_of_each)
         return begin, self.following.take(begin)
 
     def steps(self) -> Float:
-        """Return (N,) mm from each point to the next; 0 at the end of an open path."""
+        """Return the distance of each point from the next (N,), mm; 0 at the end of an open path."""
         return np.asarray(np.hypot(*(self.xy.take(self.following, axis=0) - self.xy).T))
 
     def length(self) -> Float:
-        """Return (M,) length of each path, mm."""
+        """Return the length of each path (M,), mm."""
         return lengths(self.xy, self.start, self.closed)
 
     def area(self) -> Float:
-        """Return (M,) mm² covered by each path seen from above: length times spacing, which varies linearly."""
+        """Return the area covered by each path seen from above (M,), mm²: length times spacing."""
         if not self.n_paths:
             return np.zeros(0)
         spacing = bead.spacing(self.width, np.repeat(self.height, np.diff(self.start)))
@@ -424,9 +424,9 @@ class Program(SvgRepr):
 
     @property
     def on_same_arc(self) -> Bool:
-        """(K,) whether each move is a chord of the same arc as the move before."""
+        """Return whether each move is a chord of the same arc as the previous move (K,)."""
         same = np.zeros(self.n_moves, np.bool_)
-        if self.has_arcs:  # no centre is equal to none
+        if self.has_arcs:  # nan never equals nan
             same[1:] = (self.centre[1:] == self.centre[:-1]).all(axis=1)
         return same
 
@@ -437,12 +437,12 @@ class Program(SvgRepr):
 
     @property
     def start(self) -> Float:
-        """(K, 3) position at the start of each move, mm."""
+        """Return the position at the start of each move (K, 3), mm."""
         return np.concatenate([self.origin[None], self.xyz[:-1]])
 
     @property
     def printed(self) -> Int:
-        """Indices of layers with extrusions; where the part is narrower than one extrusion a layer is empty."""
+        """Return the indices of layers with extrusions; a layer is empty if the part is too thin there."""
         return distinct(self.layer[self.role != Role.TRAVEL])
 
     @property

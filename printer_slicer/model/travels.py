@@ -55,6 +55,6 @@ class Travels:
 
 def leaves(paths: Toolpaths) -> tuple[Float, Float]:
     """Return start and end points, (M, 2) each, of the travel to each path; the first starts at (0, 0)."""
-    begin = paths.xy[paths.start[:-1]]
-    end = np.where(paths.closed[:, None], begin, paths.xy[paths.start[1:] - 1])
-    return np.concatenate([np.zeros((1, 2)), end])[:-1], begin
+    start = paths.xy[paths.start[:-1]]
+    end = np.where(paths.closed[:, None], start, paths.xy[paths.start[1:] - 1])
+    return np.concatenate([np.zeros((1, 2)), end])[:-1], start

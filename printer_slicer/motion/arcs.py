@@ -50,8 +50,8 @@ def arc_points(start: Axes, goal: Axes, centre: Place, *, clockwise: bool) -> It
     """Yield the end points of the chords; equal start and goal make a full circle."""
     ax, ay = start[0] - centre[0], start[1] - centre[1]
     radius = hypot(ax, ay)
-    begin = atan2(ay, ax)
-    sweep = (atan2(goal[1] - centre[1], goal[0] - centre[0]) - begin) % (2.0 * pi)
+    start_angle = atan2(ay, ax)
+    sweep = (atan2(goal[1] - centre[1], goal[0] - centre[0]) - start_angle) % (2.0 * pi)
     if clockwise:
         sweep -= 2.0 * pi
     if sweep == 0.0:
@@ -60,7 +60,7 @@ def arc_points(start: Axes, goal: Axes, centre: Place, *, clockwise: bool) -> It
     pieces = max(1, ceil(radius * abs(sweep) / chord))
     for piece in range(1, pieces):
         share = piece / pieces
-        angle = begin + share * sweep
+        angle = start_angle + share * sweep
         z, e = (start[k] + share * (goal[k] - start[k]) for k in (2, 3))
         yield centre[0] + radius * cos(angle), centre[1] + radius * sin(angle), z, e
     yield goal

@@ -237,10 +237,10 @@ def _square_corner_square(limits: MotionLimits, before: Block, after: Block, slo
 
 
 def ramp_time(length: float, entry: float, cruise: float, exit: float, acceleration: float) -> float:  # noqa: A002
-    """Seconds for a move of `length` mm that begins and ends at the given speeds, mm/s and mm/s².
+    """Return the time of a move with a trapezoidal speed profile, s; units are mm, mm/s and mm/s².
 
-    A trapezoid, or a triangle where the cruise speed is out of reach. The exit speed must be within reach of
-    the entry speed, and neither above `cruise`, which must be over 0.
+    The profile is a triangle if the cruise speed cannot be reached. The exit speed must be reachable from the entry
+    speed. Neither may exceed `cruise`, which must be above 0.
     """
     twice = 2.0 * acceleration
     up = (cruise * cruise - entry * entry) / twice
@@ -249,7 +249,7 @@ def ramp_time(length: float, entry: float, cruise: float, exit: float, accelerat
         return (
             (cruise - entry) / acceleration + (cruise - exit) / acceleration + (length - up - down) / cruise
         )
-    # Distances over mean speeds: differences of nearly equal speeds would lose digits on short moves.
+    # Divide distances by mean speeds: differences of nearly equal speeds would lose digits on short moves.
     up = min(max(0.5 * (length + (exit * exit - entry * entry) / twice), 0.0), length)
     peak = sqrt(entry * entry + twice * up)
     return 2.0 * up / (entry + peak) + 2.0 * (length - up) / (exit + peak)

@@ -148,17 +148,17 @@ class Lookahead:
         """Return the maximum squared speed at the start of queued block `skip` that allows all later corners.
 
         This is the backward pass of a planner, run from the front: a later corner allows its own squared speed plus
-        the braking on the way. It ends when the braking distance alone allows more than the best found, mostly after
+        the braking up to it. It ends when the braking distance alone allows more than the best found, mostly after
         one or two blocks.
         """
-        best, way = inf, 0.0
+        best, braking = inf, 0.0
         for _, corner, gain in islice(self._queue, skip, None) if skip else self._queue:
-            if way + corner < best:  # noqa: PLR1730 - min() takes three times as long, here on every move
-                best = way + corner
-            way += scale * gain
-            if way >= best:
+            if braking + corner < best:  # noqa: PLR1730 - min() takes three times as long, here on every move
+                best = braking + corner
+            braking += scale * gain
+            if braking >= best:
                 return best
-        return min(best, way)
+        return min(best, braking)
 
     def _next_top(self, gain: float) -> float:
         """Return the squared cruise limit of the block just removed, see `_smoothed_tops`."""

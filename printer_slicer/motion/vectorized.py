@@ -185,7 +185,7 @@ def plan_speeds(
 
 
 def _gains(blocks: Blocks) -> Float:
-    """Return (B,) the maximum change of the squared speed over each block."""
+    """Return the maximum change of the squared speed over each block (B,)."""
     return 2.0 * blocks.acceleration * blocks.length
 
 
@@ -232,7 +232,7 @@ def _limit(value: Float, part: Float, top: float) -> Float:
 
 
 def corner_squares(limits: MotionLimits, before: Blocks, after: Blocks) -> Float:
-    """Return (B - 1,) the squared corner speeds between consecutive blocks."""
+    """Return the squared corner speeds between consecutive blocks (B - 1,)."""
     slower: Float = np.minimum(before.speed, after.speed)
     squares: Float
     if limits.corner == "junction_deviation":
@@ -245,7 +245,7 @@ def corner_squares(limits: MotionLimits, before: Blocks, after: Blocks) -> Float
 
 
 def _deviation_squares(limits: MotionLimits, before: Blocks, after: Blocks) -> Float:
-    """See `blocks._deviation_square`."""
+    """Return the squared corner speeds by junction deviation, see `blocks._deviation_square`."""
     bx, by, bz, be = before.unit / _column_norms(before.unit)
     ax, ay, az, ae = after.unit / _column_norms(after.unit)
     cosine = ax * bx + ay * by + az * bz + ae * be
@@ -265,14 +265,14 @@ def _deviation_squares(limits: MotionLimits, before: Blocks, after: Blocks) -> F
 
 
 def _column_norms(unit: Float) -> Float:
-    """Return (B,) the lengths of the columns of (4, B)."""
+    """Return the lengths of the columns (B,) of an array (4, B)."""
     x, y, z, e = unit
     sizes: Float = np.sqrt(x * x + y * y + z * z + e * e)
     return sizes
 
 
 def _jerk_speeds(limits: MotionLimits, before: Blocks, after: Blocks, speed: Float) -> Float:
-    """See `blocks._jerk_speed`."""
+    """Return the corner speeds by jerk, see `blocks._jerk_speed`."""
     for b, a, limit in zip(before.unit, after.unit, limits.jerk, strict=True):
         jump = np.where(a * b > 0.0, np.abs(a - b), np.maximum(np.abs(a), np.abs(b)))
         speed = _limit(speed, jump, limit)
@@ -280,7 +280,7 @@ def _jerk_speeds(limits: MotionLimits, before: Blocks, after: Blocks, speed: Flo
 
 
 def _square_corner_squares(limits: MotionLimits, before: Blocks, after: Blocks, slower: Float) -> Float:
-    """See `blocks._square_corner_square`."""
+    """Return the squared corner speeds by square corner velocity, see `blocks._square_corner_square`."""
     bx, by, bz, be = before.unit
     ax, ay, az, ae = after.unit
     if limits.jerk[3] > 0.0:
@@ -301,7 +301,7 @@ def _square_corner_squares(limits: MotionLimits, before: Blocks, after: Blocks, 
 
 
 def _squares(corners: Float, gains: Float, entry: float) -> Float:
-    """Return (B + 1,) the maximum squared speeds at the start of each block, and 0 at the end of the last."""
+    """Return the maximum squared speeds at the start of each block (B + 1,), and 0 at the end of the last."""
     if not len(gains):
         return np.array([entry])
     braking = running_least(corners[::-1], gains[::-1])[::-1]
@@ -313,7 +313,7 @@ def running_least(limit: Float, gain: Float, first: float = 0.0) -> Float:
 
     With the cumulative sums P of the gains this is P plus a running minimum of limit - P, but after a million moves P
     has too few digits for a slow corner. So the recurrence is run on about √B rows of √B moves in parallel: first to
-    express the end of each row as min(bound, y + way) of its start y, then, with known starts, for the values.
+    express the end of each row as min(bound, y + rise) of its start y, then, with known starts, for the values.
     """
     n_rows = max(1, int(np.sqrt(len(limit))))
     width = -(-len(limit) // n_rows)
@@ -324,9 +324,9 @@ def running_least(limit: Float, gain: Float, first: float = 0.0) -> Float:
     for top, step in zip(limits, gains, strict=True):
         bound = np.minimum(top, bound + step)
     starts, y = [], first
-    for low, way in zip(bound.tolist(), gains.sum(axis=0).tolist(), strict=True):
+    for low, rise in zip(bound.tolist(), gains.sum(axis=0).tolist(), strict=True):
         starts.append(y)
-        y = min(low, y + way)
+        y = min(low, y + rise)
     values: Float = np.zeros_like(limits)
     row = np.array(starts)
     for top, step, value in zip(limits, gains, values, strict=True):
@@ -351,7 +351,7 @@ def _smooth(corners: Float, gains: Float, entry: float) -> Smoothed:
 
 
 def ramp_times(blocks: Blocks, squares: Float, tops: Float) -> Float:
-    """Return (B,) the times of blocks, s, see `blocks.ramp_time`; squares (B + 1,), tops (B,)."""
+    """Return the times of blocks (B,), s, see `blocks.ramp_time`; squares (B + 1,), tops (B,)."""
     length, acceleration = blocks.length, blocks.acceleration
     entry = np.sqrt(np.minimum(squares[:-1], tops))
     exit_ = np.sqrt(np.minimum(squares[1:], tops))
@@ -452,7 +452,7 @@ _DUST = 1e-7  # mm³, rounding error of sums
 
 
 def volumetric_flow(volume: Float, seconds: Float) -> Float:
-    """Return (n,) the flow of consecutive extrusions, mm³/s, averaged over each and the moves before it up to 0.2 mm³.
+    """Return the flow of consecutive extrusions (n,), mm³/s, averaged over each and the moves before it up to 0.2 mm³.
 
     So the many short moves of a curve get the same flow as one long move. The flow is 0 until 0.2 mm³ are extruded.
 
@@ -462,10 +462,10 @@ def volumetric_flow(volume: Float, seconds: Float) -> Float:
     """
     if not len(volume):
         return np.zeros(0)
-    laid, spent = np.cumsum(volume), np.cumsum(seconds)
+    extruded, spent = np.cumsum(volume), np.cumsum(seconds)
     # The last move from which enough volume is extruded up to each move.
-    begin = np.searchsorted(laid - volume, laid - FLOW_WINDOW + _DUST, side="right") - 1
-    enough = laid >= FLOW_WINDOW - _DUST
-    begin = np.maximum(begin, 0)
-    pushed, took = laid - (laid - volume)[begin], spent - (spent - seconds)[begin]
+    first_move = np.searchsorted(extruded - volume, extruded - FLOW_WINDOW + _DUST, side="right") - 1
+    enough = extruded >= FLOW_WINDOW - _DUST
+    first_move = np.maximum(first_move, 0)
+    pushed, took = extruded - (extruded - volume)[first_move], spent - (spent - seconds)[first_move]
     return np.asarray(np.where(enough & (took > 0), pushed / np.maximum(took, 1e-9), 0.0))

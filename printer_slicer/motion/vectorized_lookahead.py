@@ -40,16 +40,16 @@ def lookahead_seconds(blocks: Blocks, corners: Float, seen: int, entry: float) -
 
 
 def _reachable(corners: Float, gains: Float, seen: int, count: int) -> Float:
-    """Return (count,) the highest squared exit speeds that allow the next `seen` corners, and a stop after them."""
-    best, way = np.full(count, np.inf), np.zeros(count)
+    """Return the highest squared exit speeds that allow the next `seen` corners (count,), and a stop after them."""
+    best, braking = np.full(count, np.inf), np.zeros(count)
     # A block is done when its braking distance alone allows more than the best found; soon nearly all are.
     on = np.arange(count)
     for step in range(1, seen + 1):
         ahead = on + step
-        found = np.minimum(best[on], way[on] + corners[ahead])
-        gone = way[on] + gains[ahead]
-        best[on], way[on] = found, gone
+        found = np.minimum(best[on], braking[on] + corners[ahead])
+        gone = braking[on] + gains[ahead]
+        best[on], braking[on] = found, gone
         on = on[gone < found]
         if not len(on):
             break
-    return np.asarray(np.minimum(best, way))
+    return np.asarray(np.minimum(best, braking))

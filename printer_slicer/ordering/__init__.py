@@ -51,7 +51,7 @@ def _order_paths(paths: Toolpaths, sections: Sections, profile: Profile) -> Tool
 
 
 def _find_islands(paths: Toolpaths, solid: Areas) -> Int:
-    """Return (M,) the island of each path, an outer ring of its layer; paths outside all islands share one."""
+    """Return the island of each path (M,), an outer ring of its layer; paths outside all islands share one."""
     island = np.zeros(paths.n_paths, np.int64)
     outlines = solid.select(solid.ring_area() > 0)
     many = np.flatnonzero(np.diff(outlines.layer_start) > 1)

@@ -35,7 +35,7 @@ _TRACKED = 1.5  # mm by which a seam on a flat position may move to lie above th
 
 
 def align_seams(paths: Toolpaths, loops: Loops, toward: Float, *, strongly: bool) -> Float:
-    """Return (R,) the seam positions of loops, mm along each loop.
+    """Return the seam positions of loops (R,), mm along each loop.
 
     Args:
         paths: all paths.
@@ -99,15 +99,15 @@ class _Candidates:
         loop = np.repeat(np.arange(n), _CANDIDATES)
         xy = loops.at(loop, along.ravel()).reshape(n, _CANDIDATES, 2)
         side, _ = loops.side(loop, along.ravel())
-        hanging = 1.0 - paths.support_ratio[loops.point[side]].reshape(n, _CANDIDATES)
+        unsupported = 1.0 - paths.support_ratio[loops.point[side]].reshape(n, _CANDIDATES)
         bottom = np.minimum.reduceat(ahead, loops.start[:-1])
         behind = (top[:, None] - xy @ toward) / np.maximum(top - bottom, 1e-9)[:, None]
-        cost = cost + hanging + behind * (_STRONG_PULL if strongly else _PULL)
+        cost = cost + unsupported + behind * (_STRONG_PULL if strongly else _PULL)
         height = paths.plan.height[loops.layer]
         return cls(along, xy, cost * (_PER_HEIGHT * height)[:, None], corner)
 
     def cheapest(self, loops: Loops, below: Int) -> Int:
-        """Return (R,) the candidate of each loop with the lowest total cost."""
+        """Return the candidate with the lowest total cost for each loop (R,)."""
         total = self.cost.copy()
         layers = list(_by_layer(loops.layer))
         for some in reversed(layers):
@@ -125,7 +125,7 @@ class _Candidates:
         return chosen
 
     def _steps(self, lower: Int, upper: Int) -> Float:
-        """Return (Q, C, C) the costs between candidates of lower and upper loops."""
+        """Return the costs between candidates of lower and upper loops (Q, C, C)."""
         return self._far(self.xy[lower][:, :, None] - self.xy[upper][:, None, :])
 
     @staticmethod
@@ -141,13 +141,13 @@ def _by_layer(layer: Int) -> Iterator[Int]:
 
 
 def _first_of(owner: Int, hit: Bool) -> Int:
-    """Return (R,) the first hit of each owner; each has at least one."""
+    """Return the first hit of each owner (R,); each has at least one."""
     hits = np.flatnonzero(hit)
     return np.asarray(hits[np.searchsorted(owner[hits], np.arange(int(owner[-1]) + 1))])
 
 
 def _corner_costs(loops: Loops, owner: Int) -> Float:
-    """Return (N,) the relative cost of each point as a seam: 1 on flat parts, 0 in concave corners."""
+    """Return the relative cost of each point as a seam (N,): 1 on flat parts, 0 in concave corners."""
     arm = np.minimum(_ARM, loops.length / 6)[owner]
     before = loops.xy - loops.at(owner, loops.reach - arm)
     after = loops.at(owner, loops.reach + arm) - loops.xy
@@ -157,7 +157,7 @@ def _corner_costs(loops: Loops, owner: Int) -> Float:
 
 
 def _find_loops_below(loops: Loops) -> Int:
-    """Return (R,) the loop of the layer below with the most similar bounding box; -1 if there is none."""
+    """Return the loop of the layer below with the most similar bounding box (R,); -1 if there is none."""
     low, high = boxes(loops.xy, loops.start, np.arange(loops.n_loops), loops.n_loops)
     middle = Boxes((low + high) / 2, (low + high) / 2, loops.layer)
     under = Boxes(middle.low, middle.high, loops.layer + 1)

@@ -20,12 +20,12 @@ _LEAST = 4.0  # mm that a split must save
 
 def split_lines(paths: Toolpaths) -> Toolpaths:
     """Split some open paths in two; paths must be in printing order."""
-    begin, last = paths.start[:-1], paths.start[1:] - 1
+    first, last = paths.start[:-1], paths.start[1:] - 1
     may = (
         ~paths.closed
         & (paths.chain_id < 0)
         & roles_with(phase=Phase.INFILL, is_infill=True)[paths.role]
-        & (last - begin > 2)
+        & (last - first > 2)
     )
     may[[0, -1]] = False
     line = np.flatnonzero(may)
@@ -38,20 +38,20 @@ def split_lines(paths: Toolpaths) -> Toolpaths:
 
 def _find_breaks(paths: Toolpaths, line: Int) -> tuple[Int, Float]:
     """Return the best inner split point of each open line (n,), and the travel that it saves, mm."""
-    begin, last = paths.start[:-1], paths.start[1:] - 1
-    ends = np.where(paths.closed, begin, last)
-    size = last[line] - begin[line] - 1
-    point = consecutive(begin[line] + 1, size)
-    come, go = paths.xy[ends[line - 1]], paths.xy[begin[line + 1]]
+    first, last = paths.start[:-1], paths.start[1:] - 1
+    ends = np.where(paths.closed, first, last)
+    size = last[line] - first[line] - 1
+    point = consecutive(first[line] + 1, size)
+    come, go = paths.xy[ends[line - 1]], paths.xy[first[line + 1]]
     place = paths.xy.take(point, axis=0)
-    way = _distances(place, np.repeat(come, size, axis=0)) + _distances(place, np.repeat(go, size, axis=0))
-    chosen, least = argmin_by_group(way, size)
-    one, other = paths.xy[begin[line]], paths.xy[last[line]]
+    length = _distances(place, np.repeat(come, size, axis=0)) + _distances(place, np.repeat(go, size, axis=0))
+    chosen, least = argmin_by_group(length, size)
+    one, other = paths.xy[first[line]], paths.xy[last[line]]
     return point[chosen], _distances(come, one) + _distances(other, go) - least - _distances(one, other)
 
 
 def _select_breaks(line: Int, saved: Float) -> Bool:
-    """Return (n,) which lines to split; of two consecutive lines only the one that saves more."""
+    """Return which lines to split (n,); of two consecutive lines only the one that saves more."""
     worth = np.where(saved > _LEAST, saved, 0.0)
     before = np.append(0.0, np.where(np.diff(line) == 1, worth[:-1], 0.0))
     after = np.append(np.where(np.diff(line) == 1, worth[1:], 0.0), 0.0)

@@ -37,8 +37,8 @@ def start_near_nozzle(paths: Toolpaths, profile: Profile) -> Toolpaths:
     loops = Loops.of(paths, _free_loops(paths, profile))
     if not loops.n_loops:
         return paths
-    begin, end = paths.xy[paths.start[:-1]], paths.xy[paths.start[1:] - 1]
-    after = np.where(paths.closed[:, None], begin, end)
+    start, end = paths.xy[paths.start[:-1]], paths.xy[paths.start[1:] - 1]
+    after = np.where(paths.closed[:, None], start, end)
     along = np.zeros(loops.n_loops)
     for index, path in enumerate(loops.path.tolist()):
         first, last = loops.start[index], loops.start[index + 1]

@@ -76,16 +76,16 @@ class Loops:
         return point, np.maximum(mark - self._mark[point], 0.0)
 
     def at(self, loop: Int, along: Float) -> Float:
-        """Return (Q, 2) the points at positions (Q,) on loops (Q,), mm."""
+        """Return the points (Q, 2) at positions (Q,) on loops (Q,), mm."""
         point, beyond = self.side(loop, along)
         ends = self.following[point]
-        way = self.xy.take(ends, axis=0) - self.xy.take(point, axis=0)
-        size = np.hypot(*way.T)
+        delta = self.xy.take(ends, axis=0) - self.xy.take(point, axis=0)
+        size = np.hypot(*delta.T)
         share = np.where(size > 0, np.minimum(beyond / np.maximum(size, 1e-12), 1.0), 0.0)
-        return self.xy.take(point, axis=0) + way * share[:, None]
+        return self.xy.take(point, axis=0) + delta * share[:, None]
 
     def nearest_point(self, loop: Int, goal: Float) -> Float:
-        """Return (Q,) the position of the vertex of each loop (Q,) nearest to a goal (Q, 2)."""
+        """Return the position (Q,) of the vertex of each loop (Q,) nearest to a goal (Q, 2), mm."""
         size = np.diff(self.start)[loop]
         point = consecutive(self.start[loop], size)
         gap = self.xy.take(point, axis=0) - np.repeat(goal, size, axis=0)
@@ -96,16 +96,16 @@ class Loops:
         """Return the position (Q,) on each loop (Q,) nearest to a goal (Q, 2), and its distance (Q,), mm."""
         size = np.diff(self.start)[loop]
         point = consecutive(self.start[loop], size)
-        begin = self.xy.take(point, axis=0)
-        way = self.xy.take(self.following[point], axis=0) - begin
-        gap = np.repeat(goal, size, axis=0) - begin
-        share = nearest_share(gap, way)
-        chosen, least = argmin_by_group(np.hypot(*(gap - share[:, None] * way).T), size)
-        return self.reach[point[chosen]] + share[chosen] * norm(way[chosen]), least
+        start = self.xy.take(point, axis=0)
+        delta = self.xy.take(self.following[point], axis=0) - start
+        gap = np.repeat(goal, size, axis=0) - start
+        share = nearest_share(gap, delta)
+        chosen, least = argmin_by_group(np.hypot(*(gap - share[:, None] * delta).T), size)
+        return self.reach[point[chosen]] + share[chosen] * norm(delta[chosen]), least
 
 
 def argmin_by_group(values: Float, size: Int) -> tuple[Int, Float]:
-    """Return (Q,) the index of the first minimum in each group of `size` (Q,) values, and (Q,) the minima."""
+    """Return the index of the first minimum in each group of `size` (Q,) values, and the minima, (Q,) each."""
     if not len(size):
         return np.zeros(0, np.int64), np.zeros(0)
     least = np.minimum.reduceat(values, np.cumsum(size) - size)
@@ -116,9 +116,9 @@ def argmin_by_group(values: Float, size: Int) -> tuple[Int, Float]:
 
 def close_loops(paths: Toolpaths) -> Toolpaths:
     """Close open paths that end at their start point, unless they belong to a chain."""
-    begin, last = paths.start[:-1], paths.start[1:] - 1
-    returns = np.hypot(*(paths.xy[begin] - paths.xy[last]).T) < _SAME
-    returns &= ~paths.closed & (paths.chain_id < 0) & (last - begin > 2)
+    start, last = paths.start[:-1], paths.start[1:] - 1
+    returns = np.hypot(*(paths.xy[start] - paths.xy[last]).T) < _SAME
+    returns &= ~paths.closed & (paths.chain_id < 0) & (last - start > 2)
     kept = np.ones(len(paths.xy), np.bool_)
     kept[last[returns]] = False
     start = np.append(0, np.cumsum(np.diff(paths.start) - returns))
@@ -157,7 +157,7 @@ def _rotate(
     owner = np.repeat(np.arange(paths.n_paths), size + extra)
     source = paths.start[owner] + (np.maximum(step, 0) + turn[owner]) % np.maximum(size[owner], 1)
     some = paths.of_points(source, start, np.arange(paths.n_paths))
-    xy, width, carried = some.xy.copy(), some.width.copy(), some.support_ratio.copy()
+    xy, width, support_ratio = some.xy.copy(), some.width.copy(), some.support_ratio.copy()
     at = start[path[new]]
-    xy[at], width[at], carried[at] = (column[new] for column in given)
-    return replace(some, xy=xy, width=width, support_ratio=carried)
+    xy[at], width[at], support_ratio[at] = (column[new] for column in given)
+    return replace(some, xy=xy, width=width, support_ratio=support_ratio)

@@ -17,7 +17,7 @@ _SMALL_CHOICE = 20_000  # units; nearest neighbour is quadratic, and takes minut
 
 
 def route_units(units: Units) -> tuple[Int, Bool]:
-    """Return (U,) the units in printing order, and (U,) which of these are reversed."""
+    """Return the units in printing order, and which of these are reversed, (U,) each."""
     taken, turned = _nearest_first(units)
     taken, turned = _reorder_islands(units, taken, turned)
     step = _number_runs(units.layer[taken], units.island[taken], units.step[taken])
@@ -33,8 +33,8 @@ def _number_runs(*columns: Int) -> Int:
 
 
 def _entry_and_exit(units: Units, taken: Int, turned: Bool) -> tuple[Float, Float]:
-    begin, end = units.begin[taken], units.end[taken]
-    return np.where(turned[:, None], end, begin), np.where(turned[:, None], begin, end)
+    start, end = units.begin[taken], units.end[taken]
+    return np.where(turned[:, None], end, start), np.where(turned[:, None], start, end)
 
 
 def _shorten(units: Units, taken: Int, turned: Bool, group: Int) -> tuple[Int, Bool]:

@@ -32,8 +32,8 @@ def add_scarfs(paths: Toolpaths, profile: Profile) -> Toolpaths:
     return _add_slopes(paths, Loops.of(paths, loops.path[long]), quality.scarf_length, quality.scarf_start)
 
 
-def _add_slopes(paths: Toolpaths, loops: Loops, length: float, begin: float) -> Toolpaths:
-    """Open the loops and overlap them by `length` mm; extrusions start at the fraction `begin` of their height."""
+def _add_slopes(paths: Toolpaths, loops: Loops, length: float, start_ratio: float) -> Toolpaths:
+    """Open the loops and overlap them by `length` mm; extrusions start at `start_ratio` of their height."""
     size = np.diff(paths.start)
     within = np.bincount(
         np.repeat(np.arange(loops.n_loops), np.diff(loops.start))[(loops.reach > 0) & (loops.reach < length)],
@@ -50,22 +50,22 @@ def _add_slopes(paths: Toolpaths, loops: Loops, length: float, begin: float) -> 
     n = size[loops.path]
     first = start[loops.path]
     # Add a point at the end of the slope, once on the way up and once at the end of the loop.
-    xy, width, carried = some.xy.copy(), some.width.copy(), some.support_ratio.copy()
+    xy, width, support_ratio = some.xy.copy(), some.width.copy(), some.support_ratio.copy()
     for at in (first + within + 1, first + n + within + 3):
-        xy[at], carried[at] = crest_xy, paths.support_ratio[loops.point[crest]]
+        xy[at], support_ratio[at] = crest_xy, paths.support_ratio[loops.point[crest]]
         width[at] = paths.width[loops.point[crest]]
     owner = np.repeat(every, count[loops.path])
     point = consecutive(first, count[loops.path])
     share, rise = some.flow_ratio.copy(), some.z_offset.copy()
     share[point], rise[point] = _slope(
-        along, loops.length[owner], paths.height[loops.path][owner], length, begin
+        along, loops.length[owner], paths.height[loops.path][owner], length, start_ratio
     )
     # The end of the turn occurs twice: with full flow before it, and with the remaining flow after it.
-    share[first + n + 2] = 1.0 - begin
+    share[first + n + 2] = 1.0 - start_ratio
     closed = paths.closed.copy()
     closed[loops.path] = False
     return replace(
-        some, xy=xy, width=width, support_ratio=carried, flow_ratio=share, z_offset=rise, closed=closed
+        some, xy=xy, width=width, support_ratio=support_ratio, flow_ratio=share, z_offset=rise, closed=closed
     )
 
 
@@ -92,9 +92,11 @@ def _scarf_points(
     return source, along
 
 
-def _slope(along: Float, around: Float, height: Float, length: float, begin: float) -> tuple[Float, Float]:
+def _slope(
+    along: Float, around: Float, height: Float, length: float, start_ratio: float
+) -> tuple[Float, Float]:
     """Return flow ratio and z offset, mm, at positions along loops of length `around`, mm."""
-    climbed = begin + (1.0 - begin) * np.clip(along / length, 0.0, 1.0)
-    left = (1.0 - begin) * (1.0 - np.clip((along - around) / length, 0.0, 1.0))
+    climbed = start_ratio + (1.0 - start_ratio) * np.clip(along / length, 0.0, 1.0)
+    left = (1.0 - start_ratio) * (1.0 - np.clip((along - around) / length, 0.0, 1.0))
     again = along > around
     return np.where(again, left, climbed), np.where(again, 0.0, -height * (1.0 - climbed))

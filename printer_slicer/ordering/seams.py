@@ -31,7 +31,7 @@ def place_seams(paths: Toolpaths, profile: Profile) -> Toolpaths:
 
 
 def _seam_positions(paths: Toolpaths, loops: Loops, rule: str, angle_deg: float) -> Float:
-    """Return (R,) the seam positions of loops, mm along each loop."""
+    """Return the seam positions of loops (R,), mm along each loop."""
     if rule == "rear":
         return _rear_positions(loops)
     if rule == "random":

@@ -133,15 +133,15 @@ def _join_turns(xy: Float, size: Int, reach: float) -> Float:
     The nearest position on the outline below may differ from the end of its turn.
     """
     end = np.cumsum(size)
-    begin, before = end[:-1], end[:-1] - 1
-    near = np.hypot(*(xy[begin] - xy[before]).T) < reach
-    xy[begin[near]] = xy[before[near]]
+    start, before = end[:-1], end[:-1] - 1
+    near = np.hypot(*(xy[start] - xy[before]).T) < reach
+    xy[start[near]] = xy[before[near]]
     return xy
 
 
-def _blend_outlines(loops: Loops, base: Loops, way: tuple[Int, Int, Float], reach: float) -> Float:
+def _blend_outlines(loops: Loops, base: Loops, position: tuple[Int, Int, Float], reach: float) -> Float:
     """Blend points from the outline below to their own: (n, 2), by turn, loop point and fraction of the turn."""
-    turn, point, share = way
+    turn, point, share = position
     xy = loops.xy[point].copy()
     for index in range(loops.n_loops):
         under, which = (loops, index - 1) if index else (base, 0)

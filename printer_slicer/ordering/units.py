@@ -82,7 +82,7 @@ def group_units(paths: Toolpaths, island: Int, clusters: WallClusters, profile: 
 
 
 def _assign_steps(paths: Toolpaths, *, infill_first: bool) -> Int:
-    """Return (M,) the step of each path, which gives the order within an island."""
+    """Return the step of each path (M,), which gives the order within an island."""
     walls, fill = (3, 1) if infill_first else (0, 3)
     step = {
         Phase.BASE: 0,

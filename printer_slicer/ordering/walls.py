@@ -61,21 +61,21 @@ def cluster_walls(paths: Toolpaths, inner: Int, profile: Profile) -> tuple[Toolp
 
 
 def _order_loops(cluster: Int, owner: Int, far: Float, is_outer: Bool, *, outside_in: bool) -> Int:
-    """Return (R,) the order of loops: those of one kind owner by owner, then those of the other kind in reverse.
+    """Return the order of loops (R,): those of one kind owner by owner, then those of the other kind in reverse.
 
     External loops without inner loops come in between.
     """
     late = is_outer ^ outside_in
     lone = ~np.isin(owner, owner[~is_outer])
-    way = np.where(late, -owner, owner) + np.where(lone, len(owner) * np.where(late, 1, -1), 0)
-    order = np.lexsort((far if outside_in else -far, way, late, cluster))
+    direction = np.where(late, -owner, owner) + np.where(lone, len(owner) * np.where(late, 1, -1), 0)
+    order = np.lexsort((far if outside_in else -far, direction, late, cluster))
     turn = np.zeros(len(order), np.int64)
     turn[order] = np.arange(len(order))
     return turn
 
 
 def _assign_owners(loops: Loops, outer: Loops, profile: Profile) -> tuple[Int, Float, tuple[Int, Int]]:
-    """Return (I,) the nearest external loop of each inner one (-1: none), its distance, and pairs that one touches."""
+    """Return the nearest external loop of each inner one (I,) or -1, its distance, and the pairs that one touches."""
     owner, gap = np.full(loops.n_loops, -1, np.int64), np.zeros(loops.n_loops)
     none = np.zeros(0, np.int64), np.zeros(0, np.int64)
     if not loops.n_loops or not outer.n_loops:
@@ -96,10 +96,10 @@ def _distances(loops: Loops, outer: Loops, reach: float) -> tuple[Int, Int, Floa
     share = (np.arange(len(loop)) % _SAMPLES) / _SAMPLES
     place = loops.at(loop, share * loops.length[loop])
     of = np.repeat(np.arange(outer.n_loops), np.diff(outer.start))
-    begin, end = outer.xy, outer.xy[outer.following]
-    sides = Boxes(np.minimum(begin, end), np.maximum(begin, end), outer.layer[of])
+    start, end = outer.xy, outer.xy[outer.following]
+    sides = Boxes(np.minimum(start, end), np.maximum(start, end), outer.layer[of])
     sample, side = Boxes(place, place, loops.layer[loop]).grown(reach).overlapping(sides)
-    distance = distance_to_segments(place[sample], begin[side], end[side])
+    distance = distance_to_segments(place[sample], start[side], end[side])
     key = loop[sample] * outer.n_loops + of[side]
     order = np.lexsort((distance, key))
     first = np.diff(key[order], prepend=-1) > 0
@@ -108,7 +108,7 @@ def _distances(loops: Loops, outer: Loops, reach: float) -> tuple[Int, Int, Floa
 
 
 def _connected_labels(n: int, pairs: tuple[Int, Int]) -> Int:
-    """Return (n,) the label of the connected component of each item, its lowest index."""
+    """Return the label of the connected component of each item (n,), its lowest index."""
     label = np.arange(n)
     one, other = pairs
     while True:

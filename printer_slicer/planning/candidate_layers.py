@@ -101,7 +101,7 @@ class CandidateLayers:
 
 
 def _by_end(end: Int, n: int) -> Int:
-    """Return (A,) a stable sort order by end; numpy sorts 16-bit integers in linear time."""
+    """Return a stable sort order by end (A,); numpy sorts 16-bit integers in linear time."""
     return np.argsort(end.astype(np.uint16) if n < 1 << 16 else end, kind="stable")
 
 
@@ -139,7 +139,7 @@ class _Volumes:
         self._over, self._under = (up, down) if containment != "negative" else (down, up)
 
     def between(self, first: Int, last: Int) -> Float:
-        """Return (m,) the volume errors, mm³, of layers between nodes (m,)."""
+        """Return the volume errors (m,), mm³, of layers between nodes (m,)."""
         start, end = self._grid.cells * first, self._grid.cells * last
         if self._containment == "mid":
             both = self._both

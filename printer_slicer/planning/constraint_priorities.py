@@ -61,10 +61,10 @@ def rank_constraints(
     over, beyond = _excess(candidates.bound, tolerance, most), _excess(candidates.bound, possible, most)
     chosen = (start > 0) | (steps.first == 0)  # without a fixed first layer
     other = np.zeros(len(start))
-    for stretch in profile.dials.ranges:
-        if stretch.layer_height:
-            inside = overlaps_range(stretch, grid, start, end) & chosen
-            other += inside & (height != grid.units(stretch.layer_height))
+    for height_range in profile.dials.ranges:
+        if height_range.layer_height:
+            inside = overlaps_range(height_range, grid, start, end) & chosen
+            other += inside & (height != grid.units(height_range.layer_height))
     units = height * grid.steps
     outside = ((units < steps.allowed[0]) | (units > steps.allowed[-1])) & chosen
     constraints = [
@@ -79,7 +79,7 @@ def rank_constraints(
 
 
 def _excess(bound: Float, limit: Float, most: Float) -> Float:
-    """Return (A,) the excess of bounds over their limit, mm, rounded to 1 nm to hide rounding in 32-bit files.
+    """Return the excess of bounds over their limit (A,), mm, rounded to 1 nm to hide rounding in 32-bit files.
 
     The excess is 0 for layers so thin that they cannot exceed the limit.
     """
@@ -91,7 +91,7 @@ def _excess(bound: Float, limit: Float, most: Float) -> Float:
 
 
 def find_underrated(candidates: CandidateLayers, profile: Profile, layers: Int, bounds: Float) -> Bool:
-    """Return (L,) whether the exact bound of a layer exceeds the tolerance although its tabulated bound does not.
+    """Return whether the exact bound of a layer exceeds the tolerance although its tabulated bound does not (L,).
 
     Args:
         candidates: the candidate layers.
@@ -104,8 +104,8 @@ def find_underrated(candidates: CandidateLayers, profile: Profile, layers: Int, 
 
 
 def _tolerances(candidates: CandidateLayers, profile: Profile) -> Float:
-    """Return (A,) the tolerance of every layer, mm."""
-    if not any(stretch.tolerance for stretch in profile.dials.ranges):
+    """Return the tolerance of every layer (A,), mm."""
+    if not any(height_range.tolerance for height_range in profile.dials.ranges):
         return np.broadcast_to(np.float64(profile.quality.tolerance), candidates.graph.start.shape)
     start, end = (
         np.asarray(candidates.grid.unit * nodes) for nodes in (candidates.graph.start, candidates.graph.end)
@@ -114,7 +114,7 @@ def _tolerances(candidates: CandidateLayers, profile: Profile) -> Float:
 
 
 def _missed_planes(mesh: Mesh, candidates: CandidateLayers, profile: Profile) -> Float:
-    """Return (A,) the weighted number of flats and range ends inside each layer; the largest flats count twice."""
+    """Return the weighted number of flats and range ends inside each layer (A,); the largest flats count twice."""
     grid = candidates.grid
     flats, areas = find_flats(mesh)
     borders = range_borders(profile, mesh.height)

@@ -23,7 +23,7 @@ implemented, without PrusaSlicer's resampling of the heights and Cura's limit on
 
 Guarantee: with cusp, the cusp height of each facet is at most c in every layer thicker than the thinnest, unless no
 layers within c end on the next flat; with triangle and wasserfall it is within the limits above. Topography guarantees
-nothing, because it misses slopes that begin in the upper half of a layer. All metrics ignore edges, peaks and features
+nothing, because it misses slopes that start in the upper half of a layer. All metrics ignore edges, peaks and features
 thinner than a layer, and optimize only the next layer. Not all flats closer together than the thinnest layer are met.
 Cost: one pass over the facets, one over the z steps.
 """
@@ -86,7 +86,7 @@ def _topography(n: Float, diagonal: float) -> Float:
 
 
 def _level(n: Float) -> Float:
-    """The horizontal part of a unit normal with vertical part `n`."""
+    """Return the horizontal component of a unit normal with vertical component `n`."""
     return np.asarray(np.sqrt(np.maximum(1 - n * n, 0.0)))
 
 
@@ -99,7 +99,7 @@ METRICS: Final[Mapping[str, Metric]] = {
 
 
 def height_limit(metric: str, slope: Float, profile: Profile) -> Float:
-    """Return (n,) the maximum layer height that a metric allows on facets with |n_z| = `slope` (n,), mm.
+    """Return the maximum layer height (n,) that a metric allows on facets with |n_z| = `slope` (n,), mm.
 
     Args:
         metric: a key of `METRICS`.

@@ -147,12 +147,12 @@ def _cost(plans: Int, rules: _Rules) -> Int:
 
 
 def _tops(plans: Int, rules: _Rules) -> Int:
-    """Return (plans, layers) the top of each layer in z steps; after the last layer the top of the plan."""
+    """Return the top of each layer in z steps (plans, layers); after the last layer the top of the plan."""
     return np.asarray(np.cumsum(plans, axis=1) + rules.bottom)
 
 
 def _bottoms(plans: Int, rules: _Rules) -> Int:
-    """Return (plans, layers) the bottom of each layer in z steps; after the last layer the top of the plan."""
+    """Return the bottom of each layer in z steps (plans, layers); after the last layer the top of the plan."""
     return _tops(plans, rules) - plans
 
 

@@ -56,7 +56,7 @@ class HeightGrid:
 
     @property
     def cells(self) -> int:
-        """Number of cells per unit: even, each cell at most 0.0025 mm."""
+        """Number of cells per unit; even, and each cell is at most 0.0025 mm."""
         return 2 * max(int(np.ceil(self.unit / (2 * FINEST) - 1e-6)), 1)
 
     @property
@@ -109,20 +109,20 @@ class HeightRow(NamedTuple):
 
 
 def range_borders(profile: Profile, height: float) -> Float:
-    """Return (n,) the ends of height ranges within a part of this height, mm."""
-    ends = [z for stretch in profile.dials.ranges for z in (stretch.low, stretch.high)]
+    """Return the ends of height ranges within a part of this height (n,), mm."""
+    ends = [z for height_range in profile.dials.ranges for z in (height_range.low, height_range.high)]
     return np.array([z for z in ends if 0 < z < height], np.float64)
 
 
-def overlaps_range(stretch: HeightRange, grid: HeightGrid, start: Int, end: Int) -> Bool:
+def overlaps_range(height_range: HeightRange, grid: HeightGrid, start: Int, end: Int) -> Bool:
     """Return whether layers between two nodes overlap a range."""
-    return np.asarray((end > grid.units(stretch.low)) & (start < grid.units(stretch.high)))
+    return np.asarray((end > grid.units(height_range.low)) & (start < grid.units(height_range.high)))
 
 
 def event_planes(mesh: Mesh, profile: Profile) -> Float:
-    """Return (n,) mm, heights next to which layers may have any height: flats, ridges, peaks, pits, ends of ranges.
+    """Return the heights (n,) next to which layers may have any height, mm: flats, ridges, peaks, pits, range ends.
 
-    Nearly horizontal flats are no events of the surface, so they are added.
+    Nearly horizontal flats are not events of the surface, so they are added.
     """
     events = read_surface(mesh).contacts.events()
     return np.concatenate([events, find_flats(mesh)[0], range_borders(profile, mesh.height)])
@@ -150,9 +150,9 @@ def list_layers(
         end = np.arange(height, grid.n + 1)
         start = end - height
         listed = np.full(len(end), height in allowed)
-        for stretch in profile.dials.ranges:
-            if stretch.layer_height and grid.units(stretch.layer_height) == height:
-                listed |= overlaps_range(stretch, grid, start, end)
+        for height_range in profile.dials.ranges:
+            if height_range.layer_height and grid.units(height_range.layer_height) == height:
+                listed |= overlaps_range(height_range, grid, start, end)
         free = listed | event[end] | event[start]
         chosen = free | everywhere
         if first and height != first:

@@ -43,7 +43,7 @@ _RETRACTIONS: Final = 0.75  # retractions per contour after the first
 _ON_BED: Final = 1e-6  # mm
 
 
-class _Paces(NamedTuple):
+class _LayerLineTimes(NamedTuple):
     """Times of lines, in the first layer or above it.
 
     Attributes:
@@ -75,71 +75,80 @@ class LayerTimes:
         place = np.interp(z, at.z, np.arange(len(at.z)))
         self._below = np.minimum(place.astype(np.int64), max(len(at.z) - 2, 0))
         self._share = place - self._below
-        self._above, self._on_bed = (self._paces(first=first) for first in (False, True))
+        self._above, self._on_bed = (self._time_lines(first=first) for first in (False, True))
         self._between = self._travels()
         self._known: dict[tuple[float, bool], Float] = {}
 
     def seconds(self, which: Int, height: float) -> Float:
-        """Return (m,) s for layers of `height` mm that are cut at the heights `z[which]`."""
-        found = self._interpolated(self._layer(height, self._above), which)
+        """Return the time of layers (m,) of `height` mm that are cut at the heights `z[which]`, s."""
+        found = self._interpolate(self._layer(height, self._above), which)
         on_bed = self._z.take(which) <= height / 2 + _ON_BED
         if on_bed.any():
-            found[on_bed] = self._interpolated(self._layer(height, self._on_bed), which[on_bed])
+            found[on_bed] = self._interpolate(self._layer(height, self._on_bed), which[on_bed])
         return found
 
     def per_mm3(self, height: float) -> float:
         """Return the time per mm³ of extruded material, s, in layers of `height` mm above the first."""
-        laid, _ = self._lines(height, self._above)
+        length, _ = self._lines(height, self._above)
         gap = float(bead.spacing(self._profile.extrusion_width, height))
-        return float(self._layer(height, self._above).sum() / max(laid.sum() * gap * height, 1e-9))
+        return float(self._layer(height, self._above).sum() / max(length.sum() * gap * height, 1e-9))
 
-    def _interpolated(self, values: Float, which: Int) -> Float:
+    def _interpolate(self, values: Float, which: Int) -> Float:
         """Interpolate values (L,) of the levels at the heights `z[which]`, (m,)."""
         below, share = self._below.take(which), self._share.take(which)
         low = values.take(below)
         return np.asarray(low + share * (values.take(np.minimum(below + 1, len(values) - 1)) - low))
 
-    def _layer(self, height: float, paces: _Paces) -> Float:
-        """Return (L,) s of a layer at each level."""
-        known = self._known.get((height, paces is self._on_bed))
+    def _layer(self, height: float, times: _LayerLineTimes) -> Float:
+        """Return the time of a layer at each level (L,), s."""
+        known = self._known.get((height, times is self._on_bed))
         if known is None:
-            known = self._known[height, paces is self._on_bed] = self._timed(height, paces)
+            known = self._known[height, times is self._on_bed] = self._time_layer(height, times)
         return known
 
-    def _timed(self, height: float, paces: _Paces) -> Float:
+    def _time_layer(self, height: float, times: _LayerLineTimes) -> Float:
         material, printer = self._profile.material, self._profile.printer
-        laid, laying = self._lines(height, paces)
+        length, printing = self._lines(height, times)
         idle = self._between + time_moves(height, printer.max_speed_z, printer.max_acceleration_z)
-        quick = laying + idle
-        slowest = laid / material.min_speed + idle
+        quick = printing + idle
+        slowest = length / material.min_speed + idle
         return np.asarray(np.clip(material.min_layer_time, quick, np.maximum(slowest, quick)))
 
-    def _lines(self, height: float, paces: _Paces) -> tuple[Float, Float]:
-        """Return (L,) mm of all extrusions of a layer at each level, and (L,) s to print them."""
+    def _lines(self, height: float, times: _LayerLineTimes) -> tuple[Float, Float]:
+        """Return the length of all extrusions of a layer at each level (L,), mm, and their print time (L,), s."""
         quality, at, chord = self._profile.quality, self._at, self._chord
         gap = float(bead.spacing(self._profile.extrusion_width, height))
-        fastest = paces.flow / (gap * height * self._profile.material.flow_ratio)
+        fastest = times.flow / (gap * height * self._profile.material.flow_ratio)
         external, inner = min(quality.perimeters, 1), max(quality.perimeters - 1, 0)
-        kinds = self._kinds(height, gap, first=paces is self._on_bed)
-        laying = at.at_levels(external * paces.external.at(fastest) + inner * paces.inner.at(fastest))
-        for kind, rows in zip(kinds, paces.rows, strict=True):
-            laying += kind * rows.per_mm(chord, fastest)
-        return (external + inner) * at.length + sum(kinds), laying
+        kinds = self._kinds(height, gap, first=times is self._on_bed)
+        printing = at.at_levels(external * times.external.at(fastest) + inner * times.inner.at(fastest))
+        for kind, rows in zip(kinds, times.rows, strict=True):
+            printing += kind * rows.per_mm(chord, fastest)
+        return (external + inner) * at.length + sum(kinds), printing
 
     def _kinds(self, height: float, gap: float, *, first: bool) -> tuple[Float, ...]:
-        """Return (L,) mm of solid, internal and top solid infill, bridges and internal bridges in a layer."""
+        """Return the length of each kind of infill in a layer at each level (L,), mm.
+
+        The kinds are solid, internal and top solid infill, bridges and internal bridges.
+        """
         at, nozzle = self._at, self._profile.printer.nozzle_diameter
         density = self._profile.quality.infill_density / gap
         if first:
             none = np.zeros(len(at.z))
             return at.inside / gap, none, none, none, none
         solid = at.solid(height)
-        top, hung, bared = at.skins(height, solid)
-        left = solid - top - hung - bared
+        top, bridges, internal_bridges = at.exposed(height, solid)
+        left = solid - top - bridges - internal_bridges
         # Bridge lines are as wide as the nozzle.
-        return left / gap, (at.inside - solid) * density, top / gap, hung / nozzle, bared / nozzle
+        return (
+            left / gap,
+            (at.inside - solid) * density,
+            top / gap,
+            bridges / nozzle,
+            internal_bridges / nozzle,
+        )
 
-    def _paces(self, *, first: bool) -> _Paces:
+    def _time_lines(self, *, first: bool) -> _LayerLineTimes:
         """Time lines in the first layer, or in those above it."""
         profile, at = self._profile, self._at
         speeds, hard, limits = profile.speeds, profile.accelerations, limits_of(profile.printer)
@@ -166,13 +175,15 @@ class LayerTimes:
             (width, motion("bridge")),
             (width, motion("internal_bridge", "bridge")),
         )
-        return _Paces(external, inner, [time_rows(link, one, slowest, limits) for link, one in rows], flow)
+        return _LayerLineTimes(
+            external, inner, [time_rows(link, one, slowest, limits) for link, one in rows], flow
+        )
 
     def _travels(self) -> Float:
-        """Return (L,) s of travels and retractions in a layer at each level."""
+        """Return the time of travels and retractions in a layer at each level (L,), s."""
         printer, at = self._profile.printer, self._at
         limits = limits_of(printer)
-        way = time_moves(_TRAVEL * at.extent, self._profile.speeds.travel, limits.travel_acceleration)
+        travel = time_moves(_TRAVEL * at.extent, self._profile.speeds.travel, limits.travel_acceleration)
         pulled = sum(
             float(time_moves(printer.retract_length, speed, limits.retract_acceleration))
             for speed in (printer.retract_speed, printer.deretract_speed)
@@ -182,4 +193,4 @@ class LayerTimes:
         solid, infill = area / self._profile.extrusion_width, (at.inside - area) / self._infill_spacing
         by_loop, by_solid, by_infill = _TRAVELS
         count = by_loop * at.loops + (by_solid * solid + by_infill * infill) / self._chord
-        return np.asarray(count * way + _RETRACTIONS * np.maximum(at.loops - 1, 0) * (pulled + 2 * hop))
+        return np.asarray(count * travel + _RETRACTIONS * np.maximum(at.loops - 1, 0) * (pulled + 2 * hop))

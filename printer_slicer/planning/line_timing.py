@@ -54,7 +54,7 @@ class LineTimes:
     at_fast: Float
 
     def at(self, speed: float) -> Float:
-        """Return (n,) s at a speed, mm/s, clamped to the limits."""
+        """Return the times (n,) at a speed, mm/s, clamped to the limits, s."""
         if self.fast <= self.slow:
             return self.at_fast
         speed = min(max(speed, self.slow), self.fast)
@@ -80,9 +80,11 @@ def time_contours(contours: Areas, line: LineMotion, slowest: float, limits: Mot
 
     def seconds(speed: float) -> Float:
         """Time one row of each length, s."""
-        paces, hard = np.full(len(delta), speed), np.full(len(delta), line.acceleration)
-        took = durations(delta, paces, limits, stop_after=ends, acceleration=hard)
-        return np.asarray(np.bincount(layer, weights=took, minlength=contours.n_layers), np.float64)
+        speeds, accelerations = np.full(len(delta), speed), np.full(len(delta), line.acceleration)
+        seconds_of_moves = durations(delta, speeds, limits, stop_after=ends, acceleration=accelerations)
+        return np.asarray(
+            np.bincount(layer, weights=seconds_of_moves, minlength=contours.n_layers), np.float64
+        )
 
     return _times_between(seconds, line.speed, slowest)
 
@@ -100,7 +102,7 @@ class RowTimes:
     times: LineTimes
 
     def per_mm(self, length: Float, speed: float) -> Float:
-        """Return (n,) s per mm of lines of lengths (n,), mm."""
+        """Return the time per mm of lines of lengths (n,), s/mm."""
         rate = self.times.at(speed) / self.length
         share = np.interp(np.log(length), np.log(self.length), np.log(rate / rate[0]))
         return np.asarray(np.exp(share) * rate[0])
@@ -119,9 +121,11 @@ def time_rows(link: float, line: LineMotion, slowest: float, limits: MotionLimit
     stops[:, -1] = True
 
     def seconds(speed: float) -> Float:
-        paces, hard = np.full(len(delta), speed), np.full(len(delta), line.acceleration)
-        took = durations(delta, paces, limits, stop_after=stops.ravel(), acceleration=hard)
-        middle = took.reshape(_LENGTHS, _PERIODS, 2)[:, _PERIODS // 2]
+        speeds, accelerations = np.full(len(delta), speed), np.full(len(delta), line.acceleration)
+        seconds_of_moves = durations(
+            delta, speeds, limits, stop_after=stops.ravel(), acceleration=accelerations
+        )
+        middle = seconds_of_moves.reshape(_LENGTHS, _PERIODS, 2)[:, _PERIODS // 2]
         return np.asarray(middle.sum(axis=1))
 
     return RowTimes(length, _times_between(seconds, line.speed, slowest))

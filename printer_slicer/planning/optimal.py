@@ -15,7 +15,7 @@ of the part is the plan. The constraints and the objective, highest priority fir
 Constraints that cannot be met are violated as little as possible (see `constraint_priorities`); `violations` reports
 where and why. Guarantee: no other path is better in this order. With `max_layers` no path has less volume error; with
 `max_step` in addition, or with a time budget, the plan is optimal for some price on the limited quantity. The
-deviation bounds of arcs are slightly too high where contacts begin close together, by much less than a z step. Cost:
+deviation bounds of arcs are slightly too high where contacts start close together, by much less than a z step. Cost:
 number of heights times number of ends; reading the surface is linear in the number of facets.
 
 Sources: dynamic programming over layer ends after Alexa, Hildebrand and Lefebvre, "Optimal discrete slicing", 2017, and
@@ -108,7 +108,7 @@ def plan_optimal(mesh: Mesh, profile: Profile) -> LayerPlan:
 def _search_plan(mesh: Mesh, profile: Profile, steps: ZSteps, *, everywhere: bool) -> LayerPlan | None:
     """Find the best plan of allowed layers, or with `everywhere` of all printable ones; None if there is none."""
     surface = read_surface(mesh)
-    grid = HeightGrid.of(steps, [stretch.layer_height for stretch in profile.dials.ranges])
+    grid = HeightGrid.of(steps, [height_range.layer_height for height_range in profile.dials.ranges])
     if grid.n * len(steps.allowed) > _MOST_ARCS:
         raise PlanError(
             f"{mesh.name}: {grid.n} possible layer tops and {len(steps.allowed)} layer heights are too many",
@@ -210,7 +210,7 @@ class _Search:
         return candidates.volume + _TIE
 
     def _cost(self, objective: Float) -> Float:
-        """Return (A,) the objective, rounded so that rounding errors do not decide between equal plans."""
+        """Return the objective (A,), rounded so that rounding errors do not decide between equal plans."""
         worth = _largest_cost(objective)
         cost = np.round(objective / worth, _DIGITS) * worth + _LAYER * worth
         cost[~self._candidates.listed] *= self._unlisted_factor

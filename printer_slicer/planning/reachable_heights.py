@@ -50,7 +50,7 @@ def is_fillable(total: int, steps: ZSteps) -> bool:
 
 
 def next_plane(planes: Sequence[int], steps: ZSteps) -> Int:
-    """Return (part + 1,) the first event plane above each z step; above the last one the top of the part."""
+    """Return the first event plane above each z step (part + 1,); above the last one the top of the part."""
     place = np.searchsorted(planes, np.arange(steps.part + 1), side="right")
     return np.append(planes, steps.part)[place].astype(np.int64)
 
@@ -85,10 +85,10 @@ def stack_layers(ways: Int, limit: Int, planes: Sequence[int], bottom: int, step
     If the last layer below a plane is thinner than the one before, both get half of their sum, if that is allowed.
     """
     heights: list[int] = []
-    here, way = bottom, ways.tolist()
+    here, tallest = bottom, ways.tolist()
     ends, allowed = set(planes), set(steps.allowed.tolist())
-    while here < len(way):
-        height = way[here]
+    while here < len(tallest):
+        height = tallest[here]
         if here + height in ends and heights and here not in ends:
             both = heights[-1] + height
             more, less = both - both // 2, both // 2

@@ -42,11 +42,11 @@ class Shadows:
         return cls(z, up, down - down[0])
 
     def up_between(self, low: Float, high: Float) -> Float:
-        """Return (m,) mm² facing up between two heights."""
+        """Return the area that faces up between two heights (m,), mm²."""
         return np.asarray(np.interp(high, self.z, self.up) - np.interp(low, self.z, self.up))
 
     def down_between(self, low: Float, high: Float) -> Float:
-        """Return (m,) mm² facing down between two heights."""
+        """Return the area that faces down between two heights (m,), mm²."""
         return np.asarray(np.interp(high, self.z, self.down) - np.interp(low, self.z, self.down))
 
 
@@ -79,11 +79,11 @@ class SectionSums:
     shell: tuple[float, float]
 
     def at_levels(self, values: Float) -> Float:
-        """Return (L,) values (P,) of the planes, interpolated."""
+        """Interpolate values of the planes (P,) at the levels (L,)."""
         return np.interp(self.z, self.planes, values)
 
     def solid(self, height: float) -> Float:
-        """Return (L,) mm² of solid infill in layers of `height` mm: the area near enough to a top or bottom surface."""
+        """Return the area of solid infill in layers of `height` mm (L,), mm²: all within the shell thickness."""
         z, (top, bottom) = self.z, self.shell
         near = self.shadows.up_between(z, z + height / 2 + top)
         near += self.shadows.down_between(z - height / 2 - bottom, z)
@@ -91,15 +91,15 @@ class SectionSums:
         # Only part of this area lies inside the perimeters.
         return np.asarray(np.minimum(near * np.sqrt(self.inside / np.maximum(self.area, 1e-9)), self.inside))
 
-    def skins(self, height: float, solid: Float) -> tuple[Float, Float, Float]:
-        """Return (L,) mm² of top, bridge and internal bridge infill in layers of `height` mm."""
+    def exposed(self, height: float, solid: Float) -> tuple[Float, Float, Float]:
+        """Return the areas of top solid infill, bridges and internal bridges in layers of `height` mm (L,), mm²."""
         begins = self.z + self.shell[0]
-        sparse_below = np.interp(self.z - height, self.z, self.inside - solid)
+        infill_below = np.interp(self.z - height, self.z, self.inside - solid)
         left, areas = solid, []
         for found in (
             self.shadows.up_between(self.z, self.z + height),
             self.shadows.down_between(self.z - height, self.z),
-            np.minimum(self.shadows.up_between(begins - height / 2, begins + height / 2), sparse_below),
+            np.minimum(self.shadows.up_between(begins - height / 2, begins + height / 2), infill_below),
         ):
             # Perimeters cover the area under steep slopes.
             areas.append(np.clip(found - _STEEP * height * self.length, 0.0, left))
@@ -130,7 +130,7 @@ def measure_sections(surface: Surface, profile: Profile) -> SectionSums:
 
 
 def _levels(surface: Surface, profile: Profile, most: int) -> Float:
-    """Return (n,) mm, up to `most` evenly spaced heights, and one in the first layer."""
+    """Return up to `most` evenly spaced heights and one in the first layer (n,), mm."""
     n = int(np.clip(surface.height / _CLOSEST, 1, most))
     z: Float = (np.arange(n, dtype=np.float64) + 0.5) * (surface.height / n)
     on_bed = (profile.quality.first_layer_height or profile.thinnest) / 2
@@ -138,15 +138,15 @@ def _levels(surface: Surface, profile: Profile, most: int) -> Float:
 
 
 def _extents(contours: Areas) -> Float:
-    """Return (P,) mm, see `SectionSums`; 0 where there are no contours."""
+    """Return the extents of the contours (P,), mm, see `SectionSums`; 0 where there are no contours."""
     xy, n = contours.xy, contours.n_layers
     after = xy.take(next_in_ring(contours.ring_start), axis=0)
     weight = np.hypot(*(after - xy).T)
     plane = np.repeat(contours.ring_layer, np.diff(contours.ring_start))
     total = np.maximum(np.bincount(plane, weights=weight, minlength=n), 1e-9)
     spread = np.zeros(n)
-    for middle, way in zip(((xy + after) / 2).T, (after - xy).T, strict=True):
+    for middle, delta in zip(((xy + after) / 2).T, (after - xy).T, strict=True):
         mean = np.bincount(plane, weights=weight * middle, minlength=n) / total
-        off = (middle - mean.take(plane)) ** 2 + way**2 / 12
+        off = (middle - mean.take(plane)) ** 2 + delta**2 / 12
         spread += np.bincount(plane, weights=weight * off, minlength=n) / total
     return np.asarray(np.sqrt(3 * spread))

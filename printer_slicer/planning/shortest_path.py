@@ -56,12 +56,12 @@ class ArcGraph:
 
     @property
     def n(self) -> int:
-        """The top node."""
+        """Return the top node."""
         return len(self.begin) - 2
 
     @property
     def end(self) -> Int:
-        """(A,) the node at which each arc ends."""
+        """Return the node at which each arc ends (A,)."""
         return np.repeat(np.arange(self.n + 1), np.diff(self.begin))
 
     def of(self, kept: Int) -> ArcGraph:
@@ -70,7 +70,7 @@ class ArcGraph:
 
     @property
     def height(self) -> Int:
-        """(A,) length of each arc."""
+        """Return the length of each arc (A,)."""
         return self.end - self.start
 
 
@@ -98,13 +98,13 @@ def _arc_to(graph: ArcGraph, node: int, best: Float, cost: Float) -> int:
 
 
 def _costs_through(graph: ArcGraph, cost: Float) -> tuple[Float, float]:
-    """Return (A,) the cost of the cheapest plan through each arc, and the cost of the cheapest plan."""
+    """Return the cost of the cheapest plan through each arc (A,), and the cost of the cheapest plan."""
     up, down = _costs_from_bed(graph, cost), _costs_from_bed(*_reverse(graph, cost))[::-1]
     return up[graph.start] + cost + down[graph.end], float(up[-1])
 
 
 def _costs_from_bed(graph: ArcGraph, cost: Float) -> Float:
-    """Return (n + 1,) the cost of the cheapest path from the bed to each node; infinite if there is none."""
+    """Return the cost of the cheapest path from the bed to each node (n + 1,); infinite if there is none."""
     best = np.full(graph.n + 1, np.inf)
     best[0] = 0.0
     if len(graph.start) == 0:
@@ -259,7 +259,7 @@ class _Windows:
         self._runs: Float = np.zeros((0, 0))  # reused; entries beyond the columns stay infinite
 
     def least_of(self, values: Float) -> Float:
-        """Return (m, R) the minimum of each window for values (m, R)."""
+        """Return the minimum of values (m, R) over each window, (m, R)."""
         rows, columns = values.shape
         if rows > len(self._runs):
             self._runs = np.full((rows, columns * (len(self._steps) + 1)), np.inf)
@@ -273,7 +273,7 @@ class _Windows:
 
 
 def cheapest_within_budget(
-    search: Search, loss: Float, spent: Float, budget: float, thrifty: Int
+    search: Search, loss: Float, spent: Float, budget: float, within_budget: Int
 ) -> tuple[Int, float]:
     """Minimize a loss within a budget, by a price on what is spent; return the plan and the price.
 
@@ -284,24 +284,24 @@ def cheapest_within_budget(
         loss: (A,) the quantity to minimize.
         spent: (A,) the limited quantity.
         budget: limit of its sum.
-        thrifty: the arcs of any plan within the budget.
+        within_budget: the arcs of any plan within the budget.
     """
     found, price = search(loss), 0.0
     for _ in range(_PRICES):
         if found is None or spent[found].sum() <= budget:
-            return (thrifty if found is None else found), price
+            return (within_budget if found is None else found), price
         # Both plans cost the same at this price; one that costs less lies between them.
-        saved = float(spent[found].sum() - spent[thrifty].sum())
-        price = float(loss[thrifty].sum() - loss[found].sum()) / saved
+        saved = float(spent[found].sum() - spent[within_budget].sum())
+        price = float(loss[within_budget].sum() - loss[found].sum()) / saved
         charged = loss + price * spent
-        between, least = search(charged), float(charged[thrifty].sum())
+        between, least = search(charged), float(charged[within_budget].sum())
         if between is None or charged[between].sum() >= least - _SAME * abs(least):
             break
         if spent[between].sum() <= budget:
-            thrifty = between
+            within_budget = between
         else:
             found = between
-    return thrifty, price
+    return within_budget, price
 
 
 def cheapest_with_max_layers(graph: ArcGraph, cost: Float, most: int) -> Int | None:

@@ -61,8 +61,8 @@ class Slopes:
         # Places are half steps: 2k is the node at step k, where flats are; 2k + 1 is the interval between k and k + 1.
         width = 2 * steps.part + 1
         self._table = np.zeros((width.bit_length(), width))
-        for begin in range(0, mesh.n_facets, _BLOCK):
-            slope, low, high, flat = _facets(mesh.triangles[begin : begin + _BLOCK])
+        for block in range(0, mesh.n_facets, _BLOCK):
+            slope, low, high, flat = _facets(mesh.triangles[block : block + _BLOCK])
             first, last = self._places(low, high, flat)
             seen = slope if flats else np.where(flat, 0.0, slope)
             np.maximum(self._table[0], paint_maxima(first, last, seen, width), out=self._table[0])
@@ -100,7 +100,7 @@ class Slopes:
 def thickest_within(
     slopes: Slopes, steps: ZSteps, limit: Callable[[Float], Float], *, seen: float = 1.0
 ) -> Int:
-    """Return (part,) the thickest layer, in z steps, that may start at each step; the thinnest is always allowed.
+    """Return the thickest layer (part,), in z steps, that may start at each step; the thinnest is always allowed.
 
     Args:
         slopes: table of the part.

@@ -98,11 +98,11 @@ def _even(total: int, limit: int, steps: ZSteps) -> list[int]:
 
 def _listed(total: int, limit: int, steps: ZSteps) -> list[int]:
     """Fill a slab with allowed heights within the limit, the thickest first; empty if that is impossible."""
-    heights = _filled(total, limit, steps).tolist()
+    heights = _fill(total, limit, steps).tolist()
     return heights if max(heights) <= limit and set(heights) <= set(steps.allowed.tolist()) else []
 
 
-def _filled(total: int, limit: int, steps: ZSteps) -> Int:
+def _fill(total: int, limit: int, steps: ZSteps) -> Int:
     """Return layers that fill `total` z steps below a plane, with the same limit everywhere."""
     limits = np.full(total, limit, np.int64)
     return stack_layers(reachable_layers(limits, [total], 0, steps), limits, [total], 0, steps)
@@ -119,5 +119,5 @@ def _longer(here: int, end: int, cap: _Cap, steps: ZSteps) -> list[int]:
 
 
 def _last(total: int, limit: int, steps: ZSteps) -> list[int]:
-    """The layers of what is left under a plane: equal ones if they may be, else as near to the list as it goes."""
-    return _even(total, limit, steps) or _filled(total, limit, steps).tolist()
+    """Return the layers of the last slab below a plane: equal if allowed, else close to the listed heights."""
+    return _even(total, limit, steps) or _fill(total, limit, steps).tolist()

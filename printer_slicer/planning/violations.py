@@ -112,32 +112,36 @@ class _Plan:
     def ranges(self) -> Iterator[PlanViolation]:
         """Yield height ranges whose layer height or ends are not met, or that are above the part."""
         plan, top = self._plan, self._mesh.height
-        for stretch in self._settings.ranges:
-            if stretch.low >= top:
-                yield PlanViolation("range", stretch.low, stretch.high, 0.0, f"the part is {top:g} mm high")
+        for height_range in self._settings.ranges:
+            if height_range.low >= top:
+                yield PlanViolation(
+                    "range", height_range.low, height_range.high, 0.0, f"the part is {top:g} mm high"
+                )
                 continue
-            for z in (stretch.low, stretch.high):
+            for z in (height_range.low, height_range.high):
                 off = float(np.abs(np.append(0.0, plan.top) - z).min())
                 if 0 < z < top and off > self._near:
-                    asked = f"layers of {stretch.layer_height:g} mm do not add up to it"
-                    why = self._why_first(z, z) or (asked if stretch.layer_height else _UNREACHED)
+                    asked = f"layers of {height_range.layer_height:g} mm do not add up to it"
+                    why = self._why_first(z, z) or (asked if height_range.layer_height else _UNREACHED)
                     yield PlanViolation("range end", z, z, off, why)
-            other = np.abs(plan.height - stretch.layer_height) > _ROUNDING
-            other &= self._inside(stretch) & (stretch.layer_height > 0)
-            causes = [self._why_other(i, stretch) for i in range(plan.n_layers)]
+            other = np.abs(plan.height - height_range.layer_height) > _ROUNDING
+            other &= self._inside(height_range) & (height_range.layer_height > 0)
+            causes = [self._why_other(i, height_range) for i in range(plan.n_layers)]
             for first, end in _runs(other, causes):
                 low, high = float(plan.bottom[first]), float(plan.top[end - 1])
-                far = float(np.abs(plan.height[first:end] - stretch.layer_height).max())
+                far = float(np.abs(plan.height[first:end] - height_range.layer_height).max())
                 yield PlanViolation("range height", low, high, far, causes[first])
 
-    def _inside(self, stretch: HeightRange) -> Bool:
-        """Return (L,) which layers overlap a range."""
+    def _inside(self, height_range: HeightRange) -> Bool:
+        """Return which layers overlap a range (L,)."""
         plan = self._plan
-        return np.asarray((plan.top > stretch.low + self._near) & (plan.bottom < stretch.high - self._near))
+        return np.asarray(
+            (plan.top > height_range.low + self._near) & (plan.bottom < height_range.high - self._near)
+        )
 
     @property
     def _thinnest(self) -> str:
-        """The cause if even the thinnest layers exceed the tolerance."""
+        """Return the cause if even the thinnest layers exceed the tolerance."""
         thinnest = self._profile.thinnest
         return (
             f"layers of {thinnest:g} mm, the thinnest allowed, can deviate by {self._share * thinnest:g} mm"
@@ -155,11 +159,11 @@ class _Plan:
             return f"planner {plan.planner!r} measures the deviation of a layer in another way"
         return _UNDIVIDED
 
-    def _why_other(self, layer: int, stretch: HeightRange) -> str:
+    def _why_other(self, layer: int, height_range: HeightRange) -> str:
         """Return why a layer does not have the height of its range."""
         first = self._why_first(float(self._plan.bottom[layer]), float(self._plan.top[layer]))
         few = self._settings.max_layers
-        cause = f"layers of {stretch.layer_height:g} mm do not end where the part or the range does"
+        cause = f"layers of {height_range.layer_height:g} mm do not end where the part or the range does"
         return first or (f"no more than {few} layers are allowed" if few else cause)
 
     def _why_first(self, low: float, high: float) -> str:
@@ -176,10 +180,14 @@ class _Plan:
         """Return the setting that determines the layers in a z interval, as a cause."""
         if first := self._why_first(low, high):
             return first
-        for stretch in self._settings.ranges:
-            if stretch.layer_height and low < stretch.high - _ROUNDING and high > stretch.low + _ROUNDING:
-                asked = f"{stretch.layer_height:g} mm"
-                return f"the range from {stretch.low:g} to {stretch.high:g} sets layers of {asked}"
+        for height_range in self._settings.ranges:
+            if (
+                height_range.layer_height
+                and low < height_range.high - _ROUNDING
+                and high > height_range.low + _ROUNDING
+            ):
+                asked = f"{height_range.layer_height:g} mm"
+                return f"the range from {height_range.low:g} to {height_range.high:g} sets layers of {asked}"
         if self._settings.max_layers:
             return f"no more than {self._settings.max_layers} layers are allowed"
         return otherwise

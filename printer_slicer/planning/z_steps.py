@@ -25,12 +25,12 @@ def layer_tolerances(profile: Profile, bottom: Float, top: Float) -> Float:
         top: mm, of the same shape.
     """
     inside, tolerance = np.zeros(bottom.shape, np.bool_), np.full(bottom.shape, np.inf)
-    for stretch in profile.dials.ranges:
-        if stretch.tolerance:
-            low, high = stretch.low, stretch.high
+    for height_range in profile.dials.ranges:
+        if height_range.tolerance:
+            low, high = height_range.low, height_range.high
             inside |= (bottom >= low - _BORDER) & (top <= high + _BORDER)
             overlaps = (top > low + _BORDER) & (bottom < high - _BORDER)
-            np.minimum(tolerance, stretch.tolerance, out=tolerance, where=overlaps)
+            np.minimum(tolerance, height_range.tolerance, out=tolerance, where=overlaps)
     np.minimum(tolerance, profile.quality.tolerance, out=tolerance, where=~inside)
     return tolerance
 
