@@ -43,9 +43,7 @@ __all__ = ["resample", "smooth"]
 
 _MOVED: Final = 0.9  # fraction of the bound for moving points; the rest is for removing points
 _PASSES: Final = 8  # of the filter
-_STEP_FRACTION: Final = (
-    0.6  # fraction of the distance to the mean of its neighbours that a point moves in one pass
-)
+_STEP_FRACTION: Final = 0.6  # of the distance to the mean of its neighbours, per pass
 # Spacing of the points added beside a corner, in bounds; a right angle becomes three turns of 24 to 48 degrees.
 _STEP: Final = 0.75
 _MOVE_FRACTION: Final = 0.49  # of the distance to another ring: how far a point may move

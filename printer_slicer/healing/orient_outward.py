@@ -20,9 +20,7 @@ _NO_VOLUME = 1e-9  # mm³
 _CLEAR = 1e-3  # of its area to the power of 1.5: minimum volume for an open surface to have an inside
 _MOSTLY = 0.5
 _FEW = 2000  # maximum number of open shells that are compared
-_LOOKS = (
-    6  # test points of an outward shell, besides the largest facet, that must all be within another shell
-)
+_LOOKS = 6  # additional test points of an outward shell, which must all lie within another shell
 
 
 @dataclass(frozen=True, slots=True, eq=False)

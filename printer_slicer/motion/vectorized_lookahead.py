@@ -40,7 +40,7 @@ def lookahead_seconds(blocks: Blocks, corners: Float, seen: int, entry: float) -
 
 
 def _reachable(corners: Float, gains: Float, seen: int, count: int) -> Float:
-    """Return the highest squared exit speeds that allow the next `seen` corners (count,), and a stop after them."""
+    """Return the highest squared exit speeds (count,) that allow the next `seen` corners, and a stop after them."""
     best, braking = np.full(count, np.inf), np.zeros(count)
     # A block is done when its braking distance alone allows more than the best found; soon nearly all are.
     on = np.arange(count)

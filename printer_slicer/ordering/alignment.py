@@ -157,7 +157,7 @@ def _corner_costs(loops: Loops, owner: Int) -> Float:
 
 
 def _find_loops_below(loops: Loops) -> Int:
-    """Return the loop of the layer below with the most similar bounding box (R,); -1 if there is none."""
+    """Return for each loop (R,) the loop below with the most similar bounding box; -1 if there is none."""
     low, high = boxes(loops.xy, loops.start, np.arange(loops.n_loops), loops.n_loops)
     middle = Boxes((low + high) / 2, (low + high) / 2, loops.layer)
     under = Boxes(middle.low, middle.high, loops.layer + 1)

@@ -101,7 +101,7 @@ class CandidateLayers:
 
 
 def _by_end(end: Int, n: int) -> Int:
-    """Return a stable sort order by end (A,); numpy sorts 16-bit integers in linear time."""
+    """Return a stable sort order (A,) by end; numpy sorts 16-bit integers in linear time."""
     return np.argsort(end.astype(np.uint16) if n < 1 << 16 else end, kind="stable")
 
 

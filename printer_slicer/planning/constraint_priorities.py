@@ -91,7 +91,7 @@ def _excess(bound: Float, limit: Float, most: Float) -> Float:
 
 
 def find_underrated(candidates: CandidateLayers, profile: Profile, layers: Int, bounds: Float) -> Bool:
-    """Return whether the exact bound of a layer exceeds the tolerance although its tabulated bound does not (L,).
+    """Return which layers (L,) exceed the tolerance by their exact bound, but not by their tabulated one.
 
     Args:
         candidates: the candidate layers.

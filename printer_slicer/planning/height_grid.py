@@ -109,7 +109,7 @@ class HeightRow(NamedTuple):
 
 
 def range_borders(profile: Profile, height: float) -> Float:
-    """Return the ends of height ranges within a part of this height (n,), mm."""
+    """Return the ends of height ranges (n,) within a part of this height, mm."""
     ends = [z for height_range in profile.dials.ranges for z in (height_range.low, height_range.high)]
     return np.array([z for z in ends if 0 < z < height], np.float64)
 

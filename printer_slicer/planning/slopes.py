@@ -100,7 +100,7 @@ class Slopes:
 def thickest_within(
     slopes: Slopes, steps: ZSteps, limit: Callable[[Float], Float], *, seen: float = 1.0
 ) -> Int:
-    """Return the thickest layer (part,), in z steps, that may start at each step; the thinnest is always allowed.
+    """Return the thickest layer that may start at each z step (part,), in steps; the thinnest is always allowed.
 
     Args:
         slopes: table of the part.

@@ -46,7 +46,7 @@ def neighbour_limits(mesh: Mesh, grid: HeightGrid, steps: ZSteps, profile: Profi
 
 
 def _least_neighbours(height: Int, grid: HeightGrid, steps: ZSteps, spare: float) -> Int:
-    """Return the thinnest allowed neighbour of each height from 0 up (H,), in units; ascending."""
+    """Return the thinnest allowed neighbour (H,) of each height from 0 up, in units; ascending."""
     change = np.floor(np.maximum(SMOOTH_STEP / grid.unit, SMOOTH_STEP_RATIO * height) - spare + _DUST)
     # Consecutive heights of the list may always be neighbours.
     allowed = steps.allowed // grid.steps
@@ -56,7 +56,7 @@ def _least_neighbours(height: Int, grid: HeightGrid, steps: ZSteps, spare: float
 
 
 def _spared_nodes(mesh: Mesh, grid: HeightGrid, steps: ZSteps, profile: Profile) -> Bool:
-    """Return the nodes next to which large steps cost less (n + 1,)."""
+    """Return at which nodes (n + 1,) large steps cost less."""
     free = np.zeros(grid.n + 1, np.bool_)
     free[0], free[-1] = bool(steps.first), True
     planes = np.concatenate([find_flats(mesh)[0], range_borders(profile, mesh.height)]) / grid.unit

@@ -133,7 +133,7 @@ class _Plan:
                 yield PlanViolation("range height", low, high, far, causes[first])
 
     def _inside(self, height_range: HeightRange) -> Bool:
-        """Return which layers overlap a range (L,)."""
+        """Return which layers (L,) overlap a range."""
         plan = self._plan
         return np.asarray(
             (plan.top > height_range.low + self._near) & (plan.bottom < height_range.high - self._near)
