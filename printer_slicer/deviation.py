@@ -84,7 +84,7 @@ def measure_deviation(mesh: Mesh, sections: Sections, n_points: int = 20_000, se
     return Deviation(points, _distance_to_stack(points, sections))
 
 
-def _points_on(mesh: Mesh, count: int, rng: np.random.Generator) -> Float:
+def _random_points(mesh: Mesh, count: int, rng: np.random.Generator) -> Float:
     """Return (count, 3) random points, distributed evenly by area."""
     a, b, c = mesh.triangles.transpose(1, 0, 2)
     share = np.cumsum(np.linalg.norm(np.cross(b - a, c - a), axis=1))
