@@ -2,10 +2,14 @@
 
     import printer_slicer as ps
 
-    profile = ps.load_profile(quality="adaptive")
+    job = ps.slice("part.stl", printer="Ender 3", material="petg", layer_height=0.2)
+    job.save("part.gcode")
+
+The result of each stage is available too:
+
+    profile = ps.load_profile("Ender 3", "petg")
     stages = ps.slice_stages(ps.load_mesh("part.stl"), profile)
     job = ps.job_of(stages, profile)
-    job.save("part.gcode")
 
 Names are imported on first use, so importing the package is fast.
 """
@@ -47,7 +51,7 @@ if TYPE_CHECKING:
     from printer_slicer.printing import Controls, PrintResult, print_job
     from printer_slicer.profile import Profile, load_profile, profile_with
     from printer_slicer.roles import Role
-    from printer_slicer.slice_jobs import job_from, job_of
+    from printer_slicer.slice_jobs import job_from, job_of, slice  # noqa: A004 - called as ps.slice
     from printer_slicer.stages import Stages
     from printer_slicer.strategies import Strategies
     from printer_slicer.surface import Certificate, certify, read_surface
@@ -105,6 +109,7 @@ _HOMES = {
     "profile_with": "profile",
     "read_surface": "surface",
     "repair": "healing",
+    "slice": "slice_jobs",
     "slice_part": "pipeline",
     "slice_stages": "pipeline",
     "transform": "placing",
@@ -163,6 +168,7 @@ __all__ = [
     "profile_with",
     "read_surface",
     "repair",
+    "slice",
     "slice_part",
     "slice_stages",
     "transform",

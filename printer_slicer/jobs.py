@@ -20,6 +20,7 @@ from printer_slicer.texts import format_duration
 if TYPE_CHECKING:
     from printer_slicer.gcode import Moves
     from printer_slicer.model import LayerPlan, Program, Repairs
+    from printer_slicer.profile import Profile
 
 __all__ = ["GCODE_SUFFIXES", "Job", "JobSummary", "is_gcode", "job_of_text", "sendable"]
 
@@ -43,6 +44,7 @@ class Job(SvgRepr):
         repairs: repairs of the mesh, if the job was sliced by this package.
         findings: diagnostics: errors, warnings and notes.
         allowed: names of the findings that the user has allowed, see `diagnostics.NAMES`.
+        profile: the profile that it was sliced or read with; None if it was made without one.
     """
 
     name: str
@@ -57,6 +59,7 @@ class Job(SvgRepr):
     repairs: Repairs | None = None
     findings: tuple[Diagnostic, ...] = ()
     allowed: frozenset[str] = frozenset()
+    profile: Profile | None = None
 
     @property
     def plan(self) -> LayerPlan | None:
@@ -79,6 +82,16 @@ class Job(SvgRepr):
         return self.program or Summary(
             self.name, facts, [sentence(one) for one in self.findings if one.is_error]
         )
+
+    def require_profile(self, profile: Profile | None) -> Profile:
+        """Return the given profile, or that of the job if none is given.
+
+        Raises:
+            UsageError: neither exists.
+        """
+        if (found := profile or self.profile) is None:
+            raise UsageError(f"{self.name}: the job has no profile", remedy="Pass the argument `profile`")
+        return found
 
     def save(self, path: str | Path) -> None:
         """Write the G-code to a file.

@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
+from printer_slicer.errors import UsageError
 from printer_slicer.gcode_text import gcode_of
+from printer_slicer.importing.familiar import translate_setting
 from printer_slicer.inspection.lint.scan import lint_file, lint_text
 from printer_slicer.jobs import Job, is_gcode
 from printer_slicer.mesh_io import load_mesh
 from printer_slicer.model import Mesh
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.placing import IN_THE_MIDDLE, Placement
-from printer_slicer.profile import Profile
+from printer_slicer.profile import Profile, load_profile
 from printer_slicer.progress import Report, quiet
 from printer_slicer.stages import Stages
 from printer_slicer.strategies import OURS, Strategies
+from printer_slicer.texts import describe_type
 
-__all__ = ["job_from", "job_of"]
+__all__ = ["job_from", "job_of", "slice"]
 
 _ALLOWED: Final = frozenset({"wait"})  # pauses come from the settings
 
@@ -37,7 +42,7 @@ def job_from(path: Path, profile: Profile, *, report: Report = quiet, strict: bo
     """
     if is_gcode(path):
         report("reading")
-        return lint_file(path, profile)
+        return replace(lint_file(path, profile), profile=profile)
     report("loading")
     return job_of(load_mesh(path), profile, name=path.name, report=report, strict=strict)
 
@@ -76,4 +81,110 @@ def job_of(  # noqa: PLR0913 - all options have defaults
     report("writing")
     text = gcode_of(stages.program, profile, part=stages.part, labels=stages.labels, strategies=strategies)
     job = lint_text(name or stages.part.name, text, profile, dialect=strategies.flavour)
-    return replace(job, program=stages.program, allowed=_ALLOWED, repairs=stages.repairs)
+    return replace(job, program=stages.program, allowed=_ALLOWED, repairs=stages.repairs, profile=profile)
+
+
+def slice(  # noqa: A001 - called as ps.slice
+    path_or_mesh: str | os.PathLike[str] | Mesh,
+    *,
+    printer: str | os.PathLike[str] | None = None,
+    material: str | os.PathLike[str] | None = None,
+    quality: str | os.PathLike[str] | None = None,
+    profiles: Sequence[str | os.PathLike[str]] = (),
+    **settings: object,
+) -> Job:
+    """Slice a model file or a mesh, and return the print job.
+
+        job = ps.slice("part.stl", printer="Ender 3", material="petg", layer_height=0.2, infill_density="20%")
+        job.save("part.gcode")
+
+    Args:
+        path_or_mesh: a model file, such as STL, 3MF, OBJ or STEP, or a mesh.
+        printer: name of a printer profile, its display name such as "Ender 3", or a TOML file; None: the default.
+        material: likewise.
+        quality: likewise.
+        profiles: folders of profiles that are searched before the user's and the shipped ones.
+        **settings: settings to change, by the names used here or by those of PrusaSlicer, OrcaSlicer and Cura. Two
+            underscores or a dict lead into a table: `speeds__travel=120` or `speeds={"travel": 120}`. A percentage is
+            text, such as "20%". A `layer_height` without a planner means uniform layers.
+
+    Raises:
+        UsageError: a file cannot be read, or a profile or a setting does not exist or is out of bounds.
+        PartError: the part does not fit the printer, or cannot be sliced.
+    """
+    name = ""
+    if not isinstance(path_or_mesh, Mesh):
+        name = _model_path(path_or_mesh).name
+    names: dict[str, Any] = {
+        kind: None if value is None else os.fspath(value)
+        for kind, value in (("printer", printer), ("material", material), ("quality", quality))
+    }
+    folders = [Path(folder) for folder in profiles]
+    changes = _translated(settings, names, folders)
+    profile = load_profile(**names, changes=changes, folders=folders)
+    part = path_or_mesh if isinstance(path_or_mesh, Mesh) else load_mesh(path_or_mesh)
+    return job_of(part, profile, name=name)
+
+
+def _model_path(given: object) -> Path:
+    """Return the path of a model file.
+
+    Raises:
+        UsageError: the value is not a file name, or that of a G-code file.
+    """
+    if not isinstance(given, str | os.PathLike):
+        raise UsageError(
+            f"the part must be a file name or a Mesh, not {describe_type(given)}",
+            remedy='Write it like this: ps.slice("part.stl")',
+        )
+    path = Path(given)
+    if is_gcode(path):
+        raise UsageError(
+            f"{path}: is G-code, which is already sliced",
+            remedy="Read it with ps.job_from(path, profile)",
+        )
+    return path
+
+
+def _translated(
+    settings: Mapping[str, object], names: Mapping[str, Any], folders: Sequence[Path]
+) -> dict[str, Any]:
+    """Return settings given as arguments as changes for `load_profile`.
+
+    Raises:
+        ProfileError: a setting of another slicer has no counterpart, or a word means another setting.
+    """
+
+    def around() -> Profile:
+        return load_profile(**names, slices=False, folders=folders)
+
+    changes: dict[str, Any] = {}
+    for key, value in _flat(settings):
+        found = translate_setting(key, _as_text(value), around, _as_argument)
+        changes |= {key: value} if found is None else found.changes
+    return changes
+
+
+def _flat(settings: Mapping[str, object], table: str = "") -> Iterator[tuple[str, object]]:
+    """Yield dotted keys and values of settings in nested tables; a planner may be given by its name alone."""
+    for name, value in settings.items():
+        key = table + str(name).replace("__", ".")
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{key}.")
+        elif key.removeprefix("quality.") == "planner":
+            yield f"{key}.kind", value
+        else:
+            yield key, value
+
+
+def _as_text(value: object) -> str:
+    """Return a value as other slicers write it in their files."""
+    if isinstance(value, bool):
+        return str(int(value))
+    return ",".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
+
+
+def _as_argument(name: str, value: str) -> str:
+    """Return a setting as an argument of `slice`."""
+    is_number = value.removeprefix("-").replace(".", "", 1).isdigit()
+    return f"{name.replace('.', '__')}={value if is_number else repr(value)}"

@@ -77,6 +77,12 @@ def test_importing_the_package_imports_nothing_heavy() -> None:
     assert loaded("import printer_slicer") == set()
 
 
+def test_importing_the_package_loads_two_of_its_modules() -> None:
+    code = "import sys, printer_slicer\nprint(*[name for name in sys.modules if name.startswith('printer_slicer.')])"
+
+    assert set(python(code).split()) == {"printer_slicer.repr_svg", "printer_slicer.lazy_names"}
+
+
 def test_listing_ports_imports_only_the_serial_library() -> None:
     assert after_command("ports") == {"serial"}
 

@@ -168,7 +168,7 @@ def _translate_familiar(arguments: argparse.Namespace) -> None:
     pairs = [change.partition("=") for change in arguments.set]
     if all(is_setting(key.strip()) for key, _, _ in pairs):
         return
-    from printer_slicer.importing.familiar import familiar_setting, meant_setting
+    from printer_slicer.importing.familiar import translate_setting
     from printer_slicer.profile import load_profile
 
     names = {kind: getattr(arguments, kind, None) for kind in ("printer", "material", "quality")}
@@ -176,20 +176,17 @@ def _translate_familiar(arguments: argparse.Namespace) -> None:
     result: list[str] = []
     for change, (key, equals, value) in zip(arguments.set, pairs, strict=True):
         name = key.strip()
-        found = None if is_setting(name) or not equals else familiar_setting(name, value.strip(), profile)
-        if (
-            found is None
-            and equals
-            and not is_setting(name)
-            and (meant := meant_setting(name, value.strip()))
-        ):
-            raise UsageError(f"--set {change}: no such setting", remedy=f"Did you mean --set {meant}?")
+        found = translate_setting(name, value.strip(), lambda: profile, _as_typed) if equals else None
         own = [change] if found is None else [f"{ours}={made}" for ours, made in found.changes.items()]
         result += own
         if found is not None and not arguments.quiet:
             text = f"printer-slicer: {found.slicer}'s {change} sets {', '.join(own)}"
             print(sanitize(text), file=sys.stderr)
     arguments.set = result
+
+
+def _as_typed(name: str, value: str) -> str:
+    return f"--set {name}={value}"
 
 
 def _flavour_of(firmware: str) -> str:

@@ -21,8 +21,9 @@ from printer_slicer.importing.prusaslicer_names import DEFAULTS, setting_kind
 from printer_slicer.importing.qualities import convert_quality
 from printer_slicer.macros.names import add_other_names, own_names
 from printer_slicer.profile import Profile, settings_text
+from printer_slicer.profile.keys import is_setting
 
-__all__ = ["FamiliarSetting", "familiar_setting", "is_familiar", "meant_setting"]
+__all__ = ["FamiliarSetting", "familiar_setting", "is_familiar", "meant_setting", "translate_setting"]
 
 
 class FamiliarSetting(NamedTuple):
@@ -127,6 +128,32 @@ def meant_setting(name: str, text: str) -> str:
     form = _MEANT.get(name.lower().replace("-", "_"), "")
     is_share = form.startswith(_SHARES) and text.replace(".", "", 1).isdigit() and float(text) > _MOST_RATIO
     return form.format(f"{text}%" if is_share else text)
+
+
+def translate_setting(
+    name: str, text: str, profile: Callable[[], Profile], write: Callable[[str, str], str]
+) -> FamiliarSetting | None:
+    """Return what a setting of another slicer becomes; None if it is a setting of this program, or of no program.
+
+    Args:
+        name: as the user wrote it.
+        text: its value.
+        profile: function that returns the profile around the setting; called for settings of other slicers.
+        write: function that writes a name and a value as the user would, for messages.
+
+    Raises:
+        ProfileError: the value makes no sense, the setting has no counterpart here, or the name is a word that means
+            another setting.
+    """
+    if is_setting(name):
+        return None
+    found = familiar_setting(name, text, profile())
+    if found is None and (meant := meant_setting(name, text)):
+        key, _, value = meant.partition("=")
+        raise ProfileError(
+            f"{write(name, text)}: no such setting", remedy=f"Did you mean {write(key, value)}?"
+        )
+    return found
 
 
 def familiar_setting(name: str, text: str, profile: Profile) -> FamiliarSetting | None:

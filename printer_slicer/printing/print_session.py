@@ -61,13 +61,13 @@ _LOOK_FOR_PORT = 0.5
 
 
 def print_job(
-    job: Job, profile: Profile, port: str, *, baud: int | None = None, **options: Unpack[PrintOptions]
+    job: Job, profile: Profile | None, port: str, *, baud: int | None = None, **options: Unpack[PrintOptions]
 ) -> PrintResult:
     """Send a job to a printer, line by line, and wait until it has executed all of it.
 
     Args:
         job: the job.
-        profile: profile of the printer.
+        profile: profile of the printer; None: the profile of the job.
         port: device or pyserial URL.
         baud: baud rate; None: that of the profile.
         **options: `on_event` is called with each event. `checkpoint` is the file for the progress of a print that ends
@@ -82,14 +82,14 @@ def print_job(
     Raises:
         PolicyError: the job has findings that are not allowed, see `Job.allowing`; nothing was sent.
         PortError: the port cannot be opened.
-        UsageError: a print on this port is unfinished.
+        UsageError: a print on this port is unfinished, or neither `profile` nor the job has a profile.
         PrintError: the printer stopped, or the connection was lost; the checkpoint is written.
         Cancelled: after Ctrl-C, SIGTERM or a request of the printer; the heaters are off. A second signal halts the
             printer. A closed terminal (SIGHUP) or output does not end the print.
     """
     accept_former_option(cast("dict[str, Any]", options), "shelf", "job_store")
     insist(job.findings, job.allowed, name=job.name)
-    setup = host_settings_from(profile, job.allowed)
+    setup = host_settings_from(job.require_profile(profile), job.allowed)
     speed = baud or setup.baud
     job_store = options.get("job_store")
     if job_store is not None:

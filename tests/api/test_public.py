@@ -108,6 +108,87 @@ def test_the_example_runs(tmp_path: Path) -> None:
     assert (tmp_path / "told.txt").read_text().startswith("32 layers, ")
 
 
+# One call from a file to a job
+
+
+def test_slice_makes_the_job_of_a_file_with_a_printer_by_its_display_name() -> None:
+    job = ps.slice(ROOT / "sample_parts" / "box.stl", printer="Ender 3", material="petg", quality="standard")
+    profile = ps.load_profile("creality_ender3", "petg", "standard")
+
+    assert job.profile == profile
+    assert job.text == ps.job_from(ROOT / "sample_parts" / "box.stl", profile).text
+    assert ps.dry_run(job).ok
+
+
+@pytest.mark.parametrize(
+    ("given", "ours"),
+    [
+        ({"perimeters": 3}, {"perimeters": 3}),
+        ({"infill_density": "20%"}, {"infill_density": 0.2}),
+        ({"layer_height": 0.2}, {"planner.kind": "uniform", "layer_height": 0.2}),
+        ({"planner": "uniform"}, {"planner.kind": "uniform"}),
+        ({"planner": {"kind": "cusp", "metric": "volume"}}, {"planner.kind": "cusp", "planner.metric": "volume"}),
+        ({"speeds": {"travel": 120}}, {"quality.speeds.travel": 120}),
+        ({"speeds__travel": 120, "printer__bed_x": 210}, {"speeds.travel": 120, "printer.bed_x": 210}),
+        ({"quality": "draft", "fill_density": "20%"}, {"infill_density": 0.2}),
+        ({"wall_loops": 4}, {"perimeters": 4}),
+        ({"infill_sparse_density": 30}, {"infill_density": 0.3}),
+    ],
+    ids=str,
+)
+def test_slice_takes_settings_by_familiar_names(given: dict[str, Any], ours: dict[str, object]) -> None:
+    job = ps.slice(BOX, **given)
+
+    assert job.profile == ps.load_profile(quality=given.get("quality"), changes=ours)
+
+
+@pytest.mark.parametrize(
+    ("given", "said", "remedy"),
+    [
+        ({"walls": 3}, "walls=3: no such setting", "Did you mean perimeters=3?"),
+        ({"speed": 50}, "speed=50: no such setting", "Did you mean speeds__perimeter=50?"),
+        ({"infill_percentage": 20}, "no such setting", "Did you mean infill_density='20%'?"),
+        ({"enable_support": True}, "supports are not available yet", "Rotate the part"),
+        ({"perimetres": 3}, "perimetres: no such setting", "Did you mean 'perimeters'?"),
+        ({"printer": "no such machine"}, "unknown printer", "lists all"),
+        ({"profiles": ["no such folder"], "printer": "mine"}, "unknown printer 'mine'", "lists all"),
+    ],
+    ids=str,
+)
+def test_slice_says_what_an_unknown_argument_means(given: dict[str, Any], said: str, remedy: str) -> None:
+    with pytest.raises(ps.PrinterSlicerError, match=said) as caught:
+        ps.slice(BOX, **given)
+
+    assert remedy in caught.value.remedy
+    assert "--" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("given", "said", "remedy"),
+    [
+        ("part.gcode", "already sliced", "ps.job_from"),
+        (7, "must be a file name or a Mesh", "ps.slice"),
+        ("missing.stl", "missing.stl: no such file", "Check the name"),
+    ],
+)
+def test_slice_rejects_what_is_no_model(given: Any, said: str, remedy: str) -> None:
+    with pytest.raises(ps.PrinterSlicerError, match=said) as caught:
+        ps.slice(given)
+
+    assert remedy in caught.value.remedy
+
+
+def test_a_job_is_printed_with_its_own_profile() -> None:
+    job = ps.slice(BOX)
+    without = dataclasses.replace(job, profile=None)
+
+    with pytest.raises(ps.PrinterSlicerError, match="there is no port"):
+        ps.print_job(job, None, "/dev/missing")
+    for call in (lambda: ps.dry_run(without), lambda: ps.print_job(without, None, "/dev/missing")):
+        with pytest.raises(ps.PrinterSlicerError, match="the job has no profile"):
+            call()
+
+
 # Values in a notebook
 
 

@@ -109,7 +109,7 @@ def layer_counter(job: Job, comparison: Comparison) -> Callable[[], int] | None:
 
 def dry_run(  # noqa: PLR0913 - all but two have a good default
     job: Job,
-    profile: Profile,
+    profile: Profile | None = None,
     *,
     on_event: Callable[[Event], None] = lambda _: None,
     baud: int | None = None,
@@ -123,7 +123,7 @@ def dry_run(  # noqa: PLR0913 - all but two have a good default
 
     Args:
         job: the job to print.
-        profile: its printer section sets the machine, the baud rate and the window of the host.
+        profile: its printer section sets the machine, the baud rate and the window of the host; None: that of the job.
         on_event: is called with each event of the host.
         baud: baud rate; buffer underruns are errors then. None uses that of the profile, with underruns as warnings.
         every_byte: simulate every byte on the cable. Otherwise whole lines are sent, with the same timing and the same
@@ -136,7 +136,9 @@ def dry_run(  # noqa: PLR0913 - all but two have a good default
 
     Raises:
         VerificationError: the job would take more than 30 days.
+        UsageError: neither `profile` nor the job has a profile.
     """
+    profile = job.require_profile(profile)
     if job.seconds > LONGEST_PRINT:
         raise VerificationError(
             f"{job.name}: {job.seconds / 86400:.0f} days of motion and waiting are too long to simulate",
