@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from msgspec.structs import replace
 
@@ -15,6 +15,9 @@ from printer_slicer.profile.settings import (
     Quality,
     Speeds,
 )
+
+if TYPE_CHECKING:
+    from printer_slicer.profile.differences import Difference
 
 __all__ = [
     "HIGHEST_BEAD",
@@ -50,6 +53,25 @@ class Profile(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     printer: Printer
     material: Material
     quality: Quality
+
+    def __repr__(self) -> str:
+        from printer_slicer.profile.differences import differences_as_text  # noqa: PLC0415 - only where it is shown
+
+        return differences_as_text(self._names(), self._differences())
+
+    def _repr_html_(self) -> str:
+        """Return the table that notebooks show: settings that differ from their defaults."""
+        from printer_slicer.profile.differences import differences_as_html  # noqa: PLC0415 - only where it is shown
+
+        return differences_as_html(self._names(), self._differences())
+
+    def _names(self) -> tuple[str, str, str]:
+        return self.printer.name, self.material.name, self.quality.name
+
+    def _differences(self) -> list[Difference]:
+        from printer_slicer.profile.differences import list_differences  # noqa: PLC0415 - only where it is shown
+
+        return list_differences({"quality": self.quality, "material": self.material, "printer": self.printer})
 
     @property
     def dials(self) -> OptimalPlanner:

@@ -74,7 +74,7 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     link_tolerance: Annotated[
         float,
         meta(
-            "maximum deviation when moves too short for the serial connection are merge_tables",
+            "maximum deviation when moves too short for the serial connection are merged",
             "mm",
             ge=0,
             le=0.2,

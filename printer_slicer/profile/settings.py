@@ -202,7 +202,7 @@ class Printer(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     link_lines_per_second: Annotated[
         float,
         meta(
-            "maximum rate of G-code lines over the serial connection; denser moves are merge_tables, then slowed down; "
+            "maximum rate of G-code lines over the serial connection; denser moves are merged, then slowed down; "
             "0: no limit",
             "1/s",
             ge=0,

@@ -127,7 +127,10 @@ def test_slice_makes_the_job_of_a_file_with_a_printer_by_its_display_name() -> N
         ({"infill_density": "20%"}, {"infill_density": 0.2}),
         ({"layer_height": 0.2}, {"planner.kind": "uniform", "layer_height": 0.2}),
         ({"planner": "uniform"}, {"planner.kind": "uniform"}),
-        ({"planner": {"kind": "cusp", "metric": "volume"}}, {"planner.kind": "cusp", "planner.metric": "volume"}),
+        (
+            {"planner": {"kind": "cusp", "metric": "triangle"}},
+            {"planner.kind": "cusp", "planner.metric": "triangle"},
+        ),
         ({"speeds": {"travel": 120}}, {"quality.speeds.travel": 120}),
         ({"speeds__travel": 120, "printer__bed_x": 210}, {"speeds.travel": 120, "printer.bed_x": 210}),
         ({"quality": "draft", "fill_density": "20%"}, {"infill_density": 0.2}),
@@ -190,6 +193,31 @@ def test_a_job_is_printed_with_its_own_profile() -> None:
 
 
 # Values in a notebook
+
+
+def test_a_profile_is_a_table_of_what_differs_from_the_defaults() -> None:
+    profile = ps.load_profile("Ender 3", "petg", "standard", {"perimeters": 3, "speeds.travel": 120})
+    root = ET.fromstring(f"<div>{profile._repr_html_()}</div>")
+    rows = [[cell.text or "" for cell in row] for row in root.iter("tr")]
+
+    assert rows[0] == ["setting", "value", "unit", "default"]
+    assert ["quality.perimeters", "3", "", "2"] in rows
+    assert ["quality.speeds.travel", "120", "mm/s", "0"] in rows
+    assert ["quality.planner.kind", "uniform", "", "optimal"] in rows
+    assert not [row for row in rows if "first_layer_speed" in row or row[0].endswith(".name")]
+    assert len(rows) <= 25
+
+
+def test_a_profile_says_in_lines_what_differs_from_the_defaults() -> None:
+    lines = repr(ps.load_profile("Ender 3", "petg", changes={"perimeters": 3})).splitlines()
+
+    assert lines[0].startswith("<Profile: printer Creality Ender-3, material PETG, quality adaptive; ")
+    assert [line.split() for line in lines if "perimeters" in line] == [
+        ["quality.perimeters", "3", "(default", "2)"]
+    ]
+    assert lines[-1] == ">"
+    assert len(lines) <= 27
+    assert max(map(len, lines)) <= 120
 
 
 @pytest.mark.parametrize("name", DRAWN)

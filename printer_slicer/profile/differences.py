@@ -1,0 +1,115 @@
+"""The settings of a profile that differ from their defaults, as rows, text and HTML."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from html import escape
+from typing import Final, NamedTuple
+
+import msgspec
+
+from printer_slicer.profile.reading import flatten
+from printer_slicer.profile.tables import SettingRow, settings_table
+
+__all__ = ["Difference", "differences_as_html", "differences_as_text", "list_differences"]
+
+_MOST_ROWS: Final = 24  # in a text or table
+_MOST_LETTERS: Final = 40  # of a value
+
+
+class Difference(NamedTuple):
+    """A setting that differs from its default.
+
+    Attributes:
+        key: such as `quality.perimeters`.
+        value: text of the value; G-code of several lines is counted, not shown.
+        unit: unit of both; empty if the setting has none.
+        default: text of the default; empty if every profile must set the setting.
+    """
+
+    key: str
+    value: str
+    unit: str
+    default: str
+
+
+def list_differences(sections: Mapping[str, msgspec.Struct]) -> list[Difference]:
+    """Return the settings that differ from their defaults, without display names.
+
+    Args:
+        sections: `printer`, `material` and `quality` -> their settings, in the order of the rows.
+    """
+    rows = {row.key: row for row in settings_table()}
+    return [one for kind, section in sections.items() for one in _of_section(kind, section, rows)]
+
+
+def _of_section(kind: str, section: msgspec.Struct, rows: Mapping[str, SettingRow]) -> Iterator[Difference]:
+    """Yield the differences of one section."""
+    values = msgspec.to_builtins(section)
+    planner = values.get("planner", {}).get("kind", "")
+    for path, value in flatten(values):
+        key = f"{kind}.{path}"
+        row = rows.get(key) or rows.get(key.replace(".planner.", f".planner[{planner}]."))
+        if row is None or path == "name":
+            continue
+        text = _format(value)
+        default = "" if row.default in ("required", "empty") else _format(_number(row.default))
+        if text != default:
+            yield Difference(key, text, row.unit, default)
+
+
+def _number(text: str) -> object:
+    """Return the number that a text is; other texts stay as they are."""
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def _format(value: object) -> str:
+    """Format a value in at most one short line."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, int | float):
+        return f"{value:.10g}"
+    lines = str(value).strip().splitlines()
+    text = lines[0] if lines else ""
+    if len(lines) > 1:
+        return f"{len(lines)} lines"
+    return text if len(text) <= _MOST_LETTERS else f"{text[: _MOST_LETTERS - 1]}…"
+
+
+def _headline(names: Sequence[str], count: int) -> str:
+    printer, material, quality = names
+    return (
+        f"printer {printer}, material {material}, quality {quality}; "
+        f"{count} setting{'' if count == 1 else 's'} differ{'s' if count == 1 else ''} from the defaults"
+    )
+
+
+def differences_as_text(names: Sequence[str], rows: Sequence[Difference]) -> str:
+    """Return a line for the profile and a line for each of the first rows.
+
+    Args:
+        names: display names of printer, material and quality.
+        rows: from `list_differences`.
+    """
+    shown = rows[:_MOST_ROWS]
+    wide = max((len(one.key) for one in shown), default=0)
+    lines = [f"<Profile: {_headline(names, len(rows))}"]
+    for one in shown:
+        value = f"{one.value} {one.unit}".rstrip() or "empty"
+        lines.append(f"  {one.key:{wide}}  {value}" + (f"  (default {one.default})" if one.default else ""))
+    lines += [f"  and {len(rows) - len(shown)} more"] if len(shown) < len(rows) else []
+    return "\n".join([*lines, ">"]) if len(lines) > 1 else f"{lines[0]}>"
+
+
+def differences_as_html(names: Sequence[str], rows: Sequence[Difference]) -> str:
+    """Return an HTML table of the first rows; arguments as for `differences_as_text`."""
+    head = "".join(f"<th>{title}</th>" for title in ("setting", "value", "unit", "default"))
+    body = "".join(
+        "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in one) + "</tr>" for one in rows[:_MOST_ROWS]
+    )
+    more = f"<p>and {len(rows) - _MOST_ROWS} more</p>" if len(rows) > _MOST_ROWS else ""
+    title = escape(_headline(names, len(rows)))
+    return f"<p>{title}</p><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>{more}"
