@@ -66,7 +66,7 @@ def _dry_run(meaning: str, remedy: str, kind: str = "") -> Code:
     return Code("dry run", "error", meaning, remedy, kind=kind)
 
 
-_NAME_PRINTER: Final = "Name the printer and material the file was made for with --printer and --material"
+_NAME_PRINTER: Final = "Name the printer and material the file was made for with `printer` and `material`"
 
 CODES: Final[Mapping[str, Code]] = {
     "temperature": Code(
@@ -171,7 +171,7 @@ CODES: Final[Mapping[str, Code]] = {
         "command that the firmware does not know", "Check that the file was made for this firmware"
     ),
     "tool": _dry_run(
-        "extruder that the printer does not have", "Slice for one extruder, or use --extruders N"
+        "extruder that the printer does not have", "Slice for one extruder, or set `extruders`"
     ),
     "arc": _dry_run("arc without a centre", "Switch arcs off in the slicer"),
     "machine": _dry_run("other command that the firmware rejects", ""),
@@ -306,20 +306,20 @@ def check_names(allowed: Iterable[str]) -> frozenset[str]:
     """
     names = frozenset(allowed)
     if wrong := sorted(names - set(NAMES)):
-        raise UsageError(f"--allow {wrong[0]}: unknown name", remedy=f"Known names: {', '.join(NAMES)}")
+        raise UsageError(f"{wrong[0]!r}: no finding of this name can be allowed", remedy=f"Known names: {', '.join(NAMES)}")
     return names
 
 
 def remedy_of(found: Iterable[Diagnostic]) -> str:
-    """Return the remedies of the errors, and the flags that allow them."""
+    """Return the remedies of the errors, and how to allow them."""
     codes = tuple(dict.fromkeys(diagnostic.code for diagnostic in found if diagnostic.is_error))
     by_remedy: dict[str, list[str]] = {}
     for code in codes:
         by_remedy.setdefault(CODES[code].remedy, []).append(code)
     several = len(by_remedy) > 1
     helps = [f"{', '.join(of)}: {remedy}" if several else remedy for remedy, of in by_remedy.items()]
-    flags = " ".join(f"--allow {code}" for code in codes)
-    return ". ".join([*helps, f"Use {flags} to print it anyway"])
+    allowed = ", ".join(f'"{code}"' for code in codes)
+    return ". ".join([*helps, f"Use `job.allowing([{allowed}])` to print it anyway"])
 
 
 def insist(

@@ -61,7 +61,7 @@ class ProfileError(UsageError):
 
 
 class PolicyError(UsageError):
-    """A job contains commands that are not allowed; `names` lists the values of --allow that would permit them."""
+    """A job contains commands that are not allowed; `names` lists the findings that `Job.allowing` would permit."""
 
     def __init__(self, message: str, *, remedy: str = "", names: tuple[str, ...] = ()) -> None:
         super().__init__(message, remedy=remedy)

@@ -89,7 +89,7 @@ def _check_size(name: str, size: Float, printer: Printer, placement: Placement) 
     room = np.array([printer.bed_x, printer.bed_y, printer.bed_z])
     if not (size > room + _SLACK).any():
         return
-    fits = _multiply_factors(placement.scale or "100%", float((room / np.maximum(size, _SLACK)).min()))
+    fits = _multiply_factors(placement.scale or "1", float((room / np.maximum(size, _SLACK)).min()))
     advice = unit_advice(size, placement.unit, room) if placement.unit in UNITS else ""
     if not advice and placement.unit in UNITS and not placement.unit_given:
         advice = f"is it in {SPOKEN[placement.unit]}?"
@@ -98,7 +98,7 @@ def _check_size(name: str, size: Float, printer: Printer, placement: Placement) 
         f"which prints {room[0]:g} x {room[1]:g} x {room[2]:g} mm",
         remedy="; ".join(
             [
-                f"Choose a larger printer, or scale the part: --scale {fits} would just fit",
+                f"Choose a larger printer, or scale the part: `scale={fits}` would just fit",
                 *([advice] if advice else []),
             ]
         ),
@@ -120,9 +120,9 @@ def _multiply_factors(factors: str, by: float) -> str:
 def _check_place(name: str, low: Float, high: Float, printer: Printer, placement: Placement) -> None:
     """Check that the part lies within the print volume."""
     flag, instead = (
-        ("--as-placed", "set the position with --center")
+        ("`as_placed`", "set the position with `center`")
         if placement.as_placed
-        else ("--center", "choose another position")
+        else ("`center`", "choose another position")
     )
     corners = np.array(printer.corners, dtype=np.float64)
     for axis, letter in enumerate("xy"):
@@ -135,12 +135,12 @@ def _check_place(name: str, low: Float, high: Float, printer: Printer, placement
     if low[2] < -_SLACK:
         raise PartError(
             f"{name}: extends {-low[2]:.5g} mm below the bed",
-            remedy="Omit --no-drop to place it on the bed, or cut off its bottom in a CAD program",
+            remedy="Omit `drop=False` to place it on the bed, or cut off its bottom in a CAD program",
         )
     if high[2] > printer.bed_z + _SLACK:
         raise PartError(
             f"{name}: extends up to z {high[2]:.5g} mm, but {printer.name!r} prints up to {printer.bed_z:g} mm",
-            remedy="Omit --no-drop to place it on the bed",
+            remedy="Omit `drop=False` to place it on the bed",
         )
 
 
@@ -189,7 +189,7 @@ def transform(
 
 
 def _format_factors(factors: Float) -> str:
-    """Format factors as --scale expects them."""
+    """Format factors as the user writes them."""
     return ",".join(
         f"{factor:g}" for factor in (factors[:1] if (factors == factors[0]).all() else factors).tolist()
     )

@@ -159,9 +159,9 @@ def test_a_coordinate_too_far_out_is_named_with_what_to_do(tmp_path: Path) -> No
 
     message = fault(path)
     assert "has the coordinate 2e+08" in message
-    assert "--units" in message
+    assert "`units`" in message
     assert load_mesh(path, units="micron").size[0] == pytest.approx(2e5)
-    assert "--units" not in fault(write(tmp_path, binary_stl(BOX * 1e30)))
+    assert "`units`" not in fault(write(tmp_path, binary_stl(BOX * 1e30)))
 
 
 def test_a_cut_off_binary_stl_tells_how_many_facets_are_left(tmp_path: Path) -> None:

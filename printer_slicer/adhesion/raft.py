@@ -56,7 +56,7 @@ def place_on_raft(sections: Sections, profile: Profile) -> Sections:
     if not first.n_rings:
         raise PartError(
             "no raft is possible: the part does not touch the bed",
-            remedy="Leave out --no-drop, or print without a raft: quality.raft_height=0",
+            remedy="Leave out `drop=False`, or print without a raft: quality.raft_height=0",
         )
     area = _under(first, quality.raft_margin)
     if not on_bed(area.xy, profile, 0.0):

@@ -104,7 +104,7 @@ def _placement(arguments: argparse.Namespace, units: set[tuple[str, bool]]) -> P
         arguments.drop,
         unit="" if certain else unit,
         unit_given=arguments.units is not None,
-        scale=arguments.scale.text if arguments.scale else "",
+        scale=arguments.scale.text if arguments.scale else "100%",
     )
 
 

@@ -15,6 +15,7 @@ from threading import Lock, Timer
 from time import monotonic
 from typing import TYPE_CHECKING, Final, TextIO
 
+from printer_slicer.cli.argument_flags import name_flags
 from printer_slicer.errors import UsageError
 from printer_slicer.saving import save
 from printer_slicer.texts import format_duration
@@ -52,7 +53,7 @@ _CODES: Final = {"error": "1;31", "warning": "1;33"}
 def say(arguments: argparse.Namespace, text: str) -> None:
     """Print a line, unless --quiet or --json is given."""
     if not (arguments.quiet or arguments.json):
-        print(sanitize(hide_stdin_folder(arguments, text)))
+        print(sanitize(hide_stdin_folder(arguments, name_flags(text))))
 
 
 def hide_stdin_folder(arguments: argparse.Namespace, text: str) -> str:
@@ -79,7 +80,7 @@ def warn(arguments: argparse.Namespace, warnings: Sequence[str]) -> None:
     """Print warnings to stderr, unless --quiet is given."""
     for text in () if arguments.quiet else warnings:
         prefix = colour("printer-slicer: warning:", "warning", sys.stderr)
-        print(f"{prefix} {sanitize(text)}", file=sys.stderr)
+        print(f"{prefix} {sanitize(name_flags(text))}", file=sys.stderr)
 
 
 # Progress

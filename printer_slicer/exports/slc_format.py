@@ -81,7 +81,7 @@ def _table(plan: LayerPlan) -> bytes:
     if len(runs) > _MOST_RUNS:
         raise OutputError(
             f"an SLC file has at most {_MOST_RUNS} runs of equal layers; this plan has {len(runs)}",
-            remedy="Plan fewer different heights (--heights), or write .cli or .svg",
+            remedy="Plan fewer different heights (`layer_heights`), or write .cli or .svg",
         )
     counts = np.array([count for count, _ in runs])
     bottom = plan.bottom[np.cumsum(counts) - counts]

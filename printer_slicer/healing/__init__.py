@@ -60,7 +60,7 @@ def require_no_repair(name: str, repairs: Repairs) -> None:
         x, y, z = first.places[0]
         raise MeshError(
             f"{name}: needs repair: {first.kind}: {first.count}, the first at x {x:.2f} y {y:.2f} z {z:.2f}",
-            remedy="Leave out --strict to slice the repaired part, or repair it in the program that made it",
+            remedy="Leave out `strict` to slice the repaired part, or repair it in the program that made it",
         )
 
 

@@ -227,7 +227,7 @@ def _read_step(source: ModelFile, _kind: str, unit: str | None, limits: Limits) 
     from printer_slicer.mesh_io.step import read_step  # noqa: PLC0415
 
     if unit is not None:
-        raise UsageError(f"{source.path}: a STEP file states its own unit", remedy="Use --scale instead")
+        raise UsageError(f"{source.path}: a STEP file states its own unit", remedy="Use `scale` instead")
     return read_step(source.whole(limits.text_bytes), source.path, limits)
 
 

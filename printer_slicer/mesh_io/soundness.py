@@ -26,7 +26,7 @@ LARGEST: Final = 1e7
 
 EXPORT_AGAIN: Final = "Export the part again from the program that made it"
 TOO_FAR: Final = (
-    "Give a smaller unit with --units if the numbers are not millimetres,"
+    "Give a smaller unit with `units` if the numbers are not millimetres,"
     " or move the part to the origin and export it again; the limit is 10 km"
 )
 COPY_AGAIN: Final = "Copy or download the file again; if that does not help, export the part again"

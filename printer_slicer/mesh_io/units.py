@@ -86,7 +86,7 @@ def parse_unit(name: str, path: Path) -> str:
     if unit not in UNITS:
         raise MeshError(
             f"{path}: unknown unit '{name[:40]}'",
-            remedy=f"Give the unit with --units: {', '.join(UNITS)}",
+            remedy=f"Give the unit with `units`: {', '.join(UNITS)}",
         )
     return unit
 
@@ -130,15 +130,15 @@ def unit_advice(size: Float, unit: str, room: Float | None = None, *, certain: b
     """Return a remedy for an implausible size; empty if the size is plausible or there is no remedy.
 
     Args:
-        size: (3,) edges of the part's bounding box, mm, as it was read.
-        unit: the unit it was read with, a key in UNITS.
-        room: (3,) build volume of the printer, mm; None: 2 m along each axis.
-        certain: whether the file states its unit, so that --units does not apply.
+        size: (3,) edges of the part's envelope, mm, as it was read.
+        unit: the key in UNITS that it was read with.
+        room: (3,) what the printer prints, mm; None: 2 m each way.
+        certain: whether the file says itself what its numbers mean and `units` is refused for it.
     """
     other = likely_unit(size, unit, room)
     if not other:
         largest = max(float(length) for length in size)
-        return "make it larger with --scale" if largest <= TINY else ""
+        return "make it larger with `scale`" if largest <= TINY else ""
     made = " x ".join(f"{float(length) * UNITS[other] / UNITS[unit]:.4g}" for length in size)
-    flag = f"--scale {UNITS[other] / UNITS[unit]:g}" if certain else f"--units {other}"
-    return f"were the numbers of the file meant in {SPOKEN[other]}? {flag} makes it {made} mm"
+    argument = f"scale={UNITS[other] / UNITS[unit]:g}" if certain else f'units="{other}"'
+    return f"were the numbers of the file meant in {SPOKEN[other]}? `{argument}` makes it {made} mm"

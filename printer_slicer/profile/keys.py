@@ -103,10 +103,8 @@ def resolve_key(sources: Mapping[str, SettingsSource], key: str) -> tuple[str, s
     leaf = key.rpartition(".")[2]
     having = [kind for kind, struct in PLANNER_SETTINGS.items() if leaf in struct.__struct_fields__]
     if having and key in (leaf, f"planner.{leaf}", f"quality.planner.{leaf}"):
-        raise ProfileError(
-            f"{key}: the chosen planner has no such setting",
-            remedy=f"Use it with {' or '.join(f'--planner {kind}' for kind in having)}",
-        )
+        planners = " or ".join(f'`planner.kind="{kind}"`' for kind in having)
+        raise ProfileError(f"{key}: the chosen planner has no such setting", remedy=f"Use it with {planners}")
     group = [path for _, path in known if path.startswith(f"{key.removeprefix('quality.')}.")]
     if group:
         raise ProfileError(f"{key}: this is a group of settings", remedy=f"Choose one of: {', '.join(group)}")

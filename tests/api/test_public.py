@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import base64
 import dataclasses
 import inspect
@@ -17,6 +18,7 @@ import numpy as np
 import pytest
 
 import printer_slicer as ps
+from printer_slicer.cli.argument_flags import name_flags
 from tests.api.example import run
 from tests.parts import box, cone
 from tests.waiting import LAST_RESORT
@@ -387,3 +389,43 @@ def test_values_say_what_they_are() -> None:
     assert [text for text, begins in said.items() if not text.startswith(begins)] == []
     assert max(map(len, said)) < 200
     assert repr(STAGES).count("\n") == 8
+
+
+# Messages for Python
+
+
+ENGINE: Final = sorted(
+    path
+    for path in (ROOT / "printer_slicer").rglob("*.py")
+    if path.relative_to(ROOT / "printer_slicer").parts[0]
+    # Rooms of the command line, and those that only its commands use.
+    not in {"cli", "doctor.py", "importing", "printing", "sending", "sim", "__main__.py"}
+)
+
+
+def test_messages_below_the_command_line_name_no_flags() -> None:
+    flag = re.compile(r"(?:^|[\s(`'\"])--[a-z]")
+    found = []
+    for path in ENGINE:
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        docs = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+        found += [
+            f"{path.name}:{node.lineno}: {node.value}"
+            for node in ast.walk(tree)
+            if isinstance(node, ast.Constant) and id(node) not in docs and isinstance(node.value, str)
+            if flag.search(node.value) and path.name != "document.py"  # documents the command line
+        ]
+
+    assert found == []
+
+
+def test_an_error_from_python_names_an_argument_and_the_command_line_its_flag() -> None:
+    with pytest.raises(ps.PrinterSlicerError, match="does not fit") as caught:
+        ps.slice(box((2000.0, 20.0, 20.0)))
+
+    assert "`scale=" in caught.value.remedy
+    assert name_flags('Use `scale=0.5`, `units="inch"` or `drop=False`') == (
+        "Use --scale 0.5, --units inch or --no-drop"
+    )
+    assert name_flags('see `job.allowing(["box", "cold"])`') == "see --allow box --allow cold"
+    assert name_flags("Remove one of these `inherits`; a ` b") == "Remove one of these `inherits`; a ` b"

@@ -75,7 +75,7 @@ def test_a_plan_with_more_runs_than_the_table_holds_is_refused_with_advice() -> 
     with pytest.raises(OutputError, match="255 runs") as caught:
         write_slc(of([frame()] * 256, tops))
 
-    assert "--heights" in str(caught.value)
+    assert "`layer_heights`" in str(caught.value)
 
 
 def test_layers_that_32_bit_floats_cannot_tell_apart_are_refused() -> None:

@@ -31,7 +31,7 @@ def test_a_step_file_says_its_unit_and_keeps_z_up(tmp_path: Path, prefix: str, m
     np.testing.assert_allclose(model.mesh.bounds, [[0, 0, 0], [1, 2, 2]], atol=1e-5)
     assert model.mesh.n_facets == 12
     assert (model.kind, model.unit) == ("step", "mm")
-    assert "in inches? --scale 25.4 makes it 25.4 x 50.8 x 50.8 mm" in model.size_warning()
+    assert "in inches? `scale=25.4` makes it 25.4 x 50.8 x 50.8 mm" in model.size_warning()
 
 
 @needs_cascadio
@@ -48,7 +48,7 @@ def test_a_step_file_without_solids_is_refused(tmp_path: Path) -> None:
 def test_the_unit_of_a_step_file_cannot_be_changed(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="states its own unit") as caught:
         load_model(write(tmp_path, step_box(2, 3, 4), "part.step"), units="inch")
-    assert "--scale" in caught.value.remedy
+    assert "`scale`" in caught.value.remedy
 
 
 def with_package(folder: Path, code: str, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -54,7 +54,7 @@ def test_a_guess_is_another_unit_in_which_the_part_fits(largest: float, ratio: f
         assert guess != unit
         assert (size * UNITS[guess] / UNITS[unit] <= ROOM + 1e-6).all()
         assert (size * UNITS[guess] / UNITS[unit] >= 0.1 - 1e-9).all()
-        assert f"--units {guess}" in unit_advice(size, unit, ROOM)
+        assert f'`units="{guess}"`' in unit_advice(size, unit, ROOM)
     if 3 < largest <= 220:
         assert guess == ""
 
@@ -63,7 +63,7 @@ def test_no_guess_makes_an_edge_too_thin_to_print() -> None:
     assert likely_unit(np.array([3000.0, 10.0, 10.0]), "mm", ROOM) == ""
     assert likely_unit(np.array([3000.0, 100.0, 100.0]), "mm", ROOM) == "micron"
     assert likely_unit(np.array([0.04, 0.03, 1e-6]), "mm", ROOM) == ""
-    assert "--scale" in unit_advice(np.array([0.04, 0.03, 1e-6]), "mm", ROOM)
+    assert "`scale`" in unit_advice(np.array([0.04, 0.03, 1e-6]), "mm", ROOM)
 
 
 def test_without_a_printer_two_metres_are_too_much() -> None:
@@ -72,7 +72,7 @@ def test_without_a_printer_two_metres_are_too_much() -> None:
 
 
 def test_a_small_part_without_a_guess_is_told_to_be_scaled() -> None:
-    assert "--scale" in unit_advice(np.array([1e-5, 1e-5, 1e-5]), "mm")
+    assert "`scale`" in unit_advice(np.array([1e-5, 1e-5, 1e-5]), "mm")
 
 
 def test_a_model_says_what_makes_it_doubtful(tmp_path: Path) -> None:
@@ -86,9 +86,9 @@ def test_a_model_says_what_makes_it_doubtful(tmp_path: Path) -> None:
         "a.stl: the part is only 0.02 x 0.03 x 0.04 mm; were the numbers of the file meant in metres?"
         in small.size_warning()
     )
-    assert "--units m makes it 20 x 30 x 40 mm" in small.size_warning()
+    assert '`units="m"` makes it 20 x 30 x 40 mm' in small.size_warning()
     assert "b.glb: the part is 2000 x 4000 x 3000 mm" in large.size_warning(ROOM)
-    assert "millimetres? --units mm makes it 2 x 4 x 3 mm" in large.size_warning(ROOM)
+    assert 'millimetres? `units="mm"` makes it 2 x 4 x 3 mm' in large.size_warning(ROOM)
     assert usual.size_warning() == ""
 
 

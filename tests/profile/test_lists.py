@@ -118,7 +118,7 @@ def test_a_setting_of_another_planner_is_answered_with_the_planner(key: str) -> 
     with pytest.raises(ProfileError, match="the chosen planner has no such setting") as refused:
         load_profile(None, None, None, {"quality.planner.kind": "cusp", key: 0.02})
 
-    assert "--planner optimal" in str(refused.value)
+    assert '`planner.kind="optimal"`' in str(refused.value)
 
 
 @pytest.mark.parametrize("key", ["max_step", "planner.max_step", "quality.planner.max_step"])

@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, NoReturn
 
+from printer_slicer.cli.argument_flags import name_flags
 from printer_slicer.cli.arguments import add_output, add_settings
 from printer_slicer.cli.help import advanced
 from printer_slicer.cli.output import hide_stdin_folder, say, write_file
@@ -288,7 +289,7 @@ def _print_faults(
     elif found:
         for problem, remedy in found:
             text = f"{problem}\n  {remedy}" if remedy else problem
-            print(hide_stdin_folder(arguments, text), file=sys.stderr)
+            print(hide_stdin_folder(arguments, name_flags(text)), file=sys.stderr)
     else:
         say(arguments, f"{', '.join(words)}: no errors")
     return 2 if found else 0

@@ -293,10 +293,10 @@ def _notes(deposit: GcodeExtrusions, coverage: Coverage) -> Iterator[str]:
     """Yield assumptions, and volumes that are not of the part."""
     stack = coverage.stack
     if not deposit.diameter_known:
-        diameter = f"{deposit.diameter[0]:g} mm is assumed (set it with --filament)"
+        diameter = f"{deposit.diameter[0]:g} mm is assumed (set it with `filament_diameter`)"
         yield f"the file does not name the filament diameter: {diameter}"
     if (deposit.beads.purpose[coverage.of_part] == Purpose.UNKNOWN).all():
-        depth = "a shell of two lines is assumed (set it with --shell)"
+        depth = "a shell of two lines is assumed (set it with `shell`)"
         yield f"the file does not name roles: {depth}"
     if stack.spiral:
         yield "spiral vase: every turn counts as a layer; the first and the last are not checked"

@@ -65,7 +65,7 @@ _RULES: Final[Mapping[str, _Rule]] = {
     "cold extrusion prevented": _Rule("cold", "Heat the nozzle first (for example M109 S210)"),
     "too long extrusion prevented": _Rule("extrusion", "Check M82, M83 and G92 E0 before this line"),
     "out of the machine": _Rule(
-        "box", "Move the part, or name the printer the file was made for with --printer"
+        "box", "Move the part, or name the printer the file was made for with `printer`"
     ),
     "moved before homing": _Rule("homing", "Start with G28"),
     _LIFTED: _Rule("homing", "Home first, in case the nozzle is at the top"),
@@ -75,7 +75,7 @@ _RULES: Final[Mapping[str, _Rule]] = {
     ),
     "hotend asked for": _Rule("temperature", "Choose a temperature within the limits of the printer"),
     "bed asked for": _Rule("temperature", "Choose a temperature within the limits of the printer"),
-    "no such extruder": _Rule("tool", "Slice for one extruder, or use --extruders N"),
+    "no such extruder": _Rule("tool", "Slice for one extruder, or set `extruders`"),
     "move that cannot be parsed": _Rule("unreadable", "Write a number after every letter of this line"),
     "arc without a centre": _Rule("arc", "Switch arcs off in the slicer"),
 }

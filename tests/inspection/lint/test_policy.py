@@ -468,7 +468,7 @@ def test_a_job_is_refused_by_line_until_every_name_is_allowed() -> None:
     with pytest.raises(PolicyError, match=r"command 2: M500: stores.*\n.*command 3: M104 S300") as caught:
         insist(findings, name="job")
     assert caught.value.names == ("eeprom", "temperature")
-    assert "--allow eeprom --allow temperature" in caught.value.remedy
+    assert '`job.allowing(["eeprom", "temperature"])`' in caught.value.remedy
     with pytest.raises(PolicyError):
         insist(findings, {"eeprom"})
     insist(findings, {"eeprom", "temperature"})
@@ -480,9 +480,9 @@ def test_every_finding_has_a_remedy_of_its_own_kind(name: str) -> None:
     of_profile = {"temperature", "box", "feed", "flow", "limits", "unreadable"}
     remedy = remedy_of([Diagnostic(name, "error", "")])
 
-    assert ("--printer" in remedy) == (name in of_profile)
+    assert ("`printer`" in remedy) == (name in of_profile)
     assert ("supports" in remedy) == (name == "unsupported")
-    assert remedy.endswith(f". Use --allow {name} to print it anyway")
+    assert remedy.endswith(f'. Use `job.allowing(["{name}"])` to print it anyway')
 
 
 def test_each_of_several_findings_has_its_remedy() -> None:
@@ -490,8 +490,8 @@ def test_each_of_several_findings_has_its_remedy() -> None:
 
     assert remedy == (
         "eeprom, halt: Remove it from the G-code. "
-        "temperature: Name the printer and material the file was made for with --printer and --material. "
-        "Use --allow eeprom --allow temperature --allow halt to print it anyway"
+        "temperature: Name the printer and material the file was made for with `printer` and `material`. "
+        'Use `job.allowing(["eeprom", "temperature", "halt"])` to print it anyway'
     )
 
 
