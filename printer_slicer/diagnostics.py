@@ -170,9 +170,7 @@ CODES: Final[Mapping[str, Code]] = {
     "unknown": _dry_run(
         "command that the firmware does not know", "Check that the file was made for this firmware"
     ),
-    "tool": _dry_run(
-        "extruder that the printer does not have", "Slice for one extruder, or set `extruders`"
-    ),
+    "tool": _dry_run("extruder that the printer does not have", "Slice for one extruder, or set `extruders`"),
     "arc": _dry_run("arc without a centre", "Switch arcs off in the slicer"),
     "machine": _dry_run("other command that the firmware rejects", ""),
     "underrun": _dry_run(
@@ -306,7 +304,9 @@ def check_names(allowed: Iterable[str]) -> frozenset[str]:
     """
     names = frozenset(allowed)
     if wrong := sorted(names - set(NAMES)):
-        raise UsageError(f"{wrong[0]!r}: no finding of this name can be allowed", remedy=f"Known names: {', '.join(NAMES)}")
+        raise UsageError(
+            f"{wrong[0]!r}: no finding of this name can be allowed", remedy=f"Known names: {', '.join(NAMES)}"
+        )
     return names
 
 

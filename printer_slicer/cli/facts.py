@@ -287,7 +287,7 @@ def certificate_facts(
         "flats": len(flats),
         "flat_error_mm": round(flats_off(flats, plan), 6),
         "worst": dict(zip("xyz", place.tolist(), strict=True))
-        | {"layer": worst.layer + 1, "kind": worst.kind, "bound_mm": round(worst.bound, 6)},
+        | {"layer": worst.layer, "kind": worst.kind, "bound_mm": round(worst.bound, 6)},
         "over_tolerance": [
             {"from": round(low, 6), "to": round(high, 6), "bound_mm": round(bound, 6)}
             for low, high, bound in certificate.over(layer_tolerances(profile, plan.bottom, plan.top))

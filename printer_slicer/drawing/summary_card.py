@@ -25,7 +25,9 @@ def summary_card(title: str, facts: Mapping[str, str], problems: Sequence[str]) 
         problems: one line each; only the first eight are shown.
     """
     colour = WARNING if problems else _GOOD
-    shapes: list[Shape] = [Text(24, 36, fit_text(title, _TITLE, _WIDE - 36), _TITLE, _DARK, bold=True)]
+    shapes: list[Shape] = [
+        Text(24, 36, fit_text(title, _TITLE, _WIDE - 36, bold=True), _TITLE, _DARK, bold=True)
+    ]
     y = 68.0
     for name, fact in facts.items():
         shapes += [

@@ -91,7 +91,7 @@ def _mesh(part: Mesh, _layer: int | None) -> Picture:
         return _note("a mesh without facets", part.name)
     x, y, z = part.size.tolist()
     title = f"{part.name}: {part.n_facets} facets, {x:.4g} x {y:.4g} x {z:.4g} mm"
-    lines = wrap_text(title, _LETTERS, _ALONE)
+    lines = wrap_text(title, _LETTERS, _ALONE, bold=True)
     top = _HEAD + (len(lines) - 1) * _LINE
     seen = Raster(8, top, _ALONE, _ALONE, render(part, 2 * _ALONE, 2 * _ALONE))
     heading = [Text(8, 24 + k * _LINE, line, _LETTERS, bold=True) for k, line in enumerate(lines)]
@@ -138,7 +138,7 @@ def _bars(plan: LayerPlan, lengths: Float, title: str, what: str) -> Picture:
     left, right, top, tall = 56.0, _WIDE - 200.0, 50.0, 360.0
     longest = float(lengths.max()) or 1.0
     across, down = (right - left) / longest, tall / total
-    shapes: list[Shape] = [Text(8, 24, fit_text(title, _LETTERS, _WIDE - 24), _LETTERS, bold=True)]
+    shapes: list[Shape] = [Text(8, 24, fit_text(title, _LETTERS, _WIDE - 24, bold=True), _LETTERS, bold=True)]
     for z in marks(total, 6).tolist():
         y = top + tall - z * down
         shapes += [Line(np.array([(left - 6, y), (right, y)]), "#dddddd")]
@@ -329,7 +329,7 @@ def _sheet(layers: _Layers, layer: int | None) -> Picture:
     scale = side / float((high - low).max())
     wide, tall = ((high - low) * scale).tolist()
     column = max(wide, _NARROWEST) if columns > 1 else wide
-    width = max(16 + columns * (column + 8), text_width(title, _LETTERS) + 24, 320)
+    width = max(16 + columns * (column + 8), text_width(title, _LETTERS, bold=True) + 24, 320)
     legend, top = _legend(layers.names(chosen), width)
     shapes: list[Shape] = [Text(8, 24, title, _LETTERS, bold=True), *legend]
     captions = [wrap_text(_caption(layers, number), _SMALLEST, column) for number in chosen]

@@ -106,7 +106,7 @@ class Areas(SvgRepr):
         return self.xy[self.ring_start[index] : self.ring_start[index + 1]]
 
     def rings(self, layer: int) -> Iterator[Float]:
-        """Iterate over the rings of one layer, each (n, 2)."""
+        """Return the rings of the layer with this index, from 0, each (n, 2)."""
         first, last = np.searchsorted(self.ring_layer, [layer, layer + 1])
         return (self.ring(i) for i in range(first, last))
 

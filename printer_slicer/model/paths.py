@@ -236,7 +236,7 @@ class Toolpaths(SvgRepr):
         return replace(self, start=start, **columns, **of_path)
 
     def begins_at(self, layer: int) -> Bool:
-        """Return which paths (M,) are in this layer, or in a later layer but start at the same bottom.
+        """Return (M,) which paths are in the layer with this index, from 0, or later but start at the same bottom.
 
         The latter are first layers of objects with their own layer plan.
         """

@@ -66,7 +66,7 @@ class WorstLayer:
     """Layer with the largest bound of a plan, and the feature that causes it.
 
     Attributes:
-        layer: index of the layer.
+        layer: number of the layer, counted from 1.
         z, x, y: mm, a point on the facet, edge or corner.
         kind: "facet", "flat", "edge", "corner", or "top" if the last layer ends below or above the top of the part;
             "none" if no layer can be wrong.
@@ -255,7 +255,7 @@ def _find_worst(
     if missing > bound[layer] or bound[layer] <= 0:
         x, y, _ = surface.triangles.reshape(-1, 3)[surface.triangles[:, :, 2].argmax()]
         kind = "top" if missing > 0 else "none"
-        return WorstLayer(plan.n_layers - 1, surface.height, float(x), float(y), kind, max(missing, 0.0))
+        return WorstLayer(plan.n_layers, surface.height, float(x), float(y), kind, max(missing, 0.0))
     whole = plan.containment != "mid"
     if rising[layer] >= falling[layer]:
         begin, end, contacts, turn = bottom if whole else cut, top, surface.contacts, 1
@@ -267,7 +267,7 @@ def _find_worst(
     x, y, z, kind = _find_point(surface.triangles, source, z, flat=bool(flat))
     if end > surface.height and contacts is surface.contacts and z >= surface.height - _ROUNDING:
         kind = "top"
-    return WorstLayer(layer, z, x, y, kind, float(bound[layer]))
+    return WorstLayer(layer + 1, z, x, y, kind, float(bound[layer]))
 
 
 def _find_point(triangles: Float, source: int, z: float, *, flat: bool) -> tuple[float, float, float, str]:

@@ -19,6 +19,7 @@ import pytest
 
 import printer_slicer as ps
 from printer_slicer.cli.argument_flags import name_flags
+from printer_slicer.drawing.canvas import Text, text_width
 from tests.api.example import run
 from tests.parts import box, cone
 from tests.waiting import LAST_RESORT
@@ -274,6 +275,35 @@ def test_all_stages_and_their_job_show_the_moves(tmp_path: Path) -> None:
 
     assert STAGES._repr_svg_() == job._repr_svg_() == STAGES.program._repr_svg_()
     assert f"extrusions at {len(job.heights)} heights" in read._repr_svg_()
+
+
+@pytest.mark.parametrize("size", [(2, 150, 3), (200, 3, 2), (2, 2, 3)], ids=str)
+def test_all_texts_fit_into_their_pictures(size: tuple[float, float, float]) -> None:
+    name = (
+        "a name of a part that somebody exported from a program that likes long names, version 2, final.stl"
+    )
+    stages = ps.slice_stages(ps.Mesh(box(size).triangles, name), PROFILE)
+    job = dataclasses.replace(ps.job_of(stages, PROFILE), program=None)
+    certificate = ps.certify(ps.read_surface(stages.part), stages.plan)
+    values = [stages.part, certificate, job, *(getattr(stages, name) for name in DRAWN)]
+    pictures = [ps.draw(value, layer) for value in values for layer in (None, 2)]
+
+    assert [
+        (text.text, right) for one in pictures for text, right in right_ends(one) if right > one.width
+    ] == []
+
+
+def right_ends(picture: ps.Picture) -> list[tuple[Text, float]]:
+    """The texts of a picture, and where each ends, px."""
+    texts = [shape for shape in picture.shapes if isinstance(shape, Text)]
+    share = {"start": 1.0, "middle": 0.5, "end": 0.0}
+    return [(one, one.x + share[one.anchor] * text_width(one.text, one.size, bold=one.bold)) for one in texts]
+
+
+def test_the_worst_layer_of_a_certificate_is_counted_from_1() -> None:
+    certificate = ps.certify(ps.read_surface(STAGES.part), STAGES.plan)
+
+    assert certificate.worst.layer == int(certificate.bound.argmax()) + 1
 
 
 def test_a_section_is_drawn_as_large_as_it_is() -> None:
