@@ -11,13 +11,13 @@ import msgspec
 from printer_slicer.profile.reading import flatten
 from printer_slicer.profile.tables import SettingRow, settings_table
 
-__all__ = ["Difference", "differences_as_html", "differences_as_text", "list_differences"]
+__all__ = ["ChangedSetting", "differences_as_html", "differences_as_text", "list_differences"]
 
 _MOST_ROWS: Final = 24  # in a text or table
 _MOST_LETTERS: Final = 40  # of a value
 
 
-class Difference(NamedTuple):
+class ChangedSetting(NamedTuple):
     """A setting that differs from its default.
 
     Attributes:
@@ -33,7 +33,7 @@ class Difference(NamedTuple):
     default: str
 
 
-def list_differences(sections: Mapping[str, msgspec.Struct]) -> list[Difference]:
+def list_differences(sections: Mapping[str, msgspec.Struct]) -> list[ChangedSetting]:
     """Return the settings that differ from their defaults, without display names.
 
     Args:
@@ -43,7 +43,9 @@ def list_differences(sections: Mapping[str, msgspec.Struct]) -> list[Difference]
     return [one for kind, section in sections.items() for one in _of_section(kind, section, rows)]
 
 
-def _of_section(kind: str, section: msgspec.Struct, rows: Mapping[str, SettingRow]) -> Iterator[Difference]:
+def _of_section(
+    kind: str, section: msgspec.Struct, rows: Mapping[str, SettingRow]
+) -> Iterator[ChangedSetting]:
     """Yield the differences of one section."""
     values = msgspec.to_builtins(section)
     planner = values.get("planner", {}).get("kind", "")
@@ -55,7 +57,7 @@ def _of_section(kind: str, section: msgspec.Struct, rows: Mapping[str, SettingRo
         text = _format(value)
         default = "" if row.default in ("required", "empty") else _format(_number(row.default))
         if text != default:
-            yield Difference(key, text, row.unit, default)
+            yield ChangedSetting(key, text, row.unit, default)
 
 
 def _number(text: str) -> object:
@@ -87,7 +89,7 @@ def _headline(names: Sequence[str], count: int) -> str:
     )
 
 
-def differences_as_text(names: Sequence[str], rows: Sequence[Difference]) -> str:
+def differences_as_text(names: Sequence[str], rows: Sequence[ChangedSetting]) -> str:
     """Return a line for the profile and a line for each of the first rows.
 
     Args:
@@ -104,7 +106,7 @@ def differences_as_text(names: Sequence[str], rows: Sequence[Difference]) -> str
     return "\n".join([*lines, ">"]) if len(lines) > 1 else f"{lines[0]}>"
 
 
-def differences_as_html(names: Sequence[str], rows: Sequence[Difference]) -> str:
+def differences_as_html(names: Sequence[str], rows: Sequence[ChangedSetting]) -> str:
     """Return an HTML table of the first rows; arguments as for `differences_as_text`."""
     head = "".join(f"<th>{title}</th>" for title in ("setting", "value", "unit", "default"))
     body = "".join(

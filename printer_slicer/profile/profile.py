@@ -17,7 +17,7 @@ from printer_slicer.profile.settings import (
 )
 
 if TYPE_CHECKING:
-    from printer_slicer.profile.differences import Difference
+    from printer_slicer.profile.differences import ChangedSetting
 
 __all__ = [
     "HIGHEST_BEAD",
@@ -68,7 +68,7 @@ class Profile(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     def _names(self) -> tuple[str, str, str]:
         return self.printer.name, self.material.name, self.quality.name
 
-    def _differences(self) -> list[Difference]:
+    def _differences(self) -> list[ChangedSetting]:
         from printer_slicer.profile.differences import list_differences  # noqa: PLC0415 - only where it is shown
 
         return list_differences({"quality": self.quality, "material": self.material, "printer": self.printer})
