@@ -211,7 +211,7 @@ def certificate_comments(certificate: Certificate) -> tuple[str, ...]:
     return (
         f"layer heights = {len(set(certificate.plan.height.tolist()))}",
         f"certified error [mm] = {certificate.max_error:.4f}",
-        f"certified error attained = layer {worst.layer + 1}, z {worst.z:.4g}, {worst.kind}",
+        f"certified error attained = layer {worst.layer}, z {worst.z:.4g}, {worst.kind}",
         f"mean error [mm] = {certificate.mean_error:.4f}",
         f"volume error [mm3] = {certificate.volume_error:.2f}",
     )
