@@ -10,7 +10,6 @@ import sys
 import warnings
 from collections.abc import Sequence
 
-from printer_slicer.cli.argument_flags import name_flags
 from printer_slicer.cli.inputs import resolve_inputs
 from printer_slicer.cli.output import colour, lost_output_error, sanitize, survive_closed_streams
 from printer_slicer.cli.parser import COMMANDS, build_parser
@@ -66,6 +65,8 @@ def _run(parser: argparse.ArgumentParser, argv: Sequence[str] | None) -> int:
         with resolve_inputs(arguments) as folder:
             return int(arguments.run(arguments))
     except PrinterSlicerError as error:
+        from printer_slicer.cli.argument_flags import name_flags
+
         message = name_flags(str(error))
         return _fail(message.replace(f"{folder}{os.sep}", "") if folder else message, error.exit_code)
     except KeyboardInterrupt:

@@ -15,7 +15,6 @@ from threading import Lock, Timer
 from time import monotonic
 from typing import TYPE_CHECKING, Final, TextIO
 
-from printer_slicer.cli.argument_flags import name_flags
 from printer_slicer.errors import UsageError
 from printer_slicer.saving import save
 from printer_slicer.texts import format_duration
@@ -53,7 +52,16 @@ _CODES: Final = {"error": "1;31", "warning": "1;33"}
 def say(arguments: argparse.Namespace, text: str) -> None:
     """Print a line, unless --quiet or --json is given."""
     if not (arguments.quiet or arguments.json):
-        print(sanitize(hide_stdin_folder(arguments, name_flags(text))))
+        print(sanitize(hide_stdin_folder(arguments, _with_flags(text))))
+
+
+def _with_flags(text: str) -> str:
+    """Return a text with options in place of the arguments that it names."""
+    if "`" not in text:
+        return text
+    from printer_slicer.cli.argument_flags import name_flags  # few messages name arguments
+
+    return name_flags(text)
 
 
 def hide_stdin_folder(arguments: argparse.Namespace, text: str) -> str:
@@ -80,7 +88,7 @@ def warn(arguments: argparse.Namespace, warnings: Sequence[str]) -> None:
     """Print warnings to stderr, unless --quiet is given."""
     for text in () if arguments.quiet else warnings:
         prefix = colour("printer-slicer: warning:", "warning", sys.stderr)
-        print(f"{prefix} {sanitize(name_flags(text))}", file=sys.stderr)
+        print(f"{prefix} {sanitize(_with_flags(text))}", file=sys.stderr)
 
 
 # Progress
