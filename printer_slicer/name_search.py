@@ -31,7 +31,7 @@ def without_nozzle(name: str) -> str:
 
 
 def match_rank(asked: Sequence[str], words: Sequence[str]) -> tuple[int, int] | None:
-    """Rank how well a name matches what was asked for; lower is better, None is no match.
+    """Rank how well a name matches typed words; lower is better, None is no match.
 
     Args:
         asked: words that were typed.

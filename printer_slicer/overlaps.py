@@ -69,7 +69,7 @@ def _measure_overlaps(common: Areas) -> tuple[Float, Float]:
 
 
 def find_collisions(part: Mesh) -> Iterator[Overlap]:
-    """The pairs of objects of a part that occupy the same space by more than 0.1 mm, ordered by the second.
+    """Yield the pairs of objects that occupy the same space by more than 0.1 mm, ordered by the second.
 
     Objects of one file are placed relative to each other on purpose: one may stand on another or reach over it. Their
     sections are compared on 24 planes over the height that both have.
@@ -92,7 +92,7 @@ def find_collisions(part: Mesh) -> Iterator[Overlap]:
 
 
 def _sections(part: Mesh, number: int, z: Float) -> Areas:
-    """The solid sections of an object at heights (n,), mm."""
+    """Return the solid sections of an object at heights (n,), mm."""
     item = part.objects[number]
     return normalize(section_contours(part.triangles[item.first : item.first + item.count], z))
 

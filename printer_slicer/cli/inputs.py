@@ -130,7 +130,7 @@ def _insist_on_output(arguments: argparse.Namespace, models: Sequence[Path]) -> 
 
 
 def _unnamed(arguments: argparse.Namespace, models: Sequence[Path]) -> bool:
-    """Whether no output name follows from the arguments for a model on stdin."""
+    """Return whether the output of a model on stdin has no name."""
     into = getattr(arguments, "output_dir", None) is not None
     return into or (models[0] == _STDIN and arguments.output is None)
 

@@ -151,7 +151,7 @@ def _between(program: Program, end: int, begin: int) -> int:
 
 
 def _lifts(program: Program, move: int) -> bool:
-    """Whether a move only lifts the nozzle."""
+    """Return whether a move only lifts the nozzle."""
     step = program.xyz[move] - program.xyz[move - 1]
     return bool(step[2] > 0 and (step[:2] == 0).all() and program.filament[move] == 0)
 

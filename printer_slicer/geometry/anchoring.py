@@ -73,7 +73,7 @@ def anchor(areas: Areas, lines: Polylines, *, longest: float, hook: float, apart
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Outline:
-    """All outlines laid end to end, so that one number gives a position on an outline.
+    """All outlines joined end to end, so that one number gives a position on an outline.
 
     Attributes:
         areas: the areas with these outlines.

@@ -52,7 +52,7 @@ def cut_sharp_corners(lines: Polylines, corners: Int, areas: Areas, apart: float
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Cuts:
-    """Parts to cut out of lines; positions count along all lines laid end to end, 1 mm apart.
+    """Parts to cut out of lines; positions count along all lines joined end to end, 1 mm apart.
 
     Attributes:
         lines: lines without repeated points.

@@ -62,7 +62,7 @@ def find_rectangle(made: Conversion) -> BedRectangle:
 
 
 def _is_rectangle(points: list[_Point], low: _Point, high: _Point) -> bool:
-    """Whether the outline fills its bounding box."""
+    """Return whether the outline fills its bounding box."""
     turned = zip(points, points[1:] + points[:1], strict=True)
     area = abs(sum(a[0] * b[1] - a[1] * b[0] for a, b in turned)) / 2
     whole = (high[0] - low[0]) * (high[1] - low[1])

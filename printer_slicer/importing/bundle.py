@@ -103,7 +103,7 @@ class PresetBundle:
         return next(iter(get_close_matches(name, names, n=1)), "")
 
     def is_compatible(self, preset: Preset, printer: Preset) -> bool:
-        """Whether a material or quality is meant for this printer."""
+        """Return whether a material or quality is meant for this printer."""
         listed = [name for name in split_texts(preset.raw("compatible_printers")) if name]
         if listed:
             return printer.name in listed

@@ -19,7 +19,7 @@ _SWITCHES: Final = ("silent_mode", "variable_layer_height", "gcode_comments", "g
 
 
 def condition_holds(condition: str, known: Mapping[str, str]) -> bool | None:
-    """Whether a condition is true for some settings; None if it cannot be evaluated.
+    """Return whether a condition is true for some settings; None if it cannot be evaluated.
 
     Args:
         condition: as in `compatible_printers_condition`.
@@ -59,7 +59,7 @@ class SettingValues(Mapping[str, Value]):
         return Items(_item(word.strip().strip('"'), name) for word in items)
 
     def __contains__(self, name: object) -> bool:
-        """Whether a setting is present and not a percentage."""
+        """Return whether a setting is present and not a percentage."""
         try:
             return isinstance(name, str) and self[name] is not None
         except KeyError:

@@ -21,7 +21,7 @@ _SUFFIX: Final = ".def.json"
 
 
 def is_cura_definition(values: Mapping[str, Any]) -> bool:
-    """Whether a JSON file is a Cura definition."""
+    """Return whether a JSON file is a Cura definition."""
     return "version" in values and ("overrides" in values or isinstance(values.get("settings"), dict))
 
 

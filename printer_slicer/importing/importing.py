@@ -49,7 +49,7 @@ class ImportRequest:
     cura: Mapping[str, str] = field(default_factory=dict)
 
     def takes(self, kind: str, name: str) -> bool:
-        """Whether a preset is to be imported."""
+        """Return whether a preset is to be imported."""
         return kind in self.kinds and (
             not self.names or any(name == one or fnmatchcase(name, one) for one in self.names)
         )

@@ -84,7 +84,7 @@ class Preset:
     notes: tuple[ImportNote, ...] = ()
 
     def has(self, key: str) -> bool:
-        """Whether the source sets a setting."""
+        """Return whether the source sets a setting."""
         return key in self.entries and self.entries[key].text.strip() not in _NOTHING
 
     def raw(self, key: str) -> str:
@@ -135,7 +135,7 @@ class Preset:
         return found
 
     def is_on(self, key: str) -> bool:
-        """Whether a switch is on."""
+        """Return whether a switch is on."""
         return self.items(key)[0].lower() in ("1", "true", "yes", "on")
 
     def where(self, key: str) -> str:

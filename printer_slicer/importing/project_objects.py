@@ -116,7 +116,7 @@ def _settings_of(one: _Object, place: str, *, orca: bool, alone: bool) -> list[O
 
 
 def _is_default(key: str, value: str) -> bool:
-    """Whether a setting is the default: it chooses the first tool."""
+    """Return whether a setting is the default: it chooses the first tool."""
     return key == "extruder" and value in ("0", "1")
 
 

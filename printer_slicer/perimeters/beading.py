@@ -89,7 +89,7 @@ class Beading:
         return np.maximum(result, 0.0)
 
     def deepest_dip(self, layer: Int) -> Float:
-        """The strain up to which the middle bead continues through a short thin stretch, in spacings.
+        """Return the strain up to which the middle bead continues through a short thin stretch, in spacings.
 
         Up to it, the loops beside the middle bead stay within their limits, and closer to their usual width than
         without the bead: with it they give up half of the missing width, without it they take half of the rest.

@@ -309,7 +309,7 @@ def _beside(ring: Int, point: Float, rings: Areas, layout: BeadLayout) -> Int:
 
 
 def _longest_middles(rings: Areas) -> Float:
-    """(R, 2) the middle of the longest side of each ring, mm."""
+    """Return the middle (R, 2) of the longest side of each ring, mm."""
     way = rings.xy.take(rings.following, axis=0) - rings.xy
     order = np.lexsort((norm(way), rings.point_ring))
     longest = order[rings.ring_start[1:] - 1]

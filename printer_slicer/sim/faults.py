@@ -178,7 +178,7 @@ class Faults:
         return (layers if self.layer_now is None else self.layer_now()), z
 
     def _has_come(self, fault: Fault, now: float, line: int, layers: int, z: float) -> bool:
-        """Whether a fault is due."""
+        """Return whether a fault is due."""
         if fault.line is not None:
             return line >= fault.line
         if fault.layer is not None:

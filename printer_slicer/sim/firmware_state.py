@@ -191,7 +191,7 @@ class FirmwareState:
         return f"echo:busy: {self.busy_with}"
 
     def apply_flow_cooling(self) -> None:
-        """Account for the heat that filament carried away since the last call."""
+        """Account for the heat taken by the filament since the last call."""
         if not self.heaters.steady:
             self.heaters.apply_flow_cooling(self.motion_queue.position(self.now)[3], self.now)
 
@@ -269,7 +269,7 @@ class FirmwareState:
         self.motion_queue.set_limits(limits)
 
     def is_warm_enough(self) -> bool:
-        """Whether extrusion is allowed at the current temperature."""
+        """Return whether extrusion is allowed at the current temperature."""
         if self.cold_allowed:
             self.hot = True
             return True

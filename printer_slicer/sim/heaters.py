@@ -59,7 +59,7 @@ class Heaters:
         self._heat_per_mm = pi * machine.filament_diameter**2 / 4.0 * machine.melting
 
     def all(self) -> tuple[Heater, ...]:
-        """The hotends, then the bed."""
+        """Return the hotends, then the bed."""
         return (*self.hotends, self.bed)
 
     def named(self, name: str) -> Heater:
@@ -71,7 +71,7 @@ class Heaters:
         self.tool, self.hotend = tool, self.hotends[tool]
 
     def apply_flow_cooling(self, fed: float, now: float) -> None:
-        """Account for the heat that filament fed since the last call, up to `fed` mm, carried away evenly."""
+        """Account for the heat taken by the filament fed since the last call, up to `fed` mm in all, spread evenly."""
         since, before = self._melted_by
         if now <= since:
             return
@@ -82,12 +82,12 @@ class Heaters:
         self._melted_by = (now, fed)
 
     def flow(self, mm: float, seconds: float) -> None:
-        """From now on as much plastic flows as this in so many seconds, until `flowed`."""
+        """Start a constant flow of filament, which lasts until `flowed`."""
         self.steady = True
         self.hotend.flow_loss = max(mm, 0.0) / max(seconds, 1e-9) * self._heat_per_mm
 
     def flowed(self, fed: float, now: float) -> None:
-        """That is over; `fed` mm were fed in all."""
+        """End the flow; `fed` mm were fed in all."""
         self.hotend.temperature(now)
         self.hotend.flow_loss = 0.0
         self._melted_by = (now, fed)
@@ -99,7 +99,7 @@ class Heaters:
         return min(update_clipping.due for update_clipping in self.protections.values())
 
     def target_set(self, heater: Heater, now: float) -> None:
-        """A heater got another target."""
+        """Note that a heater got another target."""
         for name, update_clipping in self.protections.items():
             if self.named(name) is heater:
                 update_clipping.target_set(now)
@@ -110,14 +110,14 @@ class Heaters:
         self.protections[name].disturbed(now)
 
     def wrong(self, now: float) -> tuple[str, str] | None:
-        """Which heater is out of control, and how; None while all is well."""
+        """Return which heater is out of control, and how; None if none is."""
         for name, update_clipping in self.protections.items():
             if update_clipping.due <= now and (what := update_clipping.check(now)):
                 return name, what
         return None
 
     def told(self, language: Literal["marlin", "klipper", "virtual"], now: float) -> str:
-        """All temperatures, as the answer to M105 has them."""
+        """Return all temperatures as in the answer to M105."""
         for update_clipping in self.protections.values():
             update_clipping.seen(now)
         bed, hotends = self.bed, list(enumerate(self.hotends))

@@ -215,7 +215,7 @@ class LineReader:
 
 
 def _right(command: bytes) -> bool:
-    """Whether a line has a right checksum or none."""
+    """Return whether a line has a correct checksum or none."""
     body, star, check = command.rpartition(b"*")
     if not star or not command.startswith(b"N"):
         return True

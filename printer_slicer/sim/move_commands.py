@@ -136,7 +136,7 @@ def _prepared(state: FirmwareState, goal: Axes) -> Block | None:
 
 
 def _lifts(state: FirmwareState, old: Axes, goal: Axes) -> bool:
-    """Whether a move only lifts the nozzle a little, as many start G-codes do before homing."""
+    """Return whether a move only lifts the nozzle slightly, as many start G-codes do before homing."""
     lift = goal[2] - old[2]
     return state.firmware.dialect != "klipper" and goal[:2] == old[:2] and 0.0 < lift <= HARMLESS_LIFT
 

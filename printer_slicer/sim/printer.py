@@ -358,7 +358,7 @@ class SimulatedPrinter:
         self._ready = max(self._ready, self._state.now) + self._firmware.seconds_per_line
 
     def _sees_early(self, code: str) -> bool:
-        """Whether an urgent command is executed when it is queued."""
+        """Return whether an urgent command is executed when it is queued."""
         if self._firmware.language == "klipper":
             return code == "M112"
         return not self._firmware.emergency_parser and not self._card.writing

@@ -472,7 +472,7 @@ def _facts(check: Check, limits: CoverageLimits) -> dict[str, Any]:
 
 
 def _draw(check: Check, model: str, path: Path) -> None:
-    """The worst layer of each kind, then other layers, as long as there is room."""
+    """Draw the worst layer of each kind of finding, then other layers while there is room."""
     from printer_slicer.drawing import coverage_picture, picture_bytes
 
     kinds: dict[str, Diagnostic] = {}

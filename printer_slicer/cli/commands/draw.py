@@ -154,7 +154,7 @@ def _located(
 
 
 def _choose_layer(arguments: argparse.Namespace, levels: FileLayers, report: Stages) -> tuple[int, str]:
-    """Return the index of the layer to draw, and why it was chosen; empty if it was asked for.
+    """Return the index of the layer to draw, and why it was chosen; empty if the user chose it.
 
     Raises:
         UsageError: the file has no such layer.
@@ -204,7 +204,7 @@ def _layers_of(finding: Diagnostic, levels: FileLayers) -> Iterable[int]:
 
 
 def _asked_layer(arguments: argparse.Namespace, levels: FileLayers) -> int:
-    """Return the index of the layer that is asked for.
+    """Return the index of the requested layer.
 
     Raises:
         UsageError: the file has no such layer.

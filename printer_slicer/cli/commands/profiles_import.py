@@ -180,7 +180,7 @@ def _paths(arguments: argparse.Namespace, made: Sequence[ImportedProfile]) -> li
     root: Path = arguments.out or own_folder((), "profiles import", "Name a folder with -o FOLDER")
 
     def is_taken(kind: str, file_name: str, name: str) -> bool:
-        """Whether a shipped profile, or one of another preset, has this name."""
+        """Return whether a shipped profile, or one of another preset, has this name."""
         file = Path(FOLDERS[kind], f"{file_name}.toml")
         return (profile_root() / file).exists() or _display_name(root / file) not in ("", name)
 
@@ -238,7 +238,7 @@ def _write(arguments: argparse.Namespace, made: Sequence[ImportedProfile], paths
 
 
 def _differs(path: Path, text: bytes) -> bool:
-    """Whether a path exists with other contents."""
+    """Return whether a path exists with other contents."""
     return path.exists() and not (path.is_file() and path.read_bytes() == text)
 
 

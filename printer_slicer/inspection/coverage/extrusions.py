@@ -174,7 +174,7 @@ def extrusions_of_moves(moves: Moves, filament_diameter: float | Float) -> tuple
 
 
 def _laid(fed: Float, tool: Int) -> Float:
-    """(K,) mm of filament that leave the nozzle: the increase of the maximum fed so far, by tool."""
+    """Return the filament (K,) that leaves the nozzle, mm: the increase of the largest amount fed so far, by tool."""
     laid = np.zeros(len(fed))
     for one in np.unique(tool).tolist():
         own = np.flatnonzero(tool == one)

@@ -86,7 +86,7 @@ def measure_fill(stack: Stack, of_part: Bool, core: Areas, wanted: Float, overla
 
 
 def overlap_cells(beads: Extrusions, layer_height: float, overlap_ratio: float, cell: float) -> Areas:
-    """Where beads of one layer overlap, as a stack of one: the cells of each row side by side as a rectangle."""
+    """Return the overlap of a layer's extrusions as areas of one layer; cells side by side in a row form a rectangle."""
     window = _window(cell, beads)
     high = window_mean(rasterize_fill(beads, window, layer_height), _reach(beads, cell)) > overlap_ratio
     steps = np.diff(np.pad(high, ((0, 0), (1, 1))).astype(np.int8), axis=1)
@@ -100,7 +100,7 @@ def overlap_cells(beads: Extrusions, layer_height: float, overlap_ratio: float, 
 
 
 class _Slabs:
-    """What fills each layer, whenever it is laid; `deep` (L,) is whether some of it is part of a deeper bead."""
+    """Extrusions that fill each layer, in any order; `deep` (L,) tells whether a taller extrusion is among them."""
 
     def __init__(self, stack: Stack, of_part: Bool) -> None:
         """Take all beads, and which make up the part."""
@@ -116,7 +116,7 @@ class _Slabs:
         self._bounds = np.searchsorted(parts.layer[own], np.arange(n + 1))
 
     def of_layer(self, k: int) -> Extrusions:
-        """All that fills layer k, one of the deep ones."""
+        """Return everything that fills layer k, one of the deep layers."""
         return self._beads.take(np.arange(self._bounds[k], self._bounds[k + 1]))
 
 
@@ -132,7 +132,7 @@ def _reach(beads: Extrusions, cell: float) -> int:
 
 
 def _window(cell: float, beads: Extrusions) -> CellWindow:
-    """The cells around beads."""
+    """Return the window of cells around extrusions."""
     ends = np.concatenate([beads.begin, beads.end])
     if not len(ends):
         return CellWindow(0, 0, 1, 1, cell)

@@ -171,7 +171,7 @@ def _of_volume(coverage: Coverage, limits: CoverageLimits) -> Iterator[_Kind]:
 
 
 def _beside_fins(coverage: Coverage, layers: Bool, width: float) -> Float:
-    """(L,) mm² covered beside fins that are narrower than a line; `layers` (L,) chooses layers."""
+    """Return the area (L,) covered beside fins narrower than a line, mm²; `layers` (L,) selects layers."""
     sections = coverage.sections.of_layers(layers)
     fins = difference(sections, offset_open(sections, width / 2))
     beside = difference(coverage.covered.of_layers(layers), sections)

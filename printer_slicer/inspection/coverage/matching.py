@@ -74,7 +74,7 @@ def guess_shift(stack: Stack, sections: Areas) -> tuple[float, float]:
 
 
 def fit_sections(stack: Stack, sections: Areas, rounds: int = 6) -> Match:
-    """The shift that brings the sections' outlines half a bead outside the outer perimeters, by least squares.
+    """Return the shift that places the outlines half a width outside the external perimeters, by least squares.
 
     Distances are taken along the normals of the outlines; beads farther than half a width from where they belong are
     left out, as inner perimeters are in files that do not tell them apart. Without rounds the shift stays 0.
@@ -112,7 +112,7 @@ def fit_sections(stack: Stack, sections: Areas, rounds: int = 6) -> Match:
 
 
 def find_detached(stack: Stack, sections: Areas) -> Bool:
-    """(B,) which extrusions of unknown purpose belong to paths away from the section of their layer."""
+    """Return a mask (B,) of extrusions of unknown role in paths away from the section of their layer."""
     beads, layer = stack.beads, stack.layer
     result = np.zeros(beads.n_beads, np.bool_)
     doubtful = np.flatnonzero((beads.purpose == Purpose.UNKNOWN) & (layer >= 0))
@@ -131,7 +131,7 @@ def find_detached(stack: Stack, sections: Areas) -> Bool:
 
 
 def _outer(beads: Extrusions) -> Bool:
-    """(B,) the external perimeters, or all extrusions of the part if roles are unknown."""
+    """Return a mask (B,) of the external perimeters, or of all extrusions of the part if roles are unknown."""
     outer = beads.purpose == Purpose.EXTERNAL_PERIMETER
     return outer if outer.any() else ~np.isin(beads.purpose, NOT_PART)
 

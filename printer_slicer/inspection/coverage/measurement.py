@@ -217,7 +217,7 @@ def _to_be_full(sections: Areas, stack: Stack, depth: float) -> Areas:
 
 
 def _classify(stack: Stack, sections: Areas, beside: Bool | None) -> tuple[Bool, Bool]:
-    """(B,) which beads make up the part, and which should but lie far from it."""
+    """Return masks (B,) of the extrusions of the part, and of those that should be but lie far from it."""
     mine = ~np.isin(stack.beads.purpose, NOT_PART) & (stack.layer >= 0)
     mine &= True if beside is None else ~beside
     astray = mine & _far_off(stack.beads, sections)
@@ -225,7 +225,7 @@ def _classify(stack: Stack, sections: Areas, beside: Bool | None) -> tuple[Bool,
 
 
 def _far_off(beads: Extrusions, sections: Areas) -> Bool:
-    """(B,) which beads begin or end far from everything that is to be printed; of no part none does."""
+    """Return a mask (B,) of extrusions that start or end far from every section; none if there are no sections."""
     if not sections.n_rings:
         return np.zeros(beads.n_beads, np.bool_)
     low, high = sections.xy.min(axis=0) - _FAR, sections.xy.max(axis=0) + _FAR
@@ -234,7 +234,7 @@ def _far_off(beads: Extrusions, sections: Areas) -> Bool:
 
 
 def overlapping(coverage: Coverage, layer: int) -> Areas:
-    """Where the beads of a layer overlap, to a cell, as a stack of one layer."""
+    """Return where the extrusions of a layer overlap, to one cell, as areas of one layer."""
     own = np.flatnonzero(coverage.of_part & (coverage.stack.layer == layer))
     height = float(coverage.stack.height[layer])
     return overlap_cells(

@@ -182,7 +182,7 @@ def placed_sections(
 def _matched(
     mesh: Mesh, beads: Extrusions, stack: Stack, placement: Placement | None
 ) -> tuple[Mesh, Stack, Areas, Match]:
-    """The part where it lies, the layers that it has there, its section in each, and how well that fits."""
+    """Return the part in its position, its layers there, its section in each, and how well they match."""
     part = _put(mesh, stack, placement)
     pair = _cut_twice(part, stack)
     match = _fit(stack, pair[0], look=placement is None)
@@ -199,7 +199,7 @@ def _matched(
 
 
 def _put(mesh: Mesh, stack: Stack, placement: Placement | None) -> Mesh:
-    """The part where it was told to be, or, to be matched, on the raft or the bed with its corner over the origin."""
+    """Return the part in the requested position, or on the raft or bed with its corner at the origin."""
     low, high = mesh.bounds
     by = -low
     if placement is not None and placement.as_placed:
@@ -214,7 +214,7 @@ def _put(mesh: Mesh, stack: Stack, placement: Placement | None) -> Mesh:
 
 
 def _cut_twice(part: Mesh, stack: Stack) -> tuple[Areas, Areas]:
-    """The sections just under and just over the middle of each layer."""
+    """Return the sections just below and just above the middle of each layer."""
     middle = (stack.top + stack.bottom) / 2
     low, high = (
         cut(part, LayerPlan(stack.top, middle + by), _RESOLUTION).solid for by in (-_BESIDE, _BESIDE)
@@ -223,7 +223,7 @@ def _cut_twice(part: Mesh, stack: Stack) -> tuple[Areas, Areas]:
 
 
 def _fit(stack: Stack, sections: Areas, *, look: bool) -> Match:
-    """Where sections lie, or how well they fit where they are."""
+    """Find the position of sections, or measure how well they match where they are."""
     if not look:
         return replace(fit_sections(stack, sections, rounds=0), shift=(0.0, 0.0))
     guess = guess_shift(stack, sections)
@@ -232,14 +232,14 @@ def _fit(stack: Stack, sections: Areas, *, look: bool) -> Match:
 
 
 def _near_part(part: Mesh, beads: Extrusions) -> Bool:
-    """(B,) the beads of a part that begin near its box."""
+    """Return a mask (B,) of extrusions that start near the bounding box of a part."""
     low, high = part.bounds[:, :2]
     near = ((beads.begin > low - _NEAR) & (beads.begin < high + _NEAR)).all(axis=1)
     return np.asarray(near) & ~np.isin(beads.purpose, NOT_PART)
 
 
 def _choose_section(stack: Stack, low: Areas, high: Areas) -> Areas:
-    """Of two sections of a layer, between which the part has a flat, the one that is more like what is printed.
+    """Choose between the sections below and above a flat surface the one more similar to the print.
 
     A flat in the very middle of a layer may be printed either way.
     """
@@ -273,7 +273,7 @@ def _problems(coverage: Coverage, match: Match, part: Mesh) -> Iterator[str]:
 
 
 def _left_out(part: Mesh, coverage: Coverage, over: float) -> bool:
-    """Whether printable layers are missing above the last layer; the tips of needles are not printable."""
+    """Return whether printable layers are missing above the last one; tips of needles are not printable."""
     stack = coverage.stack
     height = float(stack.height[-1])
     if over <= height / 2 + _ROUNDED:

@@ -80,7 +80,7 @@ def cell_for(low: Float, high: Float) -> float:
 
 
 def rasterize_fill(beads: Extrusions, window: CellWindow, layer_height: float = np.inf) -> Float:
-    """(deep, wide) how often each cell is filled to the height of the beads in it: 1 where it is just full.
+    """Return how often each cell (deep, wide) is filled up to the height of its extrusions; 1 is full.
 
     Slopes count by how much of the layer's height they fill.
 
@@ -121,7 +121,7 @@ def _runs(block: Int) -> list[tuple[int, int]]:
 def _spread(
     beads: Extrusions, reach: Float, weight: Float, counts: tuple[Int, Int], window: CellWindow
 ) -> Float:
-    """(deep · wide,) material of extrusions in each cell.
+    """Return the material of extrusions in each cell (deep · wide,).
 
     Args:
         beads: some.
@@ -162,7 +162,7 @@ def rows_of(areas: Areas, cell: float) -> Lines:
 
 
 def covered_share(rows: Lines, layer: int, window: CellWindow) -> Float:
-    """(deep, wide) the share of each cell that rows of a layer cover; exact along x, to a quarter of a cell along y."""
+    """Return the covered share of each cell (deep, wide); exact along x, to a quarter of a cell along y."""
     first, last = np.searchsorted(rows.layer, [layer, layer + 1])
     row = rows.row[first:last] // _ROWS - window.front
     inside = (row >= 0) & (row < window.deep)

@@ -195,7 +195,7 @@ def stack_extrusions(beads: Extrusions, part: Bool | None = None) -> Stack:
 
 
 def _lie_flat(beads: Extrusions, own: Bool) -> Bool:
-    """(B,) which beads are laid at one height.
+    """Return a mask (B,) of extrusions that stay at one height.
 
     In spirals z is rounded, so short beads seem flat between others that rise; flat runs so short are no layers.
     """
@@ -211,13 +211,13 @@ def _lie_flat(beads: Extrusions, own: Bool) -> Bool:
 
 
 def _levels(z: Float) -> Float:
-    """The heights at which beads lie, those that differ by rounding only once: the highest of each."""
+    """Return the distinct heights of extrusions; of heights that differ by rounding, the highest."""
     values = np.unique(np.round(z, 4))
     return np.asarray(values[np.append(np.diff(values) > _LEVEL, True)[: len(values)]])
 
 
 def _is_rim(levels: Float, beads: Extrusions, sloped: Bool) -> bool:
-    """Whether the highest of the levels is where a spiral ends in a flat turn, and no layer by itself."""
+    """Return whether the highest level is the flat last turn of a spiral and not a layer."""
     if len(levels) < 2:
         return False
     between = sloped & (beads.z_top > levels[-2] + _LEVEL)
@@ -227,7 +227,7 @@ def _is_rim(levels: Float, beads: Extrusions, sloped: Bool) -> bool:
 
 
 def _turns(free: Extrusions, levels: Float) -> Float:
-    """(T + 1,) the heights at which the T turns of a spiral begin and end, mm."""
+    """Return the heights (T + 1,) at which the T turns of a spiral start and end, mm."""
     rise = float(np.maximum(free.rise, 0.0).sum())
     if not rise > 0:
         return np.zeros(1)
@@ -253,7 +253,7 @@ def _turns(free: Extrusions, levels: Float) -> Float:
 
 
 def _heights(beads: Extrusions, layer: Int, top: Float, bottom: Float, n_flat: int) -> Float:
-    """(B,) how thick each bead is.
+    """Return the height (B,) of each extrusion, mm.
 
     As thick as its layer, unless it may reach deeper and would be unusually wide otherwise. What comments tell counts
     where the moves allow it. Outermost perimeters are thicker than their layer only where objects have layers of their

@@ -33,7 +33,7 @@ _UPRIGHT: Final = 0.01  # mm from layer to layer: a spiral's wall that moves by 
 
 
 def path_numbers(beads: Extrusions, layer: Int) -> Int:
-    """(B,) path number of each extrusion; consecutive connected extrusions of a layer form a path."""
+    """Return the path number (B,) of each extrusion; consecutive connected extrusions of a layer form a path."""
     new = np.diff(layer) != 0
     new |= (np.abs(beads.begin[1:] - beads.end[:-1]) > _JOINED).any(axis=1)
     return np.concatenate([np.zeros(min(beads.n_beads, 1), np.int64), np.cumsum(new)])
@@ -61,7 +61,7 @@ def footprint(stack: Stack, chosen: Bool) -> Areas:
 
 
 def shell_depth(stack: Stack, sections: Areas) -> float:
-    """How deep the perimeters of a file reach into the part, mm; twice the usual width of a bead where none are told.
+    """Return the depth of a file's perimeters in the part, mm; twice the usual width if roles are unknown.
 
     It goes by where their centre lines lie, not by what they hold: too little material does not make the shell thinner.
     """
@@ -87,7 +87,7 @@ def shell_depth(stack: Stack, sections: Areas) -> float:
 
 
 def _thickness(stack: Stack, sections: Areas) -> float:
-    """How thick the wall of a spiral is, mm: twice the depth of its centre line where the outline is upright.
+    """Return the wall thickness of a spiral, mm: twice the depth of its centre line at upright outlines.
 
     Where the outline moves from turn to turn, what lies at the height of a bead is not what its section shows. If it
     does so everywhere, the width of the beads tells more, unless it is greater.
@@ -110,7 +110,7 @@ def _thickness(stack: Stack, sections: Areas) -> float:
 
 
 def exposed_areas(sections: Areas, top: Float, bottom: Float, surface_depth: float) -> Areas:
-    """What of each section has air within `surface_depth` mm above or below it; the bed counts as air.
+    """Return the parts of each section with air within `surface_depth` mm above or below; the bed counts as air.
 
     With 0 it is what the very next layer leaves open.
     """
@@ -124,7 +124,7 @@ def exposed_areas(sections: Areas, top: Float, bottom: Float, surface_depth: flo
 
 
 def printed_body(covered: Areas, core: Areas, sections: Areas, tolerance: float) -> Areas:
-    """The printed body as it looks from outside: what is covered and what the shell encloses, without inner voids.
+    """Return the printed body as seen from outside: covered areas and areas enclosed by the shell, without voids.
 
     A void is a piece of the section that is left out, all deeper than `tolerance` under the outline.
     """

@@ -1,4 +1,4 @@
-"""The plate as a relief: how high plastic stands in every cell, who goes through it, and what hangs over air.
+"""Height map of the plate: the top of the print in each cell, collisions with it, and unsupported extrusions.
 
 Cells are 0.25 mm wide. A bead marks the cells whose middle it covers, as wide as its spacing, so that neighbours leave
 no gap and what only brushes its side does not count as going through it. It rests where something stands under it, or
@@ -63,7 +63,7 @@ class MovePieces:
         return MovePieces(self.move[which], self.x[which], self.y[which], self.z[which], self.length[which])
 
     def beside(self, side: Float) -> MovePieces:
-        """The same pieces, moved with their moves by (n, 2) mm in the plane."""
+        """Return the pieces shifted with their moves by (n, 2) mm in the plane."""
         x, y = (np.ascontiguousarray(side[:, axis])[self.move] for axis in (0, 1))
         x += self.x
         y += self.y
@@ -106,7 +106,7 @@ class PlateHeights:
 
 
 class HeightMap:
-    """The height of everything laid so far.
+    """Height of the print so far in each cell of the plate.
 
     Args:
         low, high: corners of what the nozzle can reach, x and y, mm; what lies outside is not looked at.
@@ -126,7 +126,7 @@ class HeightMap:
         self.highest = 0.0
 
     def cells(self, cut: MovePieces) -> Int:
-        """(P,) the cell of each piece."""
+        """Return the cell (P,) of each piece."""
         # Rounded towards 0, which is cheap: what lies less than a cell outside goes to the edge, where nothing is.
         column = ((cut.x - self._left) * (1 / CELL)).astype(np.int64)
         row = ((cut.y - self._front) * (1 / CELL)).astype(np.int64)
@@ -134,17 +134,17 @@ class HeightMap:
         return np.where(inside, row * self._wide + column, self._outside)
 
     def depth(self, cell: Int, z: Float) -> Float:
-        """(P,) mm by which the nozzle at z is lower than what stands there; negative above it."""
+        """Return how far (P,) the nozzle at z is below the print in its cell, mm; negative if above."""
         return np.asarray(self._top[cell] - z)
 
     def deepest(self, cell: Int, z: Float) -> Float:
-        """(P,) the same, for the cells beside it, too: a nozzle is wider than a cell."""
+        """Return the largest such depth (P,) in the cell and its neighbours: a nozzle is wider than a cell."""
         around = [row * self._wide + column for row in (-1, 0, 1) for column in (-1, 0, 1)]
         beside = np.clip(cell[:, None] + np.array(around), 0, self._outside)
         return np.asarray(self._top[beside].max(axis=1, initial=0.0) - z)
 
     def is_supported(self, cell: Int, lowest: Float, spare: float) -> Bool:
-        """(P,) whether something reaches up to `lowest`, mm, under a piece or beside it.
+        """Return whether (P,) the print reaches up to `lowest`, mm, below a piece or beside it.
 
         Args:
             cell: of each piece.
@@ -185,7 +185,7 @@ class HeightMap:
         self.highest = max(self.highest, float(cut.z.max()))
 
     def plate(self, most: int = 1600) -> PlateHeights:
-        """What stands on the plate, in at most so many cells to a side."""
+        """Return the heights on the plate, in at most `most` cells per side."""
         top = self._top[: self._outside].reshape(self._deep, self._wide)
         rows, columns = (np.flatnonzero((top > 0).any(axis=axis)) for axis in (1, 0))
         if not len(rows):
@@ -200,7 +200,7 @@ class HeightMap:
         )
 
     def connected(self, cell: Int, seeds: Bool, reach: float) -> Bool:
-        """(P,) which pieces lie within `reach` mm of a seed, along cells that hold pieces."""
+        """Return a mask (P,) of pieces within `reach` mm of a seed, along cells with pieces."""
         rows, columns = np.divmod(cell, self._wide)
         top, left = rows.min() - 3, columns.min() - 3
         shape = (int(rows.max() - top) + 4, int(columns.max() - left) + 4)
@@ -219,12 +219,12 @@ class HeightMap:
         return np.asarray(reached.reshape(-1)[place])
 
     def _reaches(self, cell: Int, lowest: Float, spare: float) -> Bool:
-        """(P,) whether what stands in a cell reaches up to `lowest`."""
+        """Return whether (P,) the print in a cell reaches up to `lowest`."""
         return np.asarray(self._top[cell] + spare * self._removable[cell] >= lowest - 1e-4)
 
 
 def _grown(field: Bool, by: int) -> Bool:
-    """The field and its neighbours, to all sides."""
+    """Return a mask grown by one cell to all sides."""
     for _ in range(by):
         field = field.copy()
         field[1:] |= field[:-1]
@@ -278,7 +278,7 @@ class LevelMoves:
         return np.stack([-way[:, 1], way[:, 0]], axis=1)
 
     def width(self, room: Float) -> Float:
-        """(n,) mm from bead to bead where they lie side by side as wide as these.
+        """Return the spacing (n,) of extrusions side by side of this width, mm.
 
         Args:
             room: mm, how far down plastic or bed are under some places of them.
@@ -331,13 +331,13 @@ class MoveBatch(LevelMoves):
         return (self.fed > NOTHING) & ~self.extrudes
 
     def defect_at(self, kind: str, at: int, numbers: Int, amount: float) -> Defect:
-        """What went wrong at one of the moves, where it ends."""
+        """Return the defect at the end of a move."""
         x, y, z = self.end[at].tolist()
         return Defect(kind, int(self.command[at]), int(numbers[at]), z, x, y, amount)
 
 
 def runs_of(at: Int, z: Float, before: float) -> tuple[list[int], list[float]]:
-    """Where something is laid at another height than at the beginning of its run, and that height."""
+    """Return where the extrusion height changes, and the new heights."""
     firsts, heights = [], []
     changes = np.flatnonzero(np.diff(z, prepend=np.nan) != 0)
     for place, height in zip(at[changes].tolist(), z[changes].tolist(), strict=True):

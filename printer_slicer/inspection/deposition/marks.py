@@ -87,7 +87,7 @@ _OF_ROLE: Final = np.array([purpose_of(row.type_comment) for row in ROLES], np.i
 
 
 def purposes_of_roles(roles: Int) -> Int:
-    """(n,) the `Purpose` of each `Role`."""
+    """Return the `Purpose` (n,) of each `Role`."""
     return np.asarray(_OF_ROLE[roles])
 
 
@@ -144,16 +144,16 @@ class Marks:
         return len(self.roles) > 0
 
     def role(self, command: Int) -> Int:
-        """(n,) index of the role of each command."""
+        """Return the index (n,) of the role of each command."""
         at = np.searchsorted(self.roles, command, side="right")
         return np.append(0, self.names)[at]
 
     def tool(self, command: Int) -> Int:
-        """(n,) the tool of each command."""
+        """Return the tool (n,) of each command."""
         return np.append(0, self.tools)[np.searchsorted(self.changes, command, side="right")]
 
     def layer(self, command: Int) -> Int:
-        """(n,) the layer of each command, counted from 1; 0 before the first."""
+        """Return the layer (n,) of each command, counted from 1; 0 before the first."""
         return np.searchsorted(self.layers, command, side="right")
 
 

@@ -36,7 +36,7 @@ class Timeline:
         return self.step * len(self.speed)
 
     def time_of(self, command: Int) -> Float:
-        """(m,) s, when commands (m,) are executed, to one step."""
+        """Return the times (m,) at which commands (m,) are executed, s, to one step."""
         index = np.searchsorted(self.command, command, side="right") - 1
         return np.asarray(np.maximum(index, 0) * self.step)
 

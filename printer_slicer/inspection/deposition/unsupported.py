@@ -88,7 +88,7 @@ def deposit(height_map: HeightMap, laid: LevelMoves, cut: MovePieces, cell: Int,
 
 
 def _bridges(laid: LevelMoves, cut: MovePieces, is_supported: Bool) -> Bool:
-    """(P,) which pieces belong to a straight stretch over a gap that rests at both ends."""
+    """Return a mask (P,) of pieces in a straight line over a gap that is supported at both ends."""
     broken = (np.diff(cut.move) > 0) & (
         np.hypot(*(laid.start[cut.move[1:]] - laid.end[cut.move[:-1]])[:, :2].T) > NOTHING
     )

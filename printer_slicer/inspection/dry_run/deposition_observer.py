@@ -42,7 +42,7 @@ class DepositionObserver:
         )
 
     def finish(self) -> Deposition:
-        """What it came to."""
+        """Return the result."""
         self.move_log.flush()
         return self._recorder.close()
 

@@ -211,7 +211,7 @@ def _with_material(
 
 
 def _same_heights(job: Job, seen: tuple[float, ...]) -> bool:
-    """Whether the printer extruded at the heights of the job, and the job at those of the plan.
+    """Return whether the printer extruded at the heights of the job, and the job at those of the plan.
 
     Heights of the start G-code are left out of the comparison with the plan.
     """

@@ -21,7 +21,7 @@ _PROBED: Final = 16  # points that a machine with a probe touches
 
 
 def machine_of(printer: Printer, extruders: int | None = None, *, one_hotend: bool = False) -> Machine:
-    """The machine that a printer's profile describes; what profiles do not say is that of a common printer.
+    """Return the machine of a printer profile; values that profiles lack are those of a common printer.
 
     Args:
         printer: the profile.
@@ -53,7 +53,7 @@ def machine_of(printer: Printer, extruders: int | None = None, *, one_hotend: bo
 
 
 def simulated_firmware_for(printer: Printer) -> SimulatedFirmware:
-    """How the simulated firmware answers: as Marlin does, but commands mean what they do in the printer's flavour."""
+    """Return the simulated firmware for a printer: it answers as Marlin, but commands mean what they do in its dialect."""
     extended = printer.firmware.dialect.extended_commands
     any_case = any(one.any_case for one in SIMULATED_FIRMWARES.values() if one.dialect == printer.flavour)
     return replace(MARLIN_2_1, dialect=printer.flavour, ignores_extended=extended, any_case=any_case)

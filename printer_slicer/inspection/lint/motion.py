@@ -115,7 +115,7 @@ class MoveJudge:
             old.worst = max(old.worst, worst, key=abs)
 
     def _raised_over(self, moves: Moves) -> Float:
-        """(4, K) the speed limits of the firmware: those of the profile until the file sets others."""
+        """Return the speed limits (4, K) of the firmware: those of the profile until the file sets others."""
         raised = np.repeat(self._raised[:, None], len(moves.speed), axis=1)
         for first, kind, values in moves.changes:
             for axis, letter in enumerate("XYZE" if kind == "M203" else ""):
@@ -124,7 +124,7 @@ class MoveJudge:
         return raised
 
     def _fresh(self, moves: Moves, fed: Float) -> Float:
-        """(K,) mm of new filament that leaves the nozzle: filament that returns after a retraction does not count."""
+        """Return the new filament (K,) that leaves the nozzle, mm; filament that returns after a retraction does not count."""
         fresh = np.zeros(len(fed))
         for tool in np.unique(moves.tool).tolist():
             before, highest = self._fed.get(tool, (0.0, 0.0))
@@ -195,7 +195,7 @@ def _box(moves: Moves, profile: Profile) -> Iterator[_Case]:
 
 
 def _speeds(moves: Moves) -> tuple[Float, Float]:
-    """(4, K) requested speed of each axis, mm/s, and the share of each axis in the length of the move."""
+    """Return the requested speed (4, K) of each axis, mm/s, and each axis's share of the length of the move."""
     x, y, z, e = np.abs(moves.delta.T)
     length = np.sqrt(x * x + y * y + z * z)
     length = np.where(length > 1e-6, length, e)
@@ -240,7 +240,7 @@ def _flow(moves: Moves, fresh: Float, seconds: Float, profile: Profile) -> Itera
 
 
 def _least_seconds(moves: Moves, over: Float) -> Float:
-    """(K,) minimum duration of each move, s: no axis exceeds its limit; `over` (4, K) is speed by limit."""
+    """Return the minimum duration (K,) of each move within the axis limits, s; `over` (4, K) is speed by limit."""
     slow = np.maximum(1.0, over.max(axis=0))
     x, y, z, e = np.abs(moves.delta.T)
     length = np.sqrt(x * x + y * y + z * z)

@@ -57,7 +57,7 @@ class _Track:
     def at(
         self, commands: np.ndarray[tuple[int], np.dtype[np.int64]]
     ) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
-        """(K,) the state before each of the commands (K,)."""
+        """Return the state (K,) before each of the commands (K,)."""
         return np.asarray(self.states)[np.searchsorted(self.since, commands, side="left")]
 
 
@@ -147,16 +147,16 @@ class Readiness:
 
     @staticmethod
     def _standby(command: LintCommand) -> bool:
-        """Whether the command names a tool, which may not be the active one."""
+        """Return whether the command names a tool, which may not be the active one."""
         return "T" in command.words or "P" in command.words
 
     def _lifts(self, moves: Moves) -> Bool:
-        """(K,) which moves only lift the nozzle slightly, as many start G-codes do before homing."""
+        """Return a mask (K,) of moves that only lift the nozzle slightly, as many start G-codes do before homing."""
         x, y, z = moves.delta[:, :3].T
         return np.asarray(self._may_lift & (x == 0) & (y == 0) & (z > 0) & (z <= _HARMLESS_LIFT))
 
     def _cooled(self, moves: Moves, cooling: Bool) -> Bool:
-        """(K,) which moves happen after the nozzle has been off long enough to be too cold."""
+        """Return a mask (K,) of moves after the nozzle has been off long enough to be too cold."""
         seconds = np.where(cooling, _seconds(moves), 0.0)
         total = self._cooling + np.cumsum(seconds)
         begins = cooling & ~np.append(True, cooling[:-1])
@@ -187,7 +187,7 @@ def _target(command: LintCommand) -> float | None:
 
 
 def _seconds(moves: Moves) -> Float:
-    """(K,) s that each move takes at its feed rate."""
+    """Return the duration (K,) of each move at its feed rate, s."""
     length = np.sqrt((moves.delta[:, :3] ** 2).sum(axis=1))
     length = np.where(length > 0, length, np.abs(moves.delta[:, 3]))
     return np.asarray(length / np.maximum(moves.speed, 1e-9))
