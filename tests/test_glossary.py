@@ -24,9 +24,8 @@ COMMANDS: Final = {
     "check --model": ("check", "box.gcode", "--model", BOX),
     "draw": ("draw", "box.gcode", "--layer", "2", "-o", "layer.svg"),
 }
-# Settings that PrusaSlicer and OrcaSlicer have under these names, and a published key of `check`.
+# Settings that PrusaSlicer and OrcaSlicer have under these names.
 KEPT_SETTINGS: Final = ("quality.min_bead_width", "quality.max_bead_width")
-KEPT_KEYS: Final = ("skin",)
 
 
 def rows() -> Iterator[list[str]]:
@@ -54,8 +53,7 @@ def strings_of(value: Any) -> Iterator[str]:
     """Yield the keys and the text values of a JSON document."""
     if isinstance(value, dict):
         for key, inner in value.items():
-            if key not in KEPT_KEYS:
-                yield key
+            yield key
             yield from strings_of(inner)
     elif isinstance(value, list):
         for inner in value:
