@@ -86,7 +86,7 @@ def measure_fill(stack: Stack, of_part: Bool, core: Areas, wanted: Float, overla
 
 
 def overlap_cells(beads: Extrusions, layer_height: float, overlap_ratio: float, cell: float) -> Areas:
-    """Return the overlap of a layer's extrusions as areas of one layer; cells side by side in a row form a rectangle."""
+    """Return the overlap of a layer's extrusions as areas of one layer; cells in a row form a rectangle."""
     window = _window(cell, beads)
     high = window_mean(rasterize_fill(beads, window, layer_height), _reach(beads, cell)) > overlap_ratio
     steps = np.diff(np.pad(high, ((0, 0), (1, 1))).astype(np.int8), axis=1)

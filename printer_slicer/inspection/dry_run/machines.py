@@ -53,7 +53,7 @@ def machine_of(printer: Printer, extruders: int | None = None, *, one_hotend: bo
 
 
 def simulated_firmware_for(printer: Printer) -> SimulatedFirmware:
-    """Return the simulated firmware for a printer: it answers as Marlin, but commands mean what they do in its dialect."""
+    """Return the simulated firmware for a printer: it answers as Marlin, with the commands of its dialect."""
     extended = printer.firmware.dialect.extended_commands
     any_case = any(one.any_case for one in SIMULATED_FIRMWARES.values() if one.dialect == printer.flavour)
     return replace(MARLIN_2_1, dialect=printer.flavour, ignores_extended=extended, any_case=any_case)

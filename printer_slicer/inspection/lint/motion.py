@@ -124,7 +124,7 @@ class MoveJudge:
         return raised
 
     def _fresh(self, moves: Moves, fed: Float) -> Float:
-        """Return the new filament (K,) that leaves the nozzle, mm; filament that returns after a retraction does not count."""
+        """Return the new filament (K,) that leaves the nozzle, mm, without filament that returns after a retraction."""
         fresh = np.zeros(len(fed))
         for tool in np.unique(moves.tool).tolist():
             before, highest = self._fed.get(tool, (0.0, 0.0))
