@@ -6,12 +6,12 @@ import re
 from collections.abc import Sequence
 from typing import Final
 
-__all__ = ["ENDS_ALIKE", "match_rank", "name_words", "without_nozzle"]
+__all__ = ["ENDS_ALIKE", "IN_ORDER", "match_rank", "name_words", "without_nozzle"]
 
 _WORD: Final = re.compile(r"[^\W\d_]+|\d+")
 _NOZZLE: Final = re.compile(r",?\s*\(?\b\d+(?:\.\d+)?\s*(?:mm\s*)?nozzle\)?", re.IGNORECASE)
 
-_EXACT, ENDS_ALIKE, _CONTAINS, _IN_ORDER, _BEGINNINGS = range(5)
+_EXACT, ENDS_ALIKE, _CONTAINS, IN_ORDER, _BEGINNINGS = range(5)
 
 
 def name_words(text: str, *, with_nozzle: bool = False) -> list[str]:
@@ -44,14 +44,14 @@ def match_rank(asked: Sequence[str], words: Sequence[str]) -> tuple[int, int] | 
     size, more = len(asked), len(words) - len(asked)
     if not asked or more < 0:
         return None
-    if not more:
-        return (_EXACT, 0) if list(words) == list(asked) else None
+    if list(words) == list(asked):
+        return _EXACT, 0
     starts = [i for i in range(more + 1) if list(words[i : i + size]) == list(asked)]
     if starts:
         return (ENDS_ALIKE if starts[-1] == more else _CONTAINS), more
     left = iter(words)
     if all(word in left for word in asked):
-        return _IN_ORDER, more
+        return IN_ORDER, more
     left = iter(words)
     is_begun = all(any(one.startswith(word) for one in left) for word in asked)
     return (_BEGINNINGS, more) if is_begun else None

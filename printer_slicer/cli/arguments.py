@@ -517,7 +517,7 @@ def _add_placement(parser: argparse.ArgumentParser) -> None:
             "--drop",
             action=argparse.BooleanOptionalAction,
             default=True,
-            help="put the plate down on the bed (default), or keep z of the files",
+            help="move the models down onto the bed (default), or keep the z of the files",
         )
     )
     advanced(

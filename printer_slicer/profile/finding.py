@@ -8,7 +8,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from printer_slicer.name_search import ENDS_ALIKE, match_rank, name_words
+from printer_slicer.name_search import ENDS_ALIKE, IN_ORDER, match_rank, name_words
 from printer_slicer.profile.folders import profile_paths
 
 __all__ = ["ProfileMatch", "display_name", "find_profiles", "suggest_profiles"]
@@ -53,9 +53,8 @@ def find_profiles(kind: str, text: str, folders: Sequence[Path] = ()) -> list[Pr
         ranks = [rank for one in names if (rank := match_rank(asked, name_words(one)))]
         ranked += [(min(ranks), name)] if ranks else []
     ranked.sort()
-    is_sure = len(ranked) == 1 or (
-        bool(ranked) and ranked[0][0][0] <= ENDS_ALIKE and ranked[1][0] > ranked[0][0]
-    )
+    is_only = len(ranked) == 1 and ranked[0][0][0] <= IN_ORDER
+    is_sure = is_only or (len(ranked) > 1 and ranked[0][0][0] <= ENDS_ALIKE and ranked[1][0] > ranked[0][0])
     return [
         ProfileMatch(name, known[name][1] or name, is_sure and i == 0) for i, (_, name) in enumerate(ranked)
     ]

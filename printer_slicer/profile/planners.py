@@ -97,14 +97,14 @@ class OptimalPlanner(
     objective: Annotated[
         Literal["balanced", "time", "layers", "volume"],
         meta(
-            "what the planner minimizes: time plus priced volume error (balanced), time, number of layers or "
-            "volume error"
+            "what the planner minimizes: balanced: print time plus the price of the volume error; time: print time; "
+            "layers: number of layers; volume: volume error"
         ),
     ] = "balanced"
     error_price: Annotated[
         float,
         meta(
-            "print time worth spending to avoid 1 mm³ of volume error (balanced); 0: set by error_price_ratio",
+            "print time worth spending to avoid 1 mm³ of volume error, for objective balanced; 0: by error_price_ratio",
             "s/mm³",
             ge=0,
             le=1e6,

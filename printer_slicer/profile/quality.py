@@ -56,7 +56,7 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     containment: Annotated[
         Literal["mid", "positive", "negative"],
         meta(
-            "side of the surface on which layers deviate: both (mid), outside (positive) or inside (negative)"
+            "where layers deviate from the surface: mid: both sides; positive: only outside; negative: only inside"
         ),
     ] = "mid"
     resolution: Annotated[

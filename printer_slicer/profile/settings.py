@@ -318,8 +318,8 @@ class Material(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     fan_overhang_75_ratio: Annotated[
         float,
         meta(
-            "part fan speed on perimeters supported over 75 % of their width; 0: as on the rest of the layer, 1: "
-            "as on bridges",
+            "part fan on perimeters of which 75 % of the width is supported; 0: as on the rest of the layer, 1: as "
+            "on bridges",
             "0-1",
             ge=0,
             le=1,
@@ -328,8 +328,8 @@ class Material(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     fan_overhang_50_ratio: Annotated[
         float,
         meta(
-            "part fan speed on perimeters supported over 50 % of their width; 0: as on the rest of the layer, 1: "
-            "as on bridges",
+            "part fan on perimeters of which 50 % of the width is supported; 0: as on the rest of the layer, 1: as "
+            "on bridges",
             "0-1",
             ge=0,
             le=1,
@@ -338,8 +338,8 @@ class Material(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     fan_overhang_25_ratio: Annotated[
         float,
         meta(
-            "part fan speed on perimeters supported over 25 % of their width; 0: as on the rest of the layer, 1: "
-            "as on bridges",
+            "part fan on perimeters of which 25 % of the width is supported; 0: as on the rest of the layer, 1: as "
+            "on bridges",
             "0-1",
             ge=0,
             le=1,

@@ -154,21 +154,29 @@ class Speeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
         ),
     ] = 0
     external_perimeter: Annotated[
-        float, meta("speed of external perimeters; 0: the printer's", "mm/s", ge=0, le=1000, own=ANYWHERE)
+        float,
+        meta(
+            "speed of external perimeters; 0: as in the printer profile", "mm/s", ge=0, le=1000, own=ANYWHERE
+        ),
     ] = 0
     perimeter: Annotated[
         float,
         meta(
-            "speed of perimeters, except external ones; 0: the printer's", "mm/s", ge=0, le=1000, own=ANYWHERE
+            "speed of perimeters, except external ones; 0: as in the printer profile",
+            "mm/s",
+            ge=0,
+            le=1000,
+            own=ANYWHERE,
         ),
     ] = 0
     internal_infill: Annotated[
-        float, meta("speed of internal infill; 0: the printer's", "mm/s", ge=0, le=1000, own=ANYWHERE)
+        float,
+        meta("speed of internal infill; 0: as in the printer profile", "mm/s", ge=0, le=1000, own=ANYWHERE),
     ] = 0
     solid_infill: Annotated[
         float,
         meta(
-            "speed of solid infill, including bottom layers; 0: the printer's",
+            "speed of solid infill, including bottom layers; 0: as in the printer profile",
             "mm/s",
             ge=0,
             le=1000,
@@ -176,19 +184,20 @@ class Speeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
         ),
     ] = 0
     top_solid_infill: Annotated[
-        float, meta("speed of top solid infill; 0: the printer's", "mm/s", ge=0, le=1000, own=ANYWHERE)
+        float,
+        meta("speed of top solid infill; 0: as in the printer profile", "mm/s", ge=0, le=1000, own=ANYWHERE),
     ] = 0
     gap_fill: Annotated[
-        float, meta("speed of gap fill; 0: the printer's", "mm/s", ge=0, le=1000, own=ANYWHERE)
+        float, meta("speed of gap fill; 0: as in the printer profile", "mm/s", ge=0, le=1000, own=ANYWHERE)
     ] = 0
     ironing: Annotated[float, meta("speed of ironing", "mm/s", gt=0, le=1000, own=ANYWHERE)] = 15
     bridge: Annotated[
-        float, meta("speed of bridges; 0: the printer's", "mm/s", ge=0, le=1000, own=ANYWHERE)
+        float, meta("speed of bridges; 0: as in the printer profile", "mm/s", ge=0, le=1000, own=ANYWHERE)
     ] = 0
     internal_bridge: Annotated[
         float,
         meta(
-            "speed of the first solid layer above internal infill; 0: the printer's",
+            "speed of the first solid layer above internal infill; 0: as in the printer profile",
             "mm/s",
             ge=0,
             le=1000,
@@ -235,11 +244,13 @@ class Speeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
             own=ANYWHERE,
         ),
     ] = 0.45
-    support: Annotated[float, meta("speed of support material; 0: the printer's", "mm/s", ge=0, le=1000)] = 0
+    support: Annotated[
+        float, meta("speed of support material; 0: as in the printer profile", "mm/s", ge=0, le=1000)
+    ] = 0
     support_interface: Annotated[
         float,
         meta(
-            "speed of support interfaces and of the top layer of rafts; 0: the printer's",
+            "speed of support interfaces and of the top layer of rafts; 0: as in the printer profile",
             "mm/s",
             ge=0,
             le=1000,
@@ -252,7 +263,7 @@ class Speeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     first_layer: Annotated[
         float,
         meta(
-            "speed limit for perimeters on the first layer, and on the first layer above a raft; 0: the printer's",
+            "speed limit for perimeters on the first layer, on a raft too; 0: as in the printer profile",
             "mm/s",
             ge=0,
             le=1000,
@@ -269,7 +280,12 @@ class Speeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     ] = 0
     first_layer_travel: Annotated[
         float,
-        meta("speed limit for travel moves on the first layer; 0: the printer's", "mm/s", ge=0, le=2000),
+        meta(
+            "speed limit for travel moves on the first layer; 0: as in the printer profile",
+            "mm/s",
+            ge=0,
+            le=2000,
+        ),
     ] = 0
     slow_below: Annotated[
         float,
@@ -283,7 +299,7 @@ class Speeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     small_perimeter: Annotated[
         float,
         meta(
-            "speed limit for perimeters within small_perimeter_radius; 0: the printer's",
+            "speed limit for perimeters within small_perimeter_radius; 0: as in the printer profile",
             "mm/s",
             ge=0,
             le=1000,
@@ -292,7 +308,13 @@ class Speeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     ] = 0
     small_perimeter_radius: Annotated[
         float,
-        meta("perimeters no longer than a circle of this radius are small", "mm", ge=0, le=100, own=ANYWHERE),
+        meta(
+            "small perimeters are those no longer than a circle of this radius",
+            "mm",
+            ge=0,
+            le=100,
+            own=ANYWHERE,
+        ),
     ] = 6.5
     even_flow_ratio: Annotated[
         float,
@@ -311,7 +333,9 @@ class Speeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
             "largest factor by which even_flow_ratio may change a speed", "ratio", ge=1, le=10, own=ANYWHERE
         ),
     ] = 2
-    travel: Annotated[float, meta("speed of travel moves; 0: the printer's", "mm/s", ge=0, le=2000)] = 0
+    travel: Annotated[
+        float, meta("speed of travel moves; 0: as in the printer profile", "mm/s", ge=0, le=2000)
+    ] = 0
 
 
 class Accelerations(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -323,7 +347,7 @@ class Accelerations(Settings, frozen=True, forbid_unknown_fields=True, kw_only=T
     default: Annotated[
         float,
         meta(
-            "acceleration of roles that have no value of their own; 0: the printer's",
+            "acceleration of roles that have no value of their own; 0: as in the printer profile",
             "mm/s²",
             ge=0,
             le=100000,
@@ -332,7 +356,12 @@ class Accelerations(Settings, frozen=True, forbid_unknown_fields=True, kw_only=T
     ] = 0
     first_layer: Annotated[
         float,
-        meta("acceleration of extrusions on the first layer; 0: the printer's", "mm/s²", ge=0, le=100000),
+        meta(
+            "acceleration of extrusions on the first layer; 0: as in the printer profile",
+            "mm/s²",
+            ge=0,
+            le=100000,
+        ),
     ] = 0
     external_perimeter: Annotated[
         float, meta("acceleration of external perimeters; 0: default", "mm/s²", ge=0, le=100000, own=ANYWHERE)

@@ -65,7 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--resample",
         metavar="MM",
         type=number,
-        help="space points at most this far apart; default: off",
+        help="resample contours with points at most this far apart; default: off",
     )
     add_settings(parser, strict=STRICT)
     add_models(parser)

@@ -57,7 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         parser.add_argument(
             "--paper-tables",
             action="store_true",
-            help="print the two tables of the paper on adaptive slicing instead: the part, and its plans",
+            help="print tables like those of the paper that this program implements: the part, and its plans",
         )
     )
     add_settings(parser, strict=STRICT)
