@@ -322,7 +322,8 @@ def _settings(arguments: argparse.Namespace) -> int:
     from printer_slicer.profile.tables import settings_table
 
     if arguments.markdown:
-        say(arguments, settings_markdown().rstrip("\n"))
+        if not (arguments.quiet or arguments.json):
+            print(settings_markdown().rstrip("\n"))  # setting names stay: they are no arguments of a message
         return 0
     words = [word.lower() for word in arguments.names]
     rows = [
