@@ -120,7 +120,7 @@ def slice(  # noqa: A001 - called as ps.slice
         for kind, value in (("printer", printer), ("material", material), ("quality", quality))
     }
     folders = [Path(folder) for folder in profiles]
-    changes = _translated(settings, names, folders)
+    changes = _translate_settings(settings, names, folders)
     profile = load_profile(**names, changes=changes, folders=folders)
     part = path_or_mesh if isinstance(path_or_mesh, Mesh) else load_mesh(path_or_mesh)
     return job_of(part, profile, name=name)
@@ -146,7 +146,7 @@ def _model_path(given: object) -> Path:
     return path
 
 
-def _translated(
+def _translate_settings(
     settings: Mapping[str, object], names: Mapping[str, Any], folders: Sequence[Path]
 ) -> dict[str, Any]:
     """Return settings given as arguments as changes for `load_profile`.

@@ -24,8 +24,8 @@ __all__ = [
     "command_check",
     "console_check",
     "finding_facts",
-    "finding_lines",
     "finding_notes",
+    "format_findings",
     "insist_on_policy",
     "insist_verified",
     "job_from",
@@ -136,7 +136,7 @@ def finding_notes(arguments: argparse.Namespace, job: Job) -> list[str]:
     return [*(sentence(one) for one in shown[:most]), *more]
 
 
-def finding_lines(arguments: argparse.Namespace, job: Job) -> list[str]:
+def format_findings(arguments: argparse.Namespace, job: Job) -> list[str]:
     """Return the findings that do not prevent printing, as lines of the output."""
     return [f"note        {note}" for note in finding_notes(arguments, job)]
 

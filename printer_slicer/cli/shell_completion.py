@@ -217,7 +217,7 @@ def _ports(prefix: str) -> _Words:
     )
 
 
-def _unfinished(prefix: str) -> _Words:
+def _complete_print_names(prefix: str) -> _Words:
     """Complete names of stored prints."""
     from printer_slicer.printing.job_store import default_job_store, stored_prints
 
@@ -296,7 +296,7 @@ _OF_NAMES: Final[Mapping[str, _Completer]] = {
     "models": _files(*MODELS, *GCODE),
     "gcode": _files(*GCODE),
     "port": _ports,
-    "name": _unfinished,
+    "name": _complete_print_names,
     "words": _of(
         "status", "pause", "resume", "cancel", "object", "speed", "flow", "fan", "nozzle", "bed", "stop"
     ),

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from printer_slicer.cli.jobs import finding_lines, refused_findings
+from printer_slicer.cli.jobs import format_findings, refused_findings
 from printer_slicer.cli.output import sanitize
 from printer_slicer.cli.progress import progress
 from printer_slicer.diagnostics import as_json, sentence
@@ -140,7 +140,7 @@ def verdict_text(arguments: argparse.Namespace, verdict: Verdict, job: Job, prof
     if len(wrong) > _MOST_FAULTS:
         lines.append(f"{'error':<12}... and {len(wrong) - _MOST_FAULTS} more (--json lists all)")
     lines += [f"{'warning':<12}{sanitize(one)}" for one in verdict.notes]
-    lines += finding_lines(arguments, job)
+    lines += format_findings(arguments, job)
     return "\n".join([*lines, *_fact_lines(verdict, profile)])
 
 

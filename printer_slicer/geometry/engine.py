@@ -157,7 +157,7 @@ def offset(areas: Areas, distance: float | Float, *, join: Join = "miter") -> Ar
         distinct(areas.ring_layer),
     )
     layers = engine.load(_pick_layers(areas, some))
-    return _put_back_layers(engine.store(engine.offset(layers, by[some], join)), some, areas.n_layers)
+    return _restore_layers(engine.store(engine.offset(layers, by[some], join)), some, areas.n_layers)
 
 
 def offset_open(areas: Areas, distance: float | Float, limit: float = MITER_LIMIT) -> Areas:
@@ -182,7 +182,7 @@ def offset_open(areas: Areas, distance: float | Float, limit: float = MITER_LIMI
     areas = areas.select((size <= 0) | (size > _ROUNDING * np.pi * by[areas.ring_layer] ** 2))
     engine, some = _current_engine(), distinct(areas.ring_layer)
     layers = engine.load(_pick_layers(areas, some))
-    return _put_back_layers(engine.store(engine.opened(layers, by[some], limit)), some, areas.n_layers)
+    return _restore_layers(engine.store(engine.opened(layers, by[some], limit)), some, areas.n_layers)
 
 
 def stroke_lines(xy: Float, start: Int, layer: Int, radius: Float, n_layers: int) -> Areas:
@@ -358,7 +358,7 @@ def _combine_near(operation: Operation, a: Areas, b: Areas) -> tuple[Areas, Bool
         result = result.merge(apart_a)
     if operation == "union":
         result = result.merge(apart_b)
-    return _put_back_layers(result, some, len(meets)), meets
+    return _restore_layers(result, some, len(meets)), meets
 
 
 def _split_near(a: Areas, b: Areas) -> tuple[tuple[Areas, Areas], tuple[Areas, Areas]]:
@@ -380,7 +380,7 @@ def _pick_layers(areas: Areas, some: Int) -> Areas:
     return areas if len(some) == areas.n_layers else areas.for_each(some)
 
 
-def _put_back_layers(areas: Areas, some: Int, n_layers: int) -> Areas:
+def _restore_layers(areas: Areas, some: Int, n_layers: int) -> Areas:
     """Put picked layers back at their indices in a stack of `n_layers`."""
     if len(some) == n_layers:
         return areas

@@ -116,11 +116,13 @@ def _fan(made: Conversion) -> None:
         ("fan_off_below", "disable_fan_first_layers", off := preset.number("disable_fan_first_layers")),
         ("fan_full_above", "full_fan_speed_layer", max(preset.number("full_fan_speed_layer"), off)),
     ):
-        made.clamp(ours, _height_of(preset, count), 0, 100, theirs, _layers_text(preset) if count else "")
+        made.clamp(
+            ours, _height_of_layers(preset, count), 0, 100, theirs, _layers_text(preset) if count else ""
+        )
     _overhangs(made)
 
 
-def _height_of(preset: Preset, count: float) -> float:
+def _height_of_layers(preset: Preset, count: float) -> float:
     """Return the height of this number of layers, mm."""
     first, height = preset.heights if all(preset.heights) else (_LAYER, _LAYER)
     return first + (count - 1) * height if count >= 1 else 0.0

@@ -56,7 +56,7 @@ class _Rules(NamedTuple):
         """Height of the part in z steps."""
         return len(self.limit) - 1
 
-    def may_be(self, height: Int, here: Int, top: Int) -> Bool:
+    def can_fill(self, height: Int, here: Int, top: Int) -> Bool:
         """Return whether layers of an allowed height may go from `here` to `top`."""
         at = np.clip(here, 0, self.part)
         size = np.clip(height, 0, len(self.listed) - 1)
@@ -193,7 +193,7 @@ def _find_joint(here: Int, upper: Int, rules: _Rules) -> tuple[Int, Int, Bool]:
     over = (tops <= here[:, None]).sum(axis=1)
     near, far = np.minimum(over, last), np.minimum(over + 1, last)
     short, long = tops[rows, near] - here, tops[rows, far] - here
-    fits_short, fits_long = (rules.may_be(gap, here, here + gap) for gap in (short, long))
+    fits_short, fits_long = (rules.can_fill(gap, here, here + gap) for gap in (short, long))
     between = np.where(met, 0, np.where(fits_long, long, short))
     rest = np.where(met, over, np.where(fits_long, far, near) + 1)
     return between, rest, np.asarray(met | fits_short | fits_long)
@@ -208,7 +208,7 @@ def _shift_tops(plans: Int, rules: _Rules, rng: np.random.Generator) -> Int:
     below, above = plans[:, :-1] + by, plans[:, 1:] - by
     here = _bottoms(plans, rules)[:, :-1]
     top = here + below
-    fits = rules.may_be(below, here, top) & rules.may_be(above, top, top + above)
+    fits = rules.can_fill(below, here, top) & rules.can_fill(above, top, top + above)
     # A top on an event plane must not move.
     fits &= (plans[:, 1:] > 0) & (top - by < rules.plane[np.minimum(here, rules.part)])
     by = np.where(fits, by, 0)
@@ -232,8 +232,8 @@ def _remove_layers(plans: Int, rules: _Rules, rng: np.random.Generator) -> Int:
     down = np.where(place == rules.plane[np.minimum(here, rules.part)], 0, down)
     down = np.where(top == rules.plane[np.minimum(place, rules.part)], gone, down)
     up = gone - down
-    fits = (down == 0) | rules.may_be(before + down, here, place + down)
-    fits &= (up == 0) | rules.may_be(after + up, place + down, top + after)
+    fits = (down == 0) | rules.can_fill(before + down, here, place + down)
+    fits &= (up == 0) | rules.can_fill(after + up, place + down, top + after)
     taken = marked & fits & (gone > 0)
     changed = plans.copy()
     changed[:, :-2] += down * taken

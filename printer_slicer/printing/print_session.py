@@ -233,7 +233,7 @@ class PrintSession:
         """
         begun = monotonic()
         try:
-            with self._signals(), self._company():
+            with self._signals(), self._run_services():
                 self._connections(transport, found)
         except PortError as error:
             raise PrintError(self._stopped(str(error).splitlines()[0]), remedy=self._look()) from None
@@ -433,7 +433,7 @@ class PrintSession:
             self._transport.wake()
 
     @contextmanager
-    def _company(self) -> Iterator[None]:
+    def _run_services(self) -> Iterator[None]:
         """Run the background services of a stored print."""
         if self._print is None or self._journal is None:
             yield

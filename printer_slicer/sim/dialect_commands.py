@@ -89,7 +89,7 @@ def _junction_deviation(state: FirmwareState, command: Command) -> None:
     state.set_limits(replace(state.limits, junction_deviation=deviation))
 
 
-def _retraction_or_tool(state: FirmwareState, command: Command) -> Steps | None:
+def _retract_or_set_tool_temperature(state: FirmwareState, command: Command) -> Steps | None:
     """G10 of RepRapFirmware: with P set a tool temperature (Duet3D's G-code dictionary, "G10"), else retract."""
     if command.value("P") is None:
         return firmware_retraction(state, command)
@@ -127,7 +127,7 @@ DIALECT_COMMANDS: Final[dict[str, dict[str, Callable[[FirmwareState, Command], S
         "SET_VELOCITY_LIMIT": _velocity_limit,
     },
     "reprapfirmware": {
-        "G10": _retraction_or_tool,
+        "G10": _retract_or_set_tool_temperature,
         "G53": machine_move,
         "M116": wait_for_all,
         "M203": _speeds_per_minute,

@@ -88,7 +88,7 @@ class Heater:
         left = now - self._when
         self._when = now
         while left > 0.0:
-            asymptote, tau, edge = self._leg(self._temperature)
+            asymptote, tau, edge = self._current_exponential(self._temperature)
             reach = _reach(self._temperature, asymptote, tau, edge)
             if reach >= left:
                 self._temperature = asymptote + (self._temperature - asymptote) * exp(-left / tau)
@@ -135,7 +135,7 @@ class Heater:
         at = self.temperature(now)
         seconds = 0.0
         while at != temperature:
-            asymptote, tau, edge = self._leg(at)
+            asymptote, tau, edge = self._current_exponential(at)
             reach = _reach(at, asymptote, tau, temperature)
             if reach <= (leave := _reach(at, asymptote, tau, edge)):
                 return seconds + reach
@@ -159,7 +159,7 @@ class Heater:
             return 0.0
         return min(max(self._holding() + self._gain() * (self.target - reading), 0.0), self.spec.power)
 
-    def _leg(self, at: float) -> tuple[float, float, float]:
+    def _current_exponential(self, at: float) -> tuple[float, float, float]:
         """Return asymptote (°C), time constant (s) and end (°C) of the current exponential.
 
         The end is the asymptote if the temperature stays in the current range.

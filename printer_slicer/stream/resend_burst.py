@@ -81,7 +81,7 @@ class ResendBurst:
         first = not self.is_active
         claimed_line, self.claimed_line = self.claimed_line, None
         self.ignore_next_ok = True
-        decision = self._decide(number, claimed_line, history)
+        decision = self._choose_answer(number, claimed_line, history)
         self._unconfirmed = number if decision is ResendDecision.PROBE else None
         if decision is ResendDecision.GO_BACK:
             if number != self.wanted:
@@ -91,7 +91,7 @@ class ResendBurst:
         self._wait(now, first=first)
         return decision
 
-    def _decide(self, number: int, claimed_line: int | None, history: SendHistory) -> ResendDecision:
+    def _choose_answer(self, number: int, claimed_line: int | None, history: SendHistory) -> ResendDecision:
         if claimed_line is not None and claimed_line != number:
             return ResendDecision.PROBE
         if history.accepted < number <= history.cursor:

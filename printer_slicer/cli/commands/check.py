@@ -171,7 +171,7 @@ def _check_file(arguments: argparse.Namespace) -> _FileCheck:
     Raises:
         UsageError: the file cannot be printed, or an option is invalid.
     """
-    from printer_slicer.cli.jobs import finding_facts, finding_lines, refused
+    from printer_slicer.cli.jobs import finding_facts, format_findings, refused
     from printer_slicer.firmware import FLAVOURS
     from printer_slicer.gcode import read_moves
     from printer_slicer.inspection.dry_run.underruns import find_underruns
@@ -187,7 +187,7 @@ def _check_file(arguments: argparse.Namespace) -> _FileCheck:
         f"{job.name}: {len(job.commands)} commands, {format_duration(job.seconds)} of motion on {profile.printer.name}"
     ]
     lines += [f"error       {one}" for one in wrong] or ["commands    no errors"]
-    lines += finding_lines(arguments, job)
+    lines += format_findings(arguments, job)
     if arguments.link:
         link = SerialLink(
             arguments.link,

@@ -122,7 +122,7 @@ def _list(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _one(arguments: argparse.Namespace, words: Sequence[str]) -> tuple[str, str]:
+def _parse_profile(arguments: argparse.Namespace, words: Sequence[str]) -> tuple[str, str]:
     """Return kind and name of a profile from `NAME`, `KIND NAME` or a path."""
     from printer_slicer.profile.reading import kind_of
 
@@ -138,7 +138,7 @@ def _show(arguments: argparse.Namespace) -> int:
     from printer_slicer.profile.reading import read_chain
 
     if arguments.names:
-        kind, name = _one(arguments, arguments.names)
+        kind, name = _parse_profile(arguments, arguments.names)
         parts = {"": settings_with_origins(kind, read_chain(kind, name, arguments.profiles))}
     else:
         sources = _sources(arguments)
@@ -180,7 +180,7 @@ def _diff(arguments: argparse.Namespace) -> int:
     given = words.pop(0) if len(words) == 3 and words[0] in _KINDS else ""
     if len(words) != 2:
         _refuse("profiles diff: which two?", "profiles diff NAME OTHER")
-    kinds = [given or _one(arguments, [word])[0] for word in words]
+    kinds = [given or _parse_profile(arguments, [word])[0] for word in words]
     if kinds[0] != kinds[1]:
         raise UsageError(
             f"{words[0]} is a {kinds[0]}, {words[1]} a {kinds[1]}",
@@ -252,7 +252,7 @@ def _check(arguments: argparse.Namespace) -> int:
     checked: dict[str, str] = {}
     for name in words:
         try:
-            own = kind or _one(arguments, [name])[0]
+            own = kind or _parse_profile(arguments, [name])[0]
             checked[own] = name
             found += [
                 (f"{one.place}: {one.problem}", one.remedy)
@@ -300,7 +300,7 @@ def _path(arguments: argparse.Namespace) -> int:
     from printer_slicer.profile.reading import path_of
 
     if arguments.names:
-        kind, name = _one(arguments, arguments.names)
+        kind, name = _parse_profile(arguments, arguments.names)
         path = path_of(kind, name, arguments.profiles)
         if arguments.json:
             _document(arguments, {"kind": kind, "path": str(path)})

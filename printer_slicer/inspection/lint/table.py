@@ -61,7 +61,7 @@ class Rule:
     why: str
 
 
-def _always(what: str, *, warns: bool = False) -> _Judge:
+def _fixed_rule(what: str, *, warns: bool = False) -> _Judge:
     return lambda _command, _printer: (not warns, what)
 
 
@@ -208,10 +208,15 @@ _STORED: Final = "The change outlives the print"
 _GUARDS: Final = "A protection of the printer is switched off"
 
 RULES: Final[tuple[Rule, ...]] = (
-    Rule("eeprom", _codes("M500"), _always("stores settings in the EEPROM of the printer"), _STORED),
-    Rule("eeprom", _codes("M501"), _always("replaces the current settings by stored ones"), _STORED),
-    Rule("eeprom", _codes("M502 M504"), _always("resets all settings of the firmware"), _STORED),
-    Rule("eeprom", _codes("SAVE_CONFIG"), _always("writes the configuration and restarts Klipper"), _STORED),
+    Rule("eeprom", _codes("M500"), _fixed_rule("stores settings in the EEPROM of the printer"), _STORED),
+    Rule("eeprom", _codes("M501"), _fixed_rule("replaces the current settings by stored ones"), _STORED),
+    Rule("eeprom", _codes("M502 M504"), _fixed_rule("resets all settings of the firmware"), _STORED),
+    Rule(
+        "eeprom",
+        _codes("SAVE_CONFIG"),
+        _fixed_rule("writes the configuration and restarts Klipper"),
+        _STORED,
+    ),
     Rule(
         "limits",
         _codes("M201 M203 M204 M205 M566 SET_VELOCITY_LIMIT"),
@@ -245,13 +250,23 @@ RULES: Final[tuple[Rule, ...]] = (
         _if_any("XYZEABCS", "sets motor currents", warns=True),
         "Check that they suit the printer",
     ),
-    Rule("autotune", _codes("M303 PID_CALIBRATE"), _always("runs PID autotune"), "It heats by itself"),
+    Rule(
+        "autotune",
+        _codes("M303 PID_CALIBRATE"),
+        _fixed_rule("runs PID autotune"),
+        "It heats by itself",
+    ),
     Rule("cold", _codes("M302"), _cold, "A cold extruder grinds the filament"),
     Rule("ratio", _codes("M221"), _flow_ratio, "The part was sliced for 100%"),
     Rule("ratio", _codes("M220"), _speed_ratio, "The part was sliced for 100%"),
-    Rule("protection", _codes("M143 M562 M570"), _always("changes the protection of the heaters"), _GUARDS),
+    Rule(
+        "protection",
+        _codes("M143 M562 M570"),
+        _fixed_rule("changes the protection of the heaters"),
+        _GUARDS,
+    ),
     Rule("endstops", _codes("M211 M564"), _off, _GUARDS),
-    Rule("endstops", _codes("FORCE_MOVE"), _always("moves beyond all limits"), _GUARDS),
+    Rule("endstops", _codes("FORCE_MOVE"), _fixed_rule("moves beyond all limits"), _GUARDS),
     Rule(
         "offsets",
         names_that(Effect.MOVES_ORIGIN | Effect.SETS_HOME_OFFSET)
@@ -265,60 +280,73 @@ RULES: Final[tuple[Rule, ...]] = (
     ),
     Rule("offsets", _codes("M290"), _nudge, "The first layer may not stick, or the nozzle may hit the bed"),
     Rule("offsets", _codes("G10"), _kept, "The position of later moves is unknown"),
-    Rule("halt", _codes("M112 EMERGENCY_STOP"), _always("halts the printer"), "The print ends there"),
-    Rule("halt", _codes("M410"), _always("drops all planned moves"), "The position is lost"),
+    Rule(
+        "halt",
+        _codes("M112 EMERGENCY_STOP"),
+        _fixed_rule("halts the printer"),
+        "The print ends there",
+    ),
+    Rule("halt", _codes("M410"), _fixed_rule("drops all planned moves"), "The position is lost"),
     Rule(
         "halt",
         _codes("M81"),
-        _always("switches the power off", warns=True),
+        _fixed_rule("switches the power off", warns=True),
         "The fans stop too",
     ),
     Rule("wait", _ENDED_BY_BUTTON, _wait, "The print stands still with hot heaters until then"),
     Rule(
         "wait",
         names_that(Effect.WAITS_FOR_PERSON) - _ENDED_BY_BUTTON,
-        _always("waits for a person", warns=True),
+        _fixed_rule("waits for a person", warns=True),
         "A person must continue the print",
     ),
     Rule(
         "firmware",
         _codes("M997"),
-        _always("updates the firmware"),
+        _fixed_rule("updates the firmware"),
         "The printer may behave differently afterwards",
     ),
     Rule(
         "firmware",
         _codes("M999 FIRMWARE_RESTART RESTART DFU UPGRADE BREAK"),
-        _always("restarts the firmware, also after a fault"),
+        _fixed_rule("restarts the firmware, also after a fault"),
         "Position and errors are lost",
     ),
     Rule(
         "files",
         _codes("M23 M24 M28 M30 M32 M928 M471 M472 SDCARD_PRINT_FILE"),
-        _always("reads, writes or deletes files on the printer"),
+        _fixed_rule("reads, writes or deletes files on the printer"),
         "Their contents are unknown",
     ),
     Rule(
-        "pins", _codes("M42 M43"), _always("switches pins of the board"), "A heater may be connected to one"
+        "pins",
+        _codes("M42 M43"),
+        _fixed_rule("switches pins of the board"),
+        "A heater may be connected to one",
     ),
     Rule(
         "macros",
         frozenset(f"M{number}" for number in range(810, 820)),
-        _always("stores or runs a macro"),
+        _fixed_rule("stores or runs a macro"),
         "Its effect is unknown",
     ),
-    Rule("link", _codes("M110"), _always("changes line numbers that the host counts"), "Lines may get lost"),
+    Rule(
+        "link",
+        _codes("M110"),
+        _fixed_rule("changes line numbers that the host counts"),
+        "Lines may get lost",
+    ),
     Rule("link", _codes("M118"), _says, "Hosts may take it for a reply"),
-    Rule("link", _codes("M575"), _always("changes the baud rate"), "The host loses the connection"),
-    Rule("link", _codes("M552 M586 M587 M588 M589"), _always("configures the network"), _STORED),
+    Rule("link", _codes("M575"), _fixed_rule("changes the baud rate"), "The host loses the connection"),
+    Rule("link", _codes("M552 M586 M587 M588 M589"), _fixed_rule("configures the network"), _STORED),
     Rule(
         "debug", _codes("M111"), _if_any("S", "switches a debug mode on"), "The printer may not move or heat"
     ),
     Rule(
         "unreadable",
         _codes("G5 G6 G18 G19 G38 G42"),
-        _always("is a move that this check does not support"),
+        _fixed_rule("is a move that this check does not support"),
         "Its target is unknown",
     ),
-    Rule("shell", _codes("RUN_SHELL_COMMAND"), _always("runs a program"), "Its effect is unknown"),
+    Rule("shell", _codes("RUN_SHELL_COMMAND"), _fixed_rule("runs a program"), "Its effect is unknown"),
 )
