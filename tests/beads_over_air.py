@@ -14,13 +14,13 @@ import numpy as np
 from printer_slicer.arrays import Bool, Float, Int, consecutive, frozen_array, run_starts
 from printer_slicer.inspection.coverage.extrusions import Extrusions
 from printer_slicer.inspection.coverage.measurement import Coverage
-from printer_slicer.inspection.coverage.raster import CellWindow, filled
+from printer_slicer.inspection.coverage.raster import CellWindow, rasterize_fill
 from printer_slicer.inspection.coverage.zones import path_numbers
 
 CELL: Final = 0.1  # mm
 MARGIN: Final = 2.0  # mm of cells around all beads
 _PIECE: Final = 0.25  # mm: pieces of beads that are judged as one
-_FULL: Final = 0.25  # of a cell filled: it carries
+_FULL: Final = 0.25  # of a cell rasterize_fill: it carries
 _SLACK: Final = 0.5  # of its own height a bead may sink
 _CONTACT: Final = 0.25  # mm that slicers leave between supports and part
 _STRAIGHT: Final = 0.95  # chord by length, from which a bead between two supports is a bridge
@@ -117,7 +117,7 @@ class Ground:
         return ConnectedAreas(bead, middle, (beads.length / count)[bead], hanging)
 
     def lay(self, fill: Float, window: CellWindow, z: float, *, support: bool = False) -> None:
-        """Cells that are filled hold plastic up to z now; on supports the part begins a little higher."""
+        """Cells that are rasterize_fill hold plastic up to z now; on supports the part begins a little higher."""
         here = self._top[window.within(self._window)]
         np.maximum(here, np.where(fill > _FULL, z + _CONTACT * support, 0.0), out=here)
 
@@ -182,5 +182,5 @@ def beads_over_air(coverage: Coverage) -> Air:
         if len(index):
             air = air_of(beads, k, ground.pieces(beads, window))
             found.append(replace(air, bead=index[air.bead]))
-            ground.lay(filled(beads, window, float(stack.height[k])), window, float(stack.top[k]))
+            ground.lay(rasterize_fill(beads, window, float(stack.height[k])), window, float(stack.top[k]))
     return Air.joined(found)

@@ -24,7 +24,7 @@ from printer_slicer.geometry.engine import ENGINES, using_engine
 from printer_slicer.inspection.coverage.extrusions import Extrusions
 from printer_slicer.inspection.coverage.limits import findings
 from printer_slicer.inspection.coverage.measurement import coverage_of
-from printer_slicer.inspection.coverage.raster import CellWindow, filled, window_mean
+from printer_slicer.inspection.coverage.raster import CellWindow, rasterize_fill, window_mean
 from printer_slicer.inspection.coverage.stack import stack_of_program
 from printer_slicer.model import Areas, LayerPlan, Sections, Toolpaths
 from printer_slicer.overhangs import grade_overhangs
@@ -79,7 +79,7 @@ def columns(paths: Toolpaths, window: CellWindow) -> Float:
     beads = extrusions_of_program(paths)
     total = np.zeros((window.deep, window.wide))
     for height in np.unique(beads.height).tolist():
-        total += height * filled(beads.take(beads.height == height), window)
+        total += height * rasterize_fill(beads.take(beads.height == height), window)
     return window_mean(total, 2)
 
 

@@ -145,7 +145,7 @@ def test_the_tip_of_a_needle_that_no_bead_fits_into_is_not_missed(side: float, h
     parts = layers_of(text)
     shorter = "\n".join(line for part in parts[: -len(parts) // 3] for line in part).encode()
 
-    assert any("under the top" in one for one in check_gcode(shorter, mesh).problems)
+    assert any("below the top" in one for one in check_gcode(shorter, mesh).problems)
 
 
 @pytest.mark.parametrize("fault", ["half the plastic", "wall laid twice"])

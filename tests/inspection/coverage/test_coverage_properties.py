@@ -67,7 +67,7 @@ def test_beads_that_tile_a_rectangle_leave_nothing_open_and_nothing_twice(
     assert coverage.fill.overlap[0] == 0
     assert coverage.volume[0] == pytest.approx(wide * rows * gap * height)
     # The outline is followed to the side; at the ends the half-circles are left out here.
-    assert coverage.fill.shell[0] == pytest.approx(1, abs=0.03)
+    assert coverage.fill.shell[0] == pytest.approx(1, abs=0.035)
 
 
 @given(st.floats(12, 30), st.floats(12, 30), st.floats(-0.35, 0.35), st.floats(0, 90))
