@@ -172,7 +172,13 @@ def _translate_familiar(arguments: argparse.Namespace) -> None:
     from printer_slicer.profile import load_profile
 
     names = {kind: getattr(arguments, kind, None) for kind in ("printer", "material", "quality")}
-    profile = load_profile(**names, slices=False, folders=named_folders(arguments))
+    folders = named_folders(arguments)
+    around = {key.strip(): value.strip() for key, _, value in pairs if is_setting(key.strip())}
+    around |= {key: value for key, value in _option_changes(arguments).items() if not key.endswith("+")}
+    try:
+        profile = load_profile(**names, changes=around, slices=False, folders=folders)
+    except ProfileError:  # reported when all settings are applied
+        profile = load_profile(**names, slices=False, folders=folders)
     result: list[str] = []
     for change, (key, equals, value) in zip(arguments.set, pairs, strict=True):
         name = key.strip()

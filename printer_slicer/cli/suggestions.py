@@ -9,6 +9,7 @@ from typing import Final
 __all__ = ["suggest", "suggest_command", "suggest_option"]
 
 _ALIKE: Final = 0.75  # of 1: a word this similar is suggested
+_OPTION_ALIKE: Final = 0.85  # the same for options, whose words are often parts of others
 
 _COMMANDS: Final[Mapping[str, str]] = {
     "export": "slice part.stl",
@@ -66,52 +67,64 @@ _COMMANDS: Final[Mapping[str, str]] = {
 """A word people try -> what does it here."""
 
 _OPTIONS: Final[Mapping[str, str]] = {
-    "--fill-density": "--infill 20%",
-    "--infill-density": "--infill 20%",
-    "--density": "--infill 20%",
-    "--fill": "--infill 20%",
-    "--fill-pattern": "--set infill=gyroid",
-    "--infill-pattern": "--set infill=gyroid",
-    "--pattern": "--set infill=gyroid",
-    "--wall-count": "--walls 3",
-    "--wall-loops": "--walls 3",
-    "--wall-line-count": "--walls 3",
-    "--shells": "--walls 3",
-    "--layer": "--layer-height 0.2",
-    "--height": "--layer-height 0.2",
-    "--layerheight": "--layer-height 0.2",
-    "--first-layer-height": "--first-layer 0.2",
+    "--fill-density": "--infill PERCENT",
+    "--infill-density": "--infill PERCENT",
+    "--density": "--infill PERCENT",
+    "--fill": "--infill PERCENT",
+    "--fill-pattern": "--set infill=PATTERN",
+    "--infill-pattern": "--set infill=PATTERN",
+    "--pattern": "--set infill=PATTERN",
+    "--wall-count": "--walls N",
+    "--wall-loops": "--walls N",
+    "--wall-line-count": "--walls N",
+    "--shells": "--walls N",
+    "--layer": "--layer-height MM",
+    "--height": "--layer-height MM",
+    "--layerheight": "--layer-height MM",
+    "--first-layer-height": "--first-layer MM",
     "--support": "--supports",
     "--support-material": "--supports",
     "--enable-support": "--supports",
-    "--brim-width": "--brim 5",
-    "--skirts": "--set skirt_loops=2",
-    "--raft": "--set raft_height=0.6",
-    "--raft-layers": "--set raft_height=0.6",
-    "--filament": "--material pla",
+    "--brim-width": "--brim MM",
+    "--skirts": "--set skirt_loops=N",
+    "--raft": "--set raft_height=MM",
+    "--raft-layers": "--set raft_height=MM",
+    "--filament": "--material NAME",
     "--profile": "--printer NAME, --material NAME or --quality NAME",
     "--preset": "--printer NAME, --material NAME or --quality NAME",
     "--machine": "--printer NAME",
-    "--config": "--load config.ini",
-    "--ini": "--load config.ini",
-    "--temperature": "--set nozzle_temperature=210",
-    "--temp": "--set nozzle_temperature=210",
-    "--nozzle-temperature": "--set nozzle_temperature=210",
-    "--bed-temperature": "--set bed_temperature=60",
-    "--bed-temp": "--set bed_temperature=60",
-    "--nozzle": "--set nozzle_diameter=0.4",
-    "--nozzle-diameter": "--set nozzle_diameter=0.4",
-    "--speed": "--set speeds.perimeter=50",
+    "--config": "--load FILE",
+    "--ini": "--load FILE",
+    "--temperature": "--set nozzle_temperature=DEGREES",
+    "--temp": "--set nozzle_temperature=DEGREES",
+    "--nozzle-temperature": "--set nozzle_temperature=DEGREES",
+    "--bed-temperature": "--set bed_temperature=DEGREES",
+    "--bed-temp": "--set bed_temperature=DEGREES",
+    "--nozzle": "--set nozzle_diameter=MM",
+    "--nozzle-diameter": "--set nozzle_diameter=MM",
+    "--speed": "--set speeds.perimeter=SPEED",
+    "--print-speed": "--set speeds.perimeter=SPEED",
+    "--skirt": "--set skirt_loops=N",
+    "--nozzle-temp": "--set nozzle_temperature=DEGREES",
+    "--bed": "--set bed_temperature=DEGREES",
+    "--fan": "--set fan_ratio=PERCENT",
+    "--fan-speed": "--set fan_ratio=PERCENT",
+    "--flow": "--set flow_ratio=PERCENT",
+    "--retraction": "--set retract_length=MM",
+    "--top-layers": "--set top_thickness=MM",
+    "--bottom-layers": "--set bottom_thickness=MM",
+    "--variable-layer-height": "--quality adaptive",
+    "--load-settings": "--load FILE",
     "--vase": "--set spiral=true",
     "--spiral-vase": "--set spiral=true",
-    "--duplicate": "--copies 2",
-    "--count": "--copies 2",
+    "--duplicate": "--copies N",
+    "--count": "--copies N",
     "--out": "--output FILE",
     "--output-file": "--output FILE",
     "--outdir": "--output-dir DIR",
     "--export-gcode": "-o FILE.gcode",
-    "--baudrate": "--baud 115200",
-    "--speed-baud": "--baud 115200",
+    "--baudrate": "--baud N",
+    "--speed-baud": "--baud N",
     "--device": "--port PORT",
     "--serial": "--port PORT",
     "--preview": "--picture FILE.svg",
@@ -128,9 +141,9 @@ _MODELS: Final = (".stl", ".3mf", ".obj", ".ply", ".off", ".glb", ".gltf", ".ste
 _GCODE: Final = (".gcode", ".gco", ".g")
 
 
-def suggest(word: str, known: Iterable[str]) -> str:
+def suggest(word: str, known: Iterable[str], cutoff: float = _ALIKE) -> str:
     """Return a question that names the known word spelled most like a word; empty if none is similar."""
-    near = get_close_matches(word, list(known), n=1, cutoff=_ALIKE) if word else []
+    near = get_close_matches(word, list(known), n=1, cutoff=cutoff) if word else []
     return f"Did you mean {near[0]!r}? " if near else ""
 
 
@@ -156,7 +169,7 @@ def suggest_option(flag: str, known: Collection[str]) -> str:
     meant = _OPTIONS.get(flag.lower().replace("_", "-"), "")
     if meant.partition(" ")[0].rstrip(",") in known:
         return f"Did you mean {meant}? "
-    if near := suggest(flag, known):
+    if near := suggest(flag, known, _OPTION_ALIKE):
         return near
     if "--set" in known and _is_setting(name := flag.removeprefix("--").replace("-", "_")):
         return f"Did you mean --set {name}=VALUE? "

@@ -113,6 +113,7 @@ _MEANT: Final[Mapping[str, str]] = {
 }
 """What a word that is no setting's name means most likely, as it is typed; {} is the value."""
 
+_FIXED: Final = ("varying_walls",)  # settings that an import sets to the same value for any preset
 _MOST_RATIO: Final = 2.0  # numbers above are percentages
 _SHARES: Final = ("infill_density", "fan_ratio", "flow_ratio")
 _NO_SUPPORTS: Final = re.compile(r"(?:enable_)?supports?(?:_\w+)?")
@@ -182,7 +183,9 @@ def familiar_setting(name: str, text: str, profile: Profile) -> FamiliarSetting 
     found = [key for key in settings if ours and key.partition(".")[2] == ours.removeprefix("quality.")]
     if len(found) > 1:
         found = [key for key in found if key.startswith(("quality.", ours))][:1]
-    if found:
+    if found and not (
+        value.endswith("%") and ".speeds." in found[0]
+    ):  # an import knows what percentages are of
         return FamiliarSetting(slicer, {found[0]: value})
     converted = _from_conversion(theirs, value, profile, slicer)
     if converted is None:
@@ -223,7 +226,11 @@ def _converted(kind: str, name: str, text: str, profile: Profile, *, is_orca: bo
     if convert is None:
         return {}
     plain: dict[str, Any] = {key.partition(".")[2]: value for key, value in settings_text(profile)}
-    around = add_other_names({**plain, "quality.layer_height": profile.quality.layer_height})
+    speeds = {
+        f"quality.speeds.{key}": getattr(profile.speeds, key)
+        for key in type(profile.speeds).__struct_fields__
+    }
+    around = add_other_names({**plain, **speeds, "quality.layer_height": profile.quality.layer_height})
     entries = {
         key: SourceSetting(key, str(value[0] if isinstance(value, tuple) else value), "")
         for key, value in around.items()
@@ -240,4 +247,4 @@ def _converted(kind: str, name: str, text: str, profile: Profile, *, is_orca: bo
             ORCA_DEFAULTS if is_orca else DEFAULTS,
         )
     )
-    return {one.ours: one.value for one in made.taken if one.theirs == name}
+    return {one.ours: one.value for one in made.taken if one.theirs == name and one.ours not in _FIXED}

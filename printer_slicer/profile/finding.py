@@ -53,8 +53,10 @@ def find_profiles(kind: str, text: str, folders: Sequence[Path] = ()) -> list[Pr
         ranks = [rank for one in names if (rank := match_rank(asked, name_words(one)))]
         ranked += [(min(ranks), name)] if ranks else []
     ranked.sort()
-    is_only = len(ranked) == 1 and ranked[0][0][0] <= IN_ORDER
-    is_sure = is_only or (len(ranked) > 1 and ranked[0][0][0] <= ENDS_ALIKE and ranked[1][0] > ranked[0][0])
+    kinds = [rank[0] for rank, _ in ranked]
+    is_only = len(kinds) == 1 and kinds[0] < IN_ORDER
+    is_best = len(kinds) > 1 and kinds[0] <= ENDS_ALIKE and kinds[1] > kinds[0]
+    is_sure = (is_only or is_best) and any(word.isalpha() for word in asked)
     return [
         ProfileMatch(name, known[name][1] or name, is_sure and i == 0) for i, (_, name) in enumerate(ranked)
     ]
@@ -72,7 +74,7 @@ def suggest_profiles(kind: str, text: str, folders: Sequence[Path] = ()) -> str:
         (len(words), name)
         for name, path in paths.items()
         for words in map(name_words, _names(path))
-        if len(words) > 1 and match_rank(words, asked)
+        if len(words) > 1 and (rank := match_rank(words, asked)) and rank[0] < IN_ORDER
     ]
     near = [max(contained)[1]] if contained else get_close_matches(text.lower(), paths, n=1, cutoff=_ALIKE)
     return f"Did you mean {near[0]!r}?" if near else ""
