@@ -168,7 +168,7 @@ def _widths(made: Conversion, height: float) -> float:
         """Return a width in mm; 0: automatic."""
         return preset.quantity(name).of(nozzle if over_nozzle else layer)
 
-    name = next((one for one in (*_WIDTHS[:2], "extrusion_width") if width(one, height)), "")
+    name = next((one for one in (_WIDTHS[0], "extrusion_width") if width(one, height)), "")
     usual = width(name, height) if name else 1.125 * nozzle
     percent = bool(name) and preset.quantity(name).percent
     differing = {one for one in _WIDTHS if width(one, height) and abs(width(one, height) - usual) > 1e-6}

@@ -323,7 +323,15 @@ def test_a_file_of_far_too_many_bytes_or_lines_is_no_file_of_settings(tmp_path: 
         ({"external_perimeter_extrusion_width": "0.42"}, 0.42),
         ({"external_perimeter_extrusion_width": "0.45"}, 0),
         ({"external_perimeter_extrusion_width": "200%"}, 0.4),
-        ({"perimeter_extrusion_width": "0", "external_perimeter_extrusion_width": "0.42"}, 0),
+        ({"perimeter_extrusion_width": "0", "external_perimeter_extrusion_width": "0.42"}, 0.42),
+        (
+            {
+                "perimeter_extrusion_width": "0",
+                "extrusion_width": "0.45",
+                "external_perimeter_extrusion_width": "0.6",
+            },
+            0.6,
+        ),
     ],
 )
 def test_the_width_of_external_perimeters_is_taken_over(
