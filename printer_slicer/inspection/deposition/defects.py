@@ -1,10 +1,10 @@
 """Find defects of the extrusion, height by height, against everything printed before.
 
-what                when
-in the air          beads that nothing holds, see `deposition.unsupported`
-through the print   the nozzle, laying or not, is more than 0.12 mm lower than the plastic in its way
-on the bed          beads lie less than 0.04 mm above it
-too much            more plastic per second than the material melts
+defect              condition
+unsupported         extrusion with nothing below it, see `deposition.unsupported`
+collision           the nozzle, extruding or not, is more than 0.12 mm below the print in its path
+on the bed          extrusion less than 0.04 mm above the bed
+flow                more volume per second than the material melts
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from printer_slicer.inspection.deposition.unsupported import MIN_REPORTED_LENGTH
 __all__ = ["DEEP", "DefectFinder"]
 
 DEEP: Final = 0.12
-"""mm lower than the plastic in its way that are a crash."""
+"""Depth of the nozzle below the print in its path that counts as a collision, mm."""
 
 _PLUNGE: Final = 0.5  # mm straight down into what stands there, or to the side of it
 _SCRAPES: Final = 0.04  # mm over the bed
