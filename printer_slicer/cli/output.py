@@ -49,10 +49,10 @@ _CODES: Final = {"error": "1;31", "warning": "1;33"}
 # Text
 
 
-def say(arguments: argparse.Namespace, text: str) -> None:
-    """Print a line, unless --quiet or --json is given."""
+def say(arguments: argparse.Namespace, text: str, *, is_message: bool = True) -> None:
+    """Print a line, unless --quiet or --json is given; messages name options in place of arguments."""
     if not (arguments.quiet or arguments.json):
-        print(sanitize(hide_stdin_folder(arguments, _with_flags(text))))
+        print(sanitize(hide_stdin_folder(arguments, _with_flags(text) if is_message else text)))
 
 
 def _with_flags(text: str) -> str:

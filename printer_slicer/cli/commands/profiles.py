@@ -322,8 +322,7 @@ def _settings(arguments: argparse.Namespace) -> int:
     from printer_slicer.profile.tables import settings_table
 
     if arguments.markdown:
-        if not (arguments.quiet or arguments.json):
-            print(settings_markdown().rstrip("\n"))  # setting names stay: they are no arguments of a message
+        say(arguments, settings_markdown().rstrip("\n"), is_message=False)
         return 0
     words = [word.lower() for word in arguments.names]
     rows = [
