@@ -14,9 +14,9 @@ from printer_slicer.input_files import read_input
 
 __all__ = ["read_archive", "read_text"]
 
-_LARGEST_FILE: Final = 50_000_000  # bytes; vendors' bundles have a few
-_LARGEST: Final = 20_000_000  # bytes of a text in an archive
-_MOST: Final = 50  # members of an archive
+_LARGEST_FILE: Final = 50_000_000  # bytes; vendors' bundles have a few million
+_LARGEST_MEMBER: Final = 20_000_000  # bytes of one text in an archive
+_MOST_MEMBERS: Final = 50  # texts that are read from an archive
 
 
 def read_text(path: Path) -> str:
@@ -42,11 +42,11 @@ def read_text(path: Path) -> str:
 
 
 def read_archive(path: Path, names: AbstractSet[str] | None = None) -> dict[str, str]:
-    """Read members of an archive.
+    """Read texts from a ZIP archive.
 
     Args:
         path: path of the archive.
-        names: names of the members; missing ones are skipped. None: all.
+        names: names of the texts; missing ones are skipped. None: all texts.
 
     Returns:
         Name -> text.
@@ -56,18 +56,23 @@ def read_archive(path: Path, names: AbstractSet[str] | None = None) -> dict[str,
     """
     try:
         with zipfile.ZipFile(path) as archive:
-            there = archive.namelist()[:_MOST] if names is None else sorted(names & set(archive.namelist()))
-            return {name: _text(path, archive, name) for name in there}
+            present = (
+                archive.namelist()[:_MOST_MEMBERS]
+                if names is None
+                else sorted(names & set(archive.namelist()))
+            )
+            return {name: _read_member(path, archive, name) for name in present}
     except (zipfile.BadZipFile, OSError, EOFError, RuntimeError, NotImplementedError, ValueError) as error:
         raise ProfileError(f"{path}: cannot be unpacked: {error}", remedy="Save the file again") from None
 
 
-def _text(path: Path, archive: zipfile.ZipFile, name: str) -> str:
+def _read_member(path: Path, archive: zipfile.ZipFile, name: str) -> str:
+    """Read one text from an archive."""
     with archive.open(name) as member:
-        data = member.read(_LARGEST + 1)  # the size in the archive's directory may be wrong
-    if len(data) > _LARGEST:
+        data = member.read(_LARGEST_MEMBER + 1)  # the size in the archive's directory may be wrong
+    if len(data) > _LARGEST_MEMBER:
         raise ProfileError(
-            f"{path}: {name}: over {_LARGEST // 1_000_000} MB, too large for a settings file",
+            f"{path}: {name}: over {_LARGEST_MEMBER // 1_000_000} MB, too large for a settings file",
             remedy="Save the file again",
         )
     return data.decode("utf-8", "replace")

@@ -12,31 +12,31 @@ __all__ = ["BedRectangle", "find_rectangle"]
 
 _NUMBER: Final = r"-?\d+(?:\.\d*)?(?:e-?\d+)?"
 _POINT: Final = re.compile(rf"\s*({_NUMBER})\s*x\s*({_NUMBER})\s*", re.IGNORECASE)
-_ROUND: Final = 0.02  # relative difference between the radii of a round bed's corners
+_ROUNDNESS: Final = 0.02  # largest relative difference between the radii of the corners of a round bed
 _Point = tuple[float, float]
 
 
 class BedRectangle(NamedTuple):
-    """Front left and back right corner, mm, and how the outline was converted."""
+    """A rectangular bed: front left and back right corner, mm, and how the outline was converted."""
 
     low: _Point
     high: _Point
     how: str = ""
 
 
-def find_rectangle(made: Conversion) -> BedRectangle:
-    """Return the rectangle for the outline of a bed.
+def find_rectangle(conversion: Conversion) -> BedRectangle:
+    """Return a rectangle that replaces the outline of a bed.
 
     Raises:
         ProfileError: the outline is invalid or empty.
     """
     points = []
-    for word in made.preset.raw("bed_shape").split(","):
+    for word in conversion.preset.raw("bed_shape").split(","):
         found = _POINT.fullmatch(word)
         if found is None:
-            raise made.error(
+            raise conversion.error(
                 "bed_shape",
-                f"{word.strip()[:30]!r} is not a corner",
+                f"{word.strip()[:30]!r} is not a corner of the bed",
                 "Write corners as 0x0,220x0,220x220,0x220",
             )
         points.append((float(found[1]), float(found[2])))
@@ -44,31 +44,33 @@ def find_rectangle(made: Conversion) -> BedRectangle:
     low, high = (min(xs), min(ys)), (max(xs), max(ys))
     size = (high[0] - low[0], high[1] - low[1])
     if len(points) < 3 or min(size) <= 0:
-        raise made.error("bed_shape", "the bed is empty", "Write its corners as 0x0,220x0,220x220,0x220")
+        raise conversion.error(
+            "bed_shape", "the bed has no area", "Write its corners as 0x0,220x0,220x220,0x220"
+        )
     if _is_rectangle(points, low, high):
         return BedRectangle(low, high)
     middle = ((low[0] + high[0]) / 2, (low[1] + high[1]) / 2)
     radii = [hypot(x - middle[0], y - middle[1]) for x, y in points]
-    if len(points) >= 8 and max(radii) - min(radii) <= _ROUND * max(radii):
+    if len(points) >= 8 and max(radii) - min(radii) <= _ROUNDNESS * max(radii):
         # Round beds are polygons: the square has to fit into the smallest radius.
         half = min(radii) * 0.5**0.5
         how = f"the square inside a round bed of {2 * max(radii):g} mm"
-        return BedRectangle(_move(middle, -half), _move(middle, half), how)
-    made.warn(
+        return BedRectangle(_shift_point(middle, -half), _shift_point(middle, half), how)
+    conversion.warn(
         "bed_shape",
         "the bed is not a rectangle: its bounding box is used; keep parts off the missing corners",
     )
-    return BedRectangle(low, high, "bounding box of another shape")
+    return BedRectangle(low, high, "bounding box of a bed that is not a rectangle")
 
 
 def _is_rectangle(points: list[_Point], low: _Point, high: _Point) -> bool:
-    """Return whether the outline fills its bounding box."""
-    turned = zip(points, points[1:] + points[:1], strict=True)
-    area = abs(sum(a[0] * b[1] - a[1] * b[0] for a, b in turned)) / 2
-    whole = (high[0] - low[0]) * (high[1] - low[1])
-    return area >= 0.98 * whole
+    """Return whether an outline fills its bounding box."""
+    edges = zip(points, points[1:] + points[:1], strict=True)
+    area = abs(sum(a[0] * b[1] - a[1] * b[0] for a, b in edges)) / 2
+    box_area = (high[0] - low[0]) * (high[1] - low[1])
+    return area >= 0.98 * box_area
 
 
-def _move(middle: _Point, by: float) -> _Point:
+def _shift_point(middle: _Point, by: float) -> _Point:
     """Return a point moved by the same distance in x and y."""
     return round(middle[0] + by, 3), round(middle[1] + by, 3)

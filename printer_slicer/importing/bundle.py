@@ -1,4 +1,4 @@
-"""Bundles of presets: inheritance, printer models, compatibility."""
+"""Bundles of presets: inheritance, printer models and compatibility."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from printer_slicer.importing.printer_search import find_printers
 from printer_slicer.importing.prusaslicer_names import DEFAULTS
 from printer_slicer.importing.results import KINDS, RejectedProfile
 
-__all__ = ["PresetBundle", "find_bundle"]
+__all__ = ["PresetBundle", "group_sections"]
 
 _KINDS: Final = {"printer": "printer", "filament": "material", "print": "quality"}
 _USUAL_NOZZLE: Final = 0.4  # mm
-_DEEPEST: Final = 50
-_MOST_SOUGHT: Final = 5
+_DEEPEST_INHERITANCE: Final = 50  # presets in a chain
+_MOST_SUGGESTIONS: Final = 5  # searches for similar names in one file
 _LONGEST_NAME: Final = 200  # characters
-_COMPLETE: Final = 30  # settings; a preset with fewer cannot be used without the one it inherits from
+_FEWEST_COMPLETE: Final = 30  # settings; a preset with fewer cannot be used without the one it inherits from
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,8 +40,8 @@ class PresetBundle:
     models: Mapping[str, IniSection]
     dialect: str
     place: str
-    _known: dict[tuple[str, str], dict[str, SourceSetting]] = field(default_factory=dict, repr=False)
-    _sought: list[str] = field(default_factory=list, repr=False)
+    _resolved: dict[tuple[str, str], dict[str, SourceSetting]] = field(default_factory=dict, repr=False)
+    _suggested: list[str] = field(default_factory=list, repr=False)
 
     def presets(self, kinds: Sequence[str] = KINDS) -> Iterator[Preset | RejectedProfile]:
         """Yield each preset with the settings it inherits, or the reason why it cannot be used; skip abstract ones."""
@@ -59,16 +59,22 @@ class PresetBundle:
         Raises:
             ProfileError: it is missing, inherits from itself, or from a preset that is missing.
         """
-        entries = self._resolve(kind, name, ())
+        entries = self._resolve_settings(kind, name, ())
         return Preset(kind, name, self.dialect, self.sections[kind][name].place, entries, DEFAULTS)
 
-    def _resolve(self, kind: str, name: str, below: tuple[str, ...]) -> dict[str, SourceSetting]:
-        """Return the settings of a section and those it inherits; of several parents the last one wins."""
-        if (kind, name) in self._known:
-            return self._known[kind, name]
+    def _resolve_settings(self, kind: str, name: str, heirs: tuple[str, ...]) -> dict[str, SourceSetting]:
+        """Return the settings of a section and those it inherits; the last of several parents takes precedence.
+
+        Args:
+            kind: kind of the preset.
+            name: name of the section.
+            heirs: the sections that inherit from it.
+        """
+        if (kind, name) in self._resolved:
+            return self._resolved[kind, name]
         section = self.sections[kind][name]
-        if name in below or len(below) > _DEEPEST:
-            chain = " -> ".join((*below, name))
+        if name in heirs or len(heirs) > _DEEPEST_INHERITANCE:
+            chain = " -> ".join((*heirs, name))
             raise ProfileError(
                 f"{section.place}: inherits from itself: {chain}",
                 remedy="Change one `inherits` in this chain",
@@ -79,31 +85,31 @@ class PresetBundle:
             if not parent:
                 continue
             if parent in self.sections[kind]:
-                entries |= self._resolve(kind, parent, (*below, name))
-            elif len(section.entries) < _COMPLETE:
+                entries |= self._resolve_settings(kind, parent, (*heirs, name))
+            elif len(section.entries) < _FEWEST_COMPLETE:
                 assert parents is not None
-                near = self._closest_name(parent, kind)
+                near = self._suggest_name(parent, kind)
                 hint = f"Did you mean {near!r}? " if near else ""
                 raise ProfileError(
-                    f"{parents.place}: inherits = {parent}: no such preset in this file",
+                    f"{parents.place}: inherits = {parent}: this file has no such preset",
                     remedy=f"{hint}Export the complete preset (File, Export, Export Config)",
                 )
-        self._known[kind, name] = entries | section.entries
-        return self._known[kind, name]
+        self._resolved[kind, name] = entries | section.entries
+        return self._resolved[kind, name]
 
-    def _closest_name(self, name: str, kind: str) -> str:
-        """Return the preset with the most similar name; empty if there is none.
+    def _suggest_name(self, name: str, kind: str) -> str:
+        """Return the most similar name of a preset; empty if none is similar.
 
-        Only the first few searches are done, because each compares all names.
+        Only a few searches are done for each file, because each one compares all names.
         """
-        if len(self._sought) >= _MOST_SOUGHT or len(name) > _LONGEST_NAME:
+        if len(self._suggested) >= _MOST_SUGGESTIONS or len(name) > _LONGEST_NAME:
             return ""
-        self._sought.append(name)
+        self._suggested.append(name)
         names = [one for one in self.sections[kind] if len(one) <= _LONGEST_NAME]
         return next(iter(get_close_matches(name, names, n=1)), "")
 
     def is_compatible(self, preset: Preset, printer: Preset) -> bool:
-        """Return whether a material or quality is meant for this printer."""
+        """Return whether a material or quality is compatible with a printer."""
         listed = [name for name in split_texts(preset.raw("compatible_printers")) if name]
         if listed:
             return printer.name in listed
@@ -111,13 +117,18 @@ class PresetBundle:
         known = {key: entry.text for key, entry in printer.entries.items()}
         return not condition or condition_holds(condition, dict(DEFAULTS) | known) is not False
 
-    def default_preset(self, printer: Preset, kind: str) -> str:
-        """Return the default material or quality of a printer, or the first compatible one; empty if there is none."""
-        named = printer.text(
+    def find_default_name(self, printer: Preset, kind: str) -> str:
+        """Return the name of a printer's default material or quality.
+
+        Without a default, this is the first compatible one; empty if there is none.
+        """
+        name_list = printer.text(
             {"material": "default_filament_profile", "quality": "default_print_profile"}[kind]
         )
         for name in (
-            [*split_texts(named), *self._default_materials(printer)] if kind == "material" else [named]
+            [*split_texts(name_list), *self._default_materials(printer)]
+            if kind == "material"
+            else [name_list]
         ):
             if name in self.sections[kind]:
                 return name
@@ -130,7 +141,7 @@ class PresetBundle:
         """Return the printers that match a name best, for example one printer with different nozzles.
 
         Args:
-            name: of a preset, an older name of one, or of a model; or a part of one, such as `Ender 3 V2`.
+            name: name or former name of a preset, or of a printer model, or a part of one, such as `Ender 3 V2`.
         """
         printers = self.sections["printer"]
         if name in printers and not name.startswith("*"):
@@ -146,33 +157,33 @@ class PresetBundle:
         section = self.models.get(model)
         return [one for one in (model, section.texts.get("name", "") if section else "") if one]
 
-    def choose_nozzle(self, printers: Sequence[Preset]) -> Preset:
-        """Return the printer with the 0.4 mm nozzle, or with the first that its model lists.
+    def choose_by_nozzle(self, printers: Sequence[Preset]) -> Preset:
+        """Return the printer with a 0.4 mm nozzle, or the one with the nozzle that its model lists first.
 
         Args:
-            printers: of one model, with different nozzles.
+            printers: printers of one model with different nozzles.
         """
         model = self.models.get(printers[0].text("printer_model"))
         listed = split_texts(model.texts.get("variants", "")) if model else []
-        usual = [one for one in printers if one.number("nozzle_diameter") == _USUAL_NOZZLE]
+        standard = [one for one in printers if one.number("nozzle_diameter") == _USUAL_NOZZLE]
         first = [one for one in printers if listed and one.text("printer_variant") == listed[0]]
-        return (*usual, *first, *printers)[0]
+        return (*standard, *first, *printers)[0]
 
     def _default_materials(self, printer: Preset) -> list[str]:
-        """Return the default materials of the printer's model."""
+        """Return the names of the default materials of a printer's model."""
         model = self.models.get(printer.text("printer_model"))
         listed = model.entries.get("default_materials") if model else None
         return split_texts(listed.text) if listed else []
 
 
-def find_bundle(sections: Sequence[IniSection], dialect: str, place: str) -> PresetBundle | None:
-    """Return the sections of a file as a bundle; None if the file is one set of settings without presets."""
-    sorted_out: dict[str, dict[str, IniSection]] = {kind: {} for kind in _KINDS.values()}
+def group_sections(sections: Sequence[IniSection], dialect: str, place: str) -> PresetBundle | None:
+    """Group the sections of a file as a bundle; return None if the file is one set of settings without presets."""
+    by_kind: dict[str, dict[str, IniSection]] = {kind: {} for kind in _KINDS.values()}
     models: dict[str, IniSection] = {}
     for section in sections:
         kind, sign, name = (part.strip() for part in section.title.partition(":"))
         if sign and kind in _KINDS:
-            sorted_out[_KINDS[kind]][name] = section
+            by_kind[_KINDS[kind]][name] = section
         elif kind == "printer_model":
             models[name] = section
-    return PresetBundle(sorted_out, models, dialect, place) if any(sorted_out.values()) else None
+    return PresetBundle(by_kind, models, dialect, place) if any(by_kind.values()) else None

@@ -14,12 +14,12 @@ from printer_slicer.macros import Items, MacroFault, Value, evaluate, is_true, p
 
 __all__ = ["SettingValues", "condition_holds", "evaluate_setting"]
 
-_TOOLS: Final = ("initial_tool", "initial_extruder", "current_extruder")
+_TOOL_NUMBERS: Final = ("initial_tool", "initial_extruder", "current_extruder")
 _SWITCHES: Final = ("silent_mode", "variable_layer_height", "gcode_comments", "gcode_label_objects")
 
 
 def condition_holds(condition: str, known: Mapping[str, str]) -> bool | None:
-    """Return whether a condition is true for some settings; None if it cannot be evaluated.
+    """Return whether settings meet a condition; None if it cannot be evaluated.
 
     Args:
         condition: as in `compatible_printers_condition`.
@@ -31,7 +31,7 @@ def condition_holds(condition: str, known: Mapping[str, str]) -> bool | None:
 
 
 def evaluate_setting(name: str, known: Mapping[str, str]) -> Value:
-    """Return the value of a setting; of a list the first.
+    """Return the value of a setting; if it is a list, its first item.
 
     Raises:
         MacroFault: the setting is missing.
@@ -40,14 +40,14 @@ def evaluate_setting(name: str, known: Mapping[str, str]) -> Value:
 
 
 class SettingValues(Mapping[str, Value]):
-    """Values of settings as written; percentages are missing, because they depend on other settings."""
+    """Values of settings by name, without percentages, because these depend on other settings."""
 
     def __init__(self, texts: Mapping[str, str]) -> None:
         self._texts = texts
 
     def __getitem__(self, name: str) -> Value:
         """Return the value of a setting."""
-        if name in _TOOLS:
+        if name in _TOOL_NUMBERS:
             return 0
         if name == "num_extruders":
             return len(self._texts.get("nozzle_diameter", "0").split(","))
@@ -56,7 +56,7 @@ class SettingValues(Mapping[str, Value]):
         if is_text or name.endswith("_gcode"):
             return unescape(text)
         items = text.split(",") if ";" not in text else split_texts(text)
-        return Items(_item(word.strip().strip('"'), name) for word in items)
+        return Items(_parse_item(word.strip().strip('"'), name) for word in items)
 
     def __contains__(self, name: object) -> bool:
         """Return whether a setting is present and not a percentage."""
@@ -74,11 +74,15 @@ class SettingValues(Mapping[str, Value]):
         return len(self._texts)
 
 
-def _item(word: str, name: str) -> float | str:
-    """Convert a word to a number if it is one."""
+def _parse_item(word: str, name: str) -> float | str:
+    """Convert a word to a number if it is one.
+
+    Raises:
+        KeyError: it is a percentage.
+    """
     found = parse_quantity(word)
     if found is None:
         return word
-    if found.percent:
+    if found.is_percent:
         raise KeyError(name)
     return int(word) if re.fullmatch(r"-?\d{1,15}", word) else found.value

@@ -14,16 +14,16 @@ from printer_slicer.importing.results import ConvertedSetting, ImportedProfile, 
 
 __all__ = ["ONE_TOOL", "SUPPORTS_OFF", "Conversion"]
 
-ONE_TOOL: Final = "printers here have one tool"
+ONE_TOOL: Final = "only one tool is supported"
 SUPPORTS_OFF: Final = "supports are off"
 _NOT_APPLICABLE: Final = (ONE_TOOL, SUPPORTS_OFF)
 
-_OFF: Final = ("", "0", "0%", "nil", "none", "false", "no", "0,0", "disabled", '""')
+_OFF_VALUES: Final = ("", "0", "0%", "nil", "none", "false", "no", "0,0", "disabled", '""')
 
 
 @dataclass(slots=True)
 class Conversion:
-    """Converts a preset setting by setting, and records the source of each."""
+    """Converts a preset setting by setting, and records where each value comes from."""
 
     preset: Preset
     values: dict[str, Any] = field(default_factory=dict)
@@ -44,10 +44,10 @@ class Conversion:
 
         Args:
             ours: its name; a dot separates table and key.
-            value: in our unit.
+            value: its value, in our unit.
             theirs: PrusaSlicer's names of the settings that it comes from, the most important first.
-            how: how they were converted, where that is not obvious.
-            differs: whether the print differs from that of the source because of it.
+            how: how the value was converted, where that is not obvious.
+            differs: whether this makes the print differ from the source's.
         """
         names = [theirs] if isinstance(theirs, str) else list(theirs)
         self.used.update(names)
@@ -56,39 +56,39 @@ class Conversion:
         for name in outer:
             table = table.setdefault(name, {})
         table[leaf] = _round_number(value)
-        there = [name for name in names if name in self.preset.entries]
-        label = ", ".join(self.preset.theirs(name) for name in there[:1])
-        text = self.preset.raw(there[0]) if there else self.preset.raw(names[0]) if names else ""
+        present = [name for name in names if name in self.preset.entries]
+        label = ", ".join(self.preset.source_name(name) for name in present[:1])
+        text = self.preset.raw(present[0]) if present else self.preset.raw(names[0]) if names else ""
         self.taken.append(ConvertedSetting(label, text, ours, _round_number(value), how, differs))
 
-    def number(self, ours: str, theirs: str, how: str = "", *, differs: bool = False) -> float:
-        """Take over a number."""
+    def copy_number(self, ours: str, theirs: str, how: str = "", *, differs: bool = False) -> float:
+        """Set one of our settings to a number of the source, and return the number."""
         value = self.preset.number(theirs)
         self.put(ours, value, theirs, how, differs=differs)
         return value
 
-    def switch(self, ours: str, theirs: str) -> bool:
-        """Take over a switch."""
+    def copy_switch(self, ours: str, theirs: str) -> bool:
+        """Set one of our settings to a switch of the source, and return whether it is on."""
         value = self.preset.is_on(theirs)
         self.put(ours, value, theirs)
         return value
 
-    def choice(
+    def convert_choice(
         self, ours: str, theirs: str, same: Mapping[str, str], near: Mapping[str, str], other: str
     ) -> None:
-        """Take over a choice.
+        """Set one of our settings to the word that corresponds to a word of the source.
 
         Args:
             ours: name of our setting.
             theirs: name of the source's setting.
             same: words of the source -> our words with the same meaning.
             near: words of the source -> our words with a similar meaning.
-            other: our word for all others.
+            other: our word for all other words of the source.
         """
         word = self.preset.text(theirs).strip().lower()
         value = same.get(word) or near.get(word, other)
-        near_by = "" if word in same else f"{word or 'nothing'} is nearest to {value}"
-        self.put(ours, value, theirs, near_by, differs=word not in same)
+        how = "" if word in same else f"{value} is the most similar choice for {word or 'nothing'}"
+        self.put(ours, value, theirs, how, differs=word not in same)
 
     def clamp(  # noqa: PLR0917 - calls read as rows of a table
         self,
@@ -99,30 +99,30 @@ class Conversion:
         theirs: str | Sequence[str],
         how: str = "",
     ) -> float:
-        """Take over a number; warn if it has to be moved into the range from `low` to `high`."""
-        kept = min(max(value, low), high)
-        moved = abs(kept - value) > 1e-12
-        if moved:
-            bound = f"the {'least' if kept > value else 'most'} here"
-            how = f"{how}; {kept:g} is {bound}" if how else f"{kept:g} is {bound}"
+        """Set one of our settings to a number within `low` and `high`; warn if the number has to be changed."""
+        clamped = min(max(value, low), high)
+        is_outside = abs(clamped - value) > 1e-12
+        if is_outside:
+            bound = f"the {'minimum' if clamped > value else 'maximum'} here"
+            how = f"{how}; {clamped:g} is {bound}" if how else f"{clamped:g} is {bound}"
             self.warn(
-                theirs if isinstance(theirs, str) else theirs[0], f"{value:g} becomes {kept:g}, {bound}"
+                theirs if isinstance(theirs, str) else theirs[0], f"{value:g} becomes {clamped:g}, {bound}"
             )
-        self.put(ours, kept, theirs, how, differs=moved)
-        return kept
+        self.put(ours, clamped, theirs, how, differs=is_outside)
+        return clamped
 
     def resolve(self, theirs: str, whole: float) -> float:
-        """Return a number of the source; a percentage is of `whole`."""
-        return self.preset.quantity(theirs).of(whole)
+        """Return a number of the source; a percentage is taken of `whole`."""
+        return self.preset.quantity(theirs).resolve(whole)
 
     def quantity(self, theirs: str) -> Quantity:
         """Return a number or percentage of the source."""
         return self.preset.quantity(theirs)
 
     def printer_number(self, theirs: str) -> float:
-        """Return a number of the printer that the preset is for, or the default of the source."""
-        entry, told = self.preset.entries.get(theirs), self.preset.context.get(theirs, "")
-        found = parse_quantity(told.split(",")[0]) if entry is None and told else None
+        """Return a number of the preset's printer, or the default of the other slicer."""
+        entry, in_context = self.preset.entries.get(theirs), self.preset.context.get(theirs, "")
+        found = parse_quantity(in_context.split(",")[0]) if entry is None and in_context else None
         return found.value if found else self.preset.number(theirs)
 
     def error(self, theirs: str, problem: str, remedy: str) -> ProfileError:
@@ -138,21 +138,21 @@ class Conversion:
         self.taken[-1] = replace(self.taken[-1], differs=True)
 
     def mark_used(self, names: Iterable[str]) -> None:
-        """Mark settings as used, so that they are not reported as settings without an equivalent."""
+        """Mark settings of the source as used, so that they are not reported as unsupported."""
         self.used.update(names)
 
-    def finish(self, why: Callable[[str], str]) -> ImportedProfile:
+    def finish(self, explain: Callable[[str], str]) -> ImportedProfile:
         """Return the converted profile.
 
         Args:
-            why: gives the reason why a setting of the source has no equivalent.
+            explain: function that returns the reason why a setting of the source has no equivalent.
         """
         preset = self.preset
-        left = [
+        unsupported = [
             UnsupportedSetting(
                 entry.name,
                 entry.text,
-                reason := why(name),
+                reason := explain(name),
                 off=_is_off(entry.text) or reason in _NOT_APPLICABLE,
             )
             for name, entry in preset.entries.items()
@@ -167,18 +167,19 @@ class Conversion:
             preset.place,
             self.values,
             tuple(self.taken),
-            tuple(left),
+            tuple(unsupported),
             (*preset.notes, *self.notes),
             settings,
         )
 
 
 def _is_off(text: str) -> bool:
-    return text.strip().lower() in _OFF
+    """Return whether a value switches its setting off."""
+    return text.strip().lower() in _OFF_VALUES
 
 
 def _round_number(value: Any) -> Any:
-    """Round a number to six decimals, without the noise of binary fractions."""
+    """Round a number to six decimals, and return whole numbers as integers."""
     if isinstance(value, float) and isfinite(value):
         rounded = round(value, 6)
         return int(rounded) if rounded.is_integer() and abs(rounded) < 1e15 else rounded

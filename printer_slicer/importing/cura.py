@@ -1,4 +1,4 @@
-"""Read Cura's definitions: a machine with all it inherits, its first extruder, and changed settings."""
+"""Read Cura's definitions: a machine with the definitions it inherits from, its first extruder, and changes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from printer_slicer.importing.ini import IniSection, SourceSetting, read_section
 from printer_slicer.importing.orca import read_json
 from printer_slicer.importing.presets import Preset, parse_quantity
 
-__all__ = ["CuraDefinition", "cura_presets", "is_cura_definition", "read_cura_profile"]
+__all__ = ["CuraDefinition", "is_cura_definition", "make_cura_presets", "read_cura_profile"]
 
 _SUFFIX: Final = ".def.json"
 
@@ -27,7 +27,7 @@ def is_cura_definition(values: Mapping[str, Any]) -> bool:
 
 @dataclass(slots=True)
 class CuraDefinition:
-    """A machine with all the settings it inherits.
+    """A machine with its own settings and those it inherits.
 
     Attributes:
         name: display name.
@@ -37,7 +37,7 @@ class CuraDefinition:
         changed_at: key -> where the change was made.
         own: keys that the machine's own files change.
         failed: key -> why its expression could not be evaluated.
-        asked: the setting that was requested last, apart from those it depends on.
+        last_requested: the setting that was requested last, apart from the settings that it depends on.
     """
 
     name: str
@@ -47,13 +47,13 @@ class CuraDefinition:
     changed_at: dict[str, str] = field(default_factory=dict)
     own: list[str] = field(default_factory=list)
     failed: dict[str, str] = field(default_factory=dict)
-    asked: str = ""
+    last_requested: str = ""
     _values: dict[str, Any] = field(default_factory=dict)
-    _open: list[str] = field(default_factory=list)
+    _in_progress: list[str] = field(default_factory=list)
 
     @property
     def requested(self) -> set[str]:
-        """Return the settings that were requested, directly or by others."""
+        """The keys of the settings that were requested, directly or by expressions of other settings."""
         return set(self._values)
 
     def where(self, key: str) -> str:
@@ -66,23 +66,24 @@ class CuraDefinition:
         Raises:
             CuraExpressionError: the setting does not exist, or depends on itself.
         """
-        if not self._open:
-            self.asked = key
+        if not self._in_progress:
+            self.last_requested = key
         if key in self._values:
             return self._values[key]
-        if key in self._open:
+        if key in self._in_progress:
             raise CuraExpressionError(f"{key} depends on itself")
         if key not in self.settings and key not in self.changes:
             raise CuraExpressionError(f"{key} is not a setting of this machine")
-        self._open.append(key)
+        self._in_progress.append(key)
         try:
-            found = self._compute(key)
+            found = self._compute_value(key)
         finally:
-            self._open.pop()
+            self._in_progress.pop()
         self._values[key] = found
         return found
 
-    def _compute(self, key: str) -> Any:
+    def _compute_value(self, key: str) -> Any:
+        """Return a setting's changed value, the value of its expression, or its default."""
         properties = self.settings.get(key, {})
         given = self.changes.get(key)
         if given is not None:
@@ -105,48 +106,48 @@ class CuraDefinition:
 
 
 def _parse_change(text: str, kind: str, machine: CuraDefinition) -> Any:
-    """Return a changed value: an expression if it begins with `=`, else a value of the setting's type."""
+    """Convert the text of a change: an expression that begins with `=`, or a value of the setting's type."""
     if text.startswith("="):
         return evaluate_cura(text[1:], machine.value)
     if kind == "bool" or text.lower() in ("true", "false"):
         return text.strip().lower() in ("true", "1", "yes")
     number = parse_quantity(text) if kind not in ("str", "enum") else None
-    if number is None or number.percent:
+    if number is None or number.is_percent:
         return text
     return int(text) if kind == "int" and text.strip().isdigit() else number.value
 
 
-def cura_presets(
+def make_cura_presets(
     values: Mapping[str, Any],
     path: Path,
     folders: Sequence[Path],
     changes: Mapping[str, SourceSetting],
     name: str = "",
 ) -> list[Preset]:
-    """Return printer, material and quality of a machine with Cura's defaults and some changes.
+    """Return the printer, material and quality of a machine, with Cura's defaults and the given changes.
 
     Args:
         values: the machine's definition.
         path: its file.
         folders: other folders with the definitions it inherits from.
         changes: key -> value and place.
-        name: name of the profile with the changes, for material and quality.
+        name: name of the profile with the changes; it names the material and the quality.
 
     Raises:
         ProfileError: a definition it inherits from is missing, or a change is invalid.
     """
-    around = [path.parent, *folders]
+    search_folders = [path.parent, *folders]
     machine = CuraDefinition(str(values.get("name") or path.stem), str(path), {})
-    for own, file in reversed(list(_with_parents(dict(values), path, around))):
-        _add(machine, own, base=file.name.startswith("fdm"))
-    _extruder(machine, values, around)
+    for own, file in reversed(list(_walk_inheritance(dict(values), path, search_folders))):
+        _add_definition(machine, own, base=file.name.startswith("fdm"))
+    _add_first_extruder(machine, values, search_folders)
     for key, entry in changes.items():
         if key not in machine.settings:
             raise ProfileError(
                 f"{entry.place}: {key}: Cura has no such setting", remedy="Look up its name in the definition"
             )
         machine.changes[key], machine.changed_at[key] = entry.text, entry.place
-    entries = _translate(machine)
+    entries = _translate_settings(machine)
     entries |= {key: entry for key, entry in changes.items() if key not in machine.requested}
     names = {
         "printer": machine.name,
@@ -159,7 +160,7 @@ def cura_presets(
     ]
 
 
-def _translate(machine: CuraDefinition) -> dict[str, SourceSetting]:
+def _translate_settings(machine: CuraDefinition) -> dict[str, SourceSetting]:
     """Return the settings of a machine under PrusaSlicer's names.
 
     Raises:
@@ -173,17 +174,17 @@ def _translate(machine: CuraDefinition) -> dict[str, SourceSetting]:
             remedy="Import the definition of a machine, not one that others inherit from",
         ) from None
     except (TypeError, ValueError, ArithmeticError):
-        key = machine.asked
+        key = machine.last_requested
         raise ProfileError(
             f"{machine.where(key)}: {key}: invalid value",
             remedy=f"Change it with --cura {key}=VALUE",
         ) from None
 
 
-def _with_parents(
+def _walk_inheritance(
     values: dict[str, Any], path: Path, folders: Sequence[Path]
 ) -> Iterator[tuple[dict[str, Any], Path]]:
-    """Yield a definition and those it inherits from, with their files."""
+    """Yield a definition and the definitions that it inherits from, each with its file."""
     seen = [path.name]
     yield values, path
     while parent := values.get("inherits"):
@@ -193,24 +194,25 @@ def _with_parents(
                 f"{path}: inherits from itself: {' -> '.join([*seen, name])}",
                 remedy="Change one `inherits` in this chain",
             )
-        near = [] if "/" in name else [folder / name for folder in folders]
-        found = next((one for one in near if one.is_file()), None)
+        candidates = [] if "/" in name else [folder / name for folder in folders]
+        found = next((one for one in candidates if one.is_file()), None)
         if found is None:
             raise ProfileError(
                 f"{path}: inherits {parent!r}, but {name} is not in the same folder",
-                remedy="Name the folder with Cura's definitions with --folder",
+                remedy="Give the folder of Cura's definitions with --folder",
             )
         seen.append(name)
-        values, path = _read(found), found
+        values, path = _read_definition(found), found
         yield values, path
 
 
-def _read(path: Path) -> dict[str, Any]:
+def _read_definition(path: Path) -> dict[str, Any]:
+    """Read the file of a definition."""
     return read_json(read_text(path), str(path))
 
 
-def _add(machine: CuraDefinition, values: Mapping[str, Any], *, base: bool) -> None:
-    """Add the settings that a definition declares, and the properties that it changes."""
+def _add_definition(machine: CuraDefinition, values: Mapping[str, Any], *, base: bool) -> None:
+    """Add to a machine the settings that a definition declares, and the properties that it changes."""
     pending = [values.get("settings")]
     while pending:
         table = pending.pop()
@@ -225,10 +227,10 @@ def _add(machine: CuraDefinition, values: Mapping[str, Any], *, base: bool) -> N
             machine.own += [] if base else [key]
 
 
-def _extruder(machine: CuraDefinition, values: Mapping[str, Any], folders: Sequence[Path]) -> None:
-    """Add the settings of the first extruder."""
+def _add_first_extruder(machine: CuraDefinition, values: Mapping[str, Any], folders: Sequence[Path]) -> None:
+    """Add to a machine the settings of its first extruder."""
     trains: Any = None
-    for own, _ in _with_parents(dict(values), Path(machine.place), folders):
+    for own, _ in _walk_inheritance(dict(values), Path(machine.place), folders):
         metadata = own.get("metadata")
         trains = trains or (metadata.get("machine_extruder_trains") if isinstance(metadata, dict) else None)
     name = trains.get("0") if isinstance(trains, dict) else None
@@ -239,11 +241,11 @@ def _extruder(machine: CuraDefinition, values: Mapping[str, Any], folders: Seque
         (place / f"{name}{_SUFFIX}" for place in places if (place / f"{name}{_SUFFIX}").is_file()), None
     )
     if found is not None:
-        _add(machine, {"overrides": _read(found).get("overrides")}, base=False)
+        _add_definition(machine, {"overrides": _read_definition(found).get("overrides")}, base=False)
 
 
 def read_cura_profile(path: Path, text: str) -> tuple[str, str, dict[str, SourceSetting]]:
-    """Read a profile (`.inst.cfg`, `.curaprofile`): its machine's definition, its name, and its settings.
+    """Read a profile (`.inst.cfg`, `.curaprofile`); return the definition of its machine, its name, and its settings.
 
     Args:
         path: the file.

@@ -12,10 +12,10 @@ from printer_slicer.importing.cura_values import CuraExpressionError
 from printer_slicer.importing.ini import SourceSetting
 from printer_slicer.importing.prusaslicer_names import DEFAULTS
 
-__all__ = ["CURA_DEFAULTS", "CURA_PATTERNS", "CURA_SAME", "CURA_SEAMS", "translate_cura"]
+__all__ = ["CURA_DEFAULTS", "CURA_NAMES", "CURA_PATTERNS", "CURA_SEAMS", "translate_cura"]
 
-_Value = Callable[[str], Any]
-_Place = Callable[[str], str]
+_GetValue = Callable[[str], Any]
+_GetPlace = Callable[[str], str]
 
 CURA_DEFAULTS: Final[Mapping[str, str]] = dict(DEFAULTS) | {
     "max_layer_height": "0",
@@ -48,11 +48,11 @@ CURA_PATTERNS: Final = {
     "cross_3d": "crosshatch",
 }
 CURA_SEAMS: Final = {"sharpest_corner": "aligned", "back": "rear", "shortest": "nearest", "random": "random"}
-_UNLIMITED: Final = 1e9  # mm/s; definitions have this value for unknown limits
+_UNLIMITED: Final = 1e9  # mm/s; definitions use this value for unknown limits
 _USUAL_LIMITS: Final = {"x": "500", "y": "500", "z": "10", "e": "60"}
 
-# PrusaSlicer's name -> Cura's, where the value is the same
-CURA_SAME: Final[Mapping[str, str]] = {
+# PrusaSlicer's name -> Cura's name, for settings whose values are the same
+CURA_NAMES: Final[Mapping[str, str]] = {
     "max_print_height": "machine_height",
     "nozzle_diameter": "machine_nozzle_size",
     "machine_max_acceleration_x": "machine_max_acceleration_x",
@@ -113,12 +113,12 @@ CURA_SAME: Final[Mapping[str, str]] = {
 }
 
 
-def translate_cura(value: _Value, place: _Place) -> dict[str, SourceSetting]:
+def translate_cura(value: _GetValue, place: _GetPlace) -> dict[str, SourceSetting]:
     """Return the settings of a machine under PrusaSlicer's names.
 
     Args:
-        value: returns the value of a Cura setting; raises CuraExpressionError if there is none.
-        place: returns the place where a Cura setting is set.
+        value: function that returns the value of a Cura setting, or raises CuraExpressionError if it has none.
+        place: function that returns where a Cura setting is set.
 
     Raises:
         ProfileError: the bed has no size.
@@ -134,36 +134,39 @@ def translate_cura(value: _Value, place: _Place) -> dict[str, SourceSetting]:
         """Add one setting."""
         entries[name] = SourceSetting(cura, text, place(cura))
 
-    for name, cura in CURA_SAME.items():
+    for name, cura in CURA_NAMES.items():
         with suppress(CuraExpressionError):
-            put(name, cura, _word(value(cura)))
-    for part in (_machine, _material, _print, _raft):
-        part(value, put)
+            put(name, cura, _format_value(value(cura)))
+    for convert in (_convert_machine, _convert_material, _convert_quality, _convert_raft):
+        convert(value, put)
     return entries
 
 
-_Put = Callable[[str, str, str], None]
+_PutSetting = Callable[[str, str, str], None]
 
 
-def _word(value: Any) -> str:
+def _format_value(value: Any) -> str:
+    """Format a value as PrusaSlicer writes it."""
     if isinstance(value, bool):
         return "1" if value else "0"
     return f"{value:.10g}" if isinstance(value, float) else str(value)
 
 
-def _value_or(value: _Value, key: str, other: Any) -> Any:
-    """Return a setting that not all versions of Cura have, or a default."""
+def _value_or_default(value: _GetValue, key: str, default: Any) -> Any:
+    """Return the value of a setting, or a default if this version of Cura does not have the setting."""
     try:
         return value(key)
     except CuraExpressionError:
-        return other
+        return default
 
 
-def _escaped(text: Any) -> str:
+def _escape(text: Any) -> str:
+    """Escape backslashes and line breaks as PrusaSlicer does."""
     return str(text).replace("\\", "\\\\").replace("\n", "\\n")
 
 
-def _machine(value: _Value, put: _Put) -> None:
+def _convert_machine(value: _GetValue, put: _PutSetting) -> None:
+    """Convert the settings of the printer."""
     width, depth = float(value("machine_width")), float(value("machine_depth"))
     left, front = (-width / 2, -depth / 2) if value("machine_center_is_zero") else (0.0, 0.0)
     if value("machine_shape") == "elliptic":
@@ -174,67 +177,77 @@ def _machine(value: _Value, put: _Put) -> None:
     put("bed_shape", "machine_width", ",".join(f"{x:.3f}x{y:.3f}" for x, y in corners))
     flavour = str(value("machine_gcode_flavor"))
     put("gcode_flavor", "machine_gcode_flavor", _FLAVOURS.get(flavour, flavour))
-    put("start_gcode", "machine_start_gcode", _escaped(value("machine_start_gcode")))
-    put("end_gcode", "machine_end_gcode", _escaped(value("machine_end_gcode")))
+    put("start_gcode", "machine_start_gcode", _escape(value("machine_start_gcode")))
+    put("end_gcode", "machine_end_gcode", _escape(value("machine_end_gcode")))
     for axis, usual in _USUAL_LIMITS.items():
         limit = float(value(f"machine_max_feedrate_{axis}"))
         put(
             f"machine_max_feedrate_{axis}",
             f"machine_max_feedrate_{axis}" if limit < _UNLIMITED else "",
-            usual if limit >= _UNLIMITED else _word(limit),
+            usual if limit >= _UNLIMITED else _format_value(limit),
         )
     if value("acceleration_enabled"):
-        put("machine_max_acceleration_travel", "acceleration_travel", _word(value("acceleration_travel")))
+        put(
+            "machine_max_acceleration_travel",
+            "acceleration_travel",
+            _format_value(value("acceleration_travel")),
+        )
     put(
         "retract_length",
         "retraction_amount",
-        _word(value("retraction_amount") if value("retraction_enable") else 0),
+        _format_value(value("retraction_amount") if value("retraction_enable") else 0),
     )
     put(
         "retract_lift",
         "retraction_hop",
-        _word(value("retraction_hop") if value("retraction_hop_enabled") else 0),
+        _format_value(value("retraction_hop") if value("retraction_hop_enabled") else 0),
     )
 
 
-def _material(value: _Value, put: _Put) -> None:
-    heated = bool(value("machine_heated_bed"))
+def _convert_material(value: _GetValue, put: _PutSetting) -> None:
+    """Convert the settings of the material."""
+    has_heated_bed = bool(value("machine_heated_bed"))
     for name, cura in (
         ("bed_temperature", "material_bed_temperature"),
         ("first_layer_bed_temperature", "material_bed_temperature_layer_0"),
     ):
-        put(name, cura, _word(value(cura) if heated else 0))
-    put("extrusion_multiplier", "material_flow", _word(float(value("material_flow")) / 100))
-    cooled = bool(value("cool_fan_enabled"))
-    put("fan_always_on", "cool_fan_enabled", _word(cooled))
-    if not cooled:
+        put(name, cura, _format_value(value(cura) if has_heated_bed else 0))
+    put("extrusion_multiplier", "material_flow", _format_value(float(value("material_flow")) / 100))
+    has_fan = bool(value("cool_fan_enabled"))
+    put("fan_always_on", "cool_fan_enabled", _format_value(has_fan))
+    if not has_fan:
         put("max_fan_speed", "cool_fan_enabled", "0")
-    bridges = (
-        _value_or(value, "bridge_fan_speed", 100)
-        if _value_or(value, "bridge_settings_enabled", False)
+    bridge_fan = (
+        _value_or_default(value, "bridge_fan_speed", 100)
+        if _value_or_default(value, "bridge_settings_enabled", False)
         else value("cool_fan_speed_max")
     )
-    put("bridge_fan_speed", "bridge_fan_speed", _word(bridges if cooled else 0))
+    put("bridge_fan_speed", "bridge_fan_speed", _format_value(bridge_fan if has_fan else 0))
     put("disable_fan_first_layers", "cool_fan_speed_0", "0" if value("cool_fan_speed_0") else "1")
-    put("full_fan_speed_layer", "cool_fan_full_layer", _word(max(int(value("cool_fan_full_layer")) - 1, 0)))
+    put(
+        "full_fan_speed_layer",
+        "cool_fan_full_layer",
+        _format_value(max(int(value("cool_fan_full_layer")) - 1, 0)),
+    )
 
 
-def _overlap(value: _Value, put: _Put) -> None:
+def _convert_overlap(value: _GetValue, put: _PutSetting) -> None:
     """Convert the overlap of infill with walls, a percentage of the mean of their line widths, to mm."""
     wall = value("wall_line_width_x" if int(value("wall_line_count")) > 1 else "wall_line_width_0")
     for name, cura, line in (
         ("infill_overlap", "infill_overlap", "infill_line_width"),
         ("solid_infill_overlap", "skin_overlap", "skin_line_width"),
     ):
-        percent = _value_or(value, cura, None)
+        percent = _value_or_default(value, cura, None)
         if percent is not None:
-            width = (float(_value_or(value, line, wall)) + float(wall)) / 2
-            put(name, cura, _word(round(float(percent) / 100 * width, 6)))
+            width = (float(_value_or_default(value, line, wall)) + float(wall)) / 2
+            put(name, cura, _format_value(round(float(percent) / 100 * width, 6)))
 
 
-def _print(value: _Value, put: _Put) -> None:
+def _convert_quality(value: _GetValue, put: _PutSetting) -> None:
+    """Convert the print settings."""
     put("fill_density", "infill_sparse_density", f"{float(value('infill_sparse_density')):g}%")
-    _overlap(value, put)
+    _convert_overlap(value, put)
     pattern = str(value("infill_pattern"))
     put("fill_pattern", "infill_pattern", CURA_PATTERNS.get(pattern, pattern))
     put("seam_position", "z_seam_type", CURA_SEAMS.get(str(value("z_seam_type")), "aligned"))
@@ -242,31 +255,33 @@ def _print(value: _Value, put: _Put) -> None:
     put(
         "first_layer_extrusion_width",
         "initial_layer_line_width_factor",
-        _word(float(value("wall_line_width_0")) * factor),
+        _format_value(float(value("wall_line_width_0")) * factor),
     )
     put("ironing_flowrate", "ironing_flow", f"{float(value('ironing_flow')):g}%")
     outer_first = (
-        _value_or(value, "outer_inset_first", False)
-        or _value_or(value, "inset_direction", "") == "outside_in"
+        _value_or_default(value, "outer_inset_first", False)
+        or _value_or_default(value, "inset_direction", "") == "outside_in"
     )
-    put("external_perimeters_first", "inset_direction", _word(bool(outer_first)))
-    put("avoid_crossing_perimeters", "retraction_combing", _word(value("retraction_combing") != "off"))
+    put("external_perimeters_first", "inset_direction", _format_value(bool(outer_first)))
+    put(
+        "avoid_crossing_perimeters", "retraction_combing", _format_value(value("retraction_combing") != "off")
+    )
     bridge = (
-        _value_or(value, "bridge_wall_speed", 0)
-        if _value_or(value, "bridge_settings_enabled", False)
+        _value_or_default(value, "bridge_wall_speed", 0)
+        if _value_or_default(value, "bridge_settings_enabled", False)
         else value("speed_wall_0")
     )
-    put("bridge_speed", "bridge_wall_speed", _word(bridge))
+    put("bridge_speed", "bridge_wall_speed", _format_value(bridge))
     put(
         "elefant_foot_compensation",
         "xy_offset_layer_0",
-        _word(max(float(value("xy_offset")) - float(value("xy_offset_layer_0")), 0)),
+        _format_value(max(float(value("xy_offset")) - float(value("xy_offset_layer_0")), 0)),
     )
-    holes = float(value("xy_offset")) - float(_value_or(value, "hole_xy_offset", 0))
-    put("xy_inner_size_compensation", "hole_xy_offset", _word(holes))
+    holes = float(value("xy_offset")) - float(_value_or_default(value, "hole_xy_offset", 0))
+    put("xy_inner_size_compensation", "hole_xy_offset", _format_value(holes))
     adhesion = str(value("adhesion_type"))
-    put("skirts", "skirt_line_count", _word(value("skirt_line_count") if adhesion == "skirt" else 0))
-    put("brim_width", "brim_width", _word(value("brim_width") if adhesion == "brim" else 0))
+    put("skirts", "skirt_line_count", _format_value(value("skirt_line_count") if adhesion == "skirt" else 0))
+    put("brim_width", "brim_width", _format_value(value("brim_width") if adhesion == "brim" else 0))
     if value("acceleration_enabled"):
         for name, cura in (
             ("perimeter_acceleration", "acceleration_wall_x"),
@@ -276,16 +291,16 @@ def _print(value: _Value, put: _Put) -> None:
             ("first_layer_acceleration", "acceleration_print_layer_0"),
             ("default_acceleration", "acceleration_print"),
         ):
-            put(name, cura, _word(value(cura)))
+            put(name, cura, _format_value(value(cura)))
 
 
-def _raft(value: _Value, put: _Put) -> None:
+def _convert_raft(value: _GetValue, put: _PutSetting) -> None:
     """Convert the three thicknesses of a raft to a number of layers with the same total height."""
     if value("adhesion_type") != "raft":
         return
     names = ("raft_base_thickness", "raft_interface_thickness", "raft_surface_thickness")
-    whole = sum(float(_value_or(value, name, 0)) for name in names)
+    total = sum(float(_value_or_default(value, name, 0)) for name in names)
     first, height = float(value("layer_height_0")), float(value("layer_height"))
-    put("raft_layers", "raft_base_thickness", _word(max(round((whole - first) / height) + 1, 1)))
-    put("raft_contact_distance", "raft_airgap", _word(value("raft_airgap")))
-    put("raft_first_layer_expansion", "raft_margin", _word(value("raft_margin")))
+    put("raft_layers", "raft_base_thickness", _format_value(max(round((total - first) / height) + 1, 1)))
+    put("raft_contact_distance", "raft_airgap", _format_value(value("raft_airgap")))
+    put("raft_first_layer_expansion", "raft_margin", _format_value(value("raft_margin")))

@@ -13,9 +13,9 @@ from typing import Any, Final
 
 __all__ = ["CuraExpressionError", "evaluate_cura"]
 
-_LONGEST: Final = 4000
-_LARGEST: Final = 1e12
-_SUMS: Final[Mapping[type, Callable[[Any, Any], Any]]] = {
+_LONGEST: Final = 4000  # characters of an expression, or items of a list
+_LARGEST: Final = 1e12  # absolute value of a number
+_ARITHMETIC: Final[Mapping[type, Callable[[Any, Any], Any]]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
     ast.Mult: operator.mul,
@@ -23,7 +23,7 @@ _SUMS: Final[Mapping[type, Callable[[Any, Any], Any]]] = {
     ast.FloorDiv: operator.floordiv,
     ast.Mod: operator.mod,
 }
-_ORDERS: Final[Mapping[type, Callable[[Any, Any], Any]]] = {
+_COMPARISONS: Final[Mapping[type, Callable[[Any, Any], Any]]] = {
     ast.Eq: operator.eq,
     ast.NotEq: operator.ne,
     ast.Lt: operator.lt,
@@ -62,11 +62,11 @@ class CuraExpressionError(Exception):
 
 
 def evaluate_cura(text: str, setting: Callable[[str], Any]) -> Any:
-    """Return the value of an expression: a number, text, boolean, or list of them.
+    """Return the value of an expression: a number, a text, a boolean, or a list of these.
 
     Args:
         text: the expression.
-        setting: returns the value of another setting.
+        setting: function that returns the value of another setting.
 
     Raises:
         CuraExpressionError: it is not supported, or has no value.
@@ -75,7 +75,7 @@ def evaluate_cura(text: str, setting: Callable[[str], Any]) -> Any:
         raise CuraExpressionError("the expression is too long")
     try:
         tree = ast.parse(text.strip(), mode="eval")
-        return _bounded(_Evaluation(setting).value(tree.body))
+        return _check_size(_Evaluation(setting).value(tree.body))
     except (
         SyntaxError,
         ValueError,
@@ -88,8 +88,8 @@ def evaluate_cura(text: str, setting: Callable[[str], Any]) -> Any:
         raise CuraExpressionError(f"{text[:40]!r}: {error}") from None
 
 
-def _bounded(value: Any) -> Any:
-    """Return a value, or raise an error if it is too large."""
+def _check_size(value: Any) -> Any:
+    """Return a value unchanged, or raise an error if it is too large or too long."""
     if isinstance(value, (int, float)) and not isinstance(value, bool) and not abs(value) < _LARGEST:
         raise CuraExpressionError("the number is too large")
     if isinstance(value, (str, list, tuple)) and len(value) > _LONGEST:
@@ -98,7 +98,7 @@ def _bounded(value: Any) -> Any:
 
 
 class _Evaluation:
-    """Evaluates a syntax tree; unknown nodes are errors."""
+    """Evaluates a syntax tree; unknown kinds of nodes are errors."""
 
     def __init__(self, setting: Callable[[str], Any]) -> None:
         self._setting = setting
@@ -107,7 +107,7 @@ class _Evaluation:
         """Return the value of a node."""
         match node:
             case ast.Constant(value=bool() | int() | float() | str() as constant):
-                return _bounded(constant)
+                return _check_size(constant)
             case ast.Name(id=name):
                 return self._setting(name)
             case ast.List(elts=items) | ast.Tuple(elts=items):
@@ -118,24 +118,25 @@ class _Evaluation:
                 return self.value(node.value)[self.value(node.slice)]
             case ast.Attribute(value=ast.Name(id="math"), attr="pi"):
                 return math.pi
-        return self._operation(node)
+        return self._evaluate_operation(node)
 
-    def _operation(self, node: ast.expr) -> Any:
+    def _evaluate_operation(self, node: ast.expr) -> Any:
+        """Evaluate an operator or a function call."""
         match node:
             case ast.BoolOp():
-                return self._boolean(node)
+                return self._evaluate_boolean(node)
             case ast.UnaryOp():
-                return self._unary(node)
+                return self._evaluate_unary(node)
             case ast.BinOp():
-                return self._binary(node)
+                return self._evaluate_binary(node)
             case ast.Compare():
-                return self._compare(node)
+                return self._evaluate_comparison(node)
             case ast.Call():
-                return self._call(node)
+                return self._evaluate_call(node)
         raise CuraExpressionError(f"{type(node).__name__} is not supported")
 
-    def _boolean(self, node: ast.BoolOp) -> Any:
-        """Return the first operand of `and` or `or` that decides."""
+    def _evaluate_boolean(self, node: ast.BoolOp) -> Any:
+        """Return the first operand of `and` or `or` that decides the result."""
         value: Any = None
         for one in node.values:
             value = self.value(one)
@@ -143,7 +144,8 @@ class _Evaluation:
                 return value
         return value
 
-    def _unary(self, node: ast.UnaryOp) -> Any:
+    def _evaluate_unary(self, node: ast.UnaryOp) -> Any:
+        """Evaluate `not`, a minus sign or a plus sign."""
         value = self.value(node.operand)
         if isinstance(node.op, ast.Not):
             return not value
@@ -153,39 +155,43 @@ class _Evaluation:
             return +value
         raise CuraExpressionError("~ is not supported")
 
-    def _binary(self, node: ast.BinOp) -> Any:
+    def _evaluate_binary(self, node: ast.BinOp) -> Any:
+        """Evaluate an arithmetic operator, with limits on the size of the result."""
         left, right = self.value(node.left), self.value(node.right)
-        both = (int, float)
-        if isinstance(node.op, ast.Pow) and isinstance(left, both) and isinstance(right, both):
+        numeric = (int, float)
+        if isinstance(node.op, ast.Pow) and isinstance(left, numeric) and isinstance(right, numeric):
             return (
-                _bounded(float(left) ** float(right)) if abs(right) <= 10 else _fail("the power is too large")
+                _check_size(float(left) ** float(right))
+                if abs(right) <= 10
+                else _raise_error("the power is too large")
             )
-        function = _SUMS.get(type(node.op))
+        function = _ARITHMETIC.get(type(node.op))
         if function is None or (
             isinstance(node.op, (ast.Mult, ast.Mod))
-            and not (isinstance(left, both) and isinstance(right, both))
+            and not (isinstance(left, numeric) and isinstance(right, numeric))
         ):
             raise CuraExpressionError(f"{type(node.op).__name__} is not supported")
-        return _bounded(function(left, right))
+        return _check_size(function(left, right))
 
-    def _compare(self, node: ast.Compare) -> bool:
+    def _evaluate_comparison(self, node: ast.Compare) -> bool:
+        """Evaluate a chain of comparisons."""
         left = self.value(node.left)
         for sign, other in zip(node.ops, node.comparators, strict=True):
             right = self.value(other)
-            if type(sign) not in _ORDERS:
+            if type(sign) not in _COMPARISONS:
                 raise CuraExpressionError(f"{type(sign).__name__} is not supported")
-            if not _ORDERS[type(sign)](left, right):
+            if not _COMPARISONS[type(sign)](left, right):
                 return False
             left = right
         return True
 
-    def _call(self, node: ast.Call) -> Any:
-        """Call a function. Values of an extruder are those of the machine, which has only one."""
+    def _evaluate_call(self, node: ast.Call) -> Any:
+        """Call a function. The values of an extruder are those of the machine, because it has only one extruder."""
         name = node.func.id if isinstance(node.func, ast.Name) else ast.unparse(node.func)
         if node.keywords:
             raise CuraExpressionError(f"{name}(): keyword arguments are not supported")
         if name == "map" and len(node.args) == 2 and isinstance(node.args[0], ast.Name):
-            function = _FUNCTIONS.get(node.args[0].id) or _fail(f"{node.args[0].id}() is unknown")
+            function = _FUNCTIONS.get(node.args[0].id) or _raise_error(f"{node.args[0].id}() is unknown")
             return [function(one) for one in self.value(node.args[1])]
         values = [self.value(one) for one in node.args]
         if (
@@ -203,5 +209,6 @@ class _Evaluation:
         return _FUNCTIONS[name](*values)
 
 
-def _fail(why: str) -> Any:
-    raise CuraExpressionError(why)
+def _raise_error(problem: str) -> Any:
+    """Raise an error; a function, because expressions cannot contain `raise`."""
+    raise CuraExpressionError(problem)

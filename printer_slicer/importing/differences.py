@@ -1,4 +1,4 @@
-"""The differences between an imported profile and its source that change the print most."""
+"""List the differences between imported profiles and their sources that change the print most."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from printer_slicer.profile.tables import settings_table
 
 __all__ = ["Difference", "largest_differences", "other_notes"]
 
-_LEAST: Final = 20  # differences of less weight are not listed
-_USUAL: Final = 30  # weight of a converted setting that is not in the table
-_CONVERTED: Final[tuple[tuple[str, int], ...]] = (
+_LEAST_WEIGHT: Final = 20  # differences with less weight are not listed
+_USUAL_WEIGHT: Final = 30  # weight of a converted setting that is not in the table
+_CONVERTED_WEIGHTS: Final[tuple[tuple[str, int], ...]] = (
     ("bed_", 85),
     ("flavour", 80),
     ("layer_height", 95),
@@ -34,8 +34,8 @@ _CONVERTED: Final[tuple[tuple[str, int], ...]] = (
     ("slope_shell_ratio", 21),
     ("fan_overhang_", 22),
 )
-"""Prefix of our setting -> how much it changes the print; the first match counts."""
-_LOST: Final[tuple[tuple[str, int], ...]] = (
+"""Prefix of our setting -> weight, which says how much it changes the print; the first match counts."""
+_UNSUPPORTED_WEIGHTS: Final[tuple[tuple[str, int], ...]] = (
     (r"support_material|enable_support|support_enable", 100),
     (r"fuzzy_skin|magic_fuzzy_skin_enabled|mold_enabled|magic_mesh_surface_mode", 90),
     (r"adaptive_layer_height(_enabled)?|variable_layer_height", 80),
@@ -49,15 +49,15 @@ _LOST: Final[tuple[tuple[str, int], ...]] = (
     (r"overhang_reversal|thick_internal_bridges|extra_solid_infills|infill_combination", 25),
     (r"filament_(z_hop|retract_lift|wipe)", 22),
 )
-"""Pattern for settings without an equivalent -> how much they change the print."""
-_NEUTRAL: Final = ("100%", "1", "by layer")
-_RATIO: Final = re.compile(r"ratio|flow|shrink|sequence")
+"""Pattern for settings without an equivalent -> weight, which says how much they change the print."""
+_NEUTRAL_VALUES: Final = ("100%", "1", "by layer")
+_RATIO_NAMES: Final = re.compile(r"ratio|flow|shrink|sequence")
 _WITH_UNITS: Final = ("mm", "mm/s", "mm/s²", "mm²", "mm³/s", "°C", "s", "degrees")
 _NUMBER: Final = re.compile(r"-?\d+(\.\d*)?")
 
 
 class Difference(NamedTuple):
-    """A setting that prints differently from the source.
+    """A setting whose effect on the print differs from the source.
 
     Attributes:
         weight: how much it changes the print.
@@ -68,14 +68,14 @@ class Difference(NamedTuple):
     text: str
 
 
-def largest_differences(made: Sequence[ImportedProfile]) -> list[Difference]:
+def largest_differences(profiles: Sequence[ImportedProfile]) -> list[Difference]:
     """Return the differences that change the print, the largest first.
 
     Args:
-        made: the profiles.
+        profiles: the imported profiles.
     """
-    found = [one for profile in made for one in (*_converted(profile), *_lost(profile))]
-    unique = {one.text: one for one in found if one.weight >= _LEAST}
+    found = [one for profile in profiles for one in (*_list_converted(profile), *_list_unsupported(profile))]
+    unique = {one.text: one for one in found if one.weight >= _LEAST_WEIGHT}
     return sorted(unique.values(), key=lambda one: -one.weight)
 
 
@@ -85,58 +85,62 @@ def other_notes(profile: ImportedProfile) -> list[ImportNote]:
     return [note for note in profile.notes if note.place.rpartition(": ")[2] not in differing]
 
 
-def _converted(profile: ImportedProfile) -> Iterator[Difference]:
+def _list_converted(profile: ImportedProfile) -> Iterator[Difference]:
     """Yield the settings whose value had to change."""
     for one in profile.taken:
         if one.differs:
             name = one.ours.rpartition(": ")[2]
-            weight = next((weight for start, weight in _CONVERTED if name.startswith(start)), _USUAL)
-            yield Difference(weight, f"{profile.kind}: {_change(profile, one, name)}")
+            weight = next(
+                (weight for start, weight in _CONVERTED_WEIGHTS if name.startswith(start)), _USUAL_WEIGHT
+            )
+            yield Difference(weight, f"{profile.kind}: {_describe_change(profile, one, name)}")
 
 
-def _change(profile: ImportedProfile, one: ConvertedSetting, name: str) -> str:
-    """Return a converted setting with both values."""
-    unit = _units().get(f"{profile.kind}.{name}", "")
-    ours = f"{one.ours} = {_with_unit(_shown(one.value), unit)}"
-    theirs = f"{one.theirs} = {_with_unit(_short(one.text), unit)}" if one.theirs else "not set"
+def _describe_change(profile: ImportedProfile, one: ConvertedSetting, name: str) -> str:
+    """Return a converted setting as text, with the values in the source and here."""
+    unit = _map_units().get(f"{profile.kind}.{name}", "")
+    ours = f"{one.ours} = {_append_unit(_format_value(one.value), unit)}"
+    theirs = f"{one.theirs} = {_append_unit(_shorten(one.text), unit)}" if one.theirs else "not set"
     return f"{theirs} -> {ours} ({one.how})" if one.how else f"{theirs} -> {ours}"
 
 
-def _lost(profile: ImportedProfile) -> Iterator[Difference]:
-    """Yield the settings without an equivalent that matter."""
+def _list_unsupported(profile: ImportedProfile) -> Iterator[Difference]:
+    """Yield the settings without an equivalent that change the print."""
     for one in profile.left:
-        weight = 0 if one.off else _weight_of_lost(one)
+        weight = 0 if one.off else _weigh_unsupported(one)
         if weight:
             unit = "mm" if one.theirs.endswith(("_width", "_length")) else ""
-            value = _with_unit(_short(one.text), unit)
-            yield Difference(weight, f"{profile.kind}: {one.theirs} = {value} is not taken over ({one.why})")
+            value = _append_unit(_shorten(one.text), unit)
+            yield Difference(weight, f"{profile.kind}: {one.theirs} = {value} is not imported ({one.why})")
 
 
-def _weight_of_lost(one: UnsupportedSetting) -> int:
-    """Return the weight of a setting without an equivalent; 0 for a value that changes nothing."""
+def _weigh_unsupported(one: UnsupportedSetting) -> int:
+    """Return the weight of a setting without an equivalent; 0 if its value does not change the print."""
     name = one.theirs.rpartition(": ")[2]
-    if one.text.strip() in _NEUTRAL and _RATIO.search(name):
+    if one.text.strip() in _NEUTRAL_VALUES and _RATIO_NAMES.search(name):
         return 0
-    return next((weight for pattern, weight in _LOST if re.fullmatch(pattern, name)), 0)
+    return next((weight for pattern, weight in _UNSUPPORTED_WEIGHTS if re.fullmatch(pattern, name)), 0)
 
 
 @cache
-def _units() -> dict[str, str]:
-    """Return the unit of each of our settings."""
+def _map_units() -> dict[str, str]:
+    """Map each of our settings to its unit."""
     return {row.key: row.unit for row in settings_table()}
 
 
-def _with_unit(value: str, unit: str) -> str:
+def _append_unit(value: str, unit: str) -> str:
+    """Append a unit to a value that is a number."""
     return f"{value} {unit}" if unit in _WITH_UNITS and _NUMBER.fullmatch(value) else value
 
 
-def _shown(value: Any) -> str:
+def _format_value(value: Any) -> str:
+    """Format one of our values on one short line."""
     if isinstance(value, bool):
         return str(value).lower()
-    return f"{value:g}" if isinstance(value, float) else _short(str(value))
+    return f"{value:g}" if isinstance(value, float) else _shorten(str(value))
 
 
-def _short(text: str) -> str:
+def _shorten(text: str) -> str:
     """Return the first line of a text, shortened."""
     line = text.strip().splitlines()[0] if text.strip() else "empty"
     return line if len(line) <= 40 else f"{line[:37]}..."

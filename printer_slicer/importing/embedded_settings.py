@@ -21,39 +21,39 @@ SETTINGS_IN_3MF: Final = (
 )
 OBJECTS_IN_3MF: Final = ("Metadata/Slic3r_PE_model.config", "Metadata/model_settings.config")
 """Object settings files: those of PrusaSlicer, and those of OrcaSlicer and BambuStudio."""
-_TAIL: Final = 4_000_000  # bytes at the end of G-code that may hold settings
-_HEAD: Final = 1_000_000
+_TAIL_BYTES: Final = 4_000_000  # size of the end of G-code that is searched for settings
+_HEAD_BYTES: Final = 1_000_000  # size of the beginning that is searched
 _BEGIN: Final = re.compile(r";\s*(?:\w+_config = begin|CONFIG_BLOCK_START)\s*")
 _END: Final = re.compile(r";\s*(?:\w+_config = end|CONFIG_BLOCK_END)\s*")
 _SETTING: Final = re.compile(r";\s*([a-z][a-z0-9_]*) = ?(.*)")
-_FEWEST: Final = 20  # consecutive settings that count as a block even without begin and end marks
+_FEWEST_SETTINGS: Final = 20  # so many settings in sequence count as a block without begin and end marks
 
 
 def read_gcode_settings(path: Path) -> list[tuple[int, str]]:
-    """Read the settings in G-code as numbered lines.
+    """Read the settings in the comments of G-code; return line numbers and lines.
 
     Raises:
         NoSettingsError: the file has no settings.
     """
     size = path.stat().st_size
     with path.open("rb") as file:
-        head = file.read(_HEAD)
-        skipped = max(size - _TAIL, 0)
+        head = file.read(_HEAD_BYTES)
+        skipped = max(size - _TAIL_BYTES, 0)
         file.seek(skipped)
         tail = file.read()
     for begin, data in ((skipped, tail), (0, head)):
-        found = list(_block(data.decode("utf-8", "replace").splitlines(), 1))
+        found = list(_find_settings_block(data.decode("utf-8", "replace").splitlines(), 1))
         if found:
             # Lines before the tail are only counted, for line numbers in messages.
-            before = _newlines(path, begin)
+            before = _count_newlines(path, begin)
             return [(before + number, text) for number, text in found]
     raise NoSettingsError(
-        f"{path}: G-code without settings of PrusaSlicer, SuperSlicer, OrcaSlicer, BambuStudio or Slic3r",
-        remedy="Use a file that one of them wrote, or export the settings",
+        f"{path}: this G-code has no settings of PrusaSlicer, SuperSlicer, OrcaSlicer, BambuStudio or Slic3r",
+        remedy="Use G-code that one of these programs wrote, or a file of exported settings",
     )
 
 
-def _newlines(path: Path, until: int) -> int:
+def _count_newlines(path: Path, until: int) -> int:
     """Count the line ends before a byte of a file."""
     count, left = 0, until
     with path.open("rb") as file:
@@ -63,8 +63,8 @@ def _newlines(path: Path, until: int) -> int:
     return count
 
 
-def _block(lines: list[str], first: int) -> Iterator[tuple[int, str]]:
-    """Yield the settings between begin and end marks, or the last run of comments that look like settings."""
+def _find_settings_block(lines: list[str], first: int) -> Iterator[tuple[int, str]]:
+    """Yield the settings between begin and end marks, or the last long series of comments that look like settings."""
     marked: list[tuple[int, str]] = []
     inside = False
     run: list[tuple[int, str]] = []
@@ -81,13 +81,13 @@ def _block(lines: list[str], first: int) -> Iterator[tuple[int, str]]:
         if match:
             (marked if inside else run).append((number, f"{match[1]} = {match[2]}"))
         elif not inside and text and not text.startswith(";"):
-            runs, run = (run if len(run) >= _FEWEST else runs), []
-    runs = run if len(run) >= _FEWEST else runs
+            runs, run = (run if len(run) >= _FEWEST_SETTINGS else runs), []
+    runs = run if len(run) >= _FEWEST_SETTINGS else runs
     yield from marked or runs
 
 
 def read_3mf_settings(path: Path) -> tuple[str, str]:
-    """Read the settings file inside a 3MF file: its name and text.
+    """Read the settings file inside a 3MF file; return its name and text.
 
     Raises:
         ProfileError: there is none, or it is damaged or too large.

@@ -15,7 +15,7 @@ FILE_REMEDY: Final = "Give an exported config.ini, a bundle, G-code, a 3MF file 
 """Remedy for files that have no settings."""
 
 _HEADING: Final = re.compile(r"\[(.+)\]\s*(?:[;#].*)?")
-_MOST: Final = 200_000  # lines
+_MOST_LINES: Final = 200_000  # lines
 # Possessive quantifiers prevent backtracking: the time stays proportional to the length.
 _ITEM: Final = re.compile(r'\s*+("(?:[^"\\]|\\.)*+"(?=\s*+(?:;|\Z))|[^;]*+)\s*+(?:;|\Z)', re.DOTALL)
 _ESCAPES: Final = {"n": "\n", "r": "\r", "t": "\t"}
@@ -38,7 +38,7 @@ class SourceSetting:
 
 @dataclass(frozen=True, slots=True)
 class IniSection:
-    """A section of an INI file; settings before the first heading are in a section without a title."""
+    """A section of an INI file; settings before the first heading form a section without a title."""
 
     title: str
     place: str
@@ -51,7 +51,7 @@ class IniSection:
 
 
 def read_sections(lines: Iterable[str], place: str, first: int = 1) -> list[IniSection]:
-    """Read the sections of a file; the last of several equal keys counts.
+    """Read the sections of a file; if a key occurs several times, the last value counts.
 
     Args:
         lines: lines of the file.
@@ -59,14 +59,14 @@ def read_sections(lines: Iterable[str], place: str, first: int = 1) -> list[IniS
         first: number of the first line.
 
     Raises:
-        ProfileError: a line is neither heading, setting nor comment.
+        ProfileError: a line is not a heading, a setting or a comment.
     """
     sections = [IniSection("", f"{place}:{first}")]
     for number, line in enumerate(lines, first):
         text = line.strip().lstrip("\ufeff")
-        if number - first > _MOST:
+        if number - first > _MOST_LINES:
             raise ProfileError(
-                f"{place}: over {_MOST} lines, too large for a settings file", remedy=FILE_REMEDY
+                f"{place}: over {_MOST_LINES} lines, too large for a settings file", remedy=FILE_REMEDY
             )
         if not text or text[0] in ";#":
             continue
@@ -78,7 +78,7 @@ def read_sections(lines: Iterable[str], place: str, first: int = 1) -> list[IniS
         if not sign or not name.strip():
             shown = text if len(text) <= 60 else f"{text[:57]}..."
             raise ProfileError(
-                f"{place}:{number}: {shown!r} is neither [section], setting nor comment",
+                f"{place}:{number}: {shown!r} is not a [section], a setting or a comment",
                 remedy=FILE_REMEDY,
             )
         entry = SourceSetting(name.strip(), value.strip(), f"{place}:{number}")

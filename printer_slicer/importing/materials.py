@@ -15,210 +15,218 @@ from printer_slicer.macros import read_template
 
 __all__ = ["convert_material"]
 
-_LAYER: Final = 0.2  # mm: layer height for converting layer counts to heights if it is unknown
+_USUAL_LAYER: Final = 0.2  # mm: layer height that is assumed when layer counts are converted to heights
 _HIGHEST_FLOW: Final = 200.0  # mm³/s
 _PLA_DENSITY: Final = 1.24  # g/cm³
 _LEAST_FLOW_RATIO: Final = 0.1
 _MOST_FLOW_RATIO: Final = 2.0  # the limit of other slicers
-_ADVANCE: Final = re.compile(
+_ADVANCE_COMMAND: Final = re.compile(
     r"^\s*(?:M900\s.*?K(\d*\.?\d+)|M572\s.*?S(\d*\.?\d+)|SET_PRESSURE_ADVANCE\s.*?\bADVANCE=(\d*\.?\d+))",
     re.IGNORECASE,
 )
 _MOST_ADVANCE: Final = 5.0  # s; greater numbers have another unit, such as those of Linear Advance 1.0
-_FANS: Final = ("min_fan_speed", "max_fan_speed", "fan_always_on", "cooling")
+_FAN_SETTINGS: Final = ("min_fan_speed", "max_fan_speed", "fan_always_on", "cooling")
 
 
 def convert_material(preset: Preset) -> ImportedProfile:
     """Convert a material.
 
     Args:
-        preset: its settings under PrusaSlicer's names; `context` has the printer's, if it is known.
+        preset: its settings under PrusaSlicer's names; `context` has those of the printer if it is known.
 
     Raises:
         ProfileError: a value is not a number; with place and remedy.
     """
-    made = Conversion(preset)
-    made.put("name", preset.name)
+    conversion = Conversion(preset)
+    conversion.put("name", preset.name)
     kind, *others = preset.items("filament_type")
-    made.put("type", kind or preset.name, "filament_type")
+    conversion.put("type", kind or preset.name, "filament_type")
     if others:
-        made.warn("filament_type", f"{ONE_TOOL}: {kind} is imported, {', '.join(others)} is not")
-    made.number("filament_diameter", "filament_diameter")
+        conversion.warn("filament_type", f"{ONE_TOOL}: {kind} is imported, {', '.join(others)} is not")
+    conversion.copy_number("filament_diameter", "filament_diameter")
     density = preset.number("filament_density")
-    made.put(
+    conversion.put(
         "density",
         density or _PLA_DENSITY,
         "filament_density",
-        "" if density else "not in the source: density of PLA",
+        "" if density else "not in the source: the density of PLA",
     )
-    made.number("cost", "filament_cost")
+    conversion.copy_number("cost", "filament_cost")
     flow = preset.number("extrusion_multiplier")
     if not _LEAST_FLOW_RATIO <= flow <= _MOST_FLOW_RATIO:
-        raise made.error("extrusion_multiplier", f"a flow ratio of {flow:g}", "Write a number near 1")
-    made.clamp("flow_ratio", flow, 0.5, 1.5, "extrusion_multiplier")
+        raise conversion.error(
+            "extrusion_multiplier", f"a flow ratio of {flow:g} is out of range", "Write a number near 1"
+        )
+    conversion.clamp("flow_ratio", flow, 0.5, 1.5, "extrusion_multiplier")
     for ours, theirs in (
         ("nozzle_temperature", "temperature"),
         ("first_layer_nozzle_temperature", "first_layer_temperature"),
         ("bed_temperature", "bed_temperature"),
         ("first_layer_bed_temperature", "first_layer_bed_temperature"),
     ):
-        made.number(ours, theirs)
-    _flow(made)
-    _fan(made)
-    _advance(made)
-    return made.finish(_reason)
+        conversion.copy_number(ours, theirs)
+    _convert_max_flow(conversion)
+    _convert_cooling(conversion)
+    _convert_pressure_advance(conversion)
+    return conversion.finish(_explain_unsupported)
 
 
-def _flow(made: Conversion) -> None:
-    flow = made.preset.number("filament_max_volumetric_speed")
+def _convert_max_flow(conversion: Conversion) -> None:
+    """Convert the maximum flow; 0 in the source means no limit."""
+    flow = conversion.preset.number("filament_max_volumetric_speed")
     if flow:
-        made.clamp("max_flow", flow, 0.1, _HIGHEST_FLOW, "filament_max_volumetric_speed")
+        conversion.clamp("max_flow", flow, 0.1, _HIGHEST_FLOW, "filament_max_volumetric_speed")
     else:
         how = "unlimited in the source; here 0 means printer.hotend_max_flow, or 12 mm³/s if that is 0"
-        made.put("max_flow", 0, "filament_max_volumetric_speed", how, differs=True)
+        conversion.put("max_flow", 0, "filament_max_volumetric_speed", how, differs=True)
 
 
-def _fan(made: Conversion) -> None:
-    """Convert fan speeds and cooling times; without cooling the fan speed is constant."""
-    preset = made.preset
+def _convert_cooling(conversion: Conversion) -> None:
+    """Convert fan speeds and cooling times; if cooling is off, the fan speed is constant."""
+    preset = conversion.preset
     usual, most = (
-        made.resolve(name, 1.0) / (1 if made.quantity(name).percent else 100) for name in _FANS[:2]
+        conversion.resolve(name, 1.0) / (1 if conversion.quantity(name).is_percent else 100)
+        for name in _FAN_SETTINGS[:2]
     )
     always, cooling = preset.is_on("fan_always_on"), preset.is_on("cooling")
-    low = usual if always else 0.0
-    made.clamp(
+    low, how = usual if always else 0.0, "" if cooling else "cooling is off"
+    conversion.clamp(
         "fan_ratio", low, 0, 1, ("min_fan_speed", "fan_always_on"), "" if always else "fan_always_on is off"
     )
-    made.clamp(
-        "fan_ratio_max",
-        most if cooling else low,
-        0,
-        1,
-        ("max_fan_speed", "cooling"),
-        "" if cooling else "cooling is off",
-    )
+    conversion.clamp("fan_ratio_max", most if cooling else low, 0, 1, ("max_fan_speed", "cooling"), how)
     bridge = preset.number("bridge_fan_speed") / 100
     if preset.dialect == "orca" and not preset.is_on("enable_overhang_bridge_fan"):
-        made.put("fan_ratio_bridge", 0, ("enable_overhang_bridge_fan", "bridge_fan_speed"), "as elsewhere")
+        names = ("enable_overhang_bridge_fan", "bridge_fan_speed")
+        conversion.put("fan_ratio_bridge", 0, names, "as on other extrusions")
     else:
-        made.clamp("fan_ratio_bridge", bridge, 0, 1, ("bridge_fan_speed", "enable_overhang_bridge_fan"))
-    made.clamp("fan_layer_time", preset.number("fan_below_layer_time"), 0, 600, "fan_below_layer_time")
-    made.clamp(
+        conversion.clamp("fan_ratio_bridge", bridge, 0, 1, ("bridge_fan_speed", "enable_overhang_bridge_fan"))
+    conversion.clamp("fan_layer_time", preset.number("fan_below_layer_time"), 0, 600, "fan_below_layer_time")
+    conversion.clamp(
         "min_layer_time",
         preset.number("slowdown_below_layer_time") if cooling else 0.0,
         0,
         600,
         ("slowdown_below_layer_time", "cooling"),
-        "" if cooling else "cooling is off",
+        how,
     )
-    made.clamp("min_speed", preset.number("min_print_speed"), 1, 100, "min_print_speed")
+    conversion.clamp("min_speed", preset.number("min_print_speed"), 1, 100, "min_print_speed")
     for ours, theirs, count in (
         ("fan_off_below", "disable_fan_first_layers", off := preset.number("disable_fan_first_layers")),
         ("fan_full_above", "full_fan_speed_layer", max(preset.number("full_fan_speed_layer"), off)),
     ):
-        made.clamp(
-            ours, _height_of_layers(preset, count), 0, 100, theirs, _layers_text(preset) if count else ""
+        conversion.clamp(
+            ours,
+            _height_of_layer_count(preset, count),
+            0,
+            100,
+            theirs,
+            _describe_layers(preset) if count else "",
         )
-    _overhangs(made)
+    _convert_overhang_fan(conversion)
 
 
-def _height_of_layers(preset: Preset, count: float) -> float:
-    """Return the height of this number of layers, mm."""
-    first, height = preset.heights if all(preset.heights) else (_LAYER, _LAYER)
+def _height_of_layer_count(preset: Preset, count: float) -> float:
+    """Return the total height of a number of layers, mm."""
+    first, height = preset.heights if all(preset.heights) else (_USUAL_LAYER, _USUAL_LAYER)
     return first + (count - 1) * height if count >= 1 else 0.0
 
 
-def _layers_text(preset: Preset) -> str:
-    """Return a text about the layer heights behind a converted layer count."""
+def _describe_layers(preset: Preset) -> str:
+    """Describe the layer heights that were assumed to convert a layer count."""
     first, height = preset.heights
     if not all(preset.heights):
-        return f"layers of {_LAYER:g} mm each"
+        return f"layers of {_USUAL_LAYER:g} mm each"
     return f"layers of {height:g} mm" + (f", the first of {first:g} mm" if first != height else "")
 
 
-def _overhangs(made: Conversion) -> None:
-    """Convert the fan speed on overhangs: as on bridges, or graded by overhang."""
-    preset = made.preset
+def _convert_overhang_fan(conversion: Conversion) -> None:
+    """Convert the fan speed on overhangs: the same as on bridges, or graded by overhang."""
+    preset = conversion.preset
     if preset.dialect == "orca":
-        _overhangs_above(made, made.resolve("overhang_fan_threshold", 1.0))
+        _convert_overhang_threshold(conversion, conversion.resolve("overhang_fan_threshold", 1.0))
         return
-    bridge = float(made.values["fan_ratio_bridge"]) or 1.0
-    graded = preset.is_on("enable_dynamic_fan_speeds") if preset.has("enable_dynamic_fan_speeds") else False
+    bridge = float(conversion.values["fan_ratio_bridge"]) or 1.0
+    is_graded = (
+        preset.is_on("enable_dynamic_fan_speeds") if preset.has("enable_dynamic_fan_speeds") else False
+    )
     for number, share in enumerate((0, 25, 50, 75)):
         ours, theirs = f"fan_overhang_{share}_ratio", f"overhang_fan_speed_{number}"
-        if graded and preset.has(theirs):
+        if is_graded and preset.has(theirs):
             speed = preset.number(theirs) / 100
-            made.clamp(ours, speed / bridge, 0, 1, theirs, "as a ratio of the bridge fan speed")
+            conversion.clamp(ours, speed / bridge, 0, 1, theirs, "as a ratio of the bridge fan speed")
         else:
-            made.put(ours, 1 if share == 0 else 0, theirs)
-    made.mark_used(["enable_dynamic_fan_speeds"])
+            conversion.put(ours, 1 if share == 0 else 0, theirs)
+    conversion.mark_used(["enable_dynamic_fan_speeds"])
 
 
-def _overhangs_above(made: Conversion, least: float) -> None:
-    """Set the bridge fan speed for overhangs from a threshold on.
+def _convert_overhang_threshold(conversion: Conversion, least: float) -> None:
+    """Use the bridge fan speed on overhangs beyond a threshold.
 
     Args:
-        made: conversion of a material.
-        least: unsupported ratio of the extrusion width, 0 to 1.
+        conversion: conversion of a material.
+        least: the threshold, as a ratio of the extrusion width that is unsupported, 0 to 1.
     """
     for share in (0, 25, 50, 75):
         on = share <= 100 - 100 * least or share == 0
-        how = "as on bridges; rises gradually up to the threshold" if on else ""
-        made.put(f"fan_overhang_{share}_ratio", int(on), "overhang_fan_threshold", how, differs=bool(how))
+        how = "as on bridges; the fan speed rises gradually up to the threshold" if on else ""
+        conversion.put(
+            f"fan_overhang_{share}_ratio", int(on), "overhang_fan_threshold", how, differs=bool(how)
+        )
 
 
-def _advance(made: Conversion) -> None:
-    """Convert pressure advance, from its setting or from a command in the material's G-code."""
-    preset = made.preset
+def _convert_pressure_advance(conversion: Conversion) -> None:
+    """Convert pressure advance from its setting, or from a command in the material's G-code."""
+    preset = conversion.preset
     if preset.is_on("enable_pressure_advance") and preset.has("pressure_advance"):
-        _put_advance(made, "pressure_advance", [(preset.number("pressure_advance"), "")])
-    made.mark_used(["enable_pressure_advance", "pressure_advance"])
+        _put_pressure_advance(conversion, "pressure_advance", [(preset.number("pressure_advance"), "")])
+    conversion.mark_used(["enable_pressure_advance", "pressure_advance"])
     name = "start_filament_gcode"
     text = preset.first_macro(name)
-    made.used.add(name)
+    conversion.used.add(name)
     try:
         lines = read_template(text, name).render(SettingValues(preset.context))
     except ProfileError as error:
         why = str(error.args[0]).removeprefix(f"{name}: ").splitlines()[0]
-        made.used.discard(name)
+        conversion.used.discard(name)
         if "M900" in text or "M572" in text or "PRESSURE_ADVANCE" in text:
-            made.warn(name, f"pressure advance depends on the printer ({why}): import both together")
+            conversion.warn(name, f"pressure advance depends on the printer ({why}): import both together")
         return
     commands = [line for line in lines if line.partition(";")[0].strip()]
-    found = [match for match in map(_ADVANCE.match, commands) if match]
-    if found and not made.values.get("pressure_advance"):
-        said = [(float(next(filter(None, one.groups()))), one[0].strip()) for one in found]
-        _put_advance(made, name, said)
-    others = [line.strip() for line in commands if not _ADVANCE.match(line)]
+    found = [match for match in map(_ADVANCE_COMMAND.match, commands) if match]
+    if found and not conversion.values.get("pressure_advance"):
+        advances = [(float(next(filter(None, one.groups()))), one[0].strip()) for one in found]
+        _put_pressure_advance(conversion, name, advances)
+    others = [line.strip() for line in commands if not _ADVANCE_COMMAND.match(line)]
     if others:
         shown = "; ".join(line.partition(";")[0].strip() for line in others[:3])
-        made.warn(name, f"materials have no G-code here: add {shown} to the printer's start_gcode")
+        conversion.warn(name, f"materials have no G-code here: add {shown} to the printer's start_gcode")
 
 
-def _put_advance(made: Conversion, name: str, said: Sequence[tuple[float, str]]) -> None:
-    """Set pressure advance to the last value in seconds; firmware ignores commands with another unit.
+def _put_pressure_advance(conversion: Conversion, name: str, advances: Sequence[tuple[float, str]]) -> None:
+    """Set pressure advance to the last value that is in seconds; firmware ignores commands with another unit.
 
     Args:
-        made: conversion of a material.
+        conversion: conversion of a material.
         name: name of the setting with the values.
-        said: values, each with its command.
+        advances: values, each with its command; an empty command if the value is a setting.
     """
-    fitting = [one for one in said if 0 <= one[0] <= _MOST_ADVANCE]
+    fitting = [one for one in advances if 0 <= one[0] <= _MOST_ADVANCE]
     others = ", ".join(
-        repr(command or f"{value:g}") for value, command in said if (value, command) not in fitting
+        repr(command or f"{value:g}") for value, command in advances if (value, command) not in fitting
     )
     if not fitting:
-        made.used.add(name)
-        made.warn(
-            name, f"{others} is not in seconds (0 to {_MOST_ADVANCE:g}) and is not imported; measure it"
+        conversion.used.add(name)
+        conversion.warn(
+            name,
+            f"{others} is not in seconds (0 to {_MOST_ADVANCE:g}) and is not imported; measure pressure advance",
         )
         return
     value, command = fitting[-1]
     how = f"from the command {command!r}" if command else ""
-    made.put("pressure_advance", value, name, f"{how}; {others} has another unit" if others else how)
+    conversion.put("pressure_advance", value, name, f"{how}; {others} has another unit" if others else how)
 
 
-def _reason(name: str) -> str:
+def _explain_unsupported(name: str) -> str:
     """Return the reason why a material setting has no equivalent."""
     if name.startswith(("filament_retract", "filament_deretract", "filament_wipe")):
         return "retraction is a printer setting: set it there"

@@ -1,7 +1,7 @@
 """Convert settings of single objects and height ranges to overrides.
 
-The settings of an object replace those of the project, and the result is converted again. Settings that then differ
-become overrides. This way, percentages and layer counts are converted as they are for the whole project.
+The settings of an object replace those of the project, and the result is converted again. The settings that differ
+after this become overrides. In this way, percentages and layer counts are converted as for the whole project.
 """
 
 from __future__ import annotations
@@ -23,67 +23,69 @@ _HEIGHT: Final = "layer_height"
 
 
 def add_object_overrides(
-    whole: ImportedProfile, preset: Preset, convert: Callable[[Preset], ImportedProfile]
+    profile: ImportedProfile, preset: Preset, convert: Callable[[Preset], ImportedProfile]
 ) -> ImportedProfile:
     """Return a quality with overrides for objects and height ranges.
 
     Args:
-        whole: the quality without them.
+        profile: the quality without overrides.
         preset: its source.
-        convert: converts a preset to a quality.
+        convert: function that converts a preset to a quality.
 
     Raises:
-        ProfileError: a value is no number or out of range; with place and remedy.
+        ProfileError: a value is not a number or is out of range; with place and remedy.
     """
     tables: list[dict[str, Any]] = []
     layers: list[tuple[float, float, float]] = []
     taken: list[ConvertedSetting] = []
     left: list[UnsupportedSetting] = []
-    values = dict(whole.values)
-    for own in preset.own:
-        height = own.entries.get(_HEIGHT)
-        entries = {key: entry for key, entry in own.entries.items() if key != _HEIGHT or own.alone}
-        made = convert(replace(preset, entries={**preset.entries, **entries}, own=(), notes=()))
-        before = dict(flatten_settings(whole.values))
+    values = dict(profile.values)
+    for source in preset.object_settings:
+        height = source.entries.get(_HEIGHT)
+        entries = {
+            key: entry for key, entry in source.entries.items() if key != _HEIGHT or source.is_only_object
+        }
+        made = convert(replace(preset, entries={**preset.entries, **entries}, object_settings=(), notes=()))
+        before = dict(flatten_settings(profile.values))
         changed = {key: value for key, value in flatten_settings(made.values) if before.get(key) != value}
-        allowed = overridable_settings(heights=bool(own.high))
+        allowed = overridable_settings(heights=bool(source.high))
         kept = {key: value for key, value in changed.items() if key in allowed}
         if kept:
-            heights = {"low": own.low, "high": own.high} if own.high else {}
-            tables.append({"object": own.object, **heights, "set": kept})
-        taken += _taken(own, made, kept)
-        left += _left(own, made, changed.keys() - kept.keys() - {_HEIGHT})
+            heights = {"low": source.low, "high": source.high} if source.high else {}
+            tables.append({"object": source.object, **heights, "set": kept})
+        taken += _list_converted(source, made, kept)
+        left += _list_unsupported(source, made, changed.keys() - kept.keys() - {_HEIGHT})
         if height is None:
             continue
-        if not own.alone:
-            why = "all objects of a plate have the same layers"
-            left.append(UnsupportedSetting(f"{own.where}: {height.name}", height.text, why))
+        if not source.is_only_object:
+            why = "all objects on a plate have the same layers"
+            left.append(UnsupportedSetting(f"{source.where}: {height.name}", height.text, why))
             continue
-        thick = changed.get(_HEIGHT, before[_HEIGHT])
-        if own.high:
-            layers.append((own.low, own.high, thick))
+        layer_height = changed.get(_HEIGHT, before[_HEIGHT])
+        if source.high:
+            layers.append((source.low, source.high, layer_height))
         else:
-            values[_HEIGHT] = thick
-        taken.append(ConvertedSetting(f"{own.where}: {height.name}", height.text, _HEIGHT, thick))
+            values[_HEIGHT] = layer_height
+        taken.append(ConvertedSetting(f"{source.where}: {height.name}", height.text, _HEIGHT, layer_height))
     if tables:
         values["overrides"] = tables
     if layers:
-        values["planner"] = {"kind": "optimal", "ranges": _ranges(layers, values[_HEIGHT])}
-    return replace(whole, values=values, taken=(*whole.taken, *taken), left=(*whole.left, *left))
+        values["planner"] = {"kind": "optimal", "ranges": _fill_height_ranges(layers, values[_HEIGHT])}
+    return replace(profile, values=values, taken=(*profile.taken, *taken), left=(*profile.left, *left))
 
 
 def overridable_settings(*, heights: bool) -> frozenset[str]:
-    """Return the quality settings that may differ per object.
+    """Return the quality settings that can differ between objects.
 
     Args:
-        heights: only those that may also differ per height range.
+        heights: whether to return only those that can also differ between height ranges.
     """
-    what = {OBJECT, HEIGHT} if heights else {OBJECT}
-    return frozenset(row.key.partition(".")[2] for row in settings_table() if what <= set(row.own))
+    places = {OBJECT, HEIGHT} if heights else {OBJECT}
+    return frozenset(row.key.partition(".")[2] for row in settings_table() if places <= set(row.own))
 
 
 def flatten_settings(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield our settings with their full names."""
+    """Yield our settings with dotted names, such as `speeds.travel`."""
     for key, value in values.items():
         if isinstance(value, dict):
             yield from flatten_settings(value, f"{prefix}{key}.")
@@ -91,12 +93,12 @@ def flatten_settings(values: Mapping[str, Any], prefix: str = "") -> Iterator[tu
             yield prefix + key, value
 
 
-def _ranges(layers: Sequence[tuple[float, float, float]], usual: float) -> list[dict[str, float]]:
-    """Return the layer height of each height range from the bed to the top.
+def _fill_height_ranges(layers: Sequence[tuple[float, float, float]], usual: float) -> list[dict[str, float]]:
+    """Return height ranges with layer heights, without gaps from the bed to the top.
 
     Args:
         layers: low, high and layer height of the given ranges, mm.
-        usual: layer height elsewhere, mm.
+        usual: layer height between the given ranges, mm.
     """
     ranges, begin = [], 0.0
     for low, high, height in sorted(layers):
@@ -109,21 +111,25 @@ def _ranges(layers: Sequence[tuple[float, float, float]], usual: float) -> list[
     ]
 
 
-def _taken(own: ObjectSettings, made: ImportedProfile, kept: Mapping[str, Any]) -> Iterator[ConvertedSetting]:
-    """Yield the settings that became overrides of an object."""
+def _list_converted(
+    source: ObjectSettings, made: ImportedProfile, kept: Mapping[str, Any]
+) -> Iterator[ConvertedSetting]:
+    """Yield the settings of an object that became overrides."""
     for one in made.taken:
         if one.ours in kept:
-            theirs = f"{own.where}: {one.theirs}" if one.theirs else ""
-            yield replace(one, theirs=theirs, ours=f"overrides: {own.where}: {one.ours}")
+            theirs = f"{source.where}: {one.theirs}" if one.theirs else ""
+            yield replace(one, theirs=theirs, ours=f"overrides: {source.where}: {one.ours}")
 
 
-def _left(own: ObjectSettings, made: ImportedProfile, same: set[str]) -> Iterator[UnsupportedSetting]:
-    """Yield the settings of an object that have no equivalent, or none that can differ between objects."""
-    names = {entry.name for entry in own.entries.values()}
+def _list_unsupported(
+    source: ObjectSettings, made: ImportedProfile, same: set[str]
+) -> Iterator[UnsupportedSetting]:
+    """Yield the settings of an object without an equivalent that can differ between objects."""
+    names = {entry.name for entry in source.entries.values()}
     for lost in made.left:
         if lost.theirs in names:
-            yield replace(lost, theirs=f"{own.where}: {lost.theirs}")
+            yield replace(lost, theirs=f"{source.where}: {lost.theirs}")
     for one in made.taken:
         if one.ours in same and one.theirs in names:
             why = f"{one.ours} is the same for the whole plate here"
-            yield UnsupportedSetting(f"{own.where}: {one.theirs}", one.text, why)
+            yield UnsupportedSetting(f"{source.where}: {one.theirs}", one.text, why)

@@ -10,10 +10,10 @@ from typing import Any, Final
 from printer_slicer.errors import ProfileError
 from printer_slicer.importing.archives import read_text
 from printer_slicer.importing.ini import SourceSetting
-from printer_slicer.importing.orca_names import ORCA, ORCA_DEFAULTS
+from printer_slicer.importing.orca_names import ORCA_DEFAULTS, ORCA_NAMES
 from printer_slicer.importing.presets import Preset
 
-__all__ = ["PresetFolders", "orca_entries", "orca_presets", "read_json"]
+__all__ = ["PresetFolders", "make_orca_presets", "read_json", "translate_orca"]
 
 _KINDS: Final = {
     "machine": "printer",
@@ -22,12 +22,12 @@ _KINDS: Final = {
     "printer": "printer",
     "print": "quality",
 }
-_DEEPEST: Final = 40
-_MOST_FILES: Final = 5000
+_DEEPEST: Final = 40  # presets in a chain of inheritance
+_MOST_FILES: Final = 5000  # files that are searched for a preset
 
 
 def read_json(text: str, place: str) -> dict[str, Any]:
-    """Parse a JSON file with a table.
+    """Parse a JSON text that holds a table of settings.
 
     Raises:
         ProfileError: it is not JSON, or not a table.
@@ -47,13 +47,13 @@ def read_json(text: str, place: str) -> dict[str, Any]:
 
 
 class PresetFolders:
-    """Folders with the presets that others inherit from; files are read when they are needed."""
+    """Folders that are searched for inherited presets; files are read when they are needed."""
 
     def __init__(
-        self, folders: list[Path], own: Mapping[str, tuple[Path, dict[str, Any]]] | None = None
+        self, folders: list[Path], known: Mapping[str, tuple[Path, dict[str, Any]]] | None = None
     ) -> None:
         self._folders = folders
-        self._found: dict[str, tuple[Path, dict[str, Any]]] = dict(own or {})
+        self._found: dict[str, tuple[Path, dict[str, Any]]] = dict(known or {})
         self._is_read = False
 
     def find(self, name: str) -> tuple[Path, dict[str, Any]] | None:
@@ -61,7 +61,7 @@ class PresetFolders:
         for folder in self._folders:
             path = folder / f"{name}.json"
             if name not in self._found and "/" not in name and "\x00" not in name and path.is_file():
-                self._found[name] = (path, _read(path))
+                self._found[name] = (path, _read_preset(path))
         if name not in self._found and not self._is_read:
             self._read_all()
         return self._found.get(name)
@@ -72,18 +72,19 @@ class PresetFolders:
         paths = [path for folder in self._folders for path in sorted(folder.glob("*.json"))]
         for path in paths[:_MOST_FILES]:
             try:
-                values = _read(path)
+                values = _read_preset(path)
             except ProfileError:
                 continue  # a preset that needs this file reports that it is missing
             self._found.setdefault(str(values.get("name", path.stem)), (path, values))
 
 
-def _read(path: Path) -> dict[str, Any]:
+def _read_preset(path: Path) -> dict[str, Any]:
+    """Read the file of a preset."""
     return read_json(read_text(path), str(path))
 
 
-def orca_presets(values: Mapping[str, Any], place: str, folder: PresetFolders) -> list[Preset]:
-    """Return the presets in a JSON file: one, or one of each kind for the settings of a project.
+def make_orca_presets(values: Mapping[str, Any], place: str, folder: PresetFolders) -> list[Preset]:
+    """Return the presets in a JSON file: one preset, or one of each kind for the settings of a project.
 
     Args:
         values: contents of the file.
@@ -94,22 +95,22 @@ def orca_presets(values: Mapping[str, Any], place: str, folder: PresetFolders) -
         ProfileError: its kind is unknown, or a preset it inherits from is missing.
     """
     name = str(values.get("name") or Path(place).stem)
-    kind = _kind_of(values)
-    whole = kind is None
-    resolved = dict(values) if whole else _resolve(values, place, folder, (name,))
-    entries = orca_entries(resolved, place)
-    if not whole:
+    kind = _find_kind(values)
+    is_project = kind is None
+    resolved = dict(values) if is_project else _resolve_inheritance(values, place, folder, (name,))
+    entries = translate_orca(resolved, place)
+    if not is_project:
         assert kind is not None
         return [Preset(kind, name, "orca", place, entries, ORCA_DEFAULTS)]
     if "printable_area" not in values and "layer_height" not in values:
         raise ProfileError(
-            f"{place}: neither machine, filament nor process",
+            f"{place}: not a machine, filament or process preset",
             remedy='Add its type, such as "type": "machine"',
         )
     names = {
-        "printer": _first(values.get("printer_settings_id")),
-        "material": _first(values.get("filament_settings_id")),
-        "quality": _first(values.get("print_settings_id")),
+        "printer": _first_text(values.get("printer_settings_id")),
+        "material": _first_text(values.get("filament_settings_id")),
+        "quality": _first_text(values.get("print_settings_id")),
     }
     return [
         Preset(one, label or name, "orca", place, entries, ORCA_DEFAULTS, mixed=True)
@@ -117,13 +118,13 @@ def orca_presets(values: Mapping[str, Any], place: str, folder: PresetFolders) -
     ]
 
 
-def _kind_of(values: Mapping[str, Any]) -> str | None:
+def _find_kind(values: Mapping[str, Any]) -> str | None:
     """Return the kind of a preset, from its type or from settings that only one kind has."""
-    said = _KINDS.get(str(values.get("type", "")))
-    if said or (
+    kind_by_type = _KINDS.get(str(values.get("type", "")))
+    if kind_by_type or (
         "printer_settings_id" in values and "print_settings_id" in values and "filament_settings_id" in values
     ):
-        return said
+        return kind_by_type
     for kind, key in (
         ("printer", "printer_settings_id"),
         ("material", "filament_settings_id"),
@@ -143,12 +144,12 @@ def _kind_of(values: Mapping[str, Any]) -> str | None:
     return None
 
 
-def _resolve(
+def _resolve_inheritance(
     values: Mapping[str, Any], place: str, folder: PresetFolders, seen: tuple[str, ...]
 ) -> dict[str, Any]:
-    """Return the settings of a preset and those it inherits, each with its file."""
+    """Return the settings of a preset and those it inherits, each with the file that sets it."""
     own = {key: (value, place) for key, value in values.items()}
-    parent = _first(values.get("inherits"))
+    parent = _first_text(values.get("inherits"))
     if not parent:
         return own
     if parent in seen or len(seen) > _DEEPEST:
@@ -162,54 +163,57 @@ def _resolve(
             f"{place}: inherits {parent!r}, which is not in the same folder",
             remedy="Copy that preset into the same folder, or name its folder with --folder",
         )
-    return _resolve(found[1], str(found[0]), folder, (*seen, parent)) | own
+    return _resolve_inheritance(found[1], str(found[0]), folder, (*seen, parent)) | own
 
 
-def _first(value: Any) -> str:
-    """Return a text, or the first of a list of texts."""
+def _first_text(value: Any) -> str:
+    """Return a text, or the first text of a list; empty for other values."""
     if isinstance(value, list):
-        return _first(value[0]) if value and not isinstance(value[0], list) else ""
+        return _first_text(value[0]) if value and not isinstance(value[0], list) else ""
     return value if isinstance(value, str) else ""
 
 
-def orca_entries(values: Mapping[str, Any], place: str) -> dict[str, SourceSetting]:
-    """Return settings under PrusaSlicer's names, with lists as PrusaSlicer writes them."""
+def translate_orca(values: Mapping[str, Any], place: str) -> dict[str, SourceSetting]:
+    """Translate settings to PrusaSlicer's names, and write lists as PrusaSlicer does."""
     entries: dict[str, SourceSetting] = {}
     for key, value in values.items():
         found, where = value if isinstance(value, tuple) else (value, place)
         if isinstance(found, dict):
             continue
-        name = ORCA.get(key, key)
-        if name in entries and name != key and key in ORCA and name in values:
+        name = ORCA_NAMES.get(key, key)
+        if name in entries and name != key and key in ORCA_NAMES and name in values:
             continue
-        entries[name] = SourceSetting(key, _text(key, found), where)
+        entries[name] = SourceSetting(key, _format_setting(key, found), where)
     return entries
 
 
-def _text(key: str, value: Any) -> str:
-    """Return a value as PrusaSlicer writes it."""
-    words: Callable[[Any], str] = _word
+def _format_setting(key: str, value: Any) -> str:
+    """Format a value as PrusaSlicer writes it."""
+    words: Callable[[Any], str] = _format_item
     if not isinstance(value, list):
         text = words(value)
-        return _escaped(text) if _is_text(key) else text
+        return _escape(text) if _is_text(key) else text
     items = [words(one) for one in value]
     if _is_text(key):
-        return ";".join(f'"{_escaped(one)}"' for one in items) if len(items) > 1 else _escaped("".join(items))
+        return ";".join(f'"{_escape(one)}"' for one in items) if len(items) > 1 else _escape("".join(items))
     return ",".join(items)
 
 
 def _is_text(key: str) -> bool:
+    """Return whether the value of a setting is a text, not a number or a word."""
     return key.endswith(("gcode", "_notes", "_id", "notes", "condition")) or key in (
         "compatible_printers",
         "name",
     )
 
 
-def _escaped(text: str) -> str:
+def _escape(text: str) -> str:
+    """Escape backslashes, line breaks and quotes as PrusaSlicer does."""
     return text.replace("\\", "\\\\").replace("\n", "\\n").replace("\r", "").replace('"', '\\"')
 
 
-def _word(value: Any) -> str:
+def _format_item(value: Any) -> str:
+    """Format one number, switch or text; empty for other values."""
     if isinstance(value, bool):
         return "1" if value else "0"
     if isinstance(value, (int, float, str)):

@@ -1,4 +1,4 @@
-"""Setting names of OrcaSlicer and BambuStudio with PrusaSlicer's names, and their defaults."""
+"""Names of settings in OrcaSlicer and BambuStudio, PrusaSlicer's names for them, and their defaults."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from typing import Final
 
 from printer_slicer.importing.prusaslicer_names import DEFAULTS
 
-__all__ = ["ORCA", "ORCA_DEFAULTS"]
+__all__ = ["ORCA_DEFAULTS", "ORCA_NAMES"]
 
-ORCA: Final[Mapping[str, str]] = {
+ORCA_NAMES: Final[Mapping[str, str]] = {
     # machine
     "printable_area": "bed_shape",
     "printable_height": "max_print_height",

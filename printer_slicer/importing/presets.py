@@ -14,38 +14,38 @@ from printer_slicer.importing.results import ImportNote
 
 __all__ = ["ObjectSettings", "Preset", "Quantity", "parse_quantity"]
 
-_NOTHING: Final = ("", "nil", '""')
-_REMARK: Final = re.compile(r"(?<!\s)\s+[#;].*")
+_EMPTY_VALUES: Final = ("", "nil", '""')
+_COMMENT: Final = re.compile(r"(?<!\s)\s+[#;].*")
 
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """A number or a percentage; what the percentage refers to depends on the setting."""
+    """A number or a percentage; the setting determines which value a percentage refers to."""
 
     value: float
-    percent: bool = False
+    is_percent: bool = False
 
-    def of(self, whole: float) -> float:
-        """Return the number; a percentage is of `whole`."""
-        return self.value / 100 * whole if self.percent else self.value
+    def resolve(self, whole: float) -> float:
+        """Return the number; a percentage is taken of `whole`."""
+        return self.value / 100 * whole if self.is_percent else self.value
 
 
 @dataclass(frozen=True, slots=True)
 class ObjectSettings:
-    """Settings of one object, or of a height range of it.
+    """Settings of one object, or of one height range of an object.
 
     Attributes:
         object: name of the object.
         low, high: height range above the bed, mm; both 0: the whole object.
         entries: settings, as in `Preset`.
-        alone: whether it is the only object.
+        is_only_object: whether the project has no other object.
     """
 
     object: str
     low: float
     high: float
     entries: Mapping[str, SourceSetting]
-    alone: bool
+    is_only_object: bool
 
     @property
     def where(self) -> str:
@@ -60,14 +60,15 @@ class Preset:
     Attributes:
         kind: `printer`, `material` or `quality`.
         name: name of the preset.
-        dialect: `prusaslicer`, `superslicer`, `slic3r`, `orca` or `cura`: the meaning of percentages and words.
+        dialect: `prusaslicer`, `superslicer`, `slic3r`, `orca` or `cura`; it determines the meaning of percentages
+            and words.
         place: file and line where it begins.
         entries: PrusaSlicer's name of a setting -> the setting in the source.
         defaults: values of missing settings.
         mixed: whether the entries include settings of other kinds.
-        context: settings of the printer (for the others) or of the quality (for the printer), if they are known.
-        heights: for a material, first and other layer heights of the quality with it, mm; 0: unknown.
-        own: for a quality, settings of single objects.
+        context: for a material or quality, settings of the printer if it is known; for a printer, those of the quality.
+        heights: for a material, heights of the first layer and of the other layers, mm; 0: unknown.
+        object_settings: for a quality, settings of single objects and their height ranges.
         notes: warnings.
     """
 
@@ -80,12 +81,12 @@ class Preset:
     mixed: bool = False
     context: Mapping[str, str] = field(default_factory=dict)
     heights: tuple[float, float] = (0.0, 0.0)
-    own: tuple[ObjectSettings, ...] = ()
+    object_settings: tuple[ObjectSettings, ...] = ()
     notes: tuple[ImportNote, ...] = ()
 
     def has(self, key: str) -> bool:
         """Return whether the source sets a setting."""
-        return key in self.entries and self.entries[key].text.strip() not in _NOTHING
+        return key in self.entries and self.entries[key].text.strip() not in _EMPTY_VALUES
 
     def raw(self, key: str) -> str:
         """Return a value as written, or the default of its slicer."""
@@ -93,30 +94,30 @@ class Preset:
         return self.defaults.get(key, "") if entry is None else entry.text
 
     def text(self, key: str) -> str:
-        """Return a value as text without escapes."""
+        """Return a value without quotes and escapes."""
         return unescape(self.raw(key))
 
     def first_text(self, key: str) -> str:
-        """Return the first of a list of texts."""
+        """Return the first text of a list."""
         return next(iter(split_texts(self.raw(key))), "")
 
     def first_macro(self, key: str) -> str:
-        """Return the first of a list of macros; without quotes there is only one, and semicolons begin comments."""
+        """Return the first macro of a list; a value without quotes is one macro, where semicolons begin comments."""
         raw = self.raw(key).strip()
         return self.first_text(key) if raw.startswith('"') else unescape(raw)
 
     def items(self, key: str) -> list[str]:
-        """Return the items of a list of numbers or words."""
+        """Return the items of a list of numbers or words, separated by commas or semicolons."""
         return [part.strip().strip('"') for part in self.raw(key).replace(";", ",").split(",")]
 
     def number(self, key: str) -> float:
-        """Return the first number of a setting; a percentage as a ratio.
+        """Return the first number of a setting; percentages are converted to ratios.
 
         Raises:
             ProfileError: it is not a number; with place and remedy.
         """
         found = self.quantity(key)
-        return found.value / 100 if found.percent else found.value
+        return found.value / 100 if found.is_percent else found.value
 
     def quantity(self, key: str) -> Quantity:
         """Return the first number or percentage of a setting.
@@ -124,8 +125,8 @@ class Preset:
         Raises:
             ProfileError: it is neither.
         """
-        word = _REMARK.sub("", self.items(key)[0])
-        if word in _NOTHING:
+        word = _COMMENT.sub("", self.items(key)[0])
+        if word in _EMPTY_VALUES:
             word = self.defaults.get(key, "0").split(",")[0] or "0"
         found = parse_quantity(word)
         if found is None:
@@ -143,18 +144,18 @@ class Preset:
         entry = self.entries.get(key)
         return f"{self.place}: {key}" if entry is None else f"{entry.place}: {entry.name}"
 
-    def theirs(self, key: str) -> str:
+    def source_name(self, key: str) -> str:
         """Return the name of a setting in the source; empty if the source does not set it."""
         entry = self.entries.get(key)
         return entry.name if entry else ""
 
 
 def parse_quantity(word: str) -> Quantity | None:
-    """Parse a number or percentage; None for anything else, such as `nan`."""
+    """Parse a number or percentage; return None for other texts, such as `nan`."""
     word = word.strip()
-    percent = word.endswith("%")
+    is_percent = word.endswith("%")
     try:
         value = float(word.removesuffix("%"))
     except ValueError:
         return None
-    return Quantity(value, percent) if isfinite(value) else None
+    return Quantity(value, is_percent) if isfinite(value) else None

@@ -1,4 +1,4 @@
-"""Find printers of a bundle by a name as people type it: without maker, nozzle or hyphens."""
+"""Find printers of a bundle by names as users type them: without the maker, the nozzle or hyphens."""
 
 from __future__ import annotations
 
@@ -9,23 +9,23 @@ from printer_slicer.name_search import match_rank, name_words
 __all__ = ["find_printers"]
 
 
-def find_printers(wanted: str, names: Mapping[str, Sequence[str]]) -> list[str]:
-    """Return the printers that match a name best; empty if none does.
+def find_printers(query: str, names: Mapping[str, Sequence[str]]) -> list[str]:
+    """Return the printers that match a name best; empty if none matches.
 
-    A nozzle in the name counts only between printers that match as well without it.
+    A nozzle in the name only decides between printers that match equally well without it.
 
     Args:
-        wanted: the name as typed.
+        query: the name as typed.
         names: printer -> its other names, such as that of its model.
     """
-    found = _best(wanted, names, with_nozzle=False)
-    exact = _best(wanted, {name: names[name] for name in found}, with_nozzle=True)
-    return exact or found or _best(wanted, names, with_nozzle=True)
+    found = _find_best_matches(query, names, with_nozzle=False)
+    exact = _find_best_matches(query, {name: names[name] for name in found}, with_nozzle=True)
+    return exact or found or _find_best_matches(query, names, with_nozzle=True)
 
 
-def _best(wanted: str, names: Mapping[str, Sequence[str]], *, with_nozzle: bool) -> list[str]:
-    """Return the printers that match equally well and best."""
-    asked = name_words(wanted, with_nozzle=with_nozzle)
+def _find_best_matches(query: str, names: Mapping[str, Sequence[str]], *, with_nozzle: bool) -> list[str]:
+    """Return the printers with the best match; several if they match equally well."""
+    asked = name_words(query, with_nozzle=with_nozzle)
     ranks = {}
     for printer, others in names.items():
         words = [name_words(one, with_nozzle=with_nozzle) for one in (printer, *others)]

@@ -24,14 +24,16 @@ _NEAR_FLAVOURS: Final = {
     "teacup": "marlin_legacy",
     "lerdge": "marlin_legacy",
 }
-_MACRO: Final = re.compile(r"(?m)^[ \t]*([A-Za-z]+_[A-Za-z_]*[A-Za-z])(?=[ \t]+[A-Za-z_]+=|[ \t]*(?:;|$))")
-_THICKEST: Final = 0.75  # nozzle diameters: the thickest layer if the source does not set one
-_Z_STEP: Final = 0.0025  # mm: a lead of 8 mm, 200 steps, 16 microsteps
-_TEMPERATURES: Final = {"nozzle": 275.0, "bed": 110.0}
+_KLIPPER_MACRO: Final = re.compile(
+    r"(?m)^[ \t]*([A-Za-z]+_[A-Za-z_]*[A-Za-z])(?=[ \t]+[A-Za-z_]+=|[ \t]*(?:;|$))"
+)
+_MAX_LAYER_RATIO: Final = 0.75  # nozzle diameters: maximum layer height if the source does not set one
+_Z_STEP: Final = 0.0025  # mm: a screw with a lead of 8 mm, 200 steps per turn, 16 microsteps
+_USUAL_TEMPERATURE_LIMITS: Final = {"nozzle": 275.0, "bed": 110.0}
 
 
 class CompanionRanges(NamedTuple):
-    """Ranges of the materials and qualities for a printer; 0: unknown.
+    """Ranges of the settings of materials and qualities for a printer; 0: unknown.
 
     Attributes:
         nozzle, bed: highest temperatures, °C.
@@ -49,242 +51,254 @@ def convert_printer(preset: Preset, companions: CompanionRanges) -> ImportedProf
 
     Args:
         preset: its settings under PrusaSlicer's names.
-        companions: ranges of the materials and qualities for it.
+        companions: ranges of the settings of its materials and qualities.
 
     Raises:
         ProfileError: this program cannot drive the machine; with place and remedy.
     """
-    made = Conversion(preset)
-    _check_kind(made)
-    made.put("name", preset.name)
+    conversion = Conversion(preset)
+    _check_kind(conversion)
+    conversion.put("name", preset.name)
     if preset.text("printer_model"):
-        made.put("model", preset.text("printer_model"), "printer_model")
-    _flavour(made)
-    bed = _bed(made)
-    nozzle = _nozzle(made)
-    _layers(made, nozzle, companions)
-    _heat(made, companions)
-    _limits(made)
-    _corners(made)
-    _retraction(made)
-    _files(made)
-    convert_macros(made, bed)
-    return made.finish(_reason)
+        conversion.put("model", preset.text("printer_model"), "printer_model")
+    _convert_flavour(conversion)
+    bed = _convert_bed(conversion)
+    nozzle = _convert_nozzle(conversion)
+    _convert_layer_limits(conversion, nozzle, companions)
+    _set_temperature_limits(conversion, companions)
+    _convert_machine_limits(conversion)
+    _convert_corner_method(conversion)
+    _convert_retraction(conversion)
+    _convert_file_settings(conversion)
+    convert_macros(conversion, bed)
+    return conversion.finish(_explain_unsupported)
 
 
-def _check_kind(made: Conversion) -> None:
+def _check_kind(conversion: Conversion) -> None:
     """Reject resin printers, and printers that count filament in mm³."""
-    preset = made.preset
-    made.mark_used(["printer_technology"])
+    preset = conversion.preset
+    conversion.mark_used(["printer_technology"])
     if preset.text("printer_technology").upper() not in ("FFF", ""):
-        raise made.error("printer_technology", "a resin printer", "Choose a filament printer")
+        raise conversion.error("printer_technology", "this is a resin printer", "Choose a filament printer")
     if preset.is_on("use_volumetric_e"):
-        raise made.error(
+        raise conversion.error(
             "use_volumetric_e",
             "E in mm³ is not supported",
             "Set the firmware to mm of filament (M200 D0) and export the printer with use_volumetric_e = 0",
         )
 
 
-def _flavour(made: Conversion) -> None:
-    preset = made.preset
+def _convert_flavour(conversion: Conversion) -> None:
+    """Convert the G-code flavour; notes and macros show Prusa's firmware and Klipper."""
+    preset = conversion.preset
     word = preset.text("gcode_flavor").strip().lower()
     notes = preset.text("printer_notes")
-    macro = _klipper_macro(preset)
+    macro = _find_klipper_macro(preset)
     if macro and word in ("marlin", "marlin2", *_NEAR_FLAVOURS):
         how = f"{word} in the source, but {macro} is a Klipper macro"
-        made.put("flavour", "klipper", "gcode_flavor", how)
-        made.warn("gcode_flavor", f"{how}: imported as Klipper; set flavour if the firmware is different")
+        conversion.put("flavour", "klipper", "gcode_flavor", how)
+        conversion.warn(
+            "gcode_flavor", f"{how}: imported as Klipper; set flavour if the firmware is different"
+        )
     elif word == "marlin" and "PRINTER_VENDOR_PRUSA3D" in notes:
-        made.put(
+        conversion.put(
             "flavour", "prusa", ("gcode_flavor", "printer_notes"), "a Prusa machine, according to its notes"
         )
     elif word == "marlin" and re.search(r"(?m)^\s*G80\b", preset.text("start_gcode")):
         how = "its start G-code measures the bed with G80, as Prusa machines do"
-        made.put("flavour", "prusa", "gcode_flavor", how)
+        conversion.put("flavour", "prusa", "gcode_flavor", how)
     elif word in _FLAVOURS:
         how = "Marlin 1.1 and older; set flavour to marlin for Marlin 2" if word == "marlin" else ""
-        made.put("flavour", _FLAVOURS[word], "gcode_flavor", how)
+        conversion.put("flavour", _FLAVOURS[word], "gcode_flavor", how)
     elif word in _NEAR_FLAVOURS:
-        made.put(
+        conversion.put(
             "flavour", _NEAR_FLAVOURS[word], "gcode_flavor", f"{word} is nearest to Marlin 1.1", differs=True
         )
-        made.warn(
+        conversion.warn(
             "gcode_flavor",
             f"{word}: check that the firmware supports M201, M203, M204 and M205 of Marlin",
         )
     else:
-        raise made.error("gcode_flavor", f"unknown flavour {word!r}", f"Use one of {', '.join(_FLAVOURS)}")
+        raise conversion.error(
+            "gcode_flavor", f"unknown flavour {word!r}", f"Use one of {', '.join(_FLAVOURS)}"
+        )
 
 
-def _klipper_macro(preset: Preset) -> str:
+def _find_klipper_macro(preset: Preset) -> str:
     """Return the first Klipper macro in the start and end G-code; empty if there is none."""
     for name in ("start_gcode", "end_gcode"):
-        found = _MACRO.search(preset.text(name))
+        found = _KLIPPER_MACRO.search(preset.text(name))
         if found:
             return found[1]
     return ""
 
 
-def _bed(made: Conversion) -> BedRectangle:
-    bed = find_rectangle(made)
-    (left, front), (right, back) = bed.low, bed.high
-    made.put("bed_x", right - left, "bed_shape", bed.how, differs=bool(bed.how))
-    made.put("bed_y", back - front, "bed_shape", bed.how, differs=bool(bed.how))
-    centred = abs(left + right) < 1e-6 and abs(front + back) < 1e-6
-    made.put("origin", "centre" if centred else "corner", "bed_shape")
-    if not centred:
+def _convert_bed(conversion: Conversion) -> BedRectangle:
+    """Convert the size and position of the bed, and the maximum print height."""
+    bed = find_rectangle(conversion)
+    (left, front), (right, own_deretract_speed) = bed.low, bed.high
+    conversion.put("bed_x", right - left, "bed_shape", bed.how, differs=bool(bed.how))
+    conversion.put("bed_y", own_deretract_speed - front, "bed_shape", bed.how, differs=bool(bed.how))
+    is_centred = abs(left + right) < 1e-6 and abs(front + own_deretract_speed) < 1e-6
+    conversion.put("origin", "centre" if is_centred else "corner", "bed_shape")
+    if not is_centred:
         for name, value in (("bed_left", left), ("bed_front", front)):
             if value:
-                made.put(name, value, "bed_shape")
-    made.number("bed_z", "max_print_height")
-    if made.preset.number("z_offset"):
-        made.warn(
+                conversion.put(name, value, "bed_shape")
+    conversion.copy_number("bed_z", "max_print_height")
+    if conversion.preset.number("z_offset"):
+        conversion.warn(
             "z_offset",
-            f"{made.preset.raw('z_offset')} mm is not imported: set it in the firmware (M206, M851)",
+            f"{conversion.preset.raw('z_offset')} mm is not imported: set it in the firmware (M206, M851)",
         )
     return bed
 
 
-def _nozzle(made: Conversion) -> float:
-    several = len([word for word in made.preset.items("nozzle_diameter") if word]) - 1
+def _convert_nozzle(conversion: Conversion) -> float:
+    """Convert the nozzle diameter of the first extruder, mm, and return it."""
+    several = len([word for word in conversion.preset.items("nozzle_diameter") if word]) - 1
     how = f"the first extruder; {several} more are not imported" if several else ""
-    return made.number("nozzle_diameter", "nozzle_diameter", how, differs=several > 0)
+    return conversion.copy_number("nozzle_diameter", "nozzle_diameter", how, differs=several > 0)
 
 
-def _layers(made: Conversion, nozzle: float, companions: CompanionRanges) -> None:
-    """Convert the limits of layer heights; in the source they apply to variable heights only, here to all."""
+def _convert_layer_limits(conversion: Conversion, nozzle: float, companions: CompanionRanges) -> None:
+    """Convert the limits of layer heights; the source applies them only to variable heights, this program to all."""
     for ours, theirs, usual in (
         ("min_layer", "min_layer_height", 0.0),
-        ("max_layer", "max_layer_height", _THICKEST),
+        ("max_layer", "max_layer_height", _MAX_LAYER_RATIO),
     ):
-        found = made.quantity(theirs)
+        found = conversion.quantity(theirs)
         if found.value == 0 and usual:
-            made.put(ours, usual * nozzle, theirs, f"0 means {usual:g} nozzle diameters")
-        elif found.percent:
-            made.put(ours, found.of(nozzle), theirs, "percentage of the nozzle diameter")
+            conversion.put(ours, usual * nozzle, theirs, f"0 means {usual:g} nozzle diameters")
+        elif found.is_percent:
+            conversion.put(ours, found.resolve(nozzle), theirs, "percentage of the nozzle diameter")
         else:
-            made.clamp(ours, found.value, 0.01, 1.6, theirs)
-    least, most = made.values["min_layer"], made.values["max_layer"]
+            conversion.clamp(ours, found.value, 0.01, 1.6, theirs)
+    least, most = conversion.values["min_layer"], conversion.values["max_layer"]
     if least > most:
-        raise made.error(
+        raise conversion.error(
             "min_layer_height",
             f"{least:g} mm is more than max_layer_height, {most:g} mm",
             "Set both layer heights of the extruder in the other slicer",
         )
-    if 0 < companions.thinnest < made.values["min_layer"]:
-        made.put(
+    if 0 < companions.thinnest < conversion.values["min_layer"]:
+        conversion.put(
             "min_layer",
             companions.thinnest,
             "min_layer_height",
             "the layer height of its print settings",
         )
-    if made.values["max_layer"] < companions.thickest <= HIGHEST_BEAD * nozzle + 1e-9:
-        made.put(
+    if conversion.values["max_layer"] < companions.thickest <= HIGHEST_BEAD * nozzle + 1e-9:
+        conversion.put(
             "max_layer",
             companions.thickest,
             "max_layer_height",
             "the greatest layer height of its print settings",
         )
-    if made.preset.has("z_step"):
-        made.number("z_step", "z_step")
+    if conversion.preset.has("z_step"):
+        conversion.copy_number("z_step", "z_step")
     else:
-        made.put("z_step", _Z_STEP, how="not in the source: 400 steps/mm, as with most lead screws")
+        conversion.put("z_step", _Z_STEP, how="not in the source: 400 steps/mm, as with most lead screws")
 
 
-def _heat(made: Conversion, companions: CompanionRanges) -> None:
-    """Set the temperature limits, which the source does not have."""
-    for heater, usual in _TEMPERATURES.items():
+def _set_temperature_limits(conversion: Conversion, companions: CompanionRanges) -> None:
+    """Set the temperature limits, which printers of other slicers do not have."""
+    for heater, usual in _USUAL_TEMPERATURE_LIMITS.items():
         asked = companions.nozzle if heater == "nozzle" else companions.bed
         how = (
             f"not in the source: {usual:g} °C"
             if asked <= usual
             else "not in the source: the highest of its materials"
         )
-        made.put(f"max_{heater}_temperature", max(usual, asked), how=how)
+        conversion.put(f"max_{heater}_temperature", max(usual, asked), how=how)
 
 
-def _limits(made: Conversion) -> None:
-    """Convert limits of speeds and accelerations; the first of two values is for normal mode."""
+def _convert_machine_limits(conversion: Conversion) -> None:
+    """Convert limits of speeds and accelerations; if there are two values, the first one is for normal mode."""
     for axis in "xyze":
-        made.number(f"max_speed_{axis}", f"machine_max_feedrate_{axis}")
-        made.number(f"max_acceleration_{axis}", f"machine_max_acceleration_{axis}")
-    made.number("acceleration", "machine_max_acceleration_extruding")
-    _travel(made)
-    made.number("retract_acceleration", "machine_max_acceleration_retracting")
+        conversion.copy_number(f"max_speed_{axis}", f"machine_max_feedrate_{axis}")
+        conversion.copy_number(f"max_acceleration_{axis}", f"machine_max_acceleration_{axis}")
+    conversion.copy_number("acceleration", "machine_max_acceleration_extruding")
+    _convert_travel_acceleration(conversion)
+    conversion.copy_number("retract_acceleration", "machine_max_acceleration_retracting")
     for axis in "xyze":
         name = f"machine_max_jerk_{axis}"
-        made.mark_used([name])
-    if made.preset.text("machine_limits_usage") == "ignore":
-        made.warn(
+        conversion.mark_used([name])
+    if conversion.preset.text("machine_limits_usage") == "ignore":
+        conversion.warn(
             "machine_limits_usage", "the source ignored the machine limits: check that they are correct"
         )
 
 
-def _travel(made: Conversion) -> None:
-    """Convert the travel acceleration: that of the print settings up to the limit, or that for printing."""
-    preset, limit, asked = made.preset, "machine_max_acceleration_travel", "travel_acceleration"
+def _convert_travel_acceleration(conversion: Conversion) -> None:
+    """Convert the travel acceleration, up to the machine limit; the default is the acceleration for printing."""
+    preset, limit, asked = conversion.preset, "machine_max_acceleration_travel", "travel_acceleration"
     printing = "machine_max_acceleration_extruding"
     most = preset.number(limit) if preset.has(limit) else 0.0
     limits = [preset.number(f"machine_max_acceleration_{axis}") for axis in "xy"] + ([most] if most else [])
     wanted = preset.quantity(asked) if preset.has(asked) else None
     usual = preset.quantity("default_acceleration").value
-    if wanted and (value := wanted.of(usual)):
-        how = "percentage of default_acceleration" if wanted.percent else ""
+    if wanted and (value := wanted.resolve(usual)):
+        how = "percentage of default_acceleration" if wanted.is_percent else ""
         if value > min(limits):
             value, how = min(limits), f"the machine limit; the print settings have {value:g}"
-        made.put(
+        conversion.put(
             "travel_acceleration", value, (asked, limit), how, differs=value == min(limits) and bool(how)
         )
     elif most:
-        made.number("travel_acceleration", limit)
+        conversion.copy_number("travel_acceleration", limit)
     else:
-        made.put("travel_acceleration", preset.number(printing), printing, "as while printing")
+        conversion.put(
+            "travel_acceleration", preset.number(printing), printing, "the acceleration while printing"
+        )
 
 
-def _corners(made: Conversion) -> None:
-    """Convert the method for corner speeds: jerk, junction deviation or square corner velocity."""
-    preset = made.preset
+def _convert_corner_method(conversion: Conversion) -> None:
+    """Convert the method that limits speeds at corners: jerk, junction deviation or square corner velocity."""
+    preset = conversion.preset
     jerk = min(preset.number("machine_max_jerk_x"), preset.number("machine_max_jerk_y"))
     names = ("machine_max_jerk_x", "machine_max_jerk_y")
-    apart = preset.number(names[0]) != preset.number(names[1])
+    differs_by_axis = preset.number(names[0]) != preset.number(names[1])
     deviation = "machine_max_junction_deviation"
-    if made.values["flavour"] == "klipper":
-        made.put("corner", "square_corner", "gcode_flavor")
-        made.clamp(
+    if conversion.values["flavour"] == "klipper":
+        conversion.put("corner", "square_corner", "gcode_flavor")
+        conversion.clamp(
             "square_corner_velocity", jerk, 0, 100, names, "jerk of x and y, as in the source's time estimate"
         )
-        made.clamp("jerk_e", preset.number("machine_max_jerk_e"), 0, 100, "machine_max_jerk_e")
+        conversion.clamp("jerk_e", preset.number("machine_max_jerk_e"), 0, 100, "machine_max_jerk_e")
         return
     if preset.has(deviation) and preset.number(deviation) > 0:
-        made.put("corner", "junction_deviation", deviation)
-        made.number("junction_deviation", deviation)
+        conversion.put("corner", "junction_deviation", deviation)
+        conversion.copy_number("junction_deviation", deviation)
         return
-    made.put("corner", "jerk", names)
-    made.clamp("jerk_xy", jerk, 0, 100, names, "the lesser of x and y" if apart else "")
-    made.clamp("jerk_z", preset.number("machine_max_jerk_z"), 0, 100, "machine_max_jerk_z")
-    made.clamp("jerk_e", preset.number("machine_max_jerk_e"), 0, 100, "machine_max_jerk_e")
+    conversion.put("corner", "jerk", names)
+    conversion.clamp("jerk_xy", jerk, 0, 100, names, "the lesser of x and y" if differs_by_axis else "")
+    conversion.clamp("jerk_z", preset.number("machine_max_jerk_z"), 0, 100, "machine_max_jerk_z")
+    conversion.clamp("jerk_e", preset.number("machine_max_jerk_e"), 0, 100, "machine_max_jerk_e")
 
 
-def _retraction(made: Conversion) -> None:
-    preset = made.preset
-    length, speed = made.number("retract_length", "retract_length"), preset.number("retract_speed")
-    made.number("retract_speed", "retract_speed")
-    back = preset.number("deretract_speed")
-    made.put(
+def _convert_retraction(conversion: Conversion) -> None:
+    """Convert retraction, z hop and wipe."""
+    preset = conversion.preset
+    length, speed = conversion.copy_number("retract_length", "retract_length"), preset.number("retract_speed")
+    conversion.copy_number("retract_speed", "retract_speed")
+    own_deretract_speed = preset.number("deretract_speed")
+    conversion.put(
         "deretract_speed",
-        back or speed,
+        own_deretract_speed or speed,
         "deretract_speed",
-        "" if back else "0 means the speed of retractions",
+        "" if own_deretract_speed else "0 means the speed of retractions",
     )
-    made.clamp(
+    conversion.clamp(
         "retract_before_travel", preset.number("retract_before_travel"), 0, 100, "retract_before_travel"
     )
-    made.clamp("z_hop", preset.number("retract_lift"), 0, 5, "retract_lift")
-    made.clamp("deretract_extra", preset.number("retract_restart_extra"), -2, 2, "retract_restart_extra")
-    firmware = made.switch("firmware_retraction", "use_firmware_retraction")
-    if made.values["flavour"] == "repetier" and firmware:
-        made.put(
+    conversion.clamp("z_hop", preset.number("retract_lift"), 0, 5, "retract_lift")
+    conversion.clamp(
+        "deretract_extra", preset.number("retract_restart_extra"), -2, 2, "retract_restart_extra"
+    )
+    firmware = conversion.copy_switch("firmware_retraction", "use_firmware_retraction")
+    if conversion.values["flavour"] == "repetier" and firmware:
+        conversion.put(
             "firmware_retraction",
             False,
             "use_firmware_retraction",
@@ -293,7 +307,7 @@ def _retraction(made: Conversion) -> None:
         )
         firmware = False
     if preset.is_on("wipe") and not firmware and preset.raw("wipe_distance"):
-        made.clamp(
+        conversion.clamp(
             "wipe_distance",
             preset.number("wipe_distance"),
             0,
@@ -302,23 +316,23 @@ def _retraction(made: Conversion) -> None:
         )
     elif preset.is_on("wipe") and not firmware:
         travel = parse_quantity(preset.context.get("travel_speed", "") or "130")
-        share = 1 - made.resolve("retract_before_wipe", 1.0)
+        share = 1 - conversion.resolve("retract_before_wipe", 1.0)
         distance = 0.8 * length / max(speed, 1) * (travel.value if travel else 130) * share
         how = "the distance travelled during the retraction"
-        made.clamp("wipe_distance", distance, 0, 20, ("wipe", "retract_before_wipe"), how)
+        conversion.clamp("wipe_distance", distance, 0, 20, ("wipe", "retract_before_wipe"), how)
     else:
-        made.mark_used(["wipe", "retract_before_wipe", "wipe_distance"])
+        conversion.mark_used(["wipe", "retract_before_wipe", "wipe_distance"])
 
 
-def _files(made: Conversion) -> None:
+def _convert_file_settings(conversion: Conversion) -> None:
     """Convert settings of the G-code file: relative extrusion, progress, baud rate, thumbnails."""
-    preset = made.preset
-    made.switch("relative_extrusion", "use_relative_e_distances")
+    preset = conversion.preset
+    conversion.copy_switch("relative_extrusion", "use_relative_e_distances")
     if preset.has("remaining_times"):
-        made.switch("progress", "remaining_times")
+        conversion.copy_switch("progress", "remaining_times")
     if preset.has("serial_speed") and 1200 <= preset.number("serial_speed") <= 12_000_000:
-        made.put("baud", int(preset.number("serial_speed")), "serial_speed")
-    made.mark_used(["thumbnails", "thumbnails_format"])
+        conversion.put("baud", int(preset.number("serial_speed")), "serial_speed")
+    conversion.mark_used(["thumbnails", "thumbnails_format"])
     if not preset.has("thumbnails"):
         return
     usual = preset.text("thumbnails_format").upper() or "PNG"
@@ -331,13 +345,13 @@ def _files(made: Conversion) -> None:
             kept.append(f"{size}/QOI" if form == "QOI" else size)
         if not fits or form not in ("PNG", "QOI"):
             lost.append(word if "/" in word else f"{word}/{form}")
-    made.put("thumbnails", kept, "thumbnails", f"PNG for {', '.join(lost)}" if lost and kept else "")
+    conversion.put("thumbnails", kept, "thumbnails", f"PNG for {', '.join(lost)}" if lost and kept else "")
 
 
-def _reason(name: str) -> str:
+def _explain_unsupported(name: str) -> str:
     """Return the reason why a printer setting has no equivalent."""
     if name in ("toolchange_gcode", "color_change_gcode", "template_custom_gcode", "between_objects_gcode"):
-        return "it is never used here"
+        return "this G-code is never used here"
     if "toolchange" in name or name.startswith(
         ("cooling_tube", "parking_pos", "extruder_offset", "single_extruder")
     ):

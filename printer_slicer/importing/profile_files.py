@@ -13,8 +13,8 @@ from printer_slicer.profile.template import toml_value
 
 __all__ = ["file_names", "profile_text", "short_name"]
 
-_LONGEST: Final = 40
-_SHORT: Final = 32
+_LONGEST_NAME: Final = 40  # characters
+_LONGEST_SHORT_NAME: Final = 32
 _NOT_WORDS: Final = re.compile(r"[^a-z0-9]+")
 _RESERVED: Final = re.compile(r"con|prn|aux|nul|com\d|lpt\d")  # names of devices on Windows
 _PATH: Final = re.compile(
@@ -29,23 +29,24 @@ _USUAL_NOZZLE: Final = re.compile(r"\(?\b0\.40?\s*(mm)?\s*nozzle\)?", re.IGNOREC
 IsTaken = Callable[[str, str, str], bool]
 
 
-def _never(_kind: str, _file_name: str, _name: str) -> bool:
+def _is_never_taken(_kind: str, _file_name: str, _name: str) -> bool:
+    """Return False: no other profile has the file name."""
     return False
 
 
-def file_names(made: Sequence[ImportedProfile], is_taken: IsTaken = _never) -> list[str]:
-    """Return a short name for the file of each profile, without suffix; unique for each kind.
+def file_names(made: Sequence[ImportedProfile], is_taken: IsTaken = _is_never_taken) -> list[str]:
+    """Return a short file name without suffix for each profile; names of one kind are unique.
 
     Args:
         made: the profiles.
-        is_taken: whether another profile has a file name, by kind, file name and the name of the profile.
+        is_taken: function of kind, file name and display name that returns whether another profile has the file name.
     """
     used: set[tuple[str, str]] = set()
     names = []
     for one in made:
         short = short_name(one.name) or one.kind
         candidates = chain(
-            (short, _slug(_without_folder(one.name), _LONGEST) or one.kind),
+            (short, _make_slug(_strip_folder(one.name), _LONGEST_NAME) or one.kind),
             (f"{short}_{number}" for number in count(2)),
         )
         name = next(
@@ -63,18 +64,18 @@ def short_name(name: str) -> str:
 
     The text after `@` and a nozzle of 0.4 mm are omitted.
     """
-    return _slug(_VENDOR.sub("", _USUAL_NOZZLE.sub("", _without_folder(name))), _SHORT)
+    return _make_slug(_VENDOR.sub("", _USUAL_NOZZLE.sub("", _strip_folder(name))), _LONGEST_SHORT_NAME)
 
 
-def _without_folder(name: str) -> str:
-    """Return a name without folders and file suffix, if it is a path."""
+def _strip_folder(name: str) -> str:
+    """Remove the file suffix from a name, and the folders if it is a path."""
     if _PATH.match(name):
         name = name.replace("\\", "/").rstrip("/").rpartition("/")[2]
     return _SUFFIX.sub("", name)
 
 
-def _slug(name: str, longest: int) -> str:
-    """Return a text as lower-case letters, digits and underscores; longer texts end after a whole word."""
+def _make_slug(name: str, longest: int) -> str:
+    """Convert a text to lower-case letters, digits and underscores; long texts are cut after a whole word."""
     plain = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode().lower()
     slug = _NOT_WORDS.sub("_", plain.replace("+", " plus ").replace(".", "_")).strip("_")
     if len(slug) > longest:
@@ -84,47 +85,50 @@ def _slug(name: str, longest: int) -> str:
 
 
 def profile_text(made: ImportedProfile) -> str:
-    """Return the text of a profile file; comments explain converted settings.
+    """Return the text of a profile's file, with comments that explain converted settings.
 
     Args:
         made: the profile.
     """
     remarks = {taken.ours: taken.how for taken in made.taken if taken.how}
     source = made.source.replace("\\", "/").rpartition("/")[2]
-    lines = [f"# {_one_line(made.name)}, imported from {_one_line(source)}"]
-    lines += [f"# warning: {_one_line(note.text)}" for note in made.notes]
-    lines += _table(made.values, "", remarks)
+    lines = [
+        f"# {_replace_control_characters(made.name)}, imported from {_replace_control_characters(source)}"
+    ]
+    lines += [f"# warning: {_replace_control_characters(note.text)}" for note in made.notes]
+    lines += _format_table(made.values, "", remarks)
     return "\n".join(lines) + "\n"
 
 
-def _table(values: Mapping[str, Any], prefix: str, remarks: Mapping[str, str]) -> Iterator[str]:
-    """Yield the lines of a table: its keys first, then the tables in it."""
+def _format_table(values: Mapping[str, Any], prefix: str, remarks: Mapping[str, str]) -> Iterator[str]:
+    """Yield the lines of a table: its values first, then the tables inside it."""
     for key, value in values.items():
         if not isinstance(value, dict):
             remark = remarks.get(prefix + key, "")
-            behind = f" # {_one_line(remark)}" if remark and "\n" not in str(value) else ""
-            yield from _lines(key, value, behind)
+            comment = f" # {_replace_control_characters(remark)}" if remark and "\n" not in str(value) else ""
+            yield from _format_setting(key, value, comment)
     for key, value in values.items():
         if isinstance(value, dict):
             yield ""
             yield f"[{prefix}{key}]"
-            yield from _table(value, f"{prefix}{key}.", remarks)
+            yield from _format_table(value, f"{prefix}{key}.", remarks)
 
 
-def _lines(key: str, value: Any, behind: str) -> Iterator[str]:
+def _format_setting(key: str, value: Any, comment: str) -> Iterator[str]:
     """Yield the lines of a key and its value; in a list of tables, each table has its own line."""
     if isinstance(value, list) and value and isinstance(value[0], dict):
-        yield f"{key} = [{behind}"
+        yield f"{key} = [{comment}"
         yield from (f"  {toml_value(one)}," for one in value)
         yield "]"
     else:
-        yield f"{key} = {_value(value)}{behind}"
+        yield f"{key} = {_format_value(value)}{comment}"
 
 
-def _value(value: Any) -> str:
-    """Return a value as TOML; texts of several lines keep their lines."""
+def _format_value(value: Any) -> str:
+    """Format a value as TOML; texts of several lines keep their lines."""
     return toml_value(value.strip("\n") + "\n" if isinstance(value, str) and "\n" in value else value)
 
 
-def _one_line(text: str) -> str:
+def _replace_control_characters(text: str) -> str:
+    """Replace control characters, such as line breaks, by spaces."""
     return "".join(letter if letter.isprintable() else " " for letter in text)

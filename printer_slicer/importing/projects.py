@@ -47,24 +47,28 @@ def read_project(path: Path, profile: Profile, names: Collection[str]) -> Projec
     """Read the object settings of a 3MF file.
 
     Args:
-        path: the file; one that no slicer wrote has no settings.
-        profile: the profile for slicing. Its nozzle and layer height convert percentages and layer counts where
-            the project has none.
-        names: objects to print; settings of others are ignored.
+        path: the file; it has no settings if no slicer wrote it.
+        profile: the profile for slicing. Its nozzle and layer height are used to convert percentages and layer counts
+            if the project does not set them.
+        names: objects to print; settings of other objects are ignored.
 
     Raises:
         ProfileError: the archive is damaged.
     """
     has_settings = bool(read_archive(path, set(SETTINGS_IN_3MF)))
     try:
-        owns, notes = read_object_settings(path)
+        object_settings, notes = read_object_settings(path)
     except ProfileError as error:
         return Project(
             unused=(f"its object settings are not used: {error.args[0]}",),
             has_settings=has_settings,
         )
-    base = _base(path, profile) if owns else None
-    made = [_of_object(own, base) for own in owns if own.object in names] if base else []
+    base = _read_common_settings(path, profile) if object_settings else None
+    made = (
+        [_convert_object(settings, base) for settings in object_settings if settings.object in names]
+        if base
+        else []
+    )
     return Project(
         tuple(table for one in made for table in one.overrides),
         tuple(height for one in made for height in one.layer_heights),
@@ -74,8 +78,8 @@ def read_project(path: Path, profile: Profile, names: Collection[str]) -> Projec
     )
 
 
-def _base(path: Path, profile: Profile) -> Preset:
-    """Return the settings of the project that apply to all objects."""
+def _read_common_settings(path: Path, profile: Profile) -> Preset:
+    """Read the settings of a project that apply to all objects."""
     context = {"nozzle_diameter": f"{profile.printer.nozzle_diameter:g}"}
     height = SourceSetting("layer_height", f"{profile.quality.layer_height:g}", str(path))
     try:
@@ -84,21 +88,21 @@ def _base(path: Path, profile: Profile) -> Preset:
         found = []
     for one in found if isinstance(found, list) else ():
         if isinstance(one, Preset) and one.kind == "quality":
-            return replace(one, own=(), notes=(), context={**context, **one.context})
+            return replace(one, object_settings=(), notes=(), context={**context, **one.context})
     dialect, defaults = (
         ("orca", ORCA_DEFAULTS) if read_archive(path, {OBJECTS_IN_3MF[1]}) else ("prusaslicer", DEFAULTS)
     )
     return Preset("quality", path.stem, dialect, str(path), {height.name: height}, defaults, context=context)
 
 
-def _of_object(own: ObjectSettings, base: Preset) -> Project:
+def _convert_object(settings: ObjectSettings, base: Preset) -> Project:
     """Convert the settings of one object or height range."""
-    plain = {name: entry for name, entry in own.entries.items() if name != "layer_height"}
+    plain = {name: entry for name, entry in settings.entries.items() if name != "layer_height"}
     try:
         before = convert_quality(base)
         made = convert_quality(replace(base, entries={**base.entries, **plain}))
     except ProfileError as error:
-        return Project(unused=(f"{own.where}: its settings are not used: {error.args[0]}",))
+        return Project(unused=(f"{settings.where}: its settings are not used: {error.args[0]}",))
     asked = {entry.name for entry in plain.values()}
     known, values = dict(flatten_settings(before.values)), dict(flatten_settings(made.values))
     wanted = {key for key, value in values.items() if known.get(key) != value}
@@ -106,40 +110,40 @@ def _of_object(own: ObjectSettings, base: Preset) -> Project:
     kept = {
         key: values[key]
         for key in wanted
-        if key in values and key in overridable_settings(heights=bool(own.high))
+        if key in values and key in overridable_settings(heights=bool(settings.high))
     }
-    table: dict[str, Any] = {"object": own.object, "set": dict(sorted(kept.items()))}
-    if own.high:
-        table |= {"low": own.low, "high": own.high}
-    heights, lost = _layer_heights(own)
-    told = ", ".join(
+    table: dict[str, Any] = {"object": settings.object, "set": dict(sorted(kept.items()))}
+    if settings.high:
+        table |= {"low": settings.low, "high": settings.high}
+    heights, lost = _find_layer_height(settings)
+    summary = ", ".join(
         f"{key} = {value}"
         for key, value in [*sorted(kept.items()), *(("layer_height", height) for _, height in heights)]
     )
-    lost += _lost(made, asked, kept)
+    lost += _list_unused(made, asked, kept)
     return Project(
         (table,) if kept else (),
         heights,
-        (f"{own.where}: {told} (from the project)",) if told else (),
-        tuple(f"{own.where}: {text}" for text in lost),
+        (f"{settings.where}: {summary} (from the project)",) if summary else (),
+        tuple(f"{settings.where}: {text}" for text in lost),
     )
 
 
-def _layer_heights(own: ObjectSettings) -> tuple[tuple[tuple[str, float], ...], list[str]]:
-    """Return the uniform layer height of an object, if it has one, and why it is not used, if so."""
-    entry = own.entries.get("layer_height")
+def _find_layer_height(settings: ObjectSettings) -> tuple[tuple[tuple[str, float], ...], list[str]]:
+    """Return the object with its uniform layer height, or the reason why its layer height is not used."""
+    entry = settings.entries.get("layer_height")
     if entry is None:
         return (), []
     found = parse_quantity(entry.text)
-    if own.alone and not own.high and found and found.value > 0:
-        return ((own.object, found.value),), []
-    why = "all objects of a plate have the same layers"
-    if own.alone:
+    if settings.is_only_object and not settings.high and found and found.value > 0:
+        return ((settings.object, found.value),), []
+    why = "all objects on a plate have the same layers"
+    if settings.is_only_object:
         why = "`printer-slicer profiles import` converts it to height ranges of the planner"
     return (), [f"{entry.name} = {entry.text} is not used: {why}"]
 
 
-def _lost(made: ImportedProfile, asked: set[str], kept: Collection[str]) -> list[str]:
+def _list_unused(made: ImportedProfile, asked: set[str], kept: Collection[str]) -> list[str]:
     """List the settings of an object that are not used, with the reason."""
     lost = [f"{one.theirs} = {one.text} is not used: {one.why}" for one in made.left if one.theirs in asked]
     used = {one.theirs for one in made.taken if one.ours in kept}

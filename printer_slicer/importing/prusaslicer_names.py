@@ -1,4 +1,4 @@
-"""PrusaSlicer's settings: the kind of preset that each belongs to, and their defaults.
+"""PrusaSlicer's settings: the kind of preset that each one belongs to, and its default.
 
 Source: output of PrusaSlicer 2.5 (`--help-fff`, `--save`).
 """

@@ -22,20 +22,20 @@ KINDS: Final = ("printer", "material", "quality")
 
 
 class NoSettingsError(ProfileError):
-    """A G-code file has no settings of a slicer."""
+    """An error: a G-code file contains no settings of a slicer."""
 
 
 @dataclass(frozen=True, slots=True)
 class ConvertedSetting:
-    """A setting that was taken over or converted.
+    """A setting that was imported, unchanged or converted.
 
     Attributes:
         theirs: its name in the source; empty if the source does not set it.
         text: its value in the source.
         ours: its name here, without the kind of profile.
         value: its value here.
-        how: how it was converted, where that is not obvious; empty: the same.
-        differs: whether the print differs from that of the source because of it.
+        how: how it was converted, where that is not obvious; empty: the value is the same.
+        differs: whether this makes the print differ from the source's.
     """
 
     theirs: str
@@ -48,13 +48,13 @@ class ConvertedSetting:
 
 @dataclass(frozen=True, slots=True)
 class UnsupportedSetting:
-    """A setting that was not taken over.
+    """A setting that was not imported.
 
     Attributes:
         theirs: its name in the source.
         text: its value in the source.
         why: the reason.
-        off: whether it does not apply, because it is off or for machines with several tools.
+        off: whether it has no effect, because it is switched off or only for machines with several tools.
     """
 
     theirs: str
@@ -65,7 +65,7 @@ class UnsupportedSetting:
 
 @dataclass(frozen=True, slots=True)
 class ImportNote:
-    """A warning: its text, and the file, line and setting that it is about."""
+    """A warning: the file, line and setting that it is about, and its text."""
 
     place: str
     text: str
@@ -80,7 +80,7 @@ class ImportedProfile:
         name: its name in the source.
         source: file and line.
         values: setting -> value here; tables are nested.
-        taken: settings that were taken over or converted.
+        taken: settings that were imported, unchanged or converted.
         left: settings without an equivalent.
         notes: warnings.
         settings: settings of the source under PrusaSlicer's names.
@@ -97,13 +97,13 @@ class ImportedProfile:
 
     @property
     def approximated(self) -> tuple[ConvertedSetting, ...]:
-        """Return the settings that were not taken over literally."""
+        """The settings that were converted, not copied."""
         return tuple(one for one in self.taken if one.how)
 
 
 @dataclass(frozen=True, slots=True)
 class RejectedProfile:
-    """A preset that could not be converted: the reason with its place, and the remedy."""
+    """A preset that could not be converted, with the problem and the remedy."""
 
     kind: str
     name: str

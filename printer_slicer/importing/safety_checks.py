@@ -1,4 +1,4 @@
-"""Check imported profiles before they are written: bounds, temperatures, consistency."""
+"""Check imported profiles before they are written: bounds, temperatures and consistency."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from printer_slicer.importing.results import ImportedProfile
 from printer_slicer.macros import read_template
 from printer_slicer.profile.faults import find_value_fault
 
-__all__ = ["DEFAULT_LIMITS", "TemperatureLimits", "check_safe"]
+__all__ = ["DEFAULT_LIMITS", "TemperatureLimits", "check_safety"]
 
-_MACHINE: Final = "Correct the value in the other slicer"
+_REMEDY: Final = "Correct the value in the other slicer"
 
 
 _MACROS: Final = ("start_gcode", "before_layer_gcode", "layer_gcode", "pause_gcode", "end_gcode")
@@ -35,55 +35,56 @@ class TemperatureLimits(NamedTuple):
 DEFAULT_LIMITS: Final = TemperatureLimits()
 
 
-def check_safe(made: ImportedProfile, preset: Preset, limits: TemperatureLimits) -> None:
+def check_safety(profile: ImportedProfile, preset: Preset, limits: TemperatureLimits) -> None:
     """Check that a profile is safe for a machine.
 
     Args:
-        made: the profile.
+        profile: the profile.
         preset: its source, for places in messages.
         limits: temperature limits.
 
     Raises:
         ProfileError: it is not safe; with place, value and remedy.
     """
-    fault = find_value_fault(made.kind, made.values)
+    fault = find_value_fault(profile.kind, profile.values)
     if fault:
         key, problem = fault
         raise ProfileError(
-            f"{_where(made, preset, key)}: {problem}{_shown_value(made, key)}", remedy=_MACHINE
+            f"{_find_place(profile, preset, key)}: {problem}{_describe_value(profile, key)}", remedy=_REMEDY
         )
-    if made.kind == "printer":
-        _check_machine(made, preset)
+    if profile.kind == "printer":
+        _check_machine(profile, preset)
     for heater, most in zip(("nozzle", "bed"), limits, strict=True):
         for key in (
             f"first_layer_{heater}_temperature",
             f"{heater}_temperature",
             f"max_{heater}_temperature",
         ):
-            wanted = made.values.get(key, 0.0)
+            wanted = profile.values.get(key, 0.0)
             if wanted > most:
                 raise ProfileError(
-                    f"{_where(made, preset, key)}: {wanted:g} °C is over the {heater} limit of {most:g} °C",
+                    f"{_find_place(profile, preset, key)}: {wanted:g} °C is over the {heater} limit of {most:g} °C",
                     remedy=f"If your machine is built for it, use --max-{heater}-temperature {wanted:g}",
                 )
-    _check_macros(made, preset, limits)
+    _check_macros(profile, preset, limits)
 
 
-def _check_macros(made: ImportedProfile, preset: Preset, limits: TemperatureLimits) -> None:
+def _check_macros(profile: ImportedProfile, preset: Preset, limits: TemperatureLimits) -> None:
     """Check the temperatures of heating commands in all branches of the macros."""
     for name in _MACROS:
-        for line in _lines(str(made.values.get(name, ""))):
+        for line in _list_macro_lines(str(profile.values.get(name, ""))):
             for code, letters in _HEATING.findall(line.partition(";")[0]):
                 heater, most = _HEATERS[code.upper()], getattr(limits, str(_HEATERS[code.upper()]))
                 wanted = max((float(one) for one in _NUMBER.findall(letters)), default=0.0)
                 if wanted > most:
                     raise ProfileError(
-                        f"{_where(made, preset, name)}: {line.strip()[:60]}: over the {heater} limit of {most:g} °C",
+                        f"{_find_place(profile, preset, name)}: {line.strip()[:60]}: over the {heater} limit of "
+                        f"{most:g} °C",
                         remedy=f"If your machine is built for it, use --max-{heater}-temperature {wanted:g}",
                     )
 
 
-def _lines(macro: str) -> list[str]:
+def _list_macro_lines(macro: str) -> list[str]:
     """Return the lines of all branches of a macro, and the macro as written."""
     try:
         return [*read_template(macro, "").possible_lines({}), *macro.splitlines()]
@@ -91,29 +92,31 @@ def _lines(macro: str) -> list[str]:
         return macro.splitlines()
 
 
-def _check_machine(made: ImportedProfile, preset: Preset) -> None:
-    values = made.values
+def _check_machine(profile: ImportedProfile, preset: Preset) -> None:
+    """Check that the nozzle of a printer can print its maximum layer height."""
+    values = profile.values
     if values["max_layer"] > values["nozzle_diameter"]:
         raise ProfileError(
-            f"{_where(made, preset, 'max_layer')}: layers of {values['max_layer']:g} mm from a nozzle of "
-            f"{values['nozzle_diameter']:g} mm",
+            f"{_find_place(profile, preset, 'max_layer')}: layers of {values['max_layer']:g} mm are too high for a "
+            f"nozzle of {values['nozzle_diameter']:g} mm",
             remedy="Lower it in the other slicer to at most 0.8 nozzle diameters",
         )
 
 
-def _where(made: ImportedProfile, preset: Preset, key: str) -> str:
-    """Return the place of the source's setting that became one of ours."""
-    for taken in made.taken:
+def _find_place(profile: ImportedProfile, preset: Preset, key: str) -> str:
+    """Return the place of the setting in the source from which one of our settings was converted."""
+    for taken in profile.taken:
         if taken.ours == key or taken.ours.startswith(f"{key}."):
             if not taken.theirs:
                 break
             entry = next((one for one in preset.entries.values() if one.name == taken.theirs), None)
-            return f"{entry.place if entry else preset.place}: {taken.theirs} ({made.kind}.{key})"
-    return f"{preset.place}: {made.kind}.{key}"
+            return f"{entry.place if entry else preset.place}: {taken.theirs} ({profile.kind}.{key})"
+    return f"{preset.place}: {profile.kind}.{key}"
 
 
-def _shown_value(made: ImportedProfile, key: str) -> str:
-    found = made.values
+def _describe_value(profile: ImportedProfile, key: str) -> str:
+    """Return the end of a message that shows the value of a setting; empty for tables."""
+    found = profile.values
     for part in key.split("."):
         if not isinstance(found, dict) or part not in found:
             return ""

@@ -1,4 +1,4 @@
-"""Convert speeds and accelerations of other slicers, with percentages of each other and 0 for automatic."""
+"""Convert speeds and accelerations of other slicers; they can be percentages of each other, or 0 for automatic."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _SPEEDS: Final = (
     ("support", "support_material_speed"),
     ("support_interface", "support_material_interface_speed"),
 )
-_FASTEST: Final = "max_print_speed"
+_MAX_SPEED: Final = "max_print_speed"
 _PERCENT_OF: Final[Mapping[str, str]] = {
     "external_perimeter_speed": "perimeter_speed",
     "small_perimeter_speed": "perimeter_speed",
@@ -36,9 +36,9 @@ _PERCENT_OF: Final[Mapping[str, str]] = {
     "first_layer_travel_speed": "travel_speed",
     "default_acceleration": "machine_max_acceleration_x",
 }
-"""Setting -> setting that its percentage refers to; others refer to max_print_speed or default_acceleration."""
+"""Setting -> setting that its percentage refers to; the default is max_print_speed or default_acceleration."""
 
-_PERCENT_OF_IN: Final[Mapping[str, Mapping[str, str]]] = {
+_PERCENT_OF_BY_DIALECT: Final[Mapping[str, Mapping[str, str]]] = {
     "superslicer": {
         "default_speed": "machine_max_feedrate_x",
         "perimeter_speed": "default_speed",
@@ -56,11 +56,11 @@ _PERCENT_OF_IN: Final[Mapping[str, Mapping[str, str]]] = {
         "bridge_acceleration": "external_perimeter_acceleration",
     },
 }
-"""The same for slicers that differ. Source: their setting definitions (`ratio_over`)."""
+"""Dialect -> exceptions from `_PERCENT_OF`. Source: the setting definitions of these slicers (`ratio_over`)."""
 
-_DEFAULT: Final = "default_acceleration"
+_DEFAULT_ACCELERATION: Final = "default_acceleration"
 _ACCELERATIONS: Final = (
-    ("default", (_DEFAULT,)),
+    ("default", (_DEFAULT_ACCELERATION,)),
     ("first_layer", ("first_layer_acceleration",)),
     ("external_perimeter", ("external_perimeter_acceleration", "perimeter_acceleration")),
     ("perimeter", ("perimeter_acceleration",)),
@@ -75,137 +75,147 @@ _ACCELERATIONS: Final = (
 _OVERHANGS: Final = (("0", 0), ("25", 1), ("50", 2), ("75", 3))
 
 
-def convert_speeds(made: Conversion) -> None:
+def convert_speeds(conversion: Conversion) -> None:
     """Convert all speeds and accelerations.
 
     Raises:
         ProfileError: a speed is negative; with place and remedy.
     """
     for ours, theirs in _SPEEDS:
-        _put(made, ours, theirs)
-    _gap(made)
-    _first_layer(made)
-    _small(made)
-    travel = made.preset.number("travel_speed")
-    _positive(made, "travel_speed", travel)
-    made.clamp("speeds.travel", travel, 0.1, 2000, "travel_speed")
-    _first_layer_travel(made, travel)
-    _overhangs(made)
-    _accelerations(made)
-    made.mark_used([_FASTEST, "overhangs", "default_speed", _DEFAULT])
-    if made.preset.mixed:  # it becomes a setting of the printer
-        made.mark_used(["travel_acceleration"])
+        _convert_speed(conversion, ours, theirs)
+    _convert_gap_fill_and_raft(conversion)
+    _convert_first_layer(conversion)
+    _convert_small_perimeters(conversion)
+    travel = conversion.preset.number("travel_speed")
+    _check_not_negative(conversion, "travel_speed", travel)
+    conversion.clamp("speeds.travel", travel, 0.1, 2000, "travel_speed")
+    _convert_first_layer_travel(conversion, travel)
+    _convert_overhangs(conversion)
+    _convert_accelerations(conversion)
+    conversion.mark_used([_MAX_SPEED, "overhangs", "default_speed", _DEFAULT_ACCELERATION])
+    if conversion.preset.mixed:  # it becomes a setting of the printer
+        conversion.mark_used(["travel_acceleration"])
 
 
-def _put(made: Conversion, ours: str, theirs: str) -> None:
+def _convert_speed(conversion: Conversion, ours: str, theirs: str) -> None:
     """Convert one speed."""
     if theirs == "bridge_speed_internal":  # SuperSlicer renamed it
         names = (theirs, "internal_bridge_speed")
-        theirs = next((one for one in names if made.preset.raw(one)), "bridge_speed")
-    value, how = _speed(made, theirs)
-    made.clamp(f"speeds.{ours}", value, 0.1, 1000, theirs, how)
+        theirs = next((one for one in names if conversion.preset.raw(one)), "bridge_speed")
+    value, how = _resolve_speed(conversion, theirs)
+    conversion.clamp(f"speeds.{ours}", value, 0.1, 1000, theirs, how)
 
 
-def _percent_of(made: Conversion, name: str, other: str) -> str:
+def _find_percent_base(conversion: Conversion, name: str, other: str) -> str:
     """Return the setting that a percentage refers to."""
-    preset = made.preset
+    preset = conversion.preset
     # Versions of SuperSlicer without default_speed use the percentages of PrusaSlicer.
     older = preset.dialect == "superslicer" and "default_speed" not in preset.entries
-    own = {} if older else _PERCENT_OF_IN.get(preset.dialect, {})
+    own = {} if older else _PERCENT_OF_BY_DIALECT.get(preset.dialect, {})
     return own.get(name) or _PERCENT_OF.get(name, other)
 
 
-def _speed(made: Conversion, name: str) -> tuple[float, str]:
+def _resolve_speed(conversion: Conversion, name: str) -> tuple[float, str]:
     """Return a speed in mm/s, and how it was converted."""
     if name.startswith("machine_"):
-        return made.printer_number(name), ""
-    found = made.quantity(name)
-    _positive(made, name, found.value)
-    if found.percent:
-        whole = _percent_of(made, name, _FASTEST)
-        base = made.preset.number(whole) if whole == _FASTEST else _speed(made, whole)[0]
-        return found.of(base), f"percentage of {whole}"
+        return conversion.printer_number(name), ""
+    found = conversion.quantity(name)
+    _check_not_negative(conversion, name, found.value)
+    if found.is_percent:
+        whole = _find_percent_base(conversion, name, _MAX_SPEED)
+        base = (
+            conversion.preset.number(whole) if whole == _MAX_SPEED else _resolve_speed(conversion, whole)[0]
+        )
+        return found.resolve(base), f"percentage of {whole}"
     if found.value == 0:  # automatic: limited by the flow and by max_print_speed
-        return made.preset.number(_FASTEST) or 80.0, f"0 means up to {_FASTEST}"
+        return conversion.preset.number(_MAX_SPEED) or 80.0, f"0 means up to {_MAX_SPEED}"
     return found.value, ""
 
 
-def _positive(made: Conversion, name: str, value: float) -> None:
+def _check_not_negative(conversion: Conversion, name: str, value: float) -> None:
+    """Raise an error if a speed is negative."""
     if value < 0:
-        raise made.error(name, f"a speed of {value:g}", "Write a positive speed")
+        raise conversion.error(name, f"a speed of {value:g} is negative", "Write a positive speed")
 
 
-def _gap(made: Conversion) -> None:
-    """Convert the gap fill speed; 0 disables gap fill in the source, and means the perimeter speed here."""
+def _convert_gap_fill_and_raft(conversion: Conversion) -> None:
+    """Convert the speeds of gap fill and rafts.
+
+    A gap fill speed of 0 disables gap fill in the source; here it means the perimeter speed.
+    """
     name = "gap_fill_speed"
-    value, how = _speed(made, name) if made.quantity(name).value else (0.0, "")
-    made.clamp("speeds.gap_fill", value, 0, 1000, name, how)
-    if made.preset.has("raft_speed"):
-        _put(made, "raft", "raft_speed")
+    value, how = _resolve_speed(conversion, name) if conversion.quantity(name).value else (0.0, "")
+    conversion.clamp("speeds.gap_fill", value, 0, 1000, name, how)
+    if conversion.preset.has("raft_speed"):
+        _convert_speed(conversion, "raft", "raft_speed")
 
 
-def _first_layer(made: Conversion) -> None:
-    """Convert the speeds of perimeters and infill on the first layer; a percentage refers to each role's speed."""
-    speeds = made.values["speeds"]
+def _convert_first_layer(conversion: Conversion) -> None:
+    """Convert the speeds on the first layer; a percentage refers to the speed on other layers."""
+    speeds = conversion.values["speeds"]
     perimeter, internal, solid = (
         float(speeds[key]) for key in ("perimeter", "internal_infill", "solid_infill")
     )
     name, infill = "first_layer_speed", "first_layer_infill_speed"
-    found = made.quantity(name)
-    _positive(made, name, found.value)
-    if found.percent:
-        value, how = found.of(perimeter), "percentage of the perimeter speed"
+    found = conversion.quantity(name)
+    _check_not_negative(conversion, name, found.value)
+    if found.is_percent:
+        value, how = found.resolve(perimeter), "percentage of the perimeter speed"
     else:
         value, how = found.value, ""
     if not value:
         value, how = max(perimeter, internal), "0 means no limit"
-    made.clamp("speeds.first_layer", value, 0.1, 1000, name, how)
-    asked = made.quantity(infill) if made.quantity(infill).value else found
+    conversion.clamp("speeds.first_layer", value, 0.1, 1000, name, how)
+    asked = conversion.quantity(infill) if conversion.quantity(infill).value else found
     theirs = infill if asked is not found else name
-    _positive(made, theirs, asked.value)
-    how = "percentage of the solid infill speed" if asked.percent else ""
-    made.clamp("speeds.first_layer_infill", asked.of(solid) or value, 0.1, 1000, (theirs, infill), how)
+    _check_not_negative(conversion, theirs, asked.value)
+    how = "percentage of the solid infill speed" if asked.is_percent else ""
+    conversion.clamp(
+        "speeds.first_layer_infill", asked.resolve(solid) or value, 0.1, 1000, (theirs, infill), how
+    )
 
 
-def _first_layer_travel(made: Conversion, travel: float) -> None:
+def _convert_first_layer_travel(conversion: Conversion, travel: float) -> None:
     """Convert the travel speed on the first layer; 0 means the normal travel speed."""
     name = "first_layer_travel_speed"
-    found = made.quantity(name)
-    _positive(made, name, found.value)
-    value = found.of(travel)
+    found = conversion.quantity(name)
+    _check_not_negative(conversion, name, found.value)
+    value = found.resolve(travel)
     same = value >= travel
-    how = "as travel_speed" if same else "percentage of travel_speed" if found.percent else ""
-    made.clamp("speeds.first_layer_travel", travel if same or not value else value, 0.1, 2000, name, how)
+    how = "as travel_speed" if same else "percentage of travel_speed" if found.is_percent else ""
+    conversion.clamp(
+        "speeds.first_layer_travel", travel if same or not value else value, 0.1, 2000, name, how
+    )
 
 
-def _small(made: Conversion) -> None:
+def _convert_small_perimeters(conversion: Conversion) -> None:
     """Convert the speed of small perimeters, and the radius up to which it applies."""
-    name, preset = "small_perimeter_speed", made.preset
+    name, preset = "small_perimeter_speed", conversion.preset
     found = preset.quantity(name)
-    value, how = _speed(made, name) if found.value else (0.0, "")
-    made.clamp("speeds.small_perimeter", value, 0, 1000, name, how)
+    value, how = _resolve_speed(conversion, name) if found.value else (0.0, "")
+    conversion.clamp("speeds.small_perimeter", value, 0, 1000, name, how)
     radius = "speeds.small_perimeter_radius"
     length, threshold = "small_perimeter_min_length", "small_perimeter_threshold"
     if preset.dialect == "orca":
-        made.clamp(radius, preset.number(threshold), 0, 100, threshold)
+        conversion.clamp(radius, preset.number(threshold), 0, 100, threshold)
     elif preset.has(length):
-        around = preset.quantity(length).of(made.printer_number("nozzle_diameter"))
+        around = preset.quantity(length).resolve(conversion.printer_number("nozzle_diameter"))
         how = (
             "radius of a circle of this length; the source speeds up gradually to small_perimeter_max_length"
         )
-        made.clamp(radius, around / (2 * pi), 0, 100, (length, "small_perimeter_max_length"), how)
+        conversion.clamp(radius, around / (2 * pi), 0, 100, (length, "small_perimeter_max_length"), how)
 
 
-def _overhangs(made: Conversion) -> None:
-    """Convert speeds graded by overhang; without them only bridges are slower."""
-    preset = made.preset
+def _convert_overhangs(conversion: Conversion) -> None:
+    """Convert speeds graded by overhang; if the source has none, only bridges are slower."""
+    preset = conversion.preset
     graded = preset.has("enable_dynamic_overhang_speeds") and preset.is_on("enable_dynamic_overhang_speeds")
-    outer = float(made.values["speeds"]["external_perimeter"])
+    outer = float(conversion.values["speeds"]["external_perimeter"])
     for share, number in _OVERHANGS:
         name = f"overhang_speed_{number}"
-        speed = preset.quantity(name).of(outer) if graded and preset.has(name) else 0.0
+        speed = preset.quantity(name).resolve(outer) if graded and preset.has(name) else 0.0
         if speed > 0:
-            made.clamp(
+            conversion.clamp(
                 f"speeds.overhang_{share}_ratio",
                 speed / outer,
                 0.01,
@@ -214,27 +224,33 @@ def _overhangs(made: Conversion) -> None:
                 "as a ratio of external perimeters",
             )
         else:
-            made.put(f"speeds.overhang_{share}_ratio", 1, name)
-    made.mark_used(["enable_dynamic_overhang_speeds"])
+            conversion.put(f"speeds.overhang_{share}_ratio", 1, name)
+    conversion.mark_used(["enable_dynamic_overhang_speeds"])
 
 
-def _accelerations(made: Conversion) -> None:
-    """Convert accelerations; 0 in the source refers to another setting, 0 here to the printer."""
+def _convert_accelerations(conversion: Conversion) -> None:
+    """Convert accelerations; 0 means another setting in the source, and the printer's value here."""
     for ours, names in _ACCELERATIONS:
-        name = next((one for one in names if made.quantity(one).value), _DEFAULT)
-        value = _acceleration(made, name)
+        name = next((one for one in names if conversion.quantity(one).value), _DEFAULT_ACCELERATION)
+        value = _resolve_acceleration(conversion, name)
         how = "" if name == names[0] or not value else f"as {name}"
-        if made.quantity(name).percent:
-            how = f"percentage of {_percent_of(made, name, _DEFAULT)}"
-        made.mark_used(names)
-        made.clamp(f"accelerations.{ours}", value, 0, 100000, name, how)
+        if conversion.quantity(name).is_percent:
+            how = f"percentage of {_find_percent_base(conversion, name, _DEFAULT_ACCELERATION)}"
+        conversion.mark_used(names)
+        conversion.clamp(f"accelerations.{ours}", value, 0, 100000, name, how)
 
 
-def _acceleration(made: Conversion, name: str) -> float:
+def _resolve_acceleration(conversion: Conversion, name: str) -> float:
     """Return an acceleration in mm/s²; 0 if the source does not set one."""
     if name.startswith("machine_"):
-        return made.printer_number(name)
-    found = made.quantity(name)
-    if not found.value and name != _DEFAULT:
-        return _acceleration(made, _percent_of(made, name, _DEFAULT))
-    return found.of(_acceleration(made, _percent_of(made, name, _DEFAULT))) if found.percent else found.value
+        return conversion.printer_number(name)
+    found = conversion.quantity(name)
+    if not found.value and name != _DEFAULT_ACCELERATION:
+        return _resolve_acceleration(conversion, _find_percent_base(conversion, name, _DEFAULT_ACCELERATION))
+    return (
+        found.resolve(
+            _resolve_acceleration(conversion, _find_percent_base(conversion, name, _DEFAULT_ACCELERATION))
+        )
+        if found.is_percent
+        else found.value
+    )

@@ -62,11 +62,11 @@ def test_by_default_there_are_counts_and_at_most_five_differences(
     assert [line.split()[0] for line in lines[:3]] == ["printer", "material", "quality"]
     assert lines[3:10] == [
         "largest differences from the source:",
-        "  quality: support_material = 1 is not taken over (supports are not available here)",
-        "  quality: perimeters = 140 -> perimeters = 100 (100 is the most here)",
-        "  quality: fuzzy_skin = all is not taken over (no equivalent)",
-        "  quality: complete_objects = 1 is not taken over (no equivalent)",
-        "  quality: fill_pattern = stars -> infill = triangles (stars is nearest to triangles)",
+        "  quality: support_material = 1 is not imported (supports are not available here)",
+        "  quality: perimeters = 140 -> perimeters = 100 (100 is the maximum here)",
+        "  quality: fuzzy_skin = all is not imported (no equivalent)",
+        "  quality: complete_objects = 1 is not imported (no equivalent)",
+        "  quality: fill_pattern = stars -> infill = triangles (triangles is the most similar choice for stars)",
         "add -v to see 3 more differences and all settings",
     ]
     assert len(lines) == 13

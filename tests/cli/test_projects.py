@@ -141,7 +141,7 @@ def test_what_is_not_used_is_named_and_in_the_json(tmp_path: Path) -> None:
     assert "project.3mf: lid: brim_width = 5 is not used" in warnings
     assert "project.3mf: lid: support_material = 1 is not used" in warnings
     assert (
-        "project.3mf: lid: layer_height = 0.1 is not used: all objects of a plate have the same layers"
+        "project.3mf: lid: layer_height = 0.1 is not used: all objects on a plate have the same layers"
         in warnings
     )
     assert "project.3mf: box: its settings are not used" in warnings

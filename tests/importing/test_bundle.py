@@ -147,7 +147,7 @@ def test_a_printer_of_a_bundle_is_found_by_model_and_older_names(
 def test_a_printer_that_a_bundle_does_not_hold_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "Shop.ini").write_text(SHOP, encoding="utf-8")
 
-    with pytest.raises(ProfileError, match="no printer 'E-9' among 2"):
+    with pytest.raises(ProfileError, match="none of the 2 printers is called 'E-9'"):
         import_profiles(tmp_path / "Shop.ini", ImportRequest(printer="E-9"))
 
 
@@ -190,7 +190,9 @@ def test_circular_and_missing_inheritance_is_an_error_with_its_place(bundle: Pat
     assert isinstance(adopted, RejectedProfile)
     assert "*ring* -> *ring 2* -> *ring*" in ring.problem
     line = BUNDLE.splitlines().index("inherits = Gone Elsewhere") + 1
-    assert adopted.problem.startswith(f"{bundle}:{line}: inherits = Gone Elsewhere: no such preset")
+    assert adopted.problem.startswith(
+        f"{bundle}:{line}: inherits = Gone Elsewhere: this file has no such preset"
+    )
 
 
 def test_a_printer_brings_its_own_material_and_quality(bundle: Path, tmp_path: Path) -> None:
@@ -229,7 +231,7 @@ def test_a_printer_prints_the_layers_of_the_qualities_meant_for_it(bundle: Path)
 
 def test_names_choose(bundle: Path) -> None:
     assert set(by_name(bundle, names=("Acme P*",))) == {"Acme PLA", "Acme PETG"}
-    with pytest.raises(ProfileError, match="no preset has this name"):
+    with pytest.raises(ProfileError, match="no preset matches the name"):
         by_name(bundle, names=("Nobody",))
     with pytest.raises(ProfileError, match="Did you mean 'Acme A1'"):
         by_name(bundle, printer="Acme A11")

@@ -91,16 +91,16 @@ def test_every_setting_is_accounted_for(tmp_path: Path) -> None:
         ("machine_max_feedrate_z", "inf", "printer", "'inf' is not a number"),
         ("nozzle_diameter", "0", "printer", "printer.nozzle_diameter"),
         ("bed_shape", "", "printer", "is not a corner"),
-        ("bed_shape", "0x0,0x0,0x0", "printer", "the bed is empty"),
+        ("bed_shape", "0x0,0x0,0x0", "printer", "the bed has no area"),
         ("bed_shape", "0x0,nanx1,3x4", "printer", "is not a corner"),
         ("bed_shape", "0x0,2x0,2x2,0x2", "printer", "printer.bed_x"),
         ("max_print_height", "-1", "printer", "printer.bed_z"),
         ("min_layer_height", "0.9", "printer", "is more than max_layer_height"),
-        ("max_layer_height", "0.6", "printer", "from a nozzle of 0.4 mm"),
+        ("max_layer_height", "0.6", "printer", "for a nozzle of 0.4 mm"),
         ("gcode_flavor", "makerware", "printer", "unknown flavour 'makerware'"),
         ("printer_technology", "SLA", "printer", "a resin printer"),
         ("use_volumetric_e", "1", "printer", "E in mm³"),
-        ("layer_height", "0", "quality", "layers of 0 mm"),
+        ("layer_height", "0", "quality", "a layer height of 0 mm"),
         ("perimeter_speed", "-3", "quality", "a speed of -3"),
         ("perimeters", "many", "quality", "'many' is not a number"),
         ("filament_diameter", "17.5", "material", "material.filament_diameter"),
@@ -135,9 +135,9 @@ def test_numbers_moved_into_their_bounds_cause_a_warning(tmp_path: Path) -> None
 
     assert quality.values["speeds"]["perimeter"] == 1000
     assert [note.text for note in quality.notes if "99999" in note.text] == [
-        "99999 becomes 1000, the most here"
+        "99999 becomes 1000, the maximum here"
     ]
-    assert any("70 becomes 20, the most here" in note.text for note in quality.notes)
+    assert any("70 becomes 20, the maximum here" in note.text for note in quality.notes)
 
 
 def test_a_hotter_machine_is_imported_where_somebody_vouches_for_it(tmp_path: Path) -> None:
@@ -227,14 +227,14 @@ def test_settings_in_a_project_are_found(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "data", "said"),
     [
-        ("a.gcode", b"G28\nG1 X1\n", "G-code without settings"),
+        ("a.gcode", b"G28\nG1 X1\n", "this G-code has no settings"),
         ("a.3mf", b"PK\x03\x04broken", "cannot be unpacked"),
         ("a.ini", b"[vendor]\nname = x\n", "no printer, filament or print settings"),
-        ("a.ini", b"what is this\n", "neither [section], setting nor comment"),
+        ("a.ini", b"what is this\n", "is not a [section], a setting or a comment"),
         ("a.ini", b"", "no printer, filament or print settings"),
         ("a.ini", b"\x00\x01\x02", "not a text file"),
         ("a.json", b"{]", "not valid JSON"),
-        ("a.json", b"{}", "neither machine, filament nor process"),
+        ("a.json", b"{}", "not a machine, filament or process preset"),
         (
             "a.json",
             b'{"version": 2, "overrides": {}, "inherits": "gone"}',

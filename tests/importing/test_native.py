@@ -52,7 +52,7 @@ def test_kinds_and_names_choose(tmp_path: Path) -> None:
     path, _ = written(tmp_path)
 
     assert [one.kind for one in import_profiles(path, ImportRequest(names=("Our*",)))] == ["material"]
-    with pytest.raises(ProfileError, match="no preset has this name"):
+    with pytest.raises(ProfileError, match="no preset matches the name"):
         import_profiles(path, ImportRequest(names=("Nobody",)))
 
 

@@ -78,7 +78,7 @@ def test_settings_of_the_whole_plate_are_reported(tmp_path: Path) -> None:
     assert left == {
         "lid: brim_width": "brim_width is the same for the whole plate here",
         "lid: support_material": "supports are not available here",
-        "lid: layer_height": "all objects of a plate have the same layers",
+        "lid: layer_height": "all objects on a plate have the same layers",
     }
 
 
@@ -130,7 +130,10 @@ def test_settings_of_modifiers_are_reported(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("objects", "said"),
     [
-        (body("lid", {"perimeters": "5"}) + body("lid", {}), "objects with this name have different ones"),
+        (
+            body("lid", {"perimeters": "5"}) + body("lid", {}),
+            "objects with this name have different settings",
+        ),
         (body("", {"perimeters": "5"}), "the object has no name"),
     ],
 )
