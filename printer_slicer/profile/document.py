@@ -16,9 +16,9 @@ _HEADING = """\
 
 All settings. This file is the output of `printer-slicer profiles settings --markdown`.
 
-Keys are used in profile files and with `--set`. If two sections have the same key, write the section too:
-`--set infill_density=0.3`, `--set material.name=mine`. [profiles.md](../profiles.md) explains how profiles are found,
-inherited and checked.
+Use the keys in profile files and with `--set`: `--set infill_density=0.3`. If two sections have the same key, write the
+section too: `--set material.name=mine`. [profiles.md](../profiles.md) explains how profiles are found, inherited and
+checked.
 """
 
 
@@ -26,7 +26,7 @@ def settings_markdown() -> str:
     """Return the text of docs/reference/settings.md."""
     parts = [_HEADING]
     for table, rows in groupby(settings_table(), key=lambda row: row.key.rpartition(".")[0]):
-        parts.append("\n".join([f"## {_title(table)}", "", *_table(table, list(rows))]) + "\n")
+        parts.append("\n".join([f"## {_format_title(table)}", "", *_format_table(table, list(rows))]) + "\n")
     return "\n".join(parts)
 
 
@@ -45,7 +45,8 @@ def overrides_markdown() -> str:
     return "\n".join(lines) + "\n"
 
 
-def _title(table: str) -> str:
+def _format_title(table: str) -> str:
+    """Return the heading of a group of settings."""
     found = re.fullmatch(r"(.+)\.planner\[(\w+)\]", table)
     if found:
         return f'Quality: `[planner]` with `kind = "{found[2]}"`'
@@ -55,7 +56,8 @@ def _title(table: str) -> str:
     return f"{kind.capitalize()}: `[{inner}]`"
 
 
-def _table(table: str, rows: list[SettingRow]) -> Iterator[str]:
+def _format_table(table: str, rows: list[SettingRow]) -> Iterator[str]:
+    """Yield the lines of a Markdown table."""
     yield "| key | default | unit | bounds | meaning |"
     yield "|---|---|---|---|---|"
     for row in rows:

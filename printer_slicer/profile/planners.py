@@ -1,4 +1,4 @@
-"""Settings of the planners, one group each."""
+"""Settings of the planners: one group for each planner."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class UniformPlanner(
 class AreaPlanner(
     Settings, frozen=True, forbid_unknown_fields=True, kw_only=True, tag="area", tag_field="kind"
 ):
-    """The paper's area test: thick layers where the area of the section is constant, thin layers elsewhere."""
+    """Thick layers where the area of the section is constant, and thin layers where it changes."""
 
     tolerance: Annotated[
         float, meta("sections whose areas differ by less than this count as equal", "mm²", ge=0, le=1000)
@@ -42,7 +42,10 @@ class AreaPlanner(
     ] = 1e-6
     aligned: Annotated[
         bool,
-        meta("compare areas between the z levels of the part's vertices, and end layers at these levels"),
+        meta(
+            "divide the part at the z levels of its vertices, compare areas between these levels, and end "
+            "layers at them"
+        ),
     ] = False
     guarded: Annotated[
         bool, meta("use thick layers only if all sections up to the end of the layer have equal areas")
@@ -52,7 +55,7 @@ class AreaPlanner(
 class CuspPlanner(
     Settings, frozen=True, forbid_unknown_fields=True, kw_only=True, tag="cusp", tag_field="kind"
 ):
-    """From the bed up, each layer as thick as the facets in it allow, without looking further ahead."""
+    """Layers chosen one by one from the bed up, each as thick as the facets that it meets allow."""
 
     metric: Annotated[
         Literal["cusp", "triangle", "wasserfall", "topography"],
@@ -77,7 +80,7 @@ class GeneticPlanner(
 
 
 class HeightRange(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """A height range with rules of its own; layers end at both of its ends."""
+    """A height range with its own tolerance or layer height; a layer ends at each end of the range."""
 
     low: Annotated[float, meta("lower end of the range, measured from the bed", "mm", ge=0, le=10000)]
     high: Annotated[float, meta("upper end of the range, measured from the bed", "mm", gt=0, le=10000)]
@@ -92,7 +95,7 @@ class HeightRange(Settings, frozen=True, forbid_unknown_fields=True, kw_only=Tru
 class OptimalPlanner(
     Settings, frozen=True, forbid_unknown_fields=True, kw_only=True, tag="optimal", tag_field="kind"
 ):
-    """The best of all layer plans whose certified deviation is within the tolerance."""
+    """The best layer plan whose certified deviation is within the tolerance."""
 
     objective: Annotated[
         Literal["balanced", "time", "layers", "volume"],
@@ -104,7 +107,8 @@ class OptimalPlanner(
     error_price: Annotated[
         float,
         meta(
-            "print time worth spending to avoid 1 mm³ of volume error, for objective balanced; 0: by error_price_ratio",
+            "print time worth spending to avoid 1 mm³ of volume error, with objective = balanced; 0: "
+            "calculated from error_price_ratio",
             "s/mm³",
             ge=0,
             le=1e6,
@@ -122,7 +126,7 @@ class OptimalPlanner(
     snap_tolerance: Annotated[
         float,
         meta(
-            "layer tops align with flat surfaces within this distance; 0: half of printer.z_step",
+            "distance within which layer tops align with flat surfaces; 0: half of printer.z_step",
             "mm",
             ge=0,
             le=1,
@@ -130,7 +134,9 @@ class OptimalPlanner(
     ] = 0
     max_step: Annotated[
         float,
-        meta("maximum height difference between neighbouring layers; 0: set by smooth", "mm", ge=0, le=1),
+        meta(
+            "maximum height difference between neighbouring layers; 0: determined by smooth", "mm", ge=0, le=1
+        ),
     ] = 0
     smooth: Annotated[
         bool,
@@ -142,13 +148,15 @@ class OptimalPlanner(
     max_layers: Annotated[
         int,
         meta(
-            "maximum number of layers, within which volume error is minimized; 0: no limit", ge=0, le=1000000
+            "maximum number of layers; the volume error is minimized within this limit; 0: no limit",
+            ge=0,
+            le=1000000,
         ),
     ] = 0
     time_budget: Annotated[
         float,
         meta(
-            "maximum estimated print time, within which volume error is minimized; 0: no limit",
+            "maximum estimated print time; the volume error is minimized within this limit; 0: no limit",
             "s",
             ge=0,
             le=1e8,
@@ -157,8 +165,8 @@ class OptimalPlanner(
     ranges: Annotated[
         tuple[HeightRange, ...],
         meta(
-            "height ranges with rules of their own: LOW:HIGH:tolerance=MM or LOW:HIGH:layer_height=MM, separated "
-            "by ;",
+            "height ranges with their own tolerance or layer height: LOW:HIGH:tolerance=MM or "
+            "LOW:HIGH:layer_height=MM, separated by ;",
             "mm",
         ),
     ] = ()

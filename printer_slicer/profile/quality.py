@@ -42,7 +42,8 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     layer_step: Annotated[
         float,
         meta(
-            "increment of variable layer heights; 0: printer.z_full_step, or 0.01 mm if that is unknown",
+            "variable layer heights are multiples of this; 0: printer.z_full_step, or 0.01 mm if that is "
+            "unknown",
             "mm",
             ge=0,
             le=1,
@@ -56,7 +57,8 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     containment: Annotated[
         Literal["mid", "positive", "negative"],
         meta(
-            "where layers deviate from the surface: mid: both sides; positive: only outside; negative: only inside"
+            "side of the surface on which layers may deviate from it: mid: both sides; positive: only "
+            "outside; negative: only inside"
         ),
     ] = "mid"
     resolution: Annotated[
@@ -74,7 +76,7 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     link_tolerance: Annotated[
         float,
         meta(
-            "maximum deviation when moves too short for the serial connection are merged",
+            "maximum deviation when short moves are merged for the serial connection",
             "mm",
             ge=0,
             le=0.2,
@@ -122,8 +124,8 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     varying_walls: Annotated[
         bool,
         meta(
-            "fill walls too narrow for all perimeters with extrusions of variable width; false slices slightly "
-            "faster",
+            "fill walls that are too narrow for all perimeters with extrusions of variable width; false: "
+            "slicing is slightly faster",
             own=ANYWHERE,
         ),
     ] = True
@@ -156,13 +158,12 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     single_top_perimeter: Annotated[
         bool,
         meta(
-            "print only the external perimeter on top surfaces; top solid infill replaces the others",
+            "print only the external perimeter on top surfaces; top solid infill replaces the other "
+            "perimeters",
             own=ANYWHERE,
         ),
     ] = False
-    extra_perimeters: Annotated[
-        bool, meta("add perimeters where the edge of a layer overhangs", own=ANYWHERE)
-    ] = False
+    extra_perimeters: Annotated[bool, meta("add perimeters at the edges of overhangs", own=ANYWHERE)] = False
     external_perimeter_first: Annotated[
         bool, meta("print external perimeters before the other perimeters")
     ] = False
@@ -170,21 +171,26 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     seam: Annotated[
         Literal["aligned", "nearest", "rear", "direction", "random"],
         meta(
-            "where perimeters start: corners above each other (aligned), nearest to the nozzle, rear, toward "
-            "seam_angle_deg (direction) or random"
+            "where perimeters start: aligned: at corners above each other; nearest: nearest to the "
+            "nozzle; rear: at the rear; direction: on the side of seam_angle_deg; random: anywhere"
         ),
     ] = "aligned"
     seam_angle_deg: Annotated[
         float,
         meta(
-            "side of the part for seams (0: right, 90: rear); aligned seams use it where no corner hides them",
+            "side of the part for seams (0: right, 90: rear) with seam = direction, and for aligned seams "
+            "where no corner can hide them",
             "degrees",
             ge=-360,
             le=360,
         ),
     ] = 90
     staggered_inner_seams: Annotated[
-        bool, meta("shift the seams of perimeters by 1.5 mm from the external seam, to alternating sides")
+        bool,
+        meta(
+            "shift the seams of the other perimeters by 1.5 mm from the seam of the external perimeter, "
+            "alternately to both sides"
+        ),
     ] = False
     scarf_length: Annotated[
         float,
@@ -213,8 +219,8 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     max_detour: Annotated[
         float,
         meta(
-            "maximum extra length of travel moves inside the part; 0: only where they are faster than a "
-            "retraction",
+            "maximum additional length of a travel move that stays inside the part; 0: only detours that "
+            "take less time than a retraction",
             "mm",
             ge=0,
             le=10000,
@@ -231,8 +237,8 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     slope_shell_ratio: Annotated[
         float,
         meta(
-            "minimum shell thickness across slopes, as a fraction of the thinner of solid infill and perimeters; "
-            "0: solid infill is measured only vertically",
+            "minimum shell thickness across slopes, as a fraction of the thickness of solid infill or of "
+            "all perimeters, whichever is less; 0: only the vertical thickness counts",
             "ratio",
             ge=0,
             le=1,
@@ -242,8 +248,8 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     solid_infill_below_area: Annotated[
         float,
         meta(
-            "areas of internal infill that are smaller than this, or narrower than three extrusions, become "
-            "solid; 0: none",
+            "areas of internal infill that are smaller than this, or narrower than three extrusions, "
+            "become solid infill; 0: none",
             "mm²",
             ge=0,
             le=1e6,
@@ -269,7 +275,8 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     thick_bridges: Annotated[
         bool,
         meta(
-            "print bridges as round extrusions as thick as the nozzle; false: as flat as the layer height",
+            "print bridges as round extrusions with the diameter of the nozzle; false: as flat extrusions "
+            "of the layer height",
             own=ANYWHERE,
         ),
     ] = True
@@ -289,7 +296,11 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     bridge_anchor: Annotated[
         float,
         meta(
-            "length of a bridge that rests on the layer below at each end", "mm", ge=0, le=20, own=EACH_OBJECT
+            "length that bridge lines extend onto the layer below at each end",
+            "mm",
+            ge=0,
+            le=20,
+            own=EACH_OBJECT,
         ),
     ] = 1.5
     infill: Annotated[
@@ -307,7 +318,7 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     infill_overlap: Annotated[
         float,
         meta(
-            "overlap of solid infill with perimeters, as a fraction of the mean of both line spacings",
+            "overlap of solid infill with perimeters, as a fraction of the mean line spacing of both",
             "0-1",
             ge=0,
             le=0.5,
@@ -317,7 +328,7 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     internal_infill_overlap: Annotated[
         float,
         meta(
-            "overlap of internal infill with perimeters, as a fraction of the mean of both line spacings",
+            "overlap of internal infill with perimeters, as a fraction of the mean line spacing of both",
             "0-1",
             ge=0,
             le=0.5,
@@ -327,7 +338,8 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     infill_anchor: Annotated[
         float,
         meta(
-            "length of the anchor of an infill line along the perimeter where no other line is near; 0: none",
+            "length by which an infill line that ends without a connection continues along the perimeter; "
+            "0: none",
             "mm",
             ge=0,
             le=50,
@@ -337,7 +349,7 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     infill_anchor_max: Annotated[
         float,
         meta(
-            "infill lines are connected along the perimeter up to this distance; 0: never",
+            "maximum length of connections between infill lines along the perimeter; 0: no connections",
             "mm",
             ge=0,
             le=1000,
@@ -347,7 +359,8 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     internal_infill_every: Annotated[
         float,
         meta(
-            "combine internal infill of several layers up to this height, at most 0.8 nozzle diameters; 0: off",
+            "combine internal infill of several layers up to this total height, at most 0.8 nozzle "
+            "diameters; 0: off",
             "mm",
             ge=0,
             le=2,
@@ -357,8 +370,8 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     perimeters_every: Annotated[
         float,
         meta(
-            "combine perimeters (except external ones) of several layers up to this height where the section is "
-            "constant; 0: off",
+            "combine perimeters (except external ones) of several layers up to this total height, where "
+            "the section is constant; 0: off",
             "mm",
             ge=0,
             le=2,
@@ -385,7 +398,7 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     skirt_height: Annotated[
         float,
         meta(
-            "height of the skirt, as a draft shield; 0: first layer only, 10000: all layers",
+            "height of the skirt, which then is a draft shield; 0: first layer only, 10000: all layers",
             "mm",
             ge=0,
             le=10000,
@@ -404,7 +417,7 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
         float, meta("corners with a smaller angle than this get an ear", "degrees", ge=0, le=180)
     ] = 125
     brim_ear_scale: Annotated[
-        float, meta("corners rounded by less than half of this count as sharp", "mm", ge=0.1, le=50)
+        float, meta("corners with a rounding radius below half of this count as sharp", "mm", ge=0.1, le=50)
     ] = 2
     raft_height: Annotated[float, meta("height of the raft; 0: no raft", "mm", ge=0, le=50)] = 0
     raft_margin: Annotated[
@@ -417,13 +430,13 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     spiral: Annotated[
         bool,
         meta(
-            "print one continuous spiral perimeter above the bottom (vase), without infill, top or further "
-            "perimeters"
+            "print one continuous spiral perimeter above the bottom (vase mode), without infill, top "
+            "layers or other perimeters"
         ),
     ] = False
     pause_at: Annotated[
         tuple[Annotated[float, meta("", ge=0, le=10000)], ...],
-        meta("heights over the bed at which the print pauses", "mm"),
+        meta("heights above the bed at which the print pauses", "mm"),
     ] = ()
     overrides: Annotated[
         tuple[Override, ...],

@@ -62,7 +62,8 @@ class Printer(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     bed_left: Annotated[
         float,
         meta(
-            "X coordinate of the bed's left edge, added to the one that origin implies",
+            "offset in X of the bed's left edge from 0 (origin = corner) or from -bed_x / 2 (origin = "
+            "centre)",
             "mm",
             ge=-1000,
             le=1000,
@@ -71,7 +72,8 @@ class Printer(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     bed_front: Annotated[
         float,
         meta(
-            "Y coordinate of the bed's front edge, added to the one that origin implies",
+            "offset in Y of the bed's front edge from 0 (origin = corner) or from -bed_y / 2 (origin = "
+            "centre)",
             "mm",
             ge=-1000,
             le=1000,
@@ -80,14 +82,16 @@ class Printer(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     reach: Annotated[
         float,
         meta(
-            "distance beyond the edges of the bed that the nozzle may travel to, for priming and wiping",
+            "distance that the nozzle may move beyond the edges of the bed, for priming and wiping",
             "mm",
             ge=0,
             le=200,
         ),
     ] = 0
     nozzle_diameter: Annotated[float, meta("diameter of the nozzle", "mm", ge=0.1, le=2)] = 0.4
-    z_step: Annotated[float, meta("layer heights are multiples of this", "mm", ge=0.0005, le=0.1)] = 0.01
+    z_step: Annotated[
+        float, meta("step of the Z axis; all layer heights are multiples of it", "mm", ge=0.0005, le=0.1)
+    ] = 0.01
     z_full_step: Annotated[
         float,
         meta(
@@ -100,7 +104,7 @@ class Printer(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     ] = 0
     min_layer: Annotated[float, meta("minimum layer height", "mm", ge=0.01, le=1)] = 0.09
     max_layer: Annotated[float, meta("maximum layer height", "mm", ge=0.02, le=1.6)] = 0.32
-    probe: Annotated[bool, meta("the printer can probe its bed (G29) and may store the mesh")] = False
+    probe: Annotated[bool, meta("whether the printer can probe its bed (G29) and store the mesh")] = False
     max_nozzle_temperature: Annotated[float, meta("maximum nozzle temperature", "°C", ge=100, le=500)] = 275
     max_bed_temperature: Annotated[
         float, meta("maximum bed temperature; 0: no heated bed", "°C", ge=0, le=200)
@@ -152,7 +156,12 @@ class Printer(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     square_corner_velocity: Annotated[
         float, meta("square corner velocity (with corner = square_corner)", "mm/s", ge=0, le=100)
     ] = 5
-    minimum_cruise_ratio: Annotated[float, meta("Klipper's minimum_cruise_ratio", "0-1", ge=0, lt=1)] = 0
+    minimum_cruise_ratio: Annotated[
+        float,
+        meta(
+            "minimum fraction of a move at constant speed (Klipper's minimum_cruise_ratio)", "0-1", ge=0, lt=1
+        ),
+    ] = 0
     min_segment_time: Annotated[
         float,
         meta(
@@ -169,15 +178,21 @@ class Printer(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     deretract_speed: Annotated[float, meta("speed of deretraction", "mm/s", gt=0, le=200)] = 25
     retract_before_travel: Annotated[
         float,
-        meta("travel moves shorter than this that stay inside the part do not retract", "mm", ge=0, le=100),
+        meta(
+            "travel moves that are shorter than this and stay inside the part do not retract",
+            "mm",
+            ge=0,
+            le=100,
+        ),
     ] = 1.5
     deretract_extra: Annotated[
-        float, meta("extra length of filament pushed after deretraction; may be negative", "mm", ge=-2, le=2)
+        float, meta("additional length of filament in each deretraction; may be negative", "mm", ge=-2, le=2)
     ] = 0
     wipe_distance: Annotated[
         float,
         meta(
-            "distance that the nozzle wipes back over the last extrusion while it retracts; 0: no wipe",
+            "distance that the nozzle moves back along the last extrusion while it retracts (wipe); 0: no "
+            "wipe",
             "mm",
             ge=0,
             le=20,
@@ -185,15 +200,26 @@ class Printer(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     ] = 0
     retract_inside: Annotated[
         float,
-        meta("travel moves longer than this retract inside the part too; 0: none", "mm", ge=0, le=10000),
+        meta(
+            "travel moves that stay inside the part also retract if they are longer than this; 0: never",
+            "mm",
+            ge=0,
+            le=10000,
+        ),
     ] = 0
-    z_hop: Annotated[float, meta("nozzle lift during travel moves with retraction", "mm", ge=0, le=5)] = 0
+    z_hop: Annotated[
+        float,
+        meta("height by which the nozzle is lifted during travel moves with retraction", "mm", ge=0, le=5),
+    ] = 0
     z_hop_ramp: Annotated[
         bool, meta("lift the nozzle gradually while it travels, instead of straight up")
     ] = False
-    relative_extrusion: Annotated[bool, meta("relative extrusion (M83)")] = True
+    relative_extrusion: Annotated[bool, meta("use relative extrusion (M83)")] = True
     firmware_retraction: Annotated[
-        bool, meta("retract with G10 and G11; the file sets the lengths and speeds above in the firmware")
+        bool,
+        meta(
+            "retract with G10 and G11; the G-code sets the lengths and speeds of retraction in the firmware"
+        ),
     ] = False
     progress: Annotated[
         bool, meta("send progress and remaining time to the display (M73) if the flavour supports it")
@@ -202,8 +228,8 @@ class Printer(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     link_lines_per_second: Annotated[
         float,
         meta(
-            "maximum rate of G-code lines over the serial connection; denser moves are merged, then slowed down; "
-            "0: no limit",
+            "maximum number of G-code lines per second over the serial connection; moves that need more "
+            "are merged or slowed down; 0: no limit",
             "1/s",
             ge=0,
             le=100000,
@@ -215,33 +241,39 @@ class Printer(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     labels: Annotated[
         Literal["auto", "none", "octoprint", "m486", "exclude_object"],
         meta(
-            "how objects are labelled so that one can be cancelled during the print; auto: the flavour's own "
-            "method"
+            "method of labelling objects, so that single objects can be cancelled during the print; auto: "
+            "the flavour's own method"
         ),
     ] = "auto"
     thumbnails: Annotated[
         tuple[Annotated[str, meta("", pattern=r"^[1-9]\d{0,3}x[1-9]\d{0,3}(/(PNG|QOI))?$")], ...],
         meta(
-            "sizes of the preview pictures in the file: WIDTHxHEIGHT, WIDTHxHEIGHT/PNG or WIDTHxHEIGHT/QOI",
+            "sizes of the preview pictures in the G-code: WIDTHxHEIGHT, WIDTHxHEIGHT/PNG or WIDTHxHEIGHT/QOI",
             "px",
         ),
     ] = ("32x32", "300x300")
     start_gcode: Annotated[
-        str, meta("start G-code; {expressions} are evaluated, as in all G-code settings")
+        str, meta("G-code at the start of the print; {expressions} are evaluated, as in all G-code settings")
     ] = ""
-    end_gcode: Annotated[str, meta("end G-code")] = ""
+    end_gcode: Annotated[str, meta("G-code at the end of the print")] = ""
     before_layer_gcode: Annotated[str, meta("G-code before the nozzle moves to the next layer")] = ""
     layer_gcode: Annotated[str, meta("G-code after the nozzle has moved to the next layer")] = ""
-    tool: Annotated[int, meta("number of the tool that prints, on printers with several", ge=0, le=63)] = 0
+    tool: Annotated[
+        int, meta("number of the tool to print with, on printers with several tools", ge=0, le=63)
+    ] = 0
     tool_gcode: Annotated[
         str,
         meta(
-            "G-code that selects the tool, before the start G-code; empty: T and its number, or nothing for tool "
-            "0"
+            "G-code that selects the tool before the start G-code; empty: T with the tool number, or "
+            "nothing for tool 0"
         ),
     ] = ""
     pause_gcode: Annotated[
-        str, meta("G-code that pauses the print (quality.pause_at); empty: the flavour's own command")
+        str,
+        meta(
+            "G-code that pauses the print at the heights in quality.pause_at; empty: the flavour's own "
+            "command"
+        ),
     ] = ""
     speeds: PrinterSpeeds = field(default_factory=PrinterSpeeds)
     accelerations: PrinterAccelerations = field(default_factory=PrinterAccelerations)
@@ -289,7 +321,8 @@ class Material(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     pressure_advance: Annotated[
         float,
         meta(
-            "pressure (linear) advance; 0: the printer's for PLA, else the firmware's own value",
+            "pressure advance (linear advance); 0: printer.pla_pressure_advance for PLA, the firmware's "
+            "own value for other materials",
             "s",
             ge=0,
             le=5,
@@ -298,7 +331,8 @@ class Material(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     max_flow: Annotated[
         float,
         meta(
-            "maximum flow; printer.hotend_max_flow may lower it; 0: the hotend's maximum for PLA",
+            "maximum flow of the material; printer.hotend_max_flow limits the flow too; 0: "
+            "printer.hotend_max_flow, or 12 if that is 0",
             "mm³/s",
             ge=0,
             le=200,
@@ -318,8 +352,8 @@ class Material(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     fan_overhang_75_ratio: Annotated[
         float,
         meta(
-            "part fan on perimeters of which 75 % of the width is supported; 0: as on the rest of the layer, 1: as "
-            "on bridges",
+            "part fan speed on perimeters with 75 % of their width supported; 0: as on the rest of the "
+            "layer, 1: as on bridges",
             "0-1",
             ge=0,
             le=1,
@@ -328,8 +362,8 @@ class Material(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     fan_overhang_50_ratio: Annotated[
         float,
         meta(
-            "part fan on perimeters of which 50 % of the width is supported; 0: as on the rest of the layer, 1: as "
-            "on bridges",
+            "part fan speed on perimeters with 50 % of their width supported; 0: as on the rest of the "
+            "layer, 1: as on bridges",
             "0-1",
             ge=0,
             le=1,
@@ -338,8 +372,8 @@ class Material(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     fan_overhang_25_ratio: Annotated[
         float,
         meta(
-            "part fan on perimeters of which 25 % of the width is supported; 0: as on the rest of the layer, 1: as "
-            "on bridges",
+            "part fan speed on perimeters with 25 % of their width supported; 0: as on the rest of the "
+            "layer, 1: as on bridges",
             "0-1",
             ge=0,
             le=1,
@@ -358,18 +392,19 @@ class Material(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     fan_full_above: Annotated[
         float,
         meta(
-            "height from which the part fan runs at full setting, after a ramp from fan_off_below",
+            "height above which the part fan runs at its normal speed; from fan_off_below up to it, the "
+            "fan speed rises",
             "mm",
             ge=0,
             le=100,
         ),
     ] = 0.8
     fan_layer_time: Annotated[
-        float, meta("layers faster than this get a higher fan speed", "s", ge=0, le=600)
+        float, meta("layers that take less time than this get a higher fan speed", "s", ge=0, le=600)
     ] = 30
     min_layer_time: Annotated[
-        float, meta("minimum layer time; faster layers are slowed down", "s", ge=0, le=600)
+        float, meta("minimum time for a layer; layers that take less time are slowed down", "s", ge=0, le=600)
     ] = 8
     min_speed: Annotated[
-        float, meta("minimum speed to which min_layer_time may slow down printing", "mm/s", ge=1, le=100)
+        float, meta("lowest speed to which min_layer_time may slow down extrusions", "mm/s", ge=1, le=100)
     ] = 12

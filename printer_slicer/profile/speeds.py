@@ -29,7 +29,7 @@ class PrinterSpeeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=T
     overhang_75: Annotated[
         float,
         meta(
-            "speed limit for perimeters supported over 75 % of their width; 0: no limit",
+            "speed limit for perimeters with 75 % of their width supported; 0: no limit",
             "mm/s",
             ge=0,
             le=1000,
@@ -38,7 +38,7 @@ class PrinterSpeeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=T
     overhang_50: Annotated[
         float,
         meta(
-            "speed limit for perimeters supported over 50 % of their width; 0: no limit",
+            "speed limit for perimeters with 50 % of their width supported; 0: no limit",
             "mm/s",
             ge=0,
             le=1000,
@@ -47,7 +47,7 @@ class PrinterSpeeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=T
     overhang_25: Annotated[
         float,
         meta(
-            "speed limit for perimeters supported over 25 % of their width; 0: no limit",
+            "speed limit for perimeters with 25 % of their width supported; 0: no limit",
             "mm/s",
             ge=0,
             le=1000,
@@ -56,7 +56,7 @@ class PrinterSpeeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=T
     small_perimeter: Annotated[
         float,
         meta(
-            "speed limit for perimeters within quality.speeds.small_perimeter_radius; 0: no limit",
+            "speed limit for small perimeters (see quality.speeds.small_perimeter_radius); 0: no limit",
             "mm/s",
             ge=0,
             le=1000,
@@ -77,10 +77,12 @@ class PrinterSpeeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=T
         float, meta("speed limit for perimeters on the first layer", "mm/s", gt=0, le=1000)
     ] = 20
     first_layer_infill: Annotated[
-        float, meta("speed limit for infill on the first layer; 0: first_layer", "mm/s", ge=0, le=1000)
+        float,
+        meta("speed limit for infill on the first layer; 0: the same as first_layer", "mm/s", ge=0, le=1000),
     ] = 0
     first_layer_travel: Annotated[
-        float, meta("speed limit for travel moves on the first layer; 0: travel", "mm/s", ge=0, le=2000)
+        float,
+        meta("speed limit for travel moves on the first layer; 0: the same as travel", "mm/s", ge=0, le=2000),
     ] = 0
 
 
@@ -90,7 +92,7 @@ class PrinterAccelerations(Settings, frozen=True, forbid_unknown_fields=True, kw
     default: Annotated[
         float,
         meta(
-            "acceleration of roles that have no value of their own; 0: printer.acceleration",
+            "acceleration of roles whose own value is 0; 0: printer.acceleration",
             "mm/s²",
             ge=0,
             le=100000,
@@ -207,7 +209,7 @@ class Speeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     overhang_75_ratio: Annotated[
         float,
         meta(
-            "speed of perimeters supported over 75 % of their width, as a fraction of their normal speed",
+            "speed of perimeters with 75 % of their width supported, as a fraction of their normal speed",
             "0-1",
             gt=0,
             le=1,
@@ -217,7 +219,7 @@ class Speeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     overhang_50_ratio: Annotated[
         float,
         meta(
-            "speed of perimeters supported over 50 % of their width, as a fraction of their normal speed",
+            "speed of perimeters with 50 % of their width supported, as a fraction of their normal speed",
             "0-1",
             gt=0,
             le=1,
@@ -227,7 +229,7 @@ class Speeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     overhang_25_ratio: Annotated[
         float,
         meta(
-            "speed of perimeters supported over 25 % of their width, as a fraction of their normal speed",
+            "speed of perimeters with 25 % of their width supported, as a fraction of their normal speed",
             "0-1",
             gt=0,
             le=1,
@@ -258,12 +260,17 @@ class Speeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     ] = 0
     raft: Annotated[
         float,
-        meta("speed of rafts; 0: support, and support_interface for the top layer", "mm/s", ge=0, le=1000),
+        meta(
+            "speed of rafts; 0: the speeds support and, for the top layer, support_interface",
+            "mm/s",
+            ge=0,
+            le=1000,
+        ),
     ] = 0
     first_layer: Annotated[
         float,
         meta(
-            "speed limit for perimeters on the first layer, on a raft too; 0: as in the printer profile",
+            "speed limit for perimeters on the first layer, also above a raft; 0: as in the printer profile",
             "mm/s",
             ge=0,
             le=1000,
@@ -272,7 +279,8 @@ class Speeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     first_layer_infill: Annotated[
         float,
         meta(
-            "speed limit for infill on the first layer; 0: first_layer if it is set, else the printer's",
+            "speed limit for infill on the first layer; 0: first_layer, or as in the printer profile if "
+            "that is 0 too",
             "mm/s",
             ge=0,
             le=1000,
@@ -299,7 +307,7 @@ class Speeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     small_perimeter: Annotated[
         float,
         meta(
-            "speed limit for perimeters within small_perimeter_radius; 0: as in the printer profile",
+            "speed limit for small perimeters (see small_perimeter_radius); 0: as in the printer profile",
             "mm/s",
             ge=0,
             le=1000,
@@ -309,7 +317,7 @@ class Speeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     small_perimeter_radius: Annotated[
         float,
         meta(
-            "small perimeters are those no longer than a circle of this radius",
+            "perimeters that are not longer than a circle with this radius count as small",
             "mm",
             ge=0,
             le=100,
@@ -319,8 +327,8 @@ class Speeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     even_flow_ratio: Annotated[
         float,
         meta(
-            "how much speeds adapt to the layer height; 0: not at all, 1: same flow on all layers as at "
-            "layer_height",
+            "degree to which speeds adapt to the layer height: 0: not at all; 1: all layers get the same "
+            "flow as at layer_height",
             "0-1",
             ge=0,
             le=1,
@@ -347,7 +355,7 @@ class Accelerations(Settings, frozen=True, forbid_unknown_fields=True, kw_only=T
     default: Annotated[
         float,
         meta(
-            "acceleration of roles that have no value of their own; 0: as in the printer profile",
+            "acceleration of roles whose own value is 0; 0: as in the printer profile",
             "mm/s²",
             ge=0,
             le=100000,
