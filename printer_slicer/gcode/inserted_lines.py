@@ -156,10 +156,10 @@ def _arrivals(context: WriteContext, rows: MoveText, shared: dict[str, Value]) -
     program = context.program
     template = read_macro(context.profile, "layer_gcode")
     pauses = _pauses(context)
-    if template.empty and not pauses:
+    if template.is_empty and not pauses:
         return
     pause = read_macro(context.profile, "pause_gcode")
-    if pause.empty:
+    if pause.is_empty:
         pause = read_template(context.dialect.pause, "pause")
     high = program.xyz[:, 2] >= program.z_top - 1e-6
     arrived = np.flatnonzero(high)
@@ -173,7 +173,7 @@ def find_timed_macros(context: WriteContext, rows: MoveText) -> Iterator[_Insert
     """Yield the layer and pause macros that take time: with moves, homing or dwells."""
     names = "before_layer_gcode", "layer_gcode"
     if (
-        all(read_macro(context.profile, name).empty for name in names)
+        all(read_macro(context.profile, name).is_empty for name in names)
         and not context.profile.quality.pause_at
     ):
         return
@@ -211,7 +211,7 @@ def _in_layer(  # noqa: PLR0917 - position and inputs
     template: Template, context: WriteContext, rows: MoveText, move: int, layer: int, shared: dict[str, Value]
 ) -> list[str]:
     """Evaluate a macro that runs before a move, followed by lines that restore the printer's state."""
-    if template.empty:
+    if template.is_empty:
         return []
     filament = float(rows.fed[move - 1]) / 10**E_DECIMALS if move else 0.0
     facts = layer_facts(context.program, layer, filament, float(context.begins[move]))

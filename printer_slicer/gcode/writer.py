@@ -128,7 +128,7 @@ def _format_file(
 def _select_tool(profile: Profile, known: Mapping[str, Value], shared: dict[str, Value]) -> list[str]:
     """Return the commands that select the tool; the start G-code then heats it."""
     template = read_macro(profile, "tool_gcode")
-    if template.empty:
+    if template.is_empty:
         return [f"T{profile.printer.tool}"] if profile.printer.tool else []
     return template.render(known, shared)
 

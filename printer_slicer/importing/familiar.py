@@ -19,7 +19,7 @@ from printer_slicer.importing.orca_names import ORCA_DEFAULTS, ORCA_NAMES
 from printer_slicer.importing.presets import Preset
 from printer_slicer.importing.prusaslicer_names import DEFAULTS, setting_kind
 from printer_slicer.importing.qualities import convert_quality
-from printer_slicer.macros.names import add_other_names, own_names
+from printer_slicer.macros.names import add_other_names, map_prusaslicer_names
 from printer_slicer.profile import Profile, settings_text
 from printer_slicer.profile.keys import is_setting
 
@@ -191,7 +191,7 @@ def convert_familiar_setting(name: str, text: str, profile: Profile) -> Familiar
     if not slicer:
         return _convert_setting(name, text, profile)
     settings = dict(settings_text(profile))
-    ours = own_names().get(theirs, "")
+    ours = map_prusaslicer_names().get(theirs, "")
     found = [key for key in settings if ours and key.partition(".")[2] == ours.removeprefix("quality.")]
     if len(found) > 1:
         found = [key for key in found if key.startswith(("quality.", ours))][:1]
@@ -220,7 +220,7 @@ def _convert_setting(name: str, text: str, profile: Profile, slicer: str = "") -
 
 def _translate_to_prusaslicer(name: str, text: str) -> tuple[str, str, str]:
     """Return the slicer that has a setting, and PrusaSlicer's name and value for it; empty texts if it is unknown."""
-    if name in DEFAULTS or name in own_names():
+    if name in DEFAULTS or name in map_prusaslicer_names():
         return "PrusaSlicer", name, text
     if name in ORCA_NAMES or name in ORCA_DEFAULTS:
         return "OrcaSlicer", ORCA_NAMES.get(name, name), text

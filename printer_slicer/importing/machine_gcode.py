@@ -92,7 +92,7 @@ def _define_variables(conversion: Conversion, theirs: str, text: str, known: Map
         return ""
     wanted: dict[str, str] = {}
     unknown: dict[str, str] = {}
-    for fault in template.faults(known_names(_MACROS[theirs], _list_setting_names())):
+    for fault in template.find_faults(known_names(_MACROS[theirs], _list_setting_names())):
         name = fault.name if isinstance(fault, UnknownName) else ""
         if name in known:
             wanted[name] = literal(known[name])

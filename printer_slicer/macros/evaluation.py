@@ -9,7 +9,7 @@ from math import fmod
 from typing import Final
 
 from printer_slicer.macros.functions import FUNCTIONS, MisusedFunction, matches
-from printer_slicer.macros.names import FACTS, IN_LAYERS
+from printer_slicer.macros.names import FACTS, LAYER_FACTS
 from printer_slicer.macros.syntax import (
     Binary,
     Call,
@@ -22,8 +22,8 @@ from printer_slicer.macros.syntax import (
     Vector,
 )
 from printer_slicer.macros.values import (
-    MOST_TEXT,
-    NEARLY,
+    LONGEST_TEXT,
+    TOLERANCE,
     Items,
     MacroFault,
     Pattern,
@@ -31,22 +31,22 @@ from printer_slicer.macros.values import (
     Value,
     check_range,
     describe_kind,
-    equal,
     first_item,
     format_value,
-    to_whole,
+    is_equal,
+    round_to_whole,
 )
 
-__all__ = ["check_known", "evaluate", "is_true", "value_or_list"]
-_ORDERS: Final[Mapping[str, Callable[[float, float], bool]]] = {
-    "==": equal,
-    "!=": lambda a, b: not equal(a, b),
-    "<": lambda a, b: a < b - NEARLY,
-    "<=": lambda a, b: a <= b + NEARLY,
-    ">": lambda a, b: a > b + NEARLY,
-    ">=": lambda a, b: a >= b - NEARLY,
+__all__ = ["check_known", "evaluate", "evaluate_with_vectors", "is_true"]
+_COMPARISONS: Final[Mapping[str, Callable[[float, float], bool]]] = {
+    "==": is_equal,
+    "!=": lambda a, b: not is_equal(a, b),
+    "<": lambda a, b: a < b - TOLERANCE,
+    "<=": lambda a, b: a <= b + TOLERANCE,
+    ">": lambda a, b: a > b + TOLERANCE,
+    ">=": lambda a, b: a >= b - TOLERANCE,
 }
-_ORDERS_OF_TEXTS: Final[Mapping[str, Callable[[str, str], bool]]] = {
+_TEXT_COMPARISONS: Final[Mapping[str, Callable[[str, str], bool]]] = {
     "==": operator.eq,
     "!=": operator.ne,
     "<": operator.lt,
@@ -54,7 +54,7 @@ _ORDERS_OF_TEXTS: Final[Mapping[str, Callable[[str, str], bool]]] = {
     ">": operator.gt,
     ">=": operator.ge,
 }
-_SUMS: Final[Mapping[str, Callable[[float, float], float]]] = {
+_ARITHMETIC: Final[Mapping[str, Callable[[float, float], float]]] = {
     "+": operator.add,
     "-": operator.sub,
     "*": operator.mul,
@@ -62,7 +62,7 @@ _SUMS: Final[Mapping[str, Callable[[float, float], float]]] = {
 
 
 def evaluate(node: Node, known: Mapping[str, Value]) -> Value:
-    """Evaluate an expression; a vector gives its first item.
+    """Return the value of an expression; for a vector, its first item.
 
     Args:
         node: syntax tree of the expression.
@@ -71,11 +71,11 @@ def evaluate(node: Node, known: Mapping[str, Value]) -> Value:
     Raises:
         MacroFault: the expression has no value.
     """
-    return first_item(value_or_list(node, known))
+    return first_item(evaluate_with_vectors(node, known))
 
 
-def value_or_list(node: Node, known: Mapping[str, Value]) -> Value:
-    """Evaluate an expression; vectors stay vectors.
+def evaluate_with_vectors(node: Node, known: Mapping[str, Value]) -> Value:
+    """Return the value of an expression, which may be a vector.
 
     Raises:
         MacroFault: the expression has no value.
@@ -84,17 +84,17 @@ def value_or_list(node: Node, known: Mapping[str, Value]) -> Value:
         case Literal():
             return node.value
         case Name():
-            return _value_of(node, known)
+            return _look_up_name(node, known)
         case Unary():
-            return _unary(node, known)
+            return _apply_unary(node, known)
         case Choice():
-            return value_or_list(node.yes if is_true(node.condition, known) else node.no, known)
+            return evaluate_with_vectors(node.yes if is_true(node.condition, known) else node.no, known)
         case Index():
-            return _item(node, known)
+            return _evaluate_index(node, known)
         case Vector():
-            return _vector([value_or_list(one, known) for one in node.items], node.at)
+            return _make_vector([evaluate_with_vectors(one, known) for one in node.items], node.position)
         case Call():
-            return _call(node, known)
+            return _call_function(node, known)
         case Binary():
             return _apply_binary(node, known)
 
@@ -107,29 +107,29 @@ def check_known(node: Name | Call, known: Collection[str]) -> None:
         MacroFault: the function does not exist.
     """
     if isinstance(node, Call):
-        _function(node)
+        _find_function(node)
     elif node.name not in known and node.name.rstrip("0123456789").removesuffix("_") not in known:
         near = get_close_matches(node.name, known, n=1)
         hint = f"Did you mean {{{near[0]}}}?" if near else _list_facts(known)
-        raise UnknownName(node.name, node.at, hint)
+        raise UnknownName(node.name, node.position, hint)
 
 
 def _list_facts(known: Collection[str]) -> str:
-    """List the known facts, without the hundreds of settings."""
-    facts = sorted((FACTS | IN_LAYERS).intersection(known)) or sorted(known)[:20]
+    """Return a remedy that lists the known facts, but not the hundreds of settings."""
+    facts = sorted((FACTS | LAYER_FACTS).intersection(known)) or sorted(known)[:20]
     settings = any("." in name for name in known)
     return f"Choose one of: {', '.join(facts)}" + (
         ", and the settings that `printer-slicer profiles settings` lists" if settings else ""
     )
 
 
-def _value_of(node: Name, known: Mapping[str, Value]) -> Value:
-    """Return the value of a name; `temperature_0` is an item of a list, as in old macros."""
+def _look_up_name(node: Name, known: Mapping[str, Value]) -> Value:
+    """Return the value of a name; `temperature_0` means item 0 of a list, as in old macros."""
     check_known(node, known)
     if node.name in known:
         return known[node.name]
     base, _, index = node.name.rpartition("_")
-    return _at(known[base], int(index[:9]), node.at)
+    return _select_item(known[base], int(index[:9]), node.position)
 
 
 def is_true(node: Node, known: Mapping[str, Value]) -> bool:
@@ -141,66 +141,72 @@ def is_true(node: Node, known: Mapping[str, Value]) -> bool:
     value = evaluate(node, known)
     if isinstance(value, bool) or (isinstance(value, int) and value in (0, 1)):
         return bool(value)
-    raise MacroFault(node.at, f"{describe_kind(value)} is not a condition", "Compare it with another value")
+    raise MacroFault(
+        node.position, f"{describe_kind(value)} is not a condition", "Compare it with another value"
+    )
 
 
-def _number(node: Node, known: Mapping[str, Value]) -> float:
+def _evaluate_number(node: Node, known: Mapping[str, Value]) -> float:
+    """Return the value of an expression that must be a number."""
     value = evaluate(node, known)
     if isinstance(value, (bool, str, tuple)):
-        raise MacroFault(node.at, f"expected a number, got {describe_kind(value)}")
+        raise MacroFault(node.position, f"expected a number, got {describe_kind(value)}")
     return value
 
 
-def _unary(node: Unary, known: Mapping[str, Value]) -> Value:
-    return not is_true(node.one, known) if node.sign == "not" else -_number(node.one, known)
+def _apply_unary(node: Unary, known: Mapping[str, Value]) -> Value:
+    """Apply `not` or a minus sign."""
+    return not is_true(node.operand, known) if node.sign == "not" else -_evaluate_number(node.operand, known)
 
 
 def _apply_binary(node: Binary, known: Mapping[str, Value]) -> Value:
-    """Apply a binary operator; `and` and `or` evaluate the second operand only if needed."""
+    """Apply a binary operator; `and` and `or` evaluate the second operand only if it is needed."""
     if node.sign in ("and", "or"):
         first = is_true(node.left, known)
         return is_true(node.right, known) if first == (node.sign == "and") else first
     left = evaluate(node.left, known)
     return (
-        _matched(node, left)
+        _match_pattern(node, left)
         if node.sign in ("=~", "!~")
-        else _binary(node, left, evaluate(node.right, known))
+        else _combine_values(node, left, evaluate(node.right, known))
     )
 
 
-def _matched(node: Binary, text: Value) -> bool:
-    """Return whether a pattern matches a whole text."""
+def _match_pattern(node: Binary, text: Value) -> bool:
+    """Apply `=~` or `!~`: return whether a pattern matches, or does not match, a whole text."""
     pattern = evaluate(node.right, {}) if isinstance(node.right, Literal) else ""
     if not isinstance(pattern, Pattern):
-        raise MacroFault(node.right.at, "expected a pattern", "Write it between slashes: =~ /.*PETG.*/")
+        raise MacroFault(node.right.position, "expected a pattern", "Write it between slashes: =~ /.*PETG.*/")
     if not isinstance(text, str):
-        raise MacroFault(node.at, f"cannot apply {node.sign} to {describe_kind(text)} and a pattern")
+        raise MacroFault(node.position, f"cannot apply {node.sign} to {describe_kind(text)} and a pattern")
     try:
         return matches(text, pattern) == (node.sign == "=~")
     except MisusedFunction as error:
-        raise MacroFault(node.right.at, str(error)) from None
+        raise MacroFault(node.right.position, str(error)) from None
 
 
-def _binary(node: Binary, left: Value, right: Value) -> Value:
-    """Compare, calculate, or join texts."""
+def _combine_values(node: Binary, left: Value, right: Value) -> Value:
+    """Compare, calculate with or join two values."""
     sign, texts = node.sign, [isinstance(left, str), isinstance(right, str)]
     if any(texts) and sign == "+":
-        return _limit_length(format_value(left) + format_value(right), node.at)
-    if isinstance(left, str) and isinstance(right, str) and sign in _ORDERS_OF_TEXTS:
-        return _ORDERS_OF_TEXTS[sign](left, right)
+        return _limit_length(format_value(left) + format_value(right), node.position)
+    if isinstance(left, str) and isinstance(right, str) and sign in _TEXT_COMPARISONS:
+        return _TEXT_COMPARISONS[sign](left, right)
     if isinstance(left, bool) and isinstance(right, bool) and sign in ("==", "!="):
         return (left == right) == (sign == "==")
     if isinstance(left, (bool, str, tuple)) or isinstance(right, (bool, str, tuple)):
-        raise MacroFault(node.at, f"cannot apply {sign} to {describe_kind(left)} and {describe_kind(right)}")
-    if sign in _ORDERS:
-        return _ORDERS[sign](left, right)
-    if sign in _SUMS:
-        return check_range(_SUMS[sign](left, right), node.at)
+        raise MacroFault(
+            node.position, f"cannot apply {sign} to {describe_kind(left)} and {describe_kind(right)}"
+        )
+    if sign in _COMPARISONS:
+        return _COMPARISONS[sign](left, right)
+    if sign in _ARITHMETIC:
+        return check_range(_ARITHMETIC[sign](left, right), node.position)
     if right == 0:
         raise MacroFault(
-            node.at, "division by zero", f"Guard it with a condition: {{b == 0 ? 0 : a {sign} b}}"
+            node.position, "division by zero", f"Guard it with a condition: {{b == 0 ? 0 : a {sign} b}}"
         )
-    return check_range(_divide(left, right) if sign == "/" else _remainder(left, right), node.at)
+    return check_range(_divide(left, right) if sign == "/" else _remainder(left, right), node.position)
 
 
 def _divide(left: float, right: float) -> float:
@@ -211,65 +217,69 @@ def _divide(left: float, right: float) -> float:
 
 
 def _remainder(left: float, right: float) -> float:
-    """Return the remainder with the sign of `left`; 0 if it is 0 within rounding."""
+    """Return the remainder of a division, with the sign of `left`; 0 if it is 0 within rounding errors."""
     if isinstance(left, int) and isinstance(right, int):
         return left - right * int(_divide(left, right))
     rest = fmod(left, right)
-    return 0.0 if equal(rest, 0) or equal(abs(rest), abs(right)) else rest
+    return 0.0 if is_equal(rest, 0) or is_equal(abs(rest), abs(right)) else rest
 
 
-def _limit_length(text: str, at: int) -> str:
-    if len(text) > MOST_TEXT:
-        raise MacroFault(at, f"the text is longer than {MOST_TEXT} characters")
+def _limit_length(text: str, position: int) -> str:
+    if len(text) > LONGEST_TEXT:
+        raise MacroFault(position, f"the text is longer than {LONGEST_TEXT} characters")
     return text
 
 
-def _vector(items: Sequence[Value], at: int) -> Items:
-    """Make a vector of values."""
+def _make_vector(items: Sequence[Value], position: int) -> Items:
+    """Make a vector from values; vectors of one item count as their item."""
     items = [one[0] if isinstance(one, tuple) and len(one) == 1 else one for one in items]
-    if len(items) > MOST_TEXT or any(isinstance(one, tuple) for one in items):
-        raise MacroFault(at, f"a list can hold up to {MOST_TEXT} numbers or texts, and no lists")
+    if len(items) > LONGEST_TEXT or any(isinstance(one, tuple) for one in items):
+        raise MacroFault(position, f"a list can hold up to {LONGEST_TEXT} numbers or texts, and no lists")
     return Items(items)  # type: ignore[arg-type]
 
 
-def _item(node: Index, known: Mapping[str, Value]) -> Value:
-    values, index = value_or_list(node.of, known), _number(node.index, known)
+def _evaluate_index(node: Index, known: Mapping[str, Value]) -> Value:
+    values, index = evaluate_with_vectors(node.container, known), _evaluate_number(node.index, known)
     if not isinstance(values, tuple):
-        raise MacroFault(node.at, f"{describe_kind(values)} has no items")
-    if not equal(index, to_whole(index)):
-        raise MacroFault(node.index.at, f"{index:g} is not a valid list index", "Use a whole number")
-    return _at(values, to_whole(index), node.index.at)
+        raise MacroFault(node.position, f"{describe_kind(values)} has no items")
+    if not is_equal(index, round_to_whole(index)):
+        raise MacroFault(node.index.position, f"{index:g} is not a valid list index", "Use a whole number")
+    return _select_item(values, round_to_whole(index), node.index.position)
 
 
-def _at(values: Value, index: int, at: int) -> Value:
-    """Return an item of a list; for an index beyond the end of a vector, its first item."""
+def _select_item(values: Value, index: int, position: int) -> Value:
+    """Return an item of a list; an index beyond the end of a vector gives its first item."""
     values = values if isinstance(values, tuple) else (values,)
     if isinstance(values, Items) and values and index >= 0:
         return values[index if index < len(values) else 0]
     if not 0 <= index < len(values):
-        raise MacroFault(at, f"no item {index} in a list of {len(values)}; items count from 0")
+        raise MacroFault(position, f"no item {index} in a list of {len(values)}; items count from 0")
     return values[index]
 
 
-def _call(node: Call, known: Mapping[str, Value]) -> Value:
-    function = _function(node)
-    values = [value_or_list(one, known) for one in node.arguments]
+def _call_function(node: Call, known: Mapping[str, Value]) -> Value:
+    function = _find_function(node)
+    values = [evaluate_with_vectors(one, known) for one in node.arguments]
     if node.name == "random":  # the same print gives the same numbers: position and layer are the seed
-        values.append(f"{node.at} {known.get('layer_num', 0)}")
+        values.append(f"{node.position} {known.get('layer_num', 0)}")
     try:
         value = function(values)
     except MisusedFunction as error:
-        raise MacroFault(node.at, f"{node.name}(): {error}") from None
+        raise MacroFault(node.position, f"{node.name}(): {error}") from None
     if isinstance(value, str):
-        return _limit_length(value, node.at)
-    return value if isinstance(value, (bool, tuple)) else check_range(value, node.at)
+        return _limit_length(value, node.position)
+    return value if isinstance(value, (bool, tuple)) else check_range(value, node.position)
 
 
-def _function(node: Call) -> Callable[[Sequence[Value]], Value]:
-    """Return the called function."""
+def _find_function(node: Call) -> Callable[[Sequence[Value]], Value]:
+    """Return the function that a call names.
+
+    Raises:
+        MacroFault: the function does not exist.
+    """
     function = FUNCTIONS.get(node.name)
     if function is None:
         near = get_close_matches(node.name, FUNCTIONS, n=1)
         hint = f"Did you mean {near[0]}()?" if near else f"Choose one of: {', '.join(sorted(FUNCTIONS))}"
-        raise MacroFault(node.at, f"unknown function {node.name}()", hint)
+        raise MacroFault(node.position, f"unknown function {node.name}()", hint)
     return function

@@ -1,4 +1,4 @@
-"""Functions of the macro language. Each takes values, including vectors, and returns one value."""
+"""Functions of the macro language; each one takes a list of values, which may be vectors, and returns one value."""
 
 from __future__ import annotations
 
@@ -8,32 +8,32 @@ from math import copysign, sqrt
 from typing import Final
 
 from printer_slicer.macros.values import (
-    MOST_TEXT,
-    NEARLY,
+    LONGEST_TEXT,
+    TOLERANCE,
     Items,
     Pattern,
     Value,
     describe_kind,
-    equal,
     first_item,
     format_value,
-    to_whole,
+    is_equal,
+    round_to_whole,
 )
 
 __all__ = ["FUNCTIONS", "MisusedFunction", "matches"]
 
 _Function = Callable[[Sequence[Value]], Value]
-_MOST_DIGITS: Final = 20
-_WIDEST: Final = 100  # characters of a number
-_LONGEST_PATTERN: Final = 10_000
+_MOST_DIGITS: Final = 20  # decimals
+_WIDEST: Final = 100  # characters of a formatted number
+_LONGEST_PATTERN: Final = 10_000  # characters
 _MOST_STEPS: Final = 10_000_000
-"""Limit of text length times pattern length; it corresponds to seconds in the worst case."""
+"""Limit of text length times pattern length; a match at this limit takes seconds in the worst case."""
 _PATTERN_BYTES: Final = 1 << 23
 """Memory limit for a pattern; nested repetitions exceed it."""
 
 
 class MisusedFunction(Exception):  # noqa: N818 - becomes a MacroFault once its position is known
-    """A function was called with invalid arguments."""
+    """An error: a function was called with invalid arguments."""
 
 
 def matches(text: str, pattern: str) -> bool:
@@ -61,8 +61,8 @@ def matches(text: str, pattern: str) -> bool:
         raise MisusedFunction(f"the pattern /{pattern[:80]}/ is invalid") from None
 
 
-def _numbers(values: Sequence[Value]) -> list[float]:
-    """Return arguments as numbers, given one by one or as one list."""
+def _flatten_numbers(values: Sequence[Value]) -> list[float]:
+    """Convert arguments, given one by one or as one list, to a list of numbers."""
     flat: Sequence[Value] = values
     if len(values) == 1 and isinstance(values[0], tuple):
         flat = values[0]
@@ -74,12 +74,12 @@ def _numbers(values: Sequence[Value]) -> list[float]:
     return numbers
 
 
-def _of_numbers(least: int, most: int, function: Callable[..., Value]) -> _Function:
-    """Wrap a function that takes `least` to `most` numbers."""
+def _wrap_number_function(least: int, most: int, function: Callable[..., Value]) -> _Function:
+    """Wrap a function of `least` to `most` numbers, so that it takes and checks a list of values."""
 
     def run(values: Sequence[Value]) -> Value:
         """Check the arguments and call the function."""
-        numbers = _numbers(values)
+        numbers = _flatten_numbers(values)
         if not least <= len(numbers) <= most:
             wanted = f"{least}" if least == most else f"{least} or more" if most > 3 else f"{least} or {most}"
             raise MisusedFunction(f"expected {wanted} arguments, got {len(numbers)}")
@@ -88,8 +88,8 @@ def _of_numbers(least: int, most: int, function: Callable[..., Value]) -> _Funct
     return run
 
 
-def _of_values(count: int, function: Callable[..., Value], kinds: type = object) -> _Function:
-    """Wrap a function that takes `count` values, all of one type."""
+def _wrap_value_function(count: int, function: Callable[..., Value], kinds: type = object) -> _Function:
+    """Wrap a function of `count` values of one type, so that it takes and checks a list of values."""
 
     def run(values: Sequence[Value]) -> Value:
         """Check the arguments and call the function."""
@@ -104,7 +104,7 @@ def _of_values(count: int, function: Callable[..., Value], kinds: type = object)
     return run
 
 
-def _least_or_most(choose: Callable[[tuple[float, ...]], float]) -> Callable[..., Value]:
+def _wrap_min_or_max(choose: Callable[[tuple[float, ...]], float]) -> Callable[..., Value]:
     """Wrap `min` or `max`: the result is a whole number only if all values are, which matters for divisions."""
 
     def run(*values: float) -> float:
@@ -115,45 +115,47 @@ def _least_or_most(choose: Callable[[tuple[float, ...]], float]) -> Callable[...
     return run
 
 
-def _rounded(value: float, digits: float | None = None) -> float:
-    """Round to so many decimals; halves are rounded away from zero."""
-    scale = 10.0 ** _count(digits or 0)
-    found = copysign(to_whole(abs(value) * scale + 0.5) / scale, value)
+def _round(value: float, digits: float | None = None) -> float:
+    """Round to a number of decimals; halves are rounded away from zero."""
+    scale = 10.0 ** _check_digit_count(digits or 0)
+    found = copysign(round_to_whole(abs(value) * scale + 0.5) / scale, value)
     return int(found) if digits is None else found
 
 
-def _count(digits: float, most: int = _MOST_DIGITS) -> int:
-    if not equal(digits, to_whole(digits)) or not 0 <= digits <= most:
+def _check_digit_count(digits: float, most: int = _MOST_DIGITS) -> int:
+    if not is_equal(digits, round_to_whole(digits)) or not 0 <= digits <= most:
         raise MisusedFunction(f"{digits:g} is not a valid number of digits; use 0 to {most}")
-    return to_whole(digits)
+    return round_to_whole(digits)
 
 
-def _digits(fill: str) -> Callable[..., str]:
+def _make_number_formatter(fill: str) -> Callable[..., str]:
     """Return a function that formats a number with a width and a number of decimals."""
-    return lambda value, width, decimals=0: f"{value:{fill}{_count(width, _WIDEST)}.{_count(decimals)}f}"
+    return lambda value, width, decimals=0: (
+        f"{value:{fill}{_check_digit_count(width, _WIDEST)}.{_check_digit_count(decimals)}f}"
+    )
 
 
-def _root(value: float) -> float:
-    if value < -NEARLY:
+def _square_root(value: float) -> float:
+    if value < -TOLERANCE:
         raise MisusedFunction(f"{value:g} has no square root")
     return sqrt(max(value, 0.0))
 
 
-def _size(value: Value) -> int:
+def _get_size(value: Value) -> int:
     if not isinstance(value, (str, tuple)):
         raise MisusedFunction(f"{describe_kind(value)} has no size")
     return len(value)
 
 
-def _cut(value: float) -> int:
+def _truncate(value: float) -> int:
     """Round to a whole number towards zero."""
-    return to_whole(value, up=value < 0)
+    return round_to_whole(value, up=value < 0)
 
 
-def _random(values: Sequence[Value]) -> Value:
-    """Return a random number between two limits, both included; the seed comes last."""
+def _choose_random_number(values: Sequence[Value]) -> Value:
+    """Return a random number from the first to the second argument, both included; the third one is the seed."""
     *limits, seed = values
-    numbers = _numbers(limits)
+    numbers = _flatten_numbers(limits)
     if len(numbers) != 2 or numbers[0] > numbers[1]:
         raise MisusedFunction("expected the smallest and the largest number")
     low, high = numbers
@@ -165,18 +167,18 @@ def _random(values: Sequence[Value]) -> Value:
     return low + share * (high - low)
 
 
-def _repeated(values: Sequence[Value]) -> Value:
-    """Return a list that repeats a value."""
+def _repeat(values: Sequence[Value]) -> Value:
+    """Return a list with a value repeated; the arguments are the count and the value."""
     count, value = map(first_item, values) if len(values) == 2 else ("", "")
-    if isinstance(count, (bool, str, tuple)) or not 0 <= count <= MOST_TEXT or isinstance(value, tuple):
-        raise MisusedFunction(f"expected a count up to {MOST_TEXT} and a value")
+    if isinstance(count, (bool, str, tuple)) or not 0 <= count <= LONGEST_TEXT or isinstance(value, tuple):
+        raise MisusedFunction(f"expected a count up to {LONGEST_TEXT} and a value")
     return Items([value] * int(count))
 
 
-def _interpolated(values: Sequence[Value]) -> Value:
+def _interpolate(values: Sequence[Value]) -> Value:
     """Interpolate a table of points (x, y) at x; beyond its ends, return the first or last y."""
-    points = [_numbers([one]) for one in values[1:]]
-    x = _numbers([first_item(values[0])])[0] if values else 0.0
+    points = [_flatten_numbers([one]) for one in values[1:]]
+    x = _flatten_numbers([first_item(values[0])])[0] if values else 0.0
     if not points or any(len(one) != 2 for one in points) or any(a[0] >= b[0] for a, b in pairwise(points)):
         raise MisusedFunction("expected x and points (x, y) sorted by x")
     if x <= points[0][0]:
@@ -187,7 +189,7 @@ def _interpolated(values: Sequence[Value]) -> Value:
     return float(points[-1][1])
 
 
-def _one_of(values: Sequence[Value]) -> Value:
+def _matches_any(values: Sequence[Value]) -> Value:
     """Return whether a text equals one of the texts or matches one of the patterns."""
     texts = [first_item(value) for value in values]
     if len(texts) < 2 or not all(isinstance(one, str) for one in texts):
@@ -201,27 +203,29 @@ def _one_of(values: Sequence[Value]) -> Value:
 
 
 FUNCTIONS: Final[Mapping[str, _Function]] = {
-    "min": _of_numbers(1, 1000, _least_or_most(min)),
-    "max": _of_numbers(1, 1000, _least_or_most(max)),
-    "abs": _of_numbers(1, 1, abs),
-    "round": _of_numbers(1, 2, _rounded),
-    "floor": _of_numbers(1, 1, to_whole),
-    "ceil": _of_numbers(1, 1, lambda value: to_whole(value, up=True)),
-    "int": _of_numbers(1, 1, _cut),
-    "sqrt": _of_numbers(1, 1, _root),
-    "digits": _of_numbers(2, 3, _digits(">")),
-    "zdigits": _of_numbers(2, 3, _digits("0")),
-    "fixed": _of_numbers(2, 2, lambda value, digits: f"{value:z.{_count(digits)}f}"),
-    "padded": _of_numbers(2, 2, lambda value, digits: f"{_cut(value):0{_count(digits)}d}"),
-    "random": _random,
-    "interpolate_table": _interpolated,
-    "text": _of_values(1, format_value),
-    "size": _of_values(1, _size),
-    "empty": _of_values(1, lambda value: _size(value) == 0),
-    "is_nil": _of_values(1, lambda _: False),  # every setting has a value here
-    "repeat": _repeated,
-    "one_of": _one_of,
-    "contains": _of_values(2, lambda text, part: part in text, str),
-    "begins": _of_values(2, str.startswith, str),
-    "ends": _of_values(2, str.endswith, str),
+    "min": _wrap_number_function(1, 1000, _wrap_min_or_max(min)),
+    "max": _wrap_number_function(1, 1000, _wrap_min_or_max(max)),
+    "abs": _wrap_number_function(1, 1, abs),
+    "round": _wrap_number_function(1, 2, _round),
+    "floor": _wrap_number_function(1, 1, round_to_whole),
+    "ceil": _wrap_number_function(1, 1, lambda value: round_to_whole(value, up=True)),
+    "int": _wrap_number_function(1, 1, _truncate),
+    "sqrt": _wrap_number_function(1, 1, _square_root),
+    "digits": _wrap_number_function(2, 3, _make_number_formatter(">")),
+    "zdigits": _wrap_number_function(2, 3, _make_number_formatter("0")),
+    "fixed": _wrap_number_function(2, 2, lambda value, digits: f"{value:z.{_check_digit_count(digits)}f}"),
+    "padded": _wrap_number_function(
+        2, 2, lambda value, digits: f"{_truncate(value):0{_check_digit_count(digits)}d}"
+    ),
+    "random": _choose_random_number,
+    "interpolate_table": _interpolate,
+    "text": _wrap_value_function(1, format_value),
+    "size": _wrap_value_function(1, _get_size),
+    "empty": _wrap_value_function(1, lambda value: _get_size(value) == 0),
+    "is_nil": _wrap_value_function(1, lambda _: False),  # every setting has a value here
+    "repeat": _repeat,
+    "one_of": _matches_any,
+    "contains": _wrap_value_function(2, lambda text, part: part in text, str),
+    "begins": _wrap_value_function(2, str.startswith, str),
+    "ends": _wrap_value_function(2, str.endswith, str),
 }

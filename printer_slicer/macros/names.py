@@ -1,4 +1,4 @@
-"""Placeholder names of macros, with the names of PrusaSlicer, OrcaSlicer, BambuStudio and Cura."""
+"""Names of placeholders in macros, including those of PrusaSlicer, OrcaSlicer, BambuStudio and Cura."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Final
 
 from printer_slicer.macros.values import Items, Value
 
-__all__ = ["AT_END", "FACTS", "IN_LAYERS", "add_other_names", "known_names", "own_names"]
+__all__ = ["END_FACTS", "FACTS", "LAYER_FACTS", "add_other_names", "known_names", "map_prusaslicer_names"]
 
 _PRUSASLICER: Final[Mapping[str, str]] = {
     # material
@@ -83,7 +83,7 @@ _PRUSASLICER: Final[Mapping[str, str]] = {
     "initial_no_support_extruder": "tool",
     "current_extruder": "tool",
 }
-_WHOLE: Final = frozenset(
+_WHOLE_NUMBERS: Final = frozenset(
     {
         "first_layer_temperature",
         "temperature",
@@ -98,9 +98,9 @@ _WHOLE: Final = frozenset(
         "current_extruder",
     }
 )
-"""Placeholders that are whole numbers; divisions of whole numbers give whole numbers."""
+"""Placeholders whose values are whole numbers, because a division of whole numbers gives a whole number."""
 
-_OTHERS: Final[Mapping[str, str]] = {
+_OTHER_NAMES: Final[Mapping[str, str]] = {
     # OrcaSlicer, BambuStudio
     "nozzle_temperature_initial_layer": "first_layer_temperature",
     "nozzle_temperature": "temperature",
@@ -149,14 +149,14 @@ _OTHERS: Final[Mapping[str, str]] = {
     "retraction_hop": "retract_lift",
     "initial_extruder_nr": "initial_tool",
 }
-"""Names of other slicers -> PrusaSlicer's names."""
+"""Name of another slicer -> PrusaSlicer's name."""
 
 
-def _words(text: str) -> frozenset[str]:
+def _split_words(text: str) -> frozenset[str]:
     return frozenset(text.split())
 
 
-FACTS: Final = _words("""
+FACTS: Final = _split_words("""
     bed_x_middle bed_y_middle bed_y_end first_layer_min_x first_layer_min_y first_layer_max_x first_layer_max_y
     first_layer_min first_layer_max first_layer_size layer_count layer_tops part_height filament_used filament_used_g
     print_seconds object_names printer_name material_name quality_name layer_heights pause_at
@@ -165,17 +165,17 @@ FACTS: Final = _words("""
     num_printing_extruders is_extruder_used print_time normal_print_time
     has_wipe_tower has_single_extruder_multi_material_priming total_toolchanges input_filename input_filename_base
     """)
-"""Placeholders of every macro besides settings."""
+"""Placeholders of every macro, in addition to settings."""
 
-AT_END: Final = frozenset({"layer_num", "layer_z", "max_layer_z"})
-"""Further placeholders of end G-code."""
+END_FACTS: Final = frozenset({"layer_num", "layer_z", "max_layer_z"})
+"""Additional placeholders of end G-code."""
 
-IN_LAYERS: Final = AT_END | {"current_layer_height", "filament_so_far", "seconds_so_far"}
-"""Further placeholders of layer and pause G-code."""
+LAYER_FACTS: Final = END_FACTS | {"current_layer_height", "filament_so_far", "seconds_so_far"}
+"""Additional placeholders of layer and pause G-code."""
 
 
-def own_names() -> Mapping[str, str]:
-    """Return PrusaSlicer's name -> the name here, for settings and facts whose values are the same."""
+def map_prusaslicer_names() -> Mapping[str, str]:
+    """Map PrusaSlicer's names to ours, for settings and facts whose values are the same."""
     return _PRUSASLICER
 
 
@@ -186,14 +186,14 @@ def known_names(macro: str, settings: frozenset[str] = frozenset()) -> frozenset
         macro: its setting, such as `layer_gcode`.
         settings: names of settings.
     """
-    more = AT_END if macro == "end_gcode" else frozenset()
+    further = END_FACTS if macro == "end_gcode" else frozenset()
     if macro in ("before_layer_gcode", "layer_gcode", "pause_gcode"):
-        more = IN_LAYERS
-    return settings | FACTS | more | _PRUSASLICER.keys() | _OTHERS.keys()
+        further = LAYER_FACTS
+    return settings | FACTS | further | _PRUSASLICER.keys() | _OTHER_NAMES.keys()
 
 
 def add_other_names(known: Mapping[str, Value]) -> dict[str, Value]:
-    """Add the names of other slicers to placeholders, as vectors of one item.
+    """Add placeholders with the names of other slicers; their values are vectors of one item.
 
     Args:
         known: settings and facts under the names of this program.
@@ -202,6 +202,6 @@ def add_other_names(known: Mapping[str, Value]) -> dict[str, Value]:
     for theirs, ours in _PRUSASLICER.items():
         value = known.get(ours)
         if isinstance(value, (int, float, str)):
-            is_whole = theirs in _WHOLE and not isinstance(value, str) and float(value).is_integer()
+            is_whole = theirs in _WHOLE_NUMBERS and not isinstance(value, str) and float(value).is_integer()
             found[theirs] = Items((int(value) if is_whole else value,))
-    return found | {name: found[same] for name, same in _OTHERS.items() if same in found}
+    return found | {name: found[same] for name, same in _OTHER_NAMES.items() if same in found}

@@ -6,7 +6,7 @@ condition ? yes : no
 or  ||
 and  &&
 not  !
-==  !=  <>  <  <=  >  >=  =~  !~     no chains; patterns are written between slashes
+==  !=  <>  <  <=  >  >=  =~  !~     one per expression (a < b < c is an error); patterns are written between slashes
 +  -
 *  /  %
 -  +                                 unary
@@ -41,12 +41,12 @@ __all__ = [
 ]
 
 _MOST_TOKENS: Final = 200
-"""Maximum number of tokens in an expression; it limits the depth of recursive functions."""
-_DEEPEST: Final = 30
-_MOST_SIGNS: Final = 10  # in front of one operand
+"""Maximum number of tokens in an expression; it also limits the recursion of the parser."""
+_DEEPEST: Final = 30  # levels of nested expressions
+_MOST_SIGNS: Final = 10  # signs in front of one operand
 _COMPARISONS: Final = ("==", "!=", "<", "<=", ">", ">=", "=~", "!~")
-_LEVELS: Final = (("or",), ("and",), ("not",), _COMPARISONS, ("+", "-"), ("*", "/", "%"))
-_NOT, _COMPARING = 2, 3
+_PRECEDENCE: Final = (("or",), ("and",), ("not",), _COMPARISONS, ("+", "-"), ("*", "/", "%"))
+_NOT_LEVEL, _COMPARISON_LEVEL = 2, 3
 _TOKEN: Final = re.compile(
     r"""\s*(?:
         (?P<float> [0-9]+\.[0-9]*(?:[eE][-+]?[0-9]+)? | \.[0-9]+(?:[eE][-+]?[0-9]+)? | [0-9]+[eE][-+]?[0-9]+ )
@@ -60,7 +60,7 @@ _TOKEN: Final = re.compile(
 )
 _PATTERN: Final = re.compile(r"\s*/((?:[^/\\\n]|\\.)*)/")
 _ESCAPE: Final = re.compile(r"\\(.)", re.DOTALL)
-_SAME: Final = {"&&": "and", "||": "or", "!": "not", "<>": "!=", "elseif": "elsif", "elif": "elsif"}
+_SYNONYMS: Final = {"&&": "and", "||": "or", "!": "not", "<>": "!=", "elseif": "elsif", "elif": "elsif"}
 _WORDS: Final = frozenset(
     {"and", "or", "not", "if", "elsif", "elseif", "elif", "else", "endif", "then", "local", "global"}
 )
@@ -78,8 +78,8 @@ class Token(NamedTuple):
 
     kind: str
     text: str
-    at: int
-    behind: int
+    position: int
+    end_position: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +87,7 @@ class Literal:
     """A literal value."""
 
     value: Scalar
-    at: int
+    position: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +95,7 @@ class Name:
     """A setting, a fact or a variable."""
 
     name: str
-    at: int
+    position: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,8 +103,8 @@ class Unary:
     """A unary operator, `-` or `not`, and its operand."""
 
     sign: str
-    one: Node
-    at: int
+    operand: Node
+    position: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +114,7 @@ class Binary:
     sign: str
     left: Node
     right: Node
-    at: int
+    position: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,16 +124,16 @@ class Choice:
     condition: Node
     yes: Node
     no: Node
-    at: int
+    position: int
 
 
 @dataclass(frozen=True, slots=True)
 class Index:
     """One item of a list, counted from 0."""
 
-    of: Node
+    container: Node
     index: Node
-    at: int
+    position: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,7 +141,7 @@ class Vector:
     """A literal list."""
 
     items: tuple[Node, ...]
-    at: int
+    position: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,7 +150,7 @@ class Call:
 
     name: str
     arguments: tuple[Node, ...]
-    at: int
+    position: int
 
 
 Node = Literal | Name | Unary | Binary | Choice | Index | Vector | Call
@@ -164,13 +164,13 @@ def names_in(node: Node) -> Iterator[Name | Call]:
             yield node
             inner = node.arguments if isinstance(node, Call) else ()
         case Unary():
-            inner = (node.one,)
+            inner = (node.operand,)
         case Binary():
             inner = (node.left, node.right)
         case Choice():
             inner = (node.condition, node.yes, node.no)
         case Index():
-            inner = (node.of, node.index)
+            inner = (node.container, node.index)
         case Vector():
             inner = node.items
     for one in inner:
@@ -184,32 +184,35 @@ def parse_expression(text: str) -> Node:
         MacroFault: the text is not an expression.
     """
     reader = ExpressionReader(text, 0, equals="==")
-    tree = reader.expression()
-    if reader.next.kind != "end" or reader.next.behind < len(text):
-        raise reader.unexpected("an operator")
+    tree = reader.read_expression()
+    if reader.next.kind != "end" or reader.next.end_position < len(text):
+        raise reader.make_unexpected_fault("an operator")
     return tree
 
 
 class ExpressionReader:
-    """A recursive-descent parser that starts at a position of a text; `equals` is the meaning of `=`."""
+    """A recursive-descent parser that starts at a position of a text.
 
-    def __init__(self, text: str, at: int, *, equals: str = "=") -> None:
-        self._text, self._same = text, {**_SAME, "=": equals}
-        self._begin, self._depth, self._count = at, 0, 0
-        self.next = self._token(at, value_wanted=True)
+    It replaces the sign `=` by `equals`.
+    """
 
-    def _token(self, at: int, *, value_wanted: bool) -> Token:
-        """Read the token at a position; if a value is expected, a slash starts a pattern.
+    def __init__(self, text: str, position: int, *, equals: str = "=") -> None:
+        self._text, self._synonyms = text, {**_SYNONYMS, "=": equals}
+        self._begin, self._depth, self._count = position, 0, 0
+        self.next = self._read_token(position, expects_value=True)
+
+    def _read_token(self, position: int, *, expects_value: bool) -> Token:
+        """Read the token at a position; if a value is expected there, a slash starts a pattern.
 
         Raises:
             MacroFault: an unexpected character, or an unterminated text.
         """
-        found = _PATTERN.match(self._text, at) if value_wanted else None
+        found = _PATTERN.match(self._text, position) if expects_value else None
         if found:
             return Token("pattern", found[1], found.end() - len(found[0].lstrip()), found.end())
-        match = _TOKEN.match(self._text, at)
+        match = _TOKEN.match(self._text, position)
         if match is None:
-            raise self._misread(at)
+            raise self._explain_misread(position)
         kind = match.lastgroup or ""
         text, begin = match[kind], match.start(kind)
         if kind == "end" and not text:
@@ -217,154 +220,159 @@ class ExpressionReader:
         if kind == "text":
             text = _ESCAPE.sub(lambda one: "\n" if one[1] == "n" else one[1], text[1:-1])
         elif text in _WORDS or kind == "sign":
-            kind, text = "sign", self._same.get(text, text)
+            kind, text = "sign", self._synonyms.get(text, text)
         return Token(kind, text, begin, match.end())
 
-    def _misread(self, at: int) -> MacroFault:
-        """Explain why there is no token here."""
-        while self._text[at].isspace():
-            at += 1
-        if self._text[at] in "\"'":
-            return MacroFault(at, "unterminated text", f"Close it with {self._text[at]}")
-        return MacroFault(at, f"unexpected {self._text[at]!r}", "Write {{ and }} for literal braces")
+    def _explain_misread(self, position: int) -> MacroFault:
+        """Return a fault that explains why there is no valid token at a position."""
+        while self._text[position].isspace():
+            position += 1
+        if self._text[position] in "\"'":
+            return MacroFault(position, "unterminated text", f"Close it with {self._text[position]}")
+        return MacroFault(
+            position, f"unexpected {self._text[position]!r}", "Write {{ and }} for literal braces"
+        )
 
     def accept(self, *texts: str) -> Token | None:
-        """Read and return the next token if it is one of these operators or keywords."""
+        """Read and return the next token if it is one of the given operators or keywords."""
         token = self.next
         if token.kind != "sign" or token.text not in texts:
             return None
-        self._read()
+        self._advance()
         return token
 
-    def _read(self) -> Token:
+    def _advance(self) -> Token:
+        """Return the next token, and read the token after it."""
         token = self.next
         self._count += 1
         if self._count > _MOST_TOKENS:
             raise MacroFault(
-                self._begin, f"the expression has more than {_MOST_TOKENS} words", "Split it into several"
+                self._begin,
+                f"the expression has more than {_MOST_TOKENS} names, numbers and signs",
+                "Split it into several",
             )
         ends_value = token.kind != "sign" or token.text in (")", "]")
-        self.next = self._token(token.behind, value_wanted=not ends_value)
+        self.next = self._read_token(token.end_position, expects_value=not ends_value)
         return token
 
     def accept_name(self) -> Token | None:
         """Read and return the next token if it is a name."""
-        return self._read() if self.next.kind == "name" else None
+        return self._advance() if self.next.kind == "name" else None
 
     def expect(self, text: str) -> None:
         """Read a required operator or keyword."""
         if self.accept(text) is None:
-            raise self.unexpected(text)
+            raise self.make_unexpected_fault(text)
 
-    def unexpected(self, wanted: str) -> MacroFault:
-        """Return the fault of an unexpected token."""
+    def make_unexpected_fault(self, wanted: str) -> MacroFault:
+        """Return a fault that says that the next token is not what was expected."""
         token = self.next
         if token.kind == "sign" and token.text == "=":
             return MacroFault(
-                token.at, "= is not a comparison", "Write ==, or {local name = value} for a variable"
+                token.position, "= is not a comparison", "Write ==, or {local name = value} for a variable"
             )
         here = "the end of the expression" if token.kind == "end" else repr(token.text)
-        return MacroFault(token.at, f"expected {wanted}, got {here}")
+        return MacroFault(token.position, f"expected {wanted}, got {here}")
 
-    def expression(self) -> Node:
+    def read_expression(self) -> Node:
         """Parse a whole expression.
 
         Raises:
             MacroFault: there is no valid expression.
         """
-        self._begin, self._count = self.next.at, 0
-        return self._choice()
+        self._begin, self._count = self.next.position, 0
+        return self._parse_choice()
 
-    def _choice(self) -> Node:
+    def _parse_choice(self) -> Node:
         """Parse `condition ? yes : no`, or an expression of higher precedence."""
         self._depth += 1
         if self._depth > _DEEPEST:
             raise MacroFault(
-                self.next.at, f"nested deeper than {_DEEPEST} levels", "Use a simpler expression"
+                self.next.position, f"nested deeper than {_DEEPEST} levels", "Use a simpler expression"
             )
-        tree = self._level(0)
+        tree = self._parse_level(0)
         mark = self.accept("?")
         if mark is not None:
-            yes = self._choice()
+            yes = self._parse_choice()
             self.expect(":")
-            tree = Choice(tree, yes, self._choice(), mark.at)
+            tree = Choice(tree, yes, self._parse_choice(), mark.position)
         self._depth -= 1
         return tree
 
-    def _level(self, height: int) -> Node:
-        """Parse the operators of one level of precedence."""
-        if height == len(_LEVELS):
-            return self._signed(self._indexed, "-", "+")
-        if height == _NOT:
-            return self._signed(lambda: self._level(_COMPARING), "not")
-        left = self._level(height + 1)
-        while (sign := self.accept(*_LEVELS[height])) is not None:
-            left = Binary(sign.text, left, self._level(height + 1), sign.at)
-            if height == _COMPARING and self.next.text in _COMPARISONS and self.next.kind == "sign":
+    def _parse_level(self, level: int) -> Node:
+        """Parse operators of one level of precedence and their operands."""
+        if level == len(_PRECEDENCE):
+            return self._parse_signs(self._parse_indexed, "-", "+")
+        if level == _NOT_LEVEL:
+            return self._parse_signs(lambda: self._parse_level(_COMPARISON_LEVEL), "not")
+        left = self._parse_level(level + 1)
+        while (sign := self.accept(*_PRECEDENCE[level])) is not None:
+            left = Binary(sign.text, left, self._parse_level(level + 1), sign.position)
+            if level == _COMPARISON_LEVEL and self.next.text in _COMPARISONS and self.next.kind == "sign":
                 raise MacroFault(
-                    self.next.at, "chains of comparisons are not allowed", "Write a < b and b < c"
+                    self.next.position, "chains of comparisons are not allowed", "Write a < b and b < c"
                 )
         return left
 
-    def _signed(self, what: Callable[[], Node], *texts: str) -> Node:
+    def _parse_signs(self, parse_operand: Callable[[], Node], *texts: str) -> Node:
         """Parse any number of unary operators and their operand."""
         signs: list[Token] = []
         while (sign := self.accept(*texts)) is not None:
             signs.append(sign)
             if len(signs) > _MOST_SIGNS:
-                raise MacroFault(sign.at, f"more than {_MOST_SIGNS} signs in front of a value")
-        tree = what()
+                raise MacroFault(sign.position, f"more than {_MOST_SIGNS} signs in front of a value")
+        tree = parse_operand()
         for sign in reversed(signs):
-            tree = tree if sign.text == "+" else Unary(sign.text, tree, sign.at)
+            tree = tree if sign.text == "+" else Unary(sign.text, tree, sign.position)
         return tree
 
-    def _indexed(self) -> Node:
-        """Parse a value and its indices."""
-        tree = self._atom()
+    def _parse_indexed(self) -> Node:
+        """Parse a value and the indices after it."""
+        tree = self._parse_atom()
         while (mark := self.accept("[")) is not None:
-            tree = Index(tree, self._choice(), mark.at)
+            tree = Index(tree, self._parse_choice(), mark.position)
             self.expect("]")
         return tree
 
-    def _atom(self) -> Node:
+    def _parse_atom(self) -> Node:
         """Parse a number, a text, a pattern, a name, a call, or an expression in parentheses."""
         token = self.next
         match token.kind:
             case "float":
-                return Literal(check_range(float(self._read().text), token.at), token.at)
+                return Literal(check_range(float(self._advance().text), token.position), token.position)
             case "int":
                 value = int(token.text) if len(token.text) < 20 else float(token.text)
-                self._read()
-                return Literal(check_range(value, token.at), token.at)
+                self._advance()
+                return Literal(check_range(value, token.position), token.position)
             case "text":
-                return Literal(self._read().text, token.at)
+                return Literal(self._advance().text, token.position)
             case "pattern":
-                return Literal(Pattern(self._read().text), token.at)
+                return Literal(Pattern(self._advance().text), token.position)
             case "name":
-                return self._named(self._read())
+                return self._parse_named(self._advance())
         if self.accept("("):
-            return self._parenthesised(token)
-        raise self.unexpected("a value")
+            return self._parse_parentheses(token)
+        raise self.make_unexpected_fault("a value")
 
-    def _parenthesised(self, token: Token) -> Node:
+    def _parse_parentheses(self, token: Token) -> Node:
         """Parse the rest of an expression or list in parentheses."""
-        items = self._rest(")")
-        return items[0] if len(items) == 1 else Vector(tuple(items), token.at)
+        items = self._parse_items(")")
+        return items[0] if len(items) == 1 else Vector(tuple(items), token.position)
 
-    def _rest(self, end: str) -> list[Node]:
-        """Parse items separated by commas up to a closing sign."""
+    def _parse_items(self, end: str) -> list[Node]:
+        """Parse items that are separated by commas, up to a closing sign."""
         items: list[Node] = []
         if not self.accept(end):
-            items.append(self._choice())
+            items.append(self._parse_choice())
             while self.accept(","):
-                items.append(self._choice())
+                items.append(self._parse_choice())
             self.expect(end)
         return items
 
-    def _named(self, token: Token) -> Node:
-        """Parse what starts with a name that was just read."""
+    def _parse_named(self, token: Token) -> Node:
+        """Parse a boolean, a function call or a name, after its first token was read."""
         if token.text in ("true", "false"):
-            return Literal(token.text == "true", token.at)
+            return Literal(token.text == "true", token.position)
         if self.accept("("):
-            return Call(token.text, tuple(self._rest(")")), token.at)
-        return Name(token.text, token.at)
+            return Call(token.text, tuple(self._parse_items(")")), token.position)
+        return Name(token.text, token.position)

@@ -7,7 +7,7 @@
     {local x = 1} {global x = 1} {x = 2} {x[0] = 2}
                             variables of this macro, or of all macros of a print; no output
     {if a then x = 1; else x = 2; endif}
-                            several of these in the same braces
+                            several of these statements in the same braces
     {{ }}                   literal braces (an extension of PrusaSlicer's language)
 
 After a semicolon, unknown names stay as they are, because they belong to a comment. Python's `eval` is never used. All
@@ -25,17 +25,17 @@ from dataclasses import dataclass, field
 from typing import Final, Never
 
 from printer_slicer.errors import ProfileError
-from printer_slicer.macros.evaluation import check_known, evaluate, is_true, value_or_list
+from printer_slicer.macros.evaluation import check_known, evaluate, evaluate_with_vectors, is_true
 from printer_slicer.macros.syntax import ExpressionReader, Index, Literal, Name, Node, Token, names_in
 from printer_slicer.macros.values import Items, MacroFault, UnknownName, Value, format_value
 
 __all__ = ["Template", "escape_braces", "read_template"]
 
-_LONGEST: Final = 300_000
-_DEEPEST: Final = 20
-_MOST_CHARACTERS: Final = 1_000_000
+_LONGEST_MACRO: Final = 300_000  # characters
+_DEEPEST_BLOCKS: Final = 20  # levels of nested blocks
+_MOST_CHARACTERS: Final = 1_000_000  # characters of output
 _LONGEST_PREFIX: Final = 500  # characters of a line before a block that are repeated for each branch
-_SHOWN: Final = 100  # characters of a line in a message, around the error
+_MOST_SHOWN: Final = 100  # characters of a line in a message, around the error
 _MARKS: Final = ("if", "elsif", "else", "endif")
 _BRACE: Final = re.compile(r"[{\[}\n]")
 _SQUARE: Final = re.compile(r"\[\s*([A-Za-z_]\w*)\s*(?:\[\s*(\w+)\s*\]\s*)?\]", re.ASCII)
@@ -43,25 +43,25 @@ _SQUARE: Final = re.compile(r"\[\s*([A-Za-z_]\w*)\s*(?:\[\s*(\w+)\s*\]\s*)?\]", 
 
 @dataclass(frozen=True, slots=True)
 class _Mark:
-    """`if`, `elsif`, `else` or `endif`."""
+    """The start of a branch or the end of a block: `if`, `elsif`, `else` or `endif`."""
 
     word: str
     condition: Node | None
-    at: int
+    position: int
 
 
 @dataclass(frozen=True, slots=True)
-class _Show:
-    """An expression whose value is inserted; in a comment, unknown names leave `source`."""
+class _Insertion:
+    """An expression whose value is inserted; in a comment, `source` is inserted if a name is unknown."""
 
     tree: Node
     source: str
-    remark: bool
+    is_in_comment: bool
 
 
 @dataclass(frozen=True, slots=True)
-class _Assign:
-    """An assignment to a variable: `local`, `global`, or neither for an existing variable."""
+class _Assignment:
+    """An assignment to a variable; `scope` is `local` or `global`, or empty for an existing variable."""
 
     scope: str
     name: Token
@@ -76,8 +76,8 @@ class _Block:
     branches: tuple[tuple[_Mark, tuple[_Piece, ...]], ...]
 
 
-_Piece = str | _Show | _Assign | _Block
-_Flat = str | _Show | _Assign | _Mark
+_Piece = str | _Insertion | _Assignment | _Block
+_FlatPiece = str | _Insertion | _Assignment | _Mark
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,8 +95,8 @@ class Template:
     pieces: tuple[_Piece, ...]
 
     @property
-    def empty(self) -> bool:
-        """Whether it never gives output."""
+    def is_empty(self) -> bool:
+        """Whether the macro can never produce output."""
         return not any(not isinstance(piece, str) or piece.strip() for piece in self.pieces)
 
     def render(self, known: Mapping[str, Value], shared: dict[str, Value] | None = None) -> list[str]:
@@ -110,14 +110,14 @@ class Template:
             ProfileError: the macro cannot be evaluated; names setting, line and column.
         """
         text, size = [], 0
-        filling = _Renderer(known, {} if shared is None else shared)
+        renderer = _Renderer(known, {} if shared is None else shared)
         try:
-            for part in filling.parts(self.pieces):
+            for part in renderer.render_pieces(self.pieces):
                 size += len(part)
                 if size > _MOST_CHARACTERS:
                     raise ProfileError(
                         f"{self.place}: the result is longer than {_MOST_CHARACTERS} characters",
-                        remedy="Shorten lists and texts that it repeats",
+                        remedy="Use shorter lists and texts in the expressions of the macro",
                     )
                 text.append(part)
         except MacroFault as fault:
@@ -125,7 +125,7 @@ class Template:
         return "".join(text).strip("\n").splitlines()
 
     def possible_lines(self, known: Mapping[str, Value], unknown: str = "0") -> list[str]:
-        """Return the lines of every branch that may be used.
+        """Return the lines of all branches that may be used.
 
         Conditions that depend only on the macro itself are evaluated; all others may be true or false.
 
@@ -133,57 +133,57 @@ class Template:
             known: values to insert; they do not decide conditions.
             unknown: text to insert for unknown values.
         """
-        survey = _BranchRenderer(known, {}, unknown=unknown)
-        return "".join(survey.parts(self.pieces)).splitlines()
+        branch_renderer = _BranchRenderer(known, {}, unknown=unknown)
+        return "".join(branch_renderer.render_pieces(self.pieces)).splitlines()
 
     def check(self, known: Collection[str]) -> None:
-        """Check that every name and function exists, also in unused blocks.
+        """Check that all names and functions exist, including those in unused blocks.
 
         Raises:
             ProfileError: a name or function is unknown; names setting, line and column.
         """
-        for fault in self.faults(known):
+        for fault in self.find_faults(known):
             _raise_error(fault, self.place, self.source)
 
-    def faults(self, known: Collection[str]) -> Iterator[MacroFault]:
+    def find_faults(self, known: Collection[str]) -> Iterator[MacroFault]:
         """Yield every unknown name and function, except names in comments."""
-        variables = {piece.name.text for piece in _walk(self.pieces) if isinstance(piece, _Assign)}
-        there = {*known, *variables}
-        for piece in _walk(self.pieces):
+        variables = {piece.name.text for piece in _walk_pieces(self.pieces) if isinstance(piece, _Assignment)}
+        defined = {*known, *variables}
+        for piece in _walk_pieces(self.pieces):
             trees = (
                 [piece.tree, *([piece.index] if piece.index else [])]
-                if isinstance(piece, _Assign)
+                if isinstance(piece, _Assignment)
                 else [mark.condition for mark, _ in piece.branches if mark.condition]
                 if isinstance(piece, _Block)
                 else [piece.tree]
             )
             for one in (one for tree in trees for one in names_in(tree)):
                 try:
-                    check_known(one, there)
+                    check_known(one, defined)
                 except UnknownName as fault:
-                    if not (isinstance(piece, _Show) and piece.remark):
+                    if not (isinstance(piece, _Insertion) and piece.is_in_comment):
                         yield fault
                 except MacroFault as fault:
                     yield fault
 
     def line_of(self, fault: MacroFault) -> int:
         """Return the line of a fault, from 1."""
-        return self.source.count("\n", 0, fault.at) + 1
+        return self.source.count("\n", 0, fault.position) + 1
 
 
-def _walk(pieces: tuple[_Piece, ...]) -> Iterator[_Show | _Assign | _Block]:
+def _walk_pieces(pieces: tuple[_Piece, ...]) -> Iterator[_Insertion | _Assignment | _Block]:
     """Yield all pieces except texts, including those in blocks."""
     for piece in pieces:
         if not isinstance(piece, str):
             yield piece
         if isinstance(piece, _Block):
             for _, inner in piece.branches:
-                yield from _walk(inner)
+                yield from _walk_pieces(inner)
 
 
 @dataclass(slots=True)
 class _Renderer:
-    """Evaluates a macro with known values and its variables."""
+    """Evaluates a macro with known values and with variables."""
 
     known: Mapping[str, Value]
     shared: dict[str, Value]
@@ -194,119 +194,123 @@ class _Renderer:
         """All current values by name."""
         return ChainMap(self.own, self.shared, self.known)  # type: ignore[arg-type]
 
-    def parts(self, pieces: tuple[_Piece, ...]) -> Iterator[str]:
-        """Yield the parts of the output."""
+    def render_pieces(self, pieces: tuple[_Piece, ...]) -> Iterator[str]:
+        """Yield the output of pieces, part by part."""
         for piece in pieces:
             match piece:
                 case str():
                     yield piece
-                case _Show():
-                    yield self.shown(piece)
-                case _Assign():
+                case _Insertion():
+                    yield self.render_insertion(piece)
+                case _Assignment():
                     self.assign(piece)
                 case _Block():
-                    yield from self.block(piece)
+                    yield from self.render_block(piece)
 
-    def shown(self, piece: _Show) -> str:
+    def render_insertion(self, piece: _Insertion) -> str:
         """Return the value of an expression as text."""
         try:
-            value = value_or_list(piece.tree, self.names)
+            value = evaluate_with_vectors(piece.tree, self.names)
         except UnknownName:
-            if piece.remark:
+            if piece.is_in_comment:
                 return piece.source
             raise
         if isinstance(value, tuple) and sum(len(str(one)) for one in value) > _MOST_CHARACTERS:
-            raise MacroFault(piece.tree.at, f"the list is longer than {_MOST_CHARACTERS} characters")
+            raise MacroFault(piece.tree.position, f"the list is longer than {_MOST_CHARACTERS} characters")
         return format_value(value)
 
-    def block(self, block: _Block) -> Iterator[str]:
-        """Yield the output of the branch whose condition is true."""
+    def render_block(self, block: _Block) -> Iterator[str]:
+        """Yield the output of the first branch whose condition is true."""
         for mark, pieces in block.branches:
             if mark.condition is None or is_true(mark.condition, self.names):
-                yield from self.parts(pieces)
+                yield from self.render_pieces(pieces)
                 return
 
-    def assign(self, piece: _Assign) -> None:
+    def assign(self, piece: _Assignment) -> None:
         """Assign a value to a variable."""
-        name, value = piece.name.text, value_or_list(piece.tree, self.names)
+        name, value = piece.name.text, evaluate_with_vectors(piece.tree, self.names)
         where = {"local": self.own, "global": self.shared}.get(piece.scope)
         if where is None:
             where = self.own if name in self.own else self.shared
             if name not in where:
                 raise MacroFault(
-                    piece.name.at, f"no variable {name}", f"Define it with {{local {name} = ...}}"
+                    piece.name.position, f"no variable {name}", f"Define it with {{local {name} = ...}}"
                 )
         if piece.index is not None:
-            value = self._replaced(where[name], piece.index, value)
+            value = self._replace_item(where[name], piece.index, value)
         where[name] = value
 
-    def _replaced(self, values: Value, at: Node, value: Value) -> Items:
+    def _replace_item(self, values: Value, index_node: Node, value: Value) -> Items:
         """Return a list with one item replaced."""
-        index = evaluate(at, self.names)
+        index = evaluate(index_node, self.names)
         if not isinstance(values, tuple) or isinstance(value, tuple) or not isinstance(index, int):
-            raise MacroFault(at.at, "only an item of a list, with a whole number as index, can be assigned")
+            raise MacroFault(
+                index_node.position, "only an item of a list, with a whole number as index, can be assigned"
+            )
         if not 0 <= index < len(values):
-            raise MacroFault(at.at, f"no item {index} in a list of {len(values)}; items count from 0")
+            raise MacroFault(
+                index_node.position, f"no item {index} in a list of {len(values)}; items count from 0"
+            )
         return Items([*values[:index], value, *values[index + 1 :]])
 
 
 @dataclass(slots=True)
 class _BranchRenderer(_Renderer):
-    """Returns the lines of every branch that may be used.
+    """Renders all branches that may be used.
 
     Attributes:
         unknown: text to insert for unknown values.
-        sure: variables whose value depends only on the macro; they decide conditions.
-        line: the current line so far, repeated before each branch of a block.
-        open: number of enclosing branches that may be unused.
+        certain: variables whose value depends only on the macro; they decide conditions.
+        line: the beginning of the current line, which is repeated before each branch of a block.
+        open_branches: number of enclosing branches that may be unused.
     """
 
     unknown: str = "0"
-    sure: dict[str, Value] = field(default_factory=dict)
+    certain: dict[str, Value] = field(default_factory=dict)
     line: str = ""
-    open: int = 0
+    open_branches: int = 0
 
-    def parts(self, pieces: tuple[_Piece, ...]) -> Iterator[str]:
+    def render_pieces(self, pieces: tuple[_Piece, ...]) -> Iterator[str]:
         """Yield the output of all branches."""
-        for text in _Renderer.parts(self, pieces):
+        for text in _Renderer.render_pieces(self, pieces):
             self.line = (self.line + text).rpartition("\n")[2][:_LONGEST_PREFIX]
             yield text
 
-    def shown(self, piece: _Show) -> str:
+    def render_insertion(self, piece: _Insertion) -> str:
         """Return the value of an expression as text."""
         try:
-            return _Renderer.shown(self, piece)
+            return _Renderer.render_insertion(self, piece)
         except MacroFault:
             return self.unknown
 
-    def assign(self, piece: _Assign) -> None:
-        """Assign a value to a variable, and to `sure` if it depends only on the macro."""
+    def assign(self, piece: _Assignment) -> None:
+        """Assign a value to a variable, and to `certain` if it depends only on the macro."""
         with suppress(MacroFault):
             _Renderer.assign(self, piece)
-        self.sure.pop(piece.name.text, None)
+        self.certain.pop(piece.name.text, None)
         with suppress(MacroFault):
-            if not (self.open or piece.index):
-                self.sure[piece.name.text] = value_or_list(piece.tree, self.sure)
+            if not (self.open_branches or piece.index):
+                self.certain[piece.name.text] = evaluate_with_vectors(piece.tree, self.certain)
 
-    def block(self, block: _Block) -> Iterator[str]:
+    def render_block(self, block: _Block) -> Iterator[str]:
         """Yield the branches that may be used, each on a line of its own with the start of the current line."""
         begin, number = self.line, 0
         for mark, pieces in block.branches:
-            taken = self._taken(mark)
-            if taken is not False:
+            is_used = self._is_branch_used(mark)
+            if is_used is not False:
                 if number:
                     yield f"\n{begin}"
                 self.line, number = begin, number + 1
-                self.open += taken is None or number > 1
-                yield from self.parts(pieces)
-                self.open -= taken is None or number > 1
-            if taken:
+                self.open_branches += is_used is None or number > 1
+                yield from self.render_pieces(pieces)
+                self.open_branches -= is_used is None or number > 1
+            if is_used:
                 return
 
-    def _taken(self, mark: _Mark) -> bool | None:
-        """Return whether a branch is used if no earlier one is; None: that depends on the print."""
+    def _is_branch_used(self, mark: _Mark) -> bool | None:
+        """Return whether the condition of a branch is true; None if that depends on the print."""
         try:
-            return mark.condition is None or is_true(mark.condition, self.sure)
+            return mark.condition is None or is_true(mark.condition, self.certain)
         except MacroFault:
             return None
 
@@ -335,32 +339,32 @@ def escape_braces(text: str) -> str:
     return re.sub(r"[{\[]", lambda one: f'{{"{one[0]}"}}', text)
 
 
-def _split_pieces(source: str) -> Iterator[_Flat]:
-    """Yield text, values, assignments and marks in order; every line of text is a separate piece."""
-    if len(source) > _LONGEST:
-        raise MacroFault(0, f"the macro is longer than {_LONGEST} characters", "Shorten it")
-    place, doubled, remark = 0, False, False
+def _split_pieces(source: str) -> Iterator[_FlatPiece]:
+    """Yield texts, insertions, assignments and marks in order; each line of text is a separate piece."""
+    if len(source) > _LONGEST_MACRO:
+        raise MacroFault(0, f"the macro is longer than {_LONGEST_MACRO} characters", "Shorten it")
+    place, doubled, is_in_comment = 0, False, False
     while place < len(source):
         found = _BRACE.search(source, place)
         end = found.start() if found else len(source)
         if end > place:
             yield source[place:end]
-            remark = remark or ";" in source[place:end]
+            is_in_comment = is_in_comment or ";" in source[place:end]
         sign = source[end : end + 1]
         square = _SQUARE.match(source, end) if sign == "[" else None
         place = end + 1
         if sign == "\n":
             yield sign
-            doubled = remark = False
+            doubled = is_in_comment = False
         elif sign == "{" and not source.startswith("{{", end):
-            pieces, place = _parse_braces(source, end, remark=remark)
+            pieces, place = _parse_braces(source, end, is_in_comment=is_in_comment)
             yield from pieces
         elif square:
             tree: Node = Name(square[1], end + 1)
             if square[2] is not None:
                 index = Literal(int(square[2]), end) if square[2].isdigit() else Name(square[2], end)
                 tree = Index(tree, index, end)
-            yield _Show(tree, square[0], remark)
+            yield _Insertion(tree, square[0], is_in_comment)
             place = square.end()
         elif sign:
             pair = sign == "{" or (sign == "}" and doubled and source.startswith("}}", end))
@@ -369,79 +373,82 @@ def _split_pieces(source: str) -> Iterator[_Flat]:
             place += pair
 
 
-def _parse_braces(source: str, begin: int, *, remark: bool) -> tuple[list[_Flat], int]:
-    """Parse the braces that start here; return their pieces and the position after them."""
+def _parse_braces(source: str, begin: int, *, is_in_comment: bool) -> tuple[list[_FlatPiece], int]:
+    """Parse the braces that start at a position; return their pieces and the position after them."""
     reader = ExpressionReader(source, begin + 1)
-    found: list[Node | _Mark | _Assign] = []
+    found: list[Node | _Mark | _Assignment] = []
     if reader.next.kind == "end" and reader.next.text:
         raise MacroFault(begin + 1, "nothing between the braces", "Write {name}, or {{}} for literal braces")
     while reader.next.kind != "end":
         if not reader.accept(";"):
-            found.append(_statement(reader))
+            found.append(_parse_statement(reader))
     if not reader.next.text:
         raise MacroFault(begin, "unmatched brace", "Write {name}, or {{ for a literal brace")
-    end = reader.next.behind
+    end = reader.next.end_position
     if found and isinstance(found[0], _Mark):
         found[0] = _Mark(found[0].word, found[0].condition, begin)
     pieces = [
-        one if isinstance(one, _Mark | _Assign) else _Show(one, source[begin:end], remark) for one in found
+        one if isinstance(one, _Mark | _Assignment) else _Insertion(one, source[begin:end], is_in_comment)
+        for one in found
     ]
     return [*pieces], end
 
 
-def _statement(reader: ExpressionReader) -> Node | _Mark | _Assign:
+def _parse_statement(reader: ExpressionReader) -> Node | _Mark | _Assignment:
     """Parse one mark, assignment or expression."""
     if mark := reader.accept("else", "endif"):
-        return _Mark(mark.text, None, mark.at)
+        return _Mark(mark.text, None, mark.position)
     if mark := reader.accept("if", "elsif"):
         if reader.next.kind == "end":
             raise MacroFault(
-                reader.next.at, f"{mark.text} without a condition", f"Write {{{mark.text} a > b}}"
+                reader.next.position, f"{mark.text} without a condition", f"Write {{{mark.text} a > b}}"
             )
-        found: Node | _Mark | _Assign = _Mark(mark.text, reader.expression(), mark.at)
+        found: Node | _Mark | _Assignment = _Mark(mark.text, reader.read_expression(), mark.position)
         if reader.accept("then"):
             return found
     else:
-        found = _assignment_or_value(reader)
+        found = _parse_assignment_or_value(reader)
     if reader.next.kind != "end" and reader.next.text not in (";", *_MARKS):
-        raise reader.unexpected("an operator or }")
+        raise reader.make_unexpected_fault("an operator or }")
     return found
 
 
-def _assignment_or_value(reader: ExpressionReader) -> Node | _Assign:
+def _parse_assignment_or_value(reader: ExpressionReader) -> Node | _Assignment:
     """Parse `local x = 1`, `global x = 1`, `x = 1`, `x[0] = 1`, or an expression."""
     if scope := reader.accept("local", "global"):
         name = reader.accept_name()
         if name is None:
-            raise reader.unexpected("the name of a variable")
+            raise reader.make_unexpected_fault("the name of a variable")
         reader.expect("=")
-        return _Assign(scope.text, name, None, reader.expression())
+        return _Assignment(scope.text, name, None, reader.read_expression())
     first = reader.next
-    tree = reader.expression()
-    target, index = (tree.of, tree.index) if isinstance(tree, Index) else (tree, None)
+    tree = reader.read_expression()
+    target, index = (tree.container, tree.index) if isinstance(tree, Index) else (tree, None)
     if isinstance(target, Name) and reader.accept("="):
-        return _Assign("", first, index, reader.expression())
+        return _Assignment("", first, index, reader.read_expression())
     return tree
 
 
-def _drop_silent_lines(flat: Iterator[_Flat]) -> list[_Flat]:
-    """Return the pieces without blanks and line breaks of lines that hold only marks and assignments."""
-    kept: list[_Flat] = []
-    line: list[_Flat] = []
+def _drop_silent_lines(flat: Iterator[_FlatPiece]) -> list[_FlatPiece]:
+    """Return the pieces; lines with only marks and assignments lose their spaces and line breaks."""
+    kept: list[_FlatPiece] = []
+    line: list[_FlatPiece] = []
     for piece in (*flat, ""):
         line.append(piece)
         if piece not in ("\n", ""):
             continue
-        silent = [one for one in line if isinstance(one, _Mark | _Assign)]
-        others = [one for one in line if not isinstance(one, _Mark | _Assign)]
+        silent = [one for one in line if isinstance(one, _Mark | _Assignment)]
+        others = [one for one in line if not isinstance(one, _Mark | _Assignment)]
         blank = silent and all(isinstance(one, str) and not one.strip() for one in others)
         kept += silent if blank else line
         line = []
     return kept
 
 
-def _nest_blocks(flat: list[_Flat], place: int, open_marks: list[_Mark]) -> tuple[tuple[_Piece, ...], int]:
-    """Return the pieces up to the end of their block or of the macro, and the position of that end."""
+def _nest_blocks(
+    flat: list[_FlatPiece], place: int, open_marks: list[_Mark]
+) -> tuple[tuple[_Piece, ...], int]:
+    """Return the pieces up to the end of their branch or of the macro, as nested blocks, and the index of the end."""
     pieces: list[_Piece] = []
     while place < len(flat):
         piece = flat[place]
@@ -449,45 +456,45 @@ def _nest_blocks(flat: list[_Flat], place: int, open_marks: list[_Mark]) -> tupl
             pieces.append(piece)
             place += 1
         elif piece.word == "if":
-            if len(open_marks) == _DEEPEST:
-                raise MacroFault(piece.at, f"blocks are nested deeper than {_DEEPEST} levels")
-            block, place = _block(flat, place, [*open_marks, piece])
+            if len(open_marks) == _DEEPEST_BLOCKS:
+                raise MacroFault(piece.position, f"blocks are nested deeper than {_DEEPEST_BLOCKS} levels")
+            block, place = _parse_block(flat, place, [*open_marks, piece])
             pieces.append(block)
         elif not open_marks:
-            raise MacroFault(piece.at, f"{{{piece.word}}} without {{if ...}}")
+            raise MacroFault(piece.position, f"{{{piece.word}}} without {{if ...}}")
         else:
             break
     return tuple(pieces), place
 
 
-def _block(flat: list[_Flat], place: int, open_marks: list[_Mark]) -> tuple[_Block, int]:
-    """Return the block that starts here, and the position after its end."""
+def _parse_block(flat: list[_FlatPiece], place: int, open_marks: list[_Mark]) -> tuple[_Block, int]:
+    """Return the block that starts at an index, and the index after its end."""
     first = mark = open_marks[-1]
     branches: list[tuple[_Mark, tuple[_Piece, ...]]] = []
     while mark.word != "endif":
         pieces, place = _nest_blocks(flat, place + 1, open_marks)
         branches.append((mark, pieces))
         if place == len(flat):
-            raise MacroFault(first.at, "{if ...} without {endif}", "End the block with {endif}")
+            raise MacroFault(first.position, "{if ...} without {endif}", "End the block with {endif}")
         following = flat[place]
         assert isinstance(following, _Mark)
         if mark.word == "else" and following.word != "endif":
-            raise MacroFault(following.at, f"{{{following.word}}} after {{else}}")
+            raise MacroFault(following.position, f"{{{following.word}}} after {{else}}")
         mark = following
     return _Block(tuple(branches)), place + 1
 
 
 def _raise_error(fault: MacroFault, place: str, source: str) -> Never:
-    """Raise an error that shows the line with a mark under the position."""
-    at = min(fault.at, len(source))
-    start = source.rfind("\n", 0, at) + 1
+    """Raise an error that shows the line of a fault, with a mark under its position."""
+    position = min(fault.position, len(source))
+    start = source.rfind("\n", 0, position) + 1
     line = source[start:].partition("\n")[0]
     text = "".join(letter if letter.isprintable() else " " for letter in line)
-    column = at - start
-    begin = max(0, column - _SHOWN // 2)
-    shown = text[begin : begin + _SHOWN]
+    column = position - start
+    begin = max(0, column - _MOST_SHOWN // 2)
+    shown = text[begin : begin + _MOST_SHOWN]
     raise ProfileError(
-        f"{place}: line {source.count(chr(10), 0, at) + 1}, column {column + 1}: {fault.problem}\n"
+        f"{place}: line {source.count(chr(10), 0, position) + 1}, column {column + 1}: {fault.problem}\n"
         f"  {shown}\n  {' ' * (column - begin)}^",
         remedy=fault.remedy,
     ) from None

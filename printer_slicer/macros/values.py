@@ -1,4 +1,4 @@
-"""Values of the macro language: whole numbers, fractions, booleans, texts, lists of these; and its errors."""
+"""Values of the macro language (whole numbers, fractions, booleans, texts and lists of these), and its errors."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from math import ceil, floor, isfinite
 from printer_slicer.texts import number
 
 __all__ = [
-    "MOST",
-    "MOST_TEXT",
-    "NEARLY",
+    "LARGEST_NUMBER",
+    "LONGEST_TEXT",
+    "TOLERANCE",
     "Items",
     "MacroFault",
     "Pattern",
@@ -18,23 +18,23 @@ __all__ = [
     "Value",
     "check_range",
     "describe_kind",
-    "equal",
     "first_item",
     "format_value",
+    "is_equal",
     "literal",
-    "to_whole",
+    "round_to_whole",
 ]
 
 Scalar = int | float | bool | str
 Value = Scalar | tuple[Scalar, ...]
 
-NEARLY = 1e-9
-"""Numbers closer than this are equal, so that 0.1 + 0.2 == 0.3 is true and int(0.6 / 0.2) is 3."""
+TOLERANCE = 1e-9
+"""Numbers that differ by less than this are equal, so that 0.1 + 0.2 == 0.3 is true and int(0.6 / 0.2) is 3."""
 
-MOST = 1e15
+LARGEST_NUMBER = 1e15
 """Maximum absolute value of numbers; floats beyond it cannot represent every whole number."""
 
-MOST_TEXT = 10_000
+LONGEST_TEXT = 10_000
 """Maximum number of characters in a text and of items in a list."""
 
 
@@ -56,16 +56,16 @@ class Pattern(str):
 class MacroFault(Exception):  # noqa: N818 - becomes a ProfileError once line and setting are known
     """An error at a position of a macro, in characters from its start."""
 
-    def __init__(self, at: int, problem: str, remedy: str = "") -> None:
+    def __init__(self, position: int, problem: str, remedy: str = "") -> None:
         super().__init__(problem)
-        self.at, self.problem, self.remedy = at, problem, remedy
+        self.position, self.problem, self.remedy = position, problem, remedy
 
 
 class UnknownName(MacroFault):
     """An unknown name in a macro."""
 
-    def __init__(self, name: str, at: int, remedy: str) -> None:
-        super().__init__(at, f"unknown placeholder {{{name}}}", remedy)
+    def __init__(self, name: str, position: int, remedy: str) -> None:
+        super().__init__(position, f"unknown placeholder {{{name}}}", remedy)
         self.name = name
 
 
@@ -108,22 +108,22 @@ def describe_kind(value: Value) -> str:
     return "a list" if isinstance(value, tuple) else "a number"
 
 
-def equal(one: float, other: float) -> bool:
-    """Return whether two numbers are equal within rounding."""
-    return abs(one - other) <= NEARLY
+def is_equal(one: float, other: float) -> bool:
+    """Return whether two numbers are equal within rounding errors."""
+    return abs(one - other) <= TOLERANCE
 
 
-def to_whole(value: float, *, up: bool = False) -> int:
-    """Round down, or up, to a whole number; a number within rounding of a whole number becomes that number."""
-    return ceil(value - NEARLY) if up else floor(value + NEARLY)
+def round_to_whole(value: float, *, up: bool = False) -> int:
+    """Round down, or up, to a whole number; a number that is almost a whole number becomes that number."""
+    return ceil(value - TOLERANCE) if up else floor(value + TOLERANCE)
 
 
-def check_range(value: float, at: int) -> float:
-    """Return a number after a check of its size.
+def check_range(value: float, position: int) -> float:
+    """Return a number unchanged after checking that it is not too large.
 
     Raises:
         MacroFault: it is too large.
     """
-    if not (isfinite(value) and abs(value) <= MOST):
-        raise MacroFault(at, f"the result is larger than {MOST:g}")
+    if not (isfinite(value) and abs(value) <= LARGEST_NUMBER):
+        raise MacroFault(position, f"the result is larger than {LARGEST_NUMBER:g}")
     return value
