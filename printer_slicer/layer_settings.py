@@ -13,14 +13,14 @@ import numpy as np
 from printer_slicer.arrays import Bool, Float, Int, frozen_array
 from printer_slicer.model import LayerPlan
 from printer_slicer.profile import Profile, profile_with
-from printer_slicer.profile.object_profiles import override_heights
+from printer_slicer.profile.object_profiles import list_height_overrides
 
 __all__ = ["LayerSettings", "settings_by_layer"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LayerSettings:
-    """The distinct profiles of a part's layers, and which of them each layer has.
+    """The distinct profiles of a part's layers, and the index of each layer's profile.
 
     Attributes:
         profiles: distinct profiles, at least one.
@@ -34,37 +34,37 @@ class LayerSettings:
         object.__setattr__(self, "of_layer", frozen_array(self.of_layer, np.int64, (-1,)))
 
     def values(self, read: Callable[[Profile], float]) -> Float:
-        """Return (L,) a setting of each layer; booleans as 0 and 1."""
+        """Return (L,) the value of a setting on each layer; booleans become 0 and 1."""
         return np.array([read(profile) for profile in self.profiles], np.float64)[self.of_layer]
 
     def each(self) -> Iterator[tuple[Profile, Bool]]:
-        """Yield each profile in use, with a mask (L,) of the layers that have it."""
+        """Yield each profile that layers have, with a mask (L,) of these layers."""
         for number, profile in enumerate(self.profiles):
-            here = self.of_layer == number
-            if here.any():
-                yield profile, here
+            mask = self.of_layer == number
+            if mask.any():
+                yield profile, mask
 
     def run_starts(self) -> Int:
-        """Return (L,) the first layer of the run of equal settings that contains each layer."""
+        """Return (L,) for each layer, the first layer of its run of layers with equal settings."""
         begins = np.append(True, np.diff(self.of_layer) != 0)
         return np.maximum.accumulate(np.where(begins, np.arange(len(begins)), 0))
 
 
 def settings_by_layer(profile: Profile, plan: LayerPlan) -> LayerSettings:
     """Apply the overrides for height ranges to each layer; overrides for objects are ignored."""
-    heights = override_heights(profile)
+    heights = list_height_overrides(profile)
     if not heights:
         return LayerSettings((profile,), np.zeros(plan.n_layers, np.int64))
     middle = (plan.bottom + plan.top) / 2
-    held = np.array([(low <= middle) & (middle < high) for low, high, _ in heights])
-    kinds, of_layer = np.unique(held, axis=1, return_inverse=True)
+    applies = np.array([(low <= middle) & (middle < high) for low, high, _ in heights])
+    combinations, of_layer = np.unique(applies, axis=1, return_inverse=True)
     profiles: list[Profile] = []
-    numbers = []
-    for column in kinds.T:
+    indices = []
+    for column in combinations.T:
         changes: dict[str, object] = {"quality.overrides": ()}
         for holds, (_, _, own) in zip(column.tolist(), heights, strict=True):
             changes |= own if holds else {}
         changed = profile_with(profile, changes)
         profiles += [] if changed in profiles else [changed]
-        numbers.append(profiles.index(changed))
-    return LayerSettings(tuple(profiles), np.array(numbers)[of_layer.reshape(-1)])
+        indices.append(profiles.index(changed))
+    return LayerSettings(tuple(profiles), np.array(indices)[of_layer.reshape(-1)])

@@ -18,7 +18,7 @@ from printer_slicer.layer_settings import LayerSettings, settings_by_layer
 from printer_slicer.model import LayerPlan, Mesh, PlateObject, Regions, Sections, Toolpaths, Walls
 from printer_slicer.overhangs import grade_overhangs
 from printer_slicer.profile import Profile
-from printer_slicer.profile.object_profiles import override_objects, profile_for_object
+from printer_slicer.profile.object_profiles import list_overridden_objects, profile_for_object
 from printer_slicer.slicing import cut
 
 __all__ = ["cut_objects", "object_paths", "split_objects", "stack_sections"]
@@ -51,7 +51,7 @@ def split_objects(part: Mesh, plan: LayerPlan | Sequence[LayerPlan], profile: Pr
             remedy="Give one plan for all, or one for each object",
         )
     called = _names_of(part)
-    named = override_objects(profile)
+    named = list_overridden_objects(profile)
     _check_names(named, called)
     _require_known_facets(part)
     own = [profile_for_object(profile, tuple(name for name in named if name in names)) for names in called]
@@ -60,7 +60,7 @@ def split_objects(part: Mesh, plan: LayerPlan | Sequence[LayerPlan], profile: Pr
 
 def _group_by_settings(part: Mesh, profile: Profile) -> list[tuple[Mesh, Profile]]:
     """Return groups of objects with the same settings, each with its profile."""
-    named = override_objects(profile)
+    named = list_overridden_objects(profile)
     if not named:
         return [(part, profile)]
     called = _names_of(part)

@@ -1,4 +1,4 @@
-"""Recognize macros defined on the printer by their names, because their commands are not in the file.
+"""Recognize macros of the printer by their names, because their commands are not in the G-code file.
 
 Files for Klipper mostly begin with a macro that homes and heats (`PRINT_START EXTRUDER=215 BED=55`) and end with one
 that switches off the heaters and parks (`PRINT_END`). Case does not matter.

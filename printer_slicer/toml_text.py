@@ -1,4 +1,4 @@
-"""Parse untrusted TOML within limits, with the line of every error and every key.
+"""Parse untrusted TOML within limits, and find the lines of errors and keys.
 
 Python's parser has no limits: a key of 20 000 parts takes gigabytes, nested brackets raise RecursionError,
 and integers may have any number of digits.
@@ -14,12 +14,12 @@ from typing import Any, Final
 __all__ = ["MOST_BYTES", "TomlError", "key_lines", "parse_toml"]
 
 MOST_BYTES: Final = 1 << 20
-"""Size limit of a file; the largest shipped one has 10 kB."""
+"""Size limit of a file; the largest shipped profile has 10 kB."""
 MOST_PARTS: Final = 32
-"""Limit for the parts of a dotted key, and for nested tables or lists."""
+"""Limit for the number of parts in a dotted key, and for the depth of nested tables or lists."""
 LONGEST_KEY: Final = 200
 LONGEST_TEXT: Final = 1 << 16
-"""Limits for keys and values, characters."""
+"""Limits for the lengths of keys and of text values, characters."""
 LARGEST: Final = 2**63 - 1
 """Largest integer that TOML requires programs to read."""
 
@@ -27,7 +27,8 @@ _KEY = r"(?:[A-Za-z0-9_-]+|\"[^\"\n]*\"|'[^'\n]*')"
 _DOTTED = rf"{_KEY}(?:[ \t]*\.[ \t]*{_KEY})*"
 _HEADER = re.compile(rf"[ \t]*\[\[?[ \t]*({_DOTTED})[ \t]*\]\]?")
 _SETTING = re.compile(rf"[ \t]*({_DOTTED})[ \t]*=")
-# Strings and comments, in which brackets and line breaks do not count, and brackets, between which line breaks do not.
+# Strings, comments, brackets and line breaks: brackets inside strings and comments have no meaning, and neither have
+# line breaks inside strings or between brackets.
 _WORD = re.compile(
     r'"""(?:[^"\\]|\\.|"(?!""))*+"{3,5}|\'\'\'(?:[^\']|\'(?!\'\'))*+\'{3,5}'
     r'|"(?:\\.|[^"\\\n])*+"|\'[^\'\n]*+\'|#[^\n]*+|[\[{]|[\]}]|\n',
@@ -41,8 +42,8 @@ class TomlError(ValueError):
     """A TOML text is invalid or exceeds a limit.
 
     Attributes:
-        line: counted from 1.
-        reason: message.
+        line: line number, counted from 1.
+        reason: the problem.
     """
 
     def __init__(self, line: int, reason: str) -> None:
@@ -68,11 +69,11 @@ def parse_toml(text: str) -> dict[str, Any]:
         found = re.match(r"line (\d+)", place)
         raise TomlError(int(found[1]) if found else text.count("\n") + 1, reason[:300]) from None
     except RecursionError:
-        raise _too_deep(_line_of_depth(text)) from None
+        raise _make_nesting_error(_find_too_deep_line(text)) from None
     except ValueError:  # Python limits the digits of a number
         found = _MANY_DIGITS.search(text)
-        raise _too_large(text.count("\n", 0, found.start()) + 1 if found else 1) from None
-    fault = _beyond_limits(values)
+        raise _make_integer_error(text.count("\n", 0, found.start()) + 1 if found else 1) from None
+    fault = _find_value_beyond_limits(values)
     if fault:
         key, reason = fault
         lines = key_lines(text)
@@ -82,28 +83,30 @@ def parse_toml(text: str) -> dict[str, Any]:
     return values
 
 
-def _too_deep(line: int) -> TomlError:
+def _make_nesting_error(line: int) -> TomlError:
+    """Return the error for a text with too many levels."""
     return TomlError(line, f"more than {MOST_PARTS} nested tables or lists")
 
 
-def _too_large(line: int) -> TomlError:
+def _make_integer_error(line: int) -> TomlError:
+    """Return the error for an integer that is too large."""
     return TomlError(line, f"an integer larger than {LARGEST}")
 
 
 def _check_dotted_keys(text: str) -> None:
-    """Reject keys of many parts before parsing."""
-    bare = _WORD.sub(lambda found: _without_meaning(found[0]), text)
+    """Reject keys with too many parts; called before parsing."""
+    bare = _WORD.sub(lambda found: _blank_word(found[0]), text)
     found = _MANY_PARTS.search(bare)
     if found:
-        raise _too_deep(bare.count("\n", 0, found.start()) + 1)
+        raise _make_nesting_error(bare.count("\n", 0, found.start()) + 1)
 
 
-def _without_meaning(word: str) -> str:
-    """Replace a string by a key and a comment by nothing, with the same number of lines."""
+def _blank_word(word: str) -> str:
+    """Replace a string by `_` and a comment by nothing, without changing the number of lines."""
     return word if len(word) == 1 else "_" * (word[0] != "#") + "\n" * word.count("\n")
 
 
-def _line_of_depth(text: str) -> int:
+def _find_too_deep_line(text: str) -> int:
     """Return the first line with too many open brackets."""
     depth = 0
     for found in _WORD.finditer(text):
@@ -113,57 +116,59 @@ def _line_of_depth(text: str) -> int:
     return 1
 
 
-def _beyond_limits(values: Mapping[str, Any]) -> tuple[str, str] | None:
+def _find_value_beyond_limits(values: Mapping[str, Any]) -> tuple[str, str] | None:
     """Return the dotted key of the first value that exceeds a limit, and the reason."""
-    left: list[tuple[str, int, Any]] = [("", 0, values)]
-    while left:
-        key, depth, value = left.pop()
+    pending: list[tuple[str, int, Any]] = [("", 0, values)]
+    while pending:
+        key, depth, value = pending.pop()
         if depth > MOST_PARTS:
-            return key, _too_deep(1).reason
+            return key, _make_nesting_error(1).reason
         if isinstance(value, dict):
             long = next((name for name in value if len(name) > LONGEST_KEY), None)
             if long is not None:
                 return key, f"a key of {len(long)} characters; at most {LONGEST_KEY} are allowed"
-            left += [(f"{key}.{name}" if key else name, depth + 1, one) for name, one in value.items()]
+            pending += [(f"{key}.{name}" if key else name, depth + 1, one) for name, one in value.items()]
         elif isinstance(value, list):
-            left += [(key, depth + 1, one) for one in value]
+            pending += [(key, depth + 1, one) for one in value]
         elif isinstance(value, str) and len(value) > LONGEST_TEXT:
             return key, f"a string of {len(value)} characters; at most {LONGEST_TEXT} are allowed"
         elif isinstance(value, int) and not -LARGEST - 1 <= value <= LARGEST:
-            return key, _too_large(1).reason
+            return key, _make_integer_error(1).reason
     return None
 
 
 def key_lines(text: str) -> dict[str, int]:
     """Map each dotted key and table of a valid TOML text to the line, from 1, where it is first named.
 
-    Tables of a list `[[many]]` are `many[0]`, `many[1]` and so on, and `many` is where the list begins. Keys of inline
-    tables have no entry of their own.
+    Tables of a list `[[many]]` are called `many[0]`, `many[1]` and so on, and `many` is the line where the list begins.
+    Keys of inline tables are not included.
     """
     lines: dict[str, int] = {}
     counts: dict[str, int] = {}
-    table, line, counted = "", 1, 0
-    for start, statement in _statements(text):
+    table, line, previous_start = "", 1, 0
+    for start, statement in _split_statements(text):
         header, setting = _HEADER.match(statement), _SETTING.match(statement)
-        line += text.count("\n", counted, start)
-        counted = start
+        line += text.count("\n", previous_start, start)
+        previous_start = start
         if header:
-            table = _numbered(_plain(header[1]), counts, new=statement.lstrip().startswith("[["))
-            lines.setdefault(_listed(table), line)
+            table = _add_list_indices(
+                _normalize_key(header[1]), counts, new=statement.lstrip().startswith("[[")
+            )
+            lines.setdefault(_remove_list_index(table), line)
             lines.setdefault(table, line)
         elif setting:
-            key = _plain(setting[1])
+            key = _normalize_key(setting[1])
             lines.setdefault(f"{table}.{key}" if table else key, line)
     return lines
 
 
-def _numbered(name: str, counts: dict[str, int], *, new: bool) -> str:
+def _add_list_indices(name: str, counts: dict[str, int], *, new: bool) -> str:
     """Return the name of a table with the indices of the lists that contain it.
 
     Args:
-        name: as in the file.
-        counts: number of tables in each list so far; increased for a new one.
-        new: whether this is a new table of a list of that name.
+        name: name of the table, as in the file.
+        counts: number of tables in each list so far; changed in place for a new table.
+        new: whether this is a new table in the list of that name.
     """
     found, parts = "", name.split(".")
     for k, part in enumerate(parts):
@@ -174,18 +179,18 @@ def _numbered(name: str, counts: dict[str, int], *, new: bool) -> str:
     return found
 
 
-def _listed(table: str) -> str:
-    """Return the name of the list for a table of a list; other names unchanged."""
+def _remove_list_index(table: str) -> str:
+    """Return the name of the list that a table belongs to; other names are returned unchanged."""
     return table.rpartition("[")[0] if table.endswith("]") else table
 
 
-def _plain(key: str) -> str:
+def _normalize_key(key: str) -> str:
     """Return a dotted key without quotes and spaces."""
     return ".".join(part.strip().strip("\"'") for part in re.findall(_KEY, key))
 
 
-def _statements(text: str) -> Iterator[tuple[int, str]]:
-    """Yield the first line and the text of each statement; values may span several lines."""
+def _split_statements(text: str) -> Iterator[tuple[int, str]]:
+    """Yield the start position and the text of each statement; a statement may span several lines."""
     begin, depth = 0, 0
     for word in _WORD.finditer(text):
         sign = word[0]

@@ -1,4 +1,4 @@
-"""Base class of all groups of settings, and the metadata of a setting: meaning, unit, bounds."""
+"""The base class of all groups of settings, and the metadata of a setting: meaning, unit and bounds."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def meta(meaning: str, unit: str = "", *, own: tuple[str, ...] = (), **bounds: A
     Args:
         meaning: a phrase that stands alone, for help and documents.
         unit: its unit.
-        own: whether it can be overridden for objects and for height ranges.
+        own: `OBJECT`, `HEIGHT` or both, if it can be overridden for objects or for height ranges.
         bounds: bounds of its value, as in `msgspec.Meta`.
     """
     shown = {"unit": unit} if unit else None

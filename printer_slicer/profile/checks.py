@@ -1,4 +1,4 @@
-"""Find conflicts between settings that are valid by themselves."""
+"""Find conflicts between settings, each of which has a valid value."""
 
 from __future__ import annotations
 
@@ -31,29 +31,30 @@ class Conflict(NamedTuple):
 
 def conflicts(profile: Profile) -> Iterator[Conflict]:
     """Yield the conflicts between the settings of a profile."""
-    yield from _layers(profile)
-    yield from _planner(profile)
-    yield from _widths(profile)
-    yield from _raft(profile)
-    yield from _heat(profile)
-    yield from _firmware(profile)
-    yield from _thumbnails(profile)
+    yield from _check_layer_heights(profile)
+    yield from _check_planner(profile)
+    yield from _check_widths(profile)
+    yield from _check_raft(profile)
+    yield from _check_temperatures(profile)
+    yield from _check_firmware(profile)
+    yield from _check_thumbnails(profile)
 
 
 def _has_variable_layers(profile: Profile) -> bool:
+    """Return whether the planner chooses layer heights."""
     return profile.quality.planner.__struct_config__.tag != "uniform"
 
 
-def _layers(profile: Profile) -> Iterator[Conflict]:
+def _check_layer_heights(profile: Profile) -> Iterator[Conflict]:
     """Check that all layer heights lie within the printer's limits and are multiples of its z step."""
     printer = profile.printer
     if printer.min_layer > printer.max_layer:
-        over = f"{printer.min_layer:g} mm is more than printer.max_layer ({printer.max_layer:g} mm)"
-        yield Conflict("printer.min_layer", over, "Lower printer.min_layer, or raise printer.max_layer")
+        problem = f"{printer.min_layer:g} mm is more than printer.max_layer ({printer.max_layer:g} mm)"
+        yield Conflict("printer.min_layer", problem, "Lower printer.min_layer, or raise printer.max_layer")
     if profile.thinnest > profile.thickest:
-        over = f"{profile.thinnest:g} mm is more than the maximum layer height ({profile.thickest:g} mm)"
-        yield Conflict("quality.thinnest_layer", over, "Lower it, or raise quality.thickest_layer")
-    for name, height in _heights(profile):
+        problem = f"{profile.thinnest:g} mm is more than the maximum layer height ({profile.thickest:g} mm)"
+        yield Conflict("quality.thinnest_layer", problem, "Lower it, or raise quality.thickest_layer")
+    for name, height in _list_layer_heights(profile):
         if not printer.min_layer - 1e-9 <= height <= printer.max_layer + 1e-9:
             yield Conflict(
                 f"quality.{name}",
@@ -71,8 +72,8 @@ def _layers(profile: Profile) -> Iterator[Conflict]:
             )
 
 
-def _heights(profile: Profile) -> Iterator[tuple[str, float]]:
-    """Yield all layer heights in the quality, with their keys."""
+def _list_layer_heights(profile: Profile) -> Iterator[tuple[str, float]]:
+    """Yield the key and the value of each layer height in the quality, mm."""
     quality = profile.quality
     for name in ("layer_height", "first_layer_height", "thinnest_layer", "thickest_layer"):
         height = getattr(quality, name)
@@ -85,22 +86,22 @@ def _heights(profile: Profile) -> Iterator[tuple[str, float]]:
                 yield "planner.ranges", one.layer_height
 
 
-def _planner(profile: Profile) -> Iterator[Conflict]:
+def _check_planner(profile: Profile) -> Iterator[Conflict]:
     """Check the settings of the planner against each other and the printer."""
     quality, printer = profile.quality, profile.printer
     steps = quality.layer_step / printer.z_step
     if abs(steps - round(steps)) > 1e-6:
-        no_multiple = f"{quality.layer_step:g} mm is not a multiple of printer.z_step ({printer.z_step:g} mm)"
-        yield Conflict("quality.layer_step", no_multiple, f"Use {max(floor(steps), 1) * printer.z_step:g}")
+        problem = f"{quality.layer_step:g} mm is not a multiple of printer.z_step ({printer.z_step:g} mm)"
+        yield Conflict("quality.layer_step", problem, f"Use {max(floor(steps), 1) * printer.z_step:g}")
     if printer.z_full_step:
-        within = printer.z_full_step / printer.z_step
-        if abs(within - round(within)) > 1e-6:
-            no_multiple = (
+        microsteps = printer.z_full_step / printer.z_step
+        if abs(microsteps - round(microsteps)) > 1e-6:
+            problem = (
                 f"{printer.z_full_step:g} mm is not a multiple of printer.z_step ({printer.z_step:g} mm)"
             )
             yield Conflict(
                 "printer.z_full_step",
-                no_multiple,
+                problem,
                 "Correct one of them: a full step is a whole number of microsteps",
             )
     yield from planner_conflicts(quality)
@@ -112,21 +113,21 @@ def planner_conflicts(quality: Quality) -> Iterator[Conflict]:
     if not isinstance(planner, OptimalPlanner):
         return
     if planner.max_layers and planner.time_budget:
-        both = "cannot be combined with quality.planner.time_budget"
-        yield Conflict("quality.planner.max_layers", both, "Set one of them to 0")
+        problem = "cannot be combined with quality.planner.time_budget"
+        yield Conflict("quality.planner.max_layers", problem, "Set one of them to 0")
     for one in planner.ranges:
         if one.high <= one.low:
-            turned = f"the height range from {one.low:g} to {one.high:g} mm is empty"
-            yield Conflict("quality.planner.ranges", turned, "Write the lower end first")
+            problem = f"the height range from {one.low:g} to {one.high:g} mm is empty"
+            yield Conflict("quality.planner.ranges", problem, "Write the lower end first")
     forced = sorted((one for one in planner.ranges if one.layer_height), key=lambda one: one.low)
     for lower, upper in pairwise(forced):
         if upper.low < lower.high and upper.layer_height != lower.layer_height:
-            both = f"two layer heights apply between {upper.low:g} and {min(lower.high, upper.high):g} mm"
-            yield Conflict("quality.planner.ranges", both, "End one range where the other one starts")
+            problem = f"two layer heights apply between {upper.low:g} and {min(lower.high, upper.high):g} mm"
+            yield Conflict("quality.planner.ranges", problem, "End one range where the other one starts")
 
 
-def _widths(profile: Profile) -> Iterator[Conflict]:
-    """Check that extrusions are at least as wide as high, and suit the nozzle."""
+def _check_widths(profile: Profile) -> Iterator[Conflict]:
+    """Check that extrusions are not higher than wide, and that their widths suit the nozzle."""
     nozzle = profile.printer.nozzle_diameter
     uniform = max(profile.quality.layer_height, profile.quality.first_layer_height)
     highest = profile.thickest if _has_variable_layers(profile) else uniform
@@ -165,7 +166,7 @@ def _widths(profile: Profile) -> Iterator[Conflict]:
         )
 
 
-def _raft(profile: Profile) -> Iterator[Conflict]:
+def _check_raft(profile: Profile) -> Iterator[Conflict]:
     """Check that raft heights are multiples of the z step, and that a raft has no brim."""
     quality, step = profile.quality, profile.printer.z_step
     if not quality.raft_height:
@@ -174,18 +175,18 @@ def _raft(profile: Profile) -> Iterator[Conflict]:
         wanted = getattr(quality, name)
         steps = wanted / step
         if abs(steps - round(steps)) > 1e-6:
-            no_multiple = f"{wanted:g} mm is not a multiple of printer.z_step ({step:g} mm)"
+            problem = f"{wanted:g} mm is not a multiple of printer.z_step ({step:g} mm)"
             yield Conflict(
                 f"quality.{name}",
-                no_multiple,
+                problem,
                 f"Use {floor(steps) * step:g} or {(floor(steps) + 1) * step:g}",
             )
     if quality.brim_width:
-        both = f"a brim of {quality.brim_width:g} mm cannot be combined with a raft"
-        yield Conflict("quality.brim_width", both, "Set quality.brim_width or quality.raft_height to 0")
+        problem = f"a brim of {quality.brim_width:g} mm cannot be combined with a raft"
+        yield Conflict("quality.brim_width", problem, "Set quality.brim_width or quality.raft_height to 0")
 
 
-def _heat(profile: Profile) -> Iterator[Conflict]:
+def _check_temperatures(profile: Profile) -> Iterator[Conflict]:
     """Check that the printer allows the temperatures of the material."""
     printer, material = profile.printer, profile.material
     for heater, limit in (("nozzle", printer.max_nozzle_temperature), ("bed", printer.max_bed_temperature)):
@@ -199,23 +200,25 @@ def _heat(profile: Profile) -> Iterator[Conflict]:
                 )
 
 
-def _thumbnails(profile: Profile) -> Iterator[Conflict]:
-    """Check that thumbnails are small, because programs read them in one piece."""
+def _check_thumbnails(profile: Profile) -> Iterator[Conflict]:
+    """Check that thumbnails are not too large for the programs that show them."""
     for one in profile.printer.thumbnails:
         if max(int(side) for side in one.partition("/")[0].split("x")) > LARGEST_THUMBNAIL:
-            large = f"{one} is larger than {LARGEST_THUMBNAIL} px"
-            yield Conflict("printer.thumbnails", large, f"Choose {LARGEST_THUMBNAIL} px or less")
+            problem = f"{one} is larger than {LARGEST_THUMBNAIL} px"
+            yield Conflict("printer.thumbnails", problem, f"Choose {LARGEST_THUMBNAIL} px or less")
 
 
-def _firmware(profile: Profile) -> Iterator[Conflict]:
+def _check_firmware(profile: Profile) -> Iterator[Conflict]:
     """Check that the firmware supports the settings."""
     printer, dialect = profile.printer, profile.printer.firmware.dialect
     if printer.firmware_retraction and dialect.retraction is None:
-        unable = f"flavour {printer.flavour} has no command to set the retraction length"
-        yield Conflict("printer.firmware_retraction", unable, "Set it to false")
+        problem = f"flavour {printer.flavour} has no command to set the retraction length"
+        yield Conflict("printer.firmware_retraction", problem, "Set it to false")
     if printer.firmware_retraction and printer.wipe_distance:
-        both = "a wipe cannot be combined with firmware retraction"
-        yield Conflict("printer.wipe_distance", both, "Set it to 0, or printer.firmware_retraction to false")
+        problem = "a wipe cannot be combined with firmware retraction"
+        yield Conflict(
+            "printer.wipe_distance", problem, "Set it to 0, or printer.firmware_retraction to false"
+        )
     if profile.material.pressure_advance and dialect.pressure_advance is None:
-        unable = f"flavour {printer.flavour} has no command for pressure advance"
-        yield Conflict("material.pressure_advance", unable, "Set it to 0")
+        problem = f"flavour {printer.flavour} has no command for pressure advance"
+        yield Conflict("material.pressure_advance", problem, "Set it to 0")

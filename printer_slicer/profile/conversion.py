@@ -11,7 +11,7 @@ from typing import Any, Final, NamedTuple
 import msgspec
 
 from printer_slicer.errors import ProfileError
-from printer_slicer.profile.keys import ENTRIES, find_nearest_key, keys_of
+from printer_slicer.profile.keys import TABLE_LISTS, find_nearest_key, keys_of
 from printer_slicer.profile.lists import LISTS
 from printer_slicer.profile.reading import KINDS, SettingsSource
 from printer_slicer.profile.settings import PLANNER_SETTINGS
@@ -27,7 +27,7 @@ class SettingFault(NamedTuple):
 
     Attributes:
         place: file and line, or the option that was typed.
-        path: key within its section; empty for the whole section.
+        path: key without its section; empty if the whole section is wrong.
         problem: what is wrong, with key and value.
         remedy: what to do.
     """
@@ -48,14 +48,14 @@ def convert_section(kind: str, source: SettingsSource) -> Any:
     Raises:
         ProfileError: a setting is invalid; names place, key and bound.
     """
-    made = _attempt(kind, source.values)
-    if isinstance(made, msgspec.ValidationError):
-        raise _fault(kind, source, made).error() from None
-    return made
+    result = _try_conversion(kind, source.values)
+    if isinstance(result, msgspec.ValidationError):
+        raise _describe_fault(kind, source, result).error() from None
+    return result
 
 
-def _attempt(kind: str, values: Mapping[str, Any]) -> Any:
-    """Return the struct, or the error of the library."""
+def _try_conversion(kind: str, values: Mapping[str, Any]) -> Any:
+    """Convert a section to a struct; return the error of msgspec if that fails."""
     try:
         return msgspec.convert(values, KINDS[kind], strict=False)
     except msgspec.ValidationError as error:
@@ -64,42 +64,48 @@ def _attempt(kind: str, values: Mapping[str, Any]) -> Any:
 
 def find_first_fault(kind: str, source: SettingsSource) -> SettingFault | None:
     """Return the first fault of a section; None if there is none."""
-    made = _attempt(kind, source.values)
-    return _fault(kind, source, made) if isinstance(made, msgspec.ValidationError) else None
+    result = _try_conversion(kind, source.values)
+    return _describe_fault(kind, source, result) if isinstance(result, msgspec.ValidationError) else None
 
 
-def _fault(kind: str, source: SettingsSource, error: msgspec.ValidationError) -> SettingFault:
+def _describe_fault(kind: str, source: SettingsSource, error: msgspec.ValidationError) -> SettingFault:
+    """Describe an error of msgspec, with the place of the setting and a remedy."""
     problem, _, where = str(error).partition(" - at `$")
     path = where.rstrip("`").lstrip(".")
     if "unknown field" in problem:
-        return _unknown(kind, source, f"{path}.{problem.split('`')[1]}".lstrip("."))
+        return _describe_unknown_key(kind, source, f"{path}.{problem.split('`')[1]}".lstrip("."))
     if "missing required field" in problem:
         path = f"{path}.{problem.split('`')[1]}".lstrip(".")
         remedy = f'Set it, such as {path} = "..."' if path == "name" else _SETTINGS_HINT
         return SettingFault(source.place(path), path, f"{kind}.{path}: is missing", remedy)
     path, value = _locate_value(source.values, path)
-    listed = path.partition("[")[0]
-    if listed in LISTS and path == listed and isinstance(value, str):
-        remedy = f'Write it like this: {listed} = "{LISTS[listed].example}"'
+    list_key = path.partition("[")[0]
+    if list_key in LISTS and path == list_key and isinstance(value, str):
+        remedy = f'Write it like this: {list_key} = "{LISTS[list_key].example}"'
         return SettingFault(source.place(path), path, f"{kind}.{path}: {value!r} is not a valid list", remedy)
     from printer_slicer.profile.tables import choices_of  # noqa: PLC0415 - for errors only
 
     choices = [*PLANNER_SETTINGS] if path == "planner.kind" else choices_of(KINDS[kind], path).split(", ")
-    remedy = f"{_hint(value, choices)}Choose one of: {', '.join(choices)}" if any(choices) else _SETTINGS_HINT
+    remedy = (
+        f"{_suggest_choice(value, choices)}Choose one of: {', '.join(choices)}"
+        if any(choices)
+        else _SETTINGS_HINT
+    )
     if path == "planner":
         remedy = 'Write it like this: planner = { kind = "optimal" }'
     what = f"{kind}.{path}" if path else kind
     return SettingFault(
-        source.place(path), path, f"{what}: {_describe_problem(problem, listed, value)}", remedy
+        source.place(path), path, f"{what}: {_describe_problem(problem, list_key, value)}", remedy
     )
 
 
-def _hint(value: object, choices: Sequence[str]) -> str:
+def _suggest_choice(value: object, choices: Sequence[str]) -> str:
+    """Return the most similar choice as a question; empty if none is similar."""
     near = get_close_matches(str(value), choices, n=1)
     return f"Did you mean {near[0]!r}? " if near else ""
 
 
-_WORDS: Final[Mapping[str, str]] = {
+_TYPE_NAMES: Final[Mapping[str, str]] = {
     "int": "a whole number",
     "float": "a number",
     "str": "text",
@@ -110,13 +116,13 @@ _WORDS: Final[Mapping[str, str]] = {
 
 
 def _describe_problem(problem: str, key: str, value: object) -> str:
-    """Describe an error of the library without programming terms."""
+    """Describe an error of msgspec without programming terms."""
     found = re.fullmatch(r"Expected `([\w |]+)`(.*?)(, got `\w+`)?", problem)
     if "value '" in problem:
         return f"unknown value {value!r}"
     if not found:
         return f"{problem.replace('`', '')}; got {_format_value(value)}"
-    *others, last = (_WORDS.get(name, name) for name in found[1].split(" | "))
+    *others, last = (_TYPE_NAMES.get(name, name) for name in found[1].split(" | "))
     expected = f"{', '.join(others)} or {last}" if others else last
     bounds = re.sub(r"(?<=\d)\.0$", "", found[2])
     if "regex" in bounds:
@@ -136,12 +142,12 @@ def _format_value(value: object) -> str:
     return text if len(text) <= _MAX_SHOWN else f"{text[:_MAX_SHOWN]}..."
 
 
-def _unknown(kind: str, source: SettingsSource, path: str) -> SettingFault:
-    """Report an unknown key with a suggestion, or with the known keys."""
+def _describe_unknown_key(kind: str, source: SettingsSource, path: str) -> SettingFault:
+    """Describe an unknown key, and suggest a similar key or list the known keys."""
     known: Sequence[str] = keys_of(kind, source.values)
     key, table = path, path.rpartition("[")[0]
-    if table in ENTRIES:
-        known, key = ENTRIES[table].__struct_fields__, path.rpartition("].")[2]
+    if table in TABLE_LISTS:
+        known, key = TABLE_LISTS[table].__struct_fields__, path.rpartition("].")[2]
     near = find_nearest_key(key, known)
     elsewhere = [other for other in KINDS if other != kind and path in keys_of(other, {})]
     remedy = f"Did you mean {near!r}?" if near else f"Known settings: {', '.join(known)}"
@@ -151,7 +157,7 @@ def _unknown(kind: str, source: SettingsSource, path: str) -> SettingFault:
 
 
 def _locate_value(values: Any, path: str) -> tuple[str, Any]:
-    """Return key and value of the invalid setting; in a table of any keys, the first that is not a plain value."""
+    """Return key and value of an invalid setting; in a table with free keys, of the first table or list inside it."""
     for key in re.findall(r"[^.\[\]]+", path.removesuffix("[...]")):
         values = values[int(key) if isinstance(values, list | tuple) else key]
     if path.endswith("[...]"):

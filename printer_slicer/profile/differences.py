@@ -1,4 +1,4 @@
-"""The settings of a profile that differ from their defaults, as rows, text and HTML."""
+"""List the settings of a profile that differ from their defaults, as rows, text and HTML."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from printer_slicer.profile.tables import SettingRow, settings_table
 
 __all__ = ["ChangedSetting", "differences_as_html", "differences_as_text", "list_differences"]
 
-_MOST_ROWS: Final = 24  # in a text or table
-_MOST_LETTERS: Final = 40  # of a value
+_MOST_ROWS: Final = 24  # rows that are shown
+_MOST_CHARACTERS: Final = 40  # characters of a value that are shown
 
 
 class ChangedSetting(NamedTuple):
@@ -22,7 +22,7 @@ class ChangedSetting(NamedTuple):
 
     Attributes:
         key: such as `quality.perimeters`.
-        value: text of the value; G-code of several lines is counted, not shown.
+        value: text of the value; for G-code of several lines, the number of lines.
         unit: unit of both; empty if the setting has none.
         default: text of the default; empty if every profile must set the setting.
     """
@@ -40,10 +40,12 @@ def list_differences(sections: Mapping[str, msgspec.Struct]) -> list[ChangedSett
         sections: `printer`, `material` and `quality` -> their settings, in the order of the rows.
     """
     rows = {row.key: row for row in settings_table()}
-    return [one for kind, section in sections.items() for one in _of_section(kind, section, rows)]
+    return [
+        one for kind, section in sections.items() for one in _list_section_differences(kind, section, rows)
+    ]
 
 
-def _of_section(
+def _list_section_differences(
     kind: str, section: msgspec.Struct, rows: Mapping[str, SettingRow]
 ) -> Iterator[ChangedSetting]:
     """Yield the differences of one section."""
@@ -54,22 +56,22 @@ def _of_section(
         row = rows.get(key) or rows.get(key.replace(".planner.", f".planner[{planner}]."))
         if row is None or path == "name":
             continue
-        text = _format(value)
-        default = "" if row.default in ("required", "empty") else _format(_number(row.default))
+        text = _format_value(value)
+        default = "" if row.default in ("required", "empty") else _format_value(_parse_number(row.default))
         if text != default:
             yield ChangedSetting(key, text, row.unit, default)
 
 
-def _number(text: str) -> object:
-    """Return the number that a text is; other texts stay as they are."""
+def _parse_number(text: str) -> object:
+    """Convert a text to a number if it is one."""
     try:
         return float(text)
     except ValueError:
         return text
 
 
-def _format(value: object) -> str:
-    """Format a value in at most one short line."""
+def _format_value(value: object) -> str:
+    """Format a value as one short line."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, int | float):
@@ -78,10 +80,11 @@ def _format(value: object) -> str:
     text = lines[0] if lines else ""
     if len(lines) > 1:
         return f"{len(lines)} lines"
-    return text if len(text) <= _MOST_LETTERS else f"{text[: _MOST_LETTERS - 1]}…"
+    return text if len(text) <= _MOST_CHARACTERS else f"{text[: _MOST_CHARACTERS - 1]}…"
 
 
-def _headline(names: Sequence[str], count: int) -> str:
+def _format_headline(names: Sequence[str], count: int) -> str:
+    """Return a line with the names of the profile and the number of changed settings."""
     printer, material, quality = names
     return (
         f"printer {printer}, material {material}, quality {quality}; "
@@ -90,18 +93,18 @@ def _headline(names: Sequence[str], count: int) -> str:
 
 
 def differences_as_text(names: Sequence[str], rows: Sequence[ChangedSetting]) -> str:
-    """Return a line for the profile and a line for each of the first rows.
+    """Return a text with one line for the profile and one line for each of the first rows.
 
     Args:
         names: display names of printer, material and quality.
         rows: from `list_differences`.
     """
     shown = rows[:_MOST_ROWS]
-    wide = max((len(one.key) for one in shown), default=0)
-    lines = [f"<Profile: {_headline(names, len(rows))}"]
+    width = max((len(one.key) for one in shown), default=0)
+    lines = [f"<Profile: {_format_headline(names, len(rows))}"]
     for one in shown:
         value = f"{one.value} {one.unit}".rstrip() or "empty"
-        lines.append(f"  {one.key:{wide}}  {value}" + (f"  (default {one.default})" if one.default else ""))
+        lines.append(f"  {one.key:{width}}  {value}" + (f"  (default {one.default})" if one.default else ""))
     lines += [f"  and {len(rows) - len(shown)} more"] if len(shown) < len(rows) else []
     return "\n".join([*lines, ">"]) if len(lines) > 1 else f"{lines[0]}>"
 
@@ -113,5 +116,5 @@ def differences_as_html(names: Sequence[str], rows: Sequence[ChangedSetting]) ->
         "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in one) + "</tr>" for one in rows[:_MOST_ROWS]
     )
     more = f"<p>and {len(rows) - _MOST_ROWS} more</p>" if len(rows) > _MOST_ROWS else ""
-    title = escape(_headline(names, len(rows)))
+    title = escape(_format_headline(names, len(rows)))
     return f"<p>{title}</p><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>{more}"

@@ -15,7 +15,7 @@ __all__ = ["find_value_conflicts", "find_value_fault"]
 
 
 def find_value_fault(kind: str, values: Mapping[str, Any]) -> tuple[str, str] | None:
-    """Return a setting with a wrong type or value and the problem; None if all settings are valid.
+    """Return the key of the first invalid setting and the problem; None if all settings are valid.
 
     Args:
         kind: `printer`, `material` or `quality`.
@@ -32,14 +32,14 @@ def find_value_fault(kind: str, values: Mapping[str, Any]) -> tuple[str, str] | 
 def find_value_conflicts(
     printer: Mapping[str, Any], material: Mapping[str, Any], quality: Mapping[str, Any]
 ) -> list[tuple[str, str, str]]:
-    """Return the conflicts between valid settings of three profiles: (key, problem, remedy).
+    """Return the conflicts between settings of a printer, a material and a quality: (key, problem, remedy).
 
     Args:
-        printer: its settings, nested as in a file.
+        printer: valid settings, nested as in a file.
         material: likewise.
         quality: likewise.
     """
     parts = {"printer": printer, "material": material, "quality": quality}
-    made: dict[str, Any] = {kind: msgspec.convert(values, KINDS[kind]) for kind, values in parts.items()}
-    profile = Profile(**made)
+    sections: dict[str, Any] = {kind: msgspec.convert(values, KINDS[kind]) for kind, values in parts.items()}
+    profile = Profile(**sections)
     return [(one.key, one.problem, one.remedy) for one in conflicts(profile)]

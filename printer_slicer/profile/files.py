@@ -30,7 +30,7 @@ from printer_slicer.profile.reading import (
     overlay,
     read_chain,
 )
-from printer_slicer.profile.renamed import current_names, warn_of
+from printer_slicer.profile.renamed import current_names, resolve_former_name
 from printer_slicer.texts import describe_type
 
 __all__ = [
@@ -44,7 +44,7 @@ __all__ = [
     "settings_text",
 ]
 
-_SHARES = ("0-1", "ratio")
+_RATIO_UNITS = ("0-1", "ratio")
 _BARE_POINT = re.compile(r"([-+]?)([0-9]*)\.([0-9]*)")
 
 
@@ -78,11 +78,11 @@ def load_profile(
             f"changes must be a mapping of names to values, not {describe_type(changes)}",
             remedy='Write it like this: changes={"layer_height": 0.2}',
         )
-    return _build(read_sources(names, _choose_planner(changes or {}), folders), slices=slices)
+    return _build_profile(read_sources(names, _choose_planner(changes or {}), folders), slices=slices)
 
 
 def _choose_planner(changes: Mapping[str, object]) -> Mapping[str, object]:
-    """Return the changes, with the uniform planner added for a layer height without a planner setting."""
+    """Return the changes; if they set a layer height but no planner setting, add the uniform planner."""
     named = {key.removeprefix("quality.") for key in changes}
     if "layer_height" not in named or any(key.startswith("planner.") for key in named):
         return changes
@@ -97,10 +97,10 @@ def profile_over(
     *,
     slices: bool = False,
 ) -> Profile:
-    """Load a profile around settings that a file has: G-code, or a file of another slicer.
+    """Load a profile from settings in G-code or in a file of another slicer, completed by other profiles.
 
     Args:
-        own: kind -> settings in the file, used unless `names` has a profile of this kind.
+        own: kind -> settings in the file; they are not used if `names` has a profile of this kind.
         names: as for `read_sources`.
         changes: as for `load_profile`.
         folders: as for `load_profile`.
@@ -115,13 +115,13 @@ def profile_over(
         else read_chain(kind, names.get(kind) or DEFAULT_NAMES[kind], folders)
         for kind in KINDS
     }
-    return _build(_apply_changes(sources, changes or {}), slices=slices)
+    return _build_profile(_apply_changes(sources, changes or {}), slices=slices)
 
 
 def read_sources(
     names: Mapping[str, str | None], changes: Mapping[str, object] | None = None, folders: Sequence[Path] = ()
 ) -> dict[str, SettingsSource]:
-    """Read printer, material and quality, and apply changes; None in `names` is the default.
+    """Read printer, material and quality, and apply changes; None in `names` means the default profile.
 
     Raises:
         ProfileError: a file or a key does not exist.
@@ -133,13 +133,13 @@ def read_sources(
 def _apply_changes(
     sources: dict[str, SettingsSource], changes: Mapping[str, object]
 ) -> dict[str, SettingsSource]:
-    """Apply all changes; the planner's kind comes first, since it determines the other planner settings."""
-    for key, value in sorted(changes.items(), key=_order):
+    """Apply all changes in place; the planner's kind comes first, because it determines the planner's settings."""
+    for key, value in sorted(changes.items(), key=_sort_key):
         _apply_change(sources, key, value)
     return sources
 
 
-def _order(change: tuple[str, object]) -> int:
+def _sort_key(change: tuple[str, object]) -> int:
     """Return the sort key of a change: the planner's kind first, appended rules last."""
     key = change[0]
     return -1 if key.endswith("planner.kind") else int(key.endswith("+"))
@@ -155,21 +155,22 @@ def profile_with(profile: Profile, changes: Mapping[str, object]) -> Profile:
     Raises:
         ProfileError: a setting does not exist, or a value is out of bounds.
     """
-    return _with(profile, changes)
+    return _copy_with_changes(profile, changes)
 
 
-def _with(profile: Profile, changes: Mapping[str, object], *, slices: bool = True) -> Profile:
+def _copy_with_changes(profile: Profile, changes: Mapping[str, object], *, slices: bool = True) -> Profile:
+    """Return a copy of a profile with some settings changed."""
     sources = {
         kind: SettingsSource(
             msgspec.to_builtins(getattr(profile, kind)), {}, f"{kind} {getattr(profile, kind).name!r}"
         )
         for kind in KINDS
     }
-    return _build(_apply_changes(sources, changes), slices=slices)
+    return _build_profile(_apply_changes(sources, changes), slices=slices)
 
 
 def settings_of(profile: Profile) -> dict[str, dict[str, Any]]:
-    """Return all settings as values for JSON, which `profile_from` converts back to a profile."""
+    """Return all settings as values for JSON; `profile_from` converts them back to a profile."""
     return {kind: msgspec.to_builtins(getattr(profile, kind)) for kind in KINDS}
 
 
@@ -182,11 +183,11 @@ def profile_from(values: Mapping[str, Mapping[str, Any]]) -> Profile:
     sources = {
         kind: SettingsSource(current_names(values.get(kind, {})), {}, f"the stored {kind}") for kind in KINDS
     }
-    return _build(sources, slices=False)
+    return _build_profile(sources, slices=False)
 
 
 def settings_text(profile: Profile) -> Iterator[tuple[str, object]]:
-    """Yield all settings as (`section.key`, value), in the order of their definition."""
+    """Yield all settings as pairs (`section.key`, value), in the order of their definition."""
     for kind in KINDS:
         for path, value in flatten(msgspec.to_builtins(getattr(profile, kind))):
             yield f"{kind}.{path}", value
@@ -194,12 +195,14 @@ def settings_text(profile: Profile) -> Iterator[tuple[str, object]]:
 
 def _apply_change(sources: dict[str, SettingsSource], key: str, value: object) -> None:
     """Apply one change in place."""
-    adds = key.endswith("+")
-    kind, path = resolve_key(sources, warn_of(key.removesuffix("+")))
+    appends = key.endswith("+")
+    kind, path = resolve_key(sources, resolve_former_name(key.removesuffix("+")))
     typed = value
-    value = list_from_text(path, value) if path in LISTS and isinstance(value, str) else _plain(value)
+    value = (
+        list_from_text(path, value) if path in LISTS and isinstance(value, str) else _normalize_value(value)
+    )
     if isinstance(value, str) and value.endswith("%"):
-        value = _share(kind, path, value)
+        value = _percent_to_ratio(kind, path, value)
     *tables, leaf = path.split(".")
     change: dict[str, Any] = {leaf: value}
     for table in reversed(tables):
@@ -207,16 +210,16 @@ def _apply_change(sources: dict[str, SettingsSource], key: str, value: object) -
     source = sources[kind]
     if tables and not isinstance(source.values.get(tables[0], {}), dict):
         return  # the file has a plain value instead of a table; the conversion reports it
-    if adds and isinstance(value, list):
-        sources[kind] = overlay(source, SettingsSource(change, _places_of(path, value), source.file))
+    if appends and isinstance(value, list):
+        sources[kind] = overlay(source, SettingsSource(change, _list_rule_places(path, value), source.file))
         return
     places = {one: place for one, place in source.places.items() if not one.startswith(f"{path}[")}
     places[path] = f"{key}={typed}"
     sources[kind] = SettingsSource(merge_tables(source.values, change), places, source.file)
 
 
-def _places_of(path: str, rules: Sequence[Any]) -> dict[str, str]:
-    """Return the text of each rule that is added as its place, and the last one's as that of the list."""
+def _list_rule_places(path: str, rules: Sequence[Any]) -> dict[str, str]:
+    """Return the place of each added rule, which is its text, and the place of the list, which is the last rule's."""
     places = {path: path}
     for i, one in enumerate(rules):
         with suppress(AttributeError, KeyError, TypeError, ValueError, msgspec.ValidationError):
@@ -224,21 +227,21 @@ def _places_of(path: str, rules: Sequence[Any]) -> dict[str, str]:
     return places
 
 
-def _share(kind: str, path: str, text: str) -> str:
-    """Return a percentage as the share that a setting without a unit expects; the text itself for other settings."""
+def _percent_to_ratio(kind: str, path: str, text: str) -> str:
+    """Convert a percentage to a ratio if the setting is a ratio; return the text unchanged for other settings."""
     from printer_slicer.profile.tables import settings_table  # noqa: PLC0415 - for percentages only
 
     units = {row.key: row.unit for row in settings_table()}
     try:
-        return f"{float(text[:-1]) / 100:.10g}" if units.get(f"{kind}.{path}") in _SHARES else text
+        return f"{float(text[:-1]) / 100:.10g}" if units.get(f"{kind}.{path}") in _RATIO_UNITS else text
     except ValueError:
         return text
 
 
-def _plain(value: Any) -> Any:
+def _normalize_value(value: Any) -> Any:
     """Convert numpy values to Python's, and numbers such as `.5` or `5.` to a form with digits on both sides."""
     if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
+        return [_normalize_value(item) for item in value]
     if isinstance(value, str):
         found = _BARE_POINT.fullmatch(value.strip())
         return (
@@ -249,8 +252,8 @@ def _plain(value: Any) -> Any:
     return value.tolist() if hasattr(value, "tolist") else value
 
 
-def _build(sources: Mapping[str, SettingsSource], *, slices: bool = True) -> Profile:
-    """Convert and check a profile."""
+def _build_profile(sources: Mapping[str, SettingsSource], *, slices: bool = True) -> Profile:
+    """Convert the sections to a profile, and check it."""
     profile = Profile(**{kind: convert_section(kind, source) for kind, source in sources.items()})
     for fault in _find_conflicts(profile, sources, slices=slices):
         raise fault.error()
@@ -270,7 +273,7 @@ def find_conflicts(sources: Mapping[str, SettingsSource]) -> list[SettingFault]:
 def _find_conflicts(
     profile: Profile, sources: Mapping[str, SettingsSource], *, slices: bool
 ) -> Iterator[SettingFault]:
-    """Yield conflicts between the three parts, and errors in overrides."""
+    """Yield conflicts between printer, material and quality, and errors in overrides."""
     for key, problem, remedy in conflicts(profile) if slices else ():
         kind, _, path = key.partition(".")
         yield SettingFault(sources[kind].place(path), path, f"{key}: {problem}", remedy)
@@ -285,13 +288,13 @@ def _find_override_faults(
         return
     from printer_slicer.profile.override_checks import find_override_faults  # noqa: PLC0415 - few profiles have overrides
 
-    wrong = list(find_override_faults(profile.quality))
-    for path, problem, remedy in wrong:
+    faults = list(find_override_faults(profile.quality))
+    for path, problem, remedy in faults:
         yield SettingFault(source.place(path), path, f"quality.overrides: {problem}", remedy)
-    for i, one in enumerate(() if wrong else profile.quality.overrides):
+    for i, one in enumerate(() if faults else profile.quality.overrides):
         path, changed = f"overrides[{i}]", {"quality.overrides": (), **one.set}
         try:
-            _with(profile, changed, slices=slices)
+            _copy_with_changes(profile, changed, slices=slices)
         except ProfileError as error:
             problem = str(error.args[0]).partition(": ")[2] or error.args[0]
             message = f"quality.overrides: {one.where()}: {problem}"

@@ -1,4 +1,4 @@
-"""Find profiles by what people call them: the display name, the model, or some words of it, in any spelling."""
+"""Find profiles by display name, by model, or by some words of these, in any spelling."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ __all__ = ["ProfileMatch", "display_name", "find_profiles", "suggest_profiles"]
 
 _NAME: Final = re.compile(r'^name = "([^"\n]*)"', re.MULTILINE)
 _MODEL: Final = re.compile(r'^model = "([^"\n]*)"', re.MULTILINE)
-_ALIKE: Final = 0.8  # of 1: another spelling this similar is suggested
-_MOST: Final = 5  # profiles in a message
+_LEAST_SIMILARITY: Final = 0.8  # minimum similarity of a suggestion, 0 to 1
+_MOST_SHOWN: Final = 5  # profiles in a message
 
 
 class ProfileMatch(NamedTuple):
-    """A profile that a text may mean.
+    """A profile that matches a text.
 
     Attributes:
         name: the name that selects it.
         display_name: its `name` setting.
-        is_sure: whether no other profile matches as well.
+        is_sure: whether every other profile matches less well.
     """
 
     name: str
@@ -35,53 +35,57 @@ class ProfileMatch(NamedTuple):
 
 def display_name(path: Path) -> str:
     """Return the `name` setting in a profile's file; empty if it is inherited."""
-    return _names(path)[1]
+    return _read_names(path)[1]
 
 
 def find_profiles(kind: str, text: str, folders: Sequence[Path] = ()) -> list[ProfileMatch]:
-    """Return the profiles that a text may mean, the best match first.
+    """Return the profiles that match a text, the best match first.
 
     Args:
         kind: `printer`, `material` or `quality`.
         text: as typed, such as "Ender 3".
         folders: searched first.
     """
-    asked = name_words(text)
-    known = {name: _names(path) for name, path in profile_paths(kind, folders).items()}
+    query_words = name_words(text)
+    known = {name: _read_names(path) for name, path in profile_paths(kind, folders).items()}
     ranked = []
     for name, names in known.items():
-        ranks = [rank for one in names if (rank := match_rank(asked, name_words(one)))]
+        ranks = [rank for one in names if (rank := match_rank(query_words, name_words(one)))]
         ranked += [(min(ranks), name)] if ranks else []
     ranked.sort()
     kinds = [rank[0] for rank, _ in ranked]
     is_only = len(kinds) == 1 and kinds[0] < IN_ORDER
     is_best = len(kinds) > 1 and kinds[0] <= ENDS_ALIKE and kinds[1] > kinds[0]
-    is_sure = (is_only or is_best) and any(word.isalpha() for word in asked)
+    is_sure = (is_only or is_best) and any(word.isalpha() for word in query_words)
     return [
         ProfileMatch(name, known[name][1] or name, is_sure and i == 0) for i, (_, name) in enumerate(ranked)
     ]
 
 
 def suggest_profiles(kind: str, text: str, folders: Sequence[Path] = ()) -> str:
-    """Return a question for a message about a name that selects no profile; empty if no profile is similar."""
+    """Return a question ("Did you mean ...?") for a name that selects no profile; empty if none is similar."""
     matches = find_profiles(kind, text, folders)
     if matches:
-        shown = [f"{one.name} ({one.display_name})" for one in matches[:_MOST]]
-        more = " and more" if len(matches) > _MOST else ""
+        shown = [f"{one.name} ({one.display_name})" for one in matches[:_MOST_SHOWN]]
+        more = " and more" if len(matches) > _MOST_SHOWN else ""
         return f"Did you mean {', '.join(shown)}{more}?"
-    asked, paths = name_words(text), profile_paths(kind, folders)
+    query_words, paths = name_words(text), profile_paths(kind, folders)
     contained = [
         (len(words), name)
         for name, path in paths.items()
-        for words in map(name_words, _names(path))
-        if len(words) > 1 and (rank := match_rank(words, asked)) and rank[0] < IN_ORDER
+        for words in map(name_words, _read_names(path))
+        if len(words) > 1 and (rank := match_rank(words, query_words)) and rank[0] < IN_ORDER
     ]
-    near = [max(contained)[1]] if contained else get_close_matches(text.lower(), paths, n=1, cutoff=_ALIKE)
+    near = (
+        [max(contained)[1]]
+        if contained
+        else get_close_matches(text.lower(), paths, n=1, cutoff=_LEAST_SIMILARITY)
+    )
     return f"Did you mean {near[0]!r}?" if near else ""
 
 
-def _names(path: Path) -> tuple[str, str, str]:
-    """Return file name, display name and model of a profile."""
+def _read_names(path: Path) -> tuple[str, str, str]:
+    """Read the display name and the model of a profile; return its file name, display name and model."""
     try:
         text = path.read_text(encoding="utf-8", errors="replace")
     except OSError:

@@ -37,7 +37,7 @@ def profile_root() -> Path:
 
 
 def user_folders() -> list[Path]:
-    """Return the user's folders, which need not exist; new profiles are stored in the first one."""
+    """Return the user's folders, which may be missing; new profiles are stored in the first one."""
     given = os.environ.get(VARIABLE)
     if given is not None:
         return [Path(folder) for folder in given.split(os.pathsep) if folder]

@@ -1,4 +1,4 @@
-"""Inspect profiles: the origin of each value, differences between two profiles, all errors in a file."""
+"""Inspect profiles: list the origin of each value, differences between two profiles, or all errors in a file."""
 
 from __future__ import annotations
 
@@ -52,7 +52,10 @@ def settings_with_origins(kind: str, source: SettingsSource) -> dict[str, Settin
 
 
 def differences(kind: str, one: SettingsSource, other: SettingsSource) -> dict[str, tuple[object, object]]:
-    """Return the settings in which two parts of the same kind differ; None: the part lacks the setting."""
+    """Return the settings that differ between two parts of the same kind, with both values.
+
+    A value is None if the part does not have the setting.
+    """
     left, right = settings_with_origins(kind, one), settings_with_origins(kind, other)
     pairs = {
         key: (left[key].value if key in left else None, right[key].value if key in right else None)
@@ -65,7 +68,7 @@ def find_faults(
     kind: str,
     name: str,
     folders: Sequence[Path] = (),
-    of_macros: Callable[[Printer], Iterable[Conflict]] = lambda _: (),
+    check_macros: Callable[[Printer], Iterable[Conflict]] = lambda _: (),
 ) -> list[SettingFault]:
     """Find all errors in one part of a profile.
 
@@ -73,19 +76,19 @@ def find_faults(
         kind: `printer`, `material` or `quality`.
         name: name of the profile, or its file.
         folders: further folders of profiles.
-        of_macros: finds errors in the macros of a printer; default: macros are not checked.
+        check_macros: function that finds errors in the macros of a printer; default: macros are not checked.
 
     Raises:
         ProfileError: the file, or one that it inherits from, cannot be read.
     """
     source = read_chain(kind, name, folders)
-    found, repaired = _find_faults_and_rest(kind, source)
+    found, repaired = _find_and_repair_faults(kind, source)
     if find_first_fault(kind, repaired):
         return found
     part = convert_section(kind, repaired)
     own = [] if found else list(planner_conflicts(part) if kind == "quality" else ())
     own += conflicts(profile_of_printer(part)) if kind == "printer" and not found else ()
-    own += of_macros(part) if kind == "printer" else ()
+    own += check_macros(part) if kind == "printer" else ()
     for key, problem, remedy in own:
         section, _, path = key.partition(".")
         if section == kind:
@@ -96,53 +99,55 @@ def find_faults(
 def _find_override_faults(
     quality: Quality, source: SettingsSource, found: Sequence[SettingFault]
 ) -> Iterator[SettingFault]:
-    """Yield the errors in overrides beyond types and bounds, except where an error was reported already."""
-    reported = {fault.path.partition("].")[0] + "]" for fault in found if not _is_of_set(fault.path)}
+    """Yield errors in overrides other than wrong types and bounds, unless the override has a reported error."""
+    reported = {
+        fault.path.partition("].")[0] + "]" for fault in found if not _is_setting_of_override(fault.path)
+    }
     for path, problem, remedy in find_override_faults(quality):
-        if _is_of_set(path) or path not in reported:
+        if _is_setting_of_override(path) or path not in reported:
             yield SettingFault(source.place(path), path, f"quality.overrides: {problem}", remedy)
 
 
-def _is_of_set(path: str) -> bool:
-    """Return whether a path is one of the settings of an override."""
+def _is_setting_of_override(path: str) -> bool:
+    """Return whether a path belongs to the settings inside an override."""
     return "].set" in path
 
 
-def _find_faults_and_rest(kind: str, source: SettingsSource) -> tuple[list[SettingFault], SettingsSource]:
-    """Find faults one by one, repairing each to find the next; return them and the repaired settings."""
+def _find_and_repair_faults(kind: str, source: SettingsSource) -> tuple[list[SettingFault], SettingsSource]:
+    """Find all faults by repairing each one before the next is searched; return them and the repaired settings."""
     found: list[SettingFault] = []
     replaced: set[str] = set()
     while fault := find_first_fault(kind, source):
         path = fault.path
-        again = any(path == one.path for one in found)
-        if not again:
+        is_repeated = any(path == one.path for one in found)
+        if not is_repeated:
             found.append(fault)
         if not path or path in replaced:
             break
-        # A table without its kind cannot be checked.
-        keys = _keys(path.removesuffix(".kind"))
-        if again or _entry(source.values, keys) is None:  # required settings get any valid value
+        # A table cannot be checked without its kind, so the whole table is removed.
+        keys = _split_path(path.removesuffix(".kind"))
+        if is_repeated or _find_value(source.values, keys) is None:  # required settings get any valid value
             replaced.add(path)
             source = source._replace(
-                values=_replace_value(source.values, keys, _STAND_INS.get(str(keys[-1]), 100))
+                values=_replace_value(source.values, keys, _VALID_VALUES.get(str(keys[-1]), 100))
             )
         else:
             source = source._replace(values=_replace_value(source.values, keys, None))
     return found, source
 
 
-_STAND_INS: Final[Mapping[str, object]] = {"name": "?", "set": {}, "low": 0, "high": HIGHEST}
+_VALID_VALUES: Final[Mapping[str, object]] = {"name": "?", "set": {}, "low": 0, "high": HIGHEST}
 
 
-def _keys(path: str) -> list[str | int]:
+def _split_path(path: str) -> list[str | int]:
     """Split a path into keys and list indices."""
     return [
         int(one) if one.isdecimal() else one for one in re.findall(r"[^.\[\]]+", path.replace("[...]", ""))
     ]
 
 
-def _entry(values: Any, keys: Sequence[str | int]) -> Any:
-    """Return the value at a path; None: no value."""
+def _find_value(values: Any, keys: Sequence[str | int]) -> Any:
+    """Return the value at a path; None if there is no value."""
     for key in keys:
         fits = isinstance(values, list | tuple) if isinstance(key, int) else isinstance(values, Mapping)
         if not fits or (isinstance(key, str) and key not in values):
@@ -151,22 +156,22 @@ def _entry(values: Any, keys: Sequence[str | int]) -> Any:
     return values
 
 
-def _replace_value(values: Any, keys: Sequence[str | int], stand_in: object) -> Any:
-    """Return a copy with another value at a path; None removes the value, or the whole list of an item."""
+def _replace_value(values: Any, keys: Sequence[str | int], new_value: object) -> Any:
+    """Return a copy with another value at a path; None removes the value, and for an item of a list the whole list."""
     key, *rest = keys
     if isinstance(key, int):
-        return [_replace_value(one, rest, stand_in) if i == key else one for i, one in enumerate(values)]
+        return [_replace_value(one, rest, new_value) if i == key else one for i, one in enumerate(values)]
     if rest and not (len(rest) == 1 and isinstance(rest[0], int)):
-        return {**values, key: _replace_value(values[key], rest, stand_in)}
-    if stand_in is None:
+        return {**values, key: _replace_value(values[key], rest, new_value)}
+    if new_value is None:
         return {name: value for name, value in values.items() if name != key}
-    return {**values, key: stand_in}
+    return {**values, key: new_value}
 
 
 def profile_of_printer(printer: Printer) -> Profile:
     """Return the profile of a printer with a material and a quality that never conflict with it."""
-    thin = Quality(name="", planner=UniformPlanner(), layer_height=printer.min_layer)
-    return Profile(printer=printer, material=NEUTRAL_MATERIAL, quality=thin)
+    thin_quality = Quality(name="", planner=UniformPlanner(), layer_height=printer.min_layer)
+    return Profile(printer=printer, material=NEUTRAL_MATERIAL, quality=thin_quality)
 
 
 def read_headline(path: Path) -> str:

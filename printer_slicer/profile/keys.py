@@ -22,24 +22,24 @@ from printer_slicer.profile.settings import (
     Speeds,
 )
 
-__all__ = ["ENTRIES", "INNER", "find_nearest_key", "is_setting", "keys_of", "resolve_key"]
+__all__ = ["INNER_TABLES", "TABLE_LISTS", "find_nearest_key", "is_setting", "keys_of", "resolve_key"]
 
-INNER: Final[Mapping[str, Mapping[str, type[Struct]]]] = {
+INNER_TABLES: Final[Mapping[str, Mapping[str, type[Struct]]]] = {
     "printer": {"speeds": PrinterSpeeds, "accelerations": PrinterAccelerations},
     "material": {},
     "quality": {"speeds": Speeds, "accelerations": Accelerations},
 }
-"""Tables within each section. Their keys without a section refer to the quality: `speeds.travel`."""
+"""Section -> tables inside it. A key of a table without a section, such as `speeds.travel`, refers to the quality."""
 
-ENTRIES: Final[Mapping[str, type[Struct]]] = {"overrides": Override, "planner.ranges": HeightRange}
-"""Settings that are lists of tables, and the type of these tables."""
-_ALIKE: Final = 0.75  # minimum similarity of a suggestion, 0 to 1
-_SHORT: Final = 2  # prefixes of up to two letters give no suggestion
+TABLE_LISTS: Final[Mapping[str, type[Struct]]] = {"overrides": Override, "planner.ranges": HeightRange}
+"""Setting that is a list of tables -> type of these tables."""
+_LEAST_SIMILARITY: Final = 0.75  # minimum similarity of a suggestion, 0 to 1
+_LONGEST_SHORT_PREFIX: Final = 2  # letters; prefixes up to this length give no suggestion
 
 
 def keys_of(kind: str, values: Mapping[str, Any]) -> list[str]:
     """Return all keys of a section; those of the planner depend on its kind in `values`."""
-    inner = INNER[kind]
+    inner = INNER_TABLES[kind]
     keys = [name for name in KINDS[kind].__struct_fields__ if name not in ("planner", *inner)]
     if kind == "quality":
         table = values.get("planner")
@@ -50,7 +50,7 @@ def keys_of(kind: str, values: Mapping[str, Any]) -> list[str]:
 
 
 def is_setting(key: str) -> bool:
-    """Return whether a key is the present or a former name of a setting, with or without its section."""
+    """Return whether a key is the current or a former name of a setting, with or without its section."""
     key = current_name(key.removesuffix("+"))
     section, _, rest = key.partition(".")
     names = [(kind, name) for kind in KINDS for name in keys_of(kind, {})]
@@ -63,26 +63,29 @@ def is_setting(key: str) -> bool:
 
 
 def find_nearest_key(key: str, known: Sequence[str]) -> str:
-    """Return the name most similar to a key, of the same group if that exists; empty if none is similar."""
+    """Return the known name most similar to a key; empty if none is similar.
+
+    Names of the key's own group are preferred.
+    """
     table, _, leaf = key.rpartition(".")
     known = sorted(known, key=len, reverse=True)  # of names with the same ending, suggest the shortest
     same = [one for one in known if one.rpartition(".")[0] == table]
-    leaves, all_leaves = ({one.rpartition(".")[2]: one for one in among} for among in (same, known))
+    leaves, all_leaves = ({one.rpartition(".")[2]: one for one in candidates} for candidates in (same, known))
     if leaf in all_leaves:
         return all_leaves[leaf]
-    for among in (leaves, all_leaves):
-        near = get_close_matches(leaf, among, n=1, cutoff=_ALIKE)
-        longer = [one for one in among if one.startswith(leaf) and len(leaf) > _SHORT]
+    for candidates in (leaves, all_leaves):
+        near = get_close_matches(leaf, candidates, n=1, cutoff=_LEAST_SIMILARITY)
+        longer = [one for one in candidates if one.startswith(leaf) and len(leaf) > _LONGEST_SHORT_PREFIX]
         if near or len(longer) == 1:
-            return among[near[0] if near else longer[0]]
-    near = [] if same else get_close_matches(key, known, n=1, cutoff=_ALIKE)
+            return candidates[near[0] if near else longer[0]]
+    near = [] if same else get_close_matches(key, known, n=1, cutoff=_LEAST_SIMILARITY)
     return near[0] if near else ""
 
 
 def resolve_key(sources: Mapping[str, SettingsSource], key: str) -> tuple[str, str]:
     """Return section and key of a change: `quality.perimeters`, or `perimeters` if only one section has it.
 
-    Settings of the chosen planner may be named alone too: `smooth` for `quality.planner.smooth`.
+    A setting of the chosen planner can also be written without its table: `smooth` for `quality.planner.smooth`.
 
     Raises:
         ProfileError: no section has the key, or several have it.
@@ -90,7 +93,7 @@ def resolve_key(sources: Mapping[str, SettingsSource], key: str) -> tuple[str, s
     known = [(kind, path) for kind, source in sources.items() for path in keys_of(kind, source.values)]
     exact = [(kind, path) for kind, path in known if f"{kind}.{path}" == key]
     matches = exact or [(kind, path) for kind, path in known if path == key]
-    if key.partition(".")[0] in INNER["quality"]:
+    if key.partition(".")[0] in INNER_TABLES["quality"]:
         matches = [one for one in matches if one[0] == "quality"] or matches
     matches = matches or [("quality", path) for _, path in known if path == f"planner.{key}"]
     if len(matches) == 1:
@@ -101,9 +104,9 @@ def resolve_key(sources: Mapping[str, SettingsSource], key: str) -> tuple[str, s
             f"{key}: more than one section has this setting", remedy=f"Choose one of: {choices}"
         )
     leaf = key.rpartition(".")[2]
-    having = [kind for kind, struct in PLANNER_SETTINGS.items() if leaf in struct.__struct_fields__]
-    if having and key in (leaf, f"planner.{leaf}", f"quality.planner.{leaf}"):
-        planners = " or ".join(f'`planner.kind="{kind}"`' for kind in having)
+    planner_kinds = [kind for kind, struct in PLANNER_SETTINGS.items() if leaf in struct.__struct_fields__]
+    if planner_kinds and key in (leaf, f"planner.{leaf}", f"quality.planner.{leaf}"):
+        planners = " or ".join(f'`planner.kind="{kind}"`' for kind in planner_kinds)
         raise ProfileError(f"{key}: the chosen planner has no such setting", remedy=f"Use it with {planners}")
     group = [path for _, path in known if path.startswith(f"{key.removeprefix('quality.')}.")]
     if group:

@@ -1,4 +1,4 @@
-"""Settings that are lists, as text: `0.1, 0.2, 0.3` and `10:20:tolerance=0.05; 30:31:layer_height=0.1`."""
+"""Convert settings that are lists from and to text, such as `0.1, 0.2, 0.3` and `10:20:tolerance=0.05`."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def list_from_text(key: str, text: str) -> list[Any]:
     raise ProfileError(f"{key}: {text!r} is not a valid list", remedy=f"Write it like this: {example}")
 
 
-def _range(text: str) -> dict[str, float]:
+def _parse_range(text: str) -> dict[str, float]:
     """Parse LOW:HIGH:KEY=VALUE[:KEY=VALUE] as a table."""
     low, high, *rules = (part.strip() for part in text.split(":"))
     table = {"low": float(low), "high": float(high)}
@@ -46,7 +46,7 @@ def _range(text: str) -> dict[str, float]:
     return table
 
 
-class _List(NamedTuple):
+class _ListFormat(NamedTuple):
     """The text format of a list: separator, function that reads an item, example."""
 
     separator: str
@@ -54,42 +54,46 @@ class _List(NamedTuple):
     example: str
 
 
-LISTS: Final[Mapping[str, _List]] = {
-    "layer_heights": _List(",", float, "0.1, 0.2, 0.3"),
-    "pause_at": _List(",", float, "4, 12.5"),
-    "thumbnails": _List(",", str.strip, "32x32, 300x300/QOI"),
-    "overrides": _List(";", overrides.parse_override, "lid:infill_density=0.4; 5:10:perimeters=4"),
-    "planner.ranges": _List(";", _range, "10:20:tolerance=0.05; 30:31:layer_height=0.1"),
+LISTS: Final[Mapping[str, _ListFormat]] = {
+    "layer_heights": _ListFormat(",", float, "0.1, 0.2, 0.3"),
+    "pause_at": _ListFormat(",", float, "4, 12.5"),
+    "thumbnails": _ListFormat(",", str.strip, "32x32, 300x300/QOI"),
+    "overrides": _ListFormat(";", overrides.parse_override, "lid:infill_density=0.4; 5:10:perimeters=4"),
+    "planner.ranges": _ListFormat(";", _parse_range, "10:20:tolerance=0.05; 30:31:layer_height=0.1"),
 }
-"""Settings that are lists, with their text formats."""
+"""Setting that is a list -> its text format."""
 
 
 def merge_lists(key: str, old: Sequence[Any], new: Sequence[Any]) -> list[Any]:
-    """Merge two lists: rules for objects and height ranges add up, and later ones win; other lists are replaced.
+    """Merge two lists: new rules for objects and height ranges override the old ones; other lists are replaced.
 
     Args:
         key: one of `LISTS`.
-        old: the lower list.
-        new: the upper list; an empty one removes all rules.
+        old: the list with lower precedence.
+        new: the list with higher precedence; if it is empty, it removes all rules.
     """
     if not new or key not in ("overrides", "planner.ranges"):
         return list(new)
     if key == "overrides":
         return [*old, *new]
-    left = [piece for one in old for piece in _remaining_ranges(one, new)]
-    return [*left, *new]
+    kept = [piece for one in old for piece in _remaining_ranges(one, new)]
+    return [*kept, *new]
 
 
 def _remaining_ranges(old: Any, new: Sequence[Any]) -> Iterator[Any]:
-    """Return the parts of a range that later ranges do not override."""
+    """Yield the parts of a range that later ranges do not override."""
     try:
         rules = {key: old[key] for key in _RANGE_KEYS if old.get(key)}
-        holes = {key: [(one["low"], one["high"]) for one in new if one.get(key)] for key in rules}
-        whole = all(high <= old["low"] or low >= old["high"] for key in holes for low, high in holes[key])
-        pieces = {key: _subtract_ranges(old["low"], old["high"], holes[key]) for key in rules}
+        later_ranges = {key: [(one["low"], one["high"]) for one in new if one.get(key)] for key in rules}
+        is_unchanged = all(
+            high <= old["low"] or low >= old["high"]
+            for key in later_ranges
+            for low, high in later_ranges[key]
+        )
+        pieces = {key: _subtract_ranges(old["low"], old["high"], later_ranges[key]) for key in rules}
     except (AttributeError, KeyError, TypeError):  # not a range; the conversion reports it
-        whole = True
-    if whole:
+        is_unchanged = True
+    if is_unchanged:
         yield old
         return
     for key, value in rules.items():
@@ -97,10 +101,10 @@ def _remaining_ranges(old: Any, new: Sequence[Any]) -> Iterator[Any]:
 
 
 def _subtract_ranges(
-    low: float, high: float, holes: Sequence[tuple[float, float]]
+    low: float, high: float, later_ranges: Sequence[tuple[float, float]]
 ) -> Iterator[tuple[float, float]]:
     """Yield the parts of a range outside other ranges."""
-    for start, end in sorted(holes):
+    for start, end in sorted(later_ranges):
         if low < min(start, high):
             yield low, min(start, high)
         low = max(low, end)
@@ -113,10 +117,11 @@ def list_as_text(values: Sequence[Any]) -> str:
     if values and isinstance(values[0], Mapping) and "set" in values[0]:
         return overrides.format_overrides(values)
     if values and isinstance(values[0], Mapping):
-        return "; ".join(_range_text(item) for item in values)
+        return "; ".join(_format_range(item) for item in values)
     return ", ".join(value if isinstance(value, str) else f"{value:.10g}" for value in values)
 
 
-def _range_text(table: Mapping[str, float]) -> str:
+def _format_range(table: Mapping[str, float]) -> str:
+    """Format a height range with its rules as text for `_parse_range`."""
     rules = "".join(f":{key}={table[key]:.10g}" for key in _RANGE_KEYS if table.get(key))
     return f"{table['low']:.10g}:{table['high']:.10g}{rules or ':tolerance=0'}"

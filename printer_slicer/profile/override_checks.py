@@ -1,4 +1,4 @@
-"""Check overrides: known settings that can be overridden there, with valid values."""
+"""Check that overrides change only settings that can be overridden, to valid values."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from printer_slicer.profile.tables import SettingRow, settings_table
 
 __all__ = ["NEUTRAL_MATERIAL", "OverrideFault", "find_override_faults"]
 
-_WORDS: Final = {OBJECT: "objects", HEIGHT: "height ranges"}
+_PLACE_NAMES: Final = {OBJECT: "objects", HEIGHT: "height ranges"}
 NEUTRAL_MATERIAL: Final = Material(
     name="",
     nozzle_temperature=0,
@@ -49,27 +49,27 @@ def find_override_faults(quality: Quality) -> Iterator[OverrideFault]:
     for i, one in enumerate(quality.overrides):
         path = f"overrides[{i}]"
         if one.is_everywhere and not one.object:
-            nowhere = "an override has neither an object nor a height range"
-            yield OverrideFault(path, nowhere, "Add one of them, or set the value for the whole plate")
+            problem = "an override has neither an object nor a height range"
+            yield OverrideFault(path, problem, "Add one of them, or set the value for the whole plate")
         if one.high <= one.low:
-            empty = f"{one.where()}: the height range from {one.low:g} to {one.high:g} mm is empty"
-            yield OverrideFault(f"{path}.high", empty, "Write the lower end first")
+            problem = f"{one.where()}: the height range from {one.low:g} to {one.high:g} mm is empty"
+            yield OverrideFault(f"{path}.high", problem, "Write the lower end first")
         for key, value in one.set.items():
             where = f"{one.where()}:{key}".lstrip(":")
             for problem, remedy in _check_key(one, key, value, rows, plain):
                 yield OverrideFault(f"{path}.set.{key}", f"{where}: {problem}", remedy)
     if quality.overrides and quality.spiral:
-        same = "overrides cannot be combined with quality.spiral"
-        yield OverrideFault("overrides", same, "Set quality.spiral to false, or remove the overrides")
+        problem = "overrides cannot be combined with quality.spiral"
+        yield OverrideFault("overrides", problem, "Set quality.spiral to false, or remove the overrides")
 
 
 def _check_key(
     one: Override, key: str, value: object, rows: Mapping[str, SettingRow], quality: Quality
 ) -> Iterator[tuple[str, str]]:
-    """Yield problem and remedy of errors in one setting of an override."""
-    what = {OBJECT} if one.object else set()
-    what |= set() if one.is_everywhere else {HEIGHT}
-    allowed = [row.key for row in rows.values() if row.own and what <= set(row.own)]
+    """Yield problem and remedy of each error in one setting of an override."""
+    required = {OBJECT} if one.object else set()
+    required |= set() if one.is_everywhere else {HEIGHT}
+    allowed = [row.key for row in rows.values() if row.own and required <= set(row.own)]
     found = [row.key for row in rows.values() if key in (row.key, row.key.partition(".")[2])]
     found.sort(key=lambda name: name not in allowed)  # printer and quality both have `speeds.internal_infill`
     if not found:
@@ -78,7 +78,8 @@ def _check_key(
         yield "no such setting", f"{hint}`printer-slicer profiles settings` lists all settings"
     elif found[0] not in allowed:
         places = (
-            " and ".join(_WORDS[one] for one in sorted(what, reverse=True)) or "objects and height ranges"
+            " and ".join(_PLACE_NAMES[one] for one in sorted(required, reverse=True))
+            or "objects and height ranges"
         )
         near = ", ".join(name.partition(".")[2] for name in allowed)
         yield f"{found[0]} cannot be overridden for {places}", f"Choose one of: {near}"
@@ -87,7 +88,7 @@ def _check_key(
 
 
 def _check_value(key: str, value: object, quality: Quality) -> Iterator[tuple[str, str]]:
-    """Yield problem and remedy if a value has the wrong type or is out of bounds."""
+    """Yield the problem and the remedy if a value has the wrong type or is out of bounds."""
     kind, _, path = key.partition(".")
     *tables, leaf = path.split(".")
     change = {leaf: value}

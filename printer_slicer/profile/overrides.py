@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Annotated, Any, Final
 
 from printer_slicer.profile.base import Settings, meta
-from printer_slicer.profile.renamed import warn_of
+from printer_slicer.profile.renamed import resolve_former_name
 
 __all__ = ["HIGHEST", "Override", "format_overrides", "has_height_range", "parse_override"]
 
@@ -32,7 +32,7 @@ class Override(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def is_everywhere(self) -> bool:
-        """Whether it applies to all heights."""
+        """Whether the override applies to all heights."""
         return self.low == 0 and self.high == HIGHEST
 
     def where(self) -> str:
@@ -50,7 +50,7 @@ def parse_override(text: str) -> dict[str, Any]:
     found = _TYPED.fullmatch(text.strip())
     if not found or not (found["object"] or found["low"]):
         raise ValueError(text)
-    table: dict[str, Any] = {"set": {warn_of(found["key"], text.strip()): found["value"].strip()}}
+    table: dict[str, Any] = {"set": {resolve_former_name(found["key"], text.strip()): found["value"].strip()}}
     if found["object"]:
         table["object"] = found["object"].strip()
     if found["low"]:
@@ -69,6 +69,7 @@ def format_overrides(tables: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _format_rules(tables: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """Yield the text of one rule for each setting of each override."""
     for table in tables:
         where = Override(**{**table, "set": {}}).where()
         for key, value in table["set"].items():

@@ -1,4 +1,4 @@
-"""The profile (printer, material and quality), and values derived from several settings."""
+"""The profile (printer, material and quality), and values that are derived from several settings."""
 
 from __future__ import annotations
 
@@ -81,12 +81,12 @@ class Profile(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def extruders(self) -> tuple[Extruder, ...]:
-        """The extruders that print; paths and moves refer to them by index. Profiles have one so far."""
+        """The extruders that print, to which paths and moves refer by index. Every profile has one so far."""
         return (Extruder(self.printer.tool, self.printer.nozzle_diameter, self.material),)
 
     @property
     def speeds(self) -> Speeds:
-        """Speed of each role, mm/s, including the printer's; see `resolve_speeds`."""
+        """Speed of each role, mm/s, from the quality or the printer; see `resolve_speeds`."""
         return resolve_speeds(self.printer, self.quality)
 
     @property
@@ -97,7 +97,7 @@ class Profile(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def accelerations(self) -> Accelerations:
-        """Acceleration of each role, mm/s², including the printer's; see `resolve_accelerations`."""
+        """Acceleration of each role, mm/s², from the quality or the printer; see `resolve_accelerations`."""
         return resolve_accelerations(self.printer, self.quality)
 
     @property
@@ -112,7 +112,7 @@ class Profile(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def resolved(self) -> Profile:
-        """The profile with the printer's values filled in where quality and material leave them open."""
+        """The profile with the printer's values for the settings that quality and material leave at 0."""
         return replace(
             self,
             material=replace(self.material, max_flow=self.max_flow, pressure_advance=self.pressure_advance),
@@ -126,7 +126,7 @@ class Profile(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def with_external_width(self) -> Profile:
-        """Return the profile in which all extrusions are as wide as external perimeters."""
+        """The profile with the width of external perimeters for all extrusions."""
         wanted = self.quality.external_perimeter_width
         return replace(self, quality=replace(self.quality, extrusion_width=wanted)) if wanted else self
 
@@ -137,7 +137,7 @@ class Profile(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def width_of_first_layer(self) -> float:
-        """Extrusion width of the part's first layer, mm: the one on the bed, unless there is a raft."""
+        """Extrusion width of the part's first layer, mm: the width on the bed, unless there is a raft."""
         return self.extrusion_width if self.quality.raft_height else self.width_on_bed
 
     @property
@@ -149,7 +149,7 @@ class Profile(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def highest_bead(self) -> float:
-        """Maximum height of an extrusion, mm: the nozzle can press it down, and it is not higher than wide."""
+        """Maximum height of an extrusion, mm: 0.8 nozzle diameters, and not more than its width."""
         return min(HIGHEST_BEAD * self.printer.nozzle_diameter, self.extrusion_width)
 
     @property
@@ -171,7 +171,7 @@ class Profile(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
 USUAL_FLOW: Final = 12.0
 """Maximum flow of a standard 0.4 mm hotend with PLA, mm³/s, if neither printer nor material sets one."""
 
-_SCALED: Final = (
+_SCALED_ROLES: Final = (
     "external_perimeter",
     "perimeter",
     "internal_infill",
@@ -180,24 +180,24 @@ _SCALED: Final = (
     "gap_fill",
     "support",
 )
-_VISIBLE: Final = ("external_perimeter", "top_solid_infill")
-_AS_THEY_ARE: Final = ("bridge", "internal_bridge", "small_perimeter", "travel", "first_layer")
+_VISIBLE_ROLES: Final = ("external_perimeter", "top_solid_infill")
+_UNSCALED_ROLES: Final = ("bridge", "internal_bridge", "small_perimeter", "travel", "first_layer")
 
 
 def resolve_speeds(printer: Printer, quality: Quality) -> Speeds:
     """Return the speeds of a quality, mm/s, with zeros replaced by the printer's values.
 
-    Only `small_perimeter` may stay 0, for no limit. Zeros of the printer that refer to another of its speeds are
-    replaced too. Values from the printer are limited by the maximum speed of its axes.
+    Only `small_perimeter` may stay 0, which means no limit. If the printer's value is 0 and refers to another speed of
+    the printer, that speed is used. Values from the printer are limited by the maximum speed of its axes.
     """
     own, wanted = printer.speeds, quality.speeds
     fastest = max(printer.max_speed_x, printer.max_speed_y)
-    usual = {name: getattr(own, name) for name in (*_SCALED, *_AS_THEY_ARE)}
+    usual = {name: getattr(own, name) for name in (*_SCALED_ROLES, *_UNSCALED_ROLES)}
     usual["gap_fill"] = own.gap_fill or own.perimeter
     usual["support_interface"] = own.support_interface or own.support
-    usual |= {name: usual[name] * wanted.ratio for name in (*_SCALED, "support_interface")}
+    usual |= {name: usual[name] * wanted.ratio for name in (*_SCALED_ROLES, "support_interface")}
     if wanted.visible_most:
-        usual |= {name: min(usual[name], wanted.visible_most) for name in _VISIBLE}
+        usual |= {name: min(usual[name], wanted.visible_most) for name in _VISIBLE_ROLES}
     filled = {name: getattr(wanted, name) or min(speed, fastest) for name, speed in usual.items()}
     if not own.gap_fill and not wanted.gap_fill:
         filled["gap_fill"] = filled["perimeter"]
@@ -210,9 +210,9 @@ def resolve_speeds(printer: Printer, quality: Quality) -> Speeds:
 
 
 def resolve_accelerations(printer: Printer, quality: Quality) -> Accelerations:
-    """Return the accelerations of a quality with zeros replaced, mm/s²: at most `printer.acceleration`.
+    """Return the accelerations of a quality, mm/s², with zeros replaced, limited by `printer.acceleration`.
 
-    `first_layer` may stay 0: then the first layer has the accelerations of the other layers.
+    `first_layer` may stay 0; the first layer then has the accelerations of the other layers.
     """
     own, wanted, most = printer.accelerations, quality.accelerations, printer.acceleration
     filled = {
@@ -235,7 +235,7 @@ def resolve_flow(printer: Printer, material: Material) -> float:
 
 
 def resolve_pressure_advance(printer: Printer, material: Material) -> float:
-    """Return the pressure advance, s: the material's, or the printer's for PLA; 0: the firmware's own."""
+    """Return the pressure advance, s, of the material, or of the printer for PLA; 0: the firmware's own value."""
     if material.pressure_advance:
         return material.pressure_advance
     is_pla = (material.type or material.name).strip().upper() == "PLA"

@@ -16,7 +16,12 @@ from printer_slicer.errors import ProfileError
 from printer_slicer.input_files import read_input
 from printer_slicer.profile.folders import FOLDERS, profile_paths, search_folders
 from printer_slicer.profile.lists import LISTS, list_as_text, list_from_text, merge_lists
-from printer_slicer.profile.renamed import current_name, current_names, overridden, warn_of
+from printer_slicer.profile.renamed import (
+    current_name,
+    current_names,
+    list_overridden_settings,
+    resolve_former_name,
+)
 from printer_slicer.profile.settings import Material, Printer, Quality
 from printer_slicer.toml_text import MOST_BYTES, TomlError, key_lines, parse_toml
 
@@ -52,9 +57,12 @@ MAX_PATH: Final = 1000
 
 
 class SettingsSource(NamedTuple):
-    """Settings of one kind, the place where each key was set, and the file for keys that were not set.
+    """Settings of one kind, and the places where they were set.
 
-    A place is a file with a line, or the option that was typed.
+    Attributes:
+        values: the settings, nested as in a file.
+        places: dotted key -> place: a file with a line, or the option that was typed.
+        file: place of keys that were not set.
     """
 
     values: dict[str, Any]
@@ -62,13 +70,13 @@ class SettingsSource(NamedTuple):
     file: str
 
     def place(self, path: str) -> str:
-        """Return where a key, or its table, was set."""
+        """Return the place where a key or its table was set; the file if it was not set."""
         return self.known_place(path) or self.file
 
     def known_place(self, path: str) -> str:
-        """Return where a key, or its table, was set; empty if it was not set."""
+        """Return the place where a key or its table was set; empty if it was not set."""
         path = path.replace("[...]", "")
-        while "[" in path:  # an entry of a list without a place of its own has that of the list
+        while "[" in path:  # an entry of a list that has no place takes the place of the list
             if path in self.places:
                 return self.places[path]
             path = path.removesuffix("]").rpartition("[" if path.endswith("]") else ".")[0]
@@ -87,7 +95,7 @@ def read_chain(
         kind: `printer`, `material` or `quality`.
         name: name of a profile, or path of a TOML file, relative to the file that inherits from it.
         folders: folders that are searched first.
-        seen: the files that inherit from it, the nearest last.
+        seen: the files that inherit from it, its direct heir last.
 
     Raises:
         ProfileError: a file does not exist, cannot be read, or inherits from itself.
@@ -100,12 +108,12 @@ def read_chain(
         raise ProfileError(
             f"{seen[0]}: more than {MAX_ANCESTORS} levels of inheritance", remedy="Inherit from fewer files"
         )
-    text, values = _read(path)
+    text, values = _read_toml(path)
     lines = {current_name(key): line for key, line in key_lines(text).items()}
-    for key in _leaves(values):
-        warn_of(key, f"{path}:{_line(lines, current_name(key))}")
-    for key in overridden(values):
-        warn_of(key, f"{path}:{_line(lines, 'overrides')}: override")
+    for key in _leaf_keys(values):
+        resolve_former_name(key, f"{path}:{_find_line(lines, current_name(key))}")
+    for key in list_overridden_settings(values):
+        resolve_former_name(key, f"{path}:{_find_line(lines, 'overrides')}: override")
     values = current_names(values)
     parent = values.pop("inherits", None)
     if parent is not None and not isinstance(parent, str):
@@ -115,8 +123,8 @@ def read_chain(
         )
     base = read_chain(kind, parent, folders, (*seen, path)) if parent else SettingsSource({}, {}, str(path))
     places = {
-        key: f"{path}:{_line(lines, key)}"
-        for key in [*_leaves(values), *(one for one in lines if "[" in one)]
+        key: f"{path}:{_find_line(lines, key)}"
+        for key in [*_leaf_keys(values), *(one for one in lines if "[" in one)]
     }
     if kind == "quality":
         _choose_uniform_planner(base, values)
@@ -124,9 +132,9 @@ def read_chain(
 
 
 def _choose_uniform_planner(base: SettingsSource, values: dict[str, Any]) -> None:
-    """Choose uniform layers if a quality sets a layer height and inherits the planner.
+    """Choose the uniform planner in place if a quality sets a layer height and inherits its planner.
 
-    Other planners choose the heights themselves, so the height would be ignored.
+    Other planners choose the layer heights themselves, so the layer height would be ignored.
     """
     if "layer_height" in values and "planner" not in values:
         base.values.pop("planner", None)
@@ -134,18 +142,18 @@ def _choose_uniform_planner(base: SettingsSource, values: dict[str, Any]) -> Non
 
 
 def overlay(base: SettingsSource, over: SettingsSource) -> SettingsSource:
-    """Overlay settings on others, with their places; rules for objects and height ranges add up."""
-    values = merge_tables(base.values, over.values, adds=True)
+    """Merge settings into base settings, with their places; rules for objects and height ranges are appended."""
+    values = merge_tables(base.values, over.values, appends=True)
     places = dict(base.places)
     for key, place in over.places.items():
         found = re.match(r"(.+?)\[(\d+)\](.*)", key)
-        before = _length(values, found[1]) - _length(over.values, found[1]) if found else 0
+        before = _list_length(values, found[1]) - _list_length(over.values, found[1]) if found else 0
         places[f"{found[1]}[{int(found[2]) + before}]{found[3]}" if found else key] = place
     return SettingsSource(values, places, over.file)
 
 
-def _length(values: Mapping[str, Any], path: str) -> int:
-    """Return the length of a list; 0 if there is none."""
+def _list_length(values: Mapping[str, Any], path: str) -> int:
+    """Return the length of the list at a dotted key; 0 if there is no list."""
     found: Any = values
     for key in path.split("."):
         found = found.get(key) if isinstance(found, Mapping) else None
@@ -153,7 +161,7 @@ def _length(values: Mapping[str, Any], path: str) -> int:
 
 
 def _parse_lists(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Replace the text of lists by lists; the conversion reports text that is not a list."""
+    """Convert the texts of settings that are lists; the conversion of types reports invalid texts."""
     result = dict(values)
     for key, value in values.items():
         if isinstance(value, dict):
@@ -164,20 +172,20 @@ def _parse_lists(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     return result
 
 
-def _leaves(values: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
+def _leaf_keys(values: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
     """Yield the dotted keys of all values that are not tables."""
     for key, value in values.items():
-        yield from _leaves(value, f"{prefix}{key}.") if isinstance(value, dict) else (prefix + key,)
+        yield from _leaf_keys(value, f"{prefix}{key}.") if isinstance(value, dict) else (prefix + key,)
 
 
-def _line(lines: Mapping[str, int], key: str) -> int:
-    """Return the line of a key, or of its table."""
+def _find_line(lines: Mapping[str, int], key: str) -> int:
+    """Return the line of a key or of its table."""
     while key not in lines and "." in key:
         key = key.rpartition(".")[0]
     return lines.get(key, 1)
 
 
-def _read(path: Path) -> tuple[str, dict[str, Any]]:
+def _read_toml(path: Path) -> tuple[str, dict[str, Any]]:
     """Read a TOML file; return its text and its values."""
     try:
         text = read_input(path, MOST_BYTES).decode("utf-8-sig").replace("\r\n", "\n")
@@ -221,35 +229,35 @@ def path_of(kind: str, name: str, folders: Sequence[Path] = (), seen: tuple[Path
     if name.endswith(".toml") or "/" in name:
         path = (seen[-1].parent if seen else Path()) / name
         if not path.is_file():
-            raise _no_file(path, asked_by, f"{kind} ")
+            raise _explain_missing_file(path, asked_by, f"{kind} ")
         return path
-    named = [folder / FOLDERS[kind] / f"{name}.toml" for folder in search_folders(folders)]
+    candidates = [folder / FOLDERS[kind] / f"{name}.toml" for folder in search_folders(folders)]
     try:
-        files = [path for path in named if path.is_file()]
+        files = [path for path in candidates if path.is_file()]
     except ValueError:  # not a valid file name
         files = []
     if seen and seen[-1] in files:
         files = files[files.index(seen[-1]) + 1 :] or [seen[-1]]
     if files:
         return files[0]
-    for path in named:
+    for path in candidates:
         if "\0" not in name and (path.is_dir() or path.is_symlink()):
-            raise _no_file(path, asked_by)
-    return _called(kind, name, folders, asked_by)
+            raise _explain_missing_file(path, asked_by)
+    return _find_by_display_name(kind, name, folders, asked_by)
 
 
-def _listed(known: Collection[str]) -> str:
-    """Return the known names, or where they are listed if there are many."""
+def _describe_known_names(known: Collection[str]) -> str:
+    """Return a remedy that lists the known names, or a command that lists them if there are many."""
     return (
         f"Known: {', '.join(known)}" if len(known) <= _MOST_LISTED else "`printer-slicer profiles` lists all"
     )
 
 
-def _called(kind: str, name: str, folders: Sequence[Path], asked_by: str) -> Path:
-    """Return the file of a profile by its display name, its model or words of them.
+def _find_by_display_name(kind: str, name: str, folders: Sequence[Path], asked_by: str) -> Path:
+    """Find the file of a profile by its display name, its model, or words of these.
 
     Raises:
-        ProfileError: no profile is meant for sure; lists those that may be meant.
+        ProfileError: no profile matches clearly better than the others; suggests those that match.
     """
     from printer_slicer.profile.finding import find_profiles, suggest_profiles  # noqa: PLC0415 - reads all profiles
 
@@ -260,12 +268,12 @@ def _called(kind: str, name: str, folders: Sequence[Path], asked_by: str) -> Pat
     raise ProfileError(
         f"{asked_by}{'several profiles match' if matches else 'unknown'} {kind} {name!r}",
         remedy=suggest_profiles(kind, name, folders)
-        or f"{_listed(known)}; the path of a .toml file is accepted too",
+        or f"{_describe_known_names(known)}; the path of a .toml file is accepted too",
     )
 
 
-def _no_file(path: Path, asked_by: str = "", kind: str = "") -> ProfileError:
-    """Explain why a path is not a profile."""
+def _explain_missing_file(path: Path, asked_by: str = "", kind: str = "") -> ProfileError:
+    """Return an error that explains why a path is not a profile."""
     problem = f"no such {kind}profile"
     if path.is_dir():
         problem = "is a folder, not a profile"
@@ -282,7 +290,8 @@ def _no_file(path: Path, asked_by: str = "", kind: str = "") -> ProfileError:
 def kind_of(name: str, folders: Sequence[Path] = ()) -> str:
     """Return the kind of a profile: `printer`, `material` or `quality`.
 
-    The kind of a file follows from its folder, else from the profile that it inherits from, else from its keys.
+    The kind of a file is determined from its folder, from the profile that it inherits from, or from its keys, in this
+    order.
 
     Raises:
         ProfileError: the profile is unknown, or its kind is ambiguous.
@@ -291,19 +300,19 @@ def kind_of(name: str, folders: Sequence[Path] = ()) -> str:
         return _kind_of_file(Path(name), folders)
     from printer_slicer.profile.finding import find_profiles  # noqa: PLC0415 - reads all profiles
 
-    having = [kind for kind in KINDS if name in profile_paths(kind, folders)]
-    if len(having) == 1:
-        return having[0]
+    kinds = [kind for kind in KINDS if name in profile_paths(kind, folders)]
+    if len(kinds) == 1:
+        return kinds[0]
     known = sorted(one for kind in KINDS for one in profile_paths(kind, folders))
     near = get_close_matches(name, known, n=1)
     hint = f"Did you mean {near[0]!r}? " if near else ""
     matches = [(kind, one) for kind in KINDS for one in find_profiles(kind, name, folders)[:1] if one.is_sure]
-    if not having and len(matches) == 1:
+    if not kinds and len(matches) == 1:
         return matches[0][0]
-    if having:
+    if kinds:
         raise ProfileError(
-            f"{name!r} is the name of a {' and of a '.join(having)}",
-            remedy=f"Write the kind before the name: {having[0]} {name}",
+            f"{name!r} is the name of a {' and of a '.join(kinds)}",
+            remedy=f"Write the kind before the name: {kinds[0]} {name}",
         )
     raise ProfileError(
         f"unknown profile {name!r}", remedy=f"{hint}`printer-slicer profiles` lists all profiles"
@@ -311,17 +320,18 @@ def kind_of(name: str, folders: Sequence[Path] = ()) -> str:
 
 
 def _kind_of_file(path: Path, folders: Sequence[Path]) -> str:
+    """Return the kind of a profile's file."""
     for kind, folder in FOLDERS.items():
         if path.absolute().parent.name == folder:
             return kind
     if not path.is_file():
-        raise _no_file(path)
-    values = _read(path)[1]
+        raise _explain_missing_file(path)
+    values = _read_toml(path)[1]
     parent = values.get("inherits")
     if isinstance(parent, str) and not (parent.endswith(".toml") or "/" in parent):
-        having = [kind for kind in KINDS if parent in profile_paths(kind, folders)]
-        if len(having) == 1:
-            return having[0]
+        kinds = [kind for kind in KINDS if parent in profile_paths(kind, folders)]
+        if len(kinds) == 1:
+            return kinds[0]
     counts = {kind: len(set(values) & set(struct.__struct_fields__)) for kind, struct in KINDS.items()}
     best = max(counts, key=lambda kind: counts[kind])
     if list(counts.values()).count(counts[best]) == 1:
@@ -333,15 +343,15 @@ def _kind_of_file(path: Path, folders: Sequence[Path]) -> str:
 
 
 def merge_tables(
-    base: Mapping[str, Any], over: Mapping[str, Any], *, adds: bool = False, prefix: str = ""
+    base: Mapping[str, Any], over: Mapping[str, Any], *, appends: bool = False, prefix: str = ""
 ) -> dict[str, Any]:
-    """Merge `over` into `base`, table by table; a table of another `kind` replaces the whole table.
+    """Merge `over` into `base`, table by table; a table with another `kind` replaces the whole table.
 
     Args:
-        base: the lower values.
-        over: the upper values, which take precedence.
-        adds: whether rules for objects and height ranges are appended instead of replaced.
-        prefix: the dotted key of the tables, with a trailing point.
+        base: the values with lower precedence.
+        over: the values with higher precedence.
+        appends: whether rules for objects and height ranges are appended instead of replaced.
+        prefix: the dotted key of the tables, with a trailing dot.
     """
     result = dict(base)
     for key, value in over.items():
@@ -351,8 +361,8 @@ def merge_tables(
             and isinstance(old, dict)
             and value.get("kind", old.get("kind")) == old.get("kind")
         ):
-            result[key] = merge_tables(old, value, adds=adds, prefix=f"{prefix}{key}.")
-        elif adds and isinstance(value, list) and isinstance(old, list | tuple):
+            result[key] = merge_tables(old, value, appends=appends, prefix=f"{prefix}{key}.")
+        elif appends and isinstance(value, list) and isinstance(old, list | tuple):
             result[key] = merge_lists(prefix + key, old, value)
         else:
             result[key] = value
@@ -360,7 +370,7 @@ def merge_tables(
 
 
 def flatten(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, object]]:
-    """Yield settings with dotted keys; lists as text."""
+    """Yield settings as dotted key and value; lists are converted to text."""
     for key, value in values.items():
         if isinstance(value, dict):
             yield from flatten(value, f"{prefix}{key}.")

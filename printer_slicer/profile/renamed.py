@@ -1,4 +1,4 @@
-"""Former names of settings: they work for one release, and a warning names the present one."""
+"""Former names of settings: they work for one release, with a warning that gives the current name."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Mapping
 from typing import Any, Final
 
-__all__ = ["RENAMED", "current_name", "current_names", "overridden", "warn_of"]
+__all__ = ["RENAMED", "current_name", "current_names", "list_overridden_settings", "resolve_former_name"]
 
 _ROLES: Final[Mapping[str, str]] = {
     "outer_perimeter": "external_perimeter",
@@ -25,63 +25,63 @@ RENAMED: Final[Mapping[str, str]] = {
     "sparse_overlap": "internal_infill_overlap",
     "min_sparse_area": "solid_infill_below_area",
 }
-"""Former name of a setting -> present name, both without their section."""
+"""Former name of a setting -> current name, both without their section."""
 
 _SECTIONS: Final = ("printer.", "quality.")
 
 
 def current_name(key: str) -> str:
-    """Return the present name of a setting; a key with any other name is returned as it is."""
+    """Return the current name of a setting; keys that are not former names are returned unchanged."""
     section = next((one for one in _SECTIONS if key.startswith(one)), "")
     name = key.removeprefix(section)
     return section + RENAMED.get(name, name)
 
 
 def current_names(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Return the same settings with present names; a present name wins over the former one.
+    """Return settings under their current names; if both names of a setting occur, the current one counts.
 
     Args:
         values: settings of one section; tables are nested.
-        prefix: the table that they are, with a dot.
+        prefix: the dotted key of the table that contains the values, with a trailing dot; empty for a section.
     """
     result: dict[str, Any] = {}
     for key, value in values.items():
         new = current_name(prefix + key).removeprefix(prefix)
         if new != key and new in values:
             continue
-        result[new] = _inside(prefix + key, value)
+        result[new] = _rename_nested(prefix + key, value)
     return result
 
 
-def _inside(key: str, value: Any) -> Any:
-    """Return a value with present names in its tables and overrides."""
+def _rename_nested(key: str, value: Any) -> Any:
+    """Return a value with current names in the tables and overrides inside it."""
     if isinstance(value, dict):
         return current_names(value, f"{key}.")
     if key == "overrides" and isinstance(value, list):
-        return [_override(one) for one in value]
+        return [_rename_in_override(one) for one in value]
     return value
 
 
-def overridden(values: Mapping[str, Any]) -> list[str]:
-    """Return the settings that the overrides of a section change, as they are written."""
+def list_overridden_settings(values: Mapping[str, Any]) -> list[str]:
+    """Return the keys of the settings in the overrides of a section, as written."""
     tables = values.get("overrides")
     changes = [one.get("set") for one in tables if isinstance(one, dict)] if isinstance(tables, list) else []
     return [key for one in changes if isinstance(one, dict) for key in one]
 
 
-def _override(table: Any) -> Any:
-    """Return an override with present names."""
+def _rename_in_override(table: Any) -> Any:
+    """Return an override with the current names of its settings."""
     if isinstance(table, dict) and isinstance(changes := table.get("set"), dict):
         return {**table, "set": {current_name(key): value for key, value in changes.items()}}
     return table
 
 
-def warn_of(key: str, place: str = "") -> str:
-    """Return the present name of a setting, with a warning if the key is a former one.
+def resolve_former_name(key: str, place: str = "") -> str:
+    """Return the current name of a setting, and warn if the key is a former name.
 
     Args:
-        key: as somebody wrote it.
-        place: where, for the warning: a file with a line, or an override.
+        key: the key as written.
+        place: where it is written, for the warning: a file with a line, or an override.
     """
     new = current_name(key)
     if new != key:

@@ -25,26 +25,26 @@ def schema_of(kind: str) -> dict[str, Any]:
 
     No setting is required in a file that inherits from another one.
     """
-    own, definitions = _components(kind)
+    schema, definitions = _build_components(kind)
     parent = {"type": "string", "description": f"the {kind} profile to inherit from, by name or path"}
-    own["properties"] = {"inherits": parent, **own["properties"]}
-    alone: dict[str, Any] = {"required": own.pop("required")}
+    schema["properties"] = {"inherits": parent, **schema["properties"]}
+    without_parent: dict[str, Any] = {"required": schema.pop("required")}
     if kind == "quality":
-        alone["properties"] = {"planner": {"required": ["kind"]}}
-        definitions["Override"] |= _override(own, definitions)
-    for group in (own, *definitions.values()):
+        without_parent["properties"] = {"planner": {"required": ["kind"]}}
+        definitions["Override"] |= _build_override_rules(schema, definitions)
+    for group in (schema, *definitions.values()):
         if not {"low", "set"} & set(group.get("required", ())):  # items of lists are not inherited one by one
             group.pop("required", None)
-    own |= {
+    schema |= {
         "title": f"{kind} profile of printer_slicer",
         "if": {"not": {"required": ["inherits"]}},
-        "then": alone,
+        "then": without_parent,
     }
-    return {"$schema": _DRAFT, **own, **({"$defs": definitions} if definitions else {})}
+    return {"$schema": _DRAFT, **schema, **({"$defs": definitions} if definitions else {})}
 
 
-def _components(kind: str) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return the schema of a kind and of its groups; lists may also be text."""
+def _build_components(kind: str) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return the schema of a kind and the schemas of its groups, in which lists may also be texts."""
     _, parts = msgspec.json.schema_components([KINDS[kind]], ref_template="#/$defs/{name}")
     definitions = {name: _add_units(part) for name, part in parts.items()}
     for name, group in definitions.items():
@@ -56,24 +56,24 @@ def _components(kind: str) -> tuple[dict[str, Any], dict[str, Any]]:
     return definitions.pop(KINDS[kind].__name__), definitions
 
 
-def _override(quality: Mapping[str, Any], groups: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the rules of an override beyond its types: its object or height range, and the allowed settings."""
-    kinds = {"quality": quality, "material": _components("material")[0]}
+def _build_override_rules(quality: Mapping[str, Any], groups: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the schema rules of an override: it needs an object or a height range, and allows some settings."""
+    kinds = {"quality": quality, "material": _build_components("material")[0]}
     known: dict[str, Any] = {}
-    own: dict[str, set[str]] = {OBJECT: set(), HEIGHT: set()}
+    schema: dict[str, set[str]] = {OBJECT: set(), HEIGHT: set()}
     for row in settings_table():
         kind, *tables, leaf = row.key.split(".")
         group = groups[tables[0].capitalize()] if row.own and tables else kinds.get(kind, {})
         for name in (row.key, row.key.partition(".")[2]) if row.own else ():
             known[name] = group["properties"][leaf]
             for place in row.own:
-                own[place].add(name)
+                schema[place].add(name)
     rules = [
         {
             "if": {"required": [flag]},
             "then": {"properties": {"set": {"propertyNames": {"enum": sorted(names)}}}},
         }
-        for flag, names in (("object", own[OBJECT]), ("low", own[HEIGHT]), ("high", own[HEIGHT]))
+        for flag, names in (("object", schema[OBJECT]), ("low", schema[HEIGHT]), ("high", schema[HEIGHT]))
     ]
     setting = {
         "type": "object",
@@ -89,7 +89,7 @@ def _override(quality: Mapping[str, Any], groups: Mapping[str, Any]) -> dict[str
 
 
 def _add_units(part: Any) -> Any:
-    """Return a part of a schema with units in the descriptions and without empty descriptions."""
+    """Return a part of a schema with units appended to descriptions, and without empty descriptions."""
     if isinstance(part, list):
         return [_add_units(item) for item in part]
     if not isinstance(part, Mapping):
@@ -114,6 +114,6 @@ def schema_text(kind: str) -> str:
 
 
 def directive(kind: str, folder: Path | None = None) -> str:
-    """Return the line with the schema for editors: beside the folders of profiles, or in `folder`."""
+    """Return the comment that tells editors where the schema is: beside the folders of profiles, or in `folder`."""
     where = f"../{SCHEMAS}" if folder is None else folder.absolute().as_uri()
     return f"#:schema {where}/{schema_name(kind)}"

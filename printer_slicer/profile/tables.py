@@ -18,10 +18,16 @@ _SIGNS: Final[Mapping[str, str]] = {"ge": ">=", "gt": ">", "le": "<=", "lt": "<"
 
 
 class SettingRow(NamedTuple):
-    """One setting.
+    """The description of one setting.
 
-    `bounds` are the bounds of a number, or the choices; `default` is the text of the default; `own` holds whether the
-    setting can be overridden for objects and height ranges.
+    Attributes:
+        key: dotted key with the section.
+        type: name of the type.
+        unit: unit; empty if there is none.
+        bounds: bounds of a number, or the choices.
+        default: text of the default.
+        meaning: phrase that explains the setting.
+        own: `OBJECT`, `HEIGHT` or both, if it can be overridden for objects or for height ranges.
     """
 
     key: str
@@ -39,7 +45,7 @@ class SettingRow(NamedTuple):
 
 
 def settings_table() -> Iterator[SettingRow]:
-    """Yield one row per setting in the order of definition, with keys such as `quality.planner[optimal].ranges`."""
+    """Yield one row for each setting in the order of definition; a key is `quality.planner[optimal].ranges`."""
     for kind, struct in KINDS.items():
         yield from rows_of(struct, kind)
 
@@ -53,7 +59,7 @@ def rows_of(struct: type[msgspec.Struct], prefix: str) -> Iterator[SettingRow]:
         nested = entry.type.types if isinstance(entry.type, inspect.UnionType) else (entry.type,)
         groups = [one for one in nested if isinstance(one, inspect.StructType)]
         if len(groups) < len(nested):
-            yield _row(key, entry)
+            yield _make_row(key, entry)
             continue
         if len(groups) > 1:
             kinds = " | ".join(str(one.tag) for one in groups)
@@ -63,7 +69,8 @@ def rows_of(struct: type[msgspec.Struct], prefix: str) -> Iterator[SettingRow]:
             yield from rows_of(one.cls, f"{key}[{one.tag}]" if one.tag else key)
 
 
-def _row(key: str, entry: inspect.Field) -> SettingRow:
+def _make_row(key: str, entry: inspect.Field) -> SettingRow:
+    """Make the row of a setting from its definition."""
     kind, unit, meaning, own = entry.type, "", "", ()
     if isinstance(kind, inspect.Metadata):
         unit, own = (kind.extra or {}).get("unit", ""), (kind.extra or {}).get("own", ())
@@ -77,10 +84,11 @@ def _row(key: str, entry: inspect.Field) -> SettingRow:
     if isinstance(kind, inspect.LiteralType):
         bounds = [" | ".join(map(str, kind.values))]
     name = "list" if isinstance(kind, inspect.VarTupleType) else type(kind).__name__.removesuffix("Type")
-    return SettingRow(key, name.lower(), unit, ", ".join(bounds), _default(entry), meaning, own)
+    return SettingRow(key, name.lower(), unit, ", ".join(bounds), _format_default(entry), meaning, own)
 
 
-def _default(entry: inspect.Field) -> str:
+def _format_default(entry: inspect.Field) -> str:
+    """Format the default of a setting; `required` if there is none."""
     value: Any = entry.default
     if value is msgspec.NODEFAULT:
         return "required"

@@ -30,18 +30,18 @@ def new_profile(kind: str, name: str, parent: str, source: SettingsSource, direc
     values = convert_section(kind, source)
     lines = [
         directive,
-        f"# {name}: write here what it is for; `printer-slicer profiles` shows this line.",
+        f"# {name}: describe this profile here; `printer-slicer profiles` shows this line.",
         f"inherits = {toml_value(parent)}",
         f"name = {toml_value(name)}",
         "",
         "# All settings with their current values. Remove the # from the settings that you change.",
         f"# `printer-slicer profiles check FILE` checks this file; `profiles diff {parent} FILE` shows the changes.",
     ]
-    return "\n".join([*lines, *_settings(values)]) + "\n"
+    return "\n".join([*lines, *_format_settings(values)]) + "\n"
 
 
-def _settings(values: msgspec.Struct) -> Iterator[str]:
-    """Yield commented lines for every setting of a group, tables last."""
+def _format_settings(values: msgspec.Struct) -> Iterator[str]:
+    """Yield commented lines for every setting of a group, with tables at the end."""
     rows = {row.key: row for row in rows_of(type(values), "") if "." not in row.key and "[" not in row.key}
     tables = []
     for key in values.__struct_fields__:
@@ -49,16 +49,17 @@ def _settings(values: msgspec.Struct) -> Iterator[str]:
         if isinstance(value, msgspec.Struct):
             tables.append((key, value))
         elif key != "name":
-            yield from _setting(rows[key], value)
+            yield from _format_setting(rows[key], value)
     for key, value in tables:
         yield from ("", f"# [{key}]")
         if kind := value.__struct_config__.tag:
             yield f"# kind = {toml_value(kind)} # other kinds have other settings: see `profiles settings planner`"
         for row in rows_of(type(value), ""):
-            yield from _setting(row, getattr(value, row.key))
+            yield from _format_setting(row, getattr(value, row.key))
 
 
-def _setting(row: SettingRow, value: object) -> Iterator[str]:
+def _format_setting(row: SettingRow, value: object) -> Iterator[str]:
+    """Yield commented lines with the meaning and the value of a setting."""
     unit = f" [{row.unit}]" if row.unit else ""
     bounds = f" ({row.bounds})" if row.bounds else ""
     yield ""
@@ -67,25 +68,30 @@ def _setting(row: SettingRow, value: object) -> Iterator[str]:
 
 
 def toml_value(value: object) -> str:
-    """Format a value as TOML; text of several lines stays on several lines."""
+    """Format a value as TOML; a text of several lines keeps its lines."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, dict):
-        return "{ " + ", ".join(f"{_key(str(key))} = {toml_value(one)}" for key, one in value.items()) + " }"
+        return (
+            "{ "
+            + ", ".join(f"{_format_key(str(key))} = {toml_value(one)}" for key, one in value.items())
+            + " }"
+        )
     if isinstance(value, list | tuple):
         return "[" + ", ".join(toml_value(item) for item in value) + "]"
     if isinstance(value, str) and "\n" in value and not _CONTROL.search(value):
         plain = value.replace("\\", "\\\\").replace('"""', '""\\"')
         return f'"""\n{plain}"""'
     if isinstance(value, str):
-        return _quoted(value)
+        return _quote(value)
     return repr(value).removesuffix(".0") if isinstance(value, float) else str(value)
 
 
-def _key(key: str) -> str:
-    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else _quoted(key)
+def _format_key(key: str) -> str:
+    """Format a key as TOML, in quotes if necessary."""
+    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else _quote(key)
 
 
-def _quoted(text: str) -> str:
-    """Format text on one line."""
+def _quote(text: str) -> str:
+    """Format a text as a TOML string on one line."""
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

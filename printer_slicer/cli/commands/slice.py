@@ -275,10 +275,10 @@ def _refuse_unsupported(name: str, found: Sequence[Unsupported]) -> None:
 
 def _unused_ranges(profile: Profile, plan: LayerPlan) -> Iterator[str]:
     """Yield a warning for each height range above the part, whose settings have no effect."""
-    from printer_slicer.profile.object_profiles import override_heights
+    from printer_slicer.profile.object_profiles import list_height_overrides
 
     top = float(plan.top[-1])
-    for low, high, own in override_heights(profile):
+    for low, high, own in list_height_overrides(profile):
         if low >= top:
             names = ", ".join(own)
             yield f"the range from {low:g} to {high:g} mm ({names}) is above the part, which is {top:g} mm high"
