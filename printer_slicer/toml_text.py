@@ -39,7 +39,7 @@ _MANY_DIGITS = re.compile(r"(?:\d_?){4000}")
 
 
 class TomlError(ValueError):
-    """A TOML text is invalid or exceeds a limit.
+    """An error: a TOML text is invalid or exceeds a limit.
 
     Attributes:
         line: line number, counted from 1.
@@ -95,13 +95,13 @@ def _make_integer_error(line: int) -> TomlError:
 
 def _check_dotted_keys(text: str) -> None:
     """Reject keys with too many parts; called before parsing."""
-    bare = _WORD.sub(lambda found: _blank_word(found[0]), text)
+    bare = _WORD.sub(lambda found: _blank_string_or_comment(found[0]), text)
     found = _MANY_PARTS.search(bare)
     if found:
         raise _make_nesting_error(bare.count("\n", 0, found.start()) + 1)
 
 
-def _blank_word(word: str) -> str:
+def _blank_string_or_comment(word: str) -> str:
     """Replace a string by `_` and a comment by nothing, without changing the number of lines."""
     return word if len(word) == 1 else "_" * (word[0] != "#") + "\n" * word.count("\n")
 

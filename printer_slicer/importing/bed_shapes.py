@@ -71,6 +71,6 @@ def _is_rectangle(points: list[_Point], low: _Point, high: _Point) -> bool:
     return area >= 0.98 * box_area
 
 
-def _shift_point(middle: _Point, by: float) -> _Point:
+def _shift_point(middle: _Point, distance: float) -> _Point:
     """Return a point moved by the same distance in x and y."""
-    return round(middle[0] + by, 3), round(middle[1] + by, 3)
+    return round(middle[0] + distance, 3), round(middle[1] + distance, 3)

@@ -113,11 +113,11 @@ CURA_NAMES: Final[Mapping[str, str]] = {
 }
 
 
-def translate_cura(value: _GetValue, place: _GetPlace) -> dict[str, SourceSetting]:
+def translate_cura(get: _GetValue, place: _GetPlace) -> dict[str, SourceSetting]:
     """Return the settings of a machine under PrusaSlicer's names.
 
     Args:
-        value: function that returns the value of a Cura setting, or raises CuraExpressionError if it has none.
+        get: function that returns the value of a Cura setting, or raises CuraExpressionError if it has none.
         place: function that returns where a Cura setting is set.
 
     Raises:
@@ -125,9 +125,9 @@ def translate_cura(value: _GetValue, place: _GetPlace) -> dict[str, SourceSettin
     """
     entries: dict[str, SourceSetting] = {}
     for cura in ("machine_width", "machine_depth"):
-        if float(value(cura)) <= 0:
+        if float(get(cura)) <= 0:
             raise ProfileError(
-                f"{place(cura)}: {cura}: the bed size is {value(cura)} mm", remedy="Set the size of the bed"
+                f"{place(cura)}: {cura}: the bed size is {get(cura)} mm", remedy="Set the size of the bed"
             )
 
     def put(name: str, cura: str, text: str) -> None:
@@ -136,9 +136,9 @@ def translate_cura(value: _GetValue, place: _GetPlace) -> dict[str, SourceSettin
 
     for name, cura in CURA_NAMES.items():
         with suppress(CuraExpressionError):
-            put(name, cura, _format_value(value(cura)))
+            put(name, cura, _format_value(get(cura)))
     for convert in (_convert_machine, _convert_material, _convert_quality, _convert_raft):
-        convert(value, put)
+        convert(get, put)
     return entries
 
 
@@ -152,10 +152,10 @@ def _format_value(value: Any) -> str:
     return f"{value:.10g}" if isinstance(value, float) else str(value)
 
 
-def _value_or_default(value: _GetValue, key: str, default: Any) -> Any:
+def _value_or_default(get: _GetValue, key: str, default: Any) -> Any:
     """Return the value of a setting, or a default if this version of Cura does not have the setting."""
     try:
-        return value(key)
+        return get(key)
     except CuraExpressionError:
         return default
 
@@ -165,124 +165,122 @@ def _escape(text: Any) -> str:
     return str(text).replace("\\", "\\\\").replace("\n", "\\n")
 
 
-def _convert_machine(value: _GetValue, put: _PutSetting) -> None:
+def _convert_machine(get: _GetValue, put: _PutSetting) -> None:
     """Convert the settings of the printer."""
-    width, depth = float(value("machine_width")), float(value("machine_depth"))
-    left, front = (-width / 2, -depth / 2) if value("machine_center_is_zero") else (0.0, 0.0)
-    if value("machine_shape") == "elliptic":
+    width, depth = float(get("machine_width")), float(get("machine_depth"))
+    left, front = (-width / 2, -depth / 2) if get("machine_center_is_zero") else (0.0, 0.0)
+    if get("machine_shape") == "elliptic":
         angles = [2 * pi * step / 72 for step in range(72)]
         corners = [(left + width / 2 * (1 + cos(a)), front + depth / 2 * (1 + sin(a))) for a in angles]
     else:
         corners = [(left, front), (left + width, front), (left + width, front + depth), (left, front + depth)]
     put("bed_shape", "machine_width", ",".join(f"{x:.3f}x{y:.3f}" for x, y in corners))
-    flavour = str(value("machine_gcode_flavor"))
+    flavour = str(get("machine_gcode_flavor"))
     put("gcode_flavor", "machine_gcode_flavor", _FLAVOURS.get(flavour, flavour))
-    put("start_gcode", "machine_start_gcode", _escape(value("machine_start_gcode")))
-    put("end_gcode", "machine_end_gcode", _escape(value("machine_end_gcode")))
+    put("start_gcode", "machine_start_gcode", _escape(get("machine_start_gcode")))
+    put("end_gcode", "machine_end_gcode", _escape(get("machine_end_gcode")))
     for axis, usual in _USUAL_LIMITS.items():
-        limit = float(value(f"machine_max_feedrate_{axis}"))
+        limit = float(get(f"machine_max_feedrate_{axis}"))
         put(
             f"machine_max_feedrate_{axis}",
             f"machine_max_feedrate_{axis}" if limit < _UNLIMITED else "",
             usual if limit >= _UNLIMITED else _format_value(limit),
         )
-    if value("acceleration_enabled"):
+    if get("acceleration_enabled"):
         put(
             "machine_max_acceleration_travel",
             "acceleration_travel",
-            _format_value(value("acceleration_travel")),
+            _format_value(get("acceleration_travel")),
         )
     put(
         "retract_length",
         "retraction_amount",
-        _format_value(value("retraction_amount") if value("retraction_enable") else 0),
+        _format_value(get("retraction_amount") if get("retraction_enable") else 0),
     )
     put(
         "retract_lift",
         "retraction_hop",
-        _format_value(value("retraction_hop") if value("retraction_hop_enabled") else 0),
+        _format_value(get("retraction_hop") if get("retraction_hop_enabled") else 0),
     )
 
 
-def _convert_material(value: _GetValue, put: _PutSetting) -> None:
+def _convert_material(get: _GetValue, put: _PutSetting) -> None:
     """Convert the settings of the material."""
-    has_heated_bed = bool(value("machine_heated_bed"))
+    has_heated_bed = bool(get("machine_heated_bed"))
     for name, cura in (
         ("bed_temperature", "material_bed_temperature"),
         ("first_layer_bed_temperature", "material_bed_temperature_layer_0"),
     ):
-        put(name, cura, _format_value(value(cura) if has_heated_bed else 0))
-    put("extrusion_multiplier", "material_flow", _format_value(float(value("material_flow")) / 100))
-    has_fan = bool(value("cool_fan_enabled"))
+        put(name, cura, _format_value(get(cura) if has_heated_bed else 0))
+    put("extrusion_multiplier", "material_flow", _format_value(float(get("material_flow")) / 100))
+    has_fan = bool(get("cool_fan_enabled"))
     put("fan_always_on", "cool_fan_enabled", _format_value(has_fan))
     if not has_fan:
         put("max_fan_speed", "cool_fan_enabled", "0")
     bridge_fan = (
-        _value_or_default(value, "bridge_fan_speed", 100)
-        if _value_or_default(value, "bridge_settings_enabled", False)
-        else value("cool_fan_speed_max")
+        _value_or_default(get, "bridge_fan_speed", 100)
+        if _value_or_default(get, "bridge_settings_enabled", False)
+        else get("cool_fan_speed_max")
     )
     put("bridge_fan_speed", "bridge_fan_speed", _format_value(bridge_fan if has_fan else 0))
-    put("disable_fan_first_layers", "cool_fan_speed_0", "0" if value("cool_fan_speed_0") else "1")
+    put("disable_fan_first_layers", "cool_fan_speed_0", "0" if get("cool_fan_speed_0") else "1")
     put(
         "full_fan_speed_layer",
         "cool_fan_full_layer",
-        _format_value(max(int(value("cool_fan_full_layer")) - 1, 0)),
+        _format_value(max(int(get("cool_fan_full_layer")) - 1, 0)),
     )
 
 
-def _convert_overlap(value: _GetValue, put: _PutSetting) -> None:
+def _convert_overlap(get: _GetValue, put: _PutSetting) -> None:
     """Convert the overlap of infill with walls, a percentage of the mean of their line widths, to mm."""
-    wall = value("wall_line_width_x" if int(value("wall_line_count")) > 1 else "wall_line_width_0")
+    wall = get("wall_line_width_x" if int(get("wall_line_count")) > 1 else "wall_line_width_0")
     for name, cura, line in (
         ("infill_overlap", "infill_overlap", "infill_line_width"),
         ("solid_infill_overlap", "skin_overlap", "skin_line_width"),
     ):
-        percent = _value_or_default(value, cura, None)
+        percent = _value_or_default(get, cura, None)
         if percent is not None:
-            width = (float(_value_or_default(value, line, wall)) + float(wall)) / 2
+            width = (float(_value_or_default(get, line, wall)) + float(wall)) / 2
             put(name, cura, _format_value(round(float(percent) / 100 * width, 6)))
 
 
-def _convert_quality(value: _GetValue, put: _PutSetting) -> None:
+def _convert_quality(get: _GetValue, put: _PutSetting) -> None:
     """Convert the print settings."""
-    put("fill_density", "infill_sparse_density", f"{float(value('infill_sparse_density')):g}%")
-    _convert_overlap(value, put)
-    pattern = str(value("infill_pattern"))
+    put("fill_density", "infill_sparse_density", f"{float(get('infill_sparse_density')):g}%")
+    _convert_overlap(get, put)
+    pattern = str(get("infill_pattern"))
     put("fill_pattern", "infill_pattern", CURA_PATTERNS.get(pattern, pattern))
-    put("seam_position", "z_seam_type", CURA_SEAMS.get(str(value("z_seam_type")), "aligned"))
-    factor = float(value("initial_layer_line_width_factor")) / 100
+    put("seam_position", "z_seam_type", CURA_SEAMS.get(str(get("z_seam_type")), "aligned"))
+    factor = float(get("initial_layer_line_width_factor")) / 100
     put(
         "first_layer_extrusion_width",
         "initial_layer_line_width_factor",
-        _format_value(float(value("wall_line_width_0")) * factor),
+        _format_value(float(get("wall_line_width_0")) * factor),
     )
-    put("ironing_flowrate", "ironing_flow", f"{float(value('ironing_flow')):g}%")
+    put("ironing_flowrate", "ironing_flow", f"{float(get('ironing_flow')):g}%")
     outer_first = (
-        _value_or_default(value, "outer_inset_first", False)
-        or _value_or_default(value, "inset_direction", "") == "outside_in"
+        _value_or_default(get, "outer_inset_first", False)
+        or _value_or_default(get, "inset_direction", "") == "outside_in"
     )
     put("external_perimeters_first", "inset_direction", _format_value(bool(outer_first)))
-    put(
-        "avoid_crossing_perimeters", "retraction_combing", _format_value(value("retraction_combing") != "off")
-    )
+    put("avoid_crossing_perimeters", "retraction_combing", _format_value(get("retraction_combing") != "off"))
     bridge = (
-        _value_or_default(value, "bridge_wall_speed", 0)
-        if _value_or_default(value, "bridge_settings_enabled", False)
-        else value("speed_wall_0")
+        _value_or_default(get, "bridge_wall_speed", 0)
+        if _value_or_default(get, "bridge_settings_enabled", False)
+        else get("speed_wall_0")
     )
     put("bridge_speed", "bridge_wall_speed", _format_value(bridge))
     put(
         "elefant_foot_compensation",
         "xy_offset_layer_0",
-        _format_value(max(float(value("xy_offset")) - float(value("xy_offset_layer_0")), 0)),
+        _format_value(max(float(get("xy_offset")) - float(get("xy_offset_layer_0")), 0)),
     )
-    holes = float(value("xy_offset")) - float(_value_or_default(value, "hole_xy_offset", 0))
+    holes = float(get("xy_offset")) - float(_value_or_default(get, "hole_xy_offset", 0))
     put("xy_inner_size_compensation", "hole_xy_offset", _format_value(holes))
-    adhesion = str(value("adhesion_type"))
-    put("skirts", "skirt_line_count", _format_value(value("skirt_line_count") if adhesion == "skirt" else 0))
-    put("brim_width", "brim_width", _format_value(value("brim_width") if adhesion == "brim" else 0))
-    if value("acceleration_enabled"):
+    adhesion = str(get("adhesion_type"))
+    put("skirts", "skirt_line_count", _format_value(get("skirt_line_count") if adhesion == "skirt" else 0))
+    put("brim_width", "brim_width", _format_value(get("brim_width") if adhesion == "brim" else 0))
+    if get("acceleration_enabled"):
         for name, cura in (
             ("perimeter_acceleration", "acceleration_wall_x"),
             ("external_perimeter_acceleration", "acceleration_wall_0"),
@@ -291,16 +289,16 @@ def _convert_quality(value: _GetValue, put: _PutSetting) -> None:
             ("first_layer_acceleration", "acceleration_print_layer_0"),
             ("default_acceleration", "acceleration_print"),
         ):
-            put(name, cura, _format_value(value(cura)))
+            put(name, cura, _format_value(get(cura)))
 
 
-def _convert_raft(value: _GetValue, put: _PutSetting) -> None:
+def _convert_raft(get: _GetValue, put: _PutSetting) -> None:
     """Convert the three thicknesses of a raft to a number of layers with the same total height."""
-    if value("adhesion_type") != "raft":
+    if get("adhesion_type") != "raft":
         return
     names = ("raft_base_thickness", "raft_interface_thickness", "raft_surface_thickness")
-    total = sum(float(_value_or_default(value, name, 0)) for name in names)
-    first, height = float(value("layer_height_0")), float(value("layer_height"))
+    total = sum(float(_value_or_default(get, name, 0)) for name in names)
+    first, height = float(get("layer_height_0")), float(get("layer_height"))
     put("raft_layers", "raft_base_thickness", _format_value(max(round((total - first) / height) + 1, 1)))
-    put("raft_contact_distance", "raft_airgap", _format_value(value("raft_airgap")))
-    put("raft_first_layer_expansion", "raft_margin", _format_value(value("raft_margin")))
+    put("raft_contact_distance", "raft_airgap", _format_value(get("raft_airgap")))
+    put("raft_first_layer_expansion", "raft_margin", _format_value(get("raft_margin")))

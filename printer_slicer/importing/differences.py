@@ -96,12 +96,14 @@ def _list_converted(profile: ImportedProfile) -> Iterator[Difference]:
             yield Difference(weight, f"{profile.kind}: {_describe_change(profile, one, name)}")
 
 
-def _describe_change(profile: ImportedProfile, one: ConvertedSetting, name: str) -> str:
+def _describe_change(profile: ImportedProfile, setting: ConvertedSetting, name: str) -> str:
     """Return a converted setting as text, with the values in the source and here."""
     unit = _map_units().get(f"{profile.kind}.{name}", "")
-    ours = f"{one.ours} = {_append_unit(_format_value(one.value), unit)}"
-    theirs = f"{one.theirs} = {_append_unit(_shorten(one.text), unit)}" if one.theirs else "not set"
-    return f"{theirs} -> {ours} ({one.how})" if one.how else f"{theirs} -> {ours}"
+    ours = f"{setting.ours} = {_append_unit(_format_value(setting.value), unit)}"
+    theirs = (
+        f"{setting.theirs} = {_append_unit(_shorten(setting.text), unit)}" if setting.theirs else "not set"
+    )
+    return f"{theirs} -> {ours} ({setting.how})" if setting.how else f"{theirs} -> {ours}"
 
 
 def _list_unsupported(profile: ImportedProfile) -> Iterator[Difference]:
@@ -114,10 +116,10 @@ def _list_unsupported(profile: ImportedProfile) -> Iterator[Difference]:
             yield Difference(weight, f"{profile.kind}: {one.theirs} = {value} is not imported ({one.why})")
 
 
-def _weigh_unsupported(one: UnsupportedSetting) -> int:
+def _weigh_unsupported(setting: UnsupportedSetting) -> int:
     """Return the weight of a setting without an equivalent; 0 if its value does not change the print."""
-    name = one.theirs.rpartition(": ")[2]
-    if one.text.strip() in _NEUTRAL_VALUES and _RATIO_NAMES.search(name):
+    name = setting.theirs.rpartition(": ")[2]
+    if setting.text.strip() in _NEUTRAL_VALUES and _RATIO_NAMES.search(name):
         return 0
     return next((weight for pattern, weight in _UNSUPPORTED_WEIGHTS if re.fullmatch(pattern, name)), 0)
 

@@ -133,6 +133,7 @@ def _read_layer_heights(quality: Preset) -> tuple[float, float]:
 def _convert_bundle(
     bundle: PresetBundle, request: ImportRequest
 ) -> Iterator[ImportedProfile | RejectedProfile]:
+    """Convert the selected presets of a bundle, each printer with the defaults of its companions."""
     if request.printer:
         yield from _convert_related(
             _select_printer_and_companions(bundle, request), replace(request, names=())
@@ -230,17 +231,22 @@ def _convert_preset(
     return made
 
 
-def _is_requested(one: ImportedProfile, request: ImportRequest) -> bool:
-    return request.includes(one.kind, one.name)
+def _is_requested(profile: ImportedProfile, request: ImportRequest) -> bool:
+    """Return whether a profile is selected."""
+    return request.includes(profile.kind, profile.name)
 
 
-def _check_native_profile(made: ImportedProfile, request: ImportRequest) -> ImportedProfile | RejectedProfile:
+def _check_native_profile(
+    profile: ImportedProfile, request: ImportRequest
+) -> ImportedProfile | RejectedProfile:
     """Check that a profile of this program is safe; return the rejection if it is not."""
     try:
-        check_safety(made, Preset(made.kind, made.name, "printer_slicer", made.source, {}), request.limits)
+        check_safety(
+            profile, Preset(profile.kind, profile.name, "printer_slicer", profile.source, {}), request.limits
+        )
     except ProfileError as error:
-        return RejectedProfile(made.kind, made.name, made.source, str(error.args[0]), error.remedy)
-    return made
+        return RejectedProfile(profile.kind, profile.name, profile.source, str(error.args[0]), error.remedy)
+    return profile
 
 
 def _find_companion_ranges(presets: Sequence[Preset], limits: TemperatureLimits) -> CompanionRanges:

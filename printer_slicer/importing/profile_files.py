@@ -34,16 +34,16 @@ def _is_never_taken(_kind: str, _file_name: str, _name: str) -> bool:
     return False
 
 
-def file_names(made: Sequence[ImportedProfile], is_taken: IsTaken = _is_never_taken) -> list[str]:
+def file_names(profiles: Sequence[ImportedProfile], is_taken: IsTaken = _is_never_taken) -> list[str]:
     """Return a short file name without suffix for each profile; names of one kind are unique.
 
     Args:
-        made: the profiles.
+        profiles: the profiles.
         is_taken: function of kind, file name and display name that returns whether another profile has the file name.
     """
     used: set[tuple[str, str]] = set()
     names = []
-    for one in made:
+    for one in profiles:
         short = short_name(one.name) or one.kind
         candidates = chain(
             (short, _make_slug(_strip_folder(one.name), _LONGEST_NAME) or one.kind),
@@ -84,19 +84,19 @@ def _make_slug(name: str, longest: int) -> str:
     return f"{slug}_" if _RESERVED.fullmatch(slug) else slug
 
 
-def profile_text(made: ImportedProfile) -> str:
+def profile_text(profile: ImportedProfile) -> str:
     """Return the text of a profile's file, with comments that explain converted settings.
 
     Args:
-        made: the profile.
+        profile: the profile.
     """
-    remarks = {taken.ours: taken.how for taken in made.taken if taken.how}
-    source = made.source.replace("\\", "/").rpartition("/")[2]
+    remarks = {taken.ours: taken.how for taken in profile.taken if taken.how}
+    source = profile.source.replace("\\", "/").rpartition("/")[2]
     lines = [
-        f"# {_replace_control_characters(made.name)}, imported from {_replace_control_characters(source)}"
+        f"# {_replace_control_characters(profile.name)}, imported from {_replace_control_characters(source)}"
     ]
-    lines += [f"# warning: {_replace_control_characters(note.text)}" for note in made.notes]
-    lines += _format_table(made.values, "", remarks)
+    lines += [f"# warning: {_replace_control_characters(note.text)}" for note in profile.notes]
+    lines += _format_table(profile.values, "", remarks)
     return "\n".join(lines) + "\n"
 
 

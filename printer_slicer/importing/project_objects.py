@@ -107,25 +107,26 @@ def _group_by_name(objects: Sequence[_Object]) -> dict[str, list[_Object]]:
 
 
 def _convert_settings(
-    one: _Object, place: str, *, is_orca: bool, is_only_object: bool
+    source: _Object, place: str, *, is_orca: bool, is_only_object: bool
 ) -> list[ObjectSettings]:
     """Return the settings of an object and of its height ranges, with PrusaSlicer's names."""
 
     def translate(settings: Mapping[str, str]) -> dict[str, SourceSetting]:
+        """Return settings under PrusaSlicer's names."""
         if is_orca:
             return translate_orca(settings, place)
         return {key: SourceSetting(key, text, place) for key, text in settings.items()}
 
-    rows = [(_EVERYWHERE, one.settings), *one.heights]
+    rows = [(_EVERYWHERE, source.settings), *source.heights]
     return [
-        ObjectSettings(one.name, *heights, translate(settings), is_only_object)
+        ObjectSettings(source.name, *heights, translate(settings), is_only_object)
         for heights, settings in rows
         if settings
     ]
 
 
-def _is_default(key: str, value: str) -> bool:
-    """Return whether a setting has no effect, because it selects the first tool."""
+def _is_first_tool(key: str, value: str) -> bool:
+    """Return whether a setting selects the first tool, which is the default."""
     return key == "extruder" and value in ("0", "1")
 
 
@@ -161,7 +162,8 @@ class _XmlReader:
         """Handle text in an element."""
 
     def _reject_doctype(self, *_: object) -> None:
-        raise ValueError("it has a document type, which projects do not have")
+        """Raise an error, because projects have no document type."""
+        raise ValueError("the document has a document type, which projects do not have")
 
 
 class _ObjectReader(_XmlReader):
@@ -198,17 +200,17 @@ class _ObjectReader(_XmlReader):
                 self._current.settings |= self._current.volumes.pop()[1]
             self._current = None
 
-    def _add_setting(self, one: _Object, key: str, value: str) -> None:
+    def _add_setting(self, target: _Object, key: str, value: str) -> None:
         """Add a setting to an object, or to its current volume."""
         if not self._is_in_volume:
             if key == "name":
-                one.name = value
-            elif not _is_default(key, value):
-                one.settings[key] = value
+                target.name = value
+            elif not _is_first_tool(key, value):
+                target.settings[key] = value
         elif key == "name":
-            one.volumes[-1] = value, one.volumes[-1][1]
-        elif key not in _VOLUME_METADATA and not _is_default(key, value):
-            one.volumes[-1][1][key] = value
+            target.volumes[-1] = value, target.volumes[-1][1]
+        elif key not in _VOLUME_METADATA and not _is_first_tool(key, value):
+            target.volumes[-1][1][key] = value
 
 
 class _RangeReader(_XmlReader):
@@ -246,7 +248,7 @@ class _RangeReader(_XmlReader):
         """End a setting."""
         if tag == "option" and self._key:
             settings = self._object.heights[-1][1]
-            if _is_default(self._key, settings[self._key].strip()):
+            if _is_first_tool(self._key, settings[self._key].strip()):
                 del settings[self._key]
         self._key = None
 

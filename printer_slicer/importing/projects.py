@@ -103,10 +103,10 @@ def _convert_object(settings: ObjectSettings, base: Preset) -> Project:
         made = convert_quality(replace(base, entries={**base.entries, **plain}))
     except ProfileError as error:
         return Project(unused=(f"{settings.where}: its settings are not used: {error.args[0]}",))
-    asked = {entry.name for entry in plain.values()}
+    source_names = {entry.name for entry in plain.values()}
     known, values = dict(flatten_settings(before.values)), dict(flatten_settings(made.values))
     wanted = {key for key, value in values.items() if known.get(key) != value}
-    wanted |= {one.ours for one in made.taken if one.theirs in asked}
+    wanted |= {one.ours for one in made.taken if one.theirs in source_names}
     kept = {
         key: values[key]
         for key in wanted
@@ -120,7 +120,7 @@ def _convert_object(settings: ObjectSettings, base: Preset) -> Project:
         f"{key} = {value}"
         for key, value in [*sorted(kept.items()), *(("layer_height", height) for _, height in heights)]
     )
-    lost += _list_unused(made, asked, kept)
+    lost += _list_unused(made, source_names, kept)
     return Project(
         (table,) if kept else (),
         heights,
@@ -143,12 +143,16 @@ def _find_layer_height(settings: ObjectSettings) -> tuple[tuple[tuple[str, float
     return (), [f"{entry.name} = {entry.text} is not used: {why}"]
 
 
-def _list_unused(made: ImportedProfile, asked: set[str], kept: Collection[str]) -> list[str]:
+def _list_unused(converted: ImportedProfile, source_names: set[str], kept: Collection[str]) -> list[str]:
     """List the settings of an object that are not used, with the reason."""
-    lost = [f"{one.theirs} = {one.text} is not used: {one.why}" for one in made.left if one.theirs in asked]
-    used = {one.theirs for one in made.taken if one.ours in kept}
+    lost = [
+        f"{one.theirs} = {one.text} is not used: {one.why}"
+        for one in converted.left
+        if one.theirs in source_names
+    ]
+    used = {one.theirs for one in converted.taken if one.ours in kept}
     return lost + [
         f"{one.theirs} = {one.text} is not used: {one.ours} is the same for the whole plate here"
-        for one in made.taken
-        if one.theirs in asked - used and one.ours not in kept
+        for one in converted.taken
+        if one.theirs in source_names - used and one.ours not in kept
     ]

@@ -112,6 +112,7 @@ def _load_cura_profile(
 def _read_presets(
     path: Path, folders: Sequence[Path], changes: Mapping[str, SourceSetting]
 ) -> PresetBundle | list[Preset]:
+    """Read the presets in a 3MF file, in G-code or in a text file of another slicer."""
     with path.open("rb") as file:
         magic = file.read(4)
     if magic.startswith(b"PK"):
@@ -138,6 +139,7 @@ def _add_object_settings(found: PresetBundle | list[Preset], path: Path) -> Pres
 def _parse_presets(
     text: str, place: str, path: Path, folders: Sequence[Path], changes: Mapping[str, SourceSetting]
 ) -> PresetBundle | list[Preset]:
+    """Parse the presets in a JSON or INI text."""
     if text.lstrip("\ufeff \t\r\n").startswith("{"):
         values = read_json(text.lstrip("\ufeff"), place)
         if is_cura_definition(values) or path.name.endswith(".def.json"):

@@ -106,13 +106,13 @@ def _convert_speed(conversion: Conversion, ours: str, theirs: str) -> None:
     conversion.clamp(f"speeds.{ours}", value, 0.1, 1000, theirs, how)
 
 
-def _find_percent_base(conversion: Conversion, name: str, other: str) -> str:
+def _find_percent_base(conversion: Conversion, name: str, default: str) -> str:
     """Return the setting that a percentage refers to."""
     preset = conversion.preset
     # Versions of SuperSlicer without default_speed use the percentages of PrusaSlicer.
     older = preset.dialect == "superslicer" and "default_speed" not in preset.entries
     own = {} if older else _PERCENT_OF_BY_DIALECT.get(preset.dialect, {})
-    return own.get(name) or _PERCENT_OF.get(name, other)
+    return own.get(name) or _PERCENT_OF.get(name, default)
 
 
 def _resolve_speed(conversion: Conversion, name: str) -> tuple[float, str]:

@@ -189,7 +189,7 @@ def _combine_values(node: Binary, left: Value, right: Value) -> Value:
     """Compare, calculate with or join two values."""
     sign, texts = node.sign, [isinstance(left, str), isinstance(right, str)]
     if any(texts) and sign == "+":
-        return _limit_length(format_value(left) + format_value(right), node.position)
+        return _check_length(format_value(left) + format_value(right), node.position)
     if isinstance(left, str) and isinstance(right, str) and sign in _TEXT_COMPARISONS:
         return _TEXT_COMPARISONS[sign](left, right)
     if isinstance(left, bool) and isinstance(right, bool) and sign in ("==", "!="):
@@ -224,7 +224,8 @@ def _remainder(left: float, right: float) -> float:
     return 0.0 if is_equal(rest, 0) or is_equal(abs(rest), abs(right)) else rest
 
 
-def _limit_length(text: str, position: int) -> str:
+def _check_length(text: str, position: int) -> str:
+    """Return a text unchanged, or raise an error if it is too long."""
     if len(text) > LONGEST_TEXT:
         raise MacroFault(position, f"the text is longer than {LONGEST_TEXT} characters")
     return text
@@ -239,6 +240,7 @@ def _make_vector(items: Sequence[Value], position: int) -> Items:
 
 
 def _evaluate_index(node: Index, known: Mapping[str, Value]) -> Value:
+    """Return the item of a list that an index expression selects."""
     values, index = evaluate_with_vectors(node.container, known), _evaluate_number(node.index, known)
     if not isinstance(values, tuple):
         raise MacroFault(node.position, f"{describe_kind(values)} has no items")
@@ -258,6 +260,7 @@ def _select_item(values: Value, index: int, position: int) -> Value:
 
 
 def _call_function(node: Call, known: Mapping[str, Value]) -> Value:
+    """Evaluate the arguments of a call, and return the result of the function."""
     function = _find_function(node)
     values = [evaluate_with_vectors(one, known) for one in node.arguments]
     if node.name == "random":  # the same print gives the same numbers: position and layer are the seed
@@ -267,7 +270,7 @@ def _call_function(node: Call, known: Mapping[str, Value]) -> Value:
     except MisusedFunction as error:
         raise MacroFault(node.position, f"{node.name}(): {error}") from None
     if isinstance(value, str):
-        return _limit_length(value, node.position)
+        return _check_length(value, node.position)
     return value if isinstance(value, (bool, tuple)) else check_range(value, node.position)
 
 

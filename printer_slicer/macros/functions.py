@@ -123,6 +123,7 @@ def _round(value: float, digits: float | None = None) -> float:
 
 
 def _check_digit_count(digits: float, most: int = _MOST_DIGITS) -> int:
+    """Return a number of digits as an integer, or raise an error if it is not valid."""
     if not is_equal(digits, round_to_whole(digits)) or not 0 <= digits <= most:
         raise MisusedFunction(f"{digits:g} is not a valid number of digits; use 0 to {most}")
     return round_to_whole(digits)
@@ -136,12 +137,14 @@ def _make_number_formatter(fill: str) -> Callable[..., str]:
 
 
 def _square_root(value: float) -> float:
+    """Return the square root of a number that is not negative."""
     if value < -TOLERANCE:
         raise MisusedFunction(f"{value:g} has no square root")
     return sqrt(max(value, 0.0))
 
 
 def _get_size(value: Value) -> int:
+    """Return the number of characters of a text, or of items of a list."""
     if not isinstance(value, (str, tuple)):
         raise MisusedFunction(f"{describe_kind(value)} has no size")
     return len(value)

@@ -153,6 +153,7 @@ _OTHER_NAMES: Final[Mapping[str, str]] = {
 
 
 def _split_words(text: str) -> frozenset[str]:
+    """Return the set of words in a text."""
     return frozenset(text.split())
 
 

@@ -67,7 +67,7 @@ _WORDS: Final = frozenset(
 
 
 class Token(NamedTuple):
-    """One token.
+    """A token of an expression.
 
     Attributes:
         kind: `float`, `int`, `name`, `text`, `pattern`, `sign` (including keywords) or `end`.

@@ -157,7 +157,10 @@ def _describe_unknown_key(kind: str, source: SettingsSource, path: str) -> Setti
 
 
 def _locate_value(values: Any, path: str) -> tuple[str, Any]:
-    """Return key and value of an invalid setting; in a table with free keys, of the first table or list inside it."""
+    """Return the key and the value of an invalid setting.
+
+    If its table allows any keys, this is the first value that is not a number, a text or a boolean.
+    """
     for key in re.findall(r"[^.\[\]]+", path.removesuffix("[...]")):
         values = values[int(key) if isinstance(values, list | tuple) else key]
     if path.endswith("[...]"):

@@ -219,7 +219,7 @@ def _apply_change(sources: dict[str, SettingsSource], key: str, value: object) -
 
 
 def _list_rule_places(path: str, rules: Sequence[Any]) -> dict[str, str]:
-    """Return the place of each added rule, which is its text, and the place of the list, which is the last rule's."""
+    """Return the places of added rules, which are their texts; the whole list has the place of the last rule."""
     places = {path: path}
     for i, one in enumerate(rules):
         with suppress(AttributeError, KeyError, TypeError, ValueError, msgspec.ValidationError):

@@ -66,9 +66,11 @@ class Profile(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
         return differences_as_html(self._names(), self._differences())
 
     def _names(self) -> tuple[str, str, str]:
+        """Return the display names of printer, material and quality."""
         return self.printer.name, self.material.name, self.quality.name
 
     def _differences(self) -> list[ChangedSetting]:
+        """Return the settings that differ from their defaults."""
         from printer_slicer.profile.differences import list_differences  # noqa: PLC0415 - only where it is shown
 
         return list_differences({"quality": self.quality, "material": self.material, "printer": self.printer})

@@ -45,7 +45,10 @@ class SettingRow(NamedTuple):
 
 
 def settings_table() -> Iterator[SettingRow]:
-    """Yield one row for each setting in the order of definition; a key is `quality.planner[optimal].ranges`."""
+    """Yield one row for each setting, in the order of definition.
+
+    Keys are such as `quality.perimeters` and, for a planner, `quality.planner[optimal].ranges`.
+    """
     for kind, struct in KINDS.items():
         yield from rows_of(struct, kind)
 

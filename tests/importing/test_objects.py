@@ -220,7 +220,7 @@ def test_an_invalid_number_is_reported_with_its_object(tmp_path: Path) -> None:
         ("<object", r"part\.3mf: Metadata/Slic3r_PE_model\.config: unclosed token"),
         (
             '<!DOCTYPE c [<!ENTITY a "aaaa">]><config>&a;</config>',
-            "it has a document type, which projects do not have",
+            "the document has a document type, which projects do not have",
         ),
     ],
 )
