@@ -11,15 +11,15 @@ __all__ = [
     "Bool",
     "Float",
     "Int",
-    "boxes",
+    "bounding_boxes",
     "compact_ids",
     "consecutive",
     "distinct",
     "frozen_array",
-    "lengths",
     "median",
     "next_in_ring",
     "per_layer",
+    "polyline_lengths",
     "previous_in_ring",
     "run_starts",
     "scatter",
@@ -44,20 +44,20 @@ def frozen_array(values: ArrayLike, dtype: type, shape: tuple[int, ...]) -> NDAr
     array: NDArray = np.ascontiguousarray(values, dtype=dtype)  # type: ignore[type-arg]
     have = array.shape
     # Called thousands of times per part, so the common case, equal but for the length, is tested first.
-    if (have[1:] != shape[1:] or have[:1] != shape[:1] != (-1,)) and not _fits(have, shape):
+    if (have[1:] != shape[1:] or have[:1] != shape[:1] != (-1,)) and not _shape_fits(have, shape):
         raise ValueError(f"expected shape {shape}, got {have}")
     view = array.view()
     view.setflags(write=False)
     return view
 
 
-def _fits(have: tuple[int, ...], shape: tuple[int, ...]) -> bool:
+def _shape_fits(have: tuple[int, ...], shape: tuple[int, ...]) -> bool:
     """Return whether a shape matches the expected one, in which -1 means any length."""
     return len(have) == len(shape) and all(want in (-1, one) for want, one in zip(shape, have, strict=True))
 
 
 def per_layer(value: float | Float, n_layers: int) -> Float:
-    """Return (n_layers,) the value of each layer; a single number applies to all layers.
+    """Return the value (n_layers,) of each layer; a single number applies to all layers.
 
     Raises:
         ValueError: the array has another length, or contains a value that is not a number.
@@ -66,7 +66,7 @@ def per_layer(value: float | Float, n_layers: int) -> Float:
     if array.shape not in ((), (n_layers,)):
         raise ValueError(f"expected one value or one per layer ({n_layers}), got shape {array.shape}")
     if np.isnan(array).any():
-        raise ValueError("a value of a layer is not a number")
+        raise ValueError("the value of a layer is NaN")
     return np.asarray(np.broadcast_to(array, (n_layers,)))
 
 
@@ -78,11 +78,11 @@ def consecutive(first: Int, count: Int) -> Int:
 
 
 def next_in_ring(start: Int, closed: bool | Bool = True) -> Int:
-    """Return (N,) the index of the next item in each ring; the last item of a ring is followed by the first.
+    """Return the index (N,) of the next item in each ring; the last item of a ring is followed by the first.
 
     Args:
         start: (R + 1,) ring `i` has the items `start[i]:start[i + 1]`; it may be empty.
-        closed: (R,) which of them are rings, or one value for all. The last item of an open one is followed by itself.
+        closed: (R,) whether each is a ring, or one value for all. The last item of an open one is followed by itself.
     """
     first, last = start[:-1], start[1:] - 1
     some = last >= first
@@ -92,7 +92,7 @@ def next_in_ring(start: Int, closed: bool | Bool = True) -> Int:
 
 
 def previous_in_ring(start: Int) -> Int:
-    """Return (N,) the index of the previous item in each ring, the inverse of `next_in_ring`."""
+    """Return the index (N,) of the previous item in each ring, the inverse of `next_in_ring`."""
     first, last = start[:-1], start[1:] - 1
     some = last >= first
     previous = np.arange(-1, int(start[-1]) - 1)
@@ -100,8 +100,8 @@ def previous_in_ring(start: Int) -> Int:
     return previous
 
 
-def boxes(points: Float | Int, start: Int, owner: Int, n_owners: int) -> tuple[Float, Float]:
-    """Return the lower and upper corners, (n_owners, 2) each, of the bounding box of each owner's points.
+def bounding_boxes(points: Float | Int, start: Int, owner: Int, n_owners: int) -> tuple[Float, Float]:
+    """Return the bounding box of each owner's points: lower and upper corners, (n_owners, 2) each.
 
     An owner without points has an inverted, infinite box.
 
@@ -122,18 +122,18 @@ def boxes(points: Float | Int, start: Int, owner: Int, n_owners: int) -> tuple[F
 
 
 def median(values: Float) -> float:
-    """Return the median of (n,) values, n > 0; unlike `np.median` without the 5 ms import of masked arrays."""
+    """Return the median of values (n,), n > 0, without the import of masked arrays (5 ms) by `np.median`."""
     ordered = np.sort(values)
     return float((ordered[(len(values) - 1) // 2] + ordered[len(values) // 2]) / 2)
 
 
-def lengths(xy: Float, start: Int, closed: bool | Bool = True) -> Float:
-    """Return (M,) the length of each polyline, mm.
+def polyline_lengths(xy: Float, start: Int, closed: bool | Bool = True) -> Float:
+    """Return the length (M,) of each polyline, mm.
 
     Args:
         xy: (N, 2) mm.
         start: (M + 1,) polyline `i` has the points `xy[start[i]:start[i + 1]]`, at least one.
-        closed: (M,) which polylines are closed without repeating their first point, or one value for all.
+        closed: (M,) whether each polyline is closed without repeating its first point, or one value for all.
     """
     if len(start) < 2:
         return np.zeros(0)
@@ -149,7 +149,7 @@ def distinct(values: NDArray[_Number]) -> NDArray[_Number]:
 
 
 def unique_inverse(values: NDArray[_Number]) -> tuple[NDArray[_Number], Int]:
-    """Return (m,) the distinct values, ascending, and (n,) the index of each value among them; see `distinct`."""
+    """Return the distinct values (m,), ascending, and the index (n,) of each value among them; see `distinct`."""
     order = np.argsort(values)
     ordered = values.take(order)
     begins = run_starts(ordered)
@@ -159,14 +159,14 @@ def unique_inverse(values: NDArray[_Number]) -> tuple[NDArray[_Number], Int]:
 
 
 def run_starts(values: NDArray[_Number]) -> Bool:
-    """Return (n,) whether each value starts a run, that is, differs from the one before it."""
+    """Return a mask (n,) of values that start a run, that is, differ from the value before."""
     begins = np.ones(len(values), np.bool_)
     np.not_equal(values[1:], values[:-1], out=begins[1:])
     return begins
 
 
 def compact_ids(items: Int, n_items: int) -> tuple[Int, Int]:
-    """Return (m,) the distinct ids in `items`, ascending, and `items` with each id replaced by its index there."""
+    """Return the distinct ids (m,) in `items`, ascending, and `items` with each id replaced by its index among them."""
     used = np.zeros(n_items, np.bool_)
     used[items] = True
     number = np.cumsum(used) - 1
@@ -174,7 +174,7 @@ def compact_ids(items: Int, n_items: int) -> tuple[Int, Int]:
 
 
 def scatter(xy: Float, place: Int) -> Float:
-    """Return (n, 2) points with point `i` moved to index `place[i]`, a permutation.
+    """Return the points (n, 2) reordered: point `i` moves to index `place[i]`, a permutation.
 
     Each point is moved as one complex number, which takes a sixth of the time of two columns.
     """

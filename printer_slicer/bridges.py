@@ -68,15 +68,15 @@ class Bridges:
     def with_scraps(self, scraps: ConnectedAreas, near: Float) -> Bridges:
         """Add scraps within `near` (L,) mm of a bridge to the bridge that they touch most."""
         around = offset(self.areas, near[self.layer])
-        own, scrap = Boxes(*around.boxes(), self.layer).overlapping(
+        own, scrap = Boxes(*around.boxes(), self.layer).find_overlapping(
             Boxes(*scraps.areas.boxes(), scraps.layer)
         )
-        shared = intersection(around.for_each(own), scraps.areas.for_each(scrap)).area()
+        shared = intersection(around.copy_layers(own), scraps.areas.copy_layers(scrap)).area()
         order = np.lexsort((-shared, scrap))
         order = order[shared[order] > 0]
         order = order[np.diff(scrap[order], prepend=-1) != 0]
         order = order[np.argsort(own[order], kind="stable")]
-        taken = scraps.areas.for_each(scrap[order])
+        taken = scraps.areas.copy_layers(scrap[order])
         rings, bridge = np.arange(taken.n_rings), own[order][taken.ring_layer]
         return replace(self, areas=union(self.areas, taken.restacked(rings, bridge, self.areas.n_layers)))
 
@@ -101,7 +101,7 @@ def find_bridges(
     loose = pieces.on_layers(grown.n_layers, np.flatnonzero(~held))
     pieces, turn = pieces.take(np.flatnonzero(held)), turn[held]
     # Add half a line on both sides.
-    own = pieces.beside(offset(air, spacing / 2))
+    own = pieces.select_nearby_rings(offset(air, spacing / 2))
     along = sweep_areas(own, anchor[pieces.layer, None] * np.stack([np.cos(turn), np.sin(turn)], axis=1))
     return Bridges(intersection(along, pieces.areas), pieces.layer, turn, loose)
 
@@ -143,7 +143,7 @@ def bridge_angles(
     """
     if not pieces.count:
         return np.zeros(0), np.zeros(0, np.bool_)
-    support = intersection(offset(pieces.areas, _BESIDE), pieces.beside(below))
+    support = intersection(offset(pieces.areas, _BESIDE), pieces.select_nearby_rings(below))
     gap = spacing[pieces.layer]
     score = partial(_score, pieces.areas, support, gap)
     best, record = np.broadcast_to(usual, spacing.shape)[pieces.layer], np.zeros(pieces.count)

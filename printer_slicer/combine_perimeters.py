@@ -30,7 +30,7 @@ from printer_slicer.geometry import (
     stroke_lines,
     window_intersection,
 )
-from printer_slicer.geometry.clipping import spans
+from printer_slicer.geometry.clipping import clip_to_spans
 from printer_slicer.model import LayerPlan, Regions, Sections, Toolpaths
 from printer_slicer.profile import Profile
 from printer_slicer.roles import Role
@@ -105,7 +105,7 @@ def spans_within(paths: Toolpaths, areas: Areas, shortest: float) -> PathSpans:
     """Return the spans of paths inside the areas of their layers that are at least `shortest` mm long."""
     point, start = open_loops(paths)
     lines = Polylines.of(paths.xy.take(point, axis=0), np.diff(start), paths.layer)
-    path, begin, end = spans(areas, lines)
+    path, begin, end = clip_to_spans(areas, lines)
     order = np.argsort(path, kind="stable")
     path, begin, end = path[order], begin[order], end[order]
     long = paths.length()
@@ -204,7 +204,7 @@ class PerimeterBands:
         window = window_intersection(
             self.standing, np.where(several, first + 1, own), np.where(several, last + 1, own + 1)
         )
-        hidden = self.seen.for_each(last)
+        hidden = self.seen.copy_layers(last)
         return difference(window.of_layers(several), hidden.of_layers(several))
 
     def savings(self, lowest: Int) -> Float:
@@ -320,7 +320,7 @@ def _stretches(some: Toolpaths, pieces: ConnectedAreas, groups: Int) -> tuple[Pa
     """Return the spans of paths to combine, and the piece (S,) that contains each span."""
     last = last_layers(groups)
     area = pieces.on_layers(len(groups), np.arange(pieces.count))
-    spans = spans_within(some, area.for_each(last), _SLIVER)
+    spans = spans_within(some, area.copy_layers(last), _SLIVER)
     made = cut_paths(some, spans)
     size = np.diff(made.start)
     middle = made.xy[made.start[:-1] + size // 2 - 1] + made.xy[made.start[:-1] + size // 2]

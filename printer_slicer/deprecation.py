@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 from typing import Any
 
-__all__ = ["accept_former_option", "warn_renamed"]
+__all__ = ["accept_former_option", "renamed_method", "warn_renamed"]
 
 
 def warn_renamed(old: str, new: str, stacklevel: int = 3) -> None:
@@ -35,3 +36,19 @@ def accept_former_option(options: dict[str, Any], old: str, new: str) -> None:
         warn_renamed(old, new, stacklevel=4)
         value = options.pop(old)
         options.setdefault(new, value)
+
+
+def renamed_method(old: str, new: str) -> Callable[..., Any]:
+    """Return a method that warns and calls the method that replaces it.
+
+    Args:
+        old: the former name, with its class.
+        new: the current name, with its class.
+    """
+
+    def call(owner: Any, *args: Any, **options: Any) -> Any:
+        """Call the current method of an object or a class."""
+        warn_renamed(old, new)
+        return getattr(owner, new.rpartition(".")[2])(*args, **options)
+
+    return call

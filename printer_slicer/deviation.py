@@ -106,7 +106,7 @@ def _distance_to_stack(points: Float, sections: Sections) -> Float:
     own_layer = np.clip(np.searchsorted(planes[1:], z), 0, sections.plan.n_layers - 1).astype(np.int64)
     outside = np.maximum(z - planes[own_layer + 1], planes[own_layer] - z)
     best: Float = np.hypot(outlines.distance(xy, own_layer), np.maximum(outside, 0.0))
-    inside = outlines.inside(xy, own_layer)
+    inside = outlines.is_inside(xy, own_layer)
     for step in (1, -1):
         _search(outlines, planes, (xy, z, own_layer, inside), best, step)
     return best
@@ -128,7 +128,7 @@ def _search(
         active, gap, layer, inside = active[near], gap[near], layer[near] + step, inside[near]
         exists = (layer >= 0) & (layer < len(planes) - 1)
         beyond = np.zeros(len(active), np.bool_)
-        beyond[exists] = outlines.inside(xy[active[exists]], layer[exists])
+        beyond[exists] = outlines.is_inside(xy[active[exists]], layer[exists])
         face = inside != beyond
         best[active[face]] = gap[face]
         further = exists & ~face

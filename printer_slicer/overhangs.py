@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from printer_slicer.arrays import Bool, Float, Int, boxes, distinct, run_starts
+from printer_slicer.arrays import Bool, Float, Int, bounding_boxes, distinct, run_starts
 from printer_slicer.geometry import (
     Areas,
     depths,
@@ -20,8 +20,8 @@ from printer_slicer.geometry import (
     offset,
     window_intersection,
 )
-from printer_slicer.geometry.depth import near_outlines
-from printer_slicer.geometry.facet_topology import spread
+from printer_slicer.geometry.depth import mark_near_outlines
+from printer_slicer.geometry.facet_topology import expand_counts
 from printer_slicer.model import Sections, Toolpaths
 
 __all__ = ["grade_overhangs"]
@@ -106,7 +106,7 @@ def _near(paths: Toolpaths, air: Areas, width: float) -> Bool:
     result = np.zeros(len(paths.xy), np.bool_)
     if not air.n_rings:
         return result
-    around = boxes(air.xy, air.ring_start, np.arange(air.n_rings), air.n_rings)
+    around = bounding_boxes(air.xy, air.ring_start, np.arange(air.n_rings), air.n_rings)
     lowest, highest = (np.ascontiguousarray(corner.T) for corner in around)
     bounds = paths.start[np.searchsorted(paths.layer, np.arange(paths.plan.n_layers + 1))]
     rings = air.layer_start
@@ -135,7 +135,7 @@ def _bounds(paths: Toolpaths, count: Int) -> list[int]:
 
 def _cut(paths: Toolpaths, near: Bool, count: Int) -> _Pieces:
     following = paths.following
-    point, step = spread(count)
+    point, step = expand_counts(count)
     path = np.repeat(np.arange(paths.n_paths), np.diff(paths.start)).take(point)
     return _Pieces(point, following.take(point), step, count.take(point), path, near.take(point))
 
@@ -146,7 +146,7 @@ def _support_ratios(paths: Toolpaths, pieces: _Pieces, under: tuple[Areas, Areas
     chosen = np.flatnonzero(pieces.open)
     looked_at = pieces.take(chosen)
     layer, middle = paths.layer.take(looked_at.path), looked_at.at(paths, 0.5)
-    near = near_outlines(under[1], middle, layer, (1 + _STEP / 2) * width)
+    near = mark_near_outlines(under[1], middle, layer, (1 + _STEP / 2) * width)
     result[chosen[~near]] = _one_sided(
         pieces, chosen[~near], middle.compress(~near, axis=0), layer[~near], under[1]
     )

@@ -240,7 +240,7 @@ def _split_usable(infill: Areas, width: Float, rules: _Rules) -> tuple[Areas, Ar
 def _scraps_over_infill(scraps: Areas, infill: Areas) -> Areas:
     """Return the scraps that lie mostly over internal infill; as solid infill they would be unsupported."""
     pieces = split_connected(scraps)
-    area = intersection(pieces.areas, pieces.beside(infill)).area()
+    area = intersection(pieces.areas, pieces.select_nearby_rings(infill)).area()
     return pieces.on_layers(scraps.n_layers, np.flatnonzero(area > pieces.areas.area() / 2))
 
 

@@ -9,10 +9,10 @@ import numpy as np
 from printer_slicer.arrays import Float, Int, scatter
 from printer_slicer.errors import MeshError, PartError
 from printer_slicer.geometry import Areas, difference, normalize, offset, simplify, union
-from printer_slicer.geometry.connectivity import cycles
-from printer_slicer.geometry.contour_closing import Chords, LooseEnds, close_near, close_with_chords
+from printer_slicer.geometry.connectivity import find_cycles
+from printer_slicer.geometry.contour_closing import Chords, LooseEnds, close_with_chords, join_near_ends
 from printer_slicer.geometry.facet_topology import find_edge_faults, label_bodies
-from printer_slicer.geometry.plane_sections import Crossings, crossings_of
+from printer_slicer.geometry.plane_sections import Crossings, intersect_with_planes
 from printer_slicer.geometry.slab_projection import project_slabs
 from printer_slicer.model import Contours, Gap, LayerPlan, Mesh, MeshFaults, Repair, Sections
 
@@ -104,7 +104,7 @@ def _common_areas(mesh: Mesh, plan: LayerPlan, section: Areas) -> Areas:
 
 def contours(mesh: Mesh, plan: LayerPlan) -> Contours:
     """Return the contours of each layer before and after the repair that the paper describes, for pictures."""
-    parts = list(crossings_of(mesh.triangles, plan.cut))
+    parts = list(intersect_with_planes(mesh.triangles, plan.cut))
     segments = [np.stack([part.xy[part.tail], part.xy[part.head]], axis=1) for part in parts]
     layers = [part.plane[part.tail] for part in parts]
     joined = _cut_rings(mesh, plan).areas
@@ -170,7 +170,7 @@ def _cut_rings(mesh: Mesh, plan: LayerPlan, resolution: float | None = None) -> 
     parts: list[Areas] = []
     gaps: list[Gap] = []
     unpaired, n_pairs = 0, 0
-    for crossings in crossings_of(mesh.triangles, plan.cut):
+    for crossings in intersect_with_planes(mesh.triangles, plan.cut):
         following = np.full(len(crossings.xy), -1, np.int64)
         following[crossings.tail] = crossings.head
         chords = Chords.none()
@@ -182,7 +182,7 @@ def _cut_rings(mesh: Mesh, plan: LayerPlan, resolution: float | None = None) -> 
         gaps += closed
         unpaired += crossings.unpaired
     gaps.sort(key=lambda gap: (-gap.width, gap.layer, gap.x, gap.y))
-    return _Rings(Areas.following_on(parts, plan.n_layers), tuple(gaps), unpaired)
+    return _Rings(Areas.concatenate(parts, plan.n_layers), tuple(gaps), unpaired)
 
 
 def _join_rings(
@@ -194,7 +194,7 @@ def _join_rings(
         MeshError: more than a third of a contour would be guessed.
     """
     n_nodes = len(crossings.xy)
-    ring, rank = cycles(following)
+    ring, rank = find_cycles(following)
     first = np.flatnonzero(rank == 0)
     first = first[np.argsort(crossings.plane[first], kind="stable")]
     size = np.bincount(ring, minlength=n_nodes)[first]
@@ -248,7 +248,7 @@ def _close_ends(following: Int, loose: LooseEnds, n_pairs: int) -> tuple[Chords,
     Raises:
         OverflowError: there are too many pairs to compare.
     """
-    chords = close_near(loose, _CRACK)
+    chords = join_near_ends(loose, _CRACK)
     left = loose.without(chords)
     if len(left.tails):
         tail = np.flatnonzero(following >= 0)

@@ -113,7 +113,7 @@ def steps(draw: st.DrawFn) -> Sections:
     source = np.repeat(np.arange(3), times)
     heights = draw(st.sampled_from([[0.1], [0.08, 0.1, 0.12], [0.2, 0.1]]))
     high = [heights[i % len(heights)] for i in range(len(source))]
-    return Sections(LayerPlan.from_tops(np.array(list(accumulate(high)))), shapes.for_each(source))
+    return Sections(LayerPlan.from_tops(np.array(list(accumulate(high)))), shapes.copy_layers(source))
 
 
 @settings(max_examples=examples(8))

@@ -103,7 +103,7 @@ def hangs(check: Check, layer: int) -> bool:
 def overhang(check: Check, reach: float) -> Areas:
     """What of each section lies more than `reach` mm beside the section below it."""
     solid = check.coverage.sections
-    return difference(solid, offset(solid.raised(1), reach))
+    return difference(solid, offset(solid.shift_layers(1), reach))
 
 
 @pytest.mark.parametrize("seed", few_of(SEEDS, 3))

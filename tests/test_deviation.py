@@ -199,7 +199,7 @@ def test_outlines_know_inside_from_outside_and_how_far(areas: Areas, seed: int) 
     layer = rng.integers(4, size=len(points))
     outlines = OutlineIndex(areas, points.min(axis=0), points.max(axis=0))
 
-    inside, distance = outlines.inside(points, layer), outlines.distance(points, layer)
+    inside, distance = outlines.is_inside(points, layer), outlines.distance(points, layer)
 
     for k in range(4):
         here = layer == k

@@ -20,7 +20,7 @@ from printer_slicer.exports.resampling import smooth
 from printer_slicer.exports.slc_format import write_slc
 from printer_slicer.exports.svg_format import write_svg
 from printer_slicer.geometry import Areas
-from printer_slicer.geometry.engine import engine_named
+from printer_slicer.geometry.engine import load_engine
 from printer_slicer.mesh_io import export_stl, load_mesh
 from printer_slicer.mesh_io.binary_stl import _corners
 from printer_slicer.mesh_io.files import open_model_file
@@ -74,7 +74,7 @@ CALLS: Final[dict[str, tuple[Callable[[], Any], str, str]]] = {
         "between 0 and 6",
     ),
     "an engine that there is not": (
-        lambda: engine_named("cgal"),
+        lambda: load_engine("cgal"),
         "unknown geometry engine 'cgal' in PRINTER_SLICER_GEOMETRY",
         "clipper",
     ),

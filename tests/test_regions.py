@@ -448,7 +448,7 @@ def test_faceted_slopes_leave_no_solid_dots_beside_the_walls() -> None:
     _, _, regions = classified(vase, layers(300, 0.2), plain(slope_shell_ratio=1))
 
     pieces = split_connected(regions.solid_infill)
-    below = regions.internal_infill.raised(1).for_each(pieces.layer)
+    below = regions.internal_infill.shift_layers(1).copy_layers(pieces.layer)
     hanging = intersection(pieces.areas, below).area() > 0.3 * pieces.areas.area()
     assert pieces.count > 200
     assert pieces.areas.area()[hanging].min() >= 5 * WIDTH**2

@@ -14,7 +14,7 @@ import numpy as np
 from printer_slicer import bead
 from printer_slicer.adhesion.brim_ears import sharp_corners
 from printer_slicer.adhesion.loops import loop_paths, on_bed
-from printer_slicer.arrays import Bool, Float, Int, lengths
+from printer_slicer.arrays import Bool, Float, Int, polyline_lengths
 from printer_slicer.errors import PartError
 from printer_slicer.geometry import (
     clip_outlines,
@@ -145,7 +145,7 @@ def _cut(loops: Areas, within: Areas, width: float) -> tuple[list[Float], Int, B
     """Clip centre lines to their limits; return lines, zones and closedness, without stubs shorter than their width."""
     xy, size, ring, closed = clip_outlines(loops, within)
     start = np.append(0, np.cumsum(size))
-    kept = np.flatnonzero(closed | (lengths(xy, start, closed=False) >= width))
+    kept = np.flatnonzero(closed | (polyline_lengths(xy, start, closed=False) >= width))
     return [xy[start[i] : start[i + 1]] for i in kept.tolist()], loops.ring_layer[ring[kept]], closed[kept]
 
 

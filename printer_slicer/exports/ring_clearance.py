@@ -12,7 +12,7 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.geometry import Areas
-from printer_slicer.geometry.facet_topology import spread
+from printer_slicer.geometry.facet_topology import expand_counts
 from printer_slicer.geometry.planar import SegmentTree
 from printer_slicer.geometry.segment_index import distance_to_segments
 from printer_slicer.geometry.vectors import cross
@@ -74,7 +74,7 @@ def _near(areas: Areas, reach: float, *, same_ring: bool) -> Iterator[tuple[Int,
     if not areas.n_rings:
         return
     sizes = np.diff(areas.ring_start)
-    ring, number = spread(-(-sizes // _RUN))
+    ring, number = expand_counts(-(-sizes // _RUN))
     first = areas.ring_start[ring] + number * _RUN
     last = np.append(first[1:], len(areas.xy))
     begin, end = areas.xy, areas.xy[areas.following]
@@ -94,7 +94,7 @@ def _near(areas: Areas, reach: float, *, same_ring: bool) -> Iterator[tuple[Int,
     lows = [np.where(there, column[edge], np.inf) for column in low.T]
     highs = [np.where(there, column[edge], -np.inf) for column in high.T]
     for at in range(0, len(first), _AT_ONCE):
-        one, other = tree.meeting(box_low[at : at + _AT_ONCE], box_high[at : at + _AT_ONCE])
+        one, other = tree.query_boxes(box_low[at : at + _AT_ONCE], box_high[at : at + _AT_ONCE])
         one += at
         wanted = np.flatnonzero((one <= other) & ((ring[one] == ring[other]) == same_ring))
         for begin_at in range(0, len(wanted), _AT_ONCE):

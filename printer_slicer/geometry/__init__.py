@@ -28,8 +28,8 @@ from printer_slicer.geometry.hull import convex_hull
 from printer_slicer.geometry.outlines import clip_outlines
 from printer_slicer.geometry.polygons import Polygons
 from printer_slicer.geometry.polylines import Polylines
-from printer_slicer.geometry.ring_queries import crossed, crossings, find_enclosing_rings
-from printer_slicer.geometry.staircases import staircases
+from printer_slicer.geometry.ring_queries import crosses_rings, crossings, find_enclosing_rings
+from printer_slicer.geometry.staircases import unite_row_rectangles
 from printer_slicer.geometry.sweeping import sweep_areas
 
 __all__ = [
@@ -43,7 +43,7 @@ __all__ = [
     "clip_lines",
     "clip_outlines",
     "convex_hull",
-    "crossed",
+    "crosses_rings",
     "crossings",
     "depths",
     "difference",
@@ -57,10 +57,10 @@ __all__ = [
     "row_ends",
     "simplify",
     "split_connected",
-    "staircases",
     "stroke_lines",
     "sweep_areas",
     "union",
+    "unite_row_rectangles",
     "window_intersection",
     "window_intersections",
 ]

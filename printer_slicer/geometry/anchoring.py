@@ -20,7 +20,7 @@ from printer_slicer.arrays import (
     run_starts,
 )
 from printer_slicer.geometry.areas import Areas
-from printer_slicer.geometry.connectivity import chain_steps
+from printer_slicer.geometry.connectivity import count_chain_steps
 from printer_slicer.geometry.corner_cutting import cut_sharp_corners, reach_of_corner
 from printer_slicer.geometry.polylines import Polylines
 
@@ -56,7 +56,7 @@ def anchor(areas: Areas, lines: Polylines, *, longest: float, hook: float, apart
     ends = np.flatnonzero(lines.edge.ravel() >= 0)
     if not len(ends):
         return lines
-    outline = _Outline.of(areas)
+    outline = _JoinedOutlines.of(areas)
     connections = _find_connections(lines, outline, ends, apart)
     mate = np.full(2 * lines.n_lines, -1)
     chosen = np.flatnonzero(_choose_connections(connections, longest))
@@ -67,12 +67,12 @@ def anchor(areas: Areas, lines: Polylines, *, longest: float, hook: float, apart
     joints = _OutlineParts(connections.end[chosen], connections.place[chosen], connections.next_place[chosen])
     hooks = _make_hooks(connections, mate, hook)
     mate, hooks = _open_loops(mate, joints, hooks)
-    joined, corner = _assemble(lines, outline, mate, joints, hooks)
+    joined, corner = _concatenate_lines(lines, outline, mate, joints, hooks)
     return cut_sharp_corners(joined, corner, areas, apart) if apart else joined
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Outline:
+class _JoinedOutlines:
     """All outlines joined end to end, so that one number gives a position on an outline.
 
     Attributes:
@@ -88,20 +88,20 @@ class _Outline:
     ring: Int
 
     @classmethod
-    def of(cls, areas: Areas) -> _Outline:
-        """Lay all rings of the areas one after the other."""
+    def of(cls, areas: Areas) -> _JoinedOutlines:
+        """Join all rings of the areas end to end."""
         step = np.hypot(*(areas.xy[areas.following] - areas.xy).T)
         place = np.append(0.0, np.cumsum(step))
         ring = areas.point_ring
         return cls(areas, place, place[areas.ring_start], ring)
 
     def edge_at(self, place: Float, ring: Int) -> Int:
-        """Return the (n,) edge on which each position of a ring lies."""
+        """Return the edge (n,) on which each position lies, given the ring of each."""
         edge = np.searchsorted(self.place, place, side="right") - 1
         return np.clip(edge, self.areas.ring_start[ring], self.areas.ring_start[ring + 1] - 1)
 
-    def xy(self, place: Float, edge: Int) -> Float:
-        """Return the (n, 2) points at these positions."""
+    def points_at(self, place: Float, edge: Int) -> Float:
+        """Return the points (n, 2) at positions on the given edges, mm."""
         begin, end = self.areas.xy[edge], self.areas.xy[self.areas.following[edge]]
         long = np.maximum(self.place[edge + 1] - self.place[edge], 1e-12)
         return begin + ((place - self.place[edge]) / long)[:, None] * (end - begin)
@@ -133,21 +133,21 @@ class _Connections:
 
     @property
     def length(self) -> Float:
-        """The (E,) lengths, mm."""
+        """Length (E,) of each connection, mm."""
         return self.next_place - self.place
 
     @property
     def previous(self) -> Int:
-        """The (E,) previous connections around the ring."""
+        """Index (E,) of the previous connection around the ring."""
         return previous_in_ring(np.append(self.first, len(self.end)))
 
     @property
     def following(self) -> Int:
-        """The (E,) next connections around the ring."""
+        """Index (E,) of the next connection around the ring."""
         return next_in_ring(np.append(self.first, len(self.end)))
 
 
-def _find_connections(lines: Polylines, outline: _Outline, ends: Int, apart: float) -> _Connections:
+def _find_connections(lines: Polylines, outline: _JoinedOutlines, ends: Int, apart: float) -> _Connections:
     """Sort the line ends by position on the outlines and connect each to the next one on its ring."""
     edge = lines.edge.ravel()[ends]
     point = np.stack([lines.start[:-1], lines.start[1:] - 1], axis=1).ravel()[ends]
@@ -162,12 +162,12 @@ def _find_connections(lines: Polylines, outline: _Outline, ends: Int, apart: flo
     next_end[last] = end[first]
     around = outline.ring_place[ring[first] + 1] - outline.ring_place[ring[first]]
     next_place[last] = place[first] + around
-    cut = _sharp_corner_lengths(lines, outline.areas, end, edge[order], apart)
+    cut = _measure_sharp_corners(lines, outline.areas, end, edge[order], apart)
     return _Connections(end, next_end, ring, first, count, place, np.maximum(next_place, place), cut)
 
 
-def _sharp_corner_lengths(lines: Polylines, areas: Areas, end: Int, edge: Int, apart: float) -> Float:
-    """Return (E, 2) mm from each end to where the line and the outline are `apart`, forward and backward."""
+def _measure_sharp_corners(lines: Polylines, areas: Areas, end: Int, edge: Int, apart: float) -> Float:
+    """Return the distances (E, 2), mm, along the outline until it is `apart` mm from the line, forward and backward."""
     last = end % 2 == 1
     point = np.where(last, lines.start[end // 2 + 1] - 1, lines.start[end // 2])
     back = lines.xy[np.where(last, point - 1, point + 1)] - lines.xy[point]
@@ -193,7 +193,7 @@ def _choose_connections(connections: _Connections, longest: float) -> Bool:
     first, count = connections.first[number], connections.count[number]
     full = np.logical_and.reduceat(allowed, connections.first)
     odd = connections.count % 2 == 1
-    allowed[_index_of_greatest(connections.length, connections.first, number)[full & odd]] = False
+    allowed[_find_greatest_index(connections.length, connections.first, number)[full & odd]] = False
     # Rotate each ring so that it starts after a connection that is not allowed: no run wraps around its end.
     breaks = np.maximum.reduceat(np.where(allowed, -1, place), connections.first)
     begin = np.where(full & ~odd, connections.first, breaks + 1)
@@ -209,8 +209,8 @@ def _choose_connections(connections: _Connections, longest: float) -> Bool:
     return taken
 
 
-def _index_of_greatest(values: Float, first: Int, number: Int) -> Int:
-    """Return the (R,) index of the greatest value of each group."""
+def _find_greatest_index(values: Float, first: Int, number: Int) -> Int:
+    """Return the index (R,) of the greatest value of each group."""
     greatest = np.maximum.reduceat(values, first)
     candidates = np.flatnonzero(values == greatest[number])
     index = np.zeros(len(first), np.int64)
@@ -218,13 +218,13 @@ def _index_of_greatest(values: Float, first: Int, number: Int) -> Int:
     return index
 
 
-def _choose_alternating(run: Int, length: Float, around: Bool) -> Bool:
-    """Choose every other member of each run, so that the total length is least.
+def _choose_alternating(run: Int, length: Float, is_ring: Bool) -> Bool:
+    """Choose every other connection of each run, so that the total length is least.
 
     Args:
-        run: (n,) run of each member, ascending.
+        run: (n,) run of each connection, ascending.
         length: (n,) mm.
-        around: (n,) whether the run is a whole ring with an even number of members.
+        is_ring: (n,) whether the run is a whole ring with an even number of connections.
 
     Returns:
         A mask (n,).
@@ -236,10 +236,10 @@ def _choose_alternating(run: Int, length: Float, around: Bool) -> Bool:
     odd = step % 2 == 1
     signed = np.where(odd, -length, length)
     before = np.cumsum(signed) - signed
-    before -= before[begin[owner]]  # sum of the even members so far minus the odd ones
+    before -= before[begin[owner]]  # sum of the even connections so far minus the odd ones
     total = np.add.reduceat(signed, begin)
-    closed = around[begin]
-    # Shift the alternation before the even member where that saves most. Runs of odd length need no shift.
+    closed = is_ring[begin]
+    # Shift the alternation before the even connection where that saves most. Runs of odd length need no shift.
     even_run = (size % 2 == 0) & ~closed
     choice = np.where(odd, np.inf, before)
     least = np.minimum(np.minimum.reduceat(choice, begin), total)
@@ -265,8 +265,8 @@ class _OutlineParts:
     place: Float
     to_place: Float
 
-    def extended(self, end: Int, place: Float, to_place: Float) -> _OutlineParts:
-        """Return these parts followed by the given ones."""
+    def append(self, end: Int, place: Float, to_place: Float) -> _OutlineParts:
+        """Return these parts followed by more parts, given by their attributes."""
         return _OutlineParts(
             np.concatenate([self.end, end]),
             np.concatenate([self.place, place]),
@@ -290,7 +290,7 @@ def _make_hooks(connections: _Connections, mate: Int, hook: float) -> _OutlinePa
 
 def _open_loops(mate: Int, joints: _OutlineParts, hooks: _OutlineParts) -> tuple[Int, _OutlineParts]:
     """Replace the joint that closes a loop by a hook that reaches to the start of the loop."""
-    following = _next_entries(mate)
+    following = _find_next_entries(mate)
     lowest, done = np.arange(len(mate)) // 2, following < 0
     jump = np.where(done, np.arange(len(mate)), following)
     ended = done
@@ -308,16 +308,16 @@ def _open_loops(mate: Int, joints: _OutlineParts, hooks: _OutlineParts) -> tuple
     end = np.where(turned, joined[joints.end], joints.end)
     place = np.where(turned, joints.to_place, joints.place)
     to_place = np.where(turned, joints.place, joints.to_place)
-    return mate, hooks.extended(end[those], place[those], to_place[those])
+    return mate, hooks.append(end[those], place[those], to_place[those])
 
 
-def _next_entries(mate: Int) -> Int:
-    """Return for each end (2 S,) by which a line is entered the end by which the next line is entered, or -1."""
+def _find_next_entries(mate: Int) -> Int:
+    """Return the end (2 S,) at which the next line of the path starts, if this line starts at the given end; or -1."""
     return np.asarray(mate[np.arange(len(mate)) ^ 1])
 
 
-def _assemble(
-    lines: Polylines, outline: _Outline, mate: Int, joints: _OutlineParts, hooks: _OutlineParts
+def _concatenate_lines(
+    lines: Polylines, outline: _JoinedOutlines, mate: Int, joints: _OutlineParts, hooks: _OutlineParts
 ) -> tuple[Polylines, Int]:
     """Concatenate the lines with their joints and hooks.
 
@@ -325,7 +325,7 @@ def _assemble(
         The joined lines, and the indices of the points that may be cut off as sharp corners.
     """
     entry, path = _order_paths(mate)
-    # Joints lie at the end by which a line is left. Hooks lie before the first and after the last line.
+    # Joints lie at the end where the path leaves a line. Hooks lie before the first and after the last line.
     joint_of, hook_of = np.full(len(mate), -1), np.full(len(mate), -1)
     joint_of[joints.end] = np.arange(len(joints.end))
     joint_of[mate < 0] = -1  # a joint that closed a loop has become a hook
@@ -339,7 +339,7 @@ def _assemble(
     leave = entry ^ 1
     chunks = [
         vertices.part_vertices(hooks, np.where(first, hook_of[entry], -1), backward=True),
-        vertices.line(entry),
+        vertices.line_vertices(entry),
         vertices.part_vertices(joints, joint_of[leave], backward=False),
         vertices.part_vertices(joints, joint_back[leave], backward=True),
         vertices.part_vertices(hooks, np.where(mate[leave] < 0, hook_of[leave], -1), backward=False),
@@ -348,10 +348,10 @@ def _assemble(
 
 
 def _order_paths(mate: Int) -> tuple[Int, Int]:
-    """Return the end by which each line is entered, in path order, and the path that each line belongs to."""
+    """Return the end at which the path enters each line, in path order, and the path of each line."""
     n = len(mate)
-    following = _next_entries(mate)
-    last, rank = chain_steps(np.where(following < 0, np.arange(n), following))
+    following = _find_next_entries(mate)
+    last, rank = count_chain_steps(np.where(following < 0, np.arange(n), following))
     heads = np.flatnonzero(mate < 0)
     head_of = np.full(n, -1)
     head_of[last[heads]] = heads
@@ -364,36 +364,36 @@ def _order_paths(mate: Int) -> tuple[Int, Int]:
 class _VertexPool:
     """All points that the joined lines may use: of the lines, of the outlines, and the tips of hooks."""
 
-    def __init__(self, lines: Polylines, outline: _Outline, hooks: _OutlineParts) -> None:
+    def __init__(self, lines: Polylines, outline: _JoinedOutlines, hooks: _OutlineParts) -> None:
         self.lines, self.outline = lines, outline
-        ring = self._rings_of(hooks)
+        ring = self._find_rings(hooks)
         low, high = outline.ring_place[ring], outline.ring_place[ring + 1]
         tip = low + (hooks.to_place - low) % (high - low)
-        tips = outline.xy(tip, outline.edge_at(tip, ring))
+        tips = outline.points_at(tip, outline.edge_at(tip, ring))
         self.xy = np.concatenate([lines.xy, outline.areas.xy, tips])
         self._tip = len(lines.xy) + len(outline.areas.xy)
         self._is_corner = self._find_corners(len(tips))
         self._hooks = hooks
 
-    def _rings_of(self, parts: _OutlineParts) -> Int:
+    def _find_rings(self, parts: _OutlineParts) -> Int:
         """Return the ring on which each outline part lies."""
         return self.outline.ring[self.lines.edge.ravel()[parts.end]]
 
-    def line(self, entry: Int) -> tuple[Int, Int]:
-        """Return the vertices of each line in the direction of the path, and their number."""
+    def line_vertices(self, entry: Int) -> tuple[Int, Int]:
+        """Return the vertices of each line in the direction of the path, and the number of vertices per line."""
         line, turned = entry // 2, entry % 2
         first, size = self.lines.start[line], self.lines.size[line]
         return self._number_sequence(first + turned * (size - 1), size, 1 - 2 * turned), size
 
-    def part_vertices(self, of: _OutlineParts, which: Int, *, backward: bool) -> tuple[Int, Int]:
-        """Return the vertices of the outline parts `which` (-1: none), with the tips of hooks, and their number."""
+    def part_vertices(self, parts: _OutlineParts, which: Int, *, backward: bool) -> tuple[Int, Int]:
+        """Return the vertices of the outline parts `which` (-1: none), with hook tips, and the number of each part."""
         some = np.flatnonzero(which >= 0)
         item = which[some]
-        areas, is_hook = self.outline.areas, of is self._hooks
-        ring = self._rings_of(of)[item]
+        areas, is_hook = self.outline.areas, parts is self._hooks
+        ring = self._find_rings(parts)[item]
         start, n = areas.ring_start[ring], np.diff(areas.ring_start)[ring]
         low, high = self.outline.ring_place[ring], self.outline.ring_place[ring + 1]
-        begin, end = of.place[item], of.to_place[item]
+        begin, end = parts.place[item], parts.to_place[item]
         ahead = end >= begin
         one, another = np.minimum(begin, end), np.maximum(begin, end)
         # Vertices strictly in between; the count continues around the ring.
@@ -414,7 +414,7 @@ class _VertexPool:
         return np.insert(index, at, self._tip + item), count
 
     def _count_points_up_to(self, place: Float, ring: Int, start: Int, low: Float, high: Float) -> Int:
-        """Count the points of the ring after its first up to a position, which may be more than one turn away."""
+        """Count the points of the ring after its first up to a position that may be more than one turn away."""
         turns = np.floor((place - low) / (high - low)).astype(np.int64)
         here = place - turns * (high - low)
         return turns * np.diff(self.outline.areas.ring_start)[ring] + self.outline.edge_at(here, ring) - start

@@ -11,13 +11,14 @@ from printer_slicer.arrays import (
     Bool,
     Float,
     Int,
-    boxes,
+    bounding_boxes,
     consecutive,
     frozen_array,
-    lengths,
     next_in_ring,
+    polyline_lengths,
     previous_in_ring,
 )
+from printer_slicer.deprecation import renamed_method
 from printer_slicer.repr_svg import SvgRepr
 
 __all__ = ["Areas", "Lines"]
@@ -44,9 +45,9 @@ class Areas(SvgRepr):
         object.__setattr__(self, "ring_start", frozen_array(self.ring_start, np.int64, (-1,)))
         object.__setattr__(self, "ring_layer", frozen_array(self.ring_layer, np.int64, (-1,)))
         if len(self.ring_start) != len(self.ring_layer) + 1:
-            raise ValueError("ring_start needs one entry more than ring_layer")
+            raise ValueError("ring_start must have one entry more than ring_layer")
         if len(self.ring_layer) and not 0 <= self.ring_layer[0] <= self.ring_layer[-1] < self.n_layers:
-            raise ValueError(f"ring_layer leaves the {self.n_layers} layers")
+            raise ValueError(f"ring_layer has layers outside the stack of {self.n_layers} layers")
 
     def __repr__(self) -> str:
         return f"<Areas: {self.n_layers} layers, {self.n_rings} rings, {len(self.xy)} points>"
@@ -102,7 +103,7 @@ class Areas(SvgRepr):
         return np.repeat(np.arange(self.n_rings), np.diff(self.ring_start))
 
     def ring(self, index: int) -> Float:
-        """Return the (n, 2) points of one ring."""
+        """Return the points (n, 2) of the ring with this index, mm."""
         return self.xy[self.ring_start[index] : self.ring_start[index + 1]]
 
     def rings(self, layer: int) -> Iterator[Float]:
@@ -111,7 +112,7 @@ class Areas(SvgRepr):
         return (self.ring(i) for i in range(first, last))
 
     def ring_area(self) -> Float:
-        """Return the (R,) signed area of each ring, mm²: positive for solids, negative for holes."""
+        """Return the signed area (R,) of each ring, mm²: positive for solids, negative for holes."""
         if self.n_rings == 0:
             return np.zeros(0)
         start, sizes = self.ring_start[:-1], np.diff(self.ring_start)
@@ -121,16 +122,16 @@ class Areas(SvgRepr):
         return np.add.reduceat(x * y[following] - y * x[following], start) / 2
 
     def area(self) -> Float:
-        """Return the (n_layers,) area of each layer, mm²."""
+        """Return the area (n_layers,) of each layer, mm²."""
         weights = self.ring_area()
         return np.bincount(self.ring_layer, weights, minlength=self.n_layers).astype(np.float64)
 
     def ring_length(self) -> Float:
-        """Return the (R,) length of each ring, mm."""
-        return lengths(self.xy, self.ring_start)
+        """Return the length (R,) of each ring, mm."""
+        return polyline_lengths(self.xy, self.ring_start)
 
     def length(self) -> Float:
-        """Return the (n_layers,) total length of the rings of each layer, mm."""
+        """Return the total length (n_layers,) of the rings of each layer, mm."""
         weights = self.ring_length()
         return np.bincount(self.ring_layer, weights, minlength=self.n_layers).astype(np.float64)
 
@@ -139,7 +140,7 @@ class Areas(SvgRepr):
 
         The box of an empty layer goes from +inf to -inf.
         """
-        return boxes(self.xy, self.ring_start, self.ring_layer, self.n_layers)
+        return bounding_boxes(self.xy, self.ring_start, self.ring_layer, self.n_layers)
 
     def select(self, keep: Bool) -> Areas:
         """Return only the rings for which `keep` (R,) is true."""
@@ -150,7 +151,7 @@ class Areas(SvgRepr):
         return self.restacked(rings, self.ring_layer[rings], self.n_layers)
 
     def restacked(self, rings: Int, layer: Int, n_layers: int) -> Areas:
-        """Return the given rings (r,), in any order, as another stack: each on its `layer` (r,), ascending."""
+        """Return a stack of the rings with these indices (r,), in any order, on new layers `layer` (r,), ascending."""
         if not len(rings):
             return Areas.empty(n_layers)
         begin, end = self.ring_start[rings], self.ring_start[rings + 1]
@@ -162,15 +163,15 @@ class Areas(SvgRepr):
         return Areas(self.xy.take(consecutive(begin, sizes), axis=0), start, layer, n_layers)
 
     def of_points(self, keep: Bool) -> Areas:
-        """Keep the points where `keep` (N,) is true; drop rings with fewer than three."""
-        keep = self.in_whole_rings(keep)
+        """Keep the points where `keep` (N,) is true; drop rings that keep fewer than three."""
+        keep = self.mask_whole_rings(keep)
         count = np.append(0, np.cumsum(keep))[self.ring_start]
         kept = np.diff(count) > 0
         start = np.append(0, count[1:][kept])
         return Areas(self.xy.compress(keep, axis=0), start, self.ring_layer[kept], self.n_layers)
 
-    def in_whole_rings(self, keep: Bool) -> Bool:
-        """Return `keep` (N,) without the points whose ring would keep fewer than three."""
+    def mask_whole_rings(self, keep: Bool) -> Bool:
+        """Return the mask `keep` (N,), cleared for rings that would keep fewer than three points."""
         count = np.diff(np.append(0, np.cumsum(keep))[self.ring_start])
         return keep & np.repeat(count >= 3, np.diff(self.ring_start))
 
@@ -182,25 +183,25 @@ class Areas(SvgRepr):
         return self if keep.all() else self.select(keep)
 
     def on_layers(self, layer: Int, n_layers: int) -> Areas:
-        """Return the same areas in a stack of `n_layers`, each layer at its new index in `layer` (L,), ascending."""
+        """Return the areas in a stack of `n_layers` layers; layer k moves to index `layer[k]` (L,), ascending."""
         return Areas(self.xy, self.ring_start, layer[self.ring_layer], n_layers)
 
-    def for_each(self, layers: Int) -> Areas:
-        """Return a stack of copies of the given layers (E,), in the given order."""
+    def copy_layers(self, layers: Int) -> Areas:
+        """Return a stack of copies of the layers with these indices (E,), in this order."""
         bounds = self.layer_start
         count = np.diff(bounds)[layers]
         entry = np.repeat(np.arange(len(layers)), count)
         return self.restacked(consecutive(bounds[layers], count), entry, len(layers))
 
-    def raised(self, by: int) -> Areas:
-        """Shift the stack: each layer gets the area of the layer `by` below it (above it, if negative)."""
+    def shift_layers(self, by: int) -> Areas:
+        """Shift areas up: each layer gets the area of the layer `by` indices below it (above it, if negative)."""
         layer = self.ring_layer + by
         rings = np.flatnonzero((layer >= 0) & (layer < self.n_layers))
         return self.restacked(rings, layer[rings], self.n_layers)
 
     @classmethod
-    def following_on(cls, parts: Sequence[Areas], n_layers: int) -> Areas:
-        """Join several stacks of `n_layers` layers, each of which ends on a lower layer than the next one starts on."""
+    def concatenate(cls, parts: Sequence[Areas], n_layers: int) -> Areas:
+        """Concatenate stacks of `n_layers` layers, each of which ends on a lower layer than the next one starts on."""
         if not parts:
             return cls.empty(n_layers)
         sizes = np.concatenate([np.diff(part.ring_start) for part in parts])
@@ -210,6 +211,11 @@ class Areas(SvgRepr):
             np.concatenate([part.ring_layer for part in parts]),
             n_layers,
         )
+
+    following_on = classmethod(renamed_method("Areas.following_on", "Areas.concatenate"))
+    for_each = renamed_method("Areas.for_each", "Areas.copy_layers")
+    in_whole_rings = renamed_method("Areas.in_whole_rings", "Areas.mask_whole_rings")
+    raised = renamed_method("Areas.raised", "Areas.shift_layers")
 
     @classmethod
     def merged(cls, parts: Sequence[Areas]) -> Areas:
@@ -226,7 +232,9 @@ class Areas(SvgRepr):
             ValueError: the stacks have different numbers of layers.
         """
         if self.n_layers != other.n_layers:
-            raise ValueError(f"stacks of {self.n_layers} and {other.n_layers} layers")
+            raise ValueError(
+                f"the stacks have different numbers of layers: {self.n_layers} and {other.n_layers}"
+            )
         if not (self.n_rings and other.n_rings):
             return self if self.n_rings else other
         layer = np.concatenate([self.ring_layer, other.ring_layer])
@@ -269,7 +277,7 @@ class Lines:
         return len(self.layer)
 
     def length(self) -> Float:
-        """Return the (S,) length of each line, mm."""
+        """Return the length (S,) of each line, mm."""
         return self.u[:, 1] - self.u[:, 0]
 
     def take(self, chosen: Int) -> Lines:

@@ -1,4 +1,4 @@
-"""Bounding boxes on layers, and which of them overlap."""
+"""Bounding boxes on layers, and the search for overlapping ones."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.arrays import Bool, Float, Int, boxes, consecutive
+from printer_slicer.arrays import Bool, Float, Int, bounding_boxes, consecutive
 from printer_slicer.geometry.areas import Areas
 
 __all__ = ["Boxes"]
@@ -38,16 +38,16 @@ class Boxes:
     @classmethod
     def of_rings(cls, areas: Areas) -> Boxes:
         """Return the box around each ring."""
-        low, high = boxes(areas.xy, areas.ring_start, np.arange(areas.n_rings), areas.n_rings)
+        low, high = bounding_boxes(areas.xy, areas.ring_start, np.arange(areas.n_rings), areas.n_rings)
         return cls(low, high, areas.ring_layer)
 
-    def grown(self, reach: float | Float) -> Boxes:
+    def expand(self, reach: float | Float) -> Boxes:
         """Return the boxes grown by `reach` mm on all four sides; one value for all, or (B,)."""
         room = np.reshape(reach, (-1, 1))
         return Boxes(self.low - room, self.high + room, self.layer)
 
-    def overlapping(self, other: Boxes) -> tuple[Int, Int]:
-        """Return unordered pairs (own, other) of boxes that overlap or touch on the same layer."""
+    def find_overlapping(self, other: Boxes) -> tuple[Int, Int]:
+        """Return index pairs (own, other), unordered, of boxes that overlap or touch on the same layer."""
         own_spans, other_spans = _project_on_first_axis(self, other)
         # If two intervals on an axis overlap, one of them starts within the other.
         found = [
@@ -60,8 +60,8 @@ class Boxes:
         ]
         return _concatenate_pairs(found)
 
-    def neighbours(self) -> tuple[Int, Int]:
-        """Return unordered pairs of different boxes that overlap or touch on the same layer, each pair once."""
+    def find_neighbours(self) -> tuple[Int, Int]:
+        """Return index pairs, unordered, of different boxes that overlap or touch on the same layer, each pair once."""
         (spans,) = _project_on_first_axis(self)
         low, found = spans[0], []
         for a, b in _find_starts_within(spans, spans):
@@ -69,10 +69,10 @@ class Boxes:
             found.append(self._keep_overlapping_in_y(self, a[once], b[once]))
         return _concatenate_pairs(found)
 
-    def touched(self, other: Boxes) -> Bool:
-        """Return a mask (B,) of boxes that overlap or touch any of the others on their layer."""
+    def touches_any(self, other: Boxes) -> Bool:
+        """Return a mask (B,) of boxes that overlap or touch any box of `other` on their layer."""
         result = np.zeros(len(self.layer), np.bool_)
-        result[self.overlapping(other)[0]] = True
+        result[self.find_overlapping(other)[0]] = True
         return result
 
     def _keep_overlapping_in_y(self, other: Boxes, own: Int, others: Int) -> tuple[Int, Int]:
@@ -88,7 +88,7 @@ _Spans = tuple[Float, Float]
 def _project_on_first_axis(*many: Boxes) -> list[_Spans]:
     """Return the intervals that boxes cover on the first axis, shifted by layer so that layers do not overlap."""
     ends = np.concatenate([end[:, 0] for one in many for end in (one.low, one.high)])
-    ends = ends[np.isfinite(ends)]  # boxes around nothing have infinite corners
+    ends = ends[np.isfinite(ends)]  # boxes without points have infinite corners
     pitch = float(np.ptp(ends)) + 1.0 if len(ends) else 1.0
     return [(one.low[:, 0] + one.layer * pitch, one.high[:, 0] + one.layer * pitch) for one in many]
 

@@ -1,7 +1,7 @@
-"""The default engine: Clipper2 on whole numbers.
+"""Default geometry engine: Clipper2 on integer coordinates.
 
-A layer is a list of rings, each an (n, 2) array of int64. On this grid the operations are exact but for the
-rounding of new points, and they do not fail however badly the rings cross.
+A layer is a list of rings, each an (n, 2) array of int64. On this grid the operations are exact except
+for the rounding of new points, and they never fail, whatever rings cross.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from printer_slicer.arrays import Float, Int, boxes
+from printer_slicer.arrays import Float, Int, bounding_boxes
 from printer_slicer.geometry.areas import Areas
 from printer_slicer.geometry.mitering import miter_rings
 from printer_slicer.geometry.polygons import (
@@ -26,9 +26,9 @@ from printer_slicer.geometry.polygons import (
     Join,
     Operation,
 )
-from printer_slicer.geometry.spikes import without_spikes
+from printer_slicer.geometry.spikes import remove_spikes
 
-__all__ = ["combine", "load", "load_any", "offset", "opened", "outlines_within", "store", "stroke"]
+__all__ = ["combine", "load", "load_any", "offset", "offset_open", "outlines_within", "store", "stroke"]
 
 
 def _import_compiled_module() -> Any:
@@ -83,7 +83,7 @@ def store(layers: list[Rings]) -> Areas:
     """Convert the rings of all layers to one stack in mm."""
     xy, start, ring_layer = _concatenate_rings(layers)
     # Divide, do not multiply: n / 100 000 is the double nearest to the decimal number, n * 0.00001 is not.
-    return without_spikes(Areas(xy / STEPS_PER_MM, start, ring_layer, len(layers)))
+    return remove_spikes(Areas(xy / STEPS_PER_MM, start, ring_layer, len(layers)))
 
 
 def _concatenate_rings(layers: list[Rings]) -> tuple[Int, Int, Int]:
@@ -105,11 +105,12 @@ def combine(operation: Operation, a: list[Rings], b: list[Rings]) -> list[Rings]
 
 
 def _combine_by_column(operation: Operation, a: list[Rings], b: list[Rings]) -> list[Rings]:
+    """Combine two lists of layers entry by entry; split crowded layers into columns first."""
     clipper = clipper2.Clipper64()
     clipper.preserve_collinear = False
     kind, result = CLIP_TYPES[operation], []
 
-    def combined(subjects: Rings, clips: Rings) -> Rings:
+    def combine_rings(subjects: Rings, clips: Rings) -> Rings:
         """Combine the rings of one layer, or of one column of a crowded layer."""
         if (subjects or (clips and operation == "union")) and (clips or operation != "intersection"):
             clipper.clear()
@@ -122,9 +123,9 @@ def _combine_by_column(operation: Operation, a: list[Rings], b: list[Rings]) -> 
     crowded = _split_columns(a, b)
     for layer, (subjects, clips) in enumerate(zip(a, b, strict=True)):
         if layer in crowded:
-            result.append([ring for pair in crowded[layer] for ring in combined(*pair)])
+            result.append([ring for pair in crowded[layer] for ring in combine_rings(*pair)])
         else:
-            result.append(combined(subjects, clips))
+            result.append(combine_rings(subjects, clips))
     return result
 
 
@@ -174,7 +175,7 @@ def outlines_within(outlines: Areas, layers: list[Rings]) -> list[list[Float]]:
             clipper.add_open_subject(lines)
             clipper.add_clip(clips)
             within = clipper.execute(clipper2.ClipType.INTERSECTION, clipper2.FillRule.POSITIVE)[1]
-            result.append([line / STEPS_PER_MM for line in _rejoin(within)])
+            result.append([line / STEPS_PER_MM for line in _rejoin_lines(within)])
         else:
             result.append([])
     return result
@@ -187,7 +188,7 @@ def _select_near_lines(outlines: Areas, layers: list[Rings]) -> list[Rings]:
         return result
     grid = np.rint(outlines.xy * STEPS_PER_MM).astype(np.int64)
     xy, start, ring_layer = _concatenate_rings(layers)
-    low, high = boxes(xy, start, ring_layer, len(layers))
+    low, high = bounding_boxes(xy, start, ring_layer, len(layers))
     layer, ring, following = outlines.point_layer, outlines.point_ring, outlines.following
     near = np.ones(len(grid), np.bool_)
     for axis in (0, 1):
@@ -211,8 +212,8 @@ def _select_near_lines(outlines: Areas, layers: list[Rings]) -> list[Rings]:
     return result
 
 
-def _rejoin(lines: Rings) -> Rings:
-    """Join the lines that were cut at the first point of their ring."""
+def _rejoin_lines(lines: Rings) -> Rings:
+    """Join lines that were cut at the first point of their ring."""
     begins = {(int(line[0, 0]), int(line[0, 1])): i for i, line in enumerate(lines)}
     whole = list(lines)
     for i, line in enumerate(lines):
@@ -237,7 +238,7 @@ def offset(layers: list[Rings], distance: Float, join: Join) -> list[Rings]:
     return result
 
 
-def opened(layers: list[Rings], distance: Float, limit: float) -> list[Rings]:
+def offset_open(layers: list[Rings], distance: Float, limit: float) -> list[Rings]:
     """Remove everything narrower than twice the distance, mm, from each layer."""
     # The grown outlines may cross themselves and each other; the intersection treats them as overlapping areas.
     grown = _miter_layers(offset(layers, -distance, "miter"), distance + CLEARANCE, limit)
@@ -245,7 +246,7 @@ def opened(layers: list[Rings], distance: Float, limit: float) -> list[Rings]:
 
 
 def _miter_layers(layers: list[Rings], distance: Float, limit: float) -> list[Rings]:
-    """Move the outlines of rings outward; parts that vanish still run around in the wrong direction."""
+    """Move outlines outward with mitered corners; parts that should vanish remain as rings of the wrong direction."""
     moving = np.abs(distance) * STEPS_PER_MM >= _LEAST
     rings = [ring for rings, moves in zip(layers, moving, strict=True) if moves for ring in rings]
     if not rings:

@@ -12,7 +12,7 @@ from printer_slicer.geometry.polygons import STEPS_PER_MM
 from printer_slicer.geometry.polylines import Polylines
 from printer_slicer.geometry.vectors import cross
 
-__all__ = ["clip_lines", "clipped", "spans"]
+__all__ = ["clip_lines", "clip_to_spans", "clip_with_sources"]
 
 _PAD = 1e-4  # mm; more than the rounding of positions within a cell
 _SMALLEST_CELL, _LARGEST_CELL = 0.2, 20.0  # mm
@@ -32,23 +32,24 @@ def clip_lines(areas: Areas, lines: Polylines) -> Polylines:
         lines: open lines; their ends may lie anywhere.
 
     Returns:
-        The parts, with the edges of `areas` on which they start and end. `clipped` also returns the source lines.
+        The parts, with the edges of `areas` on which they start and end. `clip_with_sources` also returns the source
+        line of each.
 
     Source for points on lines: Edelsbrunner & Mücke, Simulation of Simplicity, 1990.
     """
-    return clipped(areas, lines)[0]
+    return clip_with_sources(areas, lines)[0]
 
 
-def clipped(areas: Areas, lines: Polylines) -> tuple[Polylines, Int]:
-    """Clip lines as `clip_lines` does, and also return the (P,) source line of each part."""
+def clip_with_sources(areas: Areas, lines: Polylines) -> tuple[Polylines, Int]:
+    """Clip lines as `clip_lines` does, and also return the index (P,) of the source line of each part."""
     if not lines.n_lines or not areas.n_rings:
         nothing = np.zeros(0, np.int64)
         return lines.take(nothing), nothing
-    return _assemble(lines, *_find_cuts(areas, lines))
+    return _build_parts(lines, *_find_cuts(areas, lines))
 
 
-def spans(areas: Areas, lines: Polylines) -> tuple[Int, Float, Float]:
-    """Return the clipped parts as intervals along their lines.
+def clip_to_spans(areas: Areas, lines: Polylines) -> tuple[Int, Float, Float]:
+    """Clip lines to the areas and return the parts as intervals along the lines.
 
     Returns:
         The line of each part (P,), ascending, and the positions (P,) along it where the part starts and ends, mm.
@@ -64,7 +65,7 @@ def spans(areas: Areas, lines: Polylines) -> tuple[Int, Float, Float]:
 
 
 def _find_cuts(areas: Areas, lines: Polylines) -> tuple[_Cuts, _Cuts]:
-    """Find where the parts within the areas start and end."""
+    """Find where the parts of lines within the areas start and end."""
     points, outline = (np.rint(xy * STEPS_PER_MM).astype(np.int64) for xy in (lines.xy, areas.xy))
     owner = np.repeat(np.arange(lines.n_lines), lines.size)
     segment = np.flatnonzero(np.append(np.diff(owner) == 0, False))
@@ -96,26 +97,26 @@ def _find_nearby_pairs(segments: _Segments, edges: _Segments) -> tuple[Int, Int]
     low_row, low_column = other_row.min() - 1, other_column.min() - 1
     n_rows, n_columns = other_row.max() - low_row + 2, other_column.max() - low_column + 2
 
-    def keys(layer: Int, row: Int, column: Int) -> Int:
+    def number_cells(layer: Int, row: Int, column: Int) -> Int:
         """Return a number (n,) for each cell in which an edge may lie; -1 for all others."""
         key = (layer * n_rows + row - low_row) * n_columns + column - low_column
         within = (row >= low_row) & (row < low_row + n_rows)
         within &= (column >= low_column) & (column < low_column + n_columns)
         return np.asarray(np.where(within, key, -1))
 
-    other_key = keys(edges.layer[other], other_row, other_column)
+    other_key = number_cells(edges.layer[other], other_row, other_column)
     # Skip short segments with no edge in the nine cells around their start, which are most of them.
     occupied = distinct(other_key)
     occupied = distinct((occupied[:, None] + np.array([-1, 0, 1])).ravel())
     occupied = distinct((occupied[:, None] + np.array([-n_columns, 0, n_columns])).ravel())
     at = np.floor(a / cell).astype(np.int64)
-    begin = keys(layer, at[:, 1], at[:, 0])
+    begin = number_cells(layer, at[:, 1], at[:, 0])
     found = occupied[np.minimum(np.searchsorted(occupied, begin), len(occupied) - 1)] == begin
     near = np.flatnonzero(found | (size + 2 * _PAD * STEPS_PER_MM > cell))
 
     item, row, column = _find_cells(a[near], b[near], cell)
     item = near[item]
-    key = keys(layer[item], row, column)
+    key = number_cells(layer[item], row, column)
     order = np.argsort(other_key, kind="stable")
     sorted_key = other_key[order]
     first = np.searchsorted(sorted_key, key)
@@ -167,11 +168,11 @@ def _find_crossings(
     order = np.lexsort((share, at))
     apart = np.diff(share[order] * length[order], prepend=-np.inf) > _SAME_PLACE
     place = np.cumsum(apart | run_starts(at[order]))
-    order = order[_drop_cancelling(place, enters[order])]
+    order = order[_drop_cancelling_crossings(place, enters[order])]
     return at[order], on[order], share[order], enters[order]
 
 
-def _drop_cancelling(place: Int, enters: Bool) -> Int:
+def _drop_cancelling_crossings(place: Int, enters: Bool) -> Int:
     """Drop pairs of crossings at the same position that cancel each other.
 
     Rounding decides which of the two comes first, so they say nothing about whether the line was inside before.
@@ -198,7 +199,7 @@ def _drop_cancelling(place: Int, enters: Bool) -> Int:
 
 
 def _is_shifted_left(step: Int) -> Bool:
-    """Return a mask (n,) of lines for which a point on them lies on the left after a tiny shift in x.
+    """Return a mask (n,) of lines whose own points would lie to their left after a tiny shift in x.
 
     If the line is parallel to x, a far smaller shift in y decides.
     """
@@ -235,7 +236,7 @@ def _find_starts_and_ends(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Cuts:
-    """Starts or ends of parts.
+    """Starts or ends of clipped parts.
 
     Attributes:
         line: (P,) line of each part.
@@ -259,8 +260,8 @@ def _sort_cuts(*parts: tuple[Int, Int, Float, Int | None]) -> _Cuts:
     return _Cuts(line[order], at[order], xy[order], edge[order])
 
 
-def _assemble(lines: Polylines, begin: _Cuts, end: _Cuts) -> tuple[Polylines, Int]:
-    """Make one line from each start to the end with the same index, and return the source line of each."""
+def _build_parts(lines: Polylines, begin: _Cuts, end: _Cuts) -> tuple[Polylines, Int]:
+    """Build one line from each start to the end with the same index; also return the source line of each."""
     inner = np.maximum(end.at - begin.at, 0)
     size = inner + 2
     xy = np.zeros((int(size.sum()), 2))
@@ -283,7 +284,7 @@ def _assemble(lines: Polylines, begin: _Cuts, end: _Cuts) -> tuple[Polylines, In
 
 
 def _count_depths(areas: Areas, lines: Polylines, line: Int, change: Int) -> tuple[Int, Int]:
-    """Return the number of areas around each line after each crossing (C,), and at its start (M,)."""
+    """Return the number of areas that contain the line after each crossing (C,), and at the start of each line (M,)."""
     total = np.cumsum(change)
     first = np.flatnonzero(run_starts(line))
     counts = np.diff(np.append(first, len(line)))
@@ -308,5 +309,5 @@ def _is_start_inside(areas: Areas, lines: Polylines, which: Int) -> Bool:
 
         known = areas.of_layers(layer[near])
         outlines = OutlineIndex(known, point[near].min(axis=0), point[near].max(axis=0))
-        inside[near] = outlines.inside(point[near], layer[near])
+        inside[near] = outlines.is_inside(point[near], layer[near])
     return inside

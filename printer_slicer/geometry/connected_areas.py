@@ -37,7 +37,7 @@ class ConnectedAreas:
         """Return the pieces with the given indices (n,), ascending."""
         number = np.full(self.count + 1, -1)  # the last entry is for rings without a piece
         number[which] = np.arange(len(which))
-        return ConnectedAreas(self.areas.for_each(which), self.layer[which], number[self.of_ring])
+        return ConnectedAreas(self.areas.copy_layers(which), self.layer[which], number[self.of_ring])
 
     @classmethod
     def joined(cls, parts: Sequence[ConnectedAreas]) -> tuple[ConnectedAreas, Int]:
@@ -77,11 +77,11 @@ class ConnectedAreas:
         """Return the (P,) width of a long strip with the same area and outline length, mm."""
         return np.asarray(2 * self.areas.area() / self.areas.length())
 
-    def beside(self, areas: Areas) -> Areas:
-        """Return for each piece the rings of a stack, on its layer, whose bounding boxes overlap its own."""
+    def select_nearby_rings(self, areas: Areas) -> Areas:
+        """Return for each piece the rings of `areas` on its layer whose bounding boxes overlap that of the piece."""
         low, high = self.areas.boxes()
         own = Boxes(low, high, self.layer)
-        piece, ring = own.overlapping(Boxes.of_rings(areas))
+        piece, ring = own.find_overlapping(Boxes.of_rings(areas))
         order = np.lexsort((ring, piece))
         return areas.restacked(ring[order], piece[order], self.count)
 

@@ -1,4 +1,4 @@
-"""Connectivity of items given as arrays: equal keys, linked items, chains and cycles."""
+"""Connectivity of items stored in arrays: equal keys, linked items, chains and cycles."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from printer_slicer.arrays import Float, Int, consecutive
 
 __all__ = [
     "Index",
-    "chain_ends",
-    "chain_steps",
-    "cycles",
+    "count_chain_steps",
+    "find_chain_ends",
+    "find_cycles",
+    "find_lowest_in_chain",
     "group_close_points",
     "label_components",
-    "lowest_of_chain",
     "weld_keys",
 ]
 
@@ -46,23 +46,23 @@ def weld_keys(key: NDArray[np.uint64]) -> tuple[Index, Index]:
         The number of each key (n,), from 0, and the index of one key with each number (m,).
     """
     if len(key) <= 2 * _NEAR:
-        return _weld_at_once(key)
+        return _weld_in_one_table(key)
     number, one = np.zeros(len(key), np.int32), []
     total = 0
     blocks = [slice(at, at + _NEAR) for at in range(0, len(key), _NEAR)]
     for block in blocks:
-        there, firsts = _weld_at_once(key[block])
+        there, firsts = _weld_in_one_table(key[block])
         number[block] = there + np.int32(total)
         one.append(firsts + np.int32(block.start))
         total += len(firsts)
     of_block = np.concatenate(one)
-    overall, firsts = _weld_at_once(key.take(of_block))
+    overall, firsts = _weld_in_one_table(key.take(of_block))
     for block in blocks:
         number[block] = overall.take(number[block])
     return number, of_block.take(firsts)
 
 
-def _weld_at_once(key: NDArray[np.uint64]) -> tuple[Index, Index]:
+def _weld_in_one_table(key: NDArray[np.uint64]) -> tuple[Index, Index]:
     """Number keys with one hash table; see `weld_keys`."""
     n = len(key)
     bits = max(n.bit_length(), 4)
@@ -110,7 +110,7 @@ def label_components(members: Index | Int, n: int) -> Int:
         low, high = np.minimum(one, other)[::-1], np.maximum(one, other)[::-1]
         parent = itself.copy()
         parent[high] = low
-        parent = chain_ends(parent)
+        parent = find_chain_ends(parent)
         label = parent.take(label)
         one, other = parent.take(low), parent.take(high)
         apart = np.flatnonzero(one != other)
@@ -119,8 +119,8 @@ def label_components(members: Index | Int, n: int) -> Int:
     return np.asarray(number.take(label), np.int64)
 
 
-def chain_ends(following: NDArray[_Whole]) -> NDArray[_Whole]:
-    """Return the last item of the chain that starts at each item (n,).
+def find_chain_ends(following: NDArray[_Whole]) -> NDArray[_Whole]:
+    """Return the last item (n,) of the chain that starts at each item.
 
     The last item of a chain is followed by itself; there must be no cycles. Pointer jumping doubles the distance in
     each round, until all items point to the end.
@@ -132,8 +132,8 @@ def chain_ends(following: NDArray[_Whole]) -> NDArray[_Whole]:
         following = further
 
 
-def chain_steps(following: NDArray[_Whole]) -> tuple[NDArray[_Whole], NDArray[_Whole]]:
-    """Return the last item of each chain (n,), as `chain_ends` does, and the number of steps to it (n,)."""
+def count_chain_steps(following: NDArray[_Whole]) -> tuple[NDArray[_Whole], NDArray[_Whole]]:
+    """Return the last item of each chain (n,), as `find_chain_ends` does, and the number of steps (n,) to it."""
     end = following
     steps = (end != np.arange(len(end))).astype(following.dtype)
     while True:
@@ -181,17 +181,17 @@ def _group_by_shared_cells(points: Float, reach: float) -> Int:
     return label_components(np.concatenate(pairs, axis=1), n)
 
 
-def lowest_of_chain(following: Int | Index) -> Int:
+def find_lowest_in_chain(following: Int | Index) -> Int:
     """Return the lowest index (N,) on the chain that starts at each item, including the item itself.
 
     By pointer jumping: after round k every item knows the lowest of 2^k followers, so the number of rounds is the
     logarithm of the longest chain.
     """
-    return _lowest_index(following).astype(np.int64)
+    return _find_lowest_index(following).astype(np.int64)
 
 
-def _lowest_index(following: Int | Index) -> Index:
-    """Return the 32-bit result of `lowest_of_chain`."""
+def _find_lowest_index(following: Int | Index) -> Index:
+    """Return the result of `find_lowest_in_chain` as 32-bit indices."""
     # 32-bit indices take half the time, because memory access dominates.
     jump = following.astype(np.int32)
     lowest: Index = np.arange(len(following), dtype=np.int32)
@@ -202,13 +202,13 @@ def _lowest_index(following: Int | Index) -> Index:
         lowest, jump = better, jump.take(jump)
 
 
-def cycles(following: Int) -> tuple[Int, Int]:
-    """Return for a permutation the lowest index of each item's cycle, and the steps from there to the item."""
+def find_cycles(following: Int) -> tuple[Int, Int]:
+    """Return the lowest index in the cycle of each item of a permutation, and the steps (n,) from there to the item."""
     n = len(following)
-    lowest = _lowest_index(following)
+    lowest = _find_lowest_index(following)
     # Count the steps to the first item of the cycle, by pointer jumping along the chain that ends there.
     itself = np.arange(n, dtype=np.int32)
     is_first = lowest == itself
-    _, steps = chain_steps(np.where(is_first[following], itself, following.astype(np.int32)))
+    _, steps = count_chain_steps(np.where(is_first[following], itself, following.astype(np.int32)))
     length = np.bincount(lowest, minlength=n)
     return lowest.astype(np.int64), np.where(is_first, 0, length[lowest] - 1 - steps)

@@ -1,4 +1,4 @@
-"""Close open contours: find the loose start at which each loose end continues, in any input order."""
+"""Close open contours: join each loose end to the start of another contour, whatever the input order."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int
-from printer_slicer.geometry.facet_topology import may_have_neighbours, spread
-from printer_slicer.geometry.ring_queries import any_crossing
+from printer_slicer.geometry.facet_topology import expand_counts, may_have_neighbours
+from printer_slicer.geometry.ring_queries import crosses_any_edge
 
-__all__ = ["Chords", "LooseEnds", "close_near", "close_with_chords"]
+__all__ = ["Chords", "LooseEnds", "close_with_chords", "join_near_ends"]
 
 _TIERS = (1e-6, 1e-3, 1e-2, 0.1, 0.3)
 """mm; search radii, from small to large: near ends are joined first, so that few are left for the larger radii."""
@@ -79,16 +79,16 @@ class Chords:
         return cls(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))
 
     @classmethod
-    def merged(cls, some: Sequence[Chords]) -> Chords:
+    def merged(cls, parts: Sequence[Chords]) -> Chords:
         """Concatenate several sets of chords."""
         return cls(
-            np.concatenate([chords.tail for chords in some]),
-            np.concatenate([chords.head for chords in some]),
-            np.concatenate([chords.width for chords in some]),
+            np.concatenate([chords.tail for chords in parts]),
+            np.concatenate([chords.head for chords in parts]),
+            np.concatenate([chords.width for chords in parts]),
         )
 
 
-def close_near(loose: LooseEnds, reach: float) -> Chords:
+def join_near_ends(loose: LooseEnds, reach: float) -> Chords:
     """Join loose ends of a plane by chords of at most `reach` mm, the shortest first, each end once.
 
     Raises:
@@ -104,7 +104,7 @@ def close_near(loose: LooseEnds, reach: float) -> Chords:
 
 
 def _find_pairs_within(loose: LooseEnds, radius: float) -> tuple[Int, Int]:
-    """Return all pairs (tail, head) of one plane that are at most the radius apart.
+    """Return all pairs (tail, head) on the same plane that are at most the radius apart.
 
     Cells are as wide as the radius and numbered by plane, row, column, so the three cells of a row in which a near head
     can lie have consecutive numbers. Tails are searched in the order of their cells, to stay in the processor's cache.
@@ -129,7 +129,7 @@ def _find_pairs_within(loose: LooseEnds, radius: float) -> tuple[Int, Int]:
         total += int((last - first).sum())
         if total > _PAIRS_PER_END * len(loose.tails) + _MAX_PAIRS:
             raise OverflowError
-        owner, place = spread(last - first)
+        owner, place = expand_counts(last - first)
         tail, head = tails[owner], heads[first[owner] + place]
         near = ((loose.xy[tail] - loose.xy[head]) ** 2).sum(axis=1) <= radius**2
         found.append((tail[near], head[near]))
@@ -202,14 +202,14 @@ def close_with_chords(
         here = slice(*np.searchsorted(segment_plane, [plane, plane + 1]))
         tails = loose.tails[loose.plane[loose.tails] == plane]
         heads = loose.heads[loose.plane[loose.heads] == plane]
-        found = _choose_uncrossed(loose.xy, tails, heads, begin[here], end[here])
+        found = _choose_crossing_free_chords(loose.xy, tails, heads, begin[here], end[here])
         chords = Chords.merged([chords, found])
         if len(found.tail) < count:
             break
     return chords
 
 
-def _choose_uncrossed(xy: Float, tails: Int, heads: Int, begin: Float, end: Float) -> Chords:
+def _choose_crossing_free_chords(xy: Float, tails: Int, heads: Int, begin: Float, end: Float) -> Chords:
     """Find chords on one plane, the shortest first, that cross neither a segment nor each other."""
     gap = xy[tails][:, None] - xy[heads][None]
     width = np.hypot(gap[:, :, 0], gap[:, :, 1]).ravel()
@@ -219,18 +219,18 @@ def _choose_uncrossed(xy: Float, tails: Int, heads: Int, begin: Float, end: Floa
     chosen = []
     for k in order.tolist():
         ends = int(tail[k]), int(head[k]) + len(xy)  # separate numbers for tails and heads
-        if used.isdisjoint(ends) and not _crosses(xy[tail[k]], xy[head[k]], begin, end):
+        if used.isdisjoint(ends) and not _chord_crosses_segment(xy[tail[k]], xy[head[k]], begin, end):
             used.update(ends)
             chosen.append(k)
             begin, end = np.vstack([begin, xy[tail[k]]]), np.vstack([end, xy[head[k]]])
     return Chords(tail[chosen], head[chosen], width[chosen])
 
 
-def _crosses(start: Float, stop: Float, begin: Float, end: Float) -> bool:
+def _chord_crosses_segment(start: Float, stop: Float, begin: Float, end: Float) -> bool:
     """Return whether a chord crosses a segment that does not share an end with it."""
     apart: Bool = np.ones(len(begin), np.bool_)
     for point in (start, stop):
         apart &= (begin != point).any(axis=1) & (end != point).any(axis=1)
     if not apart.any():
         return False
-    return bool(any_crossing(start[None], stop[None], begin[apart], end[apart])[0])
+    return bool(crosses_any_edge(start[None], stop[None], begin[apart], end[apart])[0])

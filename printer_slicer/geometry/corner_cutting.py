@@ -1,4 +1,4 @@
-"""Cut off corners so sharp that an extrusion would overlap itself."""
+"""Cut off corners that are so sharp that an extrusion would overlap itself."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from printer_slicer.arrays import Float, Int
 from printer_slicer.geometry.areas import Areas
 from printer_slicer.geometry.polylines import Polylines
-from printer_slicer.geometry.ring_queries import crossed, find_enclosing_rings
+from printer_slicer.geometry.ring_queries import crosses_rings, find_enclosing_rings
 
 __all__ = ["cut_sharp_corners", "reach_of_corner"]
 
@@ -18,11 +18,11 @@ _INSIDE = 1e-3  # fraction of a chord to leave out at both ends, which may lie o
 
 
 def reach_of_corner(cosine: Float, apart: float) -> Float:
-    """Return the distance from a corner, mm, at which its legs are `apart` mm from each other.
+    """Return the distance from a corner, mm, at which the two legs are `apart` mm from each other.
 
     Args:
-        cosine: of the angle between the legs.
-        apart: mm.
+        cosine: cosine of the angle between the legs.
+        apart: distance between the legs, mm.
     """
     half_sine = np.sqrt(np.maximum(1 - cosine, 1e-6) / 2)
     return apart / (2 * half_sine)
@@ -38,16 +38,16 @@ def cut_sharp_corners(lines: Polylines, corners: Int, areas: Areas, apart: float
         lines: lines without repeated points.
         corners: (C,) points of the lines that may be cut off, ascending.
         areas: the areas in which the lines lie.
-        apart: mm.
+        apart: distance between the legs at the cut, mm.
     """
     cuts = _find_cuts(lines, corners, apart)
-    first, last = cuts.ends(cuts.begin), cuts.ends(cuts.end)
+    first, last = cuts.points_at(cuts.begin), cuts.points_at(cuts.end)
     inset, layer = _INSIDE * (last - first), lines.layer[cuts.line]
     # At a corner that points into the areas the shortcut crosses no outline, but lies outside from end to end.
     ring = find_enclosing_rings(areas, (first + last) / 2, layer)
     inside = np.append(areas.ring_area() > 0, False)[ring]
-    free = np.flatnonzero(inside & ~crossed(areas, first + inset, last - inset, layer))
-    return cuts.take(free).applied() if len(free) else lines
+    free = np.flatnonzero(inside & ~crosses_rings(areas, first + inset, last - inset, layer))
+    return cuts.take(free).apply() if len(free) else lines
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,18 +71,18 @@ class _Cuts:
         """Return the cuts with the given indices."""
         return _Cuts(self.lines, self.place, self.line[chosen], self.begin[chosen], self.end[chosen])
 
-    def ends(self, place: Float) -> Float:
+    def points_at(self, place: Float) -> Float:
         """Return the (C, 2) points at these positions, mm."""
         return np.stack([np.interp(place, self.place, axis) for axis in self.lines.xy.T], axis=1)
 
-    def applied(self) -> Polylines:
+    def apply(self) -> Polylines:
         """Return the lines with the cuts applied."""
         lines = self.lines
         owner = np.repeat(np.arange(lines.n_lines), lines.size)
         cut = np.searchsorted(self.begin, self.place, side="right") - 1
         kept = np.flatnonzero((cut < 0) | (self.place > self.end[cut]))
         order = np.argsort(np.concatenate([self.place[kept], self.begin, self.end]), kind="stable")
-        xy = np.concatenate([lines.xy[kept], self.ends(self.begin), self.ends(self.end)])
+        xy = np.concatenate([lines.xy[kept], self.points_at(self.begin), self.points_at(self.end)])
         size = np.bincount(np.concatenate([owner[kept], self.line, self.line]), minlength=lines.n_lines)
         return Polylines.of(xy[order], size, lines.layer).without_repeats()[0]
 

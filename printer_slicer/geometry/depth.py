@@ -6,10 +6,10 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, consecutive, distinct
 from printer_slicer.geometry.areas import Areas
-from printer_slicer.geometry.facet_topology import spread
+from printer_slicer.geometry.facet_topology import expand_counts
 from printer_slicer.geometry.vectors import cross, dot, nearest_share
 
-__all__ = ["depths", "near_outlines"]
+__all__ = ["depths", "mark_near_outlines"]
 
 _AT_ONCE = 1 << 16  # points per batch, so that the comparisons stay in the processor's cache
 _Edges = tuple[Float, Float, Int]
@@ -64,17 +64,17 @@ def _fill_depths(result: Float, areas: Areas, points: Float, layer: Int, reach: 
     result[owner[near]] = np.sqrt(away[near]) * np.where(side[near] >= 0, 1.0, -1.0)
 
 
-def near_outlines(areas: Areas, points: Float, layer: Int, reach: float) -> Bool:
-    """Return a mask (P,) of points that may lie within `reach` of an outline of their layer; all others do not."""
+def mark_near_outlines(areas: Areas, points: Float, layer: Int, reach: float) -> Bool:
+    """Return a mask (P,) of points that may lie within `reach` of an outline of their layer; the others do not."""
     parts = [np.zeros(0, np.bool_)]
     for at in range(0, len(points), _AT_ONCE):
         some = slice(at, at + _AT_ONCE)
-        parts.append(_is_near_outlines(areas, points[some], layer[some], reach))
+        parts.append(_mark_batch_near_outlines(areas, points[some], layer[some], reach))
     return np.concatenate(parts)
 
 
-def _is_near_outlines(areas: Areas, points: Float, layer: Int, reach: float) -> Bool:
-    """Return the mask of `near_outlines` for a batch of points."""
+def _mark_batch_near_outlines(areas: Areas, points: Float, layer: Int, reach: float) -> Bool:
+    """Return the mask (P,) of `mark_near_outlines` for one batch of points."""
     areas = areas.of_layers(layer)
     if not areas.n_rings:
         return np.zeros(len(points), np.bool_)
@@ -87,7 +87,7 @@ def _split_edges(areas: Areas, longest: float) -> _Edges:
     """Split the edges into pieces of at most `longest` mm; return both ends (E, 2) and the layer (E,)."""
     along = areas.xy.take(areas.following, axis=0) - areas.xy
     count = np.maximum(np.ceil(np.hypot(*along.T) / longest), 1).astype(np.int64)
-    owner, step = spread(count)
+    owner, step = expand_counts(count)
     piece = along.take(owner, axis=0) / count.take(owner)[:, None]
     begin = areas.xy.take(owner, axis=0) + piece * step[:, None]
     layer = areas.point_layer.take(owner)
@@ -116,7 +116,7 @@ def _select_edges_near_points(edges: _Edges, points: Float, layer: Int, size: fl
 
 
 def _find_cells(points: Float, layer: Int, edges: _Edges, reach: float) -> tuple[Int, Int, Int]:
-    """Return pairs of an edge (n,) and a cell (n,) within its reach, and the cell of each point (P,)."""
+    """Return pairs of an edge (n,) and a cell (n,) within reach of it, and the cell (P,) of each point."""
     begin, end, of_layer = edges
     size = _CELL * reach
     low = np.floor((np.minimum(begin, end) - reach) / size).astype(np.int64)

@@ -25,8 +25,8 @@ from printer_slicer.geometry.windows import intersect_windows
 
 __all__ = [
     "difference",
-    "engine_named",
     "intersection",
+    "load_engine",
     "normalize",
     "offset",
     "offset_open",
@@ -61,8 +61,8 @@ ENGINES: Final[Mapping[str, Callable[[], Polygons]]] = {"clipper": _load_clipper
 _override: ContextVar[str | None] = ContextVar("engine", default=None)
 
 
-def engine_named(name: str) -> Polygons:
-    """Return the engine of this name.
+def load_engine(name: str) -> Polygons:
+    """Import and return the engine of this name.
 
     Raises:
         UsageError: there is no engine of this name.
@@ -82,7 +82,7 @@ def using_engine(name: str) -> Iterator[None]:
     Raises:
         UsageError: there is no engine of this name.
     """
-    engine_named(name)
+    load_engine(name)
     token = _override.set(name)
     try:
         yield
@@ -92,16 +92,16 @@ def using_engine(name: str) -> Iterator[None]:
 
 @cache
 def _default_engine() -> Polygons:
-    return engine_named(os.environ.get(VARIABLE) or "clipper")
+    return load_engine(os.environ.get(VARIABLE) or "clipper")
 
 
 def _current_engine() -> Polygons:
     name = _override.get()
-    return _default_engine() if name is None else engine_named(name)
+    return _default_engine() if name is None else load_engine(name)
 
 
 def normalize(areas: Areas) -> Areas:
-    """Return clean areas of everything with a positive winding number.
+    """Return clean areas that cover everything with a positive winding number.
 
     Overlapping or self-crossing shells merge; a ring that runs clockwise on its own covers nothing.
     """
@@ -176,13 +176,13 @@ def offset_open(areas: Areas, distance: float | Float, limit: float = MITER_LIMI
     """
     by = _check_distances(distance, areas.n_layers)
     if (by < 0).any():
-        raise ValueError("an opening needs distances of 0 or more")
+        raise ValueError("the distance of an opening must be 0 or more")
     # No circle of this radius fits into a ring with less area than the circle. A hole without its ring covers nothing.
     size = areas.ring_area()
     areas = areas.select((size <= 0) | (size > _ROUNDING * np.pi * by[areas.ring_layer] ** 2))
     engine, some = _current_engine(), distinct(areas.ring_layer)
     layers = engine.load(_pick_layers(areas, some))
-    return _restore_layers(engine.store(engine.opened(layers, by[some], limit)), some, areas.n_layers)
+    return _restore_layers(engine.store(engine.offset_open(layers, by[some], limit)), some, areas.n_layers)
 
 
 def stroke_lines(xy: Float, start: Int, layer: Int, radius: Float, n_layers: int) -> Areas:
@@ -202,10 +202,10 @@ def stroke_lines(xy: Float, start: Int, layer: Int, radius: Float, n_layers: int
         ValueError: a radius is not greater than 0, or a layer is outside the stack.
     """
     if len(layer) and not (layer.min() >= 0 and layer.max() < n_layers):
-        raise ValueError(f"a line leaves the {n_layers} layers")
+        raise ValueError(f"a line is on a layer outside the stack of {n_layers} layers")
     steps = np.round(radius, 3)
     if not (np.isfinite(steps).all() and (steps > 0).all()):
-        raise ValueError("lines need radii over 0")
+        raise ValueError("the radius of each line must be greater than 0")
     engine = _current_engine()
     return engine.store(engine.stroke(xy, start, layer, steps, n_layers))
 
@@ -228,7 +228,9 @@ def outlines_within(outlines: Areas, areas: Areas) -> tuple[Float, Int, Int]:
         ValueError: the stacks have different numbers of layers.
     """
     if outlines.n_layers != areas.n_layers:
-        raise ValueError(f"stacks of {outlines.n_layers} and {areas.n_layers} layers")
+        raise ValueError(
+            f"the stacks have different numbers of layers: {outlines.n_layers} and {areas.n_layers}"
+        )
     engine = _current_engine()
     found = engine.outlines_within(outlines.of_layers(areas.used), engine.load(areas))
     lines = [line for layer in found for line in layer]
@@ -306,7 +308,7 @@ def window_intersections(areas: Areas, windows: Sequence[tuple[Int, Int]]) -> li
 
 
 def _intersect_wide_windows(areas: Areas, wide: list[Int], windows: Sequence[tuple[Int, Int]]) -> list[Areas]:
-    """Return the intersections of windows of more than one layer, for each of `windows` that has any of them."""
+    """Return the intersections over windows of several layers, for each entry of `windows` that has such windows."""
     ends = [(first[some], last[some]) for some, (first, last) in zip(wide, windows, strict=True) if len(some)]
     if not ends:
         return []
@@ -346,7 +348,7 @@ def _check_distances(distance: float | Float, n_layers: int) -> Float:
 def _combine_near(operation: Operation, a: Areas, b: Areas) -> tuple[Areas, Bool]:
     """Combine the layers where the bounding boxes of `a` and `b` overlap; return the result and a mask (n_layers,)."""
     if a.n_layers != b.n_layers:
-        raise ValueError(f"stacks of {a.n_layers} and {b.n_layers} layers")
+        raise ValueError(f"the stacks have different numbers of layers: {a.n_layers} and {b.n_layers}")
     (low_a, high_a), (low_b, high_b) = a.boxes(), b.boxes()
     meets = np.all((low_a <= high_b) & (low_b <= high_a), axis=1)
     if not meets.any():
@@ -362,26 +364,26 @@ def _combine_near(operation: Operation, a: Areas, b: Areas) -> tuple[Areas, Bool
 
 
 def _split_near(a: Areas, b: Areas) -> tuple[tuple[Areas, Areas], tuple[Areas, Areas]]:
-    """Split each stack into the rings whose boxes overlap one of the other stack, and all others.
+    """Split each stack into the rings whose boxes overlap a box of the other stack, and the remaining rings.
 
     If there are only a few rings, all of them count as near.
     """
     if a.n_rings + b.n_rings < _CROWD * a.n_layers:
         nothing = Areas.empty(a.n_layers)
         return (a, nothing), (b, nothing)
-    own, others = Boxes.of_rings(a).overlapping(Boxes.of_rings(b))
+    own, others = Boxes.of_rings(a).find_overlapping(Boxes.of_rings(b))
     near_a, near_b = np.zeros(a.n_rings, np.bool_), np.zeros(b.n_rings, np.bool_)
     near_a[own] = near_b[others] = True
     return (a.select(near_a), a.select(~near_a)), (b.select(near_b), b.select(~near_b))
 
 
-def _pick_layers(areas: Areas, some: Int) -> Areas:
-    """Return some of the layers (n,), ascending, as a separate stack, so that empty layers cost no time."""
-    return areas if len(some) == areas.n_layers else areas.for_each(some)
+def _pick_layers(areas: Areas, indices: Int) -> Areas:
+    """Return the layers with these indices (n,), ascending, as a separate stack, so that empty layers cost no time."""
+    return areas if len(indices) == areas.n_layers else areas.copy_layers(indices)
 
 
-def _restore_layers(areas: Areas, some: Int, n_layers: int) -> Areas:
+def _restore_layers(areas: Areas, indices: Int, n_layers: int) -> Areas:
     """Put picked layers back at their indices in a stack of `n_layers`."""
-    if len(some) == n_layers:
+    if len(indices) == n_layers:
         return areas
-    return Areas(areas.xy, areas.ring_start, some[areas.ring_layer], n_layers)
+    return Areas(areas.xy, areas.ring_start, indices[areas.ring_layer], n_layers)

@@ -9,14 +9,14 @@ from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.geometry.connectivity import label_components, weld_keys
 
 __all__ = [
+    "coordinate_keys",
     "corner_keys",
-    "directed_keys",
+    "directed_edge_keys",
     "edge_keys",
+    "expand_counts",
     "find_edge_faults",
-    "keys_of",
     "label_bodies",
     "may_have_neighbours",
-    "spread",
 ]
 
 _UInt = NDArray[np.uint64]
@@ -28,8 +28,8 @@ _WIDE_CELLS = 64  # cell width in distances
 _AT_BORDER = 1 / 60  # of a wide cell: the distance, with a margin for rounded coordinates
 
 
-def spread(count: Int) -> tuple[Int, Int]:
-    """Return the owner of every slot, and its index within the owner, for items that own `count` slots each."""
+def expand_counts(count: Int) -> tuple[Int, Int]:
+    """Repeat the index of each item `count` times: return the item of every entry, and its number within the item."""
     owner = np.repeat(np.arange(len(count)), count)
     first = np.cumsum(count) - count
     return owner, np.arange(len(owner)) - first.take(owner)
@@ -52,12 +52,12 @@ def find_edge_faults(triangles: Float) -> tuple[Float, Float, Float]:
     count = np.bincount(edge, minlength=len(firsts))
     net = 2 * np.bincount(edge[(tag < after).ravel()[used]], minlength=len(firsts)) - count
 
-    def middles(of: Bool) -> Float:
+    def middle_points(mask: Bool) -> Float:
         """Return the (n, 3) middle points of the masked edges, in order of their first occurrence."""
-        corner, facet = np.divmod(used[np.sort(firsts[of])], len(triangles))
+        corner, facet = np.divmod(used[np.sort(firsts[mask])], len(triangles))
         return np.asarray((triangles[facet, corner] + triangles[facet, (corner + 1) % 3]) / 2)
 
-    return middles(count == 1), middles((count == 2) & (net != 0)), middles(count > 2)
+    return middle_points(count == 1), middle_points((count == 2) & (net != 0)), middle_points(count > 2)
 
 
 def label_bodies(triangles: Float) -> Int:
@@ -68,16 +68,16 @@ def label_bodies(triangles: Float) -> Int:
 
 
 def corner_keys(corner: Float) -> _UInt:
-    """Return 64-bit keys (n,) of the coordinates (n, 3) of corners; equal coordinates give equal keys."""
+    """Return 64-bit keys (n,) of corners with coordinates (n, 3); equal coordinates give equal keys."""
     mixed = np.zeros(len(corner), np.uint64)
     for at in range(0, len(corner), _CORNERS_AT_ONCE):
         some = slice(at, at + _CORNERS_AT_ONCE)
-        mixed[some] = keys_of(*corner[some].T)
+        mixed[some] = coordinate_keys(*corner[some].T)
     return mixed
 
 
-def keys_of(x: Float, y: Float, z: Float) -> _UInt:
-    """Return the keys (n,) of `corner_keys` from columns (n,) of coordinates.
+def coordinate_keys(x: Float, y: Float, z: Float) -> _UInt:
+    """Return the same keys (n,) as `corner_keys`, from separate columns (n,) of coordinates.
 
     Multiplication carries a bit to higher bits only. Coordinates of symmetric parts differ in their highest bit, the
     sign, and in the last bits that 32-bit files have. Rotation moves both to the low end, so that either changes most
@@ -126,15 +126,15 @@ def may_have_neighbours(
 
 
 def edge_keys(tag: _UInt) -> _UInt:
-    """Return 64-bit keys (3, F) of the edge after each corner, from the keys of the corners.
+    """Return the 64-bit key (3, F) of the edge that starts at each corner, from the keys of the corners.
 
     Both directions of an edge have the same key.
     """
     after = tag[[1, 2, 0]]
-    return directed_keys(np.minimum(tag, after), np.maximum(tag, after))
+    return directed_edge_keys(np.minimum(tag, after), np.maximum(tag, after))
 
 
-def directed_keys(low: _UInt, high: _UInt) -> _UInt:
+def directed_edge_keys(low: _UInt, high: _UInt) -> _UInt:
     """Return 64-bit keys (n,) of directed edges from the keys of their ends; the two directions differ."""
     key = (low * np.uint64(0xD6E8FEB86659FD93)) ^ high
     key ^= key >> np.uint64(32)

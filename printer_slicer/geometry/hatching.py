@@ -6,9 +6,9 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, consecutive, per_layer
 from printer_slicer.geometry.areas import Areas, Lines
-from printer_slicer.geometry.connectivity import chain_ends
+from printer_slicer.geometry.connectivity import find_chain_ends
 
-__all__ = ["chain_rows", "columns", "hatch", "row_ends"]
+__all__ = ["chain_rows", "find_columns", "hatch", "row_ends"]
 
 
 def hatch(areas: Areas, *, angle: float | Float, spacing: float | Float, phase: float | Float = 0.0) -> Lines:
@@ -93,7 +93,7 @@ def chain_rows(lines: Lines, *, max_turn: float | Float) -> tuple[Float, Int, In
 
 
 def row_ends(lines: Lines, *, max_turn: float | Float) -> tuple[Int, Int]:
-    """Join lines as `chain_rows` does, and return line ends by index.
+    """Join lines as `chain_rows` does, but return indices of line ends instead of points.
 
     Returns:
         The line ends (N,), 2 i for the first and 2 i + 1 for the second end of line i, and the offset (M + 1,) of
@@ -115,7 +115,7 @@ def row_ends(lines: Lines, *, max_turn: float | Float) -> tuple[Int, Int]:
 
 
 def _find_only_neighbours(lines: Lines) -> Int:
-    """Return the line (S,) of the next row beside each line if each is the only one beside the other, else -1."""
+    """Return the line (S,) of the next row beside each line, or -1 unless each is the only line beside the other."""
     changes = (np.diff(lines.row) != 0) | (np.diff(lines.layer) != 0)
     group = np.append(0, np.cumsum(changes))
     # One ascending key for row and position: rows are laid end to end, with gaps.
@@ -141,8 +141,8 @@ def _find_only_neighbours(lines: Lines) -> Int:
     return above
 
 
-def columns(lines: Lines) -> tuple[Int, Int]:
-    """Group lines into columns over neighbouring rows in which each line is the only one beside the next.
+def find_columns(lines: Lines) -> tuple[Int, Int]:
+    """Group lines of neighbouring rows into columns: each line is the only one beside the next.
 
     Returns:
         The lowest line (S,) of the column of each line, and the number of rows (S,) from there to the line.
@@ -151,11 +151,11 @@ def columns(lines: Lines) -> tuple[Int, Int]:
 
 
 def _group_columns(lines: Lines, above: Int) -> tuple[Int, Int]:
-    """Group lines into columns as `columns` does, given the line (S,) above each."""
+    """Group lines into columns as `find_columns` does, given the line (S,) above each."""
     foot = np.arange(len(above))
     joinable = np.flatnonzero(above >= 0)
     foot[above[joinable]] = joinable
-    foot = chain_ends(foot)
+    foot = find_chain_ends(foot)
     return foot, lines.row - lines.row[foot]
 
 

@@ -14,9 +14,9 @@ from printer_slicer.arrays import Bool, Float, Int, compact_ids, consecutive, di
 from printer_slicer.geometry.areas import Areas
 from printer_slicer.geometry.connected_areas import split_connected
 from printer_slicer.geometry.polygons import STEPS_PER_MM
-from printer_slicer.geometry.self_intersections import layers_with_self_intersections
-from printer_slicer.geometry.vectors import cross, dot, feet, norm
-from printer_slicer.geometry.voronoi_diagram import Diagram, diagram_of
+from printer_slicer.geometry.self_intersections import find_layers_with_self_intersections
+from printer_slicer.geometry.vectors import cross, dot, nearest_on_segments, norm
+from printer_slicer.geometry.voronoi_diagram import Diagram, compute_diagrams
 
 __all__ = ["CHORD", "MedialAxis", "follow_parts", "medial_axis"]
 
@@ -28,7 +28,7 @@ _MAX_PIECES = 64  # of one edge
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MedialAxis:
-    """Points that are equally far from two positions on the outline, joined by straight pieces.
+    """Medial axis: points equally far from two positions on the outline, joined by straight pieces.
 
     Piece `e` consists of two half-pieces, `2e` and `2e + 1`, in opposite directions. Each belongs to the side or corner
     of the outline on its left.
@@ -88,7 +88,7 @@ def medial_axis(areas: Areas, reach: float, sides: Bool | None = None, *, chord:
     """
     selected = _select_sides(areas, sides)
     steps = np.rint(selected.points[:, 1:3] * STEPS_PER_MM).astype(np.int64)
-    entangled = np.isin(selected.piece, layers_with_self_intersections(steps, selected.piece))
+    entangled = np.isin(selected.piece, find_layers_with_self_intersections(steps, selected.piece))
     left_out = distinct(selected.layer[entangled])
     if len(left_out):  # they have no diagram
         selected = selected.take(np.flatnonzero(~np.isin(selected.layer, left_out)))
@@ -171,10 +171,10 @@ class _DiagramEdges:
             self.layer.take(items),
         )
 
-    def feet(self, xy: Float, which: Int) -> Float:
-        """Return the nearest point (n, 2) to each point (n, 2) on the side or corner of the edges `which` (n,)."""
+    def nearest_points(self, xy: Float, which: Int) -> Float:
+        """Return the nearest position (n, 2) to each point (n, 2) on the side or corner of its edge `which` (n,)."""
         points = self.points.take(which, axis=0)
-        return feet(xy, points[:, 1], points[:, 2])[0]
+        return nearest_on_segments(xy, points[:, 1], points[:, 2])[0]
 
 
 def follow_parts(following: Int, count: Int) -> Int:
@@ -195,8 +195,8 @@ def follow_parts(following: Int, count: Int) -> Int:
 
 
 def _compute_axis(sides: _Sides, reach: float, left_out: Int, chord: float) -> MedialAxis:
-    """Compute the medial axis of sides that are not on the layers left out."""
-    diagram = diagram_of(sides.points[:, 1:3], sides.piece)
+    """Compute the medial axis from sides on the remaining layers."""
+    diagram = compute_diagrams(sides.points[:, 1:3], sides.piece)
     places, edge = _bound_edges(diagram, sides.points, 2 * reach)
     chosen = np.flatnonzero(diagram.primary & (edge >= 0).all(axis=1))
     cell = diagram.cell[chosen]
@@ -218,7 +218,10 @@ def _compute_axis(sides: _Sides, reach: float, left_out: Int, chord: float) -> M
     twin = np.arange(len(chosen)) ^ 1  # both edges of a pair are primary, or neither is
     kept = _is_inside(edges, twin)
     begin, end = edges.points[:, 1], edges.points[:, 2]
-    near = [norm(place - feet(place, begin, end)[0]) <= reach for place in np.moveaxis(edges.ends, 1, 0)]
+    near = [
+        norm(place - nearest_on_segments(place, begin, end)[0]) <= reach
+        for place in np.moveaxis(edges.ends, 1, 0)
+    ]
     kept &= near[0] | near[1]
     kept &= kept[twin]
     edges = edges.take(np.flatnonzero(kept))
@@ -298,8 +301,8 @@ def _split_edges(edges: _DiagramEdges, following: Int, left_out: Int, chord: flo
     start = ends.ravel()
     foot = np.stack(
         [
-            edges.feet(all_xy.take(start, axis=0), owner),
-            edges.feet(all_xy.take(ends[:, ::-1].ravel(), axis=0), owner),
+            edges.nearest_points(all_xy.take(start, axis=0), owner),
+            edges.nearest_points(all_xy.take(ends[:, ::-1].ravel(), axis=0), owner),
         ],
         axis=1,
     )
@@ -322,7 +325,7 @@ def _split_edges(edges: _DiagramEdges, following: Int, left_out: Int, chord: flo
 
 
 def _find_split_points(edges: _DiagramEdges, chord: float) -> tuple[Int, Float]:
-    """Return the number of pieces (h / 2,) of each edge, and the points (n, 2) between them.
+    """Return the number of pieces (h / 2,) of each edge, and the points (n, 2) between the pieces.
 
     Between a corner and a side the edge is a parabola. Between two corners it is straight, but an extrusion beside it
     curves around the corner. Seen from the corner, points are at most `_STEP` apart if `chord` is `CHORD`.

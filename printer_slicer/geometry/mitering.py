@@ -65,14 +65,14 @@ def miter_rings(xy: Int, start: Int, distance: Float, limit: float = MITER_LIMIT
     corners = _measure_corners((x, y), following)
     outer = (corners.sine * by >= 0) | (corners.cosine <= _BACK)
     cut = outer & (limit**2 * (1 + corners.cosine) <= 2)
-    through = ~outer & ((corners.cosine < _GENTLE) | _is_swallowed(corners, by, cut, following))
+    through = ~outer & ((corners.cosine < _GENTLE) | _has_vanishing_edge(corners, by, cut, following))
     count = 1 + cut + 2 * through
     end = np.cumsum(count)
     share = by / (1 + np.maximum(corners.cosine, _BACK))
     (vx, vy), (ux, uy) = corners.before, corners.after
     moved = np.zeros((len(end) + int((count - 1).sum()), 2))
     moved[end - count] = np.column_stack([x + (uy + vy) * share, y - (ux + vx) * share])
-    for which, build in ((cut, _cut_off), (through, _pass_through_corner)):
+    for which, build in ((cut, _cut_off_corner), (through, _pass_through_corner)):
         some = np.flatnonzero(which)
         for place, points in enumerate(build(corners, some, by.take(some))):
             moved[end[some] - count[some] + place] = xy.take(some, axis=0) + np.column_stack(points)
@@ -89,7 +89,7 @@ def _measure_corners(points: tuple[Float, Float], following: Int) -> _Corners:
     return _Corners((vx, vy), (ux, uy), vx * ux + vy * uy, vx * uy - vy * ux, length)
 
 
-def _is_swallowed(corners: _Corners, by: Float, cut: Bool, following: Int) -> Bool:
+def _has_vanishing_edge(corners: _Corners, by: Float, cut: Bool, following: Int) -> Bool:
     """Return a mask (N,) of corners at an edge that would be shortened by more than its length."""
     # A turn to the left lengthens both of its edges by the distance times the tangent of half the turn.
     gained = by * np.where(cut, 0.0, corners.sine / (1 + np.maximum(corners.cosine, _BACK)))
@@ -102,21 +102,21 @@ def _is_swallowed(corners: _Corners, by: Float, cut: Bool, following: Int) -> Bo
 _Points = tuple[tuple[Float, Float], ...]
 
 
-def _cut_off(corners: _Corners, some: Int, by: Float) -> _Points:
+def _cut_off_corner(corners: _Corners, indices: Int, by: Float) -> _Points:
     """Return both ends of the side that cuts off a corner at the distance, relative to the corner."""
     (vx, vy), (ux, uy) = (
-        tuple(column.take(some) for column in direction) for direction in (corners.before, corners.after)
+        tuple(column.take(indices) for column in direction) for direction in (corners.before, corners.after)
     )
     out_x, out_y = vx - ux, vy - uy
     size = np.hypot(out_x, out_y) / np.abs(by)
     out_x, out_y = out_x / size, out_y / size
-    half = np.tan(np.arccos(np.clip(corners.cosine.take(some), -1, 1)) / 4) * np.sign(by)
+    half = np.tan(np.arccos(np.clip(corners.cosine.take(indices), -1, 1)) / 4) * np.sign(by)
     return (out_x + out_y * half, out_y - out_x * half), (out_x - out_y * half, out_y + out_x * half)
 
 
-def _pass_through_corner(corners: _Corners, some: Int, by: Float) -> _Points:
+def _pass_through_corner(corners: _Corners, indices: Int, by: Float) -> _Points:
     """Return the end of the previous edge, the corner, and the start of the next edge, relative to the corner."""
     (vx, vy), (ux, uy) = (
-        tuple(column.take(some) for column in direction) for direction in (corners.before, corners.after)
+        tuple(column.take(indices) for column in direction) for direction in (corners.before, corners.after)
     )
     return (vy * by, -vx * by), (0 * by, 0 * by), (uy * by, -ux * by)

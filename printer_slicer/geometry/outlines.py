@@ -6,7 +6,7 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, consecutive
 from printer_slicer.geometry.areas import Areas
-from printer_slicer.geometry.clipping import clipped
+from printer_slicer.geometry.clipping import clip_with_sources
 from printer_slicer.geometry.polylines import Polylines
 
 __all__ = ["clip_outlines"]
@@ -32,12 +32,14 @@ def clip_outlines(outlines: Areas, within: Areas) -> tuple[Float, Int, Int, Bool
         ValueError: the stacks have different numbers of layers.
     """
     if outlines.n_layers != within.n_layers:
-        raise ValueError(f"stacks of {outlines.n_layers} and {within.n_layers} layers")
+        raise ValueError(
+            f"the stacks have different numbers of layers: {outlines.n_layers} and {within.n_layers}"
+        )
     sizes = np.diff(outlines.ring_start)
-    # Each ring from its first point to its first point again.
+    # Each ring as an open line that ends at its first point.
     points = consecutive(outlines.ring_start[:-1], sizes + 1)
     points[np.cumsum(sizes + 1) - 1] = outlines.ring_start[:-1]
-    parts, ring = clipped(within, Polylines.of(outlines.xy[points], sizes + 1, outlines.ring_layer))
+    parts, ring = clip_with_sources(within, Polylines.of(outlines.xy[points], sizes + 1, outlines.ring_layer))
     order = np.argsort(ring, kind="stable")
     ring, size = ring[order], parts.size[order]
     xy = parts.xy[consecutive(parts.start[:-1][order], size)]
@@ -51,7 +53,7 @@ def clip_outlines(outlines: Areas, within: Areas) -> tuple[Float, Int, Int, Bool
 
 
 def _join_at_ring_starts(paths: _Paths, first: Int, last: Int) -> _Paths:
-    """Append each path `first` to its `last`, and store the point that both ends of a ring share only once."""
+    """Append each path `first` to its path `last`; store the point shared by both, or by the ends of a ring, once."""
     xy, size, ring, closed = paths
     start = np.cumsum(size) - size
     alone = np.ones(len(size), np.bool_)

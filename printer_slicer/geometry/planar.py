@@ -1,4 +1,4 @@
-"""The second engine: shapely, in floating point. It also simplifies rings for both engines.
+"""Alternative geometry engine: shapely, in floating point. It also simplifies rings for both engines.
 
 A layer is one shapely geometry: one or more polygons, possibly empty. Layers are stored in lists and processed as
 arrays in single calls.
@@ -24,7 +24,7 @@ from printer_slicer.geometry.polygons import (
     Join,
     Operation,
 )
-from printer_slicer.geometry.spikes import without_spikes
+from printer_slicer.geometry.spikes import remove_spikes
 from printer_slicer.geometry.vectors import cross, dot
 
 __all__ = [
@@ -34,7 +34,7 @@ __all__ = [
     "load",
     "load_any",
     "offset",
-    "opened",
+    "offset_open",
     "outlines_within",
     "simplify",
     "store",
@@ -55,7 +55,7 @@ STRAIGHT: Final = 1e-12
 
 
 def load(areas: Areas) -> list[Any]:
-    """Return one geometry per layer; clean rings may touch, so they are loaded like any others."""
+    """Return one geometry per layer; clean rings may touch, so they are loaded like any other rings."""
     return load_any(areas)
 
 
@@ -64,7 +64,7 @@ def load_any(areas: Areas) -> list[Any]:
 
     The rings are cut where they meet. Of the faces between the cuts, those with a positive winding number are kept.
     """
-    lines = _group_by_layer(_linear_rings(areas), areas.ring_layer, areas.n_layers)
+    lines = _group_by_layer(_to_linear_rings(areas), areas.ring_layer, areas.n_layers)
     cut = shapely.union_all(lines[:, None], axis=1, grid_size=1 / STEPS_PER_MM)
     faces, face_layer = shapely.get_parts(shapely.polygonize(cut[:, None], axis=1), return_index=True)
     keep = (
@@ -77,22 +77,22 @@ def load_any(areas: Areas) -> list[Any]:
 
 def store(layers: list[Any]) -> Areas:
     """Convert all layers to one stack on the grid: outer rings counter-clockwise, holes clockwise."""
-    polygons, layer = shapely.get_parts(_shape_array(layers), return_index=True)
+    polygons, layer = shapely.get_parts(_to_shape_array(layers), return_index=True)
     solid = shapely.get_type_id(polygons) == shapely.GeometryType.POLYGON
     rings, polygon = shapely.get_rings(shapely.orient_polygons(polygons[solid]), return_index=True)
     areas = _build_areas(rings, layer[solid][polygon], len(layers))
     grid = np.rint(areas.xy * STEPS_PER_MM) / STEPS_PER_MM
-    return without_spikes(_remove_collinear(Areas(grid, areas.ring_start, areas.ring_layer, areas.n_layers)))
+    return remove_spikes(_remove_collinear(Areas(grid, areas.ring_start, areas.ring_layer, areas.n_layers)))
 
 
 def combine(operation: Operation, a: list[Any], b: list[Any]) -> list[Any]:
     """Return the union, difference or intersection of two lists of layers, entry by entry."""
-    return list(_select_polygons(OPERATIONS[operation](_shape_array(a), _shape_array(b))))
+    return list(_select_polygons(OPERATIONS[operation](_to_shape_array(a), _to_shape_array(b))))
 
 
 def outlines_within(outlines: Areas, layers: list[Any]) -> list[list[Float]]:
     """Return for each layer the parts of the rings of `outlines` that lie within it: open lines (n, 2), mm."""
-    rings = _linear_rings(outlines)
+    rings = _to_linear_rings(outlines)
     first, last = np.searchsorted(
         outlines.ring_layer, [np.arange(len(layers)), np.arange(1, len(layers) + 1)]
     )
@@ -107,13 +107,13 @@ def outlines_within(outlines: Areas, layers: list[Any]) -> list[list[Float]]:
 
 
 def _select_lines(shapes: Shapes) -> Shapes:
-    """Return only the lines, without the points in which shapes touched."""
+    """Return only the lines, without the points at which shapes touched."""
     return shapes[np.isin(shapely.get_type_id(shapes), (1, 2))]
 
 
 def offset(layers: list[Any], distance: Float, join: Join, limit: float = MITER_LIMIT) -> list[Any]:
     """Move the outlines of each layer outward by its distance, mm."""
-    shapes = _shape_array(layers)
+    shapes = _to_shape_array(layers)
     if join == "round":
         return list(shapely.buffer(shapes, distance, quad_segs=_count_quarter_steps(distance)))
     result = _buffer_mitered(shapes, distance, limit)
@@ -140,7 +140,7 @@ def stroke(xy: Float, start: Int, layer: Int, radius: Float, n_layers: int) -> l
     return list(shapely.union_all(_group_by_layer(drawn, layer[first], n_layers)[:, None], axis=1))
 
 
-def opened(layers: list[Any], distance: Float, limit: float) -> list[Any]:
+def offset_open(layers: list[Any], distance: Float, limit: float) -> list[Any]:
     """Remove everything narrower than twice the distance, mm, from each layer."""
     grown = offset(offset(layers, -distance, "miter"), distance + CLEARANCE, "miter", limit)
     return combine("intersection", layers, grown)
@@ -158,7 +158,7 @@ def simplify(areas: Areas, tolerance: float) -> Areas:
     turned = _start_at_leftmost(areas.select(np.diff(areas.ring_start) >= 3))
     if tolerance == 0:
         return _remove_collinear(turned)
-    rings = shapely.simplify(_linear_rings(turned), tolerance, preserve_topology=False)
+    rings = shapely.simplify(_to_linear_rings(turned), tolerance, preserve_topology=False)
     simple = _build_areas(rings, turned.ring_layer, turned.n_layers)
     sizes = np.diff(simple.ring_start)
     kept = sizes >= 3
@@ -177,19 +177,19 @@ def convex_hull(points: Float) -> Areas:
     return Areas.from_rings([[np.asarray(ring, np.float64)]])
 
 
-def _shape_array(layers: list[Any]) -> Shapes:
+def _to_shape_array(layers: list[Any]) -> Shapes:
     shapes: Shapes = np.full(len(layers), None, dtype=np.object_)
     shapes[:] = layers
     return shapes
 
 
-def _linear_rings(areas: Areas) -> Shapes:
+def _to_linear_rings(areas: Areas) -> Shapes:
     index = areas.point_ring
     return np.asarray(shapely.linearrings(areas.xy, indices=index), dtype=np.object_)
 
 
 def _group_by_layer(shapes: Shapes, layer: Int, n_layers: int) -> Shapes:
-    """Return one collection (n_layers,) per layer of the shapes that belong to it; `layer` ascends."""
+    """Return one collection of shapes per layer (n_layers,); `layer` gives the layer of each shape, ascending."""
     groups: Shapes = np.full(n_layers, shapely.from_wkt("GEOMETRYCOLLECTION EMPTY"), dtype=np.object_)
     if len(shapes):
         shapely.geometrycollections(shapes, indices=layer, out=groups)
@@ -252,7 +252,7 @@ def _count_quarter_steps(distance: Float) -> int:
 
 
 def _make_corner_kites(areas: Areas, distance: Float, limit: float) -> tuple[Shapes, Bool]:
-    """Return the kites that extended sides add at corners within the limit.
+    """Return the kite-shaped areas that mitered joins add at corners within the limit.
 
     Growing opens a gap at convex corners, shrinking at concave ones.
 
@@ -310,7 +310,7 @@ def _remove_collinear(areas: Areas) -> Areas:
 
 
 def _is_corner(areas: Areas) -> Bool:
-    """Return a mask (N,) of points that differ from the previous one; if all do, of points where the outline turns."""
+    """Return a mask (N,) of points that differ from the previous one; if all do, of points where the ring turns."""
     following, previous = areas.following, areas.previous
     x, y = np.ascontiguousarray(areas.xy.T)
     ahead_x, ahead_y = x.take(following) - x, y.take(following) - y
@@ -333,8 +333,8 @@ class SegmentTree:
         found = self._tree.query_nearest(shapely.points(points), all_matches=False)
         return np.asarray(found[1], dtype=np.int64)
 
-    def meeting(self, low: Float, high: Float) -> tuple[Int, Int]:
-        """Return pairs (box, segment) where the bounding box of the segment touches the box `low` to `high` (B, 2)."""
+    def query_boxes(self, low: Float, high: Float) -> tuple[Int, Int]:
+        """Return index pairs (box, segment) where the bounding box of a segment touches a box `low`-`high` (B, 2)."""
         diagonals = shapely.linestrings(np.stack([low, high], axis=1))
         box, segment = np.asarray(self._tree.query(diagonals), dtype=np.int64)
         return box, segment

@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 from printer_slicer.arrays import Bool, Float, Int, scatter
 from printer_slicer.geometry.areas import Areas
-from printer_slicer.geometry.connectivity import Index, cycles, weld_keys
-from printer_slicer.geometry.facet_topology import directed_keys, keys_of, spread
+from printer_slicer.geometry.connectivity import Index, find_cycles, weld_keys
+from printer_slicer.geometry.facet_topology import coordinate_keys, directed_edge_keys, expand_counts
 from printer_slicer.geometry.vectors import cross
 
-__all__ = ["Crossings", "crossings_of", "section_areas", "section_contours"]
+__all__ = ["Crossings", "intersect_with_planes", "section_areas", "section_contours"]
 
 _SEGMENTS_AT_ONCE = 250_000  # per batch, so that the arrays stay in the processor's cache
 _UInt = NDArray[np.uint64]
@@ -28,7 +28,7 @@ _UInt = NDArray[np.uint64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Crossings:
-    """Sections of a mesh: nodes where edges cross planes, and segments that join pairs of nodes.
+    """Sections of a mesh: nodes where its edges cross planes, and segments that join pairs of nodes.
 
     Attributes:
         xy: (N, 2) the nodes, each computed once for all facets that share its edge.
@@ -45,8 +45,8 @@ class Crossings:
     unpaired: int
 
 
-def crossings_of(triangles: Float, planes: Float) -> Iterator[Crossings]:
-    """Yield the segments in which `planes` (P,) ascending intersect `triangles` (F, 3, 3), joined through shared edges.
+def intersect_with_planes(triangles: Float, planes: Float) -> Iterator[Crossings]:
+    """Yield the segments where `planes` (P,), ascending, cut `triangles` (F, 3, 3), joined through shared edges.
 
     A rising half-edge and the falling half-edge of the neighbouring facet have the same ends, hence the same 64-bit
     key. Equal keys pair them without welding corners first. Where half-edges remain unpaired, the mesh is open or
@@ -67,7 +67,7 @@ def section_areas(triangles: Float, planes: Float) -> Float:
     This needs no contours: the shoelace sum works on the oriented segments in any order.
     """
     total = np.zeros(len(planes))
-    for part in crossings_of(triangles, planes):
+    for part in intersect_with_planes(triangles, planes):
         tail, head = part.xy.take(part.tail, axis=0), part.xy.take(part.head, axis=0)
         twice = cross(tail, head)
         total += np.bincount(part.plane[part.tail], weights=twice, minlength=len(planes)) / 2
@@ -80,11 +80,11 @@ def section_contours(triangles: Float, planes: Float) -> Areas:
     Open contours are closed from any end to any start.
     """
     n = len(planes)
-    return Areas.following_on([_join_rings(part, n) for part in crossings_of(triangles, planes)], n)
+    return Areas.concatenate([_join_rings(part, n) for part in intersect_with_planes(triangles, planes)], n)
 
 
 def _split_into_batches(level: Index, n_planes: int) -> Iterator[tuple[Int, int, int]]:
-    """Yield batches: the facets that cross some planes, the first of these planes and the one after the last."""
+    """Yield batches: facets, the first plane that they cross, and the plane after the last one."""
     bottom = np.minimum(np.minimum(level[0], level[1]), level[2])
     top = np.maximum(np.maximum(level[0], level[1]), level[2])
     crossing = np.flatnonzero(bottom < top)
@@ -114,14 +114,14 @@ class _HalfEdges(NamedTuple):
 
 
 def _cross_planes(triangles: Float, level: Index, planes: Float, low: int, high: int) -> Crossings:
-    """Return the segments in the planes from `low` up to `high`, of facets that cross some of these."""
+    """Return the segments in the planes from `low` up to `high`, given the facets that cross these planes."""
     x, y, z = np.ascontiguousarray(triangles.transpose(2, 1, 0))  # (3, n): corner, facet
     clipped = np.clip(level, low, high)
     after = clipped[[1, 2, 0]]
     rising, falling = _select_half_edges(clipped < after), _select_half_edges(clipped > after, turned=True)
-    tag = keys_of(x.ravel(), y.ravel(), z.ravel())
+    tag = coordinate_keys(x.ravel(), y.ravel(), z.ravel())
     key = np.concatenate(
-        [directed_keys(tag.take(side.low), tag.take(side.high)) for side in (rising, falling)]
+        [directed_edge_keys(tag.take(side.low), tag.take(side.high)) for side in (rising, falling)]
     )
     edge_of_rising, edge_of_falling, chosen, alone = _pair_half_edges(key, len(rising.item))
     ends = [
@@ -130,7 +130,7 @@ def _cross_planes(triangles: Float, level: Index, planes: Float, low: int, high:
     flat = clipped.ravel()
     first, last = flat.take(ends[0]), flat.take(ends[1])
     base = np.cumsum(last - first) - last  # node of (edge, plane) is base[edge] + plane
-    owner, place = spread(last - first)
+    owner, place = expand_counts(last - first)
     plane = first.take(owner) + place
     low_end, high_end = ends[0].take(owner), ends[1].take(owner)
     xy = _interpolate((x.ravel(), y.ravel(), z.ravel()), low_end, high_end, planes.take(plane))
@@ -155,7 +155,7 @@ def _select_half_edges(which: Bool, *, turned: bool = False) -> _HalfEdges:
 def _find_nodes(half_edges: _HalfEdges, level: Index, slot: Int, base: Int | Index) -> Int:
     """Return the node (S,) that each facet-plane pair has on its rising (or falling) side."""
     first = level.take(half_edges.low)
-    owner, place = spread(level.take(half_edges.high) - first)
+    owner, place = expand_counts(level.take(half_edges.high) - first)
     plane = first.take(owner) + place
     nodes = np.zeros(len(owner), np.int64)
     nodes[slot.take(half_edges.item % len(slot)).take(owner) + plane] = base.take(owner) + plane
@@ -197,14 +197,14 @@ def _pair_half_edges(key: _UInt, n_rising: int) -> tuple[Int, Int, Int, Int]:
     ):
         return rising.astype(np.int64), falling.astype(np.int64), one.astype(np.int64), np.zeros(0, np.int64)
     # Copies of the same key pair by rank: the k-th rising with the k-th falling one; the rest stays unpaired.
-    ranks = [_rank_equal(side, n_edges) for side in (rising, falling)]
+    ranks = [_count_earlier_equal(side, n_edges) for side in (rising, falling)]
     copy = np.concatenate(ranks) * np.int64(n_edges) + edge
     _, chosen, number, count = np.unique(copy, return_index=True, return_inverse=True, return_counts=True)
     return number[:n_rising], number[n_rising:], chosen, np.flatnonzero(count == 1)
 
 
-def _rank_equal(edge: Index, n_edges: int) -> Int:
-    """Return the number (n,) of earlier entries with the same edge."""
+def _count_earlier_equal(edge: Index, n_edges: int) -> Int:
+    """Return for each entry the number (n,) of earlier entries with the same edge."""
     order = np.argsort(edge, kind="stable")
     begin = np.cumsum(np.bincount(edge, minlength=n_edges)) - np.bincount(edge, minlength=n_edges)
     rank = np.zeros(len(edge), np.int64)
@@ -221,7 +221,7 @@ def _join_rings(part: Crossings, n_planes: int) -> Areas:
         following[ends[np.argsort(part.plane[ends], kind="stable")]] = begins[
             np.argsort(part.plane[begins], kind="stable")
         ]
-    ring, rank = cycles(following)
+    ring, rank = find_cycles(following)
     first = np.flatnonzero(rank == 0)
     first = first[np.argsort(part.plane[first], kind="stable")]
     start = np.append(0, np.cumsum(np.bincount(ring, minlength=len(ring))[first]))

@@ -69,7 +69,7 @@ class Polygons(Protocol):
     def offset(self, layers: list[Layer], distance: Float, join: Join) -> list[Layer]:
         """Move the outlines of each entry outward by its distance, mm."""
 
-    def opened(self, layers: list[Layer], distance: Float, limit: float) -> list[Layer]:
+    def offset_open(self, layers: list[Layer], distance: Float, limit: float) -> list[Layer]:
         """Shrink each entry by its distance, mm, grow it again, and intersect the result with the entry.
 
         Corners with a point farther away than `limit` distances are cut off.

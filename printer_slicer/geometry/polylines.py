@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.arrays import Bool, Float, Int, consecutive, frozen_array, lengths
+from printer_slicer.arrays import Bool, Float, Int, consecutive, frozen_array, polyline_lengths
 from printer_slicer.geometry.areas import Areas, Lines
 
 __all__ = ["Polylines"]
@@ -112,7 +112,7 @@ class Polylines:
 
     def length(self) -> Float:
         """Return the length (M,) of each line, mm."""
-        return lengths(self.xy, self.start, self.closed)
+        return polyline_lengths(self.xy, self.start, self.closed)
 
     def without_repeats(self) -> tuple[Polylines, Int]:
         """Remove repeated points from open lines, and lines with fewer than two points.

@@ -8,7 +8,7 @@ from printer_slicer.arrays import Bool, Float, Int, consecutive, unique_inverse
 from printer_slicer.geometry.areas import Areas
 from printer_slicer.geometry.boxes import Boxes
 
-__all__ = ["any_crossing", "crossed", "crossing_shares", "crossings", "find_enclosing_rings"]
+__all__ = ["crosses_any_edge", "crosses_rings", "crossing_shares", "crossings", "find_enclosing_rings"]
 
 _PAIRS_AT_ONCE = 1 << 18  # pairs of lines and edges per batch, to bound the memory
 
@@ -56,7 +56,7 @@ def find_enclosing_rings(outlines: Areas, points: Float, layer: Int) -> Int:
 
 
 def _find_split_positions(count: Int, most: int) -> Int:
-    """Return where to split items with `count` (n,) entries each, so that a part has about `most` entries."""
+    """Return the indices at which to split items with `count` (n,) entries each into parts of about `most` entries."""
     total = np.cumsum(count)
     return np.searchsorted(total, np.arange(most, int(total[-1]) if len(total) else 0, most)).astype(np.int64)
 
@@ -67,7 +67,7 @@ def _select_odd_counts(values: Int) -> Int:
     return np.asarray(found[np.bincount(place, minlength=len(found)) % 2 == 1])
 
 
-def crossed(outlines: Areas, begin: Float, end: Float, layer: Int) -> Bool:
+def crosses_rings(outlines: Areas, begin: Float, end: Float, layer: Int) -> Bool:
     """Return a mask (P,) of lines from `begin` to `end` (P, 2) that cross a ring of their `layer` (P,)."""
     return np.asarray(crossings(outlines, begin, end, layer) > 0)
 
@@ -82,7 +82,7 @@ def crossings(outlines: Areas, begin: Float, end: Float, layer: Int) -> Int:
         return result
     a, b = outlines.xy, outlines.xy.take(outlines.following, axis=0)
     boxes = Boxes(np.minimum(begin, end), np.maximum(begin, end), layer)
-    line, edge = boxes.overlapping(Boxes.of_sides(outlines))
+    line, edge = boxes.find_overlapping(Boxes.of_sides(outlines))
     for some in np.array_split(np.arange(len(line)), len(line) // _PAIRS_AT_ONCE + 1):
         one, other = line[some], edge[some]
         share = crossing_shares(
@@ -93,9 +93,9 @@ def crossings(outlines: Areas, begin: Float, end: Float, layer: Int) -> Int:
 
 
 def crossing_shares(begin: Float, end: Float, a: Float, b: Float) -> Float:
-    """Return where (n,) each line from `begin` to `end` (n, 2) crosses its edge from `a` to `b` (n, 2).
+    """Return the position (n,) at which each line from `begin` to `end` (n, 2) crosses its edge from `a` to `b` (n, 2).
 
-    The position along the line goes from 0 to 1; it is nan if the two do not cross. As in `any_crossing`, this is
+    The position along the line goes from 0 to 1; it is nan if the two do not cross. As in `crosses_any_edge`, this is
     decided without a division.
     """
     (dx, dy), (ex, ey) = (end - begin).T, (b - a).T
@@ -108,13 +108,13 @@ def crossing_shares(begin: Float, end: Float, a: Float, b: Float) -> Float:
     return np.where(cross, along / np.where(cross, turn, 1.0), np.nan)
 
 
-def any_crossing(begin: Float, end: Float, a: Float, b: Float) -> Bool:
+def crosses_any_edge(begin: Float, end: Float, a: Float, b: Float) -> Bool:
     """Return a mask (P,) of lines from `begin` to `end` (P, 2) that cross any edge from `a` to `b` (E, 2).
 
     An edge includes only one of its ends, so a line through a corner crosses exactly one of the corner's edges.
     """
     line = end - begin
-    side_a, side_b = _find_sides(begin, line, a), _find_sides(begin, line, b)
+    side_a, side_b = _side_of_line(begin, line, a), _side_of_line(begin, line, b)
     edge = (b - a)[None]
     gap = begin[:, None] - a[None]
     along = gap[:, :, 0] * edge[:, :, 1] - gap[:, :, 1] * edge[:, :, 0]
@@ -124,7 +124,7 @@ def any_crossing(begin: Float, end: Float, a: Float, b: Float) -> Bool:
     return np.asarray((((side_a < 0) != (side_b < 0)) & (along > 0) & (along < turn)).any(axis=1))
 
 
-def _find_sides(begin: Float, line: Float, points: Float) -> Float:
+def _side_of_line(begin: Float, line: Float, points: Float) -> Float:
     """Return for each line and point (P, E) a number that is positive if the point lies to the left of the line."""
     gap = points[None] - begin[:, None]
     return line[:, None, 0] * gap[:, :, 1] - line[:, None, 1] * gap[:, :, 0]

@@ -63,7 +63,7 @@ class SegmentIndex:
         result[known] = distance_to_segments(points[known], self._begin[segment], self._end[segment])
         return result
 
-    def within(self, points: Float, layer: Int, reach: float) -> tuple[Int, Int, Float]:
+    def find_within(self, points: Float, layer: Int, reach: float) -> tuple[Int, Int, Float]:
         """Find the segments of their `layer` (P,) within reach of points (P, 2), unordered.
 
         Returns:
@@ -73,12 +73,12 @@ class SegmentIndex:
         if self._tree is None or not len(points):
             return none, none, np.zeros(0)
         cell = self._cell_offset(layer)
-        point, segment = self._tree.meeting(points + cell - reach, points + cell + reach)
+        point, segment = self._tree.query_boxes(points + cell - reach, points + cell + reach)
         apart = distance_to_segments(points[point], self._begin[segment], self._end[segment])
         near = apart <= reach
         return point[near], segment[near], apart[near]
 
-    def crossed(self, begin: Float, end: Float, layer: Int) -> tuple[Int, Int, Float]:
+    def find_crossings(self, begin: Float, end: Float, layer: Int) -> tuple[Int, Int, Float]:
         """Find where lines from `begin` to `end` (P, 2) cross segments of their `layer` (P,), unordered.
 
         A segment includes only one of its ends, so a line through a corner crosses exactly one of the two segments.
@@ -90,7 +90,7 @@ class SegmentIndex:
         if self._tree is None or not len(begin):
             return none, none, np.zeros(0)
         cell = self._cell_offset(layer)
-        line, segment = self._tree.meeting(begin + cell, end + cell)
+        line, segment = self._tree.query_boxes(begin + cell, end + cell)
         found = []
         for some in np.array_split(np.arange(len(line)), len(line) // _PAIRS_AT_ONCE + 1):
             one, other = line[some], segment[some]
@@ -105,9 +105,9 @@ class SegmentIndex:
         lines, segments, shares = zip(*found, strict=True)
         return np.concatenate(lines), np.concatenate(segments), np.concatenate(shares)
 
-    def crossings(self, begin: Float, end: Float, layer: Int) -> Int:
+    def count_crossings(self, begin: Float, end: Float, layer: Int) -> Int:
         """Count how often (P,) lines from `begin` to `end` (P, 2) cross segments of their `layer` (P,)."""
-        return np.bincount(self.crossed(begin, end, layer)[0], minlength=len(begin)).astype(np.int64)
+        return np.bincount(self.find_crossings(begin, end, layer)[0], minlength=len(begin)).astype(np.int64)
 
     def _cell_offset(self, layer: Int) -> Float:
         """Return the offset (P, 2) of the cell of each layer."""
@@ -123,13 +123,13 @@ class OutlineIndex(SegmentIndex):
         ends = areas.xy, areas.xy[areas.following]
         super().__init__(ends, areas.point_layer, areas.n_layers, (low, high))
 
-    def inside(self, points: Float, layer: Int) -> Bool:
+    def is_inside(self, points: Float, layer: Int) -> Bool:
         """Return a mask (P,) of points (P, 2) inside the area of their `layer` (P,)."""
         if self._tree is None or not len(points):
             return np.zeros(len(points), np.bool_)
         far = np.column_stack([np.full(len(points), self._right), points[:, 1]])
         cell = self._cell_offset(layer)
-        point, segment = self._tree.meeting(points + cell, far + cell)
+        point, segment = self._tree.query_boxes(points + cell, far + cell)
         (x, y), (ax, ay), (bx, by) = points[point].T, self._begin[segment].T, self._end[segment].T
         # A segment includes its lower end only, so that a ray through a corner counts once.
         rising, falling = (ay <= y) & (by > y), (ay > y) & (by <= y)

@@ -1,4 +1,4 @@
-"""Find sides of outlines that intersect other than at their ends, exactly, on integers."""
+"""Find outlines whose sides intersect other than at their ends, exactly, in integer arithmetic."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from printer_slicer.arrays import Float, Int, distinct
 from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.geometry.vectors import cross, dot
 
-__all__ = ["layers_with_self_intersections"]
+__all__ = ["find_layers_with_self_intersections"]
 
 
-def layers_with_self_intersections(ends: Int, layer: Int) -> Int:
+def find_layers_with_self_intersections(ends: Int, layer: Int) -> Int:
     """Find layers on which two sides cross, touch or overlap, except at an end that they share.
 
     Polygon clipping rounds corners to a grid, and occasionally moves one onto a nearby side, or across it.
@@ -24,7 +24,7 @@ def layers_with_self_intersections(ends: Int, layer: Int) -> Int:
         The layers, ascending.
     """
     low, high = (_as_floats(which(ends[:, 0], ends[:, 1])) for which in (np.minimum, np.maximum))
-    a, b = Boxes(low, high, layer).neighbours()
+    a, b = Boxes(low, high, layer).find_neighbours()
     first, second = ends.take(a, axis=0), ends.take(b, axis=0)
     straddled = [
         np.sign(cross(direction, other[:, 0] - one[:, 0]))

@@ -6,7 +6,7 @@ import numpy as np
 
 from printer_slicer.arrays import Float, Int
 from printer_slicer.geometry.areas import Areas
-from printer_slicer.geometry.facet_topology import spread
+from printer_slicer.geometry.facet_topology import expand_counts
 from printer_slicer.geometry.vectors import cross
 
 __all__ = ["BESIDE", "project_slabs"]
@@ -36,7 +36,7 @@ def project_slabs(triangles: Float, bottom: Float, top: Float) -> Areas:
     flat = triangles[..., :2]
     area = cross(flat[:, 1] - flat[:, 0], flat[:, 2] - flat[:, 0])
     facets = np.flatnonzero(np.abs(area) > _NO_AREA)
-    owner, place = spread(np.maximum(last - first, 0)[facets])
+    owner, place = expand_counts(np.maximum(last - first, 0)[facets])
     facet = facets[owner]
     slab = first[facet] + place
     # Make all facets counter-clockwise as seen from above.
@@ -75,6 +75,6 @@ def _clip_triangles(corners: Float, low: Float, high: Float) -> tuple[Float, Int
 def _stack_rings(xy: Float, size: Int, layer: Int, order: Int, n_layers: int) -> Areas:
     """Build a stack from rings with `size` points each, sorted by layer."""
     start = np.cumsum(size) - size
-    owner, place = spread(size[order])
+    owner, place = expand_counts(size[order])
     moved = xy[start[order][owner] + place]
     return Areas(moved, np.concatenate([[0], np.cumsum(size[order])]), layer[order], n_layers)

@@ -1,4 +1,4 @@
-"""Remove spikes: the remains of strips that are narrower than the grid of a geometry engine.
+"""Remove spikes from outlines: remains of strips narrower than the grid of a geometry engine.
 
 Where two outlines are one grid step apart, a cut between them leaves an outline that runs out and back along itself.
 Such a spike has no area, but its rounded sides may cross. Operations that need simple rings (GEOS, offsets, hatches)
@@ -13,7 +13,7 @@ from printer_slicer.arrays import Bool, Float, Int, consecutive, distinct
 from printer_slicer.geometry.areas import Areas
 from printer_slicer.geometry.polygons import STEPS_PER_MM
 
-__all__ = ["is_spike", "without_spikes"]
+__all__ = ["is_spike", "remove_spikes"]
 
 _MOST = 2 / STEPS_PER_MM  # mm; rounding moves each side of a spike by up to one step
 _LEAST = (
@@ -21,7 +21,7 @@ _LEAST = (
 )  # mm; the area of a ring with at most this mean width comes only from rounding
 
 
-def without_spikes(areas: Areas) -> Areas:
+def remove_spikes(areas: Areas) -> Areas:
     """Remove the points at which an outline turns back on itself, and rings without area.
 
     Args:
@@ -40,14 +40,14 @@ def without_spikes(areas: Areas) -> Areas:
     while spikes.any():
         # Remove only one of several neighbouring spikes at a time: then the next one may no longer be a spike.
         gone = spikes & ~spikes[part.previous]
-        sound = part.in_whole_rings(~(gone | _is_flat(part, spikes)))
+        sound = part.mask_whole_rings(~(gone | _is_in_flat_ring(part, spikes)))
         part, points = part.of_points(sound), points[sound]
         spikes = is_spike(part)
     keep[points] = True
     return areas.of_points(keep)
 
 
-def _is_flat(areas: Areas, spikes: Bool) -> Bool:
+def _is_in_flat_ring(areas: Areas, spikes: Bool) -> Bool:
     """Return a mask (N,) of points whose ring is at most one step wide on average, or has only `spikes` (N,)."""
     flat = 2 * np.abs(areas.ring_area()) <= areas.ring_length() * _LEAST
     flat |= np.logical_and.reduceat(spikes, areas.ring_start[:-1])

@@ -1,4 +1,4 @@
-"""Area covered by rows of a hatch, with one outline around each column of rows instead of one around each row."""
+"""Compute the area covered by rows of a hatch, from one outline per column of rows instead of one per row."""
 
 from __future__ import annotations
 
@@ -7,14 +7,16 @@ import numpy as np
 from printer_slicer.arrays import Float, per_layer, run_starts
 from printer_slicer.geometry.areas import Areas, Lines
 from printer_slicer.geometry.engine import normalize
-from printer_slicer.geometry.hatching import columns
+from printer_slicer.geometry.hatching import find_columns
 
-__all__ = ["staircases"]
+__all__ = ["unite_row_rectangles"]
 
 _BEYOND = 1e-3  # of the half width, so that adjacent columns overlap
 
 
-def staircases(rows: Lines, u: Float, *, angle: float | Float, half: float | Float, n_layers: int) -> Areas:
+def unite_row_rectangles(
+    rows: Lines, u: Float, *, angle: float | Float, half: float | Float, n_layers: int
+) -> Areas:
     """Return the union of rectangles along rows.
 
     Neighbouring rows form a column if each is the only one beside the other. The outline of a column goes up on one
@@ -30,7 +32,7 @@ def staircases(rows: Lines, u: Float, *, angle: float | Float, half: float | Flo
     """
     if not rows.n_lines:
         return Areas.empty(n_layers)
-    foot, rank = columns(rows)
+    foot, rank = find_columns(rows)
     order = np.lexsort((rank, foot))
     begin = np.flatnonzero(run_starts(foot[order]))
     size = np.diff(np.append(begin, len(order)))

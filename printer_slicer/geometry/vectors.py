@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from printer_slicer.arrays import Float
 
-__all__ = ["cross", "dot", "feet", "nearest_share", "norm"]
+__all__ = ["cross", "dot", "nearest_on_segments", "nearest_share", "norm"]
 
 _Number = TypeVar("_Number", np.float64, np.int64)
 
@@ -52,8 +52,8 @@ def nearest_share(gap: Float, way: Float) -> Float:
     return np.clip(dot(gap, way) / np.where(length2 > 0, length2, 1.0), 0.0, 1.0)
 
 
-def feet(points: Float, begin: Float, end: Float) -> tuple[Float, Float]:
-    """Return the nearest points (..., d) on segments, and their positions (...,) along them from 0 to 1.
+def nearest_on_segments(points: Float, begin: Float, end: Float) -> tuple[Float, Float]:
+    """Return the nearest points (..., d) on segments, and their positions (...,) along the segments, from 0 to 1.
 
     Args:
         points: (..., d) mm, in any number of dimensions.

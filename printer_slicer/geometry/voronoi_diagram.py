@@ -20,7 +20,7 @@ import numpy as np
 from printer_slicer.arrays import Bool, Float, Int, next_in_ring, run_starts
 from printer_slicer.geometry.polygons import STEPS_PER_MM
 
-__all__ = ["Diagram", "diagram_of"]
+__all__ = ["Diagram", "compute_diagrams"]
 
 # Grid steps from the origin to the middle of a diagram. The library needs vertices with a relative error of some
 # 10^-14, and computes with more digits than a double has if it is not sure of that. Near the origin it rarely is sure.
@@ -29,7 +29,7 @@ _CENTER_OFFSET = 10_000_000
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Diagram:
-    """Edges between the cells of sides and of their ends; edge `e` has the reversed twin `e ^ 1`.
+    """Voronoi edges between the cells of sides and of their ends; edge `e` has the reversed twin `e ^ 1`.
 
     Attributes:
         vertex: (V, 2) mm.
@@ -52,8 +52,8 @@ class Diagram:
     place: Int
 
 
-def diagram_of(ends: Float, area: Int) -> Diagram:
-    """Compute the diagrams of all areas in one set of arrays.
+def compute_diagrams(ends: Float, area: Int) -> Diagram:
+    """Compute the Voronoi diagrams of all areas, in one set of arrays.
 
     Args:
         ends: (S, 2, 2) mm, start and end of each side; sides of an area meet only at their ends.
@@ -116,7 +116,7 @@ def _is_primary(cell: Int, steps: Int, side: Int, place: Int) -> Bool:
 
 
 def _sum_earlier(size: Int) -> Int:
-    """Return the total size of all earlier parts."""
+    """Return for each part the total size of all earlier parts."""
     return np.asarray(np.cumsum(size) - size)
 
 

@@ -1,4 +1,4 @@
-"""Intersections over windows of neighbouring layers, from few pairwise intersections."""
+"""Intersect windows of neighbouring layers with few pairwise intersections."""
 
 from __future__ import annotations
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, next_in_ring
-from printer_slicer.geometry.connectivity import cycles, label_components, weld_keys
-from printer_slicer.geometry.facet_topology import spread
+from printer_slicer.geometry.connectivity import find_cycles, label_components, weld_keys
+from printer_slicer.geometry.facet_topology import expand_counts
 from printer_slicer.geometry.vectors import dot, nearest_share
 from printer_slicer.healing.facets import Facets
 from printer_slicer.model import Repair
@@ -49,7 +49,7 @@ class _Holes:
 
     def kept(self, keep: Bool) -> _Holes:
         """Return the holes for which `keep` (H,) is true."""
-        owner, place = spread(self.size[keep])
+        owner, place = expand_counts(self.size[keep])
         return _Holes(
             self.corner[self.start[:-1][keep][owner] + place],
             np.concatenate([[0], np.cumsum(self.size[keep])]),
@@ -121,7 +121,7 @@ def _holes(facets: Facets) -> _Holes:
         return _Holes(np.zeros(0, np.int64), np.zeros(1, np.int64))
     number = np.full(len(start), -1)
     number[chosen] = np.arange(len(chosen))
-    walk, rank = cycles(number[at[end[chosen]]])
+    walk, rank = find_cycles(number[at[end[chosen]]])
     order = np.lexsort((rank, walk))
     size = np.unique(walk, return_counts=True)[1]
     return _Holes(start[chosen][order], np.concatenate([[0], np.cumsum(size)]))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from printer_slicer.arrays import Float, Int
-from printer_slicer.geometry.facet_topology import spread
+from printer_slicer.geometry.facet_topology import expand_counts
 
 __all__ = ["covers", "runs_around"]
 
@@ -38,7 +38,7 @@ def runs_around(triangles: Float, owner: Int, places: Float) -> _Found:
         bottom, top = block.min(axis=1), block.max(axis=1)
         beside = (bottom[:, :2] > high[:2]).any(axis=1) | (top[:, :2] < low[:2]).any(axis=1)
         near = np.flatnonzero(~beside & (top[:, 2] > low[2]))
-        facet, place = tree.meeting(bottom[near, :2], top[near, :2])
+        facet, place = tree.query_boxes(bottom[near, :2], top[near, :2])
         facet = near[facet]
         over = top[facet, 2] > places[place, 2]
         facet, place = facet[over], place[over]
@@ -86,7 +86,7 @@ def covers(triangles: Float, owner: Int, places: Float) -> _Found:
         np.arange(len(place)),
         np.searchsorted(total, np.arange(_PAIRS_AT_ONCE, int(size[number].sum()), _PAIRS_AT_ONCE)),
     ):
-        pair, step = spread(size[number[some]])
+        pair, step = expand_counts(size[number[some]])
         share = _solid_angles(
             ordered.take(first[number[some]][pair] + step, axis=0),
             places.take(place[some][pair], axis=0),

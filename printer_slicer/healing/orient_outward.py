@@ -163,7 +163,7 @@ def _may_be_voids(facets: Facets, shells: _Shells, inward: Bool) -> Bool:
     low, high = _bounding_boxes(facets, shells.of_facet, len(inward))
     around, outward = np.flatnonzero(inward), np.flatnonzero(shells.clear & ~inward)
     tree = SegmentTree(np.stack([low[around, :2], high[around, :2]], axis=1))
-    one, other = tree.meeting(low[outward, :2], high[outward, :2])
+    one, other = tree.query_boxes(low[outward, :2], high[outward, :2])
     one, other = outward[one], around[other]
     within = ((low[one] >= low[other]) & (high[one] <= high[other])).all(axis=1)
     within &= np.abs(shells.volume[one]) < np.abs(shells.volume[other])

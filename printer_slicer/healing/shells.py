@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int
-from printer_slicer.geometry.vectors import feet
+from printer_slicer.geometry.vectors import nearest_on_segments
 from printer_slicer.healing.facets import Facets
 from printer_slicer.healing.holes import CRACK
 from printer_slicer.healing.orient_outward import enclosed_volume
@@ -55,7 +55,7 @@ def _beside_others(facets: Facets, patch: Int, open_edge: Bool, loose: Bool) -> 
     own = np.flatnonzero(loose[owner])
     beside = np.ones(len(own), np.bool_)
     for point in (start[own], (start[own] + end[own]) / 2, end[own]):
-        place, other = tree.meeting(point[:, :2] - CRACK, point[:, :2] + CRACK)
+        place, other = tree.query_boxes(point[:, :2] - CRACK, point[:, :2] + CRACK)
         apart = owner[own[place]] == owner[other]
         near = ~apart & (_distance(point[place], start[other], end[other]) <= CRACK)
         beside &= np.bincount(place[near], minlength=len(own)) > 0
@@ -64,4 +64,4 @@ def _beside_others(facets: Facets, patch: Int, open_edge: Bool, loose: Bool) -> 
 
 def _distance(point: Float, start: Float, end: Float) -> Float:
     """Return the distance (n,) of each point (n, 3) from its segment from `start` to `end`, mm."""
-    return np.asarray(np.linalg.norm(point - feet(point, start, end)[0], axis=1))
+    return np.asarray(np.linalg.norm(point - nearest_on_segments(point, start, end)[0], axis=1))

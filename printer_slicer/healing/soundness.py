@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from printer_slicer.arrays import Bool, Float
 from printer_slicer.geometry.connectivity import Index, label_components, weld_keys
-from printer_slicer.geometry.facet_topology import edge_keys, keys_of
+from printer_slicer.geometry.facet_topology import coordinate_keys, edge_keys
 
 __all__ = ["is_sound"]
 
@@ -44,7 +44,7 @@ def is_sound(triangles: Float) -> bool:
     bottom = float(triangles[:, :, 2].min(initial=0.0))
     for at in range(0, len(triangles), _AT_ONCE):
         x, y, z = np.ascontiguousarray(triangles[at : at + _AT_ONCE].transpose(2, 1, 0))
-        blocks.append(_edges_of(keys_of(x.ravel(), y.ravel(), z.ravel()).reshape(3, -1)))
+        blocks.append(_edges_of(coordinate_keys(x.ravel(), y.ravel(), z.ravel()).reshape(3, -1)))
         # Sum the columns between the lowest corner and each facet; columns below facets that face down are negative.
         columns = (x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0])
         columns *= z[0] + z[1] + z[2] - 3 * bottom

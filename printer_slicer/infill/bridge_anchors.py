@@ -71,7 +71,7 @@ def extensions_to_walls(
         apart: (P,) mm.
     """
     apart = np.maximum(apart, 0.0)
-    others = offset_open(difference(pieces.beside(inside), pieces.areas), _SLIVER)
+    others = offset_open(difference(pieces.select_nearby_rings(inside), pieces.areas), _SLIVER)
     longest = grid.rows(difference(pieces.areas, offset(others, apart)))
     if not rows.n_lines or not longest.n_lines:
         return np.zeros((rows.n_lines, 2))

@@ -59,7 +59,7 @@ def combine_infill_areas(infill: Areas, plan: LayerPlan, groups: Int, narrowest:
     ends = several & (last == own)
     common = window_intersection(infill, np.where(ends, groups, own), own + 1)
     common = offset_open(common.of_layers(ends), narrowest / 2)
-    rest = difference(infill, common.for_each(last))
+    rest = difference(infill, common.copy_layers(last))
     wide = offset_open(rest.of_layers(several), narrowest / 2)
     return InfillAreas(
         _stacked(rest.of_layers(~several).merge(wide), common),

@@ -24,9 +24,9 @@ from printer_slicer.geometry import (
     offset,
     offset_open,
     split_connected,
-    staircases,
     stroke_lines,
     union,
+    unite_row_rectangles,
 )
 from printer_slicer.model import Regions
 from printer_slicer.profile import Profile
@@ -88,7 +88,7 @@ def support_internal_bridges(regions: Regions, lines: Polylines, profile: Profil
     used, second = _by_turns(bridge)
     regions = _laid(regions, bridge.of_layers(used & ~second), lines, profile, used & ~second)
     # The bridges of the layer below have grown, so fewer areas lie over internal infill now.
-    below = regions.internal_infill.raised(1).of_layers(second)
+    below = regions.internal_infill.shift_layers(1).of_layers(second)
     own = find_internal_bridges(bridge.of_layers(second), below, width, profile.quality.bridge_anchor)
     return _laid(regions, own, lines, profile, second)
 
@@ -144,7 +144,7 @@ def _ground(regions: Regions, lines: Polylines, width: float, grip: float, used:
     room = difference(inside.of_layers(used), closed)
     some = lines.take(np.flatnonzero(np.append(used[1:], False)[lines.layer]))
     pens = stroke_lines(some.xy, some.start, some.layer + 1, np.full(some.n_lines, width / 2), n)
-    hollow = intersection(room, regions.internal_infill.raised(1).of_layers(used))
+    hollow = intersection(room, regions.internal_infill.shift_layers(1).of_layers(used))
     # Gaps narrower than half a width are ignored.
     return _Ground(room, offset_open(difference(hollow, pens), width / 4), grip)
 
@@ -168,7 +168,7 @@ def _stretched(own: Areas, pieces: ConnectedAreas, ground: _Ground, width: float
     if not len(longer):
         return own
     # Strips are twice as wide as the row distance, so that lines between rows are as long as their neighbours.
-    strips = staircases(
+    strips = unite_row_rectangles(
         rows.lines.take(longer), rows.u[longer], angle=angle, half=step, n_layers=pieces.count
     )
     strips = strips.restacked(np.arange(strips.n_rings), pieces.layer[strips.ring_layer], own.n_layers)

@@ -96,7 +96,7 @@ def internal_infill_paths(layout: PatternLayout, regions: Regions, profile: Prof
     overlap = profile.quality.internal_infill_overlap * own.bead if profile.quality.perimeters else 0.0
     # Lines overlap the perimeters to bond to them, except where the ends of bridges are already.
     around = own.bead / 2 + overlap
-    bridges = offset(regions.bridge.merge(regions.internal_bridge), around).for_each(own.layer)
+    bridges = offset(regions.bridge.merge(regions.internal_bridge), around).copy_layers(own.layer)
     task = replace(own, spacing=layout.task.spacing, area=difference(own.area, bridges))
     bare, more = _drawn(task, layout.pattern)
     lines = _anchored(task, bare, profile, layout.reach)

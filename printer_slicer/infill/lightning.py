@@ -25,7 +25,7 @@ from printer_slicer.geometry import (
     offset,
     union,
 )
-from printer_slicer.geometry.connectivity import chain_ends, chain_steps
+from printer_slicer.geometry.connectivity import count_chain_steps, find_chain_ends
 from printer_slicer.infill.infill_task import InfillTask, Pattern
 from printer_slicer.infill.lightning_trees import (
     AT_WALL,
@@ -97,8 +97,8 @@ def _roof_points(task: InfillTask, area: Areas) -> tuple[Float, Int, Int]:
     supported first.
     """
     step = task.spacing / 2
-    above = difference(area, area.raised(-1))
-    ends = offset(task.regions.internal_bridge.raised(-1), _AROUND * task.spacing)
+    above = difference(area, area.shift_layers(-1))
+    ends = offset(task.regions.internal_bridge.shift_layers(-1), _AROUND * task.spacing)
     rows = hatch(union(above, intersection(ends, area)), angle=task.angle, spacing=step)
     first = np.ceil(rows.u[:, 0] / step).astype(np.int64)
     count = np.maximum(np.floor(rows.u[:, 1] / step).astype(np.int64) - first + 1, 0)
@@ -137,7 +137,7 @@ def _branches(trees: list[Tree]) -> Polylines:
     if not len(xy):
         return Polylines.of(xy, np.zeros(0, np.int64), layer)
     depth, heir = _heirs(xy, parent)
-    tip = chain_ends(np.where(heir >= 0, heir, np.arange(len(heir))))
+    tip = find_chain_ends(np.where(heir >= 0, heir, np.arange(len(heir))))
     order = np.lexsort((-depth, tip))
     head = run_starts(tip[order])
     last = order[np.append(head[1:], True)]
@@ -155,7 +155,7 @@ def _heirs(xy: Float, parent: Int) -> tuple[Int, Int]:
     """Return the depth of each node, and its child on the longest branch; -1 for tips."""
     n = len(xy)
     has = parent >= 0
-    _, depth = chain_steps(np.where(has, parent, np.arange(n)))
+    _, depth = count_chain_steps(np.where(has, parent, np.arange(n)))
     own = np.where(has, np.hypot(*(xy - xy[parent]).T), 0.0)
     far, heir = np.zeros(n), np.full(n, -1)
     by_depth = np.argsort(depth, kind="stable")

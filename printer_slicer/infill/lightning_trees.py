@@ -8,10 +8,10 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, run_starts
 from printer_slicer.geometry import Areas, Polylines
-from printer_slicer.geometry.clipping import clipped
-from printer_slicer.geometry.connectivity import chain_ends
+from printer_slicer.geometry.clipping import clip_with_sources
+from printer_slicer.geometry.connectivity import find_chain_ends
 from printer_slicer.geometry.planar import SegmentTree
-from printer_slicer.geometry.vectors import feet
+from printer_slicer.geometry.vectors import nearest_on_segments
 
 __all__ = ["AT_WALL", "Tree", "WallDistance", "attach_trees", "clip_trees", "grow_trees", "shrink_trees"]
 
@@ -53,7 +53,7 @@ class Tree(NamedTuple):
         """Return the trees with new positions, without nodes that are gone and without very short segments."""
         short = self.parent >= 0
         short[short] = np.hypot(*(xy[short] - xy[self.parent[short]]).T) < _TOGETHER
-        goal = chain_ends(np.where(short, self.parent, np.arange(len(xy))))
+        goal = find_chain_ends(np.where(short, self.parent, np.arange(len(xy))))
         parent = np.where(self.parent >= 0, goal[self.parent], -1)
         return Tree(xy, parent).keep(~gone & ~short)
 
@@ -70,7 +70,7 @@ class WallDistance:
     def nearest(self, points: Float) -> tuple[Float, Float]:
         """Return the distance (P,) of points to the outline, mm, and the nearest point (P, 2) on it."""
         segment = self.ends[self._tree.nearest(points)]
-        foot, _ = feet(points, segment[:, 0], segment[:, 1])
+        foot, _ = nearest_on_segments(points, segment[:, 0], segment[:, 1])
         return np.hypot(*(foot - points).T), foot
 
 
@@ -104,7 +104,7 @@ def clip_trees(tree: Tree, area: Areas) -> Tree:
     """Clip trees to the area of a layer; branches that leave it get a root on the outline."""
     branch = tree.branch
     lines = Polylines.of(tree.ends().reshape(-1, 2), np.full(len(branch), 2), np.zeros(len(branch), np.int64))
-    parts, line = clipped(area, lines)
+    parts, line = clip_with_sources(area, lines)
     begin, end = branch[line], tree.parent[branch[line]]
     xy, n = [tree.xy], len(tree.xy)
     for side, own, point in ((0, begin, parts.start[:-1]), (1, end, parts.start[1:] - 1)):
@@ -135,14 +135,14 @@ def attach_trees(tree: Tree, wall: WallDistance, reach: float) -> Tree:
         return tree
     branch = tree.branch
     key = np.where(gap > reach, gap, 0.0)
-    owner = chain_ends(np.where(parent >= 0, parent, np.arange(len(parent))))  # the root of each
+    owner = find_chain_ends(np.where(parent >= 0, parent, np.arange(len(parent))))  # the root of each
     key_of = np.zeros(len(parent))
     key_of[root] = key
     on_tree = np.full(len(far), -1)
     share = np.zeros(len(far))
     ends = tree.ends()
     for i, one in enumerate(far.tolist()):
-        places, along = feet(xy[root[one]], ends[:, 0], ends[:, 1])
+        places, along = nearest_on_segments(xy[root[one]], ends[:, 0], ends[:, 1])
         distance = np.hypot(*(places - xy[root[one]]).T)
         distance[key_of[owner[branch]] >= key[one]] = np.inf
         nearest = int(np.argmin(distance)) if len(branch) else -1
@@ -202,7 +202,7 @@ def grow_trees(tree: Tree, wall: WallDistance, points: Float, level: Int, radius
         branch = tree.branch
         segments = np.concatenate([tree.ends(), wall.ends])
         which = SegmentTree(segments).nearest(asking)
-        foot, share = feet(asking, segments[which, 0], segments[which, 1])
+        foot, share = nearest_on_segments(asking, segments[which, 0], segments[which, 1])
         gap = np.hypot(*(foot - asking).T)
         free = gap > radius
         if not free.any():

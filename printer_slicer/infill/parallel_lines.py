@@ -16,7 +16,7 @@ from printer_slicer.geometry import (
     offset,
     offset_open,
     split_connected,
-    staircases,
+    unite_row_rectangles,
 )
 from printer_slicer.infill.bridge_anchors import HatchGrids, extensions_to_walls, join_bridge_lines
 from printer_slicer.infill.connections import MAX_CONNECTION, Zigzags, join_rows
@@ -179,7 +179,7 @@ def _stairs(rows: Lines, area: Areas, angle: Float, gap: Float) -> Areas:
     sin = np.sqrt(np.maximum(1 - cos**2, 0.0))
     steep = sin * MAX_CONNECTION >= 1
     beyond = np.where(steep, half[:, None] * (1 + cos) / np.maximum(sin, 1e-9), 0.0)
-    return staircases(
+    return unite_row_rectangles(
         rows, rows.u + beyond * np.array([-1, 1]), angle=angle, half=gap / 2, n_layers=area.n_layers
     )
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.arrays import Bool, Float, Int, boxes, consecutive, frozen_array
+from printer_slicer.arrays import Bool, Float, Int, bounding_boxes, consecutive, frozen_array
 from printer_slicer.geometry import Areas, Polylines, clip_lines
 
 __all__ = ["PeriodicLines", "clip_periodic_lines"]
@@ -88,6 +88,6 @@ def _boxes(area: Areas, waves: PeriodicLines) -> tuple[Int, Float, Float]:
     x, y = x * cos + y * sin, y * cos - x * sin
     swapped = waves.swapped[area.point_layer]
     uv = np.stack([np.where(swapped, y, x), np.where(swapped, x, y)], axis=1)
-    low, high = boxes(uv, area.ring_start, area.ring_layer, area.n_layers)
+    low, high = bounding_boxes(uv, area.ring_start, area.ring_layer, area.n_layers)
     entry = np.flatnonzero(area.used)
     return entry, low[entry], high[entry]

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from printer_slicer import bead
-from printer_slicer.arrays import Bool, Float, Int, lengths
+from printer_slicer.arrays import Bool, Float, Int, polyline_lengths
 from printer_slicer.geometry import (
     Areas,
     ConnectedAreas,
@@ -58,13 +58,13 @@ def thin_solid_paths(
 
 def _usual_lines(walls: Areas, strips: ConnectedAreas, usual: Float) -> tuple[_Lines, Float]:
     """Return lines along the perimeters at the spacing of the layer, and the spacing (P,) of each strip, mm."""
-    beside = (strips.beside(loop) for loop in _loops(walls, usual))
+    beside = (strips.select_nearby_rings(loop) for loop in _loops(walls, usual))
     return _within(beside, strips), usual[strips.layer]
 
 
 def _fitted_lines(walls: Areas, strips: ConnectedAreas, usual: Float) -> tuple[_Lines, Float]:
     """Return lines at a spacing that divides the mean width of each strip, and that spacing (P,), mm."""
-    wide, beside = strips.mean_width(), strips.beside(walls)
+    wide, beside = strips.mean_width(), strips.select_nearby_rings(walls)
     gap = wide / np.maximum(np.rint(wide / usual[strips.layer]), 1)
     if len(beside.xy) > _MANY:
         beside = Areas.empty(strips.count)
@@ -96,7 +96,7 @@ def _filled(plan: LayerPlan, strips: ConnectedAreas, lines: _Lines, gap: Float) 
     """Return lines as paths with the nominal volume of each strip, and the strips (P,) that they fill."""
     xy, size, piece = lines
     area, height = strips.areas.area(), plan.height[strips.layer]
-    long = lengths(xy, np.append(0, np.cumsum(size)), closed=False)
+    long = polyline_lengths(xy, np.append(0, np.cumsum(size)), closed=False)
     full = np.bincount(piece, long, minlength=strips.count) * gap / np.maximum(area, 1e-9)
     fits = (full >= _FULL[0]) & (full <= _FULL[1])
     wide = np.round(bead.width_for_spacing(gap / np.where(fits, full, 1.0), height), 4)

@@ -29,7 +29,7 @@ SPOKEN: Final[Mapping[str, str]] = {
     "cm": "centimetres",
     "m": "metres",
     "inch": "inches",
-    "foot": "feet",
+    "foot": "nearest_on_segments",
     "micron": "micrometres",
 }
 

@@ -192,7 +192,7 @@ class Sections(SvgRepr):
             return self.solid
         layer = self.plan.find_tops(plan.top)
         within = np.flatnonzero(layer < self.plan.n_layers)
-        return self.solid.for_each(layer[within]).on_layers(within, plan.n_layers)
+        return self.solid.copy_layers(layer[within]).on_layers(within, plan.n_layers)
 
     def __repr__(self) -> str:
         volume = float(self.solid.area() @ self.plan.height)

@@ -16,8 +16,8 @@ from printer_slicer.arrays import (
     consecutive,
     distinct,
     frozen_array,
-    lengths,
     next_in_ring,
+    polyline_lengths,
 )
 from printer_slicer.model.layers import SAME_TOP, LayerPlan
 from printer_slicer.repr_svg import SvgRepr
@@ -275,7 +275,7 @@ class Toolpaths(SvgRepr):
 
     def length(self) -> Float:
         """Return the length of each path (M,), mm."""
-        return lengths(self.xy, self.start, self.closed)
+        return polyline_lengths(self.xy, self.start, self.closed)
 
     def area(self) -> Float:
         """Return the area covered by each path seen from above (M,), mm²: length times spacing."""

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.arrays import Bool, Float, Int, boxes
+from printer_slicer.arrays import Bool, Float, Int, bounding_boxes
 from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.model import Toolpaths
 from printer_slicer.ordering.loops import Loops
@@ -158,10 +158,10 @@ def _corner_costs(loops: Loops, owner: Int) -> Float:
 
 def _find_loops_below(loops: Loops) -> Int:
     """Return for each loop (R,) the loop below with the most similar bounding box; -1 if there is none."""
-    low, high = boxes(loops.xy, loops.start, np.arange(loops.n_loops), loops.n_loops)
+    low, high = bounding_boxes(loops.xy, loops.start, np.arange(loops.n_loops), loops.n_loops)
     middle = Boxes((low + high) / 2, (low + high) / 2, loops.layer)
     under = Boxes(middle.low, middle.high, loops.layer + 1)
-    upper, lower = middle.grown(_BETWEEN).overlapping(under)
+    upper, lower = middle.expand(_BETWEEN).find_overlapping(under)
     gap = np.maximum(np.abs(low[upper] - low[lower]), np.abs(high[upper] - high[lower])).max(axis=1)
     fits = gap < _BETWEEN
     upper, lower, gap = upper[fits], lower[fits], gap[fits]

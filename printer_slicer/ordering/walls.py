@@ -98,7 +98,7 @@ def _distances(loops: Loops, outer: Loops, reach: float) -> tuple[Int, Int, Floa
     of = np.repeat(np.arange(outer.n_loops), np.diff(outer.start))
     start, end = outer.xy, outer.xy[outer.following]
     sides = Boxes(np.minimum(start, end), np.maximum(start, end), outer.layer[of])
-    sample, side = Boxes(place, place, loops.layer[loop]).grown(reach).overlapping(sides)
+    sample, side = Boxes(place, place, loops.layer[loop]).expand(reach).find_overlapping(sides)
     distance = distance_to_segments(place[sample], start[side], end[side])
     key = loop[sample] * outer.n_loops + of[side]
     order = np.lexsort((distance, key))

@@ -65,7 +65,7 @@ def _walls_of(sections: Sections, here: Bool, profile: Profile) -> Walls:
 
 def _open_top(solid: Areas, width: float) -> Areas:
     """Return the areas with nothing above that are wide enough to be a surface, not the edge of a layer."""
-    return offset_open(difference(solid, solid.raised(-1)), 1.5 * width)
+    return offset_open(difference(solid, solid.shift_layers(-1)), 1.5 * width)
 
 
 def _hanging(solid: Areas, inside: Areas, width: float, here: Bool) -> Areas:
@@ -73,7 +73,7 @@ def _hanging(solid: Areas, inside: Areas, width: float, here: Bool) -> Areas:
     above_bed = here & (np.arange(solid.n_layers) > 0)
     reach = _OVERHANG_BEADS * width
     # Short spans are supported at both ends.
-    below = offset(offset(solid.raised(1), (width + reach) / 2), -reach / 2)
+    below = offset(offset(solid.shift_layers(1), (width + reach) / 2), -reach / 2)
     walls = difference(difference(solid, inside), below).of_layers(above_bed)
     air = difference(inside, below).of_layers(above_bed)
     strips = difference(air, offset_open(air, reach / 2))

@@ -14,7 +14,7 @@ import numpy as np
 from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.geometry import Areas
 from printer_slicer.geometry.boxes import Boxes
-from printer_slicer.geometry.vectors import cross, dot, feet, norm
+from printer_slicer.geometry.vectors import cross, dot, nearest_on_segments, norm
 
 __all__ = ["find_facing_sides"]
 
@@ -33,7 +33,7 @@ def find_facing_sides(areas: Areas, distance: Float, lean: float) -> Boxes:
     """
     boxes = Boxes.of_sides(areas)
     low, high, layer = boxes.low, boxes.high, boxes.layer
-    a, b = boxes.grown(distance[layer] / 2).neighbours()
+    a, b = boxes.expand(distance[layer] / 2).find_neighbours()
     found = _Sides.of(areas).face(a, b, lean, distance[layer[a]])
     a, b = a[found], b[found]
     reach = distance[layer[a], None]
@@ -112,7 +112,7 @@ class _Sides:
         near = np.zeros(len(a), np.bool_)
         for one, other in ((a, b), (b, a)):
             for point in (self.begin[one], self.end[one]):
-                foot, _ = feet(point, self.begin[other], self.end[other])
+                foot, _ = nearest_on_segments(point, self.begin[other], self.end[other])
                 near |= (norm(point - foot) <= reach) & (
                     dot(point - self.begin[other], self.normal[other]) > -_SLACK
                 )

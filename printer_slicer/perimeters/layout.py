@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, unique_inverse
-from printer_slicer.geometry.connectivity import chain_ends
+from printer_slicer.geometry.connectivity import find_chain_ends
 from printer_slicer.perimeters.bead_counts import CountedGraph
 from printer_slicer.perimeters.beading import Beading
 from printer_slicer.perimeters.graph import AxisGraph, crossings, low_and_high
@@ -226,7 +226,7 @@ def _leaders(given: CountedGraph, beading: Beading) -> tuple[Int, Int]:
     rises = (radius[high] > radius[low]) & (top[low] < 0)
     order = np.argsort(radius[high[rises]])
     above[low[rises][order]] = high[rises][order]
-    above = chain_ends(above)
+    above = find_chain_ends(above)
     alone = top < 0  # an isolated place that is about as wide as long
     for limit in beading.thresholds():
         top[alone] = np.maximum(top[alone], 0) + (radius[alone] > limit[graph.layer[alone]])

@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from printer_slicer.arrays import Bool, Float, Int, distinct, lengths, run_starts
+from printer_slicer.arrays import Bool, Float, Int, distinct, polyline_lengths, run_starts
 from printer_slicer.geometry.boxes import Boxes
-from printer_slicer.geometry.connectivity import cycles
-from printer_slicer.geometry.facet_topology import spread
+from printer_slicer.geometry.connectivity import find_cycles
+from printer_slicer.geometry.facet_topology import expand_counts
 from printer_slicer.geometry.vectors import dot, norm
 from printer_slicer.perimeters.beading import Beading
 from printer_slicer.perimeters.graph import low_and_high
@@ -50,7 +50,7 @@ class MiddleLines:
 
     def length(self) -> Float:
         """Return the lengths (M,), mm; the last side of closed lines is not counted."""
-        return lengths(self.xy, np.append(0, np.cumsum(self.size)), closed=False)
+        return polyline_lengths(self.xy, np.append(0, np.cumsum(self.size)), closed=False)
 
     def take(self, keep: Bool) -> MiddleLines:
         """Return the lines for which `keep` is true."""
@@ -90,8 +90,8 @@ def _beside(dots: MiddleLines, lines: MiddleLines) -> Bool:
     )
     points = Boxes(lines.xy, lines.xy, np.repeat(lines.layer, lines.size))
     around = Boxes(low, high, dots.layer)
-    result = around.touched(points)
-    result[np.maximum(*around.neighbours())] = True
+    result = around.touches_any(points)
+    result[np.maximum(*around.find_neighbours())] = True
     return result
 
 
@@ -145,7 +145,7 @@ def _along(layout: BeadLayout, beading: Beading) -> tuple[MiddleLines, MiddleLin
     twin = number[half ^ 1]
     # A line turns back at its end, so there and back is one cycle.
     onward = np.where(partner[twin] >= 0, partner[twin], twin)
-    lowest, place = cycles(onward)
+    lowest, place = find_cycles(onward)
     turn = np.bincount(lowest, minlength=len(half))
     begin = np.full(len(half), -1)
     starts = np.flatnonzero(partner < 0)
@@ -179,7 +179,7 @@ def _partners(point: Int, way: Float) -> tuple[Int, Bool]:
     degree = np.diff(np.append(starts, len(point)))
     way = way.take(order, axis=0)
     way /= np.maximum(norm(way), 1e-12)[:, None]
-    group, pair = spread(degree * degree)
+    group, pair = expand_counts(degree * degree)
     a, b = starts[group] + pair // degree[group], starts[group] + pair % degree[group]
     group, a, b = group[a < b], a[a < b], b[a < b]
     straight = dot(way.take(a, axis=0), way.take(b, axis=0))
@@ -278,7 +278,7 @@ def _lengthened(lines: MiddleLines, tips: Bool) -> MiddleLines:
 
 def _trimmed(xy: Float, width: Float, size: Int, before: Float, after: Float) -> tuple[Float, Float]:
     """Cut `before` and `after` (m,) mm off polylines; points of the cut parts coincide with the new ends."""
-    owner, step = spread(size)
+    owner, step = expand_counts(size)
     length = norm(np.diff(xy, axis=0, prepend=xy[:1]))
     length[step == 0] = 0.0
     total = np.bincount(owner, length, len(size))

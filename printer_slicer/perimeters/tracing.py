@@ -14,8 +14,8 @@ import numpy as np
 from printer_slicer.arrays import Bool, Float, Int, consecutive, distinct, run_starts
 from printer_slicer.geometry import Areas
 from printer_slicer.geometry.boxes import Boxes
-from printer_slicer.geometry.connectivity import cycles
-from printer_slicer.geometry.vectors import cross, feet, norm
+from printer_slicer.geometry.connectivity import find_cycles
+from printer_slicer.geometry.vectors import cross, nearest_on_segments, norm
 from printer_slicer.perimeters.layout import BeadLayout
 
 __all__ = ["BeadRings", "TracedBeads", "closed_loops", "trace_beads"]
@@ -166,7 +166,7 @@ def _gathered(
     following: Int, first: Int, count: Int, points: tuple[Float, Float], labels: tuple[Int, Int]
 ) -> BeadRings:
     """Return cycles of items as rings, reversed and without repeated points."""
-    lowest, place = cycles(following)
+    lowest, place = find_cycles(following)
     order = np.lexsort((-place, lowest))
     counts = count[order]
     index = consecutive(-(first[order] + counts - 1), counts)  # each item's points backward too
@@ -298,8 +298,8 @@ def _beside(ring: Int, point: Float, rings: Areas, layout: BeadLayout) -> Int:
     ends = (graph.xy.take(index, axis=0) for index in (start, graph.start[half ^ 1]))
     corners = [*ends, foot[:, 1], foot[:, 0]]
     low, high = reduce(np.minimum, corners), reduce(np.maximum, corners)
-    found, piece = Boxes(point, point, rings.ring_layer[ring]).overlapping(
-        Boxes(low, high, graph.layer[start]).grown(_SAME)
+    found, piece = Boxes(point, point, rings.ring_layer[ring]).find_overlapping(
+        Boxes(low, high, graph.layer[start]).expand(_SAME)
     )
     # The outline lies on the left: counter-clockwise, what is inside lies to the left of all four sides.
     corner, place = np.stack([some.take(piece, axis=0) for some in corners], axis=1), point[found]
@@ -321,10 +321,10 @@ def _on_rings(areas: Areas, points: Float, layer: Int) -> tuple[Int, Float, Floa
 
     Points that lie on no ring get side 0 at an infinite distance.
     """
-    point, side = Boxes(points, points, layer).overlapping(Boxes.of_sides(areas).grown(_ON))
+    point, side = Boxes(points, points, layer).find_overlapping(Boxes.of_sides(areas).expand(_ON))
     begin, end = (areas.xy.take(one, axis=0) for one in (side, areas.following[side]))
     place = points.take(point, axis=0)
-    foot, share = feet(place, begin, end)
+    foot, share = nearest_on_segments(place, begin, end)
     gap = norm(place - foot)
     best = np.full(len(points), -1)
     order = np.argsort(-gap, kind="stable")

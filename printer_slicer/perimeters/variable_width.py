@@ -112,7 +112,7 @@ def _filled(
     beading, widest = limits
     sides = np.ones(len(solid.xy), np.bool_)
     if near is not None:
-        sides = Boxes.of_sides(solid).touched(near.grown(2 * float(widest.max()) + _ROOM))
+        sides = Boxes.of_sides(solid).touches_any(near.expand(2 * float(widest.max()) + _ROOM))
     axis = medial_axis(solid, float(widest.max(initial=0.0)), sides, chord=chord)
     real = _real(solid, sides, axis.source, axis.corner)
     given, layers, broken = _needed(
@@ -190,7 +190,7 @@ def _beyond(given: CountedGraph, near: Boxes, reach: float, n_layers: int) -> Bo
     rest, y = np.divmod(distinct((graph.layer[point] * wide + x) * deep + y), deep)
     layer, x = np.divmod(rest, wide)
     middle = (np.column_stack([x, y]) + origin + 0.5) * _CELL
-    result[layer[~Boxes(middle, middle, layer).touched(near.grown(reach - _CELL / 2))]] = True
+    result[layer[~Boxes(middle, middle, layer).touches_any(near.expand(reach - _CELL / 2))]] = True
     return result
 
 

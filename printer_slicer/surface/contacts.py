@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from printer_slicer.arrays import Bool, Float, Int, distinct, frozen_array
 from printer_slicer.geometry.connectivity import weld_keys
-from printer_slicer.geometry.facet_topology import edge_keys, keys_of
+from printer_slicer.geometry.facet_topology import coordinate_keys, edge_keys
 from printer_slicer.model import Mesh
 from printer_slicer.surface.envelope import Envelope
 
@@ -169,7 +169,7 @@ def _process_block(triangles: Float, begin: int) -> _FacetBlock:
     inward = normal_x * across - normal_y * run  # m_z, times the lengths of normal and edge
     slack = np.where(solid, _LEVEL * size * length, np.inf)
     steeper = (level > rise + _LEVEL) & (length > 0)
-    tag = keys_of(x.ravel(), y.ravel(), z.ravel()).reshape(3, -1)
+    tag = coordinate_keys(x.ravel(), y.ravel(), z.ravel()).reshape(3, -1)
     marks = (
         *_find_candidates(
             edge_keys(tag), steeper, (inward > slack, inward < -slack), begin, shared_by_two=True

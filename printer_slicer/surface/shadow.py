@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from printer_slicer.arrays import Float, Int, frozen_array
-from printer_slicer.geometry.facet_topology import spread
+from printer_slicer.geometry.facet_topology import expand_counts
 from printer_slicer.model import Mesh
 
 __all__ = ["Shadow", "project_surface"]
@@ -100,7 +100,7 @@ def _sum_intersected(shadow: Shadow, planes: Float, end: Int, power: int) -> Flo
     for some in np.split(
         np.arange(len(count)), np.searchsorted(pairs, np.arange(1, n_chunks) * _PAIRS_AT_ONCE)
     ):
-        owner, place = spread(count[some])
+        owner, place = expand_counts(count[some])
         facet, plane = some[owner], begin[some][owner] + place
         total += np.bincount(
             plane, weights=_evaluate_parabolas(shadow, facet, planes[plane], power), minlength=len(planes)

@@ -30,7 +30,7 @@ def thin_areas(surface: Surface, sections: Sections) -> Float:
         sections: sections in the middle of the layers, with resolution 0.
     """
     solid, cut = sections.solid, sections.plan.cut
-    before = solid.raised(1)
+    before = solid.shift_layers(1)
     changed = difference(solid, before).area() + difference(before, solid).area()
     below = surface.up.under(cut) + surface.down.under(cut)
     everything = float(surface.up.area.sum() + surface.down.area.sum())

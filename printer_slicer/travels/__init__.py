@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from printer_slicer.arrays import Bool, Int
-from printer_slicer.geometry.facet_topology import spread
+from printer_slicer.geometry.facet_topology import expand_counts
 from printer_slicer.geometry.segment_index import OutlineIndex
 from printer_slicer.model import Sections, Toolpaths, Travels, leaves
 from printer_slicer.profile import Profile
@@ -30,11 +30,11 @@ def travel(paths: Toolpaths, sections: Sections, profile: Profile) -> Travels:
     every = np.concatenate([begin, end])
     outlines = OutlineIndex(sections.solid, every.min(axis=0), every.max(axis=0))
     routes = straight(begin[1:], end[1:], paths.layer[1:])
-    crossings = routes.crossings(outlines)
+    crossings = routes.count_crossings(outlines)
     if profile.quality.avoid_crossing:
         routes, crossings = reroute(routes, crossings, sections.solid, outlines, profile)
     retract = _needs_retraction(paths, routes, crossings, profile)
-    route, place = spread(routes.count)
+    route, place = expand_counts(routes.count)
     between = (place > 0) & (place < routes.count[route] - 1)
     return Travels(
         routes.xy[between],

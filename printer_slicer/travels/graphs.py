@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, consecutive, run_starts
-from printer_slicer.geometry.facet_topology import spread
+from printer_slicer.geometry.facet_topology import expand_counts
 from printer_slicer.geometry.vectors import cross
 from printer_slicer.travels.known_obstacles import KnownObstacles
 from printer_slicer.travels.routing_field import OFF, RoutingField
@@ -146,7 +146,7 @@ def _find_candidates(
     near = np.flatnonzero(coming + going <= reach[route])
     order = near[np.lexsort(((coming + going)[near], route[near]))]
     total = np.bincount(route[order], minlength=len(queries.own))
-    kept = order[spread(total)[1] < _MAX_CORNERS]
+    kept = order[expand_counts(total)[1] < _MAX_CORNERS]
     kept = kept[np.lexsort(((coming - going)[kept], route[kept]))]
     return _CandidateCorners(
         route[kept], corner[kept], coming[kept], going[kept], np.minimum(total, _MAX_CORNERS)
@@ -165,7 +165,7 @@ def _find_legs_to_ends(  # noqa: PLR0917 - both ends are of one kind
     field: RoutingField,
 ) -> list[GraphEdges]:
     """Return the legs from the starts of routes to corners, and from corners to the ends."""
-    made, rank = [], spread(candidates.count)[1]
+    made, rank = [], expand_counts(candidates.count)[1]
     last = candidates.count[candidates.route] - 1 - rank
     for (ends, nodes), length, ahead in ((begin, candidates.coming, rank), (end, candidates.going, last)):
         some = np.flatnonzero(ahead < _AHEAD)
@@ -187,7 +187,7 @@ def _find_legs_between_corners(
 ) -> list[GraphEdges]:
     """Return the legs between corners of the same route, in both directions."""
     place = field.corners.place
-    more = np.minimum(candidates.count[candidates.route] - spread(candidates.count)[1] - 1, _AHEAD)
+    more = np.minimum(candidates.count[candidates.route] - expand_counts(candidates.count)[1] - 1, _AHEAD)
     one = np.repeat(np.arange(len(candidates.route)), more)
     other = consecutive(np.arange(len(candidates.route)) + 1, more)
     a, b = candidates.corner[one], candidates.corner[other]

@@ -9,7 +9,7 @@ import numpy as np
 from printer_slicer.arrays import Float, Int
 from printer_slicer.geometry import find_enclosing_rings, offset, simplify
 from printer_slicer.geometry.segment_index import OutlineIndex
-from printer_slicer.geometry.vectors import feet
+from printer_slicer.geometry.vectors import nearest_on_segments
 from printer_slicer.model import Areas
 from printer_slicer.travels.routing_field import OFF, Corners, RoutingField
 
@@ -48,7 +48,7 @@ class InsetRegions:
         edge = self.field.outlines.nearest(points[outside], layer[outside])
         outside, edge = outside[edge >= 0], edge[edge >= 0]
         begin, end = areas.xy[edge], areas.xy[areas.following[edge]]
-        foot, _ = feet(points[outside], begin, end)
+        foot, _ = nearest_on_segments(points[outside], begin, end)
         near = np.hypot(*(foot - points[outside]).T) <= _REACH * self.clearance
         along = (end - begin)[near]
         inward = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.hypot(*along.T)[:, None]

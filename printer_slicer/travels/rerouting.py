@@ -46,7 +46,7 @@ def reroute(
     width, length = profile.extrusion_width, routes.length()
     box = routes.xy.min(axis=0), routes.xy.max(axis=0)
     regions = inset_regions(solid, box, _CLEARANCE * width)
-    blocked = np.flatnonzero((crossings > 0) | (routes.crossings(regions.field.outlines) > 0))
+    blocked = np.flatnonzero((crossings > 0) | (routes.count_crossings(regions.field.outlines) > 0))
     some, straight = routes.take(blocked), length[blocked]
     limit = detour_limits(straight, profile)
     limit = np.where(crossings[blocked] > 0, limit, np.minimum(limit, straight + _GRAZING))
@@ -109,7 +109,11 @@ class _RouteImprover:
         which, queries, found, leads = which[kept], queries.take(kept), found.take(kept), leads[kept]
         tight, own = build_routes(self.routes.take(which), (queries.begin, queries.end), found, field.corners)
         # Routes in inset regions cross nothing.
-        least = tight.crossings(self.outlines) if np.isfinite(field.toll) else np.zeros(len(which), np.int64)
+        least = (
+            tight.count_crossings(self.outlines)
+            if np.isfinite(field.toll)
+            else np.zeros(len(which), np.int64)
+        )
         step = self.extra_clearance * field.corners.away[found.corners]
         better, hits = ease_corners(tight, own, step, (least, queries.limit + leads), self.outlines)
         before = self.crossings[which]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from printer_slicer.arrays import Float, Int, consecutive
-from printer_slicer.geometry.facet_topology import spread
+from printer_slicer.geometry.facet_topology import expand_counts
 from printer_slicer.geometry.segment_index import OutlineIndex
 from printer_slicer.travels.graphs import FoundRoutes
 from printer_slicer.travels.routing_field import Corners
@@ -40,7 +40,7 @@ class Routes:
     @property
     def legs(self) -> tuple[Int, Int]:
         """Route (E,) of each leg, and the point (E,) at which it starts; it ends at the next point."""
-        route, place = spread(self.count)
+        route, place = expand_counts(self.count)
         inner = np.flatnonzero(place < self.count[route] - 1)
         return route[inner], inner
 
@@ -50,10 +50,10 @@ class Routes:
         step = np.hypot(*(self.xy[point + 1] - self.xy[point]).T)
         return np.bincount(route, weights=step, minlength=len(self.count)).astype(np.float64)
 
-    def crossings(self, outlines: OutlineIndex) -> Int:
+    def count_crossings(self, outlines: OutlineIndex) -> Int:
         """Count how often (W,) each route crosses outlines of its layer."""
         route, point = self.legs
-        hits = outlines.crossings(self.xy[point], self.xy[point + 1], self.layer[route])
+        hits = outlines.count_crossings(self.xy[point], self.xy[point + 1], self.layer[route])
         return np.bincount(route, weights=hits, minlength=len(self.count)).astype(np.int64)
 
     def take(self, some: Int) -> Routes:
@@ -96,7 +96,7 @@ def build_routes(
     last = first + count - 1
     xy[first], xy[last] = ends.ends
     xy[first + 1], xy[last - 1] = entries
-    owner, place = spread(found.count)
+    owner, place = expand_counts(found.count)
     own = first[owner] + 2 + place
     xy[own] = corners.place[found.corners]
     return Routes(xy, count, ends.layer), own
@@ -121,7 +121,7 @@ def ease_corners(
         The routes, and the number of outlines (W,) that each crosses.
     """
     owner = np.repeat(np.arange(len(tight.count)), tight.count)[own]
-    hit, _, share = outlines.crossed(tight.xy[own], tight.xy[own] + 2 * step, tight.layer[owner])
+    hit, _, share = outlines.find_crossings(tight.xy[own], tight.xy[own] + 2 * step, tight.layer[owner])
     free = np.ones(len(own))
     np.minimum.at(free, hit, share)
     hits, result = np.zeros(len(tight.count), np.int64), tight
@@ -134,7 +134,7 @@ def ease_corners(
         xy[own[moved]] = tight.xy[own[moved]] + (part * free[:, None] * step)[moved]
         result = Routes(xy, tight.count, tight.layer)
         tried = result.take(left)
-        hits[left] = tried.crossings(outlines)
+        hits[left] = tried.count_crossings(outlines)
         left = left[(hits[left] > most[0][left]) | (tried.length() > most[1][left])]
         if not len(left):
             break
@@ -143,7 +143,7 @@ def ease_corners(
 
 def drop_repeated_points(routes: Routes) -> Routes:
     """Remove points that repeat the previous one."""
-    route, place = spread(routes.count)
+    route, place = expand_counts(routes.count)
     kept = (place == 0) | (np.abs(np.diff(routes.xy, axis=0, prepend=np.inf)).max(axis=1) > 0)
     count = np.bincount(route[kept], minlength=len(routes.count))
     return Routes(routes.xy[kept], count.astype(np.int64), routes.layer)

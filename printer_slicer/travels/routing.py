@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from printer_slicer.arrays import Float, Int
-from printer_slicer.geometry.facet_topology import spread
+from printer_slicer.geometry.facet_topology import expand_counts
 from printer_slicer.travels.graphs import FoundRoutes, RouteQueries, estimate_work, find_cheapest_routes
 from printer_slicer.travels.known_obstacles import KnownObstacles
 from printer_slicer.travels.routing_field import RoutingField
@@ -73,7 +73,7 @@ def _find_obstacles(found: FoundRoutes, queries: RouteQueries, field: RoutingFie
     """Return pairs of a found route and a ring of its field that it meets."""
     count = np.where(found.is_found, found.count + 2, 0)
     first = np.cumsum(count) - count
-    owner, place = spread(count)
+    owner, place = expand_counts(count)
     xy = np.zeros((len(owner), 2))
     some = np.flatnonzero(found.is_found)
     xy[first[some]], xy[first[some] + count[some] - 1] = queries.begin[some], queries.end[some]

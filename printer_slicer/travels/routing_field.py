@@ -109,7 +109,7 @@ class RoutingField:
 
     def met(self, begin: Float, end: Float, layer: Int) -> tuple[Int, Int]:
         """Return a pair (leg, ring) for each crossing of a leg from `begin` to `end` (n, 2) on `layer` (n,)."""
-        leg, edge, _ = self.outlines.crossed(begin, end, layer)
+        leg, edge, _ = self.outlines.find_crossings(begin, end, layer)
         return leg, self.areas.point_ring[edge]
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int
-from printer_slicer.geometry.facet_topology import spread
+from printer_slicer.geometry.facet_topology import expand_counts
 from printer_slicer.geometry.segment_index import SegmentIndex
 from printer_slicer.model import Toolpaths
 from printer_slicer.roles import Role, roles_with
@@ -51,7 +51,7 @@ def crosses_top_infill(paths: Toolpaths, routes: Routes, leads_to: Int) -> Bool:
     has_visible[paths.layer[visible.owner]] = True
     some = np.flatnonzero(has_visible[routes.layer[route]])
     route, point = route[some], point[some]
-    leg, line, _ = visible.lines.crossed(routes.xy[point], routes.xy[point + 1], routes.layer[route])
+    leg, line, _ = visible.lines.find_crossings(routes.xy[point], routes.xy[point + 1], routes.layer[route])
     result |= _mark_travels_over(paths, leads_to, route[leg], visible.owner[line])
     # A travel along a line does not cross it, but lies on it.
     left = np.flatnonzero(has_visible[routes.layer] & ~result)
@@ -73,7 +73,7 @@ def _find_lying_on(visible: _VisibleLines, routes: Routes) -> tuple[Int, Int]:
     travel, xy, left = _sample_travels(routes, _STEP * narrowest)
     inner = left > _OWN * widest
     travel, xy = travel[inner], xy[inner]
-    point, line, apart = visible.lines.within(xy, routes.layer[travel], widest / 2)
+    point, line, apart = visible.lines.find_within(xy, routes.layer[travel], widest / 2)
     on = apart < visible.width[line] / 2
     return travel[point[on]], line[on]
 
@@ -83,7 +83,7 @@ def _sample_travels(routes: Routes, step: float) -> tuple[Int, Float, Float]:
     route, point = routes.legs
     begin, along = routes.xy[point], routes.xy[point + 1] - routes.xy[point]
     length = np.hypot(*along.T)
-    leg, place = spread(np.ceil(length / step).astype(np.int64))
+    leg, place = expand_counts(np.ceil(length / step).astype(np.int64))
     share = (place + 0.5) / np.ceil(length / step)[leg]
     before = np.append(0.0, np.cumsum(length))
     first = np.searchsorted(route, np.arange(len(routes.count)))

@@ -10,11 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.arrays import (
-    boxes,
+    bounding_boxes,
     consecutive,
-    lengths,
     next_in_ring,
     per_layer,
+    polyline_lengths,
     previous_in_ring,
     run_starts,
 )
@@ -105,7 +105,7 @@ def test_selected_and_rejected_rings_merge_to_the_whole(stack: Areas, data: st.D
 
 @given(areas(3), st.lists(st.integers(0, 2), max_size=6))
 def test_layers_are_taken_as_often_as_they_are_named(stack: Areas, source: list[int]) -> None:
-    made = stack.for_each(np.array(source, np.int64))
+    made = stack.copy_layers(np.array(source, np.int64))
 
     assert made.n_layers == len(source)
     for layer, k in enumerate(source):
@@ -131,8 +131,19 @@ def test_a_layer_is_used_if_it_has_rings_and_as_long_as_they_are_together(stack:
     assert stack.length() == pytest.approx(np.array(around))
 
 
+def test_former_names_of_methods_warn_and_work() -> None:
+    stack = Areas.from_rings([[box(0, 0, 1, 1)], [box(2, 2, 3, 3)]])
+
+    with pytest.warns(FutureWarning, match=r"Areas\.raised is now called Areas\.shift_layers"):
+        assert stack.raised(1).xy.tolist() == stack.shift_layers(1).xy.tolist()
+    with pytest.warns(FutureWarning, match=r"Areas\.for_each is now called Areas\.copy_layers"):
+        assert stack.for_each(np.array([1])).xy.tolist() == stack.ring(1).tolist()
+    with pytest.warns(FutureWarning, match=r"Areas\.following_on is now called Areas\.concatenate"):
+        assert Areas.following_on([stack], 2).xy.tolist() == stack.xy.tolist()
+
+
 def test_stacks_of_different_height_do_not_merge() -> None:
-    with pytest.raises(ValueError, match="2 and 3 layers"):
+    with pytest.raises(ValueError, match="different numbers of layers: 2 and 3"):
         Areas.empty(2).merge(Areas.empty(3))
 
 
@@ -182,7 +193,7 @@ def test_rings_are_found_by_their_layers(stack: Areas, data: st.DataObject) -> N
     flags = np.array(data.draw(st.lists(st.booleans(), min_size=stack.n_layers, max_size=stack.n_layers)))
     entries = data.draw(st.lists(st.integers(0, stack.n_layers - 1), max_size=6))
 
-    some, each = stack.of_layers(flags), stack.for_each(np.array(entries, np.int64))
+    some, each = stack.of_layers(flags), stack.copy_layers(np.array(entries, np.int64))
 
     nothing = np.zeros((0, 2))
     for k, wanted in enumerate(flags.tolist()):
@@ -195,7 +206,7 @@ def test_rings_are_found_by_their_layers(stack: Areas, data: st.DataObject) -> N
 
 @given(areas(4), st.integers(-5, 5))
 def test_raised_layers_have_the_area_of_those_below(stack: Areas, by: int) -> None:
-    raised = stack.raised(by)
+    raised = stack.shift_layers(by)
 
     for k in range(stack.n_layers):
         below = stack.rings(k - by) if 0 <= k - by < stack.n_layers else []
@@ -205,7 +216,7 @@ def test_raised_layers_have_the_area_of_those_below(stack: Areas, by: int) -> No
 def test_boxes_are_around_what_each_owns() -> None:
     points = np.array([[0, 5], [3, 1], [2, 2], [-4, 9], [7, 7]])
 
-    low, high = boxes(points, np.array([0, 2, 3, 5]), np.array([0, 0, 2]), 4)
+    low, high = bounding_boxes(points, np.array([0, 2, 3, 5]), np.array([0, 0, 2]), 4)
 
     inf = np.inf
     assert low.tolist() == [[0, 1], [inf, inf], [-4, 7], [inf, inf]]
@@ -216,10 +227,10 @@ def test_lengths_are_of_open_and_of_closed_lines() -> None:
     xy = np.concatenate([box(0, 0, 4, 3), box(10, 10, 11, 11), [[7.0, 7.0]]])
     start = np.array([0, 4, 8, 9])
 
-    assert lengths(xy, start).tolist() == [14, 4, 0]
-    assert lengths(xy, start, closed=False).tolist() == [11, 3, 0]
-    assert lengths(xy, start, np.array([False, True, True])).tolist() == [11, 4, 0]
-    assert lengths(xy[:0], start[:1]).shape == (0,)
+    assert polyline_lengths(xy, start).tolist() == [14, 4, 0]
+    assert polyline_lengths(xy, start, closed=False).tolist() == [11, 3, 0]
+    assert polyline_lengths(xy, start, np.array([False, True, True])).tolist() == [11, 4, 0]
+    assert polyline_lengths(xy[:0], start[:1]).shape == (0,)
 
 
 def test_points_know_their_rings_and_layers() -> None:

@@ -35,9 +35,9 @@ def test_each_pair_that_overlaps_is_found_once(
     one, other = boxes_of(first), boxes_of(second)
     pairs = [(i, j) for i in range(len(first)) for j in range(len(second)) if meet(one, i, other, j)]
 
-    found = sorted(zip(*(part.tolist() for part in one.overlapping(other)), strict=True))
+    found = sorted(zip(*(part.tolist() for part in one.find_overlapping(other)), strict=True))
     assert found == pairs
-    assert one.touched(other).tolist() == [i in {a for a, _ in pairs} for i in range(len(first))]
+    assert one.touches_any(other).tolist() == [i in {a for a, _ in pairs} for i in range(len(first))]
 
 
 @given(rectangles)
@@ -47,7 +47,7 @@ def test_neighbours_are_pairs_of_different_ones_each_once(
     boxes = boxes_of(drawn)
     pairs = [(i, j) for j in range(len(drawn)) for i in range(j) if meet(boxes, i, boxes, j)]
 
-    found = zip(*(part.tolist() for part in boxes.neighbours()), strict=True)
+    found = zip(*(part.tolist() for part in boxes.find_neighbours()), strict=True)
     assert sorted((min(pair), max(pair)) for pair in found) == sorted(pairs)
 
 
@@ -62,6 +62,6 @@ def test_boxes_around_nothing_meet_nothing(
     low, high = np.where(empty[:, None], np.inf, one.low), np.where(empty[:, None], -np.inf, one.high)
 
     with_empty = Boxes(low, high, one.layer)
-    found = sorted(zip(*(part.tolist() for part in with_empty.overlapping(other)), strict=True))
-    pairs = zip(*(part.tolist() for part in one.overlapping(other)), strict=True)
+    found = sorted(zip(*(part.tolist() for part in with_empty.find_overlapping(other)), strict=True))
+    pairs = zip(*(part.tolist() for part in one.find_overlapping(other)), strict=True)
     assert found == sorted((i, j) for i, j in pairs if not empty[i])

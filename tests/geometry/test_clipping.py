@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from printer_slicer.arrays import Float
 from printer_slicer.geometry import Areas, Polylines, clip_lines
 from printer_slicer.geometry.clipper import load
-from printer_slicer.geometry.clipping import clipped, spans
+from printer_slicer.geometry.clipping import clip_to_spans, clip_with_sources
 from tests.parts import shape
 from tests.strategies import box, clean_areas
 
@@ -43,8 +43,8 @@ def paths(lines: Polylines, layer: int) -> list[Float]:
 
 @given(areas=clean_areas(3), lines=some_lines(3))
 def test_spans_lie_along_their_lines_where_the_parts_do(areas: Areas, lines: Polylines) -> None:
-    parts, line = clipped(areas, lines)
-    on, low, high = spans(areas, lines)
+    parts, line = clip_with_sources(areas, lines)
+    on, low, high = clip_to_spans(areas, lines)
 
     assert on.tolist() == line.tolist()
     assert high - low == pytest.approx(parts.length(), abs=1e-6)

@@ -95,5 +95,5 @@ def test_a_ring_within_comes_back_whole_wherever_it_begins(engine: str) -> None:
 
 
 def test_stacks_of_different_numbers_of_layers_are_refused() -> None:
-    with pytest.raises(ValueError, match="stacks of 1 and 2 layers"):
+    with pytest.raises(ValueError, match="different numbers of layers: 1 and 2"):
         outlines_within(Areas.empty(1), Areas.empty(2))

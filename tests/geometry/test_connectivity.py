@@ -11,9 +11,9 @@ from scipy.sparse.csgraph import connected_components
 
 from printer_slicer.arrays import Int
 from printer_slicer.geometry.connectivity import (
-    chain_ends,
-    chain_steps,
-    cycles,
+    count_chain_steps,
+    find_chain_ends,
+    find_cycles,
     group_close_points,
     label_components,
     weld_keys,
@@ -96,7 +96,7 @@ def test_points_within_reach_are_together_and_far_ones_are_not(seed: int, n: int
 def test_cycles_number_the_steps_from_the_lowest_item(seed: int, n: int) -> None:
     following = np.random.default_rng(seed).permutation(n)
 
-    lowest, steps = cycles(following)
+    lowest, steps = find_cycles(following)
 
     at = lowest.copy()
     for step in range(n):
@@ -130,13 +130,13 @@ def test_chains_end_where_going_on_leads_to_in_as_many_steps(seed: int, n: int, 
     following = np.zeros(n, kind)
     following[order] = order[np.maximum(np.arange(n) - rng.integers(0, 4, n), 0)]
 
-    end, steps = chain_steps(following)
+    end, steps = count_chain_steps(following)
 
     here, counted = np.arange(n), np.zeros(n, np.int64)
     for _ in range(n):
         counted += following[here] != here
         here = following[here]
-    assert end.tolist() == chain_ends(following).tolist() == here.tolist()
+    assert end.tolist() == find_chain_ends(following).tolist() == here.tolist()
     assert steps.tolist() == counted.tolist()
     assert end.dtype == steps.dtype == following.dtype
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.arrays import Float, Int
-from printer_slicer.geometry.contour_closing import Chords, LooseEnds, close_near, close_with_chords
+from printer_slicer.geometry.contour_closing import Chords, LooseEnds, close_with_chords, join_near_ends
 
 seeds = st.integers(0, 2**32 - 1)
 NOTHING = np.zeros((0, 2))
@@ -49,7 +49,7 @@ def pairs_of(chords: Chords) -> set[tuple[int, int]]:
 def test_near_ends_are_joined_the_shortest_first(seed: int, n: int, extent: float) -> None:
     xy, plane = scattered(seed, n, extent)
 
-    chords = close_near(ends(xy, plane), 1.0)
+    chords = join_near_ends(ends(xy, plane), 1.0)
 
     assert pairs_of(chords) == greedy(xy, plane, 1.0)
     assert chords.width == pytest.approx(np.hypot(*(xy[chords.tail] - xy[chords.head]).T))
@@ -62,7 +62,7 @@ def test_on_a_lattice_full_of_ties_the_order_of_the_ends_decides_nothing(seed: i
     order = rng.permutation(n)
     moved = np.stack([2 * order, 2 * order + 1], axis=1).ravel()
 
-    first, second = close_near(ends(xy, plane), 1.0), close_near(ends(xy[moved], plane), 1.0)
+    first, second = join_near_ends(ends(xy, plane), 1.0), join_near_ends(ends(xy[moved], plane), 1.0)
 
     def places(chords: Chords, points: Float) -> list[list[float]]:
         return sorted(np.column_stack([points[chords.tail], points[chords.head]]).tolist())
@@ -76,7 +76,7 @@ def test_near_ends_are_found_wherever_the_part_stands(seed: int, extent: float, 
     xy, plane = scattered(seed, 30, extent)
     xy, plane = np.round(xy, 6) + far, plane * 5000
 
-    assert pairs_of(close_near(ends(xy, plane), 1.0)) == greedy(xy, plane, 1.0)
+    assert pairs_of(join_near_ends(ends(xy, plane), 1.0)) == greedy(xy, plane, 1.0)
 
 
 def test_ends_on_either_side_of_any_border_between_cells_are_near() -> None:
@@ -86,7 +86,7 @@ def test_ends_on_either_side_of_any_border_between_cells_are_near() -> None:
     heads = tails + np.column_stack([np.cos(step), np.sin(step)]) * 0.999999
     xy, plane = np.stack([tails, heads], axis=1).reshape(-1, 2), np.zeros(800, np.int64)
 
-    chords = close_near(ends(xy, plane), 1.0)
+    chords = join_near_ends(ends(xy, plane), 1.0)
 
     assert pairs_of(chords) == {(2 * k, 2 * k + 1) for k in range(400)}
 
@@ -115,7 +115,7 @@ def test_ends_with_a_wall_between_them_stay_loose() -> None:
 def test_too_many_ends_in_one_place_are_not_compared() -> None:
     rng = np.random.default_rng(4)
     with pytest.raises(OverflowError):
-        close_near(ends(rng.uniform(0, 0.5, (40_000, 2)), np.zeros(40_000, np.int64)), 1.0)
+        join_near_ends(ends(rng.uniform(0, 0.5, (40_000, 2)), np.zeros(40_000, np.int64)), 1.0)
     loose = ends(rng.uniform(0, 500, (2_000, 2)), np.zeros(2_000, np.int64))
     with pytest.raises(OverflowError):
         close_with_chords(loose, NOTHING, NOTHING, np.zeros(0, np.int64))

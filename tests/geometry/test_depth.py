@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.geometry import Areas, depths
-from printer_slicer.geometry.depth import near_outlines
+from printer_slicer.geometry.depth import mark_near_outlines
 from tests.parts import shape, shapely
 from tests.strategies import clean_areas
 
@@ -51,7 +51,7 @@ def test_no_point_beside_an_outline_is_taken_for_far_from_it(areas: Areas, reach
     span = high - low
     points, layer = rng.uniform(low - span - 9, high + span + 9, (200, 2)), rng.integers(0, 3, 200)
 
-    near = near_outlines(areas, points, layer, reach)
+    near = mark_near_outlines(areas, points, layer, reach)
 
     known = ~np.isnan(depths(areas, points, layer, reach))
     assert near[known].all()

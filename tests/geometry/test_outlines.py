@@ -84,7 +84,7 @@ def test_nothing_is_left_where_there_is_no_area() -> None:
     other = Areas.from_rings([[], [box(0, 0, 4, 4)]])
 
     assert clip_outlines(ring, other)[1].tolist() == []
-    with pytest.raises(ValueError, match="2 and 1 layers"):
+    with pytest.raises(ValueError, match="different numbers of layers: 2 and 1"):
         clip_outlines(ring, Areas.empty(1))
 
 

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.arrays import Float, Int
-from printer_slicer.geometry import Areas, crossed, crossings, find_enclosing_rings
+from printer_slicer.geometry import Areas, crosses_rings, crossings, find_enclosing_rings
 from tests.parts import shapely
 from tests.strategies import box, clean_areas
 
@@ -78,7 +78,7 @@ def test_crossings_of_ways_and_rings_are_counted(areas: Areas, seed: int) -> Non
         way = shapely.LineString([a, b])
         rings = map(shapely.LinearRing, areas.rings(k))
         assert count == sum(shapely.get_num_coordinates(way.intersection(ring)) for ring in rings)
-    assert crossed(areas, begin, end, layer).tolist() == (found > 0).tolist()
+    assert crosses_rings(areas, begin, end, layer).tolist() == (found > 0).tolist()
 
 
 @pytest.mark.parametrize(
@@ -102,7 +102,7 @@ def test_a_way_through_a_corner_crosses_the_ring(
 ) -> None:
     square = Areas.from_rings([[box(0, 0, 10, 10)]])
 
-    assert crossed(
+    assert crosses_rings(
         square, np.array([begin], float), np.array([end], float), np.zeros(1, np.int64)
     ).tolist() == [hits]
 
@@ -111,7 +111,7 @@ def test_nothing_crosses_an_empty_layer() -> None:
     areas = Areas.from_rings([[box(0, 0, 1, 1)], []])
     begin, end = np.array([(-1.0, 0.5)] * 2), np.array([(2.0, 0.5)] * 2)
 
-    assert crossed(areas, begin, end, np.array([0, 1])).tolist() == [True, False]
+    assert crosses_rings(areas, begin, end, np.array([0, 1])).tolist() == [True, False]
 
 
 def test_many_ways_across_many_edges_need_little_memory() -> None:
@@ -122,7 +122,7 @@ def test_many_ways_across_many_edges_need_little_memory() -> None:
     begin, end = rng.uniform(0, 140, (2, 300, 2))
     tracemalloc.start()
     try:
-        crossed(areas, begin, end, np.zeros(300, np.int64))
+        crosses_rings(areas, begin, end, np.zeros(300, np.int64))
         peak = tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()

@@ -10,7 +10,7 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from printer_slicer.geometry.self_intersections import layers_with_self_intersections
+from printer_slicer.geometry.self_intersections import find_layers_with_self_intersections
 
 Side = tuple[tuple[int, int], tuple[int, int]]
 
@@ -41,9 +41,11 @@ def test_sides_may_share_ends_and_nothing_else(name: str) -> None:
     sides, entangled = CASES[name]
     ends = np.array(sides)
 
-    assert layers_with_self_intersections(ends, np.full(len(ends), 3)).tolist() == ([3] if entangled else [])
+    assert find_layers_with_self_intersections(ends, np.full(len(ends), 3)).tolist() == (
+        [3] if entangled else []
+    )
     alone = np.arange(len(ends))
-    assert layers_with_self_intersections(ends, alone).tolist() == []
+    assert find_layers_with_self_intersections(ends, alone).tolist() == []
 
 
 point = st.tuples(st.integers(0, 6), st.integers(0, 6))
@@ -63,4 +65,4 @@ def test_the_layers_found_are_those_another_library_finds(layers: list[list[Side
     ends = np.array([ends for sides in layers for ends in sides])
     layer = np.repeat(np.arange(len(layers)), [len(sides) for sides in layers])
 
-    assert layers_with_self_intersections(ends, layer).tolist() == wanted
+    assert find_layers_with_self_intersections(ends, layer).tolist() == wanted

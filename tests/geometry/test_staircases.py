@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.geometry import Areas, difference, hatch, normalize, offset
-from printer_slicer.geometry.staircases import staircases
+from printer_slicer.geometry.staircases import unite_row_rectangles
 from tests.strategies import clean_areas
 
 
@@ -24,7 +24,7 @@ def test_staircases_are_the_union_of_rectangles(
     rows = hatch(areas, angle=angle, spacing=spacing)
     u = rows.u + np.array([-longer, longer])
 
-    made = staircases(rows, u, angle=angle, half=wide * spacing, n_layers=2)
+    made = unite_row_rectangles(rows, u, angle=angle, half=wide * spacing, n_layers=2)
 
     along, aside = np.array([np.cos(angle), np.sin(angle)]), np.array([-np.sin(angle), np.cos(angle)])
     v = (rows.ends[:, 0] @ aside)[:, None]
@@ -44,4 +44,4 @@ def test_staircases_are_the_union_of_rectangles(
 def test_without_rows_there_is_nothing() -> None:
     rows = hatch(Areas.empty(3), angle=0.0, spacing=1.0)
 
-    assert staircases(rows, rows.u, angle=0.0, half=0.5, n_layers=3).n_rings == 0
+    assert unite_row_rectangles(rows, rows.u, angle=0.0, half=0.5, n_layers=3).n_rings == 0

@@ -81,9 +81,9 @@ def test_no_lines_cover_nothing() -> None:
 def test_lines_without_width_and_layers_that_are_not_there_are_refused() -> None:
     line, start = np.array([[0.0, 0.0], [1.0, 0.0]]), np.array([0, 2])
 
-    with pytest.raises(ValueError, match="over 0"):
+    with pytest.raises(ValueError, match="greater than 0"):
         stroke_lines(line, start, np.array([0]), np.array([0.0]), 1)
-    with pytest.raises(ValueError, match="leaves the 1 layers"):
+    with pytest.raises(ValueError, match="outside the stack of 1 layers"):
         stroke_lines(line, start, np.array([1]), np.array([0.5]), 1)
 
 

@@ -8,7 +8,7 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from printer_slicer.geometry.vectors import cross, dot, feet, nearest_share
+from printer_slicer.geometry.vectors import cross, dot, nearest_on_segments, nearest_share
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -35,7 +35,7 @@ def test_a_foot_is_the_nearest_place_of_its_segment(seed: int) -> None:
     points, begin, end = rng.uniform(-300, 300, (3, 40, 2))
     end[:10] = begin[:10]  # segments of no length
 
-    foot, share = feet(points, begin, end)
+    foot, share = nearest_on_segments(points, begin, end)
 
     lines = shapely.linestrings(np.stack([begin, end], axis=1))
     away = np.where(
@@ -51,7 +51,7 @@ def test_feet_are_found_in_space_and_for_many_points_of_one_segment() -> None:
     begin, end = np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, 5.0])
     points = np.array([[3.0, 4.0, 2.0], [1.0, 0.0, -7.0], [1.0, 1.0, 9.0]])
 
-    foot, share = feet(points, begin, end)
+    foot, share = nearest_on_segments(points, begin, end)
 
     assert foot.tolist() == [[0, 0, 2], [0, 0, 1], [0, 0, 5]]
     assert share.tolist() == nearest_share(points - begin, end - begin).tolist() == [0.25, 0, 1]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import pyvoronoi
 
-from printer_slicer.geometry.voronoi_diagram import diagram_of
+from printer_slicer.geometry.voronoi_diagram import compute_diagrams
 
 _STAR = [(0.0, 0.0), (5.0, 0.0), (5.0, 1.5), (2.5, 1.0), (0.0, 2.5)]
 _TOUCHING = [(0.0, 0.0), (2.0, 0.0), (1.0, 1.0), (2.0, 2.0), (0.0, 2.0), (1.0, 1.0)]  # in one corner
@@ -37,7 +37,7 @@ def _of_library(sides: np.ndarray) -> pyvoronoi.Pyvoronoi:
 @pytest.mark.parametrize("taken", [slice(None), slice(0, 1), slice(0, 3, 2)], ids=["all", "one", "two apart"])
 def test_edges_are_those_that_the_library_tells_one_by_one(name: str, taken: slice) -> None:
     sides = _sides(_CASES[name])[taken]
-    found, built = diagram_of(sides, np.zeros(len(sides), np.int64)), _of_library(sides)
+    found, built = compute_diagrams(sides, np.zeros(len(sides), np.int64)), _of_library(sides)
     edges = [built.GetEdge(i) for i in range(built.CountEdges())]
     assert found.start.tolist() == [edge.start for edge in edges]
     assert found.end.tolist() == [edge.end for edge in edges]
@@ -47,8 +47,8 @@ def test_edges_are_those_that_the_library_tells_one_by_one(name: str, taken: sli
 
 def test_areas_lie_side_by_side_in_one_diagram() -> None:
     one, other = _sides(_STAR), _sides(_STAR) + 7.0
-    both = diagram_of(np.concatenate([one, other]), np.repeat([0, 1], [len(one), len(other)]))
-    alone = diagram_of(one, np.zeros(len(one), np.int64))
+    both = compute_diagrams(np.concatenate([one, other]), np.repeat([0, 1], [len(one), len(other)]))
+    alone = compute_diagrams(one, np.zeros(len(one), np.int64))
     half = len(alone.start)
     assert len(both.start) == 2 * half
     assert both.primary.tolist() == alone.primary.tolist() * 2

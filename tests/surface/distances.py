@@ -181,7 +181,7 @@ def in_stack(points: Float, mesh: Mesh, stack: Sections | LayerPlan) -> tuple[Bo
 def _held_by_section(points: Float, layer: Int, _: Mesh, sections: Any) -> tuple[Bool, Bool]:
     xy = points[:, :2]
     outlines = OutlineIndex(sections.solid, xy.min(axis=0), xy.max(axis=0))
-    return outlines.inside(xy, layer), outlines.distance(xy, layer) > UNSURE
+    return outlines.is_inside(xy, layer), outlines.distance(xy, layer) > UNSURE
 
 
 def _held_by_mesh(points: Float, layer: Int, mesh: Mesh, plan: Any) -> tuple[Bool, Bool]:

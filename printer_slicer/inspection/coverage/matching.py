@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.arrays import Bool, Float, Int, boxes
+from printer_slicer.arrays import Bool, Float, Int, bounding_boxes
 from printer_slicer.geometry import Areas
 from printer_slicer.geometry.segment_index import OutlineIndex
 from printer_slicer.inspection.coverage.extrusions import Extrusions, Purpose, spread_out
@@ -60,7 +60,7 @@ def guess_shift(stack: Stack, sections: Areas) -> tuple[float, float]:
     )
     order = np.argsort(layer[outer], kind="stable")
     start = np.arange(0, 2 * len(order) + 1, 2)
-    low, high = boxes(corners[order].reshape(-1, 2), start, layer[outer][order], stack.n_layers)
+    low, high = bounding_boxes(corners[order].reshape(-1, 2), start, layer[outer][order], stack.n_layers)
     floor, ceiling = sections.boxes()
     both = np.isfinite(low[:, 0]) & np.isfinite(floor[:, 0])
     if not both.any():
@@ -122,7 +122,7 @@ def find_detached(stack: Stack, sections: Areas) -> Bool:
     places = np.concatenate([some.begin, (some.begin + some.end) / 2, some.end])
     outlines = OutlineIndex(sections, places.min(axis=0) - 1, places.max(axis=0) + 1)
     layers = np.tile(layer[doubtful], 3)
-    away = (outlines.distance(places, layers) > _FAR) & ~outlines.inside(places, layers)
+    away = (outlines.distance(places, layers) > _FAR) & ~outlines.is_inside(places, layers)
     new = (np.abs(some.begin[1:] - some.end[:-1]).max(axis=1) > 1e-3) | (np.diff(layer[doubtful]) != 0)
     path = np.append(0, np.cumsum(new))
     near = np.bincount(path, weights=~away.reshape(3, -1).all(axis=0))
