@@ -164,7 +164,7 @@ def test_the_optimal_plan_keeps_the_tolerance_contained(name: str, containment: 
     mesh = PARTS[name]
     plan, sections = sliced(mesh, "optimal", containment, tolerance=0.11)
 
-    assert proven(mesh, plan).over(0.11) == []
+    assert proven(mesh, plan).ranges_above(0.11) == []
     found = tried(mesh, sections)
     assert max(found.empty, found.filled) <= 0.11 + ASIDE
 
@@ -196,7 +196,7 @@ def test_the_bed_is_no_error_of_the_first_layer(containment: str) -> None:
     found = tried(mesh, sections)
     assert max(found.empty, found.filled) <= 0.12
 
-    assert proven(mesh, plan).over(0.12) == []
+    assert proven(mesh, plan).ranges_above(0.12) == []
 
 
 @pytest.mark.parametrize("name", simple())
@@ -217,7 +217,7 @@ def test_the_rounding_of_files_does_not_break_the_tolerance(level: float, contai
     exact = frusta([20, 16, 16], [level, 2.2])
     for mesh in (exact, single(exact)):
         plan, _ = sliced(mesh, "optimal", containment, tolerance=0.12, planner__objective="layers")
-        assert proven(mesh, plan).over(0.12) == []
+        assert proven(mesh, plan).ranges_above(0.12) == []
 
 
 def section_areas(mesh: Mesh, plan: LayerPlan) -> Float:

@@ -290,7 +290,7 @@ def certificate_facts(
         | {"layer": worst.layer, "kind": worst.kind, "bound_mm": round(worst.bound, 6)},
         "over_tolerance": [
             {"from": round(low, 6), "to": round(high, 6), "bound_mm": round(bound, 6)}
-            for low, high, bound in certificate.over(layer_tolerances(profile, plan.bottom, plan.top))
+            for low, high, bound in certificate.ranges_above(layer_tolerances(profile, plan.bottom, plan.top))
         ],
         "violations": [
             {

@@ -66,7 +66,7 @@ def draw_plan(
         Panel(*sides, top, axis.floor) for sides in (_FRONT, _ERROR, _HEIGHTS, _STACK)
     )
     prisms, step = draw_stack(sections, colours, replace(stack, top=top - 40))
-    over = certificate.over(tolerance) if tolerance is not None else []
+    over = certificate.ranges_above(tolerance) if tolerance is not None else []
     shapes = [
         *_head(title, certificate, over, tolerance),
         *draw_legend(plan, colours, Panel(_MARGIN, _WIDTH - _MARGIN, _LEGEND_TOP, top - _APART)),

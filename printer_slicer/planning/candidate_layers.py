@@ -18,7 +18,7 @@ from printer_slicer.planning.shortest_path import ArcGraph
 from printer_slicer.planning.z_steps import ZSteps, fill_with_layers
 from printer_slicer.profile import Profile
 from printer_slicer.surface import Surface, read_surface
-from printer_slicer.surface.vertical_runs import runs_by_length
+from printer_slicer.surface.vertical_runs import bound_runs_by_length
 
 __all__ = ["CandidateLayers"]
 
@@ -116,8 +116,8 @@ def _bounds(surface: Surface, grid: HeightGrid, containment: str, rows: list[Hei
     # Runs go from the cut in the middle to either end, or through the whole layer if it is contained.
     share = grid.cells if contained else grid.cells // 2
     length = [share * row.height for row in rows]
-    rising = runs_by_length(surface.contacts, grid.cell, n_cells, length, contained=contained)
-    falling = runs_by_length(
+    rising = bound_runs_by_length(surface.contacts, grid.cell, n_cells, length, contained=contained)
+    falling = bound_runs_by_length(
         surface.turned, grid.cell, n_cells, length, bottom=-n_cells * grid.cell, contained=contained
     )
     for row, cells, up, down in zip(rows, length, rising, falling, strict=True):
@@ -134,7 +134,7 @@ class _Volumes:
     def __init__(self, surface: Surface, grid: HeightGrid, containment: str) -> None:
         self._grid, self._containment = grid, containment
         n_cells = grid.cells * grid.n
-        up, down = (shadow.on_lattice(grid.cell, n_cells) for shadow in (surface.up, surface.down))
+        up, down = (shadow.integral_on_lattice(grid.cell, n_cells) for shadow in (surface.up, surface.down))
         self._both = up + down
         self._over, self._under = (up, down) if containment != "negative" else (down, up)
 

@@ -124,7 +124,7 @@ def event_planes(mesh: Mesh, profile: Profile) -> Float:
 
     Nearly horizontal flats are not events of the surface, so they are added.
     """
-    events = read_surface(mesh).contacts.events()
+    events = read_surface(mesh).contacts.event_heights()
     return np.concatenate([events, find_flats(mesh)[0], range_borders(profile, mesh.height)])
 
 

@@ -38,7 +38,7 @@ class Shadows:
     def of(cls, surface: Surface, n: int) -> Shadows:
         """Measure a part at the borders of `n` levels."""
         z = np.linspace(0.0, surface.height, n + 1)
-        up, down = (shadow.under(z, including=True) for shadow in (surface.up, surface.down))
+        up, down = (shadow.area_below(z, including=True) for shadow in (surface.up, surface.down))
         return cls(z, up, down - down[0])
 
     def up_between(self, low: Float, high: Float) -> Float:

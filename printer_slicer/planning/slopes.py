@@ -22,7 +22,7 @@ from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.model import Mesh
 from printer_slicer.planning.z_steps import ZSteps
 from printer_slicer.profile import Profile
-from printer_slicer.surface.range_maximum import paint_maxima
+from printer_slicer.surface.range_maximum import compute_range_maxima
 
 __all__ = ["Slopes", "cusp_height", "nearest_step", "thickest_within"]
 
@@ -65,7 +65,7 @@ class Slopes:
             slope, low, high, flat = _facets(mesh.triangles[block : block + _BLOCK])
             first, last = self._places(low, high, flat)
             seen = slope if flats else np.where(flat, 0.0, slope)
-            np.maximum(self._table[0], paint_maxima(first, last, seen, width), out=self._table[0])
+            np.maximum(self._table[0], compute_range_maxima(first, last, seen, width), out=self._table[0])
         for level in range(1, len(self._table)):
             half, below = 1 << (level - 1), self._table[level - 1]
             self._table[level] = below

@@ -18,12 +18,13 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from printer_slicer.arrays import Float, frozen_array
+from printer_slicer.deprecation import renamed_method
 from printer_slicer.geometry.slab_projection import BESIDE
 from printer_slicer.model import LayerPlan, Mesh
 from printer_slicer.repr_svg import SvgRepr
 from printer_slicer.surface.contacts import Contacts, find_contacts
 from printer_slicer.surface.shadow import Shadow, project_surface
-from printer_slicer.surface.vertical_runs import run_bounds, steepest
+from printer_slicer.surface.vertical_runs import bound_runs, find_main_contact
 
 __all__ = [
     "Certificate",
@@ -40,12 +41,12 @@ _ROUNDING = 1e-7  # mm; allowed excess over a tolerance, for rounding of sums
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Surface:
-    """Properties of a part's surface that bound the error of layers, computed once for any number of plans.
+    """Properties of a part's surface that limit the error of layers, computed once for any number of plans.
 
     Attributes:
         triangles: (F, 3, 3) mm, facets of the part, which stands on z = 0.
         contacts: where a ball can touch the surface.
-        turned: the same upside down: z counts downward.
+        turned: the contacts of the surface turned upside down: z counts downward.
         up: shadow of the facets that face up.
         down: shadow of the facets that face down.
         area: mm², area of the surface.
@@ -124,8 +125,8 @@ class Certificate(SvgRepr):
         """Volume error per surface area, mm."""
         return self.volume_error / self.area if self.area > 0 else 0.0
 
-    def over(self, tolerance: float | Float) -> list[tuple[float, float, float]]:
-        """Return height ranges (lowest z, highest z, bound), mm, of consecutive layers with a bound over `tolerance`.
+    def ranges_above(self, tolerance: float | Float) -> list[tuple[float, float, float]]:
+        """Return the height ranges (lowest z, highest z, bound), mm, in which the bounds of layers exceed `tolerance`.
 
         Args:
             tolerance: mm, one for all layers, or (L,).
@@ -141,6 +142,8 @@ class Certificate(SvgRepr):
             found.append((float(top[-1]), float(top[-1]) + self.missing, self.missing))
         return found
 
+    over = renamed_method("Certificate.over", "Certificate.ranges_above")
+
 
 _cached_surfaces: WeakKeyDictionary[Mesh, Surface] = WeakKeyDictionary()
 
@@ -153,14 +156,14 @@ def read_surface(mesh: Mesh) -> Surface:
 
 
 def _analyse_mesh(mesh: Mesh) -> Surface:
-    """Find contacts and shadows of a mesh."""
+    """Compute the contacts and shadows of the surface of a mesh."""
     contacts, area = find_contacts(mesh)
     up, down = project_surface(mesh)
-    return Surface(mesh.triangles, contacts, contacts.mirrored(), up, down, area, mesh.height)
+    return Surface(mesh.triangles, contacts, contacts.mirror(), up, down, area, mesh.height)
 
 
 def layer_bounds(surface: Surface, plan: LayerPlan) -> Float:
-    """Return the bound (L,) of each layer of a plan, mm, without the rest of its certificate."""
+    """Return the deviation bound (L,) of each layer of a plan, mm, without computing a whole certificate."""
     return np.maximum(*_bound_runs(surface, plan))
 
 
@@ -168,17 +171,17 @@ def _bound_runs(surface: Surface, plan: LayerPlan) -> tuple[Float, Float]:
     """Return the bounds (L,) of the upward and of the downward runs of each layer, mm."""
     bottom, top, cut = plan.bottom, plan.top, plan.cut
     if plan.containment == "mid":
-        return run_bounds(surface.contacts, cut, top), _bound_downward_runs(surface, cut, bottom)
+        return bound_runs(surface.contacts, cut, top), _bound_downward_runs(surface, cut, bottom)
     # Layers with containment leave out a margin at their borders; it adds at most its height to the error.
     bottom, top = bottom + BESIDE, top - BESIDE
-    return run_bounds(surface.contacts, bottom, top) + 2 * BESIDE, _bound_downward_runs(
+    return bound_runs(surface.contacts, bottom, top) + 2 * BESIDE, _bound_downward_runs(
         surface, top, bottom
     ) + 2 * BESIDE
 
 
 def _bound_downward_runs(surface: Surface, start: Float, end: Float) -> Float:
     """Return the bounds (L,) of the runs from `start` down to `end`, mm."""
-    return run_bounds(surface.turned, -start[::-1], -end[::-1])[::-1]
+    return bound_runs(surface.turned, -start[::-1], -end[::-1])[::-1]
 
 
 def certify(surface: Surface, plan: LayerPlan) -> Certificate:
@@ -201,7 +204,7 @@ def certify(surface: Surface, plan: LayerPlan) -> Certificate:
         missing,
         max(float(top[-1]) - surface.height, 0.0),
         surface.area,
-        _find_worst(surface, plan, rising, falling, missing),
+        _find_worst_layer(surface, plan, rising, falling, missing),
     )
 
 
@@ -230,11 +233,11 @@ def _bound_volumes(surface: Surface, plan: LayerPlan) -> Float:
             below = shadow.integral(planes)
             total += below[2::2] + below[:-1:2] - 2 * below[1::2]
             if np.abs(aside).max() > _ROUNDING:
-                total += shadow.under(cut) * aside
+                total += shadow.area_below(cut) * aside
         return np.maximum(total, 0)
     height, bottom, top = top - bottom, bottom + BESIDE, top - BESIDE
-    added = over.integral(top) - over.integral(bottom) - height * over.under(bottom, including=True)
-    added += height * under.under(top) - under.integral(top) + under.integral(bottom)
+    added = over.integral(top) - over.integral(bottom) - height * over.area_below(bottom, including=True)
+    added += height * under.area_below(top) - under.integral(top) + under.integral(bottom)
     return np.maximum(added, 0)
 
 
@@ -242,10 +245,10 @@ def _bound_volume_above(up: Shadow, top: float, height: float) -> float:
     """Return an upper bound of the volume of the part above the last layer, mm³."""
     planes = np.array([top, height])
     below, everything = up.integral(planes)
-    return float((height - top) * up.under(planes, including=True)[1] - (everything - below))
+    return float((height - top) * up.area_below(planes, including=True)[1] - (everything - below))
 
 
-def _find_worst(
+def _find_worst_layer(
     surface: Surface, plan: LayerPlan, rising: Float, falling: Float, missing: float
 ) -> WorstLayer:
     """Find the layer with the largest bound, and the contact that contributes most to it."""
@@ -261,17 +264,19 @@ def _find_worst(
         begin, end, contacts, turn = bottom if whole else cut, top, surface.contacts, 1
     else:
         begin, end, contacts, turn = -top if whole else -cut, -bottom, surface.turned, -1
-    place = steepest(contacts, begin, end)
+    place = find_main_contact(contacts, begin, end)
     z = turn * min(max(float(contacts.low[place]), begin), end)
     source, flat = int(contacts.source[place]), contacts.low[place] == contacts.high[place]
-    x, y, z, kind = _find_point(surface.triangles, source, z, flat=bool(flat))
+    x, y, z, kind = _find_contact_point(surface.triangles, source, z, flat=bool(flat))
     if end > surface.height and contacts is surface.contacts and z >= surface.height - _ROUNDING:
         kind = "top"
     return WorstLayer(layer + 1, z, x, y, kind, float(bound[layer]))
 
 
-def _find_point(triangles: Float, source: int, z: float, *, flat: bool) -> tuple[float, float, float, str]:
-    """Return a point at height z, or as near as possible, on the facet, edge or corner of a contact, and its kind."""
+def _find_contact_point(
+    triangles: Float, source: int, z: float, *, flat: bool
+) -> tuple[float, float, float, str]:
+    """Return a point on the facet, edge or corner of a contact, at height z or as near as possible, and the kind."""
     n = len(triangles)
     if source < n:
         corners, kind = triangles[source], "flat" if flat else "facet"

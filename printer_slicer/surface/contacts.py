@@ -65,23 +65,23 @@ class Contacts:
             object.__setattr__(self, name, frozen_array(getattr(self, name), np.float64, (len(self.source),)))
         object.__setattr__(self, "source", frozen_array(self.source, np.int64, (-1,)))
 
-    def events(self) -> Float:
+    def event_heights(self) -> Float:
         """Return the heights (n,) of flats, level ridges and valleys, and local extrema, mm."""
         return distinct(self.low[(self.low == self.high) & (self.rise > 1 - _LEVEL)])
 
-    def mirrored(self) -> Contacts:
+    def mirror(self) -> Contacts:
         """Return the contacts of the surface turned upside down: z becomes -z."""
         order = np.argsort(-self.high, kind="stable")
         return Contacts(-self.high[order], -self.low[order], self.rise[order], self.source[order])
 
 
 class _ContactCandidates(NamedTuple):
-    """Edges or corners of one block of facets that may add a contact, and those that certainly add none.
+    """Edges or corners of one block of facets that may add a contact, and those that certainly add no contact.
 
     Attributes:
         place: (n,) number of each candidate.
-        key: (n,) its key.
-        refused: (m,) keys of edges or corners without a contact that other blocks may also contain.
+        key: (n,) key of each candidate.
+        refused: (m,) keys of edges or corners that add no contact; other blocks may contain them, too.
     """
 
     place: Int
@@ -89,8 +89,8 @@ class _ContactCandidates(NamedTuple):
     refused: _Keys
 
     @classmethod
-    def kept(cls, blocks: Sequence[_ContactCandidates]) -> Int:
-        """Return the numbers of the candidates that no block refuses."""
+    def select_accepted(cls, blocks: Sequence[_ContactCandidates]) -> Int:
+        """Return the numbers of the candidates that no block rules out."""
         place, key, refused = (np.concatenate(column) for column in zip(*blocks, strict=True))
         number, firsts = weld_keys(np.concatenate([key, refused]))
         is_refused = np.zeros(len(firsts), np.bool_)
@@ -99,7 +99,7 @@ class _ContactCandidates(NamedTuple):
 
 
 class _FacetBlock(NamedTuple):
-    """Results for one block of facets.
+    """Contacts found in one block of facets.
 
     Attributes:
         facets: (4, n) lowest and highest z, rise, and number of each facet.
@@ -119,7 +119,7 @@ def find_contacts(mesh: Mesh) -> tuple[Contacts, float]:
     Args:
         mesh: the part; any triangles are allowed.
     """
-    envelope = Envelope.over(*mesh.bounds[:, 2].tolist())
+    envelope = Envelope.between_heights(*mesh.bounds[:, 2].tolist())
     blocks = []
     for at in range(0, max(mesh.n_facets, 1), _AT_ONCE):
         block = _process_block(mesh.triangles, at)
@@ -127,7 +127,8 @@ def find_contacts(mesh: Mesh) -> tuple[Contacts, float]:
         blocks.append(block._replace(facets=block.facets[:, _is_relevant(envelope, *block.facets[:3])]))
     low, high, rise, facet = np.concatenate([block.facets for block in blocks], axis=1)
     ridges, valleys, peaks, pits = (
-        _ContactCandidates.kept(marks) for marks in zip(*(block.marks for block in blocks), strict=True)
+        _ContactCandidates.select_accepted(marks)
+        for marks in zip(*(block.marks for block in blocks), strict=True)
     )
     area = sum(block.area for block in blocks)
     del blocks
@@ -146,8 +147,8 @@ def find_contacts(mesh: Mesh) -> tuple[Contacts, float]:
 
 
 def _is_relevant(envelope: Envelope, low: Float, high: Float, rise: Float) -> Bool:
-    """Return a mask (n,) of contacts that add to some run; flats and extrema are kept, because they are events."""
-    return envelope.shows(low, high, rise) | (rise > 1 - _LEVEL)
+    """Return a mask (n,) of contacts to keep: those that can add to a run, and flats and extrema."""
+    return envelope.is_uncovered(low, high, rise) | (rise > 1 - _LEVEL)
 
 
 def _process_block(triangles: Float, begin: int) -> _FacetBlock:
@@ -187,20 +188,20 @@ def _process_block(triangles: Float, begin: int) -> _FacetBlock:
 
 
 def _find_candidates(
-    key: _Keys, wanted: Bool | None, refusals: tuple[Bool, Bool], begin: int, *, shared_by_two: bool
+    key: _Keys, eligible: Bool | None, refusals: tuple[Bool, Bool], begin: int, *, shared_by_two: bool
 ) -> tuple[_ContactCandidates, _ContactCandidates]:
-    """Return the candidates among the edges or corners (3, n) of a block, for each of two kinds of refusals.
+    """Select the edges or corners (3, n) of a block that may add a contact from above, and from below.
 
     Args:
         key: (3, n) key of each edge or corner.
-        wanted: (3, n) mask of those that may add a contact; all if None.
-        refusals: two masks (3, n) of those that add none.
+        eligible: (3, n) mask of those that may add a contact; all if None.
+        refusals: two masks (3, n), from above and from below, of those that add none.
         begin: number of the first facet of the block.
         shared_by_two: whether two facets share each one, as with edges: those found twice occur in no other block.
     """
     flat = key.ravel()
     number, firsts = weld_keys(flat)
-    candidates = firsts.astype(np.int64) if wanted is None else np.flatnonzero(wanted)
+    candidates = firsts.astype(np.int64) if eligible is None else np.flatnonzero(eligible)
     may_be_shared = (
         np.bincount(number, minlength=len(firsts)) == 1 if shared_by_two else np.ones(len(firsts), np.bool_)
     )

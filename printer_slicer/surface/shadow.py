@@ -30,7 +30,7 @@ _FEW = 2  # planes between two corners; up to this many are added one by one
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Shadow:
-    """Shadow of some facets: three heights and a projected area for each.
+    """Shadow of a set of facets: three heights and a projected area for each facet.
 
     Attributes:
         low, middle, high: (n,) mm, heights of the corners.
@@ -46,35 +46,35 @@ class Shadow:
         for name in ("low", "middle", "high", "area"):
             object.__setattr__(self, name, frozen_array(getattr(self, name), np.float64, (len(self.area),)))
 
-    def _blocks(self) -> Iterator[Shadow]:
+    def _iterate_blocks(self) -> Iterator[Shadow]:
         """Yield the facets in blocks, so that intermediate results stay in the processor's cache."""
         for at in range(0, len(self.area), _AT_ONCE):
             some = slice(at, at + _AT_ONCE)
             yield Shadow(self.low[some], self.middle[some], self.high[some], self.area[some])
 
-    def under(self, planes: Float, *, including: bool = False) -> Float:
-        """Return the shadow (n,) below each of the ascending planes, mm²; `including` counts facets in the plane."""
+    def area_below(self, planes: Float, *, including: bool = False) -> Float:
+        """Return the area (n,) of the shadow below each plane, ascending, mm²; `including` counts facets in a plane."""
         total = np.zeros(len(planes))
-        for block in self._blocks():
+        for block in self._iterate_blocks():
             first = np.searchsorted(planes, block.high, side="left" if including else "right")
             whole = np.bincount(first, weights=block.area, minlength=len(planes) + 1)
-            total += np.cumsum(whole)[:-1] + _sum_intersected(block, planes, first, 2)
+            total += np.cumsum(whole)[:-1] + _sum_intersected_facets(block, planes, first, 2)
         return total
 
     def integral(self, planes: Float) -> Float:
-        """Return the integral (n,) of the shadow from below the part up to each of the ascending planes, mm³."""
+        """Return the integral (n,) of the shadow from below the part up to each plane (ascending), mm³."""
         total = np.zeros(len(planes))
-        for block in self._blocks():
+        for block in self._iterate_blocks():
             first = np.searchsorted(planes, block.high)
             mean = (block.low + block.middle + block.high) / 3
             whole, lever = (
                 np.cumsum(np.bincount(first, weights=weight, minlength=len(planes) + 1))[:-1]
                 for weight in (block.area, block.area * mean)
             )
-            total += whole * planes - lever + _sum_intersected(block, planes, first, 3)
+            total += whole * planes - lever + _sum_intersected_facets(block, planes, first, 3)
         return total
 
-    def on_lattice(self, cell: float, n_cells: int) -> Float:
+    def integral_on_lattice(self, cell: float, n_cells: int) -> Float:
         """Return the integral (n_cells + 1,) of the shadow up to each multiple of `cell`, mm³.
 
         The cost hardly depends on the number of cells. The result is exact for facets between two planes; other facets
@@ -82,7 +82,7 @@ class Shadow:
         """
         n = n_cells + 1
         total = np.zeros((3, n))
-        for block in self._blocks():
+        for block in self._iterate_blocks():
             heights = block.low / cell, block.middle / cell, block.high / cell
             total += _sum_on_lattice(heights, block.area, n)
         whole, lever, shadow = total
@@ -90,8 +90,8 @@ class Shadow:
         return np.asarray((whole * np.arange(n) - lever + steps) * cell)
 
 
-def _sum_intersected(shadow: Shadow, planes: Float, end: Int, power: int) -> Float:
-    """Sum up the facets that planes intersect, each from its lowest corner up to plane `end`."""
+def _sum_intersected_facets(shadow: Shadow, planes: Float, end: Int, power: int) -> Float:
+    """Add up the facets that planes intersect, each from its lowest corner up to plane `end`."""
     total = np.zeros(len(planes))
     begin = np.searchsorted(planes, shadow.low, side="right")
     count = np.maximum(end - begin, 0)
@@ -109,7 +109,7 @@ def _sum_intersected(shadow: Shadow, planes: Float, end: Int, power: int) -> Flo
 
 
 def _evaluate_parabolas(shadow: Shadow, facet: Int, z: Float, power: int) -> Float:
-    """Return the share of facets at heights between their corners in the shadow (power 2) or its integral (3)."""
+    """Return what each facet adds to the shadow (power 2) or its integral (3) at a height between its corners."""
     low, middle, high, area = shadow.low[facet], shadow.middle[facet], shadow.high[facet], shadow.area[facet]
     rising = z < middle
     leg = np.where(rising, middle - low, high - middle)
@@ -121,7 +121,7 @@ def _evaluate_parabolas(shadow: Shadow, facet: Int, z: Float, power: int) -> Flo
 
 
 def _sum_on_lattice(heights: tuple[Float, Float, Float], area: Float, n: int) -> Float:
-    """Sum up a block of facets on a lattice of planes.
+    """Add up a block of facets on a lattice of planes.
 
     Args:
         heights: (m,) each, height of the lowest, middle and highest corner of each facet, in cells.
@@ -151,7 +151,7 @@ def _sum_on_lattice(heights: tuple[Float, Float, Float], area: Float, n: int) ->
 
 
 def _sum_parabolas(reach: tuple[Int, Int], base: Float, bend: Float, apex: Float, n: int) -> Float:
-    """Sum up (n,) the parabolas `base + bend (i - apex)²` of facets, for i from `reach[0]` to `reach[1]` - 1.
+    """Return the sums (n,) of parabolas `base + bend (i - apex)²` of facets, for i from `reach[0]` to `reach[1]` - 1.
 
     The coefficients are added where a parabola starts and subtracted where it ends. Short parabolas are steep and would
     leave rounding errors, so they are added position by position.

@@ -21,7 +21,7 @@ _ROUNDING = 2e-5  # mm² of area per mm of contour that rounding may cause
 
 
 def thin_areas(surface: Surface, sections: Sections) -> Float:
-    """Return the projected area (L + 1,) of features between each section and the previous one, mm².
+    """Return the projected area (L + 1,) of thin features between each section and the previous one, mm².
 
     The first entry is for features below the first section, the last for those above the last section.
 
@@ -32,7 +32,7 @@ def thin_areas(surface: Surface, sections: Sections) -> Float:
     solid, cut = sections.solid, sections.plan.cut
     before = solid.shift_layers(1)
     changed = difference(solid, before).area() + difference(before, solid).area()
-    below = surface.up.under(cut) + surface.down.under(cut)
+    below = surface.up.area_below(cut) + surface.down.area_below(cut)
     everything = float(surface.up.area.sum() + surface.down.area.sum())
     passed = np.diff(np.concatenate([[0.0], below, [everything]]))
     pairs = (passed - np.append(changed, solid.area()[-1:])) / 2

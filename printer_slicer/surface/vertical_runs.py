@@ -1,4 +1,4 @@
-"""Bound the distance from the surface after a vertical run, by the integral of the steepest rise so far.
+"""Bound the distance from the surface after a vertical run by the integral of the steepest rise so far.
 
 Start at height s on the surface and move straight up to height e. At every height z the distance to the surface grows
 at most at the rise of its nearest point. That point lies below z and not below s, because the distance is at most
@@ -26,15 +26,15 @@ import numpy as np
 from printer_slicer.arrays import Float, Int
 from printer_slicer.geometry.slab_projection import BESIDE
 from printer_slicer.surface.contacts import Contacts
-from printer_slicer.surface.range_maximum import paint_maxima
+from printer_slicer.surface.range_maximum import compute_range_maxima
 
-__all__ = ["run_bounds", "runs_by_length", "steepest"]
+__all__ = ["bound_runs", "bound_runs_by_length", "find_main_contact"]
 
 # mm; coordinates this near to the border of a cell count as on it, because 32-bit files round them.
 _SAME = 5e-6
 
 
-def run_bounds(contacts: Contacts, start: Float, end: Float) -> Float:
+def bound_runs(contacts: Contacts, start: Float, end: Float) -> Float:
     """Return the exact bounds (n,) of the runs from `start` up to `end`, mm.
 
     Args:
@@ -68,10 +68,10 @@ def _find_steepest_across(contacts: Contacts, planes: Float) -> Float:
     first = np.searchsorted(planes, contacts.low, side="right")
     last = np.searchsorted(planes, contacts.high, side="left") - 1
     some = first <= last
-    return paint_maxima(first[some], last[some], contacts.rise[some], len(planes))
+    return compute_range_maxima(first[some], last[some], contacts.rise[some], len(planes))
 
 
-def steepest(contacts: Contacts, start: float, end: float) -> int:
+def find_main_contact(contacts: Contacts, start: float, end: float) -> int:
     """Return the index of the contact that contributes most to the run from `start` to `end`, or -1."""
     within = np.flatnonzero((contacts.low < end) & ((contacts.high > start) | (contacts.low >= start)))
     if len(within) == 0:
@@ -80,7 +80,7 @@ def steepest(contacts: Contacts, start: float, end: float) -> int:
     return int(within[np.argmax(share)])
 
 
-def runs_by_length(
+def bound_runs_by_length(
     contacts: Contacts,
     cell: float,
     n_cells: int,
@@ -89,7 +89,7 @@ def runs_by_length(
     bottom: float = 0.0,
     contained: bool = False,
 ) -> Iterator[Float]:
-    """Yield for each length the bounds (n_cells + 1,) of runs up from each border between cells, mm.
+    """Yield for each length the bounds (n_cells + 1,) of upward runs from each border between cells, mm.
 
     The contribution of a cell is a convex function of the steepest rise below it. It is known for the shallowest run
     through the cell, and for a run that is at least as steep as everything in the cell. In between, the chord of the
@@ -122,13 +122,13 @@ def runs_by_length(
 
 
 def _snap_to_borders(z: Float, beside: float) -> Float:
-    """Round heights, in cells, to the border if they are near to it."""
+    """Round heights, in cells, to the nearest border between cells if they are close to it."""
     border = np.rint(z)
     return np.where(np.abs(z - border) <= beside, border, z)
 
 
 def _summarize_cells(low: Float, last: Int, rise: Float, n_cells: int) -> tuple[Float, Float, Float]:
-    """Summarize the rises in each cell.
+    """Compute the steepest and the mean rise in each cell.
 
     Args:
         low: (n,) lower end of each contact, in cells, ascending.
@@ -142,7 +142,7 @@ def _summarize_cells(low: Float, last: Int, rise: Float, n_cells: int) -> tuple[
     """
     from_bottom = np.ceil(low).astype(np.int64)
     some = (from_bottom <= last) & (from_bottom < n_cells) & (last >= 0)
-    least = paint_maxima(
+    least = compute_range_maxima(
         np.maximum(from_bottom[some], 0), np.minimum(last[some], n_cells - 1), rise[some], n_cells
     )
     begins = np.flatnonzero((low > 0) & (from_bottom > low))

@@ -135,7 +135,7 @@ def test_so_few_layers_come_before_the_tolerance() -> None:
     plan = planned(mesh, tolerance=0.05, planner__max_layers=fine.n_layers - 5)
 
     assert plan.n_layers == fine.n_layers - 5
-    assert certify(read_surface(mesh), plan).over(0.05)
+    assert certify(read_surface(mesh), plan).ranges_above(0.05)
 
 
 def advice(caught: PlanError) -> int:

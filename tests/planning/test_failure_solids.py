@@ -88,7 +88,7 @@ def test_the_area_test_breaks_the_tolerance_where_it_cannot_see(name: str) -> No
     mesh, plan = solid(name), plans(name)[0]
 
     assert found(mesh, plan) > 1.5 * TOLERANCE
-    assert proven(mesh, plan).over(TOLERANCE)
+    assert proven(mesh, plan).ranges_above(TOLERANCE)
 
 
 @pytest.mark.parametrize("name", ["draft 0.5", "draft 3", "hemisphere"])
@@ -117,7 +117,7 @@ def test_optimal_keeps_the_tolerance_by_proof_and_by_trial(name: str) -> None:
     certificate = proven(mesh, plan)
 
     assert certificate.max_error <= TOLERANCE + 1e-6
-    assert certificate.over(TOLERANCE) == []
+    assert certificate.ranges_above(TOLERANCE) == []
     assert found(mesh, plan) <= certificate.max_error + 1e-6
 
 

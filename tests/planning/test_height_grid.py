@@ -34,7 +34,7 @@ def rows(mesh: Mesh, wanted: Profile, *, everywhere: bool = False) -> tuple[Heig
 def test_a_height_off_the_list_begins_or_ends_at_an_event_plane() -> None:
     wanted = optimal(layer_heights=(0.1, 0.25))
     grid, found = rows(STEPS, wanted)
-    events = {round(z / grid.unit) for z in read_surface(STEPS).contacts.events()} - {0}
+    events = {round(z / grid.unit) for z in read_surface(STEPS).contacts.event_heights()} - {0}
 
     assert len(events) == 3
     for row in found:

@@ -125,7 +125,7 @@ def test_the_certified_error_is_within_the_tolerance(name: str, asked: tuple[str
     certificate = proven(mesh, planned(mesh, tolerance=tolerance, planner__objective=objective))
 
     assert certificate.max_error <= tolerance + ROUNDING
-    assert certificate.over(tolerance) == []
+    assert certificate.ranges_above(tolerance) == []
 
 
 @each_part
@@ -182,7 +182,7 @@ def test_an_error_of_exactly_the_tolerance_is_within_it(
     mesh = sheared_prism(5, height, shift)
     thick = round(2 * tolerance / (shift / 5), 6)
     uniform = plan_layers(mesh, profile(layer_height=thick, first_layer_height=0, z_step=0.01))
-    assert proven(mesh, uniform).over(tolerance) == []
+    assert proven(mesh, uniform).ranges_above(tolerance) == []
 
     assert planned(mesh, tolerance=tolerance, planner__objective="layers").n_layers <= uniform.n_layers
 
@@ -431,7 +431,7 @@ def test_a_tolerance_that_cannot_be_kept_is_reported_where_it_is_broken() -> Non
     """Walls up to 2 mm, a slope of 45° up to 3 mm, walls again."""
     mesh = frusta([10, 10, 8, 8], [2, 1, 2])
     certificate = proven(mesh, planned(mesh, tolerance=0.02))
-    over = certificate.over(0.02)
+    over = certificate.ranges_above(0.02)
 
     assert len(over) == 1
     low, high, bound = over[0]
@@ -444,7 +444,7 @@ def test_a_tolerance_that_cannot_be_kept_is_reported_where_it_is_broken() -> Non
 def test_a_tolerance_that_can_be_kept_is_not_reported() -> None:
     mesh = frusta([10, 10, 8, 8], [2, 1, 2])
 
-    assert proven(mesh, planned(mesh, tolerance=0.05)).over(0.05) == []
+    assert proven(mesh, planned(mesh, tolerance=0.05)).ranges_above(0.05) == []
 
 
 @pytest.mark.parametrize(("tolerance", "height"), crossed([0.001, 0.01, 0.02, 0.03], [2.0, 2.05, 3.17]))

@@ -344,7 +344,7 @@ class Rules:
         self.steps, self.layers, self.wanted = ZSteps(mesh, wanted), every_layer(mesh, wanted), wanted
         self.flats, areas = find_flats(mesh)
         self.weight = 1 + areas / max(areas.sum(initial=0), 1e-9)
-        planes = [*read_surface(mesh).contacts.events(), *self.flats, mesh.height]
+        planes = [*read_surface(mesh).contacts.event_heights(), *self.flats, mesh.height]
         self.events = {round(z / self.steps.size) for z in planes} - {0}
         self.allowed = set(self.steps.allowed.tolist())
 

@@ -65,7 +65,7 @@ def integrated(shadow: Shadow, z: float) -> float:
             until = min(end, z)
             if until > begin:
                 places = begin + (until - begin) * (nodes + 1) / 2
-                total += float((weights * one.under(places, including=True)).sum()) * (until - begin) / 2
+                total += float((weights * one.area_below(places, including=True)).sum()) * (until - begin) / 2
     return total
 
 
@@ -88,8 +88,8 @@ def test_the_shadow_under_a_plane_is_the_area_of_the_clipped_facets(name: str) -
     planes = clear_of_corners(mesh, np.sort(np.random.default_rng(1).uniform(-0.2, mesh.height + 0.2, 25)))
     up, down = project_surface(mesh)
 
-    assert up.under(planes) == pytest.approx(direct(mesh, 1, planes), abs=1e-9)
-    assert down.under(planes) == pytest.approx(direct(mesh, -1, planes), abs=1e-9)
+    assert up.area_below(planes) == pytest.approx(direct(mesh, 1, planes), abs=1e-9)
+    assert down.area_below(planes) == pytest.approx(direct(mesh, -1, planes), abs=1e-9)
 
 
 @each_part
@@ -98,8 +98,10 @@ def test_at_the_corners_a_plane_may_count_what_lies_in_it_or_not(name: str) -> N
     planes = np.unique(mesh.triangles[:, :, 2])[-6:]
     for side, shadow in zip((1, -1), project_surface(mesh), strict=True):
         a_hair_below = direct(mesh, side, planes - 1e-9)
-        assert shadow.under(planes) == pytest.approx(a_hair_below, abs=1e-6)
-        assert shadow.under(planes, including=True) == pytest.approx(direct(mesh, side, planes), abs=1e-6)
+        assert shadow.area_below(planes) == pytest.approx(a_hair_below, abs=1e-6)
+        assert shadow.area_below(planes, including=True) == pytest.approx(
+            direct(mesh, side, planes), abs=1e-6
+        )
 
 
 @each_part
@@ -147,7 +149,7 @@ def test_many_planes_at_once_are_the_same_as_one_by_one(seed: int, n: int, kind:
     planes[rng.random(n) < 0.3] = rng.choice(z.ravel(), 1)
     planes.sort()
 
-    for read in (shadow.under, shadow.integral, partial_including(shadow)):
+    for read in (shadow.area_below, shadow.integral, partial_including(shadow)):
         together = read(planes)
         alone = np.concatenate([read(planes[i : i + 1]) for i in range(n)])
         assert together == pytest.approx(alone, abs=1e-9)
@@ -155,7 +157,7 @@ def test_many_planes_at_once_are_the_same_as_one_by_one(seed: int, n: int, kind:
 
 
 def partial_including(shadow: Shadow) -> Callable[[Float], Float]:
-    return lambda planes: shadow.under(planes, including=True)
+    return lambda planes: shadow.area_below(planes, including=True)
 
 
 def test_no_planes_and_no_facets_are_nothing() -> None:
@@ -163,10 +165,10 @@ def test_no_planes_and_no_facets_are_nothing() -> None:
     nothing: Any = np.zeros(0)
     empty = Shadow(nothing, nothing, nothing, nothing)
 
-    assert up.under(nothing).shape == up.integral(nothing).shape == (0,)
-    assert empty.under(np.array([1.0, 2.0])).tolist() == [0, 0]
+    assert up.area_below(nothing).shape == up.integral(nothing).shape == (0,)
+    assert empty.area_below(np.array([1.0, 2.0])).tolist() == [0, 0]
     assert empty.integral(np.array([1.0, 2.0])).tolist() == [0, 0]
-    assert empty.on_lattice(0.1, 3).tolist() == [0] * 4
+    assert empty.integral_on_lattice(0.1, 3).tolist() == [0] * 4
 
 
 @each_part
@@ -182,7 +184,7 @@ def test_on_a_lattice_the_integral_is_exact_within_the_rule_of_its_steps(name: s
         share = shadow.area[sloped].sum()
         # A parabola over less than a cell errs by no more than its area times a cell.
         allowed = cell * share + 1e-9
-        assert np.abs(shadow.on_lattice(cell, n_cells) - exact).max() <= allowed
+        assert np.abs(shadow.integral_on_lattice(cell, n_cells) - exact).max() <= allowed
 
 
 @each_part
@@ -193,7 +195,9 @@ def test_on_a_finer_lattice_the_integral_comes_as_near_as_one_likes(name: str) -
         for cell in (0.1, 0.01, 0.001):
             n_cells = int(mesh.height / cell) + 1
             planes = lattice(cell, n_cells)
-            errors.append(float(np.abs(shadow.on_lattice(cell, n_cells) - shadow.integral(planes)).max()))
+            errors.append(
+                float(np.abs(shadow.integral_on_lattice(cell, n_cells) - shadow.integral(planes)).max())
+            )
         assert errors[2] <= 1e-5 * max(float(shadow.area.sum()), 1.0) + 1e-9
         assert errors[2] <= errors[0] + 1e-9
 
@@ -206,7 +210,7 @@ def test_what_lies_between_two_planes_of_the_lattice_is_exact_on_it(seed: int) -
     shadow = thrown(z, rng)
     planes = lattice(cell, 20)
 
-    assert shadow.on_lattice(cell, 20) == pytest.approx(shadow.integral(planes), abs=1e-9)
+    assert shadow.integral_on_lattice(cell, 20) == pytest.approx(shadow.integral(planes), abs=1e-9)
 
 
 def test_a_tall_part_of_many_facets_keeps_its_digits_on_the_lattice() -> None:
@@ -215,6 +219,6 @@ def test_a_tall_part_of_many_facets_keeps_its_digits_on_the_lattice() -> None:
     up, _ = project_surface(mesh)
     n_cells = 40_000
     planes = lattice(0.005, n_cells)
-    error = np.abs(up.on_lattice(0.005, n_cells) - up.integral(planes))
+    error = np.abs(up.integral_on_lattice(0.005, n_cells) - up.integral(planes))
 
     assert error.max() <= 1e-6 * up.area.sum()

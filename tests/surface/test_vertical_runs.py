@@ -15,8 +15,8 @@ from printer_slicer.arrays import Float, Int
 from printer_slicer.model import Mesh
 from printer_slicer.surface.contacts import Contacts, find_contacts
 from printer_slicer.surface.envelope import Envelope
-from printer_slicer.surface.range_maximum import paint_maxima
-from printer_slicer.surface.vertical_runs import run_bounds, runs_by_length, steepest
+from printer_slicer.surface.range_maximum import compute_range_maxima
+from printer_slicer.surface.vertical_runs import bound_runs, bound_runs_by_length, find_main_contact
 from tests.parts import box, cone, pyramid, sheared_prism, sphere, step_pyramid
 
 PARTS: Final[Mapping[str, Mesh]] = {
@@ -80,35 +80,35 @@ def test_the_bound_of_a_run_is_the_integral_of_the_steepest_rise_so_far(
         start, end = np.round(start, 1), np.round(end, 1)
     expected = [slow_bound(contacts, a, b) for a, b in zip(start.tolist(), end.tolist(), strict=True)]
 
-    assert run_bounds(contacts, start, end) == pytest.approx(expected, abs=1e-12)
+    assert bound_runs(contacts, start, end) == pytest.approx(expected, abs=1e-12)
 
 
 @pytest.mark.parametrize("name", PARTS)
 def test_the_bounds_of_parts_are_that_integral_too(name: str) -> None:
     contacts, _ = find_contacts(PARTS[name])
-    for seed, seen in enumerate((contacts, contacts.mirrored())):
+    for seed, seen in enumerate((contacts, contacts.mirror())):
         start, end = runs_over(seed, 12)
         if seed:
             start, end = -end[::-1], -start[::-1]
         expected = [slow_bound(seen, a, b) for a, b in zip(start.tolist(), end.tolist(), strict=True)]
-        assert run_bounds(seen, start, end) == pytest.approx(expected, abs=1e-12)
+        assert bound_runs(seen, start, end) == pytest.approx(expected, abs=1e-12)
 
 
 def test_no_runs_and_no_contacts_have_no_bounds() -> None:
     nothing = np.zeros(0)
 
-    assert run_bounds(some_contacts(3), nothing, nothing).shape == (0,)
-    assert run_bounds(contacts_of(nothing, nothing, nothing), np.array([0.0]), np.array([1.0])).tolist() == [
+    assert bound_runs(some_contacts(3), nothing, nothing).shape == (0,)
+    assert bound_runs(contacts_of(nothing, nothing, nothing), np.array([0.0]), np.array([1.0])).tolist() == [
         0
     ]
-    assert steepest(contacts_of(nothing, nothing, nothing), 0.0, 1.0) == -1
+    assert find_main_contact(contacts_of(nothing, nothing, nothing), 0.0, 1.0) == -1
 
 
 @given(st.integers(0, 10**6))
 def test_no_bound_is_longer_than_its_run_and_longer_runs_have_no_smaller_ones(seed: int) -> None:
     contacts = some_contacts(seed)
     start = np.array([0.4])
-    bounds = [float(run_bounds(contacts, start, np.array([end]))[0]) for end in (0.4, 0.6, 1.0, 1.9)]
+    bounds = [float(bound_runs(contacts, start, np.array([end]))[0]) for end in (0.4, 0.6, 1.0, 1.9)]
 
     assert bounds[0] == 0
     assert bounds == sorted(bounds)
@@ -121,10 +121,10 @@ def test_what_ends_where_a_run_begins_does_not_count_and_what_begins_there_does(
     flat = contacts_of(np.array([1.0]), np.array([1.0]), np.array([1.0]))
     start, end = np.array([1.0]), np.array([1.5])
 
-    assert run_bounds(below, start, end)[0] == 0
-    assert run_bounds(above, start, end)[0] == pytest.approx(0.35)
-    assert run_bounds(flat, start, end)[0] == pytest.approx(0.5)
-    assert run_bounds(flat, np.array([0.5]), np.array([1.0]))[0] == 0
+    assert bound_runs(below, start, end)[0] == 0
+    assert bound_runs(above, start, end)[0] == pytest.approx(0.35)
+    assert bound_runs(flat, start, end)[0] == pytest.approx(0.5)
+    assert bound_runs(flat, np.array([0.5]), np.array([1.0]))[0] == 0
 
 
 @given(st.integers(0, 10**6))
@@ -133,7 +133,7 @@ def test_the_steepest_contact_of_a_run_is_one_that_weighs_most(seed: int) -> Non
     weight = np.array(
         [slow_bound(contacts_of(*one), start, end) for one in single(contacts)] or [0.0], np.float64
     )
-    place = steepest(contacts, start, end)
+    place = find_main_contact(contacts, start, end)
 
     assert (place == -1) == (weight.max() == 0)
     if place >= 0:
@@ -153,7 +153,7 @@ def test_tables_lie_over_the_bounds_and_by_less_than_a_cell(seed: int, cell: flo
     contacts = some_contacts(seed)
     n_cells = round(2.3 / cell)
     length = np.array([3, 4, 5, 24])
-    table = np.stack(list(runs_by_length(contacts, cell, n_cells, length.tolist(), bottom=bottom)))
+    table = np.stack(list(bound_runs_by_length(contacts, cell, n_cells, length.tolist(), bottom=bottom)))
     place = np.random.default_rng(seed).integers(0, n_cells - 24, 20)
     for row, cells in enumerate(length.tolist()):
         exact = [
@@ -171,7 +171,7 @@ def test_tables_are_exact_where_no_two_contacts_begin_in_a_cell(seed: int, cell:
     high = low + rng.choice([0.0, 0.3, 4.0, 20.0], len(low)) * cell
     contacts = contacts_of(low, high, rng.uniform(0.05, 1, len(low)))
     length = [3, 8, 24]
-    table = list(runs_by_length(contacts, cell, 80, length))
+    table = list(bound_runs_by_length(contacts, cell, 80, length))
 
     for row, cells in zip(table, length, strict=True):
         exact = [slow_bound(contacts, cell * at, cell * (at + cells)) for at in range(80 - cells)]
@@ -187,7 +187,7 @@ def test_the_rounding_of_files_changes_neither_tables_nor_what_they_promise(seed
     off = np.array([rng.uniform(-noise, noise) for _ in exact.low])
     rounded = contacts_of(exact.low + off, exact.high + off, exact.rise)
     expected, table = (
-        np.stack(list(runs_by_length(one, cell, n_cells, [16, 24]))) for one in (exact, rounded)
+        np.stack(list(bound_runs_by_length(one, cell, n_cells, [16, 24]))) for one in (exact, rounded)
     )
 
     assert table == pytest.approx(expected, abs=1e-9)
@@ -202,7 +202,7 @@ def test_a_contact_a_hair_beside_a_border_takes_no_more_than_rounding_from_a_bou
     begin = (20 + share) * cell
     contacts = contacts_of(np.array([begin]), np.array([begin]), np.array([1.0]))
     length = np.array([4, 8])
-    table = np.stack(list(runs_by_length(contacts, cell, 40, length.tolist())))
+    table = np.stack(list(bound_runs_by_length(contacts, cell, 40, length.tolist())))
     for row, cells in enumerate(length.tolist()):
         for at in range(10, 21):
             exact = slow_bound(contacts, at * cell, (at + cells) * cell)
@@ -211,7 +211,7 @@ def test_a_contact_a_hair_beside_a_border_takes_no_more_than_rounding_from_a_bou
 
 def test_runs_that_leave_the_cells_end_with_the_last_one() -> None:
     contacts = contacts_of(np.array([0.0]), np.array([1.0]), np.array([0.5]))
-    table = list(runs_by_length(contacts, 0.1, 10, [2, 5]))
+    table = list(bound_runs_by_length(contacts, 0.1, 10, [2, 5]))
 
     assert table[1] == pytest.approx(0.5 * 0.1 * np.array([5, 5, 5, 5, 5, 5, 4, 3, 2, 1, 0]))
     assert table[0] == pytest.approx(0.5 * 0.1 * np.array([2] * 9 + [1, 0]))
@@ -223,18 +223,18 @@ def test_what_lies_under_the_envelope_adds_nothing_to_any_run(seed: int, n: int)
     low = rng.uniform(0, 1, n)
     high = np.minimum(low + rng.choice([0.0, 0.02, 0.07, 0.5], n) * rng.random(n), 1.0)
     every = contacts_of(low, high, rng.uniform(0.05, 1, n))
-    envelope = Envelope.over(0.0, 1.0)
+    envelope = Envelope.between_heights(0.0, 1.0)
     for some in np.array_split(np.arange(n), 3):
         envelope.add(every.low[some], every.high[some], every.rise[some])
-    shown = envelope.shows(every.low, every.high, every.rise)
+    shown = envelope.is_uncovered(every.low, every.high, every.rise)
     few = Contacts(*(getattr(every, name)[shown] for name in ("low", "high", "rise", "source")))
     start = np.sort(rng.uniform(0, 0.9, 30))
     end = np.minimum(start + rng.uniform(0, 0.3, 30), np.append(start[1:], 1.0))
 
     assert shown.sum() < n or n < 100
-    assert run_bounds(few, start, end) == pytest.approx(run_bounds(every, start, end), abs=1e-12)
-    assert run_bounds(few.mirrored(), -end[::-1], -start[::-1]) == pytest.approx(
-        run_bounds(every.mirrored(), -end[::-1], -start[::-1]), abs=1e-12
+    assert bound_runs(few, start, end) == pytest.approx(bound_runs(every, start, end), abs=1e-12)
+    assert bound_runs(few.mirror(), -end[::-1], -start[::-1]) == pytest.approx(
+        bound_runs(every.mirror(), -end[::-1], -start[::-1]), abs=1e-12
     )
 
 
@@ -246,7 +246,9 @@ def test_painting_gives_every_place_the_largest_value_over_it(seed: int, n: int)
     last = np.minimum(first + rng.integers(0, n, count), n - 1)
     value = rng.random(count) * rng.integers(0, 2, count)
 
-    assert paint_maxima(first, last, value, n) == pytest.approx(slowly_painted(first, last, value, n), abs=0)
+    assert compute_range_maxima(first, last, value, n) == pytest.approx(
+        slowly_painted(first, last, value, n), abs=0
+    )
 
 
 def slowly_painted(first: Int, last: Int, value: Float, n: int) -> Float:
