@@ -10,7 +10,7 @@ from printer_slicer.geometry.segment_index import OutlineIndex
 from printer_slicer.model import Sections, Toolpaths, Travels, leaves
 from printer_slicer.profile import Profile
 from printer_slicer.travels.rerouting import reroute
-from printer_slicer.travels.routes import Routes, straight
+from printer_slicer.travels.routes import Routes, straight_routes
 from printer_slicer.travels.top_surface import crosses_top_infill
 
 __all__ = ["travel"]
@@ -29,7 +29,7 @@ def travel(paths: Toolpaths, sections: Sections, profile: Profile) -> Travels:
         return Travels.straight(np.zeros(paths.n_paths, np.bool_), np.zeros(paths.n_paths, np.int64))
     every = np.concatenate([begin, end])
     outlines = OutlineIndex(sections.solid, every.min(axis=0), every.max(axis=0))
-    routes = straight(begin[1:], end[1:], paths.layer[1:])
+    routes = straight_routes(begin[1:], end[1:], paths.layer[1:])
     crossings = routes.count_crossings(outlines)
     if profile.quality.avoid_crossing:
         routes, crossings = reroute(routes, crossings, sections.solid, outlines, profile)

@@ -1,4 +1,4 @@
-"""Limits for the length of detours that avoid a retraction."""
+"""Length limits for detours that avoid a retraction."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ _AHEAD = 32  # legs from a corner lead at most to this many of the next corners 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RouteQueries:
-    """Routes to be found.
+    """Routes to search for.
 
     Attributes:
         begin, end: (W, 2) mm.
@@ -43,10 +43,10 @@ class RouteQueries:
     limit: Float
     free: Float
 
-    def take(self, some: Int) -> RouteQueries:
+    def take(self, indices: Int) -> RouteQueries:
         """Return the queries with the given indices."""
         names = ("begin", "end", "layer", "own", "limit", "free")
-        return RouteQueries(*(getattr(self, name)[some] for name in names))
+        return RouteQueries(*(getattr(self, name)[indices] for name in names))
 
     @property
     def straight(self) -> Float:
@@ -68,11 +68,11 @@ class FoundRoutes:
     corners: Int
     count: Int
 
-    def take(self, some: Int) -> FoundRoutes:
+    def take(self, indices: Int) -> FoundRoutes:
         """Return the routes with the given indices."""
         first = np.cumsum(self.count) - self.count
-        corners = self.corners[consecutive(first[some], self.count[some])]
-        return FoundRoutes(self.is_found[some], corners, self.count[some])
+        corners = self.corners[consecutive(first[indices], self.count[indices])]
+        return FoundRoutes(self.is_found[indices], corners, self.count[indices])
 
 
 def estimate_work(queries: RouteQueries, reach: Float, known: KnownObstacles, field: RoutingField) -> Int:
@@ -87,11 +87,11 @@ def estimate_work(queries: RouteQueries, reach: Float, known: KnownObstacles, fi
 def find_cheapest_routes(
     queries: RouteQueries, reach: Float, known: KnownObstacles, field: RoutingField
 ) -> FoundRoutes:
-    """Find the cheapest routes of at most `reach` (W,) mm, including crossing costs, past the known rings only."""
+    """Find the cheapest routes of at most `reach` (W,) mm with crossing costs, considering only the known rings."""
     n_routes = len(queries.own)
     candidates = _find_candidates(queries, reach, known, field)
     begin, end = (np.arange(n_routes) + len(candidates.route) + more for more in (0, n_routes))
-    crossings = field.met(queries.begin, queries.end, queries.layer)
+    crossings = field.find_crossed_rings(queries.begin, queries.end, queries.layer)
     straight = _add_crossing_costs(queries.straight, np.arange(n_routes), crossings, known, field)
     links = [
         GraphEdges(begin, end, straight),
@@ -109,7 +109,7 @@ def find_cheapest_routes(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _CandidateCorners:
-    """Corners that may lie on each route, sorted by route and along it.
+    """Corners that may lie on each route, sorted by route and along the route.
 
     Attributes:
         route: (S,) route of each entry.
@@ -128,10 +128,10 @@ class _CandidateCorners:
 def _find_corner_range(
     queries: RouteQueries, reach: Float, route: Int, ring: Int, field: RoutingField
 ) -> tuple[Int, Int]:
-    """Return the first corner (n,) of each ring that may lie on its route, by x, and their number (n,)."""
+    """Return the range of corners of each ring that may lie on its route, by x: first corner (n,), number (n,)."""
     middle, half = (queries.begin + queries.end)[:, 0] / 2, (queries.end - queries.begin)[:, 1] / 2
     wide = np.sqrt(np.maximum(reach**2 / 4 - half**2, 0.0))  # of the ellipse around both ends
-    return field.between((middle - wide)[route], (middle + wide)[route], ring)
+    return field.find_corners_between((middle - wide)[route], (middle + wide)[route], ring)
 
 
 def _find_candidates(
@@ -172,7 +172,9 @@ def _find_legs_to_ends(  # noqa: PLR0917 - both ends are of one kind
         if np.isinf(field.toll):  # a leg that may cross the outline of its corner may pass it on any side
             some = some[_passes_on_one_side(ends[candidates.route[some]], candidates.corner[some], field)]
         route = candidates.route[some]
-        crossings = field.met(ends[route], field.corners.place[candidates.corner[some]], queries.layer[route])
+        crossings = field.find_crossed_rings(
+            ends[route], field.corners.place[candidates.corner[some]], queries.layer[route]
+        )
         made.append((nodes[route], some, _add_crossing_costs(length[some], route, crossings, known, field)))
     (near, first, out), (far, last, back) = made
     return [GraphEdges(near, first, out), GraphEdges(last, far, back)]
@@ -209,7 +211,7 @@ def _find_legs_between_corners(
     first, number = order[begins], np.zeros(len(key), np.int64)
     number[order] = np.cumsum(begins) - 1
     p, q = np.divmod(key[first], max(len(place), 1))
-    met, ring = field.met(place[p], place[q], queries.layer[route[first]])
+    met, ring = field.find_crossed_rings(place[p], place[q], queries.layer[route[first]])
     order = np.argsort(met, kind="stable")
     times = np.bincount(met, minlength=len(first))
     begin = (np.cumsum(times) - times)[number]
@@ -224,12 +226,12 @@ def _add_crossing_costs(
 ) -> Float:
     """Return the cost (n,) of legs, mm: length plus crossing costs of known rings; inf for forbidden legs."""
     leg, ring = crossings
-    hits = np.bincount(leg[known.holds(route[leg], ring)], minlength=len(length))
+    hits = np.bincount(leg[known.contains(route[leg], ring)], minlength=len(length))
     return np.asarray(length + np.where(hits > 0, field.toll * np.maximum(hits, 1), 0.0))
 
 
 def _passes_on_one_side(place: Float, corner: Int, field: RoutingField) -> Bool:
-    """Return a mask (n,) of legs from `place` (n, 2) that pass the corner (n,) with both of its sides on one side."""
+    """Return a mask (n,) of legs from `place` (n, 2) that have both edges at the corner (n,) on the same side."""
     corners = field.corners
     tip = corners.tip[corner]
     leg = tip - place

@@ -13,7 +13,7 @@ from printer_slicer.geometry.vectors import nearest_on_segments
 from printer_slicer.model import Areas
 from printer_slicer.travels.routing_field import OFF, Corners, RoutingField
 
-__all__ = ["InsetRegions", "inset_regions", "outside_field"]
+__all__ = ["InsetRegions", "build_inset_regions", "build_outside_field"]
 
 _SIMPLER = 0.5  # tolerance for simplified outlines, as a fraction of the clearance
 _REACH = 4.0  # clearances; points farther outside the inset regions are not moved into them
@@ -21,7 +21,7 @@ _REACH = 4.0  # clearances; points farther outside the inset regions are not mov
 
 @dataclass(frozen=True, slots=True, eq=False)
 class InsetRegions:
-    """Sections without a margin along their outlines.
+    """Sections inset by a margin along their outlines.
 
     Attributes:
         field: routing field; each outer ring with its holes is a separate field, numbered by the ring.
@@ -57,7 +57,7 @@ class InsetRegions:
         return place, region
 
 
-def inset_regions(solid: Areas, box: tuple[Float, Float], clearance: float) -> InsetRegions:
+def build_inset_regions(solid: Areas, box: tuple[Float, Float], clearance: float) -> InsetRegions:
     """Inset the sections by a clearance and prepare them for routing.
 
     Args:
@@ -77,7 +77,7 @@ def inset_regions(solid: Areas, box: tuple[Float, Float], clearance: float) -> I
     )
 
 
-def outside_field(
+def build_outside_field(
     solid: Areas, outlines: OutlineIndex, box: tuple[Float, Float], clearance: float, toll: float
 ) -> RoutingField:
     """Return the field for routes that leave the part: one field per layer, with corners on both sides of outlines.

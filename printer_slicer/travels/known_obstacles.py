@@ -1,4 +1,4 @@
-"""Rings that are known to block each route."""
+"""Pairs of routes and the rings that are known to block them."""
 
 from __future__ import annotations
 
@@ -29,18 +29,18 @@ class KnownObstacles:
         route, ring = np.divmod(self.key, max(self.n_rings, 1))
         return route, ring
 
-    def holds(self, route: Int, ring: Int) -> Bool:
-        """Return a mask (n,) of pairs of a route and a ring that are known."""
+    def contains(self, route: Int, ring: Int) -> Bool:
+        """Return a mask (n,) of the pairs of a route and a ring that are known."""
         key = route * self.n_rings + ring
         place = np.searchsorted(self.key, key)
         return np.asarray(np.append(self.key, -1)[place] == key)
 
-    def joined(self, route: Int, ring: Int) -> KnownObstacles:
-        """Return these pairs together with the given ones."""
+    def with_pairs(self, route: Int, ring: Int) -> KnownObstacles:
+        """Return these pairs together with new pairs of a route and a ring."""
         return KnownObstacles(distinct(np.concatenate([self.key, route * self.n_rings + ring])), self.n_rings)
 
-    def of(self, routes: Int) -> KnownObstacles:
-        """Return the pairs of some routes (n,), ascending, renumbered from 0."""
+    def select_routes(self, routes: Int) -> KnownObstacles:
+        """Return the pairs of the routes with these indices (n,), ascending; the routes are renumbered from 0."""
         first = np.searchsorted(self.key, routes * self.n_rings)
         count = np.searchsorted(self.key, (routes + 1) * self.n_rings) - first
         own = np.repeat(np.arange(len(routes)) - routes, count)

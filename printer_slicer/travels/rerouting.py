@@ -12,8 +12,8 @@ from printer_slicer.model import Areas
 from printer_slicer.profile import Profile
 from printer_slicer.travels.detour_limit import detour_limits
 from printer_slicer.travels.graphs import RouteQueries
-from printer_slicer.travels.inset_regions import InsetRegions, inset_regions, outside_field
-from printer_slicer.travels.routes import Routes, build_routes, drop_repeated_points, ease_corners
+from printer_slicer.travels.inset_regions import InsetRegions, build_inset_regions, build_outside_field
+from printer_slicer.travels.routes import Routes, build_routes, drop_repeated_points, move_corners_from_walls
 from printer_slicer.travels.routing import find_routes
 from printer_slicer.travels.routing_field import RoutingField
 
@@ -31,7 +31,7 @@ _TOLL = 3.0  # mm by which a route with a retraction may be longer to cross one 
 def reroute(
     routes: Routes, crossings: Int, solid: Areas, outlines: OutlineIndex, profile: Profile
 ) -> tuple[Routes, Int]:
-    """Lead routes around outlines that they cross or come too near to, unless that makes them too long.
+    """Lead routes around outlines that they cross or come too close to, unless that makes them too long.
 
     Args:
         routes: straight routes.
@@ -45,7 +45,7 @@ def reroute(
     """
     width, length = profile.extrusion_width, routes.length()
     box = routes.xy.min(axis=0), routes.xy.max(axis=0)
-    regions = inset_regions(solid, box, _CLEARANCE * width)
+    regions = build_inset_regions(solid, box, _CLEARANCE * width)
     blocked = np.flatnonzero((crossings > 0) | (routes.count_crossings(regions.field.outlines) > 0))
     some, straight = routes.take(blocked), length[blocked]
     limit = detour_limits(straight, profile)
@@ -55,37 +55,37 @@ def reroute(
     # Where the regions are too narrow for this clearance, try a smaller one.
     left = np.flatnonzero(improver.crossings[blocked] > 0)
     if len(left):
-        close = inset_regions(solid, box, _CLOSE * width)
+        close = build_inset_regions(solid, box, _CLOSE * width)
         region[left], other[left] = _find_routes_inside(improver, close, blocked[left], limit[left])
     fewest = (region >= 0).astype(np.float64) + (other >= 0)
     spare = improver.crossings[blocked] - fewest
     many = np.flatnonzero(spare > 0)
     if len(many):
         queries = RouteQueries(*some.ends, some.layer, some.layer, straight + _TOLL * spare, _TOLL * fewest)
-        field = outside_field(solid, outlines, box, _CLEARANCE * width, _TOLL)
+        field = build_outside_field(solid, outlines, box, _CLEARANCE * width, _TOLL)
         improver.improve(blocked[many], queries.take(many), field)
     return improver.routes, improver.crossings
 
 
 def _find_routes_inside(
-    improver: _RouteImprover, regions: InsetRegions, which: Int, limit: Float
+    improver: _RouteImprover, regions: InsetRegions, indices: Int, limit: Float
 ) -> tuple[Int, Int]:
-    """Lead the routes `which` (n,) through inset regions, if they get no longer than `limit` (n,) mm.
+    """Lead the routes `indices` (n,) through inset regions where they become no longer than `limit` (n,) mm.
 
     Returns:
         The regions (n,) in which they start and end; -1 for none.
     """
-    some = improver.routes.take(which)
+    some = improver.routes.take(indices)
     (begin, region), (end, other) = (regions.locate(ends, some.layer) for ends in some.ends)
     inside = np.flatnonzero((region == other) & (region >= 0))
-    queries = RouteQueries(begin, end, some.layer, region, limit, np.zeros(len(which)))
-    improver.improve(which[inside], queries.take(inside), regions.field)
+    queries = RouteQueries(begin, end, some.layer, region, limit, np.zeros(len(indices)))
+    improver.improve(indices[inside], queries.take(inside), regions.field)
     return region, other
 
 
 @dataclass(slots=True, eq=False)
 class _RouteImprover:
-    """Routes that are replaced as better ones are found.
+    """Routes that are replaced when better ones are found.
 
     Attributes:
         outlines: outlines of the sections.
@@ -100,7 +100,7 @@ class _RouteImprover:
     crossings: Int
 
     def improve(self, which: Int, queries: RouteQueries, field: RoutingField) -> None:
-        """Replace the routes `which` (n,) by better ones, where these are found."""
+        """Replace the routes `which` (n,) where better ones are found."""
         ends = self.routes.take(which).ends
         leads = np.hypot(*(queries.begin - ends[0]).T) + np.hypot(*(queries.end - ends[1]).T)
         queries = replace(queries, limit=queries.limit - leads)
@@ -115,10 +115,12 @@ class _RouteImprover:
             else np.zeros(len(which), np.int64)
         )
         step = self.extra_clearance * field.corners.away[found.corners]
-        better, hits = ease_corners(tight, own, step, (least, queries.limit + leads), self.outlines)
+        better, hits = move_corners_from_walls(
+            tight, own, step, (least, queries.limit + leads), self.outlines
+        )
         before = self.crossings[which]
         # A route without crossings was searched because it comes too near to an outline, unless only its ends do.
         use = np.flatnonzero((hits < before) | (hits == 0) & (before == 0) & (found.count > 0))
         self.crossings = self.crossings.copy()
         self.crossings[which[use]] = hits[use]
-        self.routes = self.routes.replaced(which[use], drop_repeated_points(better.take(use)))
+        self.routes = self.routes.replace_routes(which[use], drop_repeated_points(better.take(use)))

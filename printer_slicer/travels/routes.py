@@ -1,4 +1,4 @@
-"""Routes as ragged polylines, and moving their corners away from the walls they turn around."""
+"""Routes as ragged polylines, with a function that moves their corners away from the walls they turn around."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from printer_slicer.geometry.segment_index import OutlineIndex
 from printer_slicer.travels.graphs import FoundRoutes
 from printer_slicer.travels.routing_field import Corners
 
-__all__ = ["Routes", "build_routes", "drop_repeated_points", "ease_corners", "straight"]
+__all__ = ["Routes", "build_routes", "drop_repeated_points", "move_corners_from_walls", "straight_routes"]
 
 _TRIES = (1.0, 0.5, 0.0)  # fractions of the distance by which corners are moved
 
@@ -56,30 +56,31 @@ class Routes:
         hits = outlines.count_crossings(self.xy[point], self.xy[point + 1], self.layer[route])
         return np.bincount(route, weights=hits, minlength=len(self.count)).astype(np.int64)
 
-    def take(self, some: Int) -> Routes:
+    def take(self, indices: Int) -> Routes:
         """Return the routes with the given indices, ascending."""
         first = np.cumsum(self.count) - self.count
-        return Routes(self.xy[consecutive(first[some], self.count[some])], self.count[some], self.layer[some])
+        count = self.count[indices]
+        return Routes(self.xy[consecutive(first[indices], count)], count, self.layer[indices])
 
-    def replaced(self, some: Int, by: Routes) -> Routes:
-        """Return all routes, with `some` (n,), ascending, replaced by the routes `by`."""
+    def replace_routes(self, indices: Int, by: Routes) -> Routes:
+        """Return all routes, with those at `indices` (n,), ascending, replaced by the routes `by`."""
         order = np.arange(len(self.count))
-        order[some] = len(self.count) + np.arange(len(some))
+        order[indices] = len(self.count) + np.arange(len(indices))
         count = np.concatenate([self.count, by.count])
         first = (np.cumsum(count) - count)[order]
         xy = np.concatenate([self.xy, by.xy])[consecutive(first, count[order])]
         return Routes(xy, count[order], self.layer)
 
 
-def straight(begin: Float, end: Float, layer: Int) -> Routes:
-    """Return straight routes from `begin` to `end` (W, 2)."""
+def straight_routes(begin: Float, end: Float, layer: Int) -> Routes:
+    """Return straight routes from `begin` to `end` (W, 2), mm."""
     return Routes(np.stack([begin, end], axis=1).reshape(-1, 2), np.full(len(layer), 2), layer)
 
 
 def build_routes(
     ends: Routes, entries: tuple[Float, Float], found: FoundRoutes, corners: Corners
 ) -> tuple[Routes, Int]:
-    """Build the found routes, which pass close to their corners.
+    """Build routes that pass close to the corners that the search found.
 
     Args:
         ends: (W,) routes whose ends are used.
@@ -102,7 +103,7 @@ def build_routes(
     return Routes(xy, count, ends.layer), own
 
 
-def ease_corners(
+def move_corners_from_walls(
     tight: Routes, own: Int, step: Float, most: tuple[Int, Float], outlines: OutlineIndex
 ) -> tuple[Routes, Int]:
     """Move the corners of routes away from the walls that they turn around.

@@ -30,7 +30,7 @@ def find_routes(queries: RouteQueries, field: RoutingField) -> FoundRoutes:
     is_found, level = np.zeros(n_routes, np.bool_), np.zeros(n_routes, np.int64)
     left, none = np.flatnonzero(straight <= queries.limit), np.zeros(0, np.int64)
     of_route, passed = [none], [none]
-    known = KnownObstacles(none, field.areas.n_rings).joined(
+    known = KnownObstacles(none, field.areas.n_rings).with_pairs(
         *_find_rings_of_same_field(queries, field, queries.begin, queries.end, np.arange(n_routes))
     )
     for _ in range(_ROUNDS):
@@ -40,10 +40,10 @@ def find_routes(queries: RouteQueries, field: RoutingField) -> FoundRoutes:
         if work > _WORK:
             break
         for some in parts:
-            found = find_cheapest_routes(queries.take(some), reach[some], known.of(some), field)
+            found = find_cheapest_routes(queries.take(some), reach[some], known.select_routes(some), field)
             route, ring = _find_obstacles(found, queries.take(some), field)
-            new = ~known.holds(some[route], ring)
-            known = known.joined(some[route[new]], ring[new])
+            new = ~known.contains(some[route], ring)
+            known = known.with_pairs(some[route[new]], ring[new])
             level[some[~found.is_found]] += 1
             is_found[some] = found.is_found
             is_found[some[route[new]]] = False
@@ -65,7 +65,7 @@ def _split_batches(
     """Split the routes `left` (n,) into batches, and estimate the number of legs to examine."""
     if not len(left):
         return [], 0
-    work = np.cumsum(estimate_work(queries.take(left), reach[left], known.of(left), field))
+    work = np.cumsum(estimate_work(queries.take(left), reach[left], known.select_routes(left), field))
     return np.split(left, np.searchsorted(work, np.arange(_AT_ONCE, work[-1], _AT_ONCE))), int(work[-1])
 
 
@@ -94,6 +94,6 @@ def _find_rings_of_same_field(
         end: (n, 2) its end.
         route: (n,) its route.
     """
-    leg, ring = field.met(begin, end, queries.layer[route])
+    leg, ring = field.find_crossed_rings(begin, end, queries.layer[route])
     own = field.own[ring] == queries.own[route[leg]]
     return route[leg[own]], ring[own]

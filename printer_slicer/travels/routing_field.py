@@ -39,16 +39,16 @@ class Corners:
 
     @classmethod
     def inside(cls, areas: Areas, off: float = OFF) -> Corners:
-        """Return the corners that stick into areas, with places so that routes keep `off` mm away from outlines."""
-        return cls._of(areas, -1, off)
+        """Return the corners that stick into areas; their places are `off` mm away from the outlines."""
+        return cls._find_corners(areas, -1, off)
 
     @classmethod
     def outside(cls, areas: Areas, off: float = OFF) -> Corners:
-        """Return the corners that stick out of areas, with places so that routes keep `off` mm away from outlines."""
-        return cls._of(areas, 1, off)
+        """Return the corners that stick out of areas; their places are `off` mm away from the outlines."""
+        return cls._find_corners(areas, 1, off)
 
     @classmethod
-    def _of(cls, areas: Areas, sign: int, off: float) -> Corners:
+    def _find_corners(cls, areas: Areas, sign: int, off: float) -> Corners:
         """Return the convex (sign 1) or concave (sign -1) corners of areas, with places `off` mm from outlines."""
         before, after = areas.xy[areas.previous], areas.xy[areas.following]
         coming, going = _normalize(areas.xy - before), _normalize(after - areas.xy)
@@ -61,17 +61,17 @@ class Corners:
         return cls(place, tip, away, before[some], after[some], areas.point_ring[some])
 
     def joined(self, other: Corners) -> Corners:
-        """Return these corners followed by the given ones."""
+        """Return these corners followed by the corners of `other`."""
         return Corners(*(np.concatenate([getattr(self, name), getattr(other, name)]) for name in _COLUMNS))
 
-    def take(self, some: Int) -> Corners:
+    def take(self, indices: Int) -> Corners:
         """Return the corners with the given indices."""
-        return Corners(*(getattr(self, name)[some] for name in _COLUMNS))
+        return Corners(*(getattr(self, name)[indices] for name in _COLUMNS))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RoutingField:
-    """Fields in which routes are searched; a route stays in its own field.
+    """Fields in which routes are searched; each route stays in one field.
 
     Attributes:
         areas: areas whose rings are obstacles.
@@ -100,14 +100,14 @@ class RoutingField:
         object.__setattr__(self, "key", corners.ring * pitch + x[order])
         object.__setattr__(self, "pitch", pitch)
 
-    def between(self, low: Float, high: Float, ring: Int) -> tuple[Int, Int]:
-        """Return the first corner (n,) of each ring (n,) with x from `low` to `high` (n,), and their number (n,)."""
+    def find_corners_between(self, low: Float, high: Float, ring: Int) -> tuple[Int, Int]:
+        """Return the first corner (n,) with x from `low` to `high` (n,) on each ring (n,), and their number (n,)."""
         room = self.pitch / 4  # beyond all corners, but before the next ring
         first = np.searchsorted(self.key, ring * self.pitch + np.clip(low, -room, room), side="left")
         last = np.searchsorted(self.key, ring * self.pitch + np.clip(high, -room, room), side="right")
         return np.asarray(first, np.int64), np.asarray(np.maximum(last - first, 0), np.int64)
 
-    def met(self, begin: Float, end: Float, layer: Int) -> tuple[Int, Int]:
+    def find_crossed_rings(self, begin: Float, end: Float, layer: Int) -> tuple[Int, Int]:
         """Return a pair (leg, ring) for each crossing of a leg from `begin` to `end` (n, 2) on `layer` (n,)."""
         leg, edge, _ = self.outlines.find_crossings(begin, end, layer)
         return leg, self.areas.point_ring[edge]

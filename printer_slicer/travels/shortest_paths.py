@@ -30,7 +30,7 @@ class GraphEdges:
 
     @classmethod
     def joined(cls, parts: Sequence[GraphEdges]) -> GraphEdges:
-        """Concatenate several sets of edges, without those of infinite length."""
+        """Concatenate several sets of edges, without edges of infinite length."""
         tail, head, length = (
             np.concatenate([getattr(part, name) for part in parts]) for name in ("tail", "head", "length")
         )

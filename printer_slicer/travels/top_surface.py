@@ -52,23 +52,23 @@ def crosses_top_infill(paths: Toolpaths, routes: Routes, leads_to: Int) -> Bool:
     some = np.flatnonzero(has_visible[routes.layer[route]])
     route, point = route[some], point[some]
     leg, line, _ = visible.lines.find_crossings(routes.xy[point], routes.xy[point + 1], routes.layer[route])
-    result |= _mark_travels_over(paths, leads_to, route[leg], visible.owner[line])
+    result |= _mark_travels_over_paths(paths, leads_to, route[leg], visible.owner[line])
     # A travel along a line does not cross it, but lies on it.
     left = np.flatnonzero(has_visible[routes.layer] & ~result)
-    travel, line = _find_lying_on(visible, routes.take(left))
-    return result | _mark_travels_over(paths, leads_to, left[travel], visible.owner[line])
+    travel, line = _find_travels_on_lines(visible, routes.take(left))
+    return result | _mark_travels_over_paths(paths, leads_to, left[travel], visible.owner[line])
 
 
-def _mark_travels_over(paths: Toolpaths, leads_to: Int, travel: Int, over: Int) -> Bool:
-    """Return a mask (W,) of travels that pass over a finished path, from pairs of travel and path (X,)."""
+def _mark_travels_over_paths(paths: Toolpaths, leads_to: Int, travel: Int, over: Int) -> Bool:
+    """Return a mask (W,) of travels that pass over a finished path, given pairs of a travel and a path (X,)."""
     result = np.zeros(len(leads_to), np.bool_)
     ironed_yet = (paths.role[leads_to[travel]] == Role.IRONING) & (paths.role[over] == Role.TOP_SOLID_INFILL)
     result[travel[(over < leads_to[travel]) & ~ironed_yet]] = True
     return result
 
 
-def _find_lying_on(visible: _VisibleLines, routes: Routes) -> tuple[Int, Int]:
-    """Find travels that lie on a line; return pairs of travel (X,) and line (X,)."""
+def _find_travels_on_lines(visible: _VisibleLines, routes: Routes) -> tuple[Int, Int]:
+    """Find travels that run along a visible line; return pairs of a travel (X,) and a line (X,)."""
     widest, narrowest = float(visible.width.max()), float(visible.width.min())
     travel, xy, left = _sample_travels(routes, _STEP * narrowest)
     inner = left > _OWN * widest

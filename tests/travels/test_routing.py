@@ -16,8 +16,8 @@ from printer_slicer.geometry import Areas
 from printer_slicer.model import Sections
 from printer_slicer.travels import travel
 from printer_slicer.travels.graphs import RouteQueries
-from printer_slicer.travels.inset_regions import inset_regions
-from printer_slicer.travels.routes import build_routes, straight
+from printer_slicer.travels.inset_regions import build_inset_regions
+from printer_slicer.travels.routes import build_routes, straight_routes
 from printer_slicer.travels.routing import find_routes
 from printer_slicer.travels.shortest_paths import GraphEdges, find_shortest_paths
 from tests.parts import layers, profile, shape, shapely
@@ -94,7 +94,7 @@ def within(areas: Areas, seed: int, count: int) -> Float:
 @given(areas=clean_areas(1), seed=seeds)
 def test_ways_in_rooms_are_the_shortest(areas: Areas, seed: int) -> None:
     points = within(areas, seed, 6)
-    rooms = inset_regions(areas, BOX, 0.1)
+    rooms = build_inset_regions(areas, BOX, 0.1)
     pairs = np.array(list(combinations(range(6), 2)))
     layer = np.zeros(len(pairs), np.int64)
     (begin, room), (end, other) = (rooms.locate(points[side], layer) for side in pairs.T)
@@ -106,7 +106,10 @@ def test_ways_in_rooms_are_the_shortest(areas: Areas, seed: int) -> None:
 
     assert found.is_found.all()
     tight, _ = build_routes(
-        straight(begin[same], end[same], layer[same]), (begin[same], end[same]), found, rooms.field.corners
+        straight_routes(begin[same], end[same], layer[same]),
+        (begin[same], end[same]),
+        found,
+        rooms.field.corners,
     )
     area = shape(rooms.field.areas, 0)
     for one, mm, a, b in zip(same.tolist(), tight.length().tolist(), begin[same], end[same], strict=True):
