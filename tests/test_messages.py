@@ -45,7 +45,7 @@ def stack(tops: list[float], at: float = 0.0) -> Sections:
 CALLS: Final[dict[str, tuple[Callable[[], Any], str, str]]] = {
     "a unit of CLI files": (
         lambda: write_cli(stack([0.2]), binary=False, units_mm=2.0),
-        "CLI units of 2 mm",
+        "cannot have units of 2 mm",
         "between 0.000001 and 1 mm",
     ),
     "layers thinner than it": (
@@ -55,13 +55,13 @@ CALLS: Final[dict[str, tuple[Callable[[], Any], str, str]]] = {
     ),
     "numbers too large for it": (
         lambda: write_cli(stack([0.2], at=1000.0), binary=True, units_mm=1e-6),
-        "at 1e-06 mm a unit, 1001000000 are needed",
-        "coarser unit, or ASCII",
+        "with units of 1e-06 mm, it would have to hold 1001000000",
+        "coarser unit, or the ASCII variant",
     ),
     "smoothing within nothing": (
         lambda: smooth(stack([0.2]).solid, 0.0),
         "a contour cannot be smoothed within 0 mm",
-        "over 0",
+        "greater than 0",
     ),
     "layers that floats cannot tell apart": (
         lambda: write_slc(stack([1000.0, 1000.00001])),
@@ -70,7 +70,7 @@ CALLS: Final[dict[str, tuple[Callable[[], Any], str, str]]] = {
     ),
     "digits of SVG files": (
         lambda: write_svg(stack([0.2]), digits=9),
-        "9 digits in an SVG",
+        "an SVG cannot have 9 digits after the decimal point",
         "between 0 and 6",
     ),
     "an engine that there is not": (

@@ -6,19 +6,19 @@ docstring and, if the format allows, in the file.
 
 from printer_slicer.exports.cli_format import CLI_UNITS, write_cli
 from printer_slicer.exports.resampling import resample, smooth
-from printer_slicer.exports.rounding import Rounded, in_float32, on_grid
-from printer_slicer.exports.slc_format import uneven_multiples, write_slc
+from printer_slicer.exports.rounding import RoundedRings, round_to_float32, round_to_grid
+from printer_slicer.exports.slc_format import has_uneven_heights, write_slc
 from printer_slicer.exports.svg_format import SVG_DIGITS, write_svg, write_svgs
 
 __all__ = [
     "CLI_UNITS",
     "SVG_DIGITS",
-    "Rounded",
-    "in_float32",
-    "on_grid",
+    "RoundedRings",
+    "has_uneven_heights",
     "resample",
+    "round_to_float32",
+    "round_to_grid",
     "smooth",
-    "uneven_multiples",
     "write_cli",
     "write_slc",
     "write_svg",

@@ -25,7 +25,7 @@ import numpy as np
 
 from printer_slicer.arrays import Int
 from printer_slicer.errors import OutputError, UsageError
-from printer_slicer.exports.rounding import Rounded, on_grid
+from printer_slicer.exports.rounding import RoundedRings, round_to_grid
 from printer_slicer.model import Sections
 
 __all__ = ["CLI_UNITS", "write_cli"]
@@ -54,18 +54,21 @@ def write_cli(sections: Sections, *, binary: bool, units_mm: float = CLI_UNITS) 
         OutputError: a layer is thinner than the unit, or, in the binary variant, a number is too large to be exact.
     """
     if not 1e-6 <= units_mm <= 1.0:
-        raise UsageError(f"CLI units of {units_mm:g} mm", remedy="Choose between 0.000001 and 1 mm")
-    rounded = on_grid(sections.solid, units_mm)
+        raise UsageError(
+            f"a CLI file cannot have units of {units_mm:g} mm",
+            remedy="Choose a unit between 0.000001 and 1 mm",
+        )
+    rounded = round_to_grid(sections.solid, units_mm)
     z = np.rint(np.concatenate([[0.0], sections.plan.top]) / units_mm).astype(np.int64)
-    _check(rounded, z, units_mm, binary=binary)
-    header = _header(rounded, z, units_mm, binary=binary)
+    _check_numbers(rounded, z, units_mm, binary=binary)
+    header = _format_header(rounded, z, units_mm, binary=binary)
     if binary:
-        return header + b"".join(_binary(rounded, z))
-    return "\n".join([header.decode("ascii"), *_lines(rounded, z), ""]).encode("ascii")
+        return header + b"".join(_encode_commands(rounded, z))
+    return "\n".join([header.decode("ascii"), *_format_commands(rounded, z), ""]).encode("ascii")
 
 
-def _check(rounded: Rounded, z: Int, units: float, *, binary: bool) -> None:
-    """Check that every number can be read back exactly."""
+def _check_numbers(rounded: RoundedRings, z: Int, units: float, *, binary: bool) -> None:
+    """Check that a reader gets back every number exactly."""
     if (np.diff(z) <= 0).any():
         layer = int(np.flatnonzero(np.diff(z) <= 0)[0])
         raise OutputError(
@@ -74,12 +77,13 @@ def _check(rounded: Rounded, z: Int, units: float, *, binary: bool) -> None:
     largest = max(int(np.abs(rounded.xy).max(initial=0)), int(z[-1]))
     if binary and largest > _EXACT:
         raise OutputError(
-            f"binary CLI holds whole numbers up to {_EXACT} exactly; at {units:g} mm a unit, {largest} are needed",
-            remedy="Choose a coarser unit, or ASCII",
+            f"binary CLI holds integers up to {_EXACT} exactly; with units of {units:g} mm, it would have to hold "
+            f"{largest}",
+            remedy="Choose a coarser unit, or the ASCII variant",
         )
 
 
-def _header(rounded: Rounded, z: Int, units: float, *, binary: bool) -> bytes:
+def _format_header(rounded: RoundedRings, z: Int, units: float, *, binary: bool) -> bytes:
     """Return the header from $$HEADERSTART to $$HEADEREND."""
     low, high = (
         (rounded.xy.min(axis=0), rounded.xy.max(axis=0)) if len(rounded.xy) else (np.zeros(2), np.zeros(2))
@@ -88,30 +92,30 @@ def _header(rounded: Rounded, z: Int, units: float, *, binary: bool) -> bytes:
     lines = [
         "$$HEADERSTART",
         "$$BINARY" if binary else "$$ASCII",
-        f"$$UNITS/{_decimal(units)}",
+        f"$$UNITS/{_format_decimal(units)}",
         "$$VERSION/200",
-        f"// printer-slicer: rounded to whole units, x, y and z at most {_decimal(units / 2)} mm off //",
+        f"// printer-slicer: rounded to whole units, x, y and z at most {_format_decimal(units / 2)} mm off //",
     ]
     if rounded.lost:
         lines.append(f"// {rounded.lost} rings smaller than the unit are left out //")
     lines += [
         f"$$LABEL/{_PART},part",
-        "$$DIMENSION/" + ",".join(_decimal(corner * units) for corner in corners),
+        "$$DIMENSION/" + ",".join(_format_decimal(corner * units) for corner in corners),
         f"$$LAYERS/{len(z):06d}",
         "$$HEADEREND",
     ]
     return "\n".join(lines).encode("ascii")
 
 
-def _decimal(value: float) -> str:
+def _format_decimal(value: float) -> str:
     """Format a length, mm, without an exponent and without trailing zeros."""
     text = f"{value:.9f}".rstrip("0")
     return text + "0" if text.endswith(".") else text
 
 
-def _lines(rounded: Rounded, z: Int) -> list[str]:
+def _format_commands(rounded: RoundedRings, z: Int) -> list[str]:
     """Return the commands of the geometry section, one per line."""
-    xy, start = rounded.closed()
+    xy, start = rounded.close_rings()
     words = list(map(str, xy.ravel().tolist()))
     direction = rounded.outer.astype(np.int64).tolist()
     lines = ["$$GEOMETRYSTART", f"$$LAYER/{z[0]}"]
@@ -125,9 +129,9 @@ def _lines(rounded: Rounded, z: Int) -> list[str]:
     return lines
 
 
-def _binary(rounded: Rounded, z: Int) -> list[bytes]:
+def _encode_commands(rounded: RoundedRings, z: Int) -> list[bytes]:
     """Return the commands of the geometry section in binary form."""
-    xy, start = rounded.closed()
+    xy, start = rounded.close_rings()
     points = memoryview(xy.astype("<f4").tobytes())
     direction = rounded.outer.astype(np.int64).tolist()
     pieces: list[bytes] = [struct.pack("<Hf", _LAYER, z[0])]

@@ -35,7 +35,7 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, consecutive
 from printer_slicer.errors import UsageError
-from printer_slicer.exports.ring_clearance import clearance, contacts
+from printer_slicer.exports.ring_clearance import find_ring_contacts, measure_clearance
 from printer_slicer.geometry import Areas
 from printer_slicer.geometry.segment_index import distance_to_segments
 
@@ -68,7 +68,9 @@ def smooth(areas: Areas, bound: float) -> Areas:
         UsageError: the bound is not over 0.
     """
     if not (bound > 0 and isfinite(bound)):
-        raise UsageError(f"a contour cannot be smoothed within {bound:g} mm", remedy="Choose a bound over 0")
+        raise UsageError(
+            f"a contour cannot be smoothed within {bound:g} mm", remedy="Choose a bound greater than 0"
+        )
     if not areas.n_rings:
         return areas
     refined, original = _add_corner_points(areas, _STEP * bound, _PASSES)
@@ -77,9 +79,9 @@ def smooth(areas: Areas, bound: float) -> Areas:
     still = (moved.xy == refined.xy).all(axis=1)
     around = still[refined.following] & still & still[refined.previous]
     keep = original | ~around
-    kept = _only(moved, keep)
+    kept = _select_points(moved, keep)
     # Points that did not move keep the straight edges between them in place.
-    return _only(kept, _points_to_keep(kept, original[keep] | still[keep], (1 - _MOVED) * bound))
+    return _select_points(kept, _mark_needed_points(kept, original[keep] | still[keep], (1 - _MOVED) * bound))
 
 
 def resample(areas: Areas, spacing: float, bound: float) -> Areas:
@@ -97,36 +99,36 @@ def resample(areas: Areas, spacing: float, bound: float) -> Areas:
         UsageError: the spacing is not over 0 or needs more than 20 million points, or the bound is under 0.
     """
     if not spacing > 0:
-        raise UsageError(f"points cannot be {spacing:g} mm apart", remedy="Choose a distance over 0")
+        raise UsageError(f"points cannot be {spacing:g} mm apart", remedy="Choose a distance greater than 0")
     if not (bound >= 0 and isfinite(bound)):
         raise UsageError(
-            f"a contour cannot be sampled within {bound:g} mm", remedy="Choose a bound of 0 or more"
+            f"a contour cannot be resampled within {bound:g} mm", remedy="Choose a bound of 0 or more"
         )
     if not areas.n_rings:
         return areas
     if float(areas.ring_length().sum()) / spacing > _MOST_POINTS:
         raise UsageError(
-            f"points {spacing:g} mm apart are more than {_MOST_POINTS // 10**6} million",
+            f"a distance of {spacing:g} mm between points gives more than {_MOST_POINTS // 10**6} million points",
             remedy="Choose a larger distance",
         )
-    corners = _points_to_keep(areas, _thirds(areas), bound)
+    corners = _mark_needed_points(areas, _mark_ring_thirds(areas), bound)
     dense, chosen = _add_spaced_points(areas, corners, spacing)
-    return _only(dense, _points_to_keep(dense, chosen, bound))
+    return _select_points(dense, _mark_needed_points(dense, chosen, bound))
 
 
-def _edge_lengths(areas: Areas) -> Float:
-    """Return the length of each edge (N,), mm."""
+def _measure_edges(areas: Areas) -> Float:
+    """Return the length (N,) of each edge, mm."""
     return np.asarray(np.hypot(*(areas.xy[areas.following] - areas.xy).T))
 
 
-def _only(areas: Areas, keep: Bool) -> Areas:
+def _select_points(areas: Areas, keep: Bool) -> Areas:
     """Return the stack with the points for which `keep` is true; it must keep at least three of each ring."""
     count = np.add.reduceat(keep, areas.ring_start[:-1], dtype=np.int64)
     return Areas(areas.xy[keep], np.append(0, np.cumsum(count)), areas.ring_layer, areas.n_layers)
 
 
 def _add_points(areas: Areas, edge: Int, share: Float) -> tuple[Areas, Bool]:
-    """Add points on edges; return the contours and which points are old (N + P,).
+    """Add points on edges; return the new contours, and a mask (N + P,) of the old points.
 
     Args:
         areas: the contours.
@@ -150,11 +152,11 @@ def _add_points(areas: Areas, edge: Int, share: Float) -> tuple[Areas, Bool]:
 
 
 def _add_corner_points(areas: Areas, step: float, reach: int) -> tuple[Areas, Bool]:
-    """Add `reach` points, `step` mm apart, on both sides of each corner; return the contours and which points are old.
+    """Add `reach` points, `step` mm apart, on both sides of each corner; return contours and a mask of old points.
 
     Edges that are too short for that are divided evenly.
     """
-    length = _edge_lengths(areas)
+    length = _measure_edges(areas)
     short = length <= 2 * reach * step
     count = np.where(short, np.maximum(np.ceil(length / step) - 1, 0), 2 * reach).astype(np.int64)
     edge = np.repeat(np.arange(len(length)), count)
@@ -166,10 +168,10 @@ def _add_corner_points(areas: Areas, step: float, reach: int) -> tuple[Areas, Bo
 
 
 def _move_points(areas: Areas, bound: float) -> Areas:
-    """Move the points by at most `bound` mm so that no ring meets itself or another."""
-    room = clearance(areas, bound / _MOVE_FRACTION)
+    """Move points by at most `bound` mm, so that no ring meets itself or another ring."""
+    room = measure_clearance(areas, bound / _MOVE_FRACTION)
     limit = np.minimum(bound, _MOVE_FRACTION * np.minimum(room, room[areas.previous]))
-    step = _displacement(areas, limit)
+    step = _compute_displacement(areas, limit)
     sign = np.sign(areas.ring_area())
     sizes = np.diff(areas.ring_start)
     check = np.ones(areas.n_rings, np.bool_)
@@ -177,7 +179,7 @@ def _move_points(areas: Areas, bound: float) -> Areas:
         moved = Areas(areas.xy + step, areas.ring_start, areas.ring_layer, areas.n_layers)
         back = np.repeat(np.sign(moved.ring_area()) != sign, sizes)
         index = np.flatnonzero(np.repeat(check, sizes))
-        for edge in contacts(moved.select(check)):
+        for edge in find_ring_contacts(moved.select(check)):
             back[index[edge]] = True
             back[areas.following[index[edge]]] = True
         back &= (step != 0).any(axis=1)
@@ -186,7 +188,7 @@ def _move_points(areas: Areas, bound: float) -> Areas:
     return Areas(areas.xy + step, areas.ring_start, areas.ring_layer, areas.n_layers)
 
 
-def _displacement(areas: Areas, limit: Float) -> Float:
+def _compute_displacement(areas: Areas, limit: Float) -> Float:
     """Return the displacement (N, 2) of each point, mm, at most `limit` (N,) long.
 
     In each pass a point moves toward the mean of its neighbours, weighted towards the nearer one. Points on a straight
@@ -194,7 +196,7 @@ def _displacement(areas: Areas, limit: Float) -> Float:
     bumps of a third of the rounding beside each corner.
     """
     following, previous = areas.following, areas.previous
-    weight = 1.0 / np.maximum(_edge_lengths(areas), _STILL)
+    weight = 1.0 / np.maximum(_measure_edges(areas), _STILL)
     share = weight / (weight + weight[previous])
     rest = 1 - share
     columns = [np.ascontiguousarray(column) for column in areas.xy.T]
@@ -213,8 +215,8 @@ def _displacement(areas: Areas, limit: Float) -> Float:
 # Removing points
 
 
-def _thirds(areas: Areas) -> Bool:
-    """Return three points of each ring as a mask (N,): the first and those after a third and two thirds of it."""
+def _mark_ring_thirds(areas: Areas) -> Bool:
+    """Return a mask (N,) of three points of each ring: the first, and those at one third and two thirds of it."""
     chosen = np.zeros(len(areas.xy), np.bool_)
     start, sizes = areas.ring_start[:-1], np.diff(areas.ring_start)
     for third in range(3):
@@ -222,26 +224,26 @@ def _thirds(areas: Areas) -> Bool:
     return chosen
 
 
-def _points_to_keep(areas: Areas, chosen: Bool, bound: float) -> Bool:
-    """Return the points to keep (N,): the chosen ones and those needed for valid chords.
+def _mark_needed_points(areas: Areas, chosen: Bool, bound: float) -> Bool:
+    """Return a mask (N,) of points to keep: the chosen ones, and those needed for valid chords.
 
     A chord is valid if it is close enough to its arc and meets no other.
 
     Args:
         areas: the contours.
-        chosen: (N,) points that stay: the first and at least two more of each ring.
+        chosen: (N,) mask of points that stay: the first and at least two more of each ring.
         bound: mm.
     """
-    room = np.minimum(bound, _CHORD_FRACTION * clearance(areas, max(bound / _CHORD_FRACTION, _STILL)))
-    chosen = _within(areas, chosen, room)
+    room = np.minimum(bound, _CHORD_FRACTION * measure_clearance(areas, max(bound / _CHORD_FRACTION, _STILL)))
+    chosen = _add_farthest_corners(areas, chosen, room)
     sign, sizes = np.sign(areas.ring_area()), np.diff(areas.ring_start)
     check = np.logical_or.reduceat(~chosen, areas.ring_start[:-1])
     while check.any():
-        made = _only(areas, chosen)
+        made = _select_points(areas, chosen)
         arc = np.cumsum(chosen) - 1  # the chord that replaces each old edge
         back = np.repeat(np.sign(made.ring_area()) != sign, sizes)
         index = np.flatnonzero(np.repeat(check, np.diff(made.ring_start)))
-        for chord in contacts(made.select(check)):
+        for chord in find_ring_contacts(made.select(check)):
             back |= np.bincount(index[chord], minlength=len(made.xy))[arc] > 0
         back &= ~chosen
         chosen = chosen | back
@@ -249,8 +251,8 @@ def _points_to_keep(areas: Areas, chosen: Bool, bound: float) -> Bool:
     return chosen
 
 
-def _within(areas: Areas, chosen: Bool, room: Float) -> Bool:
-    """Return the points (N,) needed to keep every chord within `room` (N,) of the edges it replaces.
+def _add_farthest_corners(areas: Areas, chosen: Bool, room: Float) -> Bool:
+    """Return a mask (N,) of the points needed to keep every chord within `room` (N,) of the edges that it replaces.
 
     Starting from the chosen points, add the farthest corner of each arc that is too far from its chord, until none is.
     """
@@ -278,8 +280,8 @@ def _within(areas: Areas, chosen: Bool, room: Float) -> Bool:
 
 
 def _add_spaced_points(areas: Areas, corners: Bool, spacing: float) -> tuple[Areas, Bool]:
-    """Add points at equal distances of at most `spacing` mm between corners; return also which points to choose."""
-    length = _edge_lengths(areas)
+    """Add equally spaced points between corners, at most `spacing` mm apart; also return a mask of chosen points."""
+    length = _measure_edges(areas)
     ends = np.flatnonzero(corners)
     along = np.cumsum(length) - length  # mm of contour before each point, counted through all rings
     arc = np.add.reduceat(length, ends)

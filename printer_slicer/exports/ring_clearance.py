@@ -1,4 +1,4 @@
-"""Find the distance between rings of a stack, and where a ring meets itself.
+"""Measure the distance between the rings of a stack, and find where a ring meets itself.
 
 Edge `i` of a stack runs from point `i` to the point after it around its ring.
 """
@@ -17,41 +17,41 @@ from printer_slicer.geometry.planar import SegmentTree
 from printer_slicer.geometry.segment_index import distance_to_segments
 from printer_slicer.geometry.vectors import cross
 
-__all__ = ["clearance", "contacts"]
+__all__ = ["find_ring_contacts", "measure_clearance"]
 
 _SAME: Final = 1e-9  # mm; edges closer than this touch
 _RUN: Final = 16  # edges per run
 _AT_ONCE: Final = 2048  # runs per query; in dense contours each may have hundreds of others in reach
 
 
-def clearance(areas: Areas, reach: float) -> Float:
+def measure_clearance(areas: Areas, reach: float) -> Float:
     """Return the distance (N,) from each edge to the nearest other ring of its layer, mm, at most `reach`."""
     result = np.full(len(areas.xy), reach)
-    for here, there in _near(areas, reach, same_ring=False):
-        gap = _distance(areas, here, there)
+    for here, there in _find_near_edges(areas, reach, same_ring=False):
+        gap = _measure_edge_distance(areas, here, there)
         np.minimum.at(result, here, gap)
         np.minimum.at(result, there, gap)
     return result
 
 
-def contacts(areas: Areas) -> tuple[Int, Int]:
+def find_ring_contacts(areas: Areas) -> tuple[Int, Int]:
     """Return pairs of edges of the same ring that cross or touch, except neighbours at their common point."""
     found = [(np.zeros(0, np.int64), np.zeros(0, np.int64))]
-    for here, there in _near(areas, _SAME, same_ring=True):
-        meet = _meet(areas, here, there)
+    for here, there in _find_near_edges(areas, _SAME, same_ring=True):
+        meet = _edges_meet(areas, here, there)
         found.append((here[meet], there[meet]))
     firsts, seconds = zip(*found, strict=True)
     return np.concatenate(firsts), np.concatenate(seconds)
 
 
-def _meet(areas: Areas, first: Int, second: Int) -> Bool:
-    """Return whether the edges of each pair (P,) of one ring meet, other than neighbours at their common point."""
+def _edges_meet(areas: Areas, first: Int, second: Int) -> Bool:
+    """Return a mask (P,) of pairs of edges of one ring that meet, except neighbours at their common point."""
     following = areas.following
     closes = following[second] == first  # the last edge of a ring and its first
     first, second = np.where(closes, second, first), np.where(closes, first, second)
     neighbours = following[first] == second
     gap = np.zeros(len(first))
-    gap[~neighbours] = _distance(areas, first[~neighbours], second[~neighbours])
+    gap[~neighbours] = _measure_edge_distance(areas, first[~neighbours], second[~neighbours])
     # Two edges from one point touch elsewhere only if the far end of one lies on the other.
     begin, corner = areas.xy[first[neighbours]], areas.xy[second[neighbours]]
     end = areas.xy[following[second[neighbours]]]
@@ -60,8 +60,8 @@ def _meet(areas: Areas, first: Int, second: Int) -> Bool:
     return np.asarray(gap <= _SAME)
 
 
-def _near(areas: Areas, reach: float, *, same_ring: bool) -> Iterator[tuple[Int, Int]]:
-    """Yield batches of pairs of edges in one layer whose boxes are at most `reach` apart, lower index first.
+def _find_near_edges(areas: Areas, reach: float, *, same_ring: bool) -> Iterator[tuple[Int, Int]]:
+    """Yield batches of pairs of edges on one layer whose boxes are at most `reach` mm apart, lower index first.
 
     Consecutive edges are close together, so runs of edges are looked up first, and then the edges in nearby runs are
     compared.
@@ -99,16 +99,16 @@ def _near(areas: Areas, reach: float, *, same_ring: bool) -> Iterator[tuple[Int,
         wanted = np.flatnonzero((one <= other) & ((ring[one] == ring[other]) == same_ring))
         for begin_at in range(0, len(wanted), _AT_ONCE):
             some = wanted[begin_at : begin_at + _AT_ONCE]
-            run, here, beside = _meeting_boxes(lows, highs, one[some], other[some])
+            run, here, beside = _find_touching_boxes(lows, highs, one[some], other[some])
             lower, higher = first[one[some][run]] + here, first[other[some][run]] + beside
             once = lower < higher
             yield lower[once], higher[once]
 
 
-def _meeting_boxes(
+def _find_touching_boxes(
     lows: Sequence[Float], highs: Sequence[Float], one: Int, other: Int
 ) -> tuple[Int, Int, Int]:
-    """Return the touching boxes of pairs (P,) of rows: the pair, and the column in each row.
+    """Find the boxes that touch in pairs (P,) of rows; return the pair, and the column in each row.
 
     Args:
         lows: (R, n) lower bounds of the boxes, along x and along y.
@@ -124,16 +124,18 @@ def _meeting_boxes(
     return pair, here, beside
 
 
-def _distance(areas: Areas, first: Int, second: Int) -> Float:
-    """Return the distance between the edges of each pair (P,), mm; 0 where they cross."""
+def _measure_edge_distance(areas: Areas, first: Int, second: Int) -> Float:
+    """Return the distance (P,) between the edges of each pair, mm; 0 where they cross."""
     following = areas.following
     a, b = areas.xy[first], areas.xy[following[first]]
     c, d = areas.xy[second], areas.xy[following[second]]
     ends = [distance_to_segments(*way) for way in ((a, c, d), (b, c, d), (c, a, b), (d, a, b))]
-    crossing = (_side(a, b, c) * _side(a, b, d) < 0) & (_side(c, d, a) * _side(c, d, b) < 0)
+    crossing = (_side_of_line(a, b, c) * _side_of_line(a, b, d) < 0) & (
+        _side_of_line(c, d, a) * _side_of_line(c, d, b) < 0
+    )
     return np.where(crossing, 0.0, np.minimum.reduce(ends))
 
 
-def _side(a: Float, b: Float, point: Float) -> Float:
-    """Return a positive number for each point (P,) to the left of the line from a to b."""
+def _side_of_line(a: Float, b: Float, point: Float) -> Float:
+    """Return a number (P,) for each point that is positive if the point lies to the left of the line from a to b."""
     return cross(b - a, point - a)

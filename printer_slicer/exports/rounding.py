@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from printer_slicer.arrays import Bool, Int, consecutive, frozen_array
 from printer_slicer.geometry import Areas
 
-__all__ = ["Rounded", "in_float32", "on_grid"]
+__all__ = ["RoundedRings", "round_to_float32", "round_to_grid"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Rounded:
-    """The rings of a stack with rounded coordinates, as a file holds them.
+class RoundedRings:
+    """Rings of a stack with coordinates rounded to the numbers of a file format.
 
     Points that equal the next one after rounding are removed, and so are rings that lose their area or change their
     direction. Rings that were closer together than the rounding may touch.
@@ -55,8 +55,8 @@ class Rounded:
         first = np.searchsorted(self.ring_layer, np.arange(self.n_layers + 1)).tolist()
         return (range(begin, end) for begin, end in pairwise(first))
 
-    def closed(self) -> tuple[NDArray[Any], list[int]]:
-        """Return all rings with their first point repeated at the end, and the start of each (R + 1,)."""
+    def close_rings(self) -> tuple[NDArray[Any], list[int]]:
+        """Return the points of all rings, each with its first point repeated at the end, and their offsets (R + 1,)."""
         sizes = np.diff(self.ring_start) + 1
         index = consecutive(self.ring_start[:-1], sizes)
         start = np.concatenate([[0], np.cumsum(sizes)])
@@ -65,26 +65,28 @@ class Rounded:
 
     def longest_edge(self) -> float:
         """Return the largest distance between neighbouring points, in the unit of `xy`; 0 without points."""
-        xy, start = self.closed()
+        xy, start = self.close_rings()
         length = np.hypot(*np.diff(xy.astype(np.float64), axis=0).T)
         length[np.array(start[1:-1], dtype=np.int64) - 1] = 0.0  # from the end of a ring to the next one
         return float(length.max(initial=0.0))
 
 
-def on_grid(areas: Areas, units: float) -> Rounded:
+def round_to_grid(areas: Areas, units: float) -> RoundedRings:
     """Round areas to whole multiples of `units` mm; coordinates change by at most half a unit."""
     grid = np.rint(areas.xy / units)
-    return _rounded(areas, grid.astype(np.int64), float(np.abs(grid * units - areas.xy).max(initial=0.0)))
+    return _build_rounded_rings(
+        areas, grid.astype(np.int64), float(np.abs(grid * units - areas.xy).max(initial=0.0))
+    )
 
 
-def in_float32(areas: Areas) -> Rounded:
+def round_to_float32(areas: Areas) -> RoundedRings:
     """Round areas to 32-bit floats, mm; coordinates change by at most 0.000 004 mm up to 128 mm from the origin."""
     single = areas.xy.astype(np.float32)
-    return _rounded(areas, single, float(np.abs(single - areas.xy).max(initial=0.0)))
+    return _build_rounded_rings(areas, single, float(np.abs(single - areas.xy).max(initial=0.0)))
 
 
-def _rounded(areas: Areas, values: NDArray[Any], error: float) -> Rounded:
-    """Return the stack with `values` (N, 2) instead of its points."""
+def _build_rounded_rings(areas: Areas, values: NDArray[Any], error: float) -> RoundedRings:
+    """Return the rings with rounded coordinates `values` (N, 2) instead of their points."""
     sizes = np.diff(areas.ring_start)
     differs = (values != values[areas.following]).any(axis=1) if len(values) else np.zeros(0, np.bool_)
     before = np.concatenate([[0], np.cumsum(differs)])
@@ -92,7 +94,7 @@ def _rounded(areas: Areas, values: NDArray[Any], error: float) -> Rounded:
     moved = Areas(values.astype(np.float64), areas.ring_start, areas.ring_layer, areas.n_layers)
     sign = np.sign(moved.ring_area())
     good = (count >= 3) & (sign != 0) & (sign == np.sign(areas.ring_area()))
-    return Rounded(
+    return RoundedRings(
         xy=values[differs & np.repeat(good, sizes)],
         ring_start=np.concatenate([[0], np.cumsum(count[good])]),
         ring_layer=areas.ring_layer[good],

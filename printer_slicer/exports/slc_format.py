@@ -22,10 +22,10 @@ import struct
 import numpy as np
 
 from printer_slicer.errors import OutputError
-from printer_slicer.exports.rounding import Rounded, in_float32
+from printer_slicer.exports.rounding import RoundedRings, round_to_float32
 from printer_slicer.model import LayerPlan, Sections
 
-__all__ = ["uneven_multiples", "write_slc"]
+__all__ = ["has_uneven_heights", "write_slc"]
 
 _RESERVED = bytes(256)
 _MOST_RUNS = 255  # the number of table entries is one byte
@@ -42,27 +42,27 @@ def write_slc(sections: Sections) -> bytes:
     Raises:
         OutputError: there are more than 255 runs of equal layers, or layers that are equal as 32-bit floats.
     """
-    plan, rounded = sections.plan, in_float32(sections.solid)
+    plan, rounded = sections.plan, round_to_float32(sections.solid)
     z = np.concatenate([[0.0], plan.top]).astype(np.float32)
     if (np.diff(z) <= 0).any():
         layer = int(np.flatnonzero(np.diff(z) <= 0)[0])
         raise OutputError(
             f"layer {layer + 1} is too thin for the 32-bit numbers of SLC",
-            remedy="Plan thicker layers, or write .cli or .svg, which hold finer ones",
+            remedy="Plan thicker layers, or write .cli or .svg, which can hold thinner ones",
         )
-    head = _header(rounded, float(z[-1])) + _RESERVED
-    return head + _table(plan) + b"".join(_layers(rounded, z.tolist()))
+    head = _format_header(rounded, float(z[-1])) + _RESERVED
+    return head + _encode_sampling_table(plan) + b"".join(_encode_layers(rounded, z.tolist()))
 
 
-def uneven_multiples(plan: LayerPlan) -> bool:
-    """Return whether a layer height is not a multiple of the smallest one; the specification warns of that."""
+def has_uneven_heights(plan: LayerPlan) -> bool:
+    """Return whether any layer height is not a multiple of the smallest one, which the specification warns of."""
     thin = float(plan.height.min())
     ratio = plan.height / thin
     return bool((np.abs(ratio - np.rint(ratio)) > _MULTIPLE).any())
 
 
-def _header(rounded: Rounded, top: float) -> bytes:
-    """Return the header: version, unit, type, program, and the bounding box of the part."""
+def _format_header(rounded: RoundedRings, top: float) -> bytes:
+    """Return the header with version, unit, type, program, and the bounding box of the part."""
     low, high = (
         (rounded.xy.min(axis=0).tolist(), rounded.xy.max(axis=0).tolist())
         if len(rounded.xy)
@@ -75,13 +75,13 @@ def _header(rounded: Rounded, top: float) -> bytes:
     return text.encode("ascii") + b"\r\n\x1a"
 
 
-def _table(plan: LayerPlan) -> bytes:
+def _encode_sampling_table(plan: LayerPlan) -> bytes:
     """Return the sampling table: an entry for each run of layers of equal thickness."""
     runs = plan.runs()
     if len(runs) > _MOST_RUNS:
         raise OutputError(
             f"an SLC file has at most {_MOST_RUNS} runs of equal layers; this plan has {len(runs)}",
-            remedy="Plan fewer different heights (`layer_heights`), or write .cli or .svg",
+            remedy="Plan with fewer different heights (`layer_heights`), or write .cli or .svg",
         )
     counts = np.array([count for count, _ in runs])
     bottom = plan.bottom[np.cumsum(counts) - counts]
@@ -91,9 +91,9 @@ def _table(plan: LayerPlan) -> bytes:
     return bytes([len(runs)]) + b"".join(entries)
 
 
-def _layers(rounded: Rounded, z: list[float]) -> list[bytes]:
+def _encode_layers(rounded: RoundedRings, z: list[float]) -> list[bytes]:
     """Return the contour layers and the end mark."""
-    xy, start = rounded.closed()
+    xy, start = rounded.close_rings()
     points = memoryview(xy.astype("<f4").tobytes())
     pieces: list[bytes] = []
     for bottom, rings in zip(z[:-1], rounded.layers(), strict=True):

@@ -22,7 +22,7 @@ import numpy as np
 
 from printer_slicer.arrays import Int
 from printer_slicer.errors import UsageError
-from printer_slicer.exports.rounding import Rounded, on_grid
+from printer_slicer.exports.rounding import RoundedRings, round_to_grid
 from printer_slicer.model import LayerPlan, Sections
 
 __all__ = ["SVG_DIGITS", "write_svg", "write_svgs"]
@@ -34,7 +34,7 @@ _MOST_DIGITS = 6
 
 
 def write_svg(sections: Sections, *, digits: int = SVG_DIGITS) -> bytes:
-    """Return all layers as one layered SVG; groups without a path are empty layers.
+    """Return all layers as one SVG with a group per layer; groups without a path are empty layers.
 
     Coordinates are rounded to `digits` decimals, heights to at least four; the description in the file says so. Rings
     smaller than that are left out, and the description gives their number.
@@ -42,41 +42,46 @@ def write_svg(sections: Sections, *, digits: int = SVG_DIGITS) -> bytes:
     Raises:
         UsageError: `digits` is less than 0 or more than 6.
     """
-    head, drawn = _prepared(sections, digits)
-    groups = [_group(sections.plan, layer, drawn[layer], digits) for layer in range(sections.plan.n_layers)]
+    head, drawn = _prepare_drawing(sections, digits)
+    groups = [
+        _format_group(sections.plan, layer, drawn[layer], digits) for layer in range(sections.plan.n_layers)
+    ]
     return "\n".join([head, *groups, "</svg>", ""]).encode("ascii")
 
 
 def write_svgs(sections: Sections, *, digits: int = SVG_DIGITS) -> Iterator[tuple[str, bytes]]:
-    """Yield a file name and an SVG for each layer, from layer0000.svg; rounded as in `write_svg`.
+    """Yield the file name and the SVG of each layer, from layer0000.svg on, rounded as in `write_svg`.
 
     Raises:
         UsageError: `digits` is less than 0 or more than 6.
     """
-    head, drawn = _prepared(sections, digits)
+    head, drawn = _prepare_drawing(sections, digits)
     width = max(4, len(str(sections.plan.n_layers - 1)))
     for layer, path in enumerate(drawn):
-        group = _group(sections.plan, layer, path, digits)
+        group = _format_group(sections.plan, layer, path, digits)
         yield f"layer{layer:0{width}d}.svg", "\n".join([head, group, "</svg>", ""]).encode("ascii")
 
 
-def _prepared(sections: Sections, digits: int) -> tuple[str, list[str]]:
-    """Return the start of the drawing and the path data of each layer."""
+def _prepare_drawing(sections: Sections, digits: int) -> tuple[str, list[str]]:
+    """Return the start of the SVG file and the path data of each layer."""
     if not 0 <= digits <= _MOST_DIGITS:
-        raise UsageError(f"{digits} digits in an SVG", remedy=f"Choose between 0 and {_MOST_DIGITS}")
-    rounded = on_grid(sections.solid, 10.0**-digits)
+        raise UsageError(
+            f"an SVG cannot have {digits} digits after the decimal point",
+            remedy=f"Choose a number between 0 and {_MOST_DIGITS}",
+        )
+    rounded = round_to_grid(sections.solid, 10.0**-digits)
     box = (
         np.concatenate([rounded.xy.min(axis=0), rounded.xy.max(axis=0)])
         if len(rounded.xy)
         else np.zeros(4, np.int64)
     )
-    return _head(rounded, box, digits), _paths(rounded, box, digits)
+    return _format_head(rounded, box, digits), _format_paths(rounded, box, digits)
 
 
-def _head(rounded: Rounded, box: Int, digits: int) -> str:
-    """Return the drawing from the XML declaration to the description."""
+def _format_head(rounded: RoundedRings, box: Int, digits: int) -> str:
+    """Return the start of the SVG file, from the XML declaration to the description."""
     x0, y0, x1, y1 = (box / 10**digits).tolist()
-    places = _z_digits(digits)
+    places = _count_height_digits(digits)
     wide, high = (f"{size:.{digits}f}" for size in (x1 - x0, y1 - y0))
     left_out = f" {rounded.lost} rings smaller than that are left out." if rounded.lost else ""
     return (
@@ -91,12 +96,12 @@ def _head(rounded: Rounded, box: Int, digits: int) -> str:
     )
 
 
-def _z_digits(digits: int) -> int:
-    """Return the number of decimals for heights; layers are planned in finer steps than contours need."""
+def _count_height_digits(digits: int) -> int:
+    """Return the number of decimals for heights, at least four: layers are planned in finer steps than contours."""
     return max(digits, 4)
 
 
-def _paths(rounded: Rounded, box: Int, digits: int) -> list[str]:
+def _format_paths(rounded: RoundedRings, box: Int, digits: int) -> list[str]:
     """Return the path data of each layer; empty for an empty layer."""
     place = np.stack([rounded.xy[:, 0] - box[0], box[3] - rounded.xy[:, 1]], axis=1) / 10**digits
     pair = f"%.{digits}f,%.{digits}f"
@@ -108,10 +113,10 @@ def _paths(rounded: Rounded, box: Int, digits: int) -> list[str]:
     ]
 
 
-def _group(plan: LayerPlan, layer: int, path: str, digits: int) -> str:
-    """Return the group of one layer."""
+def _format_group(plan: LayerPlan, layer: int, path: str, digits: int) -> str:
+    """Return the SVG group of one layer."""
     z, cut, height = (float(values[layer]) for values in (plan.top, plan.cut, plan.height))
-    places = _z_digits(digits)
+    places = _count_height_digits(digits)
     drawn = f'<path fill-rule="evenodd" d="{path}"/>' if path else ""
     return (
         f'<g id="layer{layer}" slic3r:z="{z:.{places}f}" slic3r:slice-z="{cut:.{places}f}"'

@@ -12,7 +12,14 @@ import pytest
 from hypothesis import given
 
 from printer_slicer.arrays import Float
-from printer_slicer.exports import in_float32, on_grid, write_cli, write_slc, write_svg, write_svgs
+from printer_slicer.exports import (
+    round_to_float32,
+    round_to_grid,
+    write_cli,
+    write_slc,
+    write_svg,
+    write_svgs,
+)
 from printer_slicer.model import Sections
 from tests.exports.readers import read_cli, read_slc, read_svg
 from tests.exports.stacks import frame, islands, of, sections, signed_area, uneven
@@ -162,16 +169,16 @@ def test_points_that_round_to_their_neighbours_and_rings_that_round_to_nothing_a
 def test_a_ring_that_rounding_would_turn_over_is_left_out_and_counted() -> None:
     sliver = np.array([(0, 0), (10, 0.0006), (5, 0.0004)], dtype=np.float64)
     stack = of([[sliver, box(0, 1, 1, 2)]], [0.2])
-    rounded = on_grid(stack.solid, 0.001)
+    rounded = round_to_grid(stack.solid, 0.001)
 
     assert stack.solid.ring_area()[0] > 0
     assert rounded.lost == 1
     assert [len(rings) for rings in FORMATS["cli ascii"](stack).rings] == [1]
-    assert in_float32(stack.solid).lost == 0
+    assert round_to_float32(stack.solid).lost == 0
 
 
 def test_what_rounding_moves_is_measured() -> None:
     stack = of([[box(0.0004, 0, 10.12345, 7)]], [0.2])
 
-    assert on_grid(stack.solid, 0.001).error == pytest.approx(0.00045)
-    assert 0 < in_float32(stack.solid).error < 4e-6
+    assert round_to_grid(stack.solid, 0.001).error == pytest.approx(0.00045)
+    assert 0 < round_to_float32(stack.solid).error < 4e-6

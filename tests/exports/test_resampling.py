@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from printer_slicer.arrays import Float
 from printer_slicer.errors import UsageError
 from printer_slicer.exports import resample, smooth
-from printer_slicer.exports.ring_clearance import clearance, contacts
+from printer_slicer.exports.ring_clearance import find_ring_contacts, measure_clearance
 from printer_slicer.geometry import Areas
 from tests.parts import shapely
 from tests.strategies import box, clean_areas
@@ -245,7 +245,7 @@ def test_bounds_that_make_no_sense_are_refused(bound: float) -> None:
 
 @pytest.mark.parametrize("spacing", [0.0, -1.0, float("nan"), 1e-9])
 def test_distances_that_make_no_sense_are_refused(spacing: float) -> None:
-    with pytest.raises(UsageError, match="apart"):
+    with pytest.raises(UsageError, match=r"apart|distance"):
         resample(stack(box(0, 0, 1, 1)), spacing, 0.1)
 
 
@@ -254,7 +254,7 @@ def test_distances_that_make_no_sense_are_refused(spacing: float) -> None:
 
 @given(areas=clean_areas(2), reach=st.sampled_from([0.01, 0.6, 4.0]))
 def test_the_distance_to_other_rings_is_that_of_another_library(areas: Areas, reach: float) -> None:
-    found = clearance(areas, reach)
+    found = measure_clearance(areas, reach)
     ring = np.repeat(np.arange(areas.n_rings), np.diff(areas.ring_start))
     for i, (a, b) in enumerate(zip(areas.xy, areas.xy[areas.following], strict=True)):
         others = [
@@ -279,8 +279,8 @@ def test_where_a_long_ring_meets_itself_is_what_another_library_says(seed: int, 
         if (i, j) != (0, n - 1) and edges[i].intersects(edges[j])
     }
 
-    assert set(zip(*contacts(stack(wild, circle(40), wild + 1.0)), strict=True)) >= wanted
-    assert set(zip(*contacts(stack(wild)), strict=True)) == wanted
+    assert set(zip(*find_ring_contacts(stack(wild, circle(40), wild + 1.0)), strict=True)) >= wanted
+    assert set(zip(*find_ring_contacts(stack(wild)), strict=True)) == wanted
 
 
 def test_edges_that_cross_touch_or_fold_back_are_found_and_neighbours_are_not() -> None:
@@ -288,7 +288,7 @@ def test_edges_that_cross_touch_or_fold_back_are_found_and_neighbours_are_not() 
     pinched = np.array([(0, 0), (2, 0), (1, 1), (2, 2), (0, 2), (1, 1)], dtype=np.float64)
     folded = np.array([(0, 0), (4, 0), (2, 0), (2, 3)], dtype=np.float64)
 
-    assert set(zip(*contacts(stack(eight)), strict=True)) == {(0, 2)}
-    assert len(contacts(stack(pinched))[0]) == 4
-    assert (0, 1) in set(zip(*contacts(stack(folded)), strict=True))
-    assert len(contacts(stack(box(0, 0, 1, 1), circle(3), circle(50)))[0]) == 0
+    assert set(zip(*find_ring_contacts(stack(eight)), strict=True)) == {(0, 2)}
+    assert len(find_ring_contacts(stack(pinched))[0]) == 4
+    assert (0, 1) in set(zip(*find_ring_contacts(stack(folded)), strict=True))
+    assert len(find_ring_contacts(stack(box(0, 0, 1, 1), circle(3), circle(50)))[0]) == 0

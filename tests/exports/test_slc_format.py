@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from printer_slicer.errors import OutputError
-from printer_slicer.exports import uneven_multiples, write_slc
+from printer_slicer.exports import has_uneven_heights, write_slc
 from printer_slicer.model import LayerPlan
 from tests.exports.readers import read_slc
 from tests.exports.stacks import closed_area, frame, of, uneven
@@ -90,4 +90,4 @@ def test_layers_that_32_bit_floats_cannot_tell_apart_are_refused() -> None:
 def test_thicknesses_that_are_no_multiples_of_the_thinnest_are_noticed(
     steps: list[float], uneven_ones: bool
 ) -> None:
-    assert uneven_multiples(LayerPlan.from_tops(np.cumsum(steps))) == uneven_ones
+    assert has_uneven_heights(LayerPlan.from_tops(np.cumsum(steps))) == uneven_ones

@@ -26,7 +26,7 @@ from printer_slicer.saving import check_writable, make_folder
 
 if TYPE_CHECKING:
     from printer_slicer.cli.output import Stages
-    from printer_slicer.exports import Rounded
+    from printer_slicer.exports import RoundedRings
     from printer_slicer.model import Sections
     from printer_slicer.profile import Profile
 
@@ -301,11 +301,15 @@ def _facts(
     }
 
 
-def _rounded(sections: Sections, target: _Target) -> Rounded:
+def _rounded(sections: Sections, target: _Target) -> RoundedRings:
     """Return the contours with the rounding of the file format."""
-    from printer_slicer.exports import in_float32, on_grid
+    from printer_slicer.exports import round_to_float32, round_to_grid
 
-    return in_float32(sections.solid) if target.kind == "slc" else on_grid(sections.solid, _unit(target))
+    return (
+        round_to_float32(sections.solid)
+        if target.kind == "slc"
+        else round_to_grid(sections.solid, _unit(target))
+    )
 
 
 def _unit(target: _Target) -> float:
@@ -315,9 +319,9 @@ def _unit(target: _Target) -> float:
     return {"slc": 1.0, "cli": CLI_UNITS}.get(target.kind, 10.0**-SVG_DIGITS)
 
 
-def _notes(sections: Sections, rounded: Rounded, target: _Target) -> list[str]:
+def _notes(sections: Sections, rounded: RoundedRings, target: _Target) -> list[str]:
     """Return warnings about the file."""
-    from printer_slicer.exports import uneven_multiples
+    from printer_slicer.exports import has_uneven_heights
 
     notes = []
     if rounded.lost:
@@ -326,7 +330,7 @@ def _notes(sections: Sections, rounded: Rounded, target: _Target) -> list[str]:
         notes.append(
             f"rounding can violate the {sections.plan.containment} containment by up to {rounded.error:.2g} mm"
         )
-    if target.kind == "slc" and uneven_multiples(sections.plan):
+    if target.kind == "slc" and has_uneven_heights(sections.plan):
         notes.append("layer heights are not multiples of the thinnest one, which some SLC readers require")
     if target.kind == "svgs" and not target.pattern:
         older = sum(bool(_LAYER_FILE.fullmatch(file.name)) for file in target.path.iterdir())
