@@ -56,17 +56,17 @@ class Bridges:
     angle: Float
     loose: Areas
 
-    def of_stack(self) -> tuple[Areas, Float]:
-        """Return the bridges on the layers of the stack, and the direction (R,) of each ring."""
+    def place_on_layers(self) -> tuple[Areas, Float]:
+        """Return the bridges as areas on the layers of the stack, and the direction (R,) of each ring, radians."""
         own, entry = np.arange(self.areas.n_rings), self.areas.ring_layer
         return self.areas.restacked(own, self.layer[entry], self.loose.n_layers), self.angle[entry]
 
-    def covered(self) -> Areas:
-        """Return all unsupported areas, on the layers of the stack."""
-        return self.of_stack()[0].merge(self.loose)
+    def bridged_areas(self) -> Areas:
+        """Return bridges and loose areas together, on the layers of the stack."""
+        return self.place_on_layers()[0].merge(self.loose)
 
-    def with_scraps(self, scraps: ConnectedAreas, near: Float) -> Bridges:
-        """Add scraps within `near` (L,) mm of a bridge to the bridge that they touch most."""
+    def add_scraps(self, scraps: ConnectedAreas, near: Float) -> Bridges:
+        """Add each scrap within `near` (L,) mm of bridges to the bridge with the largest overlap."""
         around = offset(self.areas, near[self.layer])
         own, scrap = Boxes(*around.boxes(), self.layer).find_overlapping(
             Boxes(*scraps.areas.boxes(), scraps.layer)
@@ -82,32 +82,32 @@ class Bridges:
 
 
 def find_bridges(
-    air: Areas, grown: Areas, below: Areas, spacing: Float, reach: tuple[Float, Float]
+    unsupported: Areas, limits: Areas, below: Areas, spacing: Float, reach: tuple[Float, Float]
 ) -> Bridges:
-    """Return bridges over unsupported areas, extended along their lines onto the supports.
+    """Find bridges over unsupported areas, extended along their lines onto the supports.
 
     Bridges do not grow sideways beyond their outermost lines. Areas that no line can bridge grow to all sides.
 
     Args:
-        air: unsupported areas.
-        grown: limits of the bridges.
+        unsupported: unsupported areas.
+        limits: areas that the bridges must not leave: the unsupported areas, grown onto their supports.
         below: supports below each layer.
         spacing: (L,) mm between lines.
-        reach: (L,) mm of anchors on the supports, and (L,) radians, usual direction.
+        reach: (L,) mm, length of anchors on the supports, and (L,) radians, usual direction.
     """
     anchor, usual = reach
-    pieces = split_connected(grown)
+    pieces = split_connected(limits)
     turn, held = bridge_angles(pieces, below, spacing, usual)
-    loose = pieces.on_layers(grown.n_layers, np.flatnonzero(~held))
+    loose = pieces.on_layers(limits.n_layers, np.flatnonzero(~held))
     pieces, turn = pieces.take(np.flatnonzero(held)), turn[held]
     # Add half a line on both sides.
-    own = pieces.select_nearby_rings(offset(air, spacing / 2))
+    own = pieces.select_nearby_rings(offset(unsupported, spacing / 2))
     along = sweep_areas(own, anchor[pieces.layer, None] * np.stack([np.cos(turn), np.sin(turn)], axis=1))
     return Bridges(intersection(along, pieces.areas), pieces.layer, turn, loose)
 
 
 def find_internal_bridges(solid: Areas, below: Areas, width: float | Float, anchor: float | Float) -> Areas:
-    """Return the parts of solid areas over internal infill, with anchors at their sides.
+    """Find the parts of solid areas that lie over internal infill, with anchors at their sides.
 
     Args:
         solid: areas.
@@ -128,7 +128,7 @@ def find_internal_bridges(solid: Areas, below: Areas, width: float | Float, anch
 def bridge_angles(
     pieces: ConnectedAreas, below: Areas, spacing: Float, usual: float | Float
 ) -> tuple[Float, Bool]:
-    """Return the direction (P,) of each bridge's lines, radians, and whether any line is supported at an end.
+    """Return the direction (P,) of each bridge's lines, radians, and a mask (P,) of bridges with a supported line.
 
     Directions 15° apart are tried, then 5° to either side of the best one, then the direction of the longest side. The
     direction with the largest share of length in lines supported at both ends wins; lines supported at one end, as on a
@@ -145,19 +145,23 @@ def bridge_angles(
         return np.zeros(0), np.zeros(0, np.bool_)
     support = intersection(offset(pieces.areas, _BESIDE), pieces.select_nearby_rings(below))
     gap = spacing[pieces.layer]
-    score = partial(_score, pieces.areas, support, gap)
+    score = partial(_score_directions, pieces.areas, support, gap)
     best, record = np.broadcast_to(usual, spacing.shape)[pieces.layer], np.zeros(pieces.count)
     # The first of nearly equal directions wins, so those along the axes of the bed come first.
     whole = sorted(range(_DIRECTIONS), key=lambda turn: (turn % 6 != 0, turn % 3 != 0))
     tried = [(np.full(pieces.count, turn * np.pi / _DIRECTIONS), _BETTER) for turn in whole]
-    best, record = _best(score, (best, record), tried)
-    best, record = _best(score, (best, record), [(best + turn, _FINELY_BETTER) for turn in _FINER])
+    best, record = _choose_better_directions(score, (best, record), tried)
+    best, record = _choose_better_directions(
+        score, (best, record), [(best + turn, _FINELY_BETTER) for turn in _FINER]
+    )
     needed = np.where(pieces.mean_width() < _NARROW * gap, -_BETTER, _FINELY_BETTER)
-    best, record = _best(score, (best, record), [(_longest_sides(pieces.areas), needed)])
+    best, record = _choose_better_directions(
+        score, (best, record), [(_find_longest_side_directions(pieces.areas), needed)]
+    )
     return best, record > 0
 
 
-def _longest_sides(areas: Areas) -> Float:
+def _find_longest_side_directions(areas: Areas) -> Float:
     """Return the direction (P,) of the longest side of each piece, radians."""
     side = areas.xy[areas.following] - areas.xy
     order = np.lexsort((np.hypot(*side.T), areas.point_layer))
@@ -165,10 +169,10 @@ def _longest_sides(areas: Areas) -> Float:
     return np.asarray(np.arctan2(side[last, 1], side[last, 0]) % np.pi)
 
 
-def _best(
+def _choose_better_directions(
     score: Callable[[Float], Float], found: tuple[Float, Float], tried: Sequence[tuple[Float, float | Float]]
 ) -> tuple[Float, Float]:
-    """Return the best direction (P,) of each piece and its score.
+    """Try more directions; return the best direction (P,) of each piece so far, and its score (P,).
 
     Args:
         score: function from directions (P,) to scores (P,).
@@ -183,10 +187,10 @@ def _best(
     return best, record
 
 
-def _score(bridge: Areas, support: Areas, spacing: Float, angle: Float) -> Float:
-    """Return how well lines of a direction are supported in each piece (P,); 0 if no line is."""
+def _score_directions(bridge: Areas, support: Areas, spacing: Float, angle: Float) -> Float:
+    """Return a score (P,) for how well lines of one direction are supported in each piece; 0 if no line is."""
     lines = hatch(bridge, angle=angle, spacing=spacing)
-    carried = _carried(lines, hatch(support, angle=angle, spacing=spacing))
+    carried = _count_supported_ends(lines, hatch(support, angle=angle, spacing=spacing))
     length, n = lines.length(), bridge.n_layers
     total = np.bincount(lines.layer, weights=length, minlength=n)
     held = np.bincount(lines.layer, weights=length * _WORTH[carried], minlength=n)
@@ -197,8 +201,8 @@ def _score(bridge: Areas, support: Areas, spacing: Float, angle: Float) -> Float
     return np.where(held > 0, held / np.maximum(total, 1e-9) + _POSITIVE - _SHORTER * sagging, 0.0)
 
 
-def _carried(lines: Lines, support: Lines) -> Int:
-    """Return how many ends (S,) of each line lie on a support line of the same row: 0, 1 or 2."""
+def _count_supported_ends(lines: Lines, support: Lines) -> Int:
+    """Return the number of ends (S,) of each line that lie on a support line of the same row: 0, 1 or 2."""
     if support.n_lines == 0 or lines.n_lines == 0:
         return np.zeros(lines.n_lines, np.int64)
     rows = np.concatenate([lines.row, support.row])

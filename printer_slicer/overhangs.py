@@ -1,4 +1,4 @@
-"""Grade overhangs: compute how much of each perimeter's width rests on the layer below.
+"""Grade overhangs: compute how much of the width of each perimeter rests on the layer below.
 
 If the centre line runs at depth d inside the section of the layer below, the fraction 1/2 + d / width is supported. The
 sections themselves are compared, so the result is exact for any layer height.
@@ -49,13 +49,15 @@ def grade_overhangs(paths: Toolpaths, sections: Sections) -> Toolpaths:
     below = window_intersection(solid, own - 1, own)
     width = float(paths.width.max())
     air = _find_overhangs(solid, below, width)
-    near, shortest = _near(paths, air, width), _SHORTEST * float(paths.width.mean())
-    count = _counts(paths, near, _STEP * width)
+    near, shortest = _mark_near_overhangs(paths, air, width), _SHORTEST * float(paths.width.mean())
+    count = _count_pieces(paths, near, _STEP * width)
     parts = []
-    for first, last in pairwise(_bounds(paths, count)):
+    for first, last in pairwise(_split_into_blocks(paths, count)):
         some, points = paths.take(np.arange(first, last)), slice(*paths.start[[first, last]])
-        pieces = _cut(some, near[points], count[points])
-        parts.append(_join_pieces(some, pieces, _support_ratios(some, pieces, (below, air), width), shortest))
+        pieces = _cut_segments(some, near[points], count[points])
+        parts.append(
+            _join_pieces(some, pieces, _compute_support_ratios(some, pieces, (below, air), width), shortest)
+        )
     return Toolpaths.joined(paths.plan, parts)
 
 
@@ -67,7 +69,7 @@ def _find_overhangs(solid: Areas, below: Areas, width: float) -> Areas:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Pieces:
-    """The segments of all paths, some of them cut into equal pieces.
+    """Segments of all paths, some of them cut into equal pieces.
 
     Attributes:
         point: (K,) first point of the segment; the last point of an open path has a piece of length 0.
@@ -85,22 +87,22 @@ class _Pieces:
     path: Int
     open: Bool
 
-    def at(self, paths: Toolpaths, ahead: float = 0) -> Float:
-        """Return the position (K, 2) of each piece at `ahead`, from 0 (start) to 1 (end)."""
+    def points_at(self, paths: Toolpaths, ahead: float = 0) -> Float:
+        """Return the point (K, 2) of each piece at the fraction `ahead` of its length, from 0 (start) to 1 (end)."""
         share = ((self.step + ahead) / self.count)[:, None]
         start = paths.xy.take(self.point, axis=0)
         return start + share * (paths.xy.take(self.following, axis=0) - start)
 
     def take(self, which: Int) -> _Pieces:
-        """Return some of the pieces (n,), ascending."""
+        """Return the pieces with the given indices (n,), ascending."""
         point, following, step, count, path = (
             column.take(which) for column in (self.point, self.following, self.step, self.count, self.path)
         )
         return _Pieces(point, following, step, count, path, self.open.take(which))
 
 
-def _near(paths: Toolpaths, air: Areas, width: float) -> Bool:
-    """Return whether the segment from each point (N,) crosses the box around an overhang."""
+def _mark_near_overhangs(paths: Toolpaths, air: Areas, width: float) -> Bool:
+    """Return a mask (N,) of points whose segment crosses the box around an overhang."""
     start, end = (np.ascontiguousarray(xy.T) for xy in (paths.xy, paths.xy.take(paths.following, axis=0)))
     low, high = np.minimum(start, end) - width, np.maximum(start, end) + width
     result = np.zeros(len(paths.xy), np.bool_)
@@ -121,40 +123,43 @@ def _near(paths: Toolpaths, air: Areas, width: float) -> Bool:
     return result
 
 
-def _counts(paths: Toolpaths, near: Bool, longest: float) -> Int:
-    """Return the number of pieces of the segment from each point (N,)."""
+def _count_pieces(paths: Toolpaths, near: Bool, longest: float) -> Int:
+    """Return the number of pieces (N,) into which the segment from each point is cut."""
     return np.where(near, np.maximum(np.ceil(paths.steps() / longest), 1), 1).astype(np.int64)
 
 
-def _bounds(paths: Toolpaths, count: Int) -> list[int]:
+def _split_into_blocks(paths: Toolpaths, count: Int) -> list[int]:
     """Divide the paths into blocks of about `_AT_ONCE` pieces; return the first path of each block, and the end."""
     total = np.cumsum(np.add.reduceat(count, paths.start[:-1]))
     inner = np.searchsorted(total, np.arange(_AT_ONCE, int(total[-1]), _AT_ONCE)) + 1
     return [0, *distinct(inner[inner < paths.n_paths]).tolist(), paths.n_paths]
 
 
-def _cut(paths: Toolpaths, near: Bool, count: Int) -> _Pieces:
+def _cut_segments(paths: Toolpaths, near: Bool, count: Int) -> _Pieces:
+    """Cut the segment from each point into `count` (N,) pieces; those `near` (N,) overhangs are to be tested."""
     following = paths.following
     point, step = expand_counts(count)
     path = np.repeat(np.arange(paths.n_paths), np.diff(paths.start)).take(point)
     return _Pieces(point, following.take(point), step, count.take(point), path, near.take(point))
 
 
-def _support_ratios(paths: Toolpaths, pieces: _Pieces, under: tuple[Areas, Areas], width: float) -> Float:
+def _compute_support_ratios(
+    paths: Toolpaths, pieces: _Pieces, under: tuple[Areas, Areas], width: float
+) -> Float:
     """Return the support ratio of each piece (K,), from both of its ends; no extrusion is wider than `width`."""
     result = np.ones(len(pieces.point))
     chosen = np.flatnonzero(pieces.open)
     looked_at = pieces.take(chosen)
-    layer, middle = paths.layer.take(looked_at.path), looked_at.at(paths, 0.5)
+    layer, middle = paths.layer.take(looked_at.path), looked_at.points_at(paths, 0.5)
     near = mark_near_outlines(under[1], middle, layer, (1 + _STEP / 2) * width)
-    result[chosen[~near]] = _one_sided(
+    result[chosen[~near]] = _find_constant_ratios(
         pieces, chosen[~near], middle.compress(~near, axis=0), layer[~near], under[1]
     )
     chosen = chosen.compress(near)
     if not len(chosen):
         return result
     looked_at, layer = pieces.take(chosen), layer.compress(near)
-    start, end = looked_at.at(paths), looked_at.at(paths, 1)
+    start, end = looked_at.points_at(paths), looked_at.points_at(paths, 1)
     # Most pieces start where the previous one ends; only other ends need an additional test.
     is_last = np.append(
         (end[:-1, 0] != start[1:, 0]) | (end[:-1, 1] != start[1:, 1]) | (np.diff(chosen) != 1), True
@@ -163,33 +168,33 @@ def _support_ratios(paths: Toolpaths, pieces: _Pieces, under: tuple[Areas, Areas
     place = np.cumsum(size) - size
     points = np.zeros((int(size.sum()), 2))
     points[place], points[place[is_last] + 1] = start, end[is_last]
-    depth = _depths(under, points, np.repeat(layer, size), _REACH * width, place[is_last] + 1)
+    depth = _measure_depths(under, points, np.repeat(layer, size), _REACH * width, place[is_last] + 1)
     wide = (paths.width.take(looked_at.point) + paths.width.take(looked_at.following)) / 2
     shares = np.clip(0.5 + np.stack([depth.take(place), depth.take(place + 1)]) / wide, 0, 1)
     result[chosen] = shares.mean(axis=0)
     return result
 
 
-def _one_sided(pieces: _Pieces, some: Int, middle: Float, layer: Int, air: Areas) -> Float:
-    """Return 1 for pieces (n,) far from all overhangs and 0 for those far inside one; test one of each connected run.
+def _find_constant_ratios(pieces: _Pieces, indices: Int, middle: Float, layer: Int, air: Areas) -> Float:
+    """Return the ratio of pieces (n,) far from the edges of overhangs: 1 outside, 0 inside; test one piece per run.
 
     Args:
         pieces: all pieces.
-        some: (n,) indices of the pieces to test, ascending.
+        indices: (n,) indices of the pieces to test, ascending.
         middle: (n, 2) mm.
         layer: (n,).
         air: overhanging areas.
     """
     first = np.flatnonzero(
-        (np.diff(some, prepend=-2) != 1) | (np.diff(pieces.path.take(some), prepend=-1) != 0)
+        (np.diff(indices, prepend=-2) != 1) | (np.diff(pieces.path.take(indices), prepend=-1) != 0)
     )
     found = find_enclosing_rings(air, middle.take(first, axis=0), layer.take(first))
     hangs = (found >= 0) & (np.append(air.ring_area(), 0)[found] > 0)
-    return np.repeat(np.where(hangs, 0.0, 1.0), np.diff(first, append=len(some)))
+    return np.repeat(np.where(hangs, 0.0, 1.0), np.diff(first, append=len(indices)))
 
 
-def _depths(under: tuple[Areas, Areas], points: Float, layer: Int, reach: float, last: Int) -> Float:
-    """Return the depth (P,) of consecutive points, limited to +- `reach`; `last` are the last points of chains.
+def _measure_depths(under: tuple[Areas, Areas], points: Float, layer: Int, reach: float, last: Int) -> Float:
+    """Return the depth (P,) of points, limited to +- `reach`, mm; chains of points end at the indices `last`.
 
     `under` is the section of the layer below, and the overhanging areas of the layer itself.
     """
@@ -221,10 +226,10 @@ def _depths(under: tuple[Areas, Areas], points: Float, layer: Int, reach: float,
 
 
 def _join_pieces(paths: Toolpaths, pieces: _Pieces, support_ratio: Float, shortest: float) -> Toolpaths:
-    """Return the paths with a point at the start of each run of one grade."""
+    """Join pieces of the same grade; return the paths with a point at the start of each run of one grade."""
     length = paths.steps().take(pieces.point) / pieces.count
     of_piece = np.digitize(support_ratio, _GRADES)
-    grade = _without_short(of_piece, pieces.path, length, shortest)
+    grade = _merge_short_runs(of_piece, pieces.path, length, shortest)
     is_start = np.append(True, (np.diff(grade) != 0) | (np.diff(pieces.path) != 0))
     run = np.cumsum(is_start) - 1
     weight = length * (grade == of_piece)
@@ -238,7 +243,7 @@ def _join_pieces(paths: Toolpaths, pieces: _Pieces, support_ratio: Float, shorte
     size = np.bincount(some.path, minlength=paths.n_paths)
     return Toolpaths(
         paths.plan,
-        some.at(paths),
+        some.points_at(paths),
         width + share * (following - width),
         np.append(0, np.cumsum(size)),
         paths.layer,
@@ -250,7 +255,7 @@ def _join_pieces(paths: Toolpaths, pieces: _Pieces, support_ratio: Float, shorte
     )
 
 
-def _without_short(grade: Int, path: Int, length: Float, shortest: float) -> Int:
+def _merge_short_runs(grade: Int, path: Int, length: Float, shortest: float) -> Int:
     """Return the grades (K,) with runs shorter than `shortest` merged into the previous longer one."""
     is_start = np.append(True, (np.diff(grade) != 0) | (np.diff(path) != 0))
     run = np.cumsum(is_start) - 1

@@ -51,32 +51,32 @@ def classify(sections: Sections, walls: Walls, profile: Profile) -> Regions:
     below it, or if the area around it is too small for internal infill. The bed counts as a surface.
     """
     plan, inside, solid = sections.plan, walls.inside, sections.solid
-    rules, width = _Rules.of(settings_by_layer(profile, plan)), walls.width
-    near, (open_above, open_below) = _exposed(sections, inside, rules)
-    shell = _shell(walls, near, rules)
-    supporting, infill = _below(solid), difference(inside, shell)
+    rules, width = _RegionSettings.of(settings_by_layer(profile, plan)), walls.width
+    near, (open_above, open_below) = _find_exposed_areas(sections, inside, rules)
+    shell = _find_shell(walls, near, rules)
+    supporting, infill = _take_layer_below(solid), difference(inside, shell)
     if rules.empty.any():
-        hollow = _below(infill.of_layers(rules.empty))
+        hollow = _take_layer_below(infill.of_layers(rules.empty))
         # Nothing can stand on hollow areas, not even internal infill.
         lid = intersection(shell.of_layers(rules.empty).merge(inside.of_layers(~rules.empty)), hollow)
         supporting, open_below = difference(supporting, hollow), union(open_below, lid)
         infill = difference(infill, lid)
-    down = _grow(open_below, inside, width, rules.anchor)
+    down = _grow_areas(open_below, inside, width, rules.anchor)
     on_bed, overhanging = down.select(down.ring_layer == 0), down.select(down.ring_layer > 0)
     bridges = find_bridges(
         offset_open(open_below, width / 4), overhanging, supporting, width, (rules.anchor, rules.angle)
     )
-    down = on_bed.merge(bridges.covered())
-    up = difference(_grow(open_above, inside, width, 2 * width), down)
-    infill, scraps = _split_usable(difference(infill, down.merge(up)), width, rules)
-    scraps = _scraps_over_infill(scraps, _below(infill)).merge(
-        _narrow(difference(overhanging, down.merge(up).merge(infill)), width)
+    down = on_bed.merge(bridges.bridged_areas())
+    up = difference(_grow_areas(open_above, inside, width, 2 * width), down)
+    infill, scraps = _split_usable_infill(difference(infill, down.merge(up)), width, rules)
+    scraps = _select_scraps_over_infill(scraps, _take_layer_below(infill)).merge(
+        _select_narrow_pieces(difference(overhanging, down.merge(up).merge(infill)), width)
     )
-    bridges = bridges.with_scraps(split_connected(scraps), width / 4)
-    open_to_air = on_bed.merge(bridges.covered()).merge(up)
+    bridges = bridges.add_scraps(split_connected(scraps), width / 4)
+    open_to_air = on_bed.merge(bridges.bridged_areas()).merge(up)
     covered = difference(inside, infill.merge(open_to_air))
-    internal = find_internal_bridges(covered, _below(infill), width, rules.anchor)
-    bridge, angle = bridges.of_stack()
+    internal = find_internal_bridges(covered, _take_layer_below(infill), width, rules.anchor)
+    bridge, angle = bridges.place_on_layers()
     return Regions(
         plan,
         bottom_solid_infill=on_bed,
@@ -92,12 +92,12 @@ def classify(sections: Sections, walls: Walls, profile: Profile) -> Regions:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Rules:
+class _RegionSettings:
     """Settings of the regions for each layer (L,), in mm, mm², ratios and counts.
 
     Attributes:
         full: whether the inside is all solid.
-        empty: whether everything but the shell stays empty.
+        empty: whether everything except the shell stays empty.
     """
 
     full: Bool
@@ -111,7 +111,7 @@ class _Rules:
     angle: Float
 
     @classmethod
-    def of(cls, layered: LayerSettings) -> _Rules:
+    def of(cls, layered: LayerSettings) -> _RegionSettings:
         """Return the settings of the profile of each layer."""
         density = layered.values(lambda profile: profile.quality.infill_density)
         return cls(
@@ -127,10 +127,10 @@ class _Rules:
         )
 
 
-def _exposed(
-    sections: Sections, inside: Areas, rules: _Rules
+def _find_exposed_areas(
+    sections: Sections, inside: Areas, rules: _RegionSettings
 ) -> tuple[tuple[Areas, Areas], tuple[Areas, Areas]]:
-    """Return the areas near a surface above and below, and those directly at a surface above and below.
+    """Return the areas near a surface above and below, and the areas directly at a surface above and below.
 
     On layers that are all solid, the first pair is not needed and equals the second.
     """
@@ -159,21 +159,21 @@ def _exposed(
     return (missing[1], missing[0]), (above, below)
 
 
-def _shell(walls: Walls, near: tuple[Areas, Areas], rules: _Rules) -> Areas:
-    """Return the areas that must be solid to close surfaces and slopes; everything on full layers."""
+def _find_shell(walls: Walls, near: tuple[Areas, Areas], rules: _RegionSettings) -> Areas:
+    """Return the areas that must be solid to close surfaces and slopes; on full layers, the whole inside."""
     if rules.full.all():
         return walls.inside
     shell = offset_open(union(*near), walls.width / 4)
     if (rules.slope > 0).any():
-        shell = union(shell, union(*_across_slopes(walls, rules)))
+        shell = union(shell, union(*_find_slope_areas(walls, rules)))
     dotted = rules.empty | (rules.smallest == 0)
     if not dotted.all():
-        shell = _without_dots(shell.of_layers(~dotted), walls.width).merge(shell.of_layers(dotted))
+        shell = _remove_tiny_pieces(shell.of_layers(~dotted), walls.width).merge(shell.of_layers(dotted))
     return walls.inside.of_layers(rules.full).merge(shell.of_layers(~rules.full))
 
 
-def _across_slopes(walls: Walls, rules: _Rules) -> tuple[Areas, Areas]:
-    """Return the areas above and below the perimeters at the end of the shell thickness, where slopes need them."""
+def _find_slope_areas(walls: Walls, rules: _RegionSettings) -> tuple[Areas, Areas]:
+    """Return the parts of the inside that perimeters cover on the layers where the shell ends, above and below."""
     plan, inside, sloped = walls.plan, walls.inside, rules.slope > 0
     above = _window_above(plan, rules.top)
     below = _window_below(plan, rules.bottom)
@@ -183,16 +183,16 @@ def _across_slopes(walls: Walls, rules: _Rules) -> tuple[Areas, Areas]:
     # A slope continues through all layers between, so the farthest layer decides.
     over, under = (
         offset_open(
-            _uncovered(inside, at),
-            _unneeded_width(walls, rules, thickness, np.abs(plan.cut[at] - plan.cut)) / 2,
+            _subtract_layer(inside, at),
+            _compute_unneeded_width(walls, rules, thickness, np.abs(plan.cut[at] - plan.cut)) / 2,
         )
         for at, thickness in ((highest, rules.top), (lowest, rules.bottom))
     )
     return over, under
 
 
-def _without_dots(shell: Areas, width: Float) -> Areas:
-    """Remove tiny pieces from the shell, as faceted slopes leave them where solid strips end.
+def _remove_tiny_pieces(shell: Areas, width: Float) -> Areas:
+    """Remove tiny pieces of the shell, which faceted slopes leave where solid strips end.
 
     Such pieces are useless beside internal infill. Areas too small for internal infill become solid anyway.
     """
@@ -201,14 +201,16 @@ def _without_dots(shell: Areas, width: Float) -> Areas:
     return pieces.on_layers(shell.n_layers, np.flatnonzero(large))
 
 
-def _uncovered(inside: Areas, at: Int) -> Areas:
-    """Return the inside of each layer minus the inside of layer `at` (L,)."""
+def _subtract_layer(inside: Areas, at: Int) -> Areas:
+    """Return the inside of each layer minus the inside of the layer `at` (L,)."""
     other = at != np.arange(inside.n_layers)
     cover = window_intersection(inside, at, at + 1)
     return difference(inside.of_layers(other), cover.of_layers(other))
 
 
-def _unneeded_width(walls: Walls, rules: _Rules, thickness: Float, section_distance: Float) -> Float:
+def _compute_unneeded_width(
+    walls: Walls, rules: _RegionSettings, thickness: Float, section_distance: Float
+) -> Float:
     """Return the width (L,) of solid strips beside the perimeters that can be left out, mm.
 
     Such strips come from slopes so steep that the perimeters alone are thick enough: the strip is thickness / tan t
@@ -223,7 +225,7 @@ def _unneeded_width(walls: Walls, rules: _Rules, thickness: Float, section_dista
     return np.clip(steep, half, np.maximum(depth, half))
 
 
-def _split_usable(infill: Areas, width: Float, rules: _Rules) -> tuple[Areas, Areas]:
+def _split_usable_infill(infill: Areas, width: Float, rules: _RegionSettings) -> tuple[Areas, Areas]:
     """Split internal infill into usable areas and scraps that are too small or too narrow for it."""
     as_they_are = rules.empty | (rules.smallest == 0)
     if as_they_are.all():
@@ -237,22 +239,22 @@ def _split_usable(infill: Areas, width: Float, rules: _Rules) -> tuple[Areas, Ar
     return kept.merge(untouched), difference(infill, kept)
 
 
-def _scraps_over_infill(scraps: Areas, infill: Areas) -> Areas:
+def _select_scraps_over_infill(scraps: Areas, infill: Areas) -> Areas:
     """Return the scraps that lie mostly over internal infill; as solid infill they would be unsupported."""
     pieces = split_connected(scraps)
     area = intersection(pieces.areas, pieces.select_nearby_rings(infill)).area()
     return pieces.on_layers(scraps.n_layers, np.flatnonzero(area > pieces.areas.area() / 2))
 
 
-def _narrow(beside: Areas, width: Float) -> Areas:
-    """Return the pieces too narrow for two extrusions side by side."""
+def _select_narrow_pieces(beside: Areas, width: Float) -> Areas:
+    """Return the pieces that are too narrow for two extrusions side by side."""
     pieces = split_connected(beside)
     slim = pieces.mean_width() < 2 * width[pieces.layer]
     return pieces.on_layers(beside.n_layers, np.flatnonzero(slim))
 
 
-def _below(solid: Areas) -> Areas:
-    """Return the section below each layer; empty for the first layer."""
+def _take_layer_below(solid: Areas) -> Areas:
+    """Return for each layer the area of the layer below; empty for the first layer."""
     own = np.arange(solid.n_layers)
     return window_intersection(solid, own - 1, own)
 
@@ -274,6 +276,6 @@ def _window_below(plan: LayerPlan, thickness: Float) -> tuple[Int, Int]:
     return np.where(near_bed & (thickness > 0), -1, first).astype(np.int64), last
 
 
-def _grow(area: Areas, inside: Areas, width: Float, by: Float) -> Areas:
-    """Drop slivers narrower than half an extrusion, and grow by `by` (L,) mm so that lines end on a support."""
+def _grow_areas(area: Areas, inside: Areas, width: Float, by: Float) -> Areas:
+    """Drop slivers narrower than half an extrusion, then grow the areas by `by` (L,) mm onto their supports."""
     return intersection(offset(offset_open(area, width / 4), by), inside)

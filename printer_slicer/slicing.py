@@ -40,18 +40,18 @@ def cut(mesh: Mesh, plan: LayerPlan, resolution: float) -> Sections:
     """
     exact = plan.containment != "mid"
     rings = _cut_rings(mesh, plan, None if exact else resolution)
-    solid = _contained_areas(mesh, plan, rings.areas) if exact else normalize(rings.areas)
+    solid = _compute_contained_areas(mesh, plan, rings.areas) if exact else normalize(rings.areas)
     if solid.n_rings == 0:
         raise PartError(
             f"{mesh.name}: no layer contains any material",
             remedy="Check size and unit of the part: it may be thinner than one layer, or inside out",
         )
-    inverted = None if exact else _inverted_areas(rings.areas, solid)
+    inverted = None if exact else _find_inverted_areas(rings.areas, solid)
     return Sections(plan, solid, rings.unpaired, rings.gaps, inverted)
 
 
-def _inverted_areas(rings: Areas, solid: Areas) -> Areas | None:
-    """Return areas inside rings of reversed orientation, which are not solid; None if there are none.
+def _find_inverted_areas(rings: Areas, solid: Areas) -> Areas | None:
+    """Return the areas inside rings of reversed orientation, which are not solid; None if there are none.
 
     If no rings overlap and none is reversed, the sum of their signed areas equals the area of the solid.
     """
@@ -69,7 +69,7 @@ def _inverted_areas(rings: Areas, solid: Areas) -> Areas | None:
     return Areas(found.xy * mirror, found.ring_start, found.ring_layer, found.n_layers)
 
 
-def _contained_areas(mesh: Mesh, plan: LayerPlan, rings: Areas) -> Areas:
+def _compute_contained_areas(mesh: Mesh, plan: LayerPlan, rings: Areas) -> Areas:
     """Return the union (positive containment) or intersection (negative) of all sections within each layer.
 
     Sections at two heights of a layer differ only where the surface lies between them. So the union is the section at
@@ -79,10 +79,10 @@ def _contained_areas(mesh: Mesh, plan: LayerPlan, rings: Areas) -> Areas:
     if plan.containment == "positive":
         shadow = normalize(project_slabs(mesh.triangles, plan.bottom, plan.top))
         return offset(simplify(union(section, shadow), _FINE), _FINE)
-    return offset(simplify(_common_areas(mesh, plan, section), _FINE), -_FINE)
+    return offset(simplify(_intersect_sections(mesh, plan, section), _FINE), -_FINE)
 
 
-def _common_areas(mesh: Mesh, plan: LayerPlan, section: Areas) -> Areas:
+def _intersect_sections(mesh: Mesh, plan: LayerPlan, section: Areas) -> Areas:
     """Return the intersection of all sections within each layer.
 
     Overlapping bodies hide parts of each other's surface, so each body is processed alone; voids are inverted bodies.
@@ -188,7 +188,7 @@ def _cut_rings(mesh: Mesh, plan: LayerPlan, resolution: float | None = None) -> 
 def _join_rings(
     following: Int, crossings: Crossings, chords: Chords, plan: LayerPlan, name: str
 ) -> tuple[Areas, list[Gap]]:
-    """Join segments and chords tail to head into rings; also return the gaps that the chords close.
+    """Join segments and chords into rings; also return the gaps that the chords close.
 
     Raises:
         MeshError: more than a third of a contour would be guessed.
@@ -207,7 +207,7 @@ def _join_rings(
         return rings, []
     place_of_ring[first] = np.arange(len(first))
     gaps = _list_gaps(chords, crossings, plan)
-    _check_guessed(chords, place_of_ring[ring[chords.tail]], rings, gaps, name)
+    _check_guessed_length(chords, place_of_ring[ring[chords.tail]], rings, gaps, name)
     return rings, gaps
 
 
@@ -235,7 +235,7 @@ def _close_contours(
 
 
 def _close_ends(following: Int, loose: LooseEnds, n_pairs: int) -> tuple[Chords, LooseEnds]:
-    """Join loose ends up to 1 mm apart, then the others by chords that cross nothing.
+    """Join loose ends up to 1 mm apart, then the remaining ends by chords that cross nothing.
 
     Args:
         following: next node of each node of some planes.
@@ -260,7 +260,7 @@ def _close_ends(following: Int, loose: LooseEnds, n_pairs: int) -> tuple[Chords,
 
 
 def _open_surface_error(name: str, loose: LooseEnds, plan: LayerPlan, why: str) -> MeshError:
-    """Return the error for an open contour; it names the loose end with the lowest z, x, y."""
+    """Return the error for an open contour; its message names the loose end with the lowest z, x, y."""
     planes = loose.plane[loose.tails]
     lowest = loose.xy[loose.tails[planes == planes.min()]]
     x, y = lowest[np.lexsort(lowest.T[::-1])[0]]
@@ -282,7 +282,7 @@ def _list_gaps(chords: Chords, crossings: Crossings, plan: LayerPlan) -> list[Ga
     return [Gap(*row) for row in zip(*(column[order].tolist() for column in columns), strict=True)]
 
 
-def _check_guessed(chords: Chords, ring: Int, rings: Areas, gaps: list[Gap], name: str) -> None:
+def _check_guessed_length(chords: Chords, ring: Int, rings: Areas, gaps: list[Gap], name: str) -> None:
     """Check that no contour consists of guessed chords for more than a third of its length.
 
     Args:
