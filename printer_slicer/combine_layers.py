@@ -18,7 +18,7 @@ _CUT = 0.05  # cost of filling the rest of a layer separately, as a fraction of 
 
 
 def tallest_groups(plan: LayerPlan, limit: float) -> Int:
-    """Return (L,) the first layer of the tallest possible group that ends with each layer.
+    """Return the first layer (L,) of the tallest possible group that ends with each layer.
 
     Args:
         plan: the layers; the first one is always a group of its own.
@@ -30,13 +30,13 @@ def tallest_groups(plan: LayerPlan, limit: float) -> Int:
 
 
 def area_savings(areas: Areas, lowest: Int) -> Float:
-    """Return (n, L) the area of infill, mm², saved by combining each layer (column) with `extra` (row) layers below it.
+    """Return the infill area (n, L), mm², saved by combining each layer (column) with `extra` (row) layers below it.
 
     A group of n layers saves n - 1 times the area that all of them share, less a small cost for the lines that the
     remaining areas cut in two. Groups that start below `lowest` (L,) save nothing.
     """
     n, own = areas.n_layers, np.arange(areas.n_layers)
-    saved, so_far = np.zeros((_most(lowest), n)), np.append(0.0, np.cumsum(areas.area()))
+    saved, so_far = np.zeros((_find_largest_group(lowest), n)), np.append(0.0, np.cumsum(areas.area()))
     for extra in range(1, len(saved)):
         fits = own - extra >= lowest
         common = window_intersection(areas, np.where(fits, own - extra, own), own + 1)
@@ -47,17 +47,17 @@ def area_savings(areas: Areas, lowest: Int) -> Float:
 
 
 def last_layers(groups: Int) -> Int:
-    """Return (L,) the last layer of each layer's group; `groups` (L,) has the first ones."""
+    """Return the last layer (L,) of each layer's group; `groups` (L,) holds the first layers."""
     return np.asarray(np.searchsorted(groups, groups, side="right") - 1, np.int64)
 
 
-def _most(lowest: Int) -> int:
+def _find_largest_group(lowest: Int) -> int:
     """Return the maximum number of layers of a group."""
     return int(np.max(np.arange(len(lowest)) - lowest, initial=0)) + 1
 
 
 def choose_groups(saved: Float) -> Int:
-    """Return (L,) the first layer of each layer's group, for the grouping that saves the most in total.
+    """Return the first layer (L,) of each layer's group, for the grouping that saves the most in total.
 
     Args:
         saved: (n, L) saving of the group that ends with a layer (column) and has `row` more layers below it.

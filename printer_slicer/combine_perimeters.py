@@ -42,11 +42,11 @@ __all__ = [
     "combine_perimeters",
     "cut_paths",
     "find_bands",
-    "open_loops",
-    "shared_pieces",
-    "spans_between",
-    "spans_within",
-    "supported_runs",
+    "find_shared_pieces",
+    "find_spans_between",
+    "find_spans_within",
+    "find_supported_runs",
+    "unroll_paths",
 ]
 
 _NOTHING = 1e-6  # mm
@@ -54,7 +54,7 @@ _NOTHING = 1e-6  # mm
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PathSpans:
-    """Spans of paths.
+    """Spans of paths, from one position along a path to another.
 
     Attributes:
         path: (S,) ascending.
@@ -72,12 +72,12 @@ class PathSpans:
             object.__setattr__(self, name, frozen_array(getattr(self, name), dtype, (n,)))
 
     def take(self, chosen: Int) -> PathSpans:
-        """Return some of the spans, by index."""
+        """Return the spans with the given indices."""
         return PathSpans(self.path[chosen], self.begin[chosen], self.end[chosen])
 
 
-def open_loops(paths: Toolpaths, rounds: int = 1) -> tuple[Int, Int]:
-    """Return the points (K,) of paths as open lines, and the first point (M + 1,) of each.
+def unroll_paths(paths: Toolpaths, rounds: int = 1) -> tuple[Int, Int]:
+    """Return the point indices (K,) of paths as open lines, and the offset (M + 1,) of each line.
 
     Loops end at their first point and are repeated `rounds` times.
     """
@@ -88,9 +88,9 @@ def open_loops(paths: Toolpaths, rounds: int = 1) -> tuple[Int, Int]:
     return first + step % np.repeat(size, count), np.append(0, np.cumsum(count))
 
 
-def supported_runs(paths: Toolpaths) -> tuple[Float, Int, Int]:
-    """Return the fully supported runs of paths: points (N, 2), first point (R + 1,) and layer (R,) of each run."""
-    point, start = open_loops(paths)
+def find_supported_runs(paths: Toolpaths) -> tuple[Float, Int, Int]:
+    """Find the fully supported runs of paths; return points (N, 2), offset (R + 1,) and layer (R,) of each run."""
+    point, start = unroll_paths(paths)
     owner = np.repeat(np.arange(paths.n_paths), np.diff(start))
     laid = np.append(np.diff(owner) == 0, False)
     laid &= paths.support_ratio[point] >= 1
@@ -101,9 +101,9 @@ def supported_runs(paths: Toolpaths) -> tuple[Float, Int, Int]:
     return paths.xy.take(chosen, axis=0), np.append(0, np.cumsum(size)), paths.layer[owner[first]]
 
 
-def spans_within(paths: Toolpaths, areas: Areas, shortest: float) -> PathSpans:
-    """Return the spans of paths inside the areas of their layers that are at least `shortest` mm long."""
-    point, start = open_loops(paths)
+def find_spans_within(paths: Toolpaths, areas: Areas, shortest: float) -> PathSpans:
+    """Find the spans of paths inside the areas of their layers that are at least `shortest` mm long."""
+    point, start = unroll_paths(paths)
     lines = Polylines.of(paths.xy.take(point, axis=0), np.diff(start), paths.layer)
     path, begin, end = clip_to_spans(areas, lines)
     order = np.argsort(path, kind="stable")
@@ -120,8 +120,8 @@ def spans_within(paths: Toolpaths, areas: Areas, shortest: float) -> PathSpans:
     return PathSpans(path, begin, end).take(np.flatnonzero(kept))
 
 
-def spans_between(paths: Toolpaths, inside: PathSpans) -> PathSpans:
-    """Return the spans between the given ones, for the paths that have any."""
+def find_spans_between(paths: Toolpaths, inside: PathSpans) -> PathSpans:
+    """Find the remaining spans between the spans `inside`, on the paths that have any."""
     long = paths.length()
     path, low, high = inside.path, inside.begin, inside.end
     is_first = run_starts(path)
@@ -140,22 +140,22 @@ def spans_between(paths: Toolpaths, inside: PathSpans) -> PathSpans:
     return PathSpans(path[order], begin[order], end[order])
 
 
-def cut_paths(paths: Toolpaths, stretches: PathSpans) -> Toolpaths:
+def cut_paths(paths: Toolpaths, chosen_spans: PathSpans) -> Toolpaths:
     """Cut spans out of paths, with their widths and supports; a span of a whole loop stays closed."""
-    if not len(stretches.path):
+    if not len(chosen_spans.path):
         return paths.take(np.zeros(0, np.int64))
-    point, start = open_loops(paths, 2)
+    point, start = unroll_paths(paths, 2)
     xy = paths.xy.take(point, axis=0)
     step = np.hypot(*np.diff(xy, axis=0, append=xy[-1:]).T)
     step[start[1:] - 1] = 1.0  # between paths, so that distances ascend
     reached = np.cumsum(step) - step
     once = np.diff(paths.start) - ~paths.closed
     long = reached[start[:-1] + once] - reached[start[:-1]]
-    origin = reached[start[:-1]][stretches.path]
-    whole = paths.closed[stretches.path] & (
-        stretches.end - stretches.begin >= long[stretches.path] - _NOTHING
+    origin = reached[start[:-1]][chosen_spans.path]
+    whole = paths.closed[chosen_spans.path] & (
+        chosen_spans.end - chosen_spans.begin >= long[chosen_spans.path] - _NOTHING
     )
-    low, high = origin + stretches.begin, origin + stretches.end
+    low, high = origin + chosen_spans.begin, origin + chosen_spans.end
     first = np.searchsorted(reached, low + _NOTHING)
     inner = np.maximum(np.searchsorted(reached, high - _NOTHING) - first, 0)
     size = inner + 2 - whole
@@ -165,17 +165,17 @@ def cut_paths(paths: Toolpaths, stretches: PathSpans) -> Toolpaths:
     place[consecutive(begins + 1, inner)] = reached[consecutive(first, inner)]
     place[(begins + size - 1)[~whole]] = high[~whole]
     segment = np.searchsorted(reached, place + _NOTHING, side="right") - 1
-    layer, columns = paths.layer[stretches.path], (*xy.T, paths.width[point])
+    layer, columns = paths.layer[chosen_spans.path], (*xy.T, paths.width[point])
     x, y, width = (np.interp(place, reached, column) for column in columns)
     return Toolpaths.gathered(
         paths.plan,
         xy=np.column_stack([x, y]),
         size=size,
         layer=layer,
-        role=paths.role[stretches.path],
+        role=paths.role[chosen_spans.path],
         width=width,
         closed=whole,
-        height=paths.height[stretches.path],
+        height=paths.height[chosen_spans.path],
         support_ratio=paths.support_ratio[point[segment]],
     )
 
@@ -190,25 +190,25 @@ class PerimeterBands:
     """Bands along perimeters, about 0.06 mm wide.
 
     Attributes:
-        standing: for each layer, the bands in the same place as on the layer below.
-        seen: for each layer, the bands that the next layer does not cover.
+        same_as_below: for each layer, the bands in the same place as on the layer below.
+        uncovered: for each layer, the bands that the next layer does not cover.
     """
 
-    standing: Areas
-    seen: Areas
+    same_as_below: Areas
+    uncovered: Areas
 
-    def shared(self, first: Int, last: Int) -> Areas:
-        """Return for each layer k the bands in one place from `first[k]` to `last[k]`; nothing if these are equal."""
+    def find_shared(self, first: Int, last: Int) -> Areas:
+        """Return for each layer k the bands shared by layers `first[k]` to `last[k]`; nothing if these are equal."""
         several = last > first
         own = np.arange(len(first))
         window = window_intersection(
-            self.standing, np.where(several, first + 1, own), np.where(several, last + 1, own + 1)
+            self.same_as_below, np.where(several, first + 1, own), np.where(several, last + 1, own + 1)
         )
-        hidden = self.seen.copy_layers(last)
+        hidden = self.uncovered.copy_layers(last)
         return difference(window.of_layers(several), hidden.of_layers(several))
 
     def savings(self, lowest: Int) -> Float:
-        """Return the length (n, L), mm, saved by combining a layer (column) with the `extra` (row) layers below it.
+        """Return the length (n, L), mm, saved by combining each layer (column) with `extra` (row) layers below it.
 
         `lowest` (L,) is the first layer of the highest group that ends with each layer.
         """
@@ -216,12 +216,12 @@ class PerimeterBands:
         saved = np.zeros((int((own - lowest).max(initial=0)) + 1, len(own)))
         for extra in range(1, len(saved)):
             fits = own - extra >= lowest
-            saved[extra] = extra * self.shared(np.where(fits, own - extra, own), own).area() / (2 * _PEN)
+            saved[extra] = extra * self.find_shared(np.where(fits, own - extra, own), own).area() / (2 * _PEN)
         return saved
 
 
 def find_bands(inner: Toolpaths, sections: Sections, regions: Regions, width: float) -> PerimeterBands:
-    """Return the bands of perimeters; unsupported perimeters have none.
+    """Find the bands along perimeters; unsupported perimeters have no bands.
 
     Bridges and internal bridges need the perimeters on which they end, so perimeters next to a bridge are not combined
     with those below.
@@ -233,21 +233,23 @@ def find_bands(inner: Toolpaths, sections: Sections, regions: Regions, width: fl
         width: mm, extrusion width.
     """
     n, own = inner.plan.n_layers, np.arange(inner.plan.n_layers)
-    xy, start, layer = supported_runs(inner)
+    xy, start, layer = find_supported_runs(inner)
     drawn = stroke_lines(xy, start, layer, np.full(len(layer), _PEN), n)
     both = window_intersection(drawn, own - 1, own + 1)
     bridges = offset(regions.bridge.merge(regions.internal_bridge), width)
     above = window_intersection(sections.solid, own + 1, own + 2)
-    return PerimeterBands(_wide(difference(both, bridges)), difference(drawn, offset(above, -width / 2)))
+    return PerimeterBands(
+        _drop_narrow_bands(difference(both, bridges)), difference(drawn, offset(above, -width / 2))
+    )
 
 
-def shared_pieces(bands: PerimeterBands, groups: Int) -> ConnectedAreas:
-    """Return the pieces of each group's perimeters that are worth combining, grown around the perimeters.
+def find_shared_pieces(bands: PerimeterBands, groups: Int) -> ConnectedAreas:
+    """Find the pieces of perimeters in each group that are worth combining, grown around the perimeters.
 
     Each piece is on the last layer of its group and contains a span of perimeter on every layer of the group.
     """
     own = np.arange(len(groups))
-    shared = _wide(bands.shared(np.where(last_layers(groups) == own, groups, own), own))
+    shared = _drop_narrow_bands(bands.find_shared(np.where(last_layers(groups) == own, groups, own), own))
     pieces = split_connected(shared)
     rings = np.bincount(pieces.areas.ring_layer, minlength=pieces.count)
     worth = (rings > 1) | (pieces.areas.area() >= 2 * _PEN * _SHORTEST)
@@ -255,7 +257,8 @@ def shared_pieces(bands: PerimeterBands, groups: Int) -> ConnectedAreas:
     return split_connected(offset(kept, 1.5 * _PEN))
 
 
-def _wide(bands: Areas) -> Areas:
+def _drop_narrow_bands(bands: Areas) -> Areas:
+    """Drop bands of perimeters that are too far apart to be combined."""
     return offset_open(bands, (2 * _PEN - SAME_PLACE) / 2)
 
 
@@ -288,22 +291,24 @@ def combine_perimeters(
     if (lowest == np.arange(plan.n_layers)).all() or not inner.any():
         return paths, None
     bands = find_bands(paths.take(np.flatnonzero(inner)), sections, regions, profile.extrusion_width)
-    groups = _groups(bands, plan, lowest, regions.internal_infill, profile)
+    groups = _choose_perimeter_groups(bands, plan, lowest, regions.internal_infill, profile)
     inner &= np.bincount(groups, minlength=plan.n_layers)[groups[paths.layer]] > 1
     some = paths.take(np.flatnonzero(inner))
-    stretches, piece = _stretches(some, shared_pieces(bands, groups), groups)
-    touched = np.isin(np.arange(some.n_paths), stretches.path)
+    chosen_spans, piece = _find_combinable_spans(some, find_shared_pieces(bands, groups), groups)
+    touched = np.isin(np.arange(some.n_paths), chosen_spans.path)
     parts = [
         paths.take(np.flatnonzero(~inner)),
         some.take(np.flatnonzero(~touched)),
-        cut_paths(some, spans_between(some, stretches)),
-        _as_one(cut_paths(some, stretches), piece, groups),
+        cut_paths(some, find_spans_between(some, chosen_spans)),
+        _merge_spans(cut_paths(some, chosen_spans), piece, groups),
     ]
     return Toolpaths.joined(plan, parts), groups
 
 
-def _groups(bands: PerimeterBands, plan: LayerPlan, lowest: Int, infill: Areas, profile: Profile) -> Int:
-    """Return the first layer (L,) of each one's group, for the groups that save the most extrusion."""
+def _choose_perimeter_groups(
+    bands: PerimeterBands, plan: LayerPlan, lowest: Int, infill: Areas, profile: Profile
+) -> Int:
+    """Return the first layer (L,) of each layer's group, for the groups that save the most extrusion."""
     quality = profile.quality
     of_infill = area_savings(
         infill, tallest_groups(plan, min(quality.internal_infill_every, profile.highest_bead))
@@ -316,22 +321,22 @@ def _groups(bands: PerimeterBands, plan: LayerPlan, lowest: Int, infill: Areas, 
     return choose_groups(several)
 
 
-def _stretches(some: Toolpaths, pieces: ConnectedAreas, groups: Int) -> tuple[PathSpans, Int]:
+def _find_combinable_spans(paths: Toolpaths, pieces: ConnectedAreas, groups: Int) -> tuple[PathSpans, Int]:
     """Return the spans of paths to combine, and the piece (S,) that contains each span."""
     last = last_layers(groups)
     area = pieces.on_layers(len(groups), np.arange(pieces.count))
-    spans = spans_within(some, area.copy_layers(last), _SLIVER)
-    made = cut_paths(some, spans)
+    spans = find_spans_within(paths, area.copy_layers(last), _SLIVER)
+    made = cut_paths(paths, spans)
     size = np.diff(made.start)
     middle = made.xy[made.start[:-1] + size // 2 - 1] + made.xy[made.start[:-1] + size // 2]
     ring = find_enclosing_rings(area, middle / 2, last[made.layer])
     piece = np.append(pieces.areas.ring_layer, -1)[ring]
-    good = np.flatnonzero(np.append(_alike(made, piece, pieces.count, groups), False)[piece])
+    good = np.flatnonzero(np.append(_mark_uniform_pieces(made, piece, pieces.count, groups), False)[piece])
     return spans.take(good), piece[good]
 
 
-def _alike(made: Toolpaths, piece: Int, count: int, groups: Int) -> Bool:
-    """Return the pieces (count,) with spans of equal length and sufficient equal width on every layer of their group.
+def _mark_uniform_pieces(made: Toolpaths, piece: Int, count: int, groups: Int) -> Bool:
+    """Return a mask (count,) of pieces whose spans have equal length and enough equal width on all layers of a group.
 
     Args:
         made: the spans as paths.
@@ -365,8 +370,8 @@ def _alike(made: Toolpaths, piece: Int, count: int, groups: Int) -> Bool:
     return np.asarray(everywhere & even & (bead.width_for_spacing(least[1], thick) >= thick))
 
 
-def _as_one(made: Toolpaths, piece: Int, groups: Int) -> Toolpaths:
-    """Keep the spans of each piece (M,) on the last layer, with the volume of all layers."""
+def _merge_spans(made: Toolpaths, piece: Int, groups: Int) -> Toolpaths:
+    """Keep only the spans on the last layer of each piece (M,), with the volume of all layers."""
     plan = made.plan
     laid = np.bincount(piece, made.area() * made.height)
     kept = np.flatnonzero(made.layer == last_layers(groups)[made.layer])

@@ -42,7 +42,7 @@ def compensate(sections: Sections, profile: Profile) -> Sections:
 
 
 def _offset_outlines(solid: Areas, outward: float, holes_by: float) -> Areas:
-    """Grow outer outlines by `outward` mm and holes by `holes_by` mm."""
+    """Grow outer outlines by `outward` mm, and holes by `holes_by` mm."""
     is_outer = solid.ring_area() > 0
     outer, holes = solid.select(is_outer), solid.select(~is_outer)
     if not outer.n_rings:
@@ -60,7 +60,7 @@ def _offset_outlines(solid: Areas, outward: float, holes_by: float) -> Areas:
 
 
 def _reverse_rings(rings: Areas, order: np.ndarray[tuple[int, ...], np.dtype[np.int64]]) -> Areas:
-    """Return rings reordered and reversed, all on one layer."""
+    """Return the rings in the given order, each reversed, all on one layer."""
     points = [rings.ring(i)[::-1] for i in order.tolist()]
     size = np.array([0, *map(len, points)], np.int64)
     return Areas(

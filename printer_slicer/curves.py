@@ -21,7 +21,7 @@ from printer_slicer.model import Toolpaths
 from printer_slicer.motion.arcs import CHORDS_PER_TURN, LONGEST_CHORD, SHORTEST_CHORD
 from printer_slicer.profile import Profile
 
-__all__ = ["PathLines", "fit_arcs", "fitted_ranges", "merge_moves"]
+__all__ = ["PathLines", "fit_arcs", "fit_ranges", "merge_moves"]
 
 _SAME_WIDTH = 0.002  # mm
 _ROUNDS = 40
@@ -32,7 +32,7 @@ Fits = Callable[[Int, Int], Bool]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PathLines:
-    """The straight moves of all paths.
+    """Straight moves of all paths.
 
     Attributes:
         begin: (S,) index of the first point.
@@ -67,21 +67,21 @@ class PathLines:
         return cls(begin, end, paths.xy[begin], way, apart)
 
 
-def fitted_ranges(line: PathLines, fits: Fits) -> tuple[Int, Int]:
+def fit_ranges(line: PathLines, fits: Fits) -> tuple[Int, Int]:
     """Join moves into ranges (T,), from `first` up to `stop`, until none can be joined with the next one."""
     first = np.arange(len(line.begin))
     stop = first + 1
     idle = 0  # rounds in which nothing was joined
     for turn in range(_ROUNDS):
-        first, stop, joined = _joined(line, first, stop, fits, odd=turn % 2 == 1)
+        first, stop, joined = _join_ranges(line, first, stop, fits, odd=turn % 2 == 1)
         idle = 0 if joined else idle + 1
         if idle == 2:
             break
     return first, stop
 
 
-def _joined(line: PathLines, first: Int, stop: Int, fits: Fits, *, odd: bool) -> tuple[Int, Int, bool]:
-    """Join some ranges (T,) with their successors; also return whether any were joined.
+def _join_ranges(line: PathLines, first: Int, stop: Int, fits: Fits, *, odd: bool) -> tuple[Int, Int, bool]:
+    """Join ranges (T,) with their successors where that fits; also return whether any were joined.
 
     Every second range is tested, alternating between odd and even ones.
     """
@@ -114,16 +114,16 @@ def fit_arcs(paths: Toolpaths, profile: Profile) -> Toolpaths:
     line = PathLines.of(paths)
 
     def fits(first: Int, stop: Int) -> Bool:
-        return _on_a_circle(line, first, stop, tolerance)
+        return _lie_on_circle(line, first, stop, tolerance)
 
-    first, stop = fitted_ranges(line, fits)
+    first, stop = fit_ranges(line, fits)
     arc = np.flatnonzero(stop - first >= _LEAST)
-    return _with_arcs(paths, line, first[arc], stop[arc]) if len(arc) else paths
+    return _insert_arcs(paths, line, first[arc], stop[arc]) if len(arc) else paths
 
 
-def _on_a_circle(line: PathLines, first: Int, stop: Int, tolerance: float) -> Bool:
-    """Return whether the moves of ranges (T,) lie on a circle."""
-    centre, radius = _circles(line, first, stop)
+def _lie_on_circle(line: PathLines, first: Int, stop: Int, tolerance: float) -> Bool:
+    """Return a mask (T,) of ranges whose moves lie on a circle within the tolerance."""
+    centre, radius = _fit_circles(line, first, stop)
     size = stop - first
     owner, lines = np.repeat(np.arange(len(first)), size), consecutive(first, size)
     begin, way = line.xy[lines], line.way[lines]
@@ -143,8 +143,8 @@ def _on_a_circle(line: PathLines, first: Int, stop: Int, tolerance: float) -> Bo
     return np.asarray(good & (radius >= _SMALLEST) & (radius <= _LARGEST))
 
 
-def _circles(line: PathLines, first: Int, stop: Int) -> tuple[Float, Float]:
-    """Return centre (T, 2) and radius (T,) of the best fitting circle through both ends of each range."""
+def _fit_circles(line: PathLines, first: Int, stop: Int) -> tuple[Float, Float]:
+    """Return the centre (T, 2) and radius (T,) of the best-fitting circle through both ends of each range."""
     begin, last = line.xy[first], line.xy[stop - 1] + line.way[stop - 1]
     middle, chord = (begin + last) / 2, last - begin
     length = np.maximum(np.hypot(*chord.T), 1e-9)
@@ -164,9 +164,9 @@ def _circles(line: PathLines, first: Int, stop: Int) -> tuple[Float, Float]:
     return middle + shift[:, None] * normal, np.hypot(shift, length / 2)
 
 
-def _with_arcs(paths: Toolpaths, line: PathLines, first: Int, stop: Int) -> Toolpaths:
-    """Replace the points of ranges (A,) by points of arcs."""
-    centre, radius = _circles(line, first, stop)
+def _insert_arcs(paths: Toolpaths, line: PathLines, first: Int, stop: Int) -> Toolpaths:
+    """Replace the points of ranges (A,) by the points of fitted arcs."""
+    centre, radius = _fit_circles(line, first, stop)
     begin, last = line.xy[first], line.xy[stop - 1] + line.way[stop - 1]
     out, home = begin - centre, last - centre
     angle = np.arctan2(out[:, 1], out[:, 0])
@@ -205,9 +205,9 @@ def merge_moves(paths: Toolpaths, chosen: Bool, tolerance: float) -> Toolpaths:
     line = replace(line, apart=line.apart | ~chosen[owner] | arc | np.append(False, arc[:-1]))
 
     def fits(first: Int, stop: Int) -> Bool:
-        return _on_a_line(line, first, stop, tolerance)
+        return _lie_on_line(line, first, stop, tolerance)
 
-    first, stop = fitted_ranges(line, fits)
+    first, stop = fit_ranges(line, fits)
     kept = np.ones(len(paths.xy), np.bool_)
     kept[line.begin[consecutive(first + 1, stop - first - 1)]] = False
     return paths.of_points(
@@ -215,8 +215,8 @@ def merge_moves(paths: Toolpaths, chosen: Bool, tolerance: float) -> Toolpaths:
     )
 
 
-def _on_a_line(line: PathLines, first: Int, stop: Int, tolerance: float) -> Bool:
-    """Return whether the points of ranges (T,) lie near the line from begin to end, in ascending order."""
+def _lie_on_line(line: PathLines, first: Int, stop: Int, tolerance: float) -> Bool:
+    """Return a mask (T,) of ranges whose points lie near the line from start to end, in ascending order."""
     size = stop - first
     begin, last = line.xy[first], line.xy[stop - 1] + line.way[stop - 1]
     chord = last - begin

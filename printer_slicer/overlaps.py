@@ -40,7 +40,7 @@ class Overlap(NamedTuple):
 
 
 def find_overlaps(meshes: Sequence[Mesh]) -> Iterator[Overlap]:
-    """Yield the pairs of parts whose projections onto the bed overlap by more than 0.01 mm, ordered by the second.
+    """Yield pairs of parts whose projections onto the bed overlap by more than 0.01 mm, sorted by the second part.
 
     A part in a hole of another does not overlap with it; one over or under another does.
     """
@@ -49,7 +49,7 @@ def find_overlaps(meshes: Sequence[Mesh]) -> Iterator[Overlap]:
         room = np.minimum(high[:second], high[second]) - np.maximum(low[:second], low[second])
         for first in np.flatnonzero((room > _LEAST).all(axis=1)).tolist():
             window = np.maximum(low[first], low[second]), np.minimum(high[first], high[second])
-            common = intersection(*(_projection(meshes[at], *window) for at in (first, second)))
+            common = intersection(*(_project_mesh(meshes[at], *window) for at in (first, second)))
             size, area = _measure_overlaps(common)
             if len(size):
                 width, depth = size[np.argmax(area)].tolist()
@@ -57,7 +57,7 @@ def find_overlaps(meshes: Sequence[Mesh]) -> Iterator[Overlap]:
 
 
 def _measure_overlaps(common: Areas) -> tuple[Float, Float]:
-    """Join overlaps across tiles: (n, 2) mm, box around each connected one, and (n,) mm², without rounding errors."""
+    """Join overlaps across tiles; return the box size (n, 2), mm, and area (n,), mm², of each connected overlap."""
     if not common.n_rings:
         return np.zeros((0, 2)), np.zeros(0)
     whole = normalize(common.restacked(np.arange(common.n_rings), np.zeros(common.n_rings, np.int64), 1))
@@ -69,7 +69,7 @@ def _measure_overlaps(common: Areas) -> tuple[Float, Float]:
 
 
 def find_collisions(part: Mesh) -> Iterator[Overlap]:
-    """Yield the pairs of objects that occupy the same space by more than 0.1 mm, ordered by the second.
+    """Yield pairs of objects that intrude into each other by more than 0.1 mm, sorted by the second object.
 
     Objects of one file are placed relative to each other on purpose: one may stand on another or reach over it. Their
     sections are compared on 24 planes over the height that both have.
@@ -82,7 +82,7 @@ def find_collisions(part: Mesh) -> Iterator[Overlap]:
         )
         for first in np.flatnonzero((high - low > _SHARED).all(axis=1)).tolist():
             z = low[first, 2] + (np.arange(_PLANES) + 0.5) * ((high - low)[first, 2] / _PLANES)
-            common = intersection(*(_sections(part, at, z) for at in (first, second)))
+            common = intersection(*(_cut_object(part, at, z) for at in (first, second)))
             common = common.take(np.flatnonzero(np.abs(common.ring_area()) > _SHARED**2))
             boxes = Boxes.of_rings(common)
             sizes = (boxes.high - boxes.low)[(boxes.high - boxes.low > _SHARED).all(axis=1)]
@@ -91,14 +91,14 @@ def find_collisions(part: Mesh) -> Iterator[Overlap]:
                 yield Overlap(first, second, width, depth)
 
 
-def _sections(part: Mesh, number: int, z: Float) -> Areas:
+def _cut_object(part: Mesh, number: int, z: Float) -> Areas:
     """Return the solid sections of an object at heights (n,), mm."""
     item = part.objects[number]
     return normalize(section_contours(part.triangles[item.first : item.first + item.count], z))
 
 
-def _projection(mesh: Mesh, low: Float, high: Float) -> Areas:
-    """Project the upward facets within a window (2,) to (2,) mm; each tile of the window is a layer.
+def _project_mesh(mesh: Mesh, low: Float, high: Float) -> Areas:
+    """Project the upward facets within a window from `low` to `high` (2,), mm; each tile of the window is a layer.
 
     Facets that touch a tile are projected whole; two meshes in one window have the same tiles.
     """
@@ -114,7 +114,7 @@ def _projection(mesh: Mesh, low: Float, high: Float) -> Areas:
 
 
 def _assign_tiles(first: Float, last: Float, low: Float, high: Float) -> tuple[Int, Int]:
-    """Return which boxes (n, 2) to (n, 2) mm touch which tiles of a window: (m,) boxes, (m,) tiles."""
+    """Return pairs of a box (m,) and a tile (m,) of the window that touch; boxes go from `first` to `last` (n, 2)."""
     size = (high - low) / _TILES
     begin, end = (
         np.clip(((corner - low) / size).astype(np.int64), 0, _TILES - 1) for corner in (first, last)

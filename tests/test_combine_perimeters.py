@@ -16,8 +16,8 @@ from printer_slicer.combine_perimeters import (
     SAME_PLACE,
     combine_perimeters,
     cut_paths,
-    spans_between,
-    spans_within,
+    find_spans_between,
+    find_spans_within,
 )
 from printer_slicer.extrusion import move_seconds
 from printer_slicer.geometry.engine import ENGINES, using_engine
@@ -305,8 +305,8 @@ def test_what_is_cut_out_of_a_path_and_what_is_left_make_up_the_path(
         closed=closed,
     )
     areas = data.draw(rectilinear_areas(2))
-    inside = spans_within(path, areas, 0.5)
-    taken, left = cut_paths(path, inside), cut_paths(path, spans_between(path, inside))
+    inside = find_spans_within(path, areas, 0.5)
+    taken, left = cut_paths(path, inside), cut_paths(path, find_spans_between(path, inside))
 
     if not len(inside.path):
         assert left.n_paths == 0
