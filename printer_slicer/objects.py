@@ -1,4 +1,4 @@
-"""Slice objects that have settings or layer plans of their own; overlaps belong to the first object."""
+"""Slice objects that have their own settings or layer plans; where objects overlap, the first one counts."""
 
 from __future__ import annotations
 
@@ -39,8 +39,8 @@ def split_objects(part: Mesh, plan: LayerPlan | Sequence[LayerPlan], profile: Pr
         profile: may have overrides for objects.
 
     Raises:
-        UsageError: no object has that name, a repair mixed the facets of the objects, or the number of plans differs
-            from the number of objects.
+        UsageError: an override names no object, a repair mixed the facets of the objects, or the number of plans is not
+            the number of objects.
     """
     if isinstance(plan, LayerPlan):
         meshes, profiles = zip(*_group_by_settings(part, profile), strict=True)
@@ -48,29 +48,32 @@ def split_objects(part: Mesh, plan: LayerPlan | Sequence[LayerPlan], profile: Pr
     if len(plan) != max(len(part.objects), 1):
         raise UsageError(
             f"{part.name}: {len(plan)} layer plans for {max(len(part.objects), 1)} objects",
-            remedy="Give one plan for all, or one for each object",
+            remedy="Give one plan for all objects, or one for each",
         )
-    called = _names_of(part)
-    named = list_overridden_objects(profile)
-    _check_names(named, called)
+    object_names = _list_object_names(part)
+    overridden = list_overridden_objects(profile)
+    _check_names(overridden, object_names)
     _require_known_facets(part)
-    own = [profile_for_object(profile, tuple(name for name in named if name in names)) for names in called]
+    own = [
+        profile_for_object(profile, tuple(name for name in overridden if name in names))
+        for names in object_names
+    ]
     return [_extract_objects(part, [item]) for item in part.objects] or [part], list(plan), own
 
 
 def _group_by_settings(part: Mesh, profile: Profile) -> list[tuple[Mesh, Profile]]:
     """Return groups of objects with the same settings, each with its profile."""
-    named = list_overridden_objects(profile)
-    if not named:
+    overridden = list_overridden_objects(profile)
+    if not overridden:
         return [(part, profile)]
-    called = _names_of(part)
-    _check_names(named, called)
-    if len(called) == 1:
-        return [(part, profile_for_object(profile, called[0]))]
+    object_names = _list_object_names(part)
+    _check_names(overridden, object_names)
+    if len(object_names) == 1:
+        return [(part, profile_for_object(profile, object_names[0]))]
     _require_known_facets(part)
     own: dict[tuple[str, ...], list[PlateObject]] = {}
-    for item, names in zip(part.objects, called, strict=True):
-        own.setdefault(tuple(name for name in named if name in names), []).append(item)
+    for item, names in zip(part.objects, object_names, strict=True):
+        own.setdefault(tuple(name for name in overridden if name in names), []).append(item)
     return [
         (_extract_objects(part, items), profile_for_object(profile, names)) for names, items in own.items()
     ]
@@ -84,30 +87,31 @@ def _require_known_facets(part: Mesh) -> None:
     """
     if not all(item.count for item in part.objects):
         raise UsageError(
-            f"{part.name}: the mesh needs repair, which loses track of the facets of each object",
-            remedy="Repair the models first, or leave out the overrides for objects",
+            f"{part.name}: the mesh needs repair, and after that it is unknown which facets belong to which object",
+            remedy="Repair the mesh file first, or leave out the overrides for objects",
         )
 
 
-def _names_of(part: Mesh) -> list[set[str]]:
-    """Return all names of each object."""
-    called = _names_with_numbers([item.name for item in part.objects] or [part.name])
-    return [called[0] | {part.name}] if len(called) == 1 else called
+def _list_object_names(part: Mesh) -> list[set[str]]:
+    """Return for each object all names by which it may be called."""
+    object_names = _number_equal_names([item.name for item in part.objects] or [part.name])
+    return [object_names[0] | {part.name}] if len(object_names) == 1 else object_names
 
 
-def _names_with_numbers(names: Sequence[str]) -> list[set[str]]:
-    """Return the name of each object, and a numbered name if several objects have the same name."""
+def _number_equal_names(names: Sequence[str]) -> list[set[str]]:
+    """Return the name of each object, with a numbered name as well if several objects have the same name."""
     count: dict[str, int] = {}
-    called = []
+    object_names = []
     for name in names:
         count[name] = count.get(name, 0) + 1
-        called.append({name, f"{name}_{count[name]}"} if names.count(name) > 1 else {name})
-    return called
+        object_names.append({name, f"{name}_{count[name]}"} if names.count(name) > 1 else {name})
+    return object_names
 
 
-def _check_names(named: Sequence[str], called: Sequence[set[str]]) -> None:
-    known = sorted(set().union(*called))
-    for name in named:
+def _check_names(overridden: Sequence[str], object_names: Sequence[set[str]]) -> None:
+    """Check that each overridden name is the name of an object."""
+    known = sorted(set().union(*object_names))
+    for name in overridden:
         if name not in known:
             near = get_close_matches(name, known, n=1)
             hint = f"Did you mean {near[0]!r}?" if near else ""
@@ -118,7 +122,7 @@ def _check_names(named: Sequence[str], called: Sequence[set[str]]) -> None:
 
 
 def _extract_objects(part: Mesh, items: Sequence[PlateObject]) -> Mesh:
-    """Return some of the objects as a mesh."""
+    """Return the given objects of a part as one mesh."""
     pieces = [part.triangles[item.first : item.first + item.count] for item in items]
     return Mesh(np.concatenate(pieces), ", ".join(item.name for item in items))
 
@@ -139,7 +143,7 @@ def cut_objects(
 
 
 def _subtract_earlier(sections: Sequence[Sections]) -> list[Sections]:
-    """Subtract from the sections of each object those of all earlier objects."""
+    """Subtract the sections of all earlier objects from those of each object."""
     result, taken = [sections[0]], sections[0]
     for one in sections[1:]:
         result.append(replace(one, solid=difference(one.solid, taken.solid_at(one.plan))))
@@ -198,7 +202,7 @@ def object_paths(
         perimeters, groups = combine_perimeters(
             grade_overhangs(walls.paths, sections), sections, regions, profile
         )
-        of_layer = _profile_indices(numbered, settings_by_layer(profile, sections.plan))
+        of_layer = _find_profile_indices(numbered, settings_by_layer(profile, sections.plan))
         infill = infill_paths(regions, profile, groups, custom_infill)
         paths += [perimeters.with_settings(of_layer), infill.with_settings(of_layer)]
     if sum(some.n_paths for some in paths) == 0:
@@ -209,7 +213,7 @@ def object_paths(
     return paths, numbered
 
 
-def _profile_indices(profiles: list[Profile], settings: LayerSettings) -> Int:
-    """Return (L,) the index in `profiles` of each layer's profile; new profiles are appended."""
+def _find_profile_indices(profiles: list[Profile], settings: LayerSettings) -> Int:
+    """Return the index (L,) in `profiles` of the profile of each layer; append new profiles."""
     profiles += [one for one in settings.profiles if one not in profiles]
     return np.array([profiles.index(one) for one in settings.profiles])[settings.of_layer]

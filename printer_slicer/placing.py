@@ -75,7 +75,7 @@ def place(mesh: Mesh, printer: Printer, placement: Placement = IN_THE_MIDDLE) ->
         by[:2] = np.asarray(middle) - (low + high)[:2] / 2
     if placement.drop:
         by[2] = -low[2]
-    _check_place(mesh.name, low + by, high + by, printer, placement)
+    _check_position(mesh.name, low + by, high + by, printer, placement)
     placed = np.zeros_like(mesh.triangles)
     for block in blocks(mesh.n_facets):
         # Round to 1 nm, so that the position in the file does not decide ties between points equal but for rounding.
@@ -106,7 +106,7 @@ def _check_size(name: str, size: Float, printer: Printer, placement: Placement) 
 
 
 def _multiply_factors(factors: str, by: float) -> str:
-    """Multiply written scale factors by `by`, rounded down to two digits so that the part still fits."""
+    """Multiply scale factors, given as text, by `by`; round down to two digits so that the part still fits."""
     made = []
     for word in factors.split(","):
         factor = by * float(word.strip().removesuffix("%"))
@@ -117,7 +117,7 @@ def _multiply_factors(factors: str, by: float) -> str:
     return ",".join(made)
 
 
-def _check_place(name: str, low: Float, high: Float, printer: Printer, placement: Placement) -> None:
+def _check_position(name: str, low: Float, high: Float, printer: Printer, placement: Placement) -> None:
     """Check that the part lies within the print volume."""
     flag, instead = (
         ("`as_placed`", "set the position with `center`")
@@ -128,19 +128,20 @@ def _check_place(name: str, low: Float, high: Float, printer: Printer, placement
     for axis, letter in enumerate("xy"):
         if low[axis] < corners[0, axis] - _SLACK or high[axis] > corners[1, axis] + _SLACK:
             raise PartError(
-                f"{name}: extends from {letter} {low[axis]:.5g} to {high[axis]:.5g} mm, but the bed of "
+                f"{name}: the part extends from {letter} {low[axis]:.5g} to {high[axis]:.5g} mm, but the bed of "
                 f"{printer.name!r} goes from {corners[0, axis]:g} to {corners[1, axis]:g} mm",
                 remedy=f"Omit {flag} to use the middle of the bed, or {instead}",
             )
     if low[2] < -_SLACK:
         raise PartError(
-            f"{name}: extends {-low[2]:.5g} mm below the bed",
-            remedy="Omit `drop=False` to place it on the bed, or cut off its bottom in a CAD program",
+            f"{name}: the part extends {-low[2]:.5g} mm below the bed",
+            remedy="Omit `drop=False` to place the part on the bed, or cut off its bottom in a CAD program",
         )
     if high[2] > printer.bed_z + _SLACK:
         raise PartError(
-            f"{name}: extends up to z {high[2]:.5g} mm, but {printer.name!r} prints up to {printer.bed_z:g} mm",
-            remedy="Omit `drop=False` to place it on the bed",
+            f"{name}: the part extends up to z {high[2]:.5g} mm, but {printer.name!r} prints only up to "
+            f"{printer.bed_z:g} mm",
+            remedy="Omit `drop=False` to place the part on the bed",
         )
 
 
@@ -163,16 +164,21 @@ def transform(
     """
     factors = np.broadcast_to(np.asarray(scale, dtype=np.float64), 3)
     if not (np.isfinite(factors).all() and (factors > 0).all()):
-        raise UsageError(f"scale {scale}: must be greater than 0", remedy="Mirror the part in a CAD program")
+        raise UsageError(
+            f"scale {scale}: each factor must be greater than 0",
+            remedy="Choose a factor greater than 0; to mirror the part, use a CAD program",
+        )
     far = factors * np.abs(mesh.bounds).max(axis=0)
     if far.max() > LARGEST:
         raise UsageError(
-            f"scale {_format_factors(factors)}: moves {mesh.name} to {far.max():.3g} mm from the origin of its file",
+            f"scale {_format_factors(factors)}: this moves {mesh.name} to {far.max():.3g} mm from the origin of its "
+            "file",
             remedy=f"Choose a smaller factor; coordinates up to {LARGEST / 1e6:g} km are allowed",
         )
     if not all(map(isfinite, rotate)):
         raise UsageError(
-            f"rotate {rotate}: not an angle", remedy="Give three finite angles in degrees, about x, y and z"
+            f"rotate {rotate}: these are not three angles",
+            remedy="Give three finite angles in degrees, about x, y and z",
         )
     matrix = np.diag(factors)
     for axis, angle in enumerate(rotate):
@@ -206,7 +212,7 @@ def _rotation_matrix(axis: int, angle: float) -> Float:
 
 
 def join(meshes: Sequence[Mesh]) -> Mesh:
-    """Join several parts into one mesh, each an object; positions stay the same.
+    """Join several parts into one mesh with one object per part; positions stay the same.
 
     Raises:
         UsageError: the list is empty.
@@ -226,16 +232,16 @@ def join(meshes: Sequence[Mesh]) -> Mesh:
 
 
 def copy_in_grid(mesh: Mesh, copies: int, printer: Printer, gap: float = COPY_GAP) -> Mesh:
-    """Return copies of a part as one mesh, in rows and columns beside each other.
+    """Return copies of a part as one mesh, arranged in rows and columns.
 
     Args:
         mesh: the part; it is the front left copy.
-        copies: how many, 1 or more.
+        copies: number of copies, 1 or more.
         printer: gives the size of the bed.
         gap: distance between their bounding boxes, mm.
 
     Raises:
-        PartError: the bed has no room for so many.
+        PartError: the bed has no room for this number of copies.
     """
     if copies == 1:
         return mesh
@@ -247,7 +253,9 @@ def copy_in_grid(mesh: Mesh, copies: int, printer: Printer, gap: float = COPY_GA
         raise PartError(
             f"{mesh.name}: {copies} copies of {high[0] - low[0]:.5g} x {high[1] - low[1]:.5g} mm, {gap:g} mm apart, do "
             f"not fit the bed of {printer.name!r}, {room[0]:g} x {room[1]:g} mm",
-            remedy=f"Print at most {most.prod()} at a time" if most.all() else "Choose a larger printer",
+            remedy=f"Print at most {most.prod()} copies at a time"
+            if most.all()
+            else "Choose a larger printer",
         )
     columns = np.arange(1, most[0] + 1)
     rows = -(-copies // columns)

@@ -294,7 +294,7 @@ def test_an_unknown_object_is_told_with_those_there_are() -> None:
 def test_objects_whose_facets_are_not_known_are_refused() -> None:
     lost = replace(PLATE, objects=tuple(item.without_facets() for item in PLATE.objects))
 
-    with pytest.raises(UsageError, match="loses track of the facets"):
+    with pytest.raises(UsageError, match="unknown which facets belong"):
         sliced(lost, overrides="lid:perimeters=3")
 
 

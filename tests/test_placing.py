@@ -83,7 +83,7 @@ def test_a_scale_that_is_none_is_refused(scale: float) -> None:
 
 
 def test_an_angle_that_is_none_is_refused() -> None:
-    with pytest.raises(UsageError, match="not an angle"):
+    with pytest.raises(UsageError, match="not three angles"):
         transform(brick(), rotate=(0, float("nan"), 0))
 
 

@@ -95,7 +95,7 @@ def test_what_leaves_the_bed_is_refused(flags: tuple[str, ...], what: str, tmp_p
     outcome = typed("slice", model, *flags, *QUICK)
 
     assert outcome.code == 3
-    assert is_message(outcome, "a: extends", what)
+    assert is_message(outcome, "a: the part extends", what)
     assert len(outcome.err.splitlines()) == 2
 
 
@@ -233,7 +233,7 @@ def test_a_factor_that_leads_nowhere_is_refused_without_noise(tmp_path: Path) ->
         assert is_message(outcome, "moves box to", "Choose a smaller factor")
         assert "Warning" not in outcome.err
     assert outcome.err == (
-        "printer-slicer: scale 1,1,1e+09: moves box to 1e+10 mm from the origin of its file\n"
+        "printer-slicer: scale 1,1,1e+09: this moves box to 1e+10 mm from the origin of its file\n"
         "  Choose a smaller factor; coordinates up to 10 km are allowed\n"
     )
 
