@@ -15,8 +15,8 @@ import numpy as np
 from printer_slicer.arrays import Float
 from printer_slicer.errors import PartError, UsageError
 from printer_slicer.mesh_io import UNITS, unit_advice
-from printer_slicer.mesh_io.soundness import LARGEST, blocks
-from printer_slicer.mesh_io.units import SPOKEN
+from printer_slicer.mesh_io.soundness import LARGEST, facet_blocks
+from printer_slicer.mesh_io.units import UNIT_NAMES
 from printer_slicer.model import Mesh, PlateObject
 from printer_slicer.profile import Printer
 
@@ -77,7 +77,7 @@ def place(mesh: Mesh, printer: Printer, placement: Placement = IN_THE_MIDDLE) ->
         by[2] = -low[2]
     _check_position(mesh.name, low + by, high + by, printer, placement)
     placed = np.zeros_like(mesh.triangles)
-    for block in blocks(mesh.n_facets):
+    for block in facet_blocks(mesh.n_facets):
         # Round to 1 nm, so that the position in the file does not decide ties between points equal but for rounding.
         np.add(mesh.triangles[block], by, out=placed[block])
         np.round(placed[block], 6, out=placed[block])
@@ -92,7 +92,7 @@ def _check_size(name: str, size: Float, printer: Printer, placement: Placement) 
     fits = _multiply_factors(placement.scale or "1", float((room / np.maximum(size, _SLACK)).min()))
     advice = unit_advice(size, placement.unit, room) if placement.unit in UNITS else ""
     if not advice and placement.unit in UNITS and not placement.unit_given:
-        advice = f"is it in {SPOKEN[placement.unit]}?"
+        advice = f"is it in {UNIT_NAMES[placement.unit]}?"
     raise PartError(
         f"{name}: {size[0]:.5g} x {size[1]:.5g} x {size[2]:.5g} mm does not fit {printer.name!r}, "
         f"which prints {room[0]:g} x {room[1]:g} x {room[2]:g} mm",
@@ -188,7 +188,7 @@ def transform(
         return mesh
     made = np.zeros_like(mesh.triangles)
     plain = np.array_equal(matrix, np.diag(np.diag(matrix)))
-    for block in blocks(mesh.n_facets):
+    for block in facet_blocks(mesh.n_facets):
         part = mesh.triangles[block]
         made[block] = part * np.diag(matrix) if plain else part @ matrix.T
     return Mesh(made, mesh.name, _update_envelopes(mesh.objects, made))

@@ -263,7 +263,7 @@ def test_a_file_that_may_not_be_read_is_said_so(tmp_path: Path) -> None:
 
 
 def test_a_name_that_no_file_can_have_is_refused() -> None:
-    with pytest.raises(UsageError, match="not a possible file name"):
+    with pytest.raises(UsageError, match="not a valid file name"):
         load_mesh("a\0b.stl")
 
 

@@ -22,7 +22,7 @@ from printer_slicer.exports.svg_format import write_svg
 from printer_slicer.geometry import Areas
 from printer_slicer.geometry.engine import load_engine
 from printer_slicer.mesh_io import export_stl, load_mesh
-from printer_slicer.mesh_io.binary_stl import _corners
+from printer_slicer.mesh_io.binary_stl import _read_corners
 from printer_slicer.mesh_io.files import open_model_file
 from printer_slicer.mesh_io.limits import LIMITS
 from printer_slicer.mesh_io.units import check_unit
@@ -128,7 +128,7 @@ def test_the_message_says_what_and_the_remedy(case: str) -> None:
             "--heights 1:2:3:4: expected LOW:HIGH",
             "0.1:0.3:0.02",
         ),
-        (["slice", "story.txt"], "story.txt: not a model in a supported format", ".stl"),
+        (["slice", "story.txt"], "story.txt: the file is not a model in a supported format", ".stl"),
         (["doctor", "nowhere"], "nowhere: ", ""),
     ],
 )
@@ -158,7 +158,7 @@ def test_a_file_that_becomes_shorter_while_it_is_read_is_told(tmp_path: Path) ->
         open_model_file(tmp_path / "part.stl", LIMITS, lambda _: None) as source,
         pytest.raises(PrinterSlicerError, match=r"part\.stl: the file became shorter while it was read"),
     ):
-        _corners(source, 13)  # of 12
+        _read_corners(source, 13)  # of 12
 
 
 def test_a_place_where_nothing_can_be_written_is_told(tmp_path: Path) -> None:

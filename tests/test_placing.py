@@ -163,5 +163,5 @@ def test_a_part_in_another_unit_is_refused_with_a_guess() -> None:
 
     assert "does not fit" in str(caught.value)
     assert "`scale=0.0024` would just fit" in caught.value.remedy
-    assert '`units="mm"` makes it 50.8 x 76.2 x 101.6 mm' in caught.value.remedy
+    assert '`units="mm"` makes the part 50.8 x 76.2 x 101.6 mm' in caught.value.remedy
     assert place(transform(large, scale=0.0024), PRINTER).n_facets == 12

@@ -18,13 +18,13 @@ if TYPE_CHECKING:
 
 __all__ = ["Archive", "open_archive"]
 
-PIECE: Final = 1 << 20
+CHUNK_BYTES: Final = 1 << 20
 """Bytes unpacked at a time."""
-DIRECTORY_ENTRY: Final = 46
-"""Minimum length of a directory entry, bytes."""
-LONGEST_NAME: Final = 1024
+DIRECTORY_ENTRY_BYTES: Final = 46
+"""Minimum length of an entry in the directory of an archive, bytes."""
+LONGEST_ENTRY_TEXT: Final = 1024
 """Maximum average length of the name, extra fields and comment of a directory entry, bytes."""
-ENTRY_LEFT: Final = 22
+END_RECORD_BYTES: Final = 22
 """Length of the record at the end of an archive without its comment, bytes."""
 
 
@@ -48,7 +48,7 @@ class Archive:
     def __contains__(self, name: str) -> bool:
         return _normalize_name(name) in self._members
 
-    def pieces(self, name: str) -> Iterator[bytes]:
+    def read_chunks(self, name: str) -> Iterator[bytes]:
         """Yield the content of a member in chunks.
 
         Raises:
@@ -57,16 +57,18 @@ class Archive:
         info = self._members.get(_normalize_name(name))
         if info is None:
             raise MeshError(f"{self.path}: the archive does not contain '{name[:200]}'", remedy=EXPORT_AGAIN)
-        self._check(info)
+        self._check_member(info)
         with self._zip.open(info) as file:
-            while piece := file.read(PIECE):
+            while piece := file.read(CHUNK_BYTES):
                 self._expanded += len(piece)
                 if self._expanded > self._limits.expanded_bytes:  # the directory may understate the size
-                    raise self._expansion_error(f"unpacks to over {self._limits.expanded_bytes} bytes")
+                    raise self._expansion_error(
+                        f"the archive unpacks to over {self._limits.expanded_bytes} bytes, the limit"
+                    )
                 yield piece
-                self._source.progress(min(file.tell() / max(info.file_size, 1), 1.0))
+                self._source.report_progress(min(file.tell() / max(info.file_size, 1), 1.0))
 
-    def _check(self, info: zipfile.ZipInfo) -> None:
+    def _check_member(self, info: zipfile.ZipInfo) -> None:
         """Reject a member that is encrypted, too large, or compressed with an unsupported method."""
         if info.flag_bits & 1:
             raise MeshError(
@@ -74,20 +76,23 @@ class Archive:
             )
         if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
             raise MeshError(
-                f"{self.path}: compressed with a method that 3MF does not allow ({info.compress_type})",
+                f"{self.path}: a file in the archive is compressed with a method that 3MF does not allow"
+                f" ({info.compress_type})",
                 remedy="Pack it again as an ordinary ZIP archive",
             )
         if self._expanded + info.file_size > self._limits.expanded_bytes:
             raise self._expansion_error(
-                f"unpacks to {self._expanded + info.file_size} bytes, over the limit of"
+                f"the archive unpacks to {self._expanded + info.file_size} bytes; the limit is"
                 f" {self._limits.expanded_bytes}"
             )
-        if info.file_size > max(PIECE, self._limits.expansion * info.compress_size):
+        if info.file_size > max(CHUNK_BYTES, self._limits.expansion * info.compress_size):
             raise self._expansion_error(
-                f"unpacks to {info.file_size} bytes from {info.compress_size}, over {self._limits.expansion:g} times"
+                f"a file in the archive unpacks from {info.compress_size} to {info.file_size} bytes; at most"
+                f" {self._limits.expansion:g} times the packed size is allowed"
             )
 
     def _expansion_error(self, what: str) -> MeshError:
+        """Return the error for an archive that unpacks to too many bytes."""
         return MeshError(
             f"{self.path}: {what}",
             remedy="Do not trust the file; if it is your own, export it as binary STL",
@@ -99,17 +104,17 @@ def _normalize_name(name: str) -> str:
 
 
 def _check_directory(source: ModelFile, limits: Limits) -> None:
-    """Reject an archive whose directory is too long; the end of the file tells its length."""
-    source.file.seek(max(0, source.size - (1 << 16) - ENTRY_LEFT))
+    """Reject an archive whose directory is too long, according to the record at the end of the file."""
+    source.file.seek(max(0, source.size - (1 << 16) - END_RECORD_BYTES))
     end = source.file.read()
     at = end.rfind(b"PK\5\6")
-    if at < 0 or len(end) < at + ENTRY_LEFT:
+    if at < 0 or len(end) < at + END_RECORD_BYTES:
         raise MeshError(f"{source.path}: not a valid ZIP archive: it has no directory", remedy=COPY_AGAIN)
     (length,) = struct.unpack_from("<L", end, at + 12)
     large = end.rfind(b"PK\6\6", 0, at)
     if length == 0xFFFFFFFF and large >= 0 and len(end) >= large + 48:
         (length,) = struct.unpack_from("<Q", end, large + 40)
-    limit = limits.members * (DIRECTORY_ENTRY + LONGEST_NAME)
+    limit = limits.members * (DIRECTORY_ENTRY_BYTES + LONGEST_ENTRY_TEXT)
     if length > min(limit, source.size):
         raise MeshError(
             f"{source.path}: the directory of the archive has {length} bytes; the limit is {limit}",

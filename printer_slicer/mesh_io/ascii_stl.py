@@ -28,17 +28,18 @@ GRAMMAR: Final = (
 """The words of one facet of an ASCII STL; # is a number."""
 COORDINATES: Final = (8, 9, 10, 12, 13, 14, 16, 17, 18)
 """Indices of the nine coordinates in GRAMMAR."""
-FIXED: Final = tuple((place, word) for place, word in enumerate(GRAMMAR) if word != b"#")
+KEYWORDS: Final = tuple((place, word) for place, word in enumerate(GRAMMAR) if word != b"#")
+"""Index and text of each word of GRAMMAR that is not a number."""
 NORMAL: Final = re.compile(rb"\bfacet[ \t]+normal\b[^\n]*?(?=\bouter\b|$)", re.MULTILINE)
 """The normal of a facet; its value is ignored, because the corners determine it."""
 LONGEST_LINE: Final = 1 << 24
-"""bytes"""
+"""Maximum length of a line, bytes."""
 PADDING: Final = b"\0\x1a"
 """Bytes that programs append to a text: zeros and the end-of-file character of CP/M and DOS."""
 
 
 class _MalformedError(Exception):
-    """The text is malformed; `_fault` finds the line afterwards."""
+    """Raised for malformed text; `_find_fault` then finds the line."""
 
 
 def is_ascii_stl(source: ModelFile) -> bool:
@@ -63,12 +64,12 @@ def read_ascii_stl(source: ModelFile, limits: Limits) -> tuple[Float, list[str]]
         MeshError: the file is malformed; names the line.
     """
     try:
-        pieces, last = _facets(_whole_lines(source), source, limits)
+        pieces, last = _read_facets(_read_whole_lines(source), source, limits)
     except _MalformedError:
         try:
-            pieces, last = _facets(_without_normals(source), source, limits)
+            pieces, last = _read_facets(_zero_normals(source), source, limits)
         except _MalformedError:
-            raise _fault(source) from None
+            raise _find_fault(source) from None
     count = sum(map(len, pieces))
     corners = np.zeros((count, 3, 3))
     np.concatenate([np.zeros((0, 3, 3)), *pieces], out=corners)
@@ -76,16 +77,16 @@ def read_ascii_stl(source: ModelFile, limits: Limits) -> tuple[Float, list[str]]
     return corners, [] if last == b"end" else [cut]
 
 
-def _facets(texts: Iterator[bytes], source: ModelFile, limits: Limits) -> tuple[list[Float], bytes]:
-    """Return the corners (F, 3, 3) of each chunk of text, and how the last line with `solid` started."""
+def _read_facets(texts: Iterator[bytes], source: ModelFile, limits: Limits) -> tuple[list[Float], bytes]:
+    """Read the corners (F, 3, 3) in each chunk of text; also return `b"end"` if `endsolid` ends the last solid."""
     pieces: list[Float] = []
     count, left, last = 0, list[bytes](), b""
     for text in texts:
-        words, last = _words_between_solids(text, last)
+        words, last = _split_words(text, last)
         words = left + words if left else words
         n_facets = len(words) // len(GRAMMAR)
         left = words[n_facets * len(GRAMMAR) :]
-        pieces.append(_corners(words[: n_facets * len(GRAMMAR)]))
+        pieces.append(_parse_corners(words[: n_facets * len(GRAMMAR)]))
         count += n_facets
         check_facets(count, source.path, limits)
     if left or (last != b"end" and not count):
@@ -93,15 +94,15 @@ def _facets(texts: Iterator[bytes], source: ModelFile, limits: Limits) -> tuple[
     return pieces, last
 
 
-def _without_normals(source: ModelFile) -> Iterator[bytes]:
-    """Yield the chunks of `_whole_lines` with all normals set to zero."""
-    return (NORMAL.sub(b"facet normal 0 0 0 ", text) for text in _whole_lines(source))
+def _zero_normals(source: ModelFile) -> Iterator[bytes]:
+    """Yield the file as `_read_whole_lines` does, with all normals set to zero."""
+    return (NORMAL.sub(b"facet normal 0 0 0 ", text) for text in _read_whole_lines(source))
 
 
-def _whole_lines(source: ModelFile) -> Iterator[bytes]:
+def _read_whole_lines(source: ModelFile) -> Iterator[bytes]:
     """Yield the file in lower case, in chunks that end with a complete line."""
     rest = b""
-    for chunk in _without_padding(source.text_chunks()):
+    for chunk in _strip_padding(source.read_text_chunks()):
         text = rest + chunk.lower() if rest else chunk.lower()
         end = text.rfind(b"\n") + 1
         rest = text[end:]
@@ -114,8 +115,8 @@ def _whole_lines(source: ModelFile) -> Iterator[bytes]:
     yield rest
 
 
-def _without_padding(chunks: Iterator[bytes]) -> Iterator[bytes]:
-    """Yield the text without padding at its end; padding inside the text becomes one byte, which is an error."""
+def _strip_padding(chunks: Iterator[bytes]) -> Iterator[bytes]:
+    """Yield the chunks without padding at the end of the file; elsewhere one byte of it stays and causes an error."""
     held = b""
     for chunk in chunks:
         text = chunk.rstrip(PADDING)
@@ -125,15 +126,15 @@ def _without_padding(chunks: Iterator[bytes]) -> Iterator[bytes]:
         held = held or chunk[len(text) : len(text) + 1]
 
 
-def _words_between_solids(text: bytes, last: bytes) -> tuple[list[bytes], bytes]:
+def _split_words(text: bytes, last: bytes) -> tuple[list[bytes], bytes]:
     """Split text into words, except for the lines `solid name` and `endsolid name`.
 
     Args:
         text: whole lines in lower case.
-        last: how the previous such line started: `b""` for solid, `b"end"` for endsolid.
+        last: prefix of `solid` in the previous such line: `b""` or `b"end"`.
 
     Returns:
-        The words, and how the last such line started.
+        The words, and the prefix of `solid` in the last such line.
     """
     pieces, start, at = [], 0, 0
     while (at := text.find(b"solid", at)) >= 0:
@@ -148,11 +149,11 @@ def _words_between_solids(text: bytes, last: bytes) -> tuple[list[bytes], bytes]
     return b"\n".join(pieces).split(), last
 
 
-def _corners(words: list[bytes]) -> Float:
-    """Return the corners (F, 3, 3) of complete facets."""
+def _parse_corners(words: list[bytes]) -> Float:
+    """Return the corners (F, 3, 3) of the complete facets that these words form."""
     n_words = len(GRAMMAR)
     n_facets = len(words) // n_words
-    for place, word in FIXED:
+    for place, word in KEYWORDS:
         if words[place::n_words].count(word) != n_facets:
             raise _MalformedError
     corners = np.zeros((n_facets, 9))
@@ -166,17 +167,17 @@ def _corners(words: list[bytes]) -> Float:
     return corners.reshape(-1, 3, 3)
 
 
-def _fault(source: ModelFile) -> MeshError:
-    """Describe the first malformed line."""
+def _find_fault(source: ModelFile) -> MeshError:
+    """Return an error that describes the first malformed line."""
     place, inside, number, last_used = 0, False, 0, 1
 
-    def fault(what: str, remedy: str = EXPORT_AGAIN) -> MeshError:
+    def error_at_line(what: str, remedy: str = EXPORT_AGAIN) -> MeshError:
         """Return an error that names the current line."""
         return MeshError(f"{source.path}, line {number}: {what}", remedy=remedy)
 
     lines = (
         line
-        for text in _without_normals(source)
+        for text in _zero_normals(source)
         for line in text.split(b"\n")[: -1 if text[-1:] == b"\n" else None]
     )
     for number, line in enumerate(lines, start=1):
@@ -184,17 +185,17 @@ def _fault(source: ModelFile) -> MeshError:
         last_used = number if words else last_used
         if words and words[0] in (b"solid", b"endsolid"):
             if place:
-                return fault("the solid ends in the middle of a facet", COPY_AGAIN)
+                return error_at_line("the solid ends in the middle of a facet", COPY_AGAIN)
             inside = words[0] == b"solid"
             continue
         for word in words:
             if wrong := _describe_invalid_word(word, place):
-                return fault(wrong, _remedy(word, place))
+                return error_at_line(wrong, _choose_remedy(word, place))
             place = (place + 1) % len(GRAMMAR)
     number = last_used
     if place:
-        return fault("the file ends in the middle of a facet", COPY_AGAIN)
-    return fault("the file ends without 'endsolid'" if inside else "'solid' is missing", COPY_AGAIN)
+        return error_at_line("the file ends in the middle of a facet", COPY_AGAIN)
+    return error_at_line("the file ends without 'endsolid'" if inside else "'solid' is missing", COPY_AGAIN)
 
 
 def _describe_invalid_word(word: bytes, place: int) -> str:
@@ -210,7 +211,7 @@ def _describe_invalid_word(word: bytes, place: int) -> str:
     return "" if finite or place not in COORDINATES else f"a vertex has the coordinate '{found}'"
 
 
-def _remedy(word: bytes, place: int) -> str:
+def _choose_remedy(word: bytes, place: int) -> str:
     """Return the remedy for an invalid word."""
     if GRAMMAR[place] == b"#" and b"," in word:
         return "Export the part again with decimal points: set the program's language or region to English"

@@ -23,7 +23,7 @@ __all__ = [
     "ObjectBuilder",
     "ObjectReference",
     "ObjectTable",
-    "assemble",
+    "assemble_facets",
     "count_facets_by_object",
     "is_mirrored",
 ]
@@ -50,9 +50,9 @@ class ObjectTable:
         self._path, self._limits = path, limits
         self._last = ObjectBuilder("no object")
         self._n_numbers = [0, 0]
-        self._n_uses = 0
+        self._n_references = 0
 
-    def begin(self, key: Hashable, name: str) -> ObjectBuilder:
+    def add_object(self, key: Hashable, name: str) -> ObjectBuilder:
         """Add an object.
 
         Raises:
@@ -60,7 +60,7 @@ class ObjectTable:
         """
         if key in self.bodies:
             raise ValueError(f"{name} is defined twice")
-        self._n_numbers = self._held()
+        self._n_numbers = self._count_numbers()
         self._last = self.bodies[key] = ObjectBuilder(name)
         self.count_reference()
         return self._last
@@ -71,20 +71,21 @@ class ObjectTable:
         Raises:
             MeshError: there are too many.
         """
-        self._n_uses += 1
-        check_instances(self._n_uses, self._path, self._limits)
+        self._n_references += 1
+        check_instances(self._n_references, self._path, self._limits)
 
-    def check(self) -> None:
+    def check_limits(self) -> None:
         """Check the number of vertices and facets; call this regularly while reading.
 
         Raises:
             MeshError: there are too many.
         """
-        n_coordinates, n_corners = self._held()
+        n_coordinates, n_corners = self._count_numbers()
         check_vertices(n_coordinates // 3, self._path, self._limits)
         check_facets(n_corners // 3, self._path, self._limits)
 
-    def _held(self) -> list[int]:
+    def _count_numbers(self) -> list[int]:
+        """Return the number of coordinates and of corners in all objects read so far."""
         return [self._n_numbers[0] + len(self._last.xyz), self._n_numbers[1] + len(self._last.corners)]
 
 
@@ -123,7 +124,7 @@ class ObjectBuilder:
         return indices
 
 
-def assemble(
+def assemble_facets(
     roots: Sequence[ObjectReference],
     bodies: Mapping[Hashable, ObjectBuilder],
     path: Path,
@@ -142,7 +143,7 @@ def assemble(
     Raises:
         MeshError: an object is missing or contains itself, or there are too many.
     """
-    placed = _placements(roots, bodies, path, limits)
+    placed = _list_instances(roots, bodies, path, limits)
     indices = {id(body): body.indices(path) for body, _ in placed}
     triangles = np.zeros((sum(len(indices[id(body)]) for body, _ in placed), 3, 3))
     filled = 0
@@ -164,23 +165,23 @@ def assemble(
 def count_facets_by_object(
     roots: Sequence[ObjectReference], bodies: Mapping[Hashable, ObjectBuilder], path: Path, limits: Limits
 ) -> list[tuple[str, int]]:
-    """Return the name and the number of facets of each object on the plate, in the order of `assemble`."""
+    """Return the name and the number of facets of each object on the plate, in the order of `assemble_facets`."""
     found = []
     for root in roots:
-        placed = _placements([root], bodies, path, limits)
+        placed = _list_instances([root], bodies, path, limits)
         found.append((bodies[root.key].label, sum(len(body.corners) // 3 for body, _ in placed)))
     return [(name, count) for name, count in found if count]
 
 
 def is_mirrored(matrix: Float) -> bool:
-    """Return whether a (4, 4) or (3, 3) matrix mirrors; then facets must be flipped to face outward."""
+    """Return whether a (4, 4) or (3, 3) matrix mirrors; if so, facets must be flipped to face outward."""
     return bool(np.linalg.det(matrix[:3, :3]) < 0)
 
 
-def _placements(
+def _list_instances(
     roots: Sequence[ObjectReference], bodies: Mapping[Hashable, ObjectBuilder], path: Path, limits: Limits
 ) -> list[tuple[ObjectBuilder, Float | None]]:
-    """Return each instance of each object with facets, with its transform to plate coordinates."""
+    """List every instance of each object that has facets, with its transform to plate coordinates."""
     placed: list[tuple[ObjectBuilder, Float | None]] = []
     n_facets = n_vertices = n_seen = 0
     waiting: list[tuple[ObjectReference, Float | None, int]] = [(use, None, 0) for use in reversed(roots)]
@@ -190,7 +191,7 @@ def _placements(
         body = bodies.get(use.key)
         if body is None:
             raise MeshError(
-                f"{path}: object {_display_name(use.key)} is placed but not defined", remedy=EXPORT_AGAIN
+                f"{path}: object {_format_key(use.key)} is placed but not defined", remedy=EXPORT_AGAIN
             )
         if depth > limits.nesting or n_seen + len(waiting) > limits.instances:
             what = f"objects are nested more than {limits.nesting} deep" if depth > limits.nesting else ""
@@ -198,7 +199,7 @@ def _placements(
                 f"{path}: {body.name}: {what or f'more than {limits.instances} objects are placed'}",
                 remedy="Check that no object contains itself, then export the part again",
             )
-        matrix = _compose(use.matrix, outer)
+        matrix = _compose_transforms(use.matrix, outer)
         if len(body.corners):
             n_facets += len(body.corners) // 3
             n_vertices += len(body.xyz) // 3
@@ -209,7 +210,7 @@ def _placements(
     return placed
 
 
-def _compose(inner: Float | None, outer: Float | None) -> Float | None:
+def _compose_transforms(inner: Float | None, outer: Float | None) -> Float | None:
     """Return the transform that applies `inner`, then `outer`."""
     if inner is None or outer is None:
         return outer if inner is None else inner
@@ -217,5 +218,5 @@ def _compose(inner: Float | None, outer: Float | None) -> Float | None:
     return composed
 
 
-def _display_name(key: Hashable) -> str:
+def _format_key(key: Hashable) -> str:
     return str(key[-1] if isinstance(key, tuple) else key)[:80]

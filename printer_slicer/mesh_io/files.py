@@ -30,6 +30,7 @@ PROGRESS_BYTES: Final = 1 << 23
 """Minimum file size for which progress is reported, bytes."""
 
 UTF_16: Final = {codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
+"""Byte order mark -> encoding."""
 
 
 class ModelFile:
@@ -48,7 +49,7 @@ class ModelFile:
         self.head = file.read(1 << 16)
         self._progress = progress
 
-    def whole(self, limit: int) -> bytes:
+    def read_all(self, limit: int) -> bytes:
         """Return the whole content.
 
         Raises:
@@ -59,27 +60,27 @@ class ModelFile:
         self.file.seek(0)
         return self.file.read(limit + 1)
 
-    def chunks(self) -> Iterator[bytes]:
+    def read_chunks(self) -> Iterator[bytes]:
         """Yield the content in chunks."""
         self.file.seek(0)
         done = 0
         while chunk := self.file.read(CHUNK):
             yield chunk
             done += len(chunk)
-            self.progress(done / max(self.size, done))
+            self.report_progress(done / max(self.size, done))
 
-    def text_chunks(self) -> Iterator[bytes]:
+    def read_text_chunks(self) -> Iterator[bytes]:
         """Yield the content in chunks of UTF-8 without a byte order mark; all line endings become LF."""
         coding = next((name for mark, name in UTF_16.items() if self.head.startswith(mark)), "")
         decoder = codecs.getincrementaldecoder(coding)("replace") if coding else None
         old_lines = b"\r" in self.head and b"\n" not in self.head
-        for number, raw in enumerate(self.chunks()):
+        for number, raw in enumerate(self.read_chunks()):
             chunk = decoder.decode(raw).encode("utf-8", "replace") if decoder else raw
             if number == 0:
                 chunk = chunk.removeprefix(codecs.BOM_UTF8)
             yield chunk.replace(b"\r", b"\n") if old_lines else chunk
 
-    def progress(self, share: float) -> None:
+    def report_progress(self, share: float) -> None:
         """Report the fraction read so far; small files report nothing."""
         if self.size > PROGRESS_BYTES:
             self._progress(share)
@@ -88,12 +89,12 @@ class ModelFile:
 def _length_error(path: Path, size: int, limit: int) -> MeshError:
     """Return the error for a file that is too long."""
     return MeshError(
-        f"{path}: {size} bytes; the limit for this format is {limit}",
+        f"{path}: the file has {size} bytes; the limit for this format is {limit}",
         remedy="Export the part with fewer facets, or as binary STL",
     )
 
 
-def _open(path: Path, limits: Limits) -> BufferedReader:
+def _open_file(path: Path, limits: Limits) -> BufferedReader:
     """Open a file at its first byte.
 
     Raises:
@@ -117,7 +118,7 @@ def _open(path: Path, limits: Limits) -> BufferedReader:
     except OSError as error:
         raise UsageError(f"{path}: cannot be read: {error.strerror}", remedy="Check the path") from error
     except ValueError as error:  # the name contains a zero byte
-        raise UsageError(f"{str(path)!r}: not a possible file name", remedy="Check the name") from error
+        raise UsageError(f"{str(path)!r}: not a valid file name", remedy="Check the name") from error
 
 
 @contextmanager
@@ -128,12 +129,12 @@ def open_model_file(path: Path, limits: Limits, progress: Progress) -> Iterator[
         UsageError: the file cannot be read.
         MeshError: the file is empty or too long.
     """
-    file = _open(path, limits)
+    file = _open_file(path, limits)
     with file, ExitStack() as stack:
         try:
             if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
                 spool = stack.enter_context(TemporaryFile())
-                source = ModelFile(path, _spool(file, spool, path, limits), progress)
+                source = ModelFile(path, _spool_pipe(file, spool, path, limits), progress)
             else:
                 source = ModelFile(path, file, progress)
             if not source.head:
@@ -148,7 +149,7 @@ def open_model_file(path: Path, limits: Limits, progress: Progress) -> Iterator[
             raise UsageError(f"{path}: cannot be read: {error.strerror}", remedy="Check the disk") from error
 
 
-def _spool(pipe: BufferedReader, spool: BufferedRandom, path: Path, limits: Limits) -> BufferedRandom:
+def _spool_pipe(pipe: BufferedReader, spool: BufferedRandom, path: Path, limits: Limits) -> BufferedRandom:
     """Copy a pipe to a temporary file, which has a length and can be read twice."""
     length = 0
     while chunk := pipe.read(CHUNK):

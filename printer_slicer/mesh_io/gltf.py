@@ -18,7 +18,7 @@ import numpy as np
 
 from printer_slicer.errors import MeshError
 from printer_slicer.input_files import read_input
-from printer_slicer.mesh_io.assembly import ObjectBuilder, ObjectReference, assemble
+from printer_slicer.mesh_io.assembly import ObjectBuilder, ObjectReference, assemble_facets
 from printer_slicer.mesh_io.files import strip_byte_order_mark
 from printer_slicer.mesh_io.limits import check_facets, check_instances, check_vertices
 from printer_slicer.mesh_io.soundness import COPY_AGAIN, EXPORT_AGAIN
@@ -36,10 +36,12 @@ Numbers = np.ndarray[tuple[int, ...], np.dtype[Any]]
 JSON_CHUNK: Final = 0x4E4F534A
 BINARY_CHUNK: Final = 0x004E4942
 COMPONENTS: Final = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+"""glTF component type -> type in numpy."""
 COLUMNS: Final = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}
+"""Numbers per item of an accessor, by its type."""
 TRIANGLES, STRIP, FAN = 4, 5, 6
 INSTANCING: Final = "EXT_mesh_gpu_instancing"
-KNOWN: Final = (
+ACCEPTED_EXTENSIONS: Final = (
     INSTANCING,
     "KHR_mesh_quantization",
     "KHR_materials",
@@ -49,10 +51,14 @@ KNOWN: Final = (
     "KHR_xmp",
 )
 """Prefixes of the extensions that are supported or do not affect the shape."""
-PACKING: Final = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression")
+COMPRESSION_EXTENSIONS: Final = (
+    "KHR_draco_mesh_compression",
+    "EXT_meshopt_compression",
+    "KHR_meshopt_compression",
+)
 SCENE: Final = ("scene", 0)
-TOGETHER: Final = "Keep the files of a glTF together, or export it as GLB"
-UPRIGHT: Final = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
+KEEP_TOGETHER: Final = "Keep the files of a glTF together, or export it as GLB"
+Y_UP_TO_Z_UP: Final = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
 """Rotates y up, as in glTF, to z up; for row vectors."""
 
 
@@ -78,40 +84,40 @@ class _Document:
         self._limits = limits
         self._path = path
         self._n_vertices = self._n_facets = self._n_instances = 0
-        self.n_bent = self.n_morphed = 0
+        self.n_skinned = self.n_morphed = 0
         self._buffers = dict(buffers)
         self._length = sum(map(len, buffers.values()))
 
-    def check_packed(self, what: dict[str, Any]) -> None:
-        """Reject compressed data; not all files declare the required extension as they should.
+    def reject_compression(self, what: dict[str, Any]) -> None:
+        """Reject compressed data, also if the file does not declare that it requires the extension.
 
         Raises:
             MeshError: a primitive or a buffer view uses a compression extension.
         """
-        for name in PACKING:
+        for name in COMPRESSION_EXTENSIONS:
             if name in what.get("extensions", {}):
                 raise _extension_error(self._path, name)
 
-    def array(self, index: int) -> Numbers:
-        """Return the numbers (count, columns) of an accessor."""
-        accessor = self.tree["accessors"][_index(index)]
+    def read_accessor(self, index: int) -> Numbers:
+        """Return the numbers (count, columns) of the accessor with this index."""
+        accessor = self.tree["accessors"][_require_index(index)]
         count, columns = int(accessor["count"]), COLUMNS[accessor["type"]]
         kind = np.dtype(COMPONENTS[accessor["componentType"]])
         if not 0 <= count <= 3 * self._limits.facets:
-            raise ValueError(f"an accessor has {count} items")
+            raise ValueError(f"an accessor states {count} items, which is not possible")
         if "bufferView" in accessor:
-            numbers = self._numbers(accessor, kind, count, columns)
+            numbers = self._read_numbers(accessor, kind, count, columns)
         elif count <= self._length:
             numbers = np.zeros((count, columns), dtype=kind)
         else:
             raise ValueError(f"an accessor of {count} items has no data")
         if "sparse" in accessor:
-            numbers = self._replaced(numbers, accessor["sparse"])
+            numbers = self._apply_sparse(numbers, accessor["sparse"])
         if accessor.get("normalized"):
             return np.maximum(numbers / np.iinfo(kind).max, -1.0)
         return numbers
 
-    def count(self, n_vertices: int, n_facets: int) -> None:
+    def add_counts(self, n_vertices: int, n_facets: int) -> None:
         """Add to the number of vertices and facets.
 
         Raises:
@@ -122,7 +128,7 @@ class _Document:
         check_vertices(self._n_vertices, self._path, self._limits)
         check_facets(self._n_facets, self._path, self._limits)
 
-    def count_instances(self, count: int) -> None:
+    def add_instances(self, count: int) -> None:
         """Add to the number of instances.
 
         Raises:
@@ -131,33 +137,33 @@ class _Document:
         self._n_instances += count
         check_instances(self._n_instances, self._path, self._limits)
 
-    def notes(self) -> list[str]:
+    def list_warnings(self) -> list[str]:
         """Return warnings about the file."""
         return [
             f"{number} meshes are {what}: this is ignored, and their rest shape is used"
             for number, what in (
-                (self.n_bent, "bent by a skeleton"),
+                (self.n_skinned, "bent by a skeleton"),
                 (self.n_morphed, "changed by morph weights"),
             )
             if number
         ]
 
-    def _replaced(self, numbers: Numbers, sparse: dict[str, Any]) -> Numbers:
+    def _apply_sparse(self, numbers: Numbers, sparse: dict[str, Any]) -> Numbers:
         """Return the numbers with the substitutions of a sparse accessor applied."""
         count = int(sparse["count"])
         kind = np.dtype(COMPONENTS[sparse["indices"]["componentType"]])
-        places = self._numbers(sparse["indices"], kind, count, 1)[:, 0]
+        places = self._read_numbers(sparse["indices"], kind, count, 1)[:, 0]
         replaced = numbers.copy()
-        replaced[places] = self._numbers(sparse["values"], numbers.dtype, count, numbers.shape[1])
+        replaced[places] = self._read_numbers(sparse["values"], numbers.dtype, count, numbers.shape[1])
         return replaced
 
-    def _numbers(self, where: dict[str, Any], kind: np.dtype[Any], count: int, columns: int) -> Numbers:
+    def _read_numbers(self, where: dict[str, Any], kind: np.dtype[Any], count: int, columns: int) -> Numbers:
         """Return numbers (count, columns) as a view of a buffer."""
-        view = self.tree["bufferViews"][_index(where["bufferView"])]
+        view = self.tree["bufferViews"][_require_index(where["bufferView"])]
         start, length = int(view.get("byteOffset", 0)), int(view["byteLength"])
         offset, least = int(where.get("byteOffset", 0)), columns * kind.itemsize
         stride = int(view.get("byteStride", least))
-        buffer = self._buffer(view)
+        buffer = self._get_buffer(view)
         if min(start, length, offset) < 0 or stride < least or start + length > len(buffer):
             raise ValueError("a buffer view lies outside its buffer")
         if count and offset + (count - 1) * stride + least > length:
@@ -166,13 +172,13 @@ class _Document:
             (count, columns), kind, buffer[start : start + length], offset, (stride, kind.itemsize)
         )
 
-    def _buffer(self, view: dict[str, Any]) -> memoryview | bytes:
+    def _get_buffer(self, view: dict[str, Any]) -> memoryview | bytes:
         """Return the buffer of a buffer view."""
-        number = _index(view["buffer"])
+        number = _require_index(view["buffer"])
         if number not in self._buffers:
             uri = self.tree["buffers"][number].get("uri")
             if uri is None:
-                self.check_packed(view)
+                self.reject_compression(view)
                 raise ValueError(f"buffer {number} has no data")
             head, comma, text = str(uri).partition(",")
             if not comma or not head.lower().startswith("data:") or not head.lower().endswith("base64"):
@@ -189,7 +195,7 @@ def _check_extensions(tree: Mapping[str, Any], path: Path) -> None:
         TypeError: the required extensions are not a list.
     """
     for name in tree.get("extensionsRequired", []):
-        if not str(name).startswith(KNOWN):
+        if not str(name).startswith(ACCEPTED_EXTENSIONS):
             raise _extension_error(path, str(name))
 
 
@@ -212,12 +218,14 @@ def read_glb(
         MeshError: the GLB is not valid.
     """
     try:
-        tree, binary = _chunks(data, limits)
+        tree, binary = _split_chunks(data, limits)
         # The binary chunk is the first buffer if that has no 'uri'.
         is_own = tree.get("buffers") and tree["buffers"][0].get("uri") is None
         return _read_scene(tree, {0: binary} if is_own else {}, path, limits, unit, y_up=y_up)
     except FAULTS as error:
-        raise MeshError(f"{path}: not a valid .glb file: {_reason_of(error)}", remedy=COPY_AGAIN) from error
+        raise MeshError(
+            f"{path}: not a valid .glb file: {_describe_error(error)}", remedy=COPY_AGAIN
+        ) from error
 
 
 def read_gltf(
@@ -242,11 +250,11 @@ def read_gltf(
         tree = json.loads(strip_byte_order_mark(data))
         _check_version(tree)
         _check_extensions(tree, path)
-        buffers = _buffers(tree, path, limits.file_bytes - len(data))
+        buffers = _read_buffers(tree, path, limits.file_bytes - len(data))
         return _read_scene(tree, buffers, path, limits, unit)
     except FAULTS as error:
         raise MeshError(
-            f"{path}: not a valid .gltf file: {_reason_of(error)}", remedy=EXPORT_AGAIN
+            f"{path}: not a valid .gltf file: {_describe_error(error)}", remedy=EXPORT_AGAIN
         ) from error
 
 
@@ -278,17 +286,19 @@ def _read_scene(
     """
     _check_extensions(tree, path)
     document = _Document(tree, buffers, path, limits)
-    bodies = _bodies(document)
-    bodies[SCENE] = _scene(tree)
+    bodies = _build_objects(document)
+    bodies[SCENE] = _build_scene(tree)
     own_unit = unit or "m"
     return (
-        assemble([ObjectReference(SCENE, UPRIGHT if y_up else None)], bodies, path, limits, UNITS[own_unit]),
+        assemble_facets(
+            [ObjectReference(SCENE, Y_UP_TO_Z_UP if y_up else None)], bodies, path, limits, UNITS[own_unit]
+        ),
         own_unit,
-        document.notes(),
+        document.list_warnings(),
     )
 
 
-def _reason_of(error: Exception) -> str:
+def _describe_error(error: Exception) -> str:
     """Describe one of the exceptions in `FAULTS`."""
     reason = str(error).partition("\n")[0][:200] or type(error).__name__
     return f"missing key {reason}" if isinstance(error, KeyError) else reason
@@ -302,8 +312,8 @@ def _check_version(tree: object) -> None:
         raise ValueError(f"glTF version {version[:20]} is not supported; only 2.0 is")
 
 
-def _buffers(tree: dict[str, Any], path: Path, left: int) -> dict[int, bytes]:
-    """Return the bytes of each buffer by its number.
+def _read_buffers(tree: dict[str, Any], path: Path, left: int) -> dict[int, bytes]:
+    """Read the bytes of each buffer, by its number.
 
     Args:
         tree: the JSON document.
@@ -368,22 +378,22 @@ def _read_buffer_file(uri: str, path: Path, limit: int) -> bytes:
         # A backslash separates folders on some systems only; treat it so on all, so that the check is the same.
         target = (folder / unquote(uri).replace("\\", "/")).resolve()
         if ":" in uri.partition("/")[0] or not target.is_relative_to(folder):
-            raise MeshError(f"{path}: refers to a file outside its folder: {uri!r}", remedy=TOGETHER)
+            raise MeshError(f"{path}: refers to a file outside its folder: {uri!r}", remedy=KEEP_TOGETHER)
         return read_input(target, limit)
     except (FileNotFoundError, IsADirectoryError, NotADirectoryError):
-        raise MeshError(f"{path}: refers to a missing file: {uri!r}", remedy=TOGETHER) from None
+        raise MeshError(f"{path}: refers to a missing file: {uri!r}", remedy=KEEP_TOGETHER) from None
     except RuntimeError:  # raised by older Pythons for circular links
-        raise MeshError(f"{path}: refers to a circular link: {uri!r}", remedy=TOGETHER) from None
+        raise MeshError(f"{path}: refers to a circular link: {uri!r}", remedy=KEEP_TOGETHER) from None
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else error
         if isinstance(error, OSError) and error.errno == errno.EFBIG:
             reason = f"it is longer than the {max(limit, 0)} bytes that remain of the limit for all files"
         raise MeshError(
-            f"{path}: refers to a file that cannot be read: {uri!r}: {reason}", remedy=TOGETHER
+            f"{path}: refers to a file that cannot be read: {uri!r}: {reason}", remedy=KEEP_TOGETHER
         ) from None
 
 
-def _chunks(data: bytes, limits: Limits) -> tuple[dict[str, Any], memoryview]:
+def _split_chunks(data: bytes, limits: Limits) -> tuple[dict[str, Any], memoryview]:
     """Return the JSON of a GLB and its binary chunk, which may be empty."""
     magic, version, _ = struct.unpack_from("<4sLL", data)
     if magic != b"glTF" or version != 2:
@@ -404,34 +414,39 @@ def _chunks(data: bytes, limits: Limits) -> tuple[dict[str, Any], memoryview]:
     return tree, chunks.get(BINARY_CHUNK, memoryview(b""))
 
 
-def _scene(tree: dict[str, Any]) -> ObjectBuilder:
+def _build_scene(tree: dict[str, Any]) -> ObjectBuilder:
     """Return the scene as an object that consists of its root nodes."""
     nodes, scenes = tree.get("nodes", []), tree.get("scenes", [])
     if scenes:
-        roots = [_index(index) for index in scenes[_index(tree.get("scene", 0))].get("nodes", [])]
+        roots = [
+            _require_index(index) for index in scenes[_require_index(tree.get("scene", 0))].get("nodes", [])
+        ]
     else:
-        children = {_index(child) for node in nodes for child in node.get("children", [])}
+        children = {_require_index(child) for node in nodes for child in node.get("children", [])}
         roots = [index for index in range(len(nodes)) if index not in children]
     return ObjectBuilder(
-        "the scene", parts=[ObjectReference(("node", index), _matrix(nodes[index])) for index in roots]
+        "the scene",
+        parts=[ObjectReference(("node", index), _read_transform(nodes[index])) for index in roots],
     )
 
 
-def _bodies(document: _Document) -> dict[Hashable, ObjectBuilder]:
+def _build_objects(document: _Document) -> dict[Hashable, ObjectBuilder]:
     """Return an object for each node and each mesh in use."""
     bodies: dict[Hashable, ObjectBuilder] = {}
     nodes = document.tree.get("nodes", [])
     for index, node in enumerate(nodes):
         body = bodies["node", index] = ObjectBuilder(f"node {index}")
         if "mesh" in node:
-            key = ("mesh", _index(node["mesh"]))
+            key = ("mesh", _require_index(node["mesh"]))
             if key not in bodies:
-                bodies[key] = _mesh(document, key[1])
-            document.n_bent += "skin" in node
+                bodies[key] = _read_mesh(document, key[1])
+            document.n_skinned += "skin" in node
             document.n_morphed += _is_morphed(node, document.tree["meshes"][key[1]])
-            body.parts += [ObjectReference(key, matrix) for matrix in _instances(document, node)]
-        children = [_index(child) for child in node.get("children", [])]
-        body.parts += [ObjectReference(("node", child), _matrix(nodes[child])) for child in children]
+            body.parts += [
+                ObjectReference(key, matrix) for matrix in _read_instance_transforms(document, node)
+            ]
+        children = [_require_index(child) for child in node.get("children", [])]
+        body.parts += [ObjectReference(("node", child), _read_transform(nodes[child])) for child in children]
     return bodies
 
 
@@ -442,13 +457,13 @@ def _is_morphed(node: dict[str, Any], mesh: dict[str, Any]) -> bool:
     )
 
 
-def _instances(document: _Document, node: dict[str, Any]) -> Sequence[Float | None]:
-    """Return the transforms (4, 4) of the instances of a node's mesh; usually there is one without a transform."""
+def _read_instance_transforms(document: _Document, node: dict[str, Any]) -> Sequence[Float | None]:
+    """Return the transforms (4, 4) of the instances of a node's mesh; a single None unless the node has instances."""
     if INSTANCING not in node.get("extensions", {}):
         return [None]
     attributes = node["extensions"][INSTANCING]["attributes"]
     places = {
-        name: document.array(attributes[name]).astype(np.float64)
+        name: document.read_accessor(attributes[name]).astype(np.float64)
         for name in ("TRANSLATION", "ROTATION", "SCALE")
         if name in attributes
     }
@@ -456,9 +471,9 @@ def _instances(document: _Document, node: dict[str, Any]) -> Sequence[Float | No
     if len(counts) != 1:
         raise ValueError("the instance attributes are missing or differ in length")
     count = counts.pop()
-    document.count_instances(count)
+    document.add_instances(count)
     return list(
-        _matrices(
+        _compose_transforms(
             places.get("TRANSLATION", np.zeros((count, 3))),
             places.get("ROTATION", np.tile((0.0, 0.0, 0.0, 1.0), (count, 1))),
             places.get("SCALE", np.ones((count, 3))),
@@ -466,32 +481,35 @@ def _instances(document: _Document, node: dict[str, Any]) -> Sequence[Float | No
     )
 
 
-def _mesh(document: _Document, index: int) -> ObjectBuilder:
+def _read_mesh(document: _Document, index: int) -> ObjectBuilder:
     """Read the facets of all primitives of a mesh."""
     body = ObjectBuilder(f"mesh {index}")
     for primitive in document.tree["meshes"][index]["primitives"]:
         mode = primitive.get("mode", TRIANGLES)
         if mode not in (TRIANGLES, STRIP, FAN) or "POSITION" not in primitive["attributes"]:
             continue
-        if any("bufferView" not in document.tree["accessors"][_index(one)] for one in _accessors(primitive)):
-            document.check_packed(primitive)
-        points = document.array(primitive["attributes"]["POSITION"])
+        if any(
+            "bufferView" not in document.tree["accessors"][_require_index(one)]
+            for one in _list_accessors(primitive)
+        ):
+            document.reject_compression(primitive)
+        points = document.read_accessor(primitive["attributes"]["POSITION"])
         if points.shape[1] != 3:
             raise ValueError("the vertex positions do not have three coordinates")
         if "indices" in primitive:
-            corners = document.array(primitive["indices"])[:, 0].astype(np.int64)
+            corners = document.read_accessor(primitive["indices"])[:, 0].astype(np.int64)
         else:
             corners = np.arange(len(points), dtype=np.int64)
         if len(corners) and not (corners.min() >= 0 and corners.max() < len(points)):
             raise ValueError(f"a facet uses vertex {corners.max()} of {len(points)}")
-        document.count(len(points), len(corners) // 3 if mode == TRIANGLES else len(corners))
-        faces = _faces(corners, mode) + len(body.xyz) // 3
+        document.add_counts(len(points), len(corners) // 3 if mode == TRIANGLES else len(corners))
+        faces = _split_into_facets(corners, mode) + len(body.xyz) // 3
         body.xyz.frombytes(points.astype(np.float64).tobytes())
         body.corners.frombytes(faces.tobytes())
     return body
 
 
-def _accessors(primitive: dict[str, Any]) -> list[Any]:
+def _list_accessors(primitive: dict[str, Any]) -> list[Any]:
     """Return the accessor indices of the positions and of the vertex indices."""
     return [primitive["attributes"]["POSITION"], *([primitive["indices"]] if "indices" in primitive else [])]
 
@@ -504,7 +522,7 @@ def _extension_error(path: Path, extension: str) -> MeshError:
     )
 
 
-def _faces(corners: Numbers, mode: int) -> Numbers:
+def _split_into_facets(corners: Numbers, mode: int) -> Numbers:
     """Return the facets (F, 3) of a list, a strip or a fan of vertex indices."""
     if mode == TRIANGLES:
         return corners[: len(corners) // 3 * 3].reshape(-1, 3)
@@ -516,21 +534,21 @@ def _faces(corners: Numbers, mode: int) -> Numbers:
     return np.stack([corners[first], corners[first + 1 + odd], corners[first + 2 - odd]], axis=1)
 
 
-def _matrix(node: dict[str, Any]) -> Float | None:
-    """Return the transform (4, 4) of a node, for row vectors."""
+def _read_transform(node: dict[str, Any]) -> Float | None:
+    """Return the transform (4, 4) of a node, for row vectors; None if it has none."""
     if "matrix" in node:
-        return _finite(np.reshape(np.array(node["matrix"], dtype=np.float64), (4, 4)))
+        return _require_finite(np.reshape(np.array(node["matrix"], dtype=np.float64), (4, 4)))
     if not node.keys() & {"translation", "rotation", "scale"}:
         return None
     translation, rotation, scale = (
         np.reshape(np.array(node.get(name, usual), dtype=np.float64), (1, len(usual)))
         for name, usual in (("translation", (0, 0, 0)), ("rotation", (0, 0, 0, 1)), ("scale", (1, 1, 1)))
     )
-    matrix: Float = _matrices(translation, rotation, scale)[0]
+    matrix: Float = _compose_transforms(translation, rotation, scale)[0]
     return matrix
 
 
-def _matrices(translation: Float, rotation: Float, scale: Float) -> Float:
+def _compose_transforms(translation: Float, rotation: Float, scale: Float) -> Float:
     """Return transforms (N, 4, 4) for row vectors.
 
     Args:
@@ -552,17 +570,17 @@ def _matrices(translation: Float, rotation: Float, scale: Float) -> Float:
     matrices[:, :3, :3] *= scale[:, :, None]
     matrices[:, 3, :3] = translation
     matrices[:, 3, 3] = 1
-    return _finite(matrices)
+    return _require_finite(matrices)
 
 
-def _finite(matrices: Float) -> Float:
+def _require_finite(matrices: Float) -> Float:
     if not np.isfinite(matrices).all():
         raise ValueError("the transform of a node is not finite")
     return matrices
 
 
-def _index(value: object) -> int:
-    """Check an index; Python would count negative ones from the end."""
+def _require_index(value: object) -> int:
+    """Return an index after checking that it is not negative, which Python would count from the end."""
     if not isinstance(value, int) or value < 0:
         raise ValueError(f"expected an index, found {str(value)[:20]}")
     return value

@@ -60,33 +60,33 @@ LIMITS: Final = Limits()
 
 
 def check_facets(count: int, path: Path, limits: Limits) -> None:
-    """Check the number of facets.
+    """Check the number of facets against the limit.
 
     Raises:
         MeshError: there are more than allowed.
     """
     if count > limits.facets:
         raise MeshError(
-            f"{path}: {count} facets; the limit is {limits.facets}",
+            f"{path}: the file has {count} facets; the limit is {limits.facets}",
             remedy="Export the part with fewer facets, or raise `Limits.facets` from Python",
         )
 
 
 def check_vertices(count: int, path: Path, limits: Limits, per_facet: int = 1) -> None:
-    """Check the number of vertices against `per_facet` per allowed facet.
+    """Check the number of vertices; the limit is `per_facet` times that of facets.
 
     Raises:
         MeshError: there are more than allowed.
     """
     if count > per_facet * limits.facets:
         raise MeshError(
-            f"{path}: {count} vertices; the limit is {per_facet * limits.facets}",
+            f"{path}: the file has {count} vertices; the limit is {per_facet * limits.facets}",
             remedy="Export the part with fewer facets, or raise `Limits.facets` from Python",
         )
 
 
 def check_instances(count: int, path: Path, limits: Limits) -> None:
-    """Check the number of placed objects.
+    """Check the number of placed objects against the limit.
 
     Raises:
         MeshError: there are more than allowed.

@@ -17,7 +17,7 @@ from printer_slicer.mesh_io.soundness import COPY_AGAIN, EXPORT_AGAIN
 if TYPE_CHECKING:
     from printer_slicer.mesh_io.limits import Limits
 
-__all__ = ["Handler", "XmlReader", "number_in", "whole_in"]
+__all__ = ["Handler", "XmlReader", "get_integer", "get_number"]
 
 Handler = Callable[[list[str]], None]
 """Receives the attributes of an element: name, value, name, value, ..."""
@@ -26,7 +26,7 @@ Handler = Callable[[list[str]], None]
 class XmlReader:
     """Calls a handler for each element by its name; subclasses register the handlers.
 
-    Names are written as in the document if it has no namespace, else as `namespace name`.
+    Handlers are registered by name: as in the document if it has no namespace, otherwise as `namespace name`.
 
     Attributes:
         namespaces: prefix -> namespace, as the document declares them.
@@ -43,12 +43,14 @@ class XmlReader:
         self._names: dict[str, str] = {}
         self._parser = expat.ParserCreate(namespace_separator=" ", intern=self._names)
         self._parser.ordered_attributes = True
-        self._parser.StartElementHandler = self._start
-        self._parser.EndElementHandler = self._end
-        self._parser.StartNamespaceDeclHandler = self._declare
-        self._parser.StartDoctypeDeclHandler = self._refuse_document_type
+        self._parser.StartElementHandler = self._begin_element
+        self._parser.EndElementHandler = self._end_element
+        self._parser.StartNamespaceDeclHandler = self._declare_namespace
+        self._parser.StartDoctypeDeclHandler = self._reject_document_type
 
-    def on(self, names: Iterable[str], start: Handler | None, end: Callable[[], None] | None = None) -> None:
+    def register(
+        self, names: Iterable[str], start: Handler | None, end: Callable[[], None] | None = None
+    ) -> None:
         """Register the handlers for elements of these names."""
         for name in names:
             if start:
@@ -67,77 +69,77 @@ class XmlReader:
             for piece in pieces:
                 self._parser.Parse(piece, False)
                 n_fed += len(piece)
-                self.check()
+                self.check_limits()
                 if len(self._names) > self.limits.names:
-                    raise self.fault(f"more than {self.limits.names} different names")
+                    raise self.make_error(f"more than {self.limits.names} different names")
                 # Otherwise an endless tag would be scanned from its start again and again.
                 if n_fed - self._parser.CurrentByteIndex > self.limits.xml_token + len(piece):
-                    raise self.fault(f"a tag is longer than {self.limits.xml_token} bytes")
+                    raise self.make_error(f"a tag is longer than {self.limits.xml_token} bytes")
             self._parser.Parse(b"", True)
         except expat.ExpatError as error:
             raise MeshError(f"{self.path}:{self._what} not valid XML: {error}", remedy=COPY_AGAIN) from error
         except (ValueError, OverflowError, LookupError, UnicodeError) as error:
             reason = str(error).partition("\n")[0][:120]
-            raise self.fault(reason[:1].lower() + reason[1:]) from error
+            raise self.make_error(reason[:1].lower() + reason[1:]) from error
         finally:
             # Break the reference cycle of parser and handlers, to free the memory of a large document at once.
             self._parser.StartElementHandler = self._parser.EndElementHandler = None
             self._parser.StartNamespaceDeclHandler = self._parser.StartDoctypeDeclHandler = None
 
-    def check(self) -> None:
+    def check_limits(self) -> None:
         """Check the content read so far against the limits; called regularly, may raise a MeshError."""
 
-    def fault(self, what: str, remedy: str = EXPORT_AGAIN) -> MeshError:
-        """Return an error that names the current line."""
+    def make_error(self, what: str, remedy: str = EXPORT_AGAIN) -> MeshError:
+        """Return an error with this description that names the current line."""
         return MeshError(
             f"{self.path}:{self._what} line {self._parser.CurrentLineNumber}: {what}", remedy=remedy
         )
 
-    def _start(self, name: str, attributes: list[str]) -> None:
+    def _begin_element(self, name: str, attributes: list[str]) -> None:
         self._depth += 1
         if self._depth > self.limits.xml_depth:
-            raise self.fault(f"elements are nested more than {self.limits.xml_depth} deep")
+            raise self.make_error(f"elements are nested more than {self.limits.xml_depth} deep")
         handler = self._starts.get(name)
         if handler:
             handler(attributes)
 
-    def _end(self, name: str) -> None:
+    def _end_element(self, name: str) -> None:
         self._depth -= 1
         handler = self._ends.get(name)
         if handler:
             handler()
 
-    def _declare(self, prefix: str | None, namespace: str) -> None:
+    def _declare_namespace(self, prefix: str | None, namespace: str) -> None:
         if len(self.namespaces) >= self.limits.names:
-            raise self.fault(f"more than {self.limits.names} namespaces")
+            raise self.make_error(f"more than {self.limits.names} namespaces")
         self.namespaces[prefix or ""] = namespace
 
-    def _refuse_document_type(self, *_: object) -> None:
-        raise self.fault(
+    def _reject_document_type(self, *_: object) -> None:
+        raise self.make_error(
             "the file declares a document type, which is unsafe and not needed for a mesh",
             "Do not trust the file; if it is your own, remove the line that begins with <!DOCTYPE",
         )
 
 
-def number_in(attributes: list[str], name: str) -> float:
+def get_number(attributes: list[str], name: str) -> float:
     """Return the value of a numeric attribute.
 
     Raises:
         LookupError, ValueError: the attribute is missing or not a number.
     """
-    return float(_value(attributes, name))
+    return float(_get_value(attributes, name))
 
 
-def whole_in(attributes: list[str], name: str) -> int:
+def get_integer(attributes: list[str], name: str) -> int:
     """Return the value of an integer attribute.
 
     Raises:
         LookupError, ValueError: the attribute is missing or not an integer.
     """
-    return int(_value(attributes, name))
+    return int(_get_value(attributes, name))
 
 
-def _value(attributes: list[str], name: str) -> str:
+def _get_value(attributes: list[str], name: str) -> str:
     for place in range(0, len(attributes), 2):
         if attributes[place] == name:
             return attributes[place + 1]

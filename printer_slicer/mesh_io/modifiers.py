@@ -23,13 +23,13 @@ if TYPE_CHECKING:
     from printer_slicer.mesh_io.archive import Archive
     from printer_slicer.mesh_io.limits import Limits
 
-__all__ = ["MOST_NAMED", "Modifiers", "read_modifiers"]
+__all__ = ["MAX_LISTED_NAMES", "Modifiers", "read_modifiers"]
 
-FILES: Final = ("metadata/slic3r_pe_model.config", "metadata/model_settings.config")
-PLAIN: Final = frozenset({"modelpart", "normal_part", ""})
-MOST_NAMED: Final = 5
+CONFIG_FILES: Final = ("metadata/slic3r_pe_model.config", "metadata/model_settings.config")
+PRINTED_KINDS: Final = frozenset({"modelpart", "normal_part", ""})
+MAX_LISTED_NAMES: Final = 5
 LONGEST_NAME: Final = 40
-HOLES: Final = frozenset({"negativevolume", "negative_part"})
+NEGATIVE_KINDS: Final = frozenset({"negativevolume", "negative_part"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,45 +39,45 @@ class _Volume:
     name: str
     kind: str
 
-    def spoken(self) -> str:
+    def describe(self) -> str:
         """Return the name and the kind for messages."""
         return f"'{self.name[:LONGEST_NAME]}' ({self.kind[:LONGEST_NAME]})"
 
 
 class Modifiers(XmlReader):
-    """The volumes in the configuration file of a slicer."""
+    """Object names and volumes that must not be printed, from the configuration file of a slicer."""
 
     def __init__(self, path: Path, limits: Limits, what: str) -> None:
         super().__init__(path, limits, what)
         self._object = self._component = self._name = self._kind = ""
         self._range = (0, -1)
-        self._n_marked = 0
+        self._n_unprinted = 0
         self._inside = False  # of a volume
         self.names: dict[str, str] = {}
         self.ranges: dict[str, list[tuple[tuple[int, int], _Volume]]] = {}
         self.components: dict[tuple[str, str], _Volume] = {}
-        self.on(["object"], self._begin_object)
-        self.on(["volume"], self._begin_volume, self._end_volume)
-        self.on(["part"], self._begin_part, self._end_part)
-        self.on(["metadata"], self._metadata)
+        self.register(["object"], self._begin_object)
+        self.register(["volume"], self._begin_volume, self._end_volume)
+        self.register(["part"], self._begin_part, self._end_part)
+        self.register(["metadata"], self._read_metadata)
 
     def _begin_object(self, attributes: list[str]) -> None:
-        self._object = _attribute_dict(attributes).get("id", "")
+        self._object = _to_dict(attributes).get("id", "")
         self._inside = False
 
     def _begin_volume(self, attributes: list[str]) -> None:
-        given = _attribute_dict(attributes)
+        given = _to_dict(attributes)
         self._range = (int(given.get("firstid", "0")), int(given.get("lastid", "-1")))
         self._name = self._kind = ""
         self._inside = True
 
     def _begin_part(self, attributes: list[str]) -> None:
-        given = _attribute_dict(attributes)
+        given = _to_dict(attributes)
         self._component, self._kind, self._name = given.get("id", ""), given.get("subtype", ""), ""
         self._inside = True
 
-    def _metadata(self, attributes: list[str]) -> None:
-        given = _attribute_dict(attributes)
+    def _read_metadata(self, attributes: list[str]) -> None:
+        given = _to_dict(attributes)
         key, value = given.get("key"), given.get("value", "")
         if key == "name" and self._inside:
             self._name = value
@@ -90,32 +90,32 @@ class Modifiers(XmlReader):
 
     def _end_volume(self) -> None:
         self._inside = False
-        if volume := self._marked():
+        if volume := self._build_unprinted_volume():
             self.ranges.setdefault(self._object, []).append((self._range, volume))
 
     def _end_part(self) -> None:
         self._inside = False
-        if volume := self._marked():
+        if volume := self._build_unprinted_volume():
             self.components[self._object, self._component] = volume
 
-    def _marked(self) -> _Volume | None:
+    def _build_unprinted_volume(self) -> _Volume | None:
         """Return the current volume if it must not be printed."""
-        if self._kind.lower() in PLAIN:
+        if self._kind.lower() in PRINTED_KINDS:
             return None
-        self._n_marked += 1
-        if self._n_marked > self.limits.instances:
-            raise self.fault(f"more than {self.limits.instances} volumes")
+        self._n_unprinted += 1
+        if self._n_unprinted > self.limits.instances:
+            raise self.make_error(f"more than {self.limits.instances} volumes")
         return _Volume(self._name, self._kind)
 
-    def name(self, bodies: dict[Hashable, ObjectBuilder], part: str) -> None:
+    def name_objects(self, bodies: dict[Hashable, ObjectBuilder], part: str) -> None:
         """Give unnamed objects of a model file the names that the slicer stored."""
         for number, name in self.names.items():
             body = bodies.get((part, number))
             if body is not None:
                 body.label = body.label or name
 
-    def taken_from(self, bodies: dict[Hashable, ObjectBuilder], part: str) -> list[str]:
-        """Remove these volumes from the objects of a model file.
+    def remove_unprinted(self, bodies: dict[Hashable, ObjectBuilder], part: str) -> list[str]:
+        """Remove the volumes that must not be printed from the objects of a model file.
 
         Returns:
             Warnings.
@@ -140,43 +140,43 @@ class Modifiers(XmlReader):
             kept = [use for use in body.parts if not (isinstance(use.key, tuple) and use.key[1] == child)]
             taken += [volume] * (len(body.parts) - len(kept))
             bodies[part, number] = ObjectBuilder(body.name, body.xyz, body.corners, kept, body.label)
-        return _notes(taken)
+        return _describe_removed(taken)
 
 
-def _notes(taken: Sequence[_Volume]) -> list[str]:
+def _describe_removed(taken: Sequence[_Volume]) -> list[str]:
     """Return warnings about the removed volumes."""
     if not taken:
         return []
     count = "1 volume that only changes" if len(taken) == 1 else f"{len(taken)} volumes that only change"
     verb = "is" if len(taken) == 1 else "are"
-    notes = [f"{count} settings, supports or other volumes {verb} left out: {_join_names(taken)}"]
-    if holes := [volume for volume in taken if volume.kind.lower() in HOLES]:
+    notes = [f"{count} settings, supports or other volumes {verb} left out: {_list_volumes(taken)}"]
+    if holes := [volume for volume in taken if volume.kind.lower() in NEGATIVE_KINDS]:
         them = (
             "1 of them is a negative volume and is"
             if len(holes) == 1
             else f"{len(holes)} of them are negative volumes and are"
         )
-        notes.append(f"{them} not cut out: {_join_names(holes)}")
+        notes.append(f"{them} not cut out: {_list_volumes(holes)}")
     return notes
 
 
-def _join_names(volumes: Sequence[_Volume]) -> str:
-    more = f" and {len(volumes) - MOST_NAMED} more" if len(volumes) > MOST_NAMED else ""
-    return ", ".join(volume.spoken() for volume in volumes[:MOST_NAMED]) + more
+def _list_volumes(volumes: Sequence[_Volume]) -> str:
+    more = f" and {len(volumes) - MAX_LISTED_NAMES} more" if len(volumes) > MAX_LISTED_NAMES else ""
+    return ", ".join(volume.describe() for volume in volumes[:MAX_LISTED_NAMES]) + more
 
 
 def read_modifiers(archive: Archive, limits: Limits) -> Modifiers:
-    """Read the slicer's data about volumes; empty if no slicer made the archive.
+    """Read a slicer's data about volumes from an archive; empty if no slicer wrote the archive.
 
     Raises:
         MeshError: the slicer's file is not valid XML.
     """
-    name = next((name for name in FILES if name in archive), "")
+    name = next((name for name in CONFIG_FILES if name in archive), "")
     reader = Modifiers(archive.path, limits, name)
     if name:
-        reader.read(archive.pieces(name))
+        reader.read(archive.read_chunks(name))
     return reader
 
 
-def _attribute_dict(attributes: list[str]) -> dict[str, str]:
+def _to_dict(attributes: list[str]) -> dict[str, str]:
     return dict(zip(attributes[::2], attributes[1::2], strict=True))

@@ -16,7 +16,7 @@ from printer_slicer.errors import MeshError
 from printer_slicer.mesh_io.limits import check_facets, check_vertices
 from printer_slicer.mesh_io.polygons import triangulate_polygons
 from printer_slicer.mesh_io.soundness import EXPORT_AGAIN
-from printer_slicer.mesh_io.tables import NUMBER, numbers_in
+from printer_slicer.mesh_io.tables import NUMBER, convert_numbers
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -30,13 +30,13 @@ __all__ = ["read_obj"]
 BLANK: Final = 32
 """Bytes up to this value separate words."""
 LONGEST_LINE: Final = 1 << 24
-"""bytes"""
-MOST_CONTINUED: Final = 1000
+"""Maximum length of a line, bytes."""
+MAX_CONTINUED_LINES: Final = 1000
 """Maximum number of continued lines at the end of a chunk."""
 COMMENT: Final = re.compile(rb"#[^\n]*")
 INDENT: Final = re.compile(rb"(?m)^[\t\v\f ]+")
 CORNER: Final = re.compile(rb"([-+]?\d+)(/\S*)?")
-UNREAD: Final = {
+IGNORED_GEOMETRY: Final = {
     b"p": "points",
     b"l": "lines",
     b"curv": "curves",
@@ -47,7 +47,7 @@ UNREAD: Final = {
 
 
 class _MalformedError(Exception):
-    """The text is malformed; `_fault` finds the line afterwards."""
+    """Raised for malformed text; `_find_fault` then finds the line."""
 
 
 def read_obj(source: ModelFile, limits: Limits) -> tuple[Float, list[str]]:
@@ -61,10 +61,10 @@ def read_obj(source: ModelFile, limits: Limits) -> tuple[Float, list[str]]:
     vertices, counts, corners = [np.zeros((0, 3))], [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
     n_vertices = n_faces = n_facets = n_surfaces = 0
     try:
-        for text in _pieces(source):
-            lines = _Lines(text)
-            vertices.append(lines.vertices())
-            size, corner = lines.faces(n_vertices)
+        for text in _read_chunks(source):
+            lines = _StatementChunk(text)
+            vertices.append(lines.read_vertices())
+            size, corner = lines.read_faces(n_vertices)
             counts.append(size)
             corners.append(corner)
             n_vertices += len(vertices[-1])
@@ -74,11 +74,11 @@ def read_obj(source: ModelFile, limits: Limits) -> tuple[Float, list[str]]:
             check_vertices(n_vertices, source.path, limits)
             check_facets(max(n_faces, n_facets), source.path, limits)
     except _MalformedError:
-        raise _fault(source, None) from None
+        raise _find_fault(source, None) from None
     corner = np.concatenate(corners)
     del corners
     if len(corner) and corner.max() >= n_vertices:
-        raise _fault(source, n_vertices)
+        raise _find_fault(source, n_vertices)
     if not n_facets:
         raise _no_facets_error(source)
     notes = [f"{n_surfaces} free-form surfaces are left out"] if n_surfaces else []
@@ -87,12 +87,12 @@ def read_obj(source: ModelFile, limits: Limits) -> tuple[Float, list[str]]:
     ), notes
 
 
-def _pieces(source: ModelFile) -> Iterator[bytes]:
+def _read_chunks(source: ModelFile) -> Iterator[bytes]:
     """Yield the file in chunks of complete statements; every line ends with LF."""
     rest = b""
-    for chunk in source.text_chunks():
+    for chunk in source.read_text_chunks():
         text = rest + chunk if rest else chunk
-        end = _end_of_statements(text)
+        end = _find_statement_end(text)
         rest = text[end:]
         if len(rest) > LONGEST_LINE:
             raise MeshError(
@@ -104,10 +104,10 @@ def _pieces(source: ModelFile) -> Iterator[bytes]:
     yield _normalize_line_ends(rest + b"\n\n")  # two: the last line may be continued
 
 
-def _end_of_statements(text: bytes) -> int:
-    """Return the index after the last line that the next one does not continue."""
+def _find_statement_end(text: bytes) -> int:
+    """Return the index after the last line that is not continued on the next one."""
     end = text.rfind(b"\n") + 1
-    for _ in range(MOST_CONTINUED):
+    for _ in range(MAX_CONTINUED_LINES):
         if not text.endswith((b"\\\n", b"\\\r\n"), 0, end):
             return end
         end = text.rfind(b"\n", 0, end - 1) + 1
@@ -118,7 +118,7 @@ def _normalize_line_ends(text: bytes) -> bytes:
     return text.replace(b"\r\n", b"\n").replace(b"\r", b"\n") if b"\r" in text else text
 
 
-class _Lines:
+class _StatementChunk:
     """The statements of a chunk: where they start, and which are vertices or faces."""
 
     def __init__(self, text: bytes) -> None:
@@ -136,12 +136,12 @@ class _Lines:
         self._is_vertex = (first == ord("v")) & (second <= BLANK)
         self._is_face = (first == ord("f")) & (second <= BLANK)
 
-    def vertices(self) -> Float:
+    def read_vertices(self) -> Float:
         """Return the vertex coordinates (V, 3)."""
-        text, counts = self._words_of(self._is_vertex)
+        text, counts = self._select_words(self._is_vertex)
         if not len(counts):
             return np.zeros((0, 3))
-        numbers = _numbers(text, "f8", counts)
+        numbers = _parse_numbers(text, "f8", counts)
         if counts.min() < 3:
             raise _MalformedError
         if counts.min() == counts.max():
@@ -149,16 +149,16 @@ class _Lines:
         xyz: Float = numbers[(np.cumsum(counts) - counts)[:, None] + np.arange(3)]
         return xyz
 
-    def faces(self, n_before: int) -> tuple[Int, Int]:
+    def read_faces(self, n_before: int) -> tuple[Int, Int]:
         """Return the number of corners of each face (P,), and the vertex indices of all corners, from 0.
 
         Args:
             n_before: number of vertices in the previous chunks.
         """
-        text, counts = self._words_of(self._is_face)
+        text, counts = self._select_words(self._is_face)
         if not len(counts):
             return counts, counts
-        numbers = _numbers(text, "i8", counts)
+        numbers = _parse_numbers(text, "i8", counts)
         if numbers.min() >= 1:
             return counts, numbers - 1
         # -1 is the last vertex before the face.
@@ -168,7 +168,7 @@ class _Lines:
             raise _MalformedError
         return counts, corners
 
-    def _words_of(self, chosen: NDArray[np.bool_]) -> tuple[NDArray[np.uint8], Int]:
+    def _select_words(self, chosen: NDArray[np.bool_]) -> tuple[NDArray[np.uint8], Int]:
         """Return the text of the chosen statements and the number of words in each.
 
         Keywords are removed, and so is the rest of a word from `/` on.
@@ -193,10 +193,10 @@ class _Lines:
         return text, np.add.reduceat(begun, begins, dtype=np.int64)
 
 
-def _numbers(text: NDArray[np.uint8], kind: str, counts: Int) -> NDArray[Any]:
-    """Convert each word to a number."""
+def _parse_numbers(text: NDArray[np.uint8], kind: str, counts: Int) -> NDArray[Any]:
+    """Convert words to numbers; `counts` are the numbers of words, which must all be numbers."""
     try:
-        numbers = numbers_in(text.tobytes(), kind)
+        numbers = convert_numbers(text.tobytes(), kind)
     except ValueError:
         raise _MalformedError from None
     if len(numbers) != counts.sum():
@@ -204,10 +204,10 @@ def _numbers(text: NDArray[np.uint8], kind: str, counts: Int) -> NDArray[Any]:
     return numbers
 
 
-def _statements(source: ModelFile) -> Iterator[tuple[int, list[bytes]]]:
+def _read_statements(source: ModelFile) -> Iterator[tuple[int, list[bytes]]]:
     """Yield the first line number and the words of each statement; slow, used to find errors."""
     number, begun, words, is_continued = 0, 1, list[bytes](), False
-    for text in _pieces(source):
+    for text in _read_chunks(source):
         for line in text.split(b"\n")[:-1]:
             number += 1
             begun = begun if is_continued else number
@@ -219,40 +219,40 @@ def _statements(source: ModelFile) -> Iterator[tuple[int, list[bytes]]]:
                 words = []
 
 
-def _fault(source: ModelFile, n_vertices: int | None) -> MeshError:
-    """Describe the first malformed statement.
+def _find_fault(source: ModelFile, n_vertices: int | None) -> MeshError:
+    """Return an error that describes the first malformed statement.
 
     Args:
         source: the file.
         n_vertices: number of vertices in the file, to find a face that uses a missing one.
     """
     known = 0
-    for number, words in _statements(source):
+    for number, words in _read_statements(source):
         wrong = ""
         if words[:1] == [b"v"]:
             known += 1
-            wrong = _vertex_problem(words[1:])
+            wrong = _describe_vertex_fault(words[1:])
         elif words[:1] == [b"f"]:
-            wrong = _face_problem(words[1:], known, n_vertices)
+            wrong = _describe_face_fault(words[1:], known, n_vertices)
         if wrong:
             return MeshError(f"{source.path}, line {number}: {wrong}", remedy=EXPORT_AGAIN)
     return MeshError(f"{source.path}: not a valid .obj file", remedy=EXPORT_AGAIN)
 
 
-def _vertex_problem(words: list[bytes]) -> str:
+def _describe_vertex_fault(words: list[bytes]) -> str:
     """Describe what is wrong with a vertex; empty if it is valid."""
     for word in words:
         if not NUMBER.fullmatch(word):
-            return f"expected a number, found '{_display_name(word)}'"
+            return f"expected a number, found '{_format_word(word)}'"
     return "" if len(words) >= 3 else f"a vertex has only {len(words)} coordinates"
 
 
-def _face_problem(words: list[bytes], known: int, n_vertices: int | None) -> str:
+def _describe_face_fault(words: list[bytes], known: int, n_vertices: int | None) -> str:
     """Describe what is wrong with a face after `known` vertices; empty if it is valid."""
     for word in words:
         match = CORNER.fullmatch(word)
         if match is None:
-            return f"expected a vertex number, found '{_display_name(word)}'"
+            return f"expected a vertex number, found '{_format_word(word)}'"
         corner = int(match[1][:20])
         if corner == 0:
             return "a face uses vertex 0; vertices are numbered from 1"
@@ -263,12 +263,16 @@ def _face_problem(words: list[bytes], known: int, n_vertices: int | None) -> str
     return ""
 
 
-def _display_name(word: bytes) -> str:
+def _format_word(word: bytes) -> str:
     return word[:60].decode("ascii", "replace")
 
 
 def _no_facets_error(source: ModelFile) -> MeshError:
     """Return the error for a file without facets."""
-    found = {UNREAD[words[0]] for _, words in _statements(source) if words and words[0] in UNREAD}
+    found = {
+        IGNORED_GEOMETRY[words[0]]
+        for _, words in _read_statements(source)
+        if words and words[0] in IGNORED_GEOMETRY
+    }
     only = f", only {' and '.join(sorted(found))}" if found else ""
     return MeshError(f"{source.path}: the file contains no facets{only}", remedy=EXPORT_AGAIN)

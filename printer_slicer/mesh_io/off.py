@@ -15,8 +15,16 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from printer_slicer.mesh_io.limits import check_facets
-from printer_slicer.mesh_io.polygons import triangulate_polygons, whole
-from printer_slicer.mesh_io.tables import Bytes, Column, Element, Property, TableBody, Words, read_table
+from printer_slicer.mesh_io.polygons import to_integers, triangulate_polygons
+from printer_slicer.mesh_io.tables import (
+    BinaryBody,
+    Column,
+    Element,
+    Property,
+    TableBody,
+    TextBody,
+    read_table,
+)
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -29,8 +37,8 @@ __all__ = ["read_off"]
 KEYWORD: Final = re.compile(r"\s*(?:(ST)?(C)?(N)?(4?n?)OFF\b)?")
 """The keyword at the start of a file; it may be missing."""
 BINARY: Final = re.compile(rb"\s*(ST)?(C)?(N)?(4?n?)OFF[ \t]+BINARY[ \t]*\r?\n")
-BEHIND: Final = (2, 4, 3)
-"""Numbers after the coordinates of a vertex: texture coordinates (ST), colour (C), normal (N)."""
+EXTRA_NUMBERS: Final = (2, 4, 3)
+"""How many numbers follow the coordinates of a vertex: for texture coordinates (ST), colour (C) and normal (N)."""
 CORNERS: Final = Property("corners", "i4", "i4")
 COLOUR: Final = Property("colour", "f4", "i4")
 """The properties of a face."""
@@ -53,7 +61,7 @@ def read_off(data: bytes, path: Path, limits: Limits) -> Float:
     try:
         return _read_lines(body, path, limits)
     except ValueError:
-        triangles = _read_counted(body, _n_extra(keyword), path, limits)
+        triangles = _read_by_counts(body, _count_extra_numbers(keyword), path, limits)
         if triangles is None:
             raise
         return triangles
@@ -71,13 +79,13 @@ def _read_lines(text: str, path: Path, limits: Limits) -> Float:
             f"{n_vertices} vertices and {n_faces} faces are stated, but only {len(lines) - 1} lines follow"
         )
     check_facets(n_faces, path, limits)
-    vertices = _numbers(lines[1 : n_vertices + 1], range(3), "vertex")
-    counts, corners = _faces(lines[n_vertices + 1 : n_vertices + n_faces + 1])
+    vertices = _read_columns(lines[1 : n_vertices + 1], range(3), "vertex")
+    counts, corners = _read_faces(lines[n_vertices + 1 : n_vertices + n_faces + 1])
     return triangulate_polygons(vertices, counts, corners, path, limits)
 
 
-def _read_counted(text: str, n_extra: int, path: Path, limits: Limits) -> Float | None:
-    """Read the text by the counts of vertices, faces and corners; return None unless they use up all numbers.
+def _read_by_counts(text: str, n_extra: int, path: Path, limits: Limits) -> Float | None:
+    """Read the text by its counts of vertices, faces and corners; return None unless these use up all numbers.
 
     A truncated file or a missing number must not produce a different part. So this does not apply to files with one
     line per vertex and face or with faces of fewer than three corners, and the number of edges may only be missing
@@ -86,12 +94,12 @@ def _read_counted(text: str, n_extra: int, path: Path, limits: Limits) -> Float 
     lines = [line for line in text.splitlines() if line and not line.isspace()]
     start = 2 if lines and len(lines[0].split()) == 2 else 3
     try:
-        body = Words(text.encode())
-        announced = body.number(0, ""), body.number(1, "")
-        vertices, faces, end = _tables(body, announced, start, n_extra, (CORNERS,))
+        body = TextBody(text.encode())
+        announced = body.read_integer(0, ""), body.read_integer(1, "")
+        vertices, faces, end = _read_tables(body, announced, start, n_extra, (CORNERS,))
         whole_rows = len(lines) == 1 + sum(announced)
         if end == body.end and not whole_rows and (faces.counts >= 3).all():
-            return triangulate_polygons(vertices, faces.counts, whole(faces.values), path, limits)
+            return triangulate_polygons(vertices, faces.counts, to_integers(faces.values), path, limits)
     except (ValueError, LookupError, OverflowError):
         pass
     return None
@@ -101,24 +109,24 @@ def _read_binary(data: bytes, head: re.Match[bytes], path: Path, limits: Limits)
     """Read the binary data after the first line."""
     if head[4]:
         raise ValueError("its points do not have three coordinates")
-    body = Bytes(data, ">")
+    body = BinaryBody(data, ">")
     if body.end < 12:
         raise ValueError("the numbers of vertices and faces are missing at the start")
-    announced = body.number(0, "i4"), body.number(4, "i4")
+    announced = body.read_integer(0, "i4"), body.read_integer(4, "i4")
     check_facets(announced[1], path, limits)
-    vertices, faces, _ = _tables(body, announced, 12, _n_extra(head), (CORNERS, COLOUR))
+    vertices, faces, _ = _read_tables(body, announced, 12, _count_extra_numbers(head), (CORNERS, COLOUR))
     return triangulate_polygons(vertices, faces.counts, faces.values.astype(np.int64), path, limits)
 
 
-def _n_extra(head: re.Match[bytes] | re.Match[str]) -> int:
+def _count_extra_numbers(head: re.Match[bytes] | re.Match[str]) -> int:
     """Return how many numbers follow the coordinates of each vertex."""
-    return sum(number for number, given in zip(BEHIND, head.groups(), strict=False) if given)
+    return sum(number for number, given in zip(EXTRA_NUMBERS, head.groups(), strict=False) if given)
 
 
-def _tables(
+def _read_tables(
     body: TableBody, announced: tuple[int, int], start: int, n_extra: int, face: tuple[Property, ...]
 ) -> tuple[Float, Column, int]:
-    """Return the vertices (V, 3), the corners of the faces, and the end of the faces in the body.
+    """Read the vertices (V, 3) and the corners of the faces; also return where the faces end in the body.
 
     Args:
         body: the data after the first line or the first word.
@@ -138,7 +146,7 @@ def _tables(
     return xyz, faces[CORNERS.name], end
 
 
-def _faces(lines: list[str]) -> tuple[Int, Int]:
+def _read_faces(lines: list[str]) -> tuple[Int, Int]:
     """Return the number of corners of each face (F,), and the corners of all faces."""
     counts = np.zeros(len(lines), np.int64)
     for number, line in enumerate(lines):
@@ -152,12 +160,12 @@ def _faces(lines: list[str]) -> tuple[Int, Int]:
     for start, end in pairwise(np.flatnonzero(np.diff(counts[by_size], prepend=-1, append=-1)).tolist()):
         rows, size = by_size[start:end], int(counts[by_size[start]])
         if size:
-            part = _numbers([lines[row] for row in rows.tolist()], range(1, size + 1), "face")
-            corners[first_corner[rows, None] + np.arange(size)] = whole(part)
+            part = _read_columns([lines[row] for row in rows.tolist()], range(1, size + 1), "face")
+            corners[first_corner[rows, None] + np.arange(size)] = to_integers(part)
     return counts, corners
 
 
-def _numbers(lines: Sequence[str], columns: range, what: str) -> Float:
+def _read_columns(lines: Sequence[str], columns: range, what: str) -> Float:
     """Return the numbers (L, C) in these columns of each line."""
     if not lines:
         return np.zeros((0, len(columns)))

@@ -13,8 +13,16 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from printer_slicer.mesh_io.limits import check_facets
-from printer_slicer.mesh_io.polygons import triangulate_polygons, whole
-from printer_slicer.mesh_io.tables import Bytes, Column, Element, Property, TableBody, Words, read_table
+from printer_slicer.mesh_io.polygons import to_integers, triangulate_polygons
+from printer_slicer.mesh_io.tables import (
+    BinaryBody,
+    Column,
+    Element,
+    Property,
+    TableBody,
+    TextBody,
+    read_table,
+)
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -30,9 +38,10 @@ TYPES: Final = {
     "float32": "f4", "float64": "f8",
 }  # fmt: skip
 FORMATS: Final = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
-LISTS: Final = ("vertex_indices", "vertex_index")
+CORNER_PROPERTIES: Final = ("vertex_indices", "vertex_index")
 """Names that programs use for the corners of a face."""
 LONGEST_HEADER: Final = 1 << 16
+"""Maximum length of the header, bytes."""
 
 
 def read_ply(data: bytes, path: Path, limits: Limits) -> Float:
@@ -42,25 +51,25 @@ def read_ply(data: bytes, path: Path, limits: Limits) -> Float:
         MeshError: there are too many facets.
         ValueError: the file is malformed; says why.
     """
-    elements, order, begin = _header(data)
-    body: TableBody = Bytes(data[begin:], order) if order else Words(data[begin:])
+    elements, order, begin = _parse_header(data)
+    body: TableBody = BinaryBody(data[begin:], order) if order else TextBody(data[begin:])
     vertices, nothing = np.zeros((0, 3)), np.zeros(0, np.int64)
     counts, corners = [nothing], [nothing]
     at = 0
     for element in elements:
         if element.name == "face":
-            check_facets(element.number, path, limits)
-        columns, at = read_table(body, element, at, ("x", "y", "z", *LISTS))
-        if element.name == "vertex" and element.number:
-            vertices = np.stack([_named(columns, element, name).values for name in "xyz"], axis=1)
-        elif element.name == "face" and element.number:
-            faces = _named(columns, element, *LISTS)
+            check_facets(element.n_rows, path, limits)
+        columns, at = read_table(body, element, at, ("x", "y", "z", *CORNER_PROPERTIES))
+        if element.name == "vertex" and element.n_rows:
+            vertices = np.stack([_find_column(columns, element, name).values for name in "xyz"], axis=1)
+        elif element.name == "face" and element.n_rows:
+            faces = _find_column(columns, element, *CORNER_PROPERTIES)
             counts.append(faces.counts)
-            corners.append(whole(faces.values))
-        elif element.name == "tristrips" and element.number:
-            strips = _named(columns, element, *LISTS)
+            corners.append(to_integers(faces.values))
+        elif element.name == "tristrips" and element.n_rows:
+            strips = _find_column(columns, element, *CORNER_PROPERTIES)
             check_facets(len(strips.values), path, limits)
-            facets = _unroll_strips(strips.counts, whole(strips.values))
+            facets = _unroll_strips(strips.counts, to_integers(strips.values))
             counts.append(np.full(len(facets), 3))
             corners.append(facets.ravel())
     vertices = vertices.astype(np.float64)
@@ -84,8 +93,8 @@ def _unroll_strips(counts: Int, corners: Int) -> Int:
     return np.stack([corners[last - 2], corners[last - 1 + odd], corners[last - odd]], axis=1)
 
 
-def _header(data: bytes) -> tuple[list[Element], str, int]:
-    """Return the elements, the byte order (empty for text), and where the body starts."""
+def _parse_header(data: bytes) -> tuple[list[Element], str, int]:
+    """Return the elements in the header, the byte order (empty for text), and where the body starts."""
     head = re.match(rb"ply[ \t]*(\r\n|\n|\r)", data)
     end = re.compile(rb"(?<=[\r\n])end_header[ \t]*").search(data, 0, LONGEST_HEADER)
     if head is None or end is None:
@@ -99,7 +108,7 @@ def _header(data: bytes) -> tuple[list[Element], str, int]:
                 elements.append(Element(name, int(number), ()))
             case ["property", *words] if elements:
                 last = elements[-1]
-                elements[-1] = Element(last.name, last.number, (*last.properties, _property(words)))
+                elements[-1] = Element(last.name, last.n_rows, (*last.properties, _parse_property(words)))
             case [] | ["comment", *_] | ["obj_info", *_]:
                 pass
             case _:
@@ -110,7 +119,7 @@ def _header(data: bytes) -> tuple[list[Element], str, int]:
     return elements, order, end.end() + len(after)
 
 
-def _property(words: Sequence[str]) -> Property:
+def _parse_property(words: Sequence[str]) -> Property:
     match words:
         case [kind, name] if kind in TYPES:
             return Property(name, TYPES[kind])
@@ -119,8 +128,8 @@ def _property(words: Sequence[str]) -> Property:
     raise ValueError(f"unknown property '{' '.join(words)[:60]}' in the header")
 
 
-def _named(columns: dict[str, Column], element: Element, *names: str) -> Column:
-    """Return the first of these columns that has numbers, else the first that exists."""
+def _find_column(columns: dict[str, Column], element: Element, *names: str) -> Column:
+    """Return the first column with one of these names that has numbers; if none has, the first that exists."""
     found = [columns[name] for name in names if name in columns]
     if found:
         return next((column for column in found if len(column.values)), found[0])

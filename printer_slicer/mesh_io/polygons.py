@@ -15,21 +15,21 @@ if TYPE_CHECKING:
     from printer_slicer.arrays import Float, Int
     from printer_slicer.mesh_io.limits import Limits
 
-__all__ = ["triangulate_polygons", "whole"]
+__all__ = ["to_integers", "triangulate_polygons"]
 
 MOST_CORNERS: Final = 64
 """A polygon with more corners becomes a fan from its first corner even if it is not convex."""
 BLOCK: Final = 1 << 16
 """Number of polygon corners processed at a time."""
-AGAINST: Final = -1e-9
-"""A facet is folded if it faces against its polygon by more than this fraction of the polygon."""
+FOLD_TOLERANCE: Final = -1e-9
+"""A facet is folded over if its area in the direction of its polygon is below this fraction of the polygon's area."""
 
 
-def whole(values: Float) -> Int:
-    """Convert numbers from a text to integers.
+def to_integers(values: Float) -> Int:
+    """Convert floats that were read from a text to integers.
 
     Raises:
-        ValueError: one is not a whole number.
+        ValueError: a float is not a whole number.
     """
     if not (np.abs(values) < 1 << 53).all() or not (values == np.rint(values)).all():
         raise ValueError("a vertex number is not a whole number")
@@ -79,36 +79,36 @@ def triangulate_polygons(vertices: Float, counts: Int, corners: Int, path: Path,
         for at in range(start, end, step):
             rows = by_size[at : min(at + step, end)]
             points = vertices[corners[first_corner[rows, None] + np.arange(size)]]
-            triangles[first[rows, None] + np.arange(size - 2)] = _fans(points)
+            triangles[first[rows, None] + np.arange(size - 2)] = _make_fans(points)
     return triangles
 
 
-def _fans(points: Float) -> Float:
-    """Return the facets (P, N - 2, 3, 3) of polygons (P, N, 3); may rotate the order of their corners."""
+def _make_fans(points: Float) -> Float:
+    """Split polygons (P, N, 3) into facets (P, N - 2, 3, 3); may change which corner in `points` comes first."""
     size = points.shape[1]
     if 3 < size <= MOST_CORNERS:
-        crosses = _crosses(points)
+        crosses = _compute_fan_normals(points)
         total = crosses.sum(axis=1)
         along = np.einsum("pni,pi->pn", crosses, total)
-        folded = (along < AGAINST * np.square(total).sum(axis=1)[:, None]).any(axis=1)
-        points[folded] = _from_best_corner(points[folded])
+        folded = (along < FOLD_TOLERANCE * np.square(total).sum(axis=1)[:, None]).any(axis=1)
+        points[folded] = _start_at_best_corner(points[folded])
     fans = np.zeros((len(points), size - 2, 3, 3))
     fans[:, :, 0], fans[:, :, 1], fans[:, :, 2] = points[:, :1], points[:, 1:-1], points[:, 2:]
     return fans
 
 
-def _from_best_corner(points: Float) -> Float:
+def _start_at_best_corner(points: Float) -> Float:
     """Return the polygons (P, N, 3), each starting at the corner whose fan has the least area."""
     best = points.copy()
     least = np.full(len(points), np.inf)
     for apex in range(points.shape[1] if len(points) else 0):
         turned = np.roll(points, -apex, axis=1)
-        area = np.linalg.norm(_crosses(turned), axis=2).sum(axis=1)
+        area = np.linalg.norm(_compute_fan_normals(turned), axis=2).sum(axis=1)
         better = area < least
         best[better], least[better] = turned[better], area[better]
     return best
 
 
-def _crosses(points: Float) -> Float:
-    """Return the normals (P, N - 2, 3) of the facets in the fans from the first corners; length: twice the area."""
+def _compute_fan_normals(points: Float) -> Float:
+    """Return the normals (P, N - 2, 3) of fans from the first corners; their lengths are twice the areas."""
     return np.asarray(np.cross(points[:, 1:-1] - points[:, :1], points[:, 2:] - points[:, :1]))

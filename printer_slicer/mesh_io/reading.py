@@ -11,10 +11,10 @@ import numpy as np
 
 from printer_slicer.errors import MeshError, UsageError
 from printer_slicer.mesh_io.ascii_stl import is_ascii_stl, read_ascii_stl
-from printer_slicer.mesh_io.binary_stl import is_sized_binary_stl, read_binary_stl
+from printer_slicer.mesh_io.binary_stl import has_binary_stl_size, read_binary_stl
 from printer_slicer.mesh_io.files import ModelFile, Progress, open_model_file, strip_byte_order_mark
 from printer_slicer.mesh_io.limits import LIMITS, Limits
-from printer_slicer.mesh_io.soundness import COPY_AGAIN, blocks, drop_folded_facets
+from printer_slicer.mesh_io.soundness import COPY_AGAIN, drop_degenerate_facets, facet_blocks
 from printer_slicer.mesh_io.units import UNITS, check_unit, unit_advice
 from printer_slicer.model import Mesh, PlateObject
 
@@ -37,7 +37,7 @@ MAGIC: Final = (
     (b"OFF", "off"),
 )
 """First bytes of the formats; unambiguous ones come first."""
-PACKED: Final = (
+COMPRESSED: Final = (
     b"\x1f\x8b",
     b"7z\xbc\xaf\x27\x1c",
     b"Rar!\x1a\x07",
@@ -49,6 +49,7 @@ PACKED: Final = (
 AMF: Final = re.compile(rb"<(\w+:)?amf[\s>]")
 """Start of an AMF file, an obsolete format that few programs still write."""
 VERTEX: Final = re.compile(rb"(?<![^\r\n])[ \t]*v[ \t]+[-+.\d]")
+"""Start of a vertex line in an OBJ file."""
 FACE: Final = re.compile(rb"(?<![^\r\n])[ \t]*f[ \t]+[-+]?\d")
 """Start of a face line in an OBJ file."""
 N_CERTAIN: Final = 3
@@ -136,16 +137,16 @@ def load_model(
     path = Path(path)
     unit = check_unit(units) if units is not None else None
     with open_model_file(path, limits, progress) as source, np.errstate(all="ignore"):
-        kind = _kind(source)
+        kind = _detect_format(source)
         triangles, own_unit, notes, *shares = _READERS[kind](source, kind, unit, limits)
-        items = _items(shares[0] if shares else [], triangles, path.stem)
-        kept, n_folded = drop_folded_facets(triangles, path)
+        items = _list_objects(shares[0] if shares else [], triangles, path.stem)
+        kept, n_folded = drop_degenerate_facets(triangles, path)
     items = tuple(item.without_facets() for item in items) if n_folded else items
     return Model(Mesh(kept, path.stem, items), path, kind, own_unit, n_folded, tuple(notes))
 
 
-def _items(shares: list[tuple[str, int]], triangles: Float, name: str) -> tuple[PlateObject, ...]:
-    """Return the objects of a file if there are several or one has a name; unnamed ones are called as the file."""
+def _list_objects(shares: list[tuple[str, int]], triangles: Float, name: str) -> tuple[PlateObject, ...]:
+    """Return the objects of a file, if there are several or one has a name; `name` is for unnamed objects."""
     first, items = 0, []
     for label, count in shares if len(shares) > 1 or (shares and shares[0][0]) else []:
         bounds = Mesh(triangles[first : first + count]).bounds
@@ -154,13 +155,13 @@ def _items(shares: list[tuple[str, int]], triangles: Float, name: str) -> tuple[
     return tuple(items)
 
 
-def _kind(source: ModelFile) -> str:
-    """Detect the format by unambiguous first bytes, else by the extension, else by the content."""
-    if is_sized_binary_stl(source):
+def _detect_format(source: ModelFile) -> str:
+    """Detect the format: by unambiguous first bytes, then by the extension, then by the content."""
+    if has_binary_stl_size(source):
         return "stl"
-    if source.head.startswith(PACKED):
+    if source.head.startswith(COMPRESSED):
         raise UsageError(
-            f"{source.path}: a compressed archive, not a model",
+            f"{source.path}: the file is a compressed archive, not a model",
             remedy="Unpack it and give the path of the model in it",
         )
     suffix = source.path.suffix.lower().removeprefix(".")
@@ -180,11 +181,12 @@ def _kind(source: ModelFile) -> str:
         )
     if is_ascii_stl(source):
         return "stl"
-    if VERTEX.search(source.head) and FACE.search(source.whole(LIMITS.text_bytes)):
+    if VERTEX.search(source.head) and FACE.search(source.read_all(LIMITS.text_bytes)):
         return "obj"
     names = ", ".join(f".{name}" for name in FORMATS)
     raise UsageError(
-        f"{source.path}: not a model in a supported format", remedy=f"Export the part as one of {names}"
+        f"{source.path}: the file is not a model in a supported format",
+        remedy=f"Export the part as one of {names}",
     )
 
 
@@ -196,14 +198,14 @@ Result = tuple["Float", str, list[str]] | tuple["Float", str, list[str], list[tu
 
 
 def _read_stl(source: ModelFile, _kind: str, unit: str | None, limits: Limits) -> Result:
-    if not is_sized_binary_stl(source) and is_ascii_stl(source):
+    if not has_binary_stl_size(source) and is_ascii_stl(source):
         triangles, notes = read_ascii_stl(source, limits)
     else:
         triangles, notes = read_binary_stl(source, limits)
     return _scale_to_mm(triangles, unit or "mm"), unit or "mm", notes
 
 
-def _read_zip(source: ModelFile, _kind: str, unit: str | None, limits: Limits) -> Result:
+def _read_3mf(source: ModelFile, _kind: str, unit: str | None, limits: Limits) -> Result:
     from printer_slicer.mesh_io.archive import open_archive  # noqa: PLC0415
     from printer_slicer.mesh_io.three_mf import read_three_mf  # noqa: PLC0415
 
@@ -214,13 +216,13 @@ def _read_zip(source: ModelFile, _kind: str, unit: str | None, limits: Limits) -
 def _read_glb(source: ModelFile, _kind: str, unit: str | None, limits: Limits) -> Result:
     from printer_slicer.mesh_io.gltf import read_glb  # noqa: PLC0415
 
-    return read_glb(source.whole(limits.text_bytes), source.path, limits, unit)
+    return read_glb(source.read_all(limits.text_bytes), source.path, limits, unit)
 
 
 def _read_gltf(source: ModelFile, _kind: str, unit: str | None, limits: Limits) -> Result:
     from printer_slicer.mesh_io.gltf import read_gltf  # noqa: PLC0415
 
-    return read_gltf(source.whole(limits.text_bytes), source.path, limits, unit)
+    return read_gltf(source.read_all(limits.text_bytes), source.path, limits, unit)
 
 
 def _read_step(source: ModelFile, _kind: str, unit: str | None, limits: Limits) -> Result:
@@ -228,7 +230,7 @@ def _read_step(source: ModelFile, _kind: str, unit: str | None, limits: Limits) 
 
     if unit is not None:
         raise UsageError(f"{source.path}: a STEP file states its own unit", remedy="Use `scale` instead")
-    return read_step(source.whole(limits.text_bytes), source.path, limits)
+    return read_step(source.read_all(limits.text_bytes), source.path, limits)
 
 
 def _read_obj(source: ModelFile, _kind: str, unit: str | None, limits: Limits) -> Result:
@@ -244,7 +246,7 @@ def _read_table(source: ModelFile, kind: str, unit: str | None, limits: Limits) 
 
     read = read_ply if kind == "ply" else read_off
     try:
-        triangles = read(strip_byte_order_mark(source.whole(limits.text_bytes)), source.path, limits)
+        triangles = read(strip_byte_order_mark(source.read_all(limits.text_bytes)), source.path, limits)
     except MeshError:
         raise
     except (ValueError, LookupError, TypeError, ArithmeticError) as error:
@@ -255,7 +257,7 @@ def _read_table(source: ModelFile, kind: str, unit: str | None, limits: Limits) 
 
 _READERS: Final = {
     "stl": _read_stl,
-    "3mf": _read_zip,
+    "3mf": _read_3mf,
     "obj": _read_obj,
     "ply": _read_table,
     "off": _read_table,
@@ -268,6 +270,6 @@ _READERS: Final = {
 def _scale_to_mm(triangles: Float, unit: str) -> Float:
     """Scale the triangles to mm in place."""
     if UNITS[unit] != 1:
-        for block in blocks(len(triangles)):
+        for block in facet_blocks(len(triangles)):
             triangles[block] *= UNITS[unit]
     return triangles

@@ -16,13 +16,13 @@ if TYPE_CHECKING:
 
     from printer_slicer.arrays import Float
 
-__all__ = ["BLOCK", "COPY_AGAIN", "EXPORT_AGAIN", "LARGEST", "blocks", "drop_folded_facets"]
+__all__ = ["BLOCK", "COPY_AGAIN", "EXPORT_AGAIN", "LARGEST", "drop_degenerate_facets", "facet_blocks"]
 
 BLOCK: Final = 1 << 13
 """Number of facets processed at a time: 0.6 MiB of float64, which fits the cache."""
 
 LARGEST: Final = 1e7
-"""mm; a coordinate beyond 10 km is an error, and its cube would swamp the volume."""
+"""Maximum coordinate, mm (10 km); the cube of a larger one would make the volume meaningless."""
 
 EXPORT_AGAIN: Final = "Export the part again from the program that made it"
 TOO_FAR: Final = (
@@ -32,14 +32,16 @@ TOO_FAR: Final = (
 COPY_AGAIN: Final = "Copy or download the file again; if that does not help, export the part again"
 
 
-def blocks(count: int) -> Iterator[slice]:
-    """Yield slices of BLOCK facets that cover `count` facets."""
+def facet_blocks(count: int) -> Iterator[slice]:
+    """Yield slices of at most BLOCK facets that together cover `count` facets."""
     for start in range(0, count, BLOCK):
         yield slice(start, min(start + BLOCK, count))
 
 
-def drop_folded_facets(triangles: Float, path: Path) -> tuple[Float, int]:
-    """Drop facets with two equal corners; `healing` checks orientation and closure.
+def drop_degenerate_facets(triangles: Float, path: Path) -> tuple[Float, int]:
+    """Drop facets with two equal corners, and check that the others extend in x, y and z.
+
+    Whether the surface is closed and faces outward is checked by `healing`.
 
     Args:
         triangles: (F, 3, 3) mm; changed in place.
@@ -53,19 +55,19 @@ def drop_folded_facets(triangles: Float, path: Path) -> tuple[Float, int]:
     """
     if len(triangles) == 0:
         raise MeshError(f"{path}: the file contains no facets", remedy=EXPORT_AGAIN)
-    kept = _move_unfolded_to_front(triangles, path)
+    kept = _move_valid_facets_to_front(triangles, path)
     if len(kept) == 0:
-        raise MeshError(f"{path}: all its facets have zero area", remedy=EXPORT_AGAIN)
+        raise MeshError(f"{path}: all facets in the file have zero area", remedy=EXPORT_AGAIN)
     for name, size in zip("xyz", Mesh(kept).size.tolist(), strict=True):
         if size <= 0:
             raise MeshError(f"{path}: the part is flat: it does not extend in {name}", remedy=EXPORT_AGAIN)
     return kept, len(triangles) - len(kept)
 
 
-def _move_unfolded_to_front(triangles: Float, path: Path) -> Float:
+def _move_valid_facets_to_front(triangles: Float, path: Path) -> Float:
     """Move the facets with three different corners to the front and return a view of them."""
     n_kept = 0
-    for block in blocks(len(triangles)):
+    for block in facet_blocks(len(triangles)):
         part = triangles[block]
         flat = part.reshape(-1)
         # A nan fails both comparisons.
@@ -75,7 +77,7 @@ def _move_unfolded_to_front(triangles: Float, path: Path) -> Float:
                 f"{path}: facet {block.start + wild // 9 + 1} of {len(triangles)} has the coordinate {flat[wild]:g}",
                 remedy=TOO_FAR if abs(flat[wild]) < LARGEST / UNITS["micron"] else EXPORT_AGAIN,
             )
-        folded = _is_folded(part)
+        folded = _find_degenerate(part)
         if folded.any():
             part = part[~folded]
         if n_kept != block.start or len(part) != block.stop - block.start:
@@ -84,7 +86,7 @@ def _move_unfolded_to_front(triangles: Float, path: Path) -> Float:
     return triangles[:n_kept]
 
 
-def _is_folded(part: Float) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+def _find_degenerate(part: Float) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
     """Return which facets (F,) have two equal corners."""
     folded = np.zeros(len(part), dtype=np.bool_)
     for a, b in ((0, 1), (1, 2), (2, 0)):

@@ -27,9 +27,9 @@ STEP_TOLERANCE: Final = 0.01
 STEP_ANGLE: Final = 0.2
 """Maximum angle between the normals of neighbouring facets of a curved surface, rad."""
 
-_SHOWN: Final = 200  # characters of its output
+_MAX_SHOWN: Final = 200  # characters of the output of OpenCASCADE in a message
 
-CONVERT: Final = """
+CONVERSION_SCRIPT: Final = """
 import sys
 import cascadio
 cascadio.step_to_glb(sys.argv[1], sys.argv[2], float(sys.argv[3]), float(sys.argv[4]), False, True, False)
@@ -60,7 +60,7 @@ def read_step(data: bytes, path: Path, limits: Limits) -> tuple[Float, str, list
     with TemporaryDirectory(prefix="printer-slicer-") as folder:
         given, made = Path(folder, "part.step"), Path(folder, "part.glb")
         given.write_bytes(data)
-        _convert([str(given), str(made), str(STEP_TOLERANCE), str(STEP_ANGLE)], path, limits)
+        _run_conversion([str(given), str(made), str(STEP_TOLERANCE), str(STEP_ANGLE)], path, limits)
         if not made.is_file() or not (converted := made.read_bytes()):
             raise MeshError(f"{path}: not a valid STEP file, or it contains no solids", remedy=COPY_AGAIN)
     # Found by testing: it writes metres, as glTF requires, but leaves z up.
@@ -72,11 +72,11 @@ def _is_installed(name: str) -> bool:
     """Return whether a package can be imported, without importing it."""
     try:
         return find_spec(name) is not None
-    except (ImportError, ValueError):  # imports of it are blocked
+    except (ImportError, ValueError):  # the import is blocked
         return False
 
 
-def _convert(arguments: list[str], path: Path, limits: Limits) -> None:
+def _run_conversion(arguments: list[str], path: Path, limits: Limits) -> None:
     """Convert STEP to GLB in a separate process.
 
     Raises:
@@ -84,7 +84,7 @@ def _convert(arguments: list[str], path: Path, limits: Limits) -> None:
     """
     try:
         done = subprocess.run(  # noqa: S603 - ourselves, and names that we made
-            [sys.executable, "-c", CONVERT, *arguments],
+            [sys.executable, "-c", CONVERSION_SCRIPT, *arguments],
             stdin=subprocess.DEVNULL,
             capture_output=True,
             timeout=limits.step_seconds,
@@ -97,8 +97,8 @@ def _convert(arguments: list[str], path: Path, limits: Limits) -> None:
         ) from error
     if done.returncode:
         words = done.stderr.decode("utf-8", "replace").strip().splitlines()
-        why = words[-1][:_SHOWN] if words else f"exit code {done.returncode}"
+        why = words[-1][:_MAX_SHOWN] if words else f"exit code {done.returncode}"
         raise MeshError(
-            f"{path}: OpenCASCADE cannot convert it: {why}",
+            f"{path}: OpenCASCADE cannot convert the file: {why}",
             remedy="Export the part as STL or 3MF from CAD",
         )

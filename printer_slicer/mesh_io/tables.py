@@ -22,28 +22,28 @@ if TYPE_CHECKING:
 
 __all__ = [
     "NUMBER",
-    "Bytes",
+    "BinaryBody",
     "Column",
     "Element",
     "Property",
     "TableBody",
-    "Words",
-    "numbers_in",
+    "TextBody",
+    "convert_numbers",
     "read_table",
 ]
 
 NUMBER: Final = re.compile(rb"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?|[-+]?(nan|inf)", re.IGNORECASE)
 """A number in a text."""
-NO_NUMBER: Final = re.compile(
+NOT_A_NUMBER: Final = re.compile(
     rb"(?<!\S)(?:[-+]?nan(?!\S)|(?!(?:" + NUMBER.pattern + rb")(?!\S))\S+)", re.IGNORECASE
 )
 """A word in a text that is not a number, including `nan`."""
-MOST_ODD: Final = 1_000_000
+MAX_INVALID_WORDS: Final = 1_000_000
 """Maximum number of words that are not numbers; a text with more of them is not a table."""
 WINDOW: Final = 1 << 15
-"""Positions searched at a time for rows of different lengths; they fit the processor's cache."""
-ROW_PLACES: Final = 16
-"""Positions for each remaining row in the last window."""
+"""Number of positions searched at a time for rows of different lengths; they fit the processor's cache."""
+POSITIONS_PER_ROW: Final = 16
+"""Number of positions searched for each remaining row, if few rows remain."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,10 +57,10 @@ class Property:
 
 @dataclass(frozen=True, slots=True)
 class Element:
-    """A table with `number` rows."""
+    """A table with `n_rows` rows."""
 
     name: str
-    number: int
+    n_rows: int
     properties: tuple[Property, ...]
 
 
@@ -77,56 +77,56 @@ class TableBody(Protocol):
 
     end: int
 
-    def size(self, kind: str) -> int:
+    def number_size(self, kind: str) -> int:
         """Return the number of positions that a number takes."""
 
-    def number(self, at: int, kind: str) -> int:
+    def read_integer(self, at: int, kind: str) -> int:
         """Return the integer at a position."""
 
-    def counts(self, at: Int, kind: str) -> Int:
+    def read_counts(self, at: Int, kind: str) -> Int:
         """Return the integers at positions, or -1 where there is no valid count."""
 
-    def numbers(self, at: Int, kind: str) -> NDArray[Any]:
+    def read_numbers(self, at: Int, kind: str) -> NDArray[Any]:
         """Return the numbers at positions."""
 
-    def table(self, start: int, stride: int, shape: tuple[int, int], kind: str) -> NDArray[Any]:
+    def read_rows(self, start: int, stride: int, shape: tuple[int, int], kind: str) -> NDArray[Any]:
         """Return rows of numbers that start `stride` positions apart."""
 
 
-class Bytes:
+class BinaryBody:
     """Binary data of one byte order."""
 
     def __init__(self, data: bytes, order: str) -> None:
         self.end, self._data, self._order = len(data), data, order
 
-    def size(self, kind: str) -> int:
+    def number_size(self, kind: str) -> int:
         """Return the number of positions that a number takes."""
         return int(kind[1])
 
-    def number(self, at: int, kind: str) -> int:
+    def read_integer(self, at: int, kind: str) -> int:
         """Return the integer at a position."""
         piece = self._data[at : at + int(kind[1])]
         return int.from_bytes(piece, "little" if self._order == "<" else "big", signed=kind[0] == "i")
 
-    def counts(self, at: Int, kind: str) -> Int:
+    def read_counts(self, at: Int, kind: str) -> Int:
         """Return the integers at positions, or -1 where there is no valid count."""
         last = self.end - int(kind[1])
         if last < 0:
             return np.full(len(at), -1)
-        found = self.numbers(np.minimum(at, last), kind).astype(np.int64)
+        found = self.read_numbers(np.minimum(at, last), kind).astype(np.int64)
         return np.where((at <= last) & (found >= 0), found, -1)
 
-    def numbers(self, at: Int, kind: str) -> NDArray[Any]:
+    def read_numbers(self, at: Int, kind: str) -> NDArray[Any]:
         """Return the numbers at positions."""
         size = int(kind[1])
         return np.ndarray((self.end - size + 1,), self._order + kind, self._data, strides=(1,))[at]
 
-    def table(self, start: int, stride: int, shape: tuple[int, int], kind: str) -> NDArray[Any]:
+    def read_rows(self, start: int, stride: int, shape: tuple[int, int], kind: str) -> NDArray[Any]:
         """Return rows of numbers that start `stride` positions apart."""
         return np.ndarray(shape, self._order + kind, self._data, start, (stride, int(kind[1])))
 
 
-class Words:
+class TextBody:
     """Text data, converted to numbers.
 
     Some programs write words that are not numbers, for example in texture coordinates. Such a word is an error only if
@@ -134,53 +134,53 @@ class Words:
     """
 
     def __init__(self, data: bytes) -> None:
-        self._odd: dict[int, bytes] = {}
-        self._odd_places: Int = np.zeros(0, np.int64)
+        self._invalid_words: dict[int, bytes] = {}
+        self._invalid_positions: Int = np.zeros(0, np.int64)
         try:
-            self._words = numbers_in(data, "f8")
+            self._words = convert_numbers(data, "f8")
         except ValueError:
-            self._words = self._read_odd_words(data)
+            self._words = self._read_with_invalid_words(data)
         self.end = len(self._words)
 
-    def _read_odd_words(self, data: bytes) -> NDArray[np.float64]:
-        """Return the numbers, with nan for each word that is not a number."""
+    def _read_with_invalid_words(self, data: bytes) -> NDArray[np.float64]:
+        """Convert the words to numbers, with nan for each word that is not a number."""
         found: list[bytes] = []
 
-        def marked(match: re.Match[bytes]) -> bytes:
-            if len(found) == MOST_ODD:
-                raise _no_number(found[0])
+        def replace_by_nan(match: re.Match[bytes]) -> bytes:
+            if len(found) == MAX_INVALID_WORDS:
+                raise _not_a_number_error(found[0])
             found.append(match[0])
             return b"nan"
 
-        words = numbers_in(NO_NUMBER.sub(marked, data), "f8")
+        words = convert_numbers(NOT_A_NUMBER.sub(replace_by_nan, data), "f8")
         places = np.flatnonzero(np.isnan(words))
-        self._odd = {
+        self._invalid_words = {
             int(place): word for place, word in zip(places, found, strict=True) if not NUMBER.fullmatch(word)
         }
-        self._odd_places = np.array(list(self._odd), np.int64)
+        self._invalid_positions = np.array(list(self._invalid_words), np.int64)
         return words
 
-    def _odd_between(self, first: int, end: int) -> Int:
+    def _find_invalid_words(self, first: int, end: int) -> Int:
         """Return the positions (O,) of words from `first` up to `end` that are not numbers."""
-        start, stop = np.searchsorted(self._odd_places, [first, end])
-        return self._odd_places[start:stop]
+        start, stop = np.searchsorted(self._invalid_positions, [first, end])
+        return self._invalid_positions[start:stop]
 
-    def _refuse(self, odd: Int) -> None:
+    def _reject_first(self, odd: Int) -> None:
         """Raise an error for the first of the words at these positions, if there are any."""
         if len(odd):
-            raise _no_number(self._odd[int(odd[0])])
+            raise _not_a_number_error(self._invalid_words[int(odd[0])])
 
-    def size(self, kind: str) -> int:  # noqa: ARG002 - as for bytes
+    def number_size(self, kind: str) -> int:  # noqa: ARG002 - as for bytes
         """Return the number of positions that a number takes."""
         return 1
 
-    def number(self, at: int, kind: str) -> int:  # noqa: ARG002
+    def read_integer(self, at: int, kind: str) -> int:  # noqa: ARG002
         """Return the integer at a position."""
-        if at in self._odd:
-            raise _no_number(self._odd[at])
+        if at in self._invalid_words:
+            raise _not_a_number_error(self._invalid_words[at])
         return int(self._words[at])
 
-    def counts(self, at: Int, kind: str) -> Int:  # noqa: ARG002
+    def read_counts(self, at: Int, kind: str) -> Int:  # noqa: ARG002
         """Return the integers at positions, or -1 where there is no valid count."""
         if not self.end:
             return np.full(len(at), -1)
@@ -188,22 +188,22 @@ class Words:
         good = (at < self.end) & (found > -1.0) & (found <= self.end)
         return np.where(good, found, -1.0).astype(np.int64)
 
-    def numbers(self, at: Int, kind: str) -> NDArray[Any]:  # noqa: ARG002
+    def read_numbers(self, at: Int, kind: str) -> NDArray[Any]:  # noqa: ARG002
         """Return the numbers at positions."""
-        if self._odd and len(at):
-            odd = self._odd_between(int(at.min()), int(at.max()) + 1)
-            self._refuse(odd[np.isin(odd, at)])
+        if self._invalid_words and len(at):
+            odd = self._find_invalid_words(int(at.min()), int(at.max()) + 1)
+            self._reject_first(odd[np.isin(odd, at)])
         return self._words[at]
 
-    def table(self, start: int, stride: int, shape: tuple[int, int], kind: str) -> NDArray[Any]:  # noqa: ARG002
+    def read_rows(self, start: int, stride: int, shape: tuple[int, int], kind: str) -> NDArray[Any]:  # noqa: ARG002
         """Return rows of numbers that start `stride` positions apart."""
-        if self._odd:
-            odd = self._odd_between(start, start + stride * shape[0])
-            self._refuse(odd[(odd - start) % stride < shape[1]])
+        if self._invalid_words:
+            odd = self._find_invalid_words(start, start + stride * shape[0])
+            self._reject_first(odd[(odd - start) % stride < shape[1]])
         return np.ndarray(shape, np.float64, self._words, 8 * start, (8 * stride, 8))
 
 
-def numbers_in(text: bytes, kind: str) -> NDArray[Any]:
+def convert_numbers(text: bytes, kind: str) -> NDArray[Any]:
     """Return the numbers (N,) of a text, separated by blanks.
 
     A word such as `1-2` gives two numbers; a caller that knows the number of words has to compare.
@@ -218,17 +218,17 @@ def numbers_in(text: bytes, kind: str) -> NDArray[Any]:
     except (ValueError, DeprecationWarning):
         words = (match[0] for match in re.finditer(rb"\S+", text))
         wrong = next((word for word in words if not NUMBER.fullmatch(word)), b"something")
-        raise _no_number(wrong) from None
+        raise _not_a_number_error(wrong) from None
 
 
-def _no_number(word: bytes) -> ValueError:
+def _not_a_number_error(word: bytes) -> ValueError:
     return ValueError(f"expected a number, found '{word[:60].decode('ascii', 'replace')}'")
 
 
 def read_table(
     body: TableBody, element: Element, start: int, names: Collection[str]
 ) -> tuple[dict[str, Column], int]:
-    """Read the columns of these names, and return them with the end of the element.
+    """Read the columns with these names; also return where the element ends in the body.
 
     Args:
         body: the data after the header.
@@ -239,47 +239,52 @@ def read_table(
     Raises:
         ValueError: there are too few bytes or words.
     """
-    if not 0 <= element.number <= body.end:
+    if not 0 <= element.n_rows <= body.end:
         raise ValueError(
-            f"element '{element.name[:40]}' states {element.number} rows, but only {body.end} bytes or words follow"
+            f"element '{element.name[:40]}' states {element.n_rows} rows, but only {body.end} bytes or words follow"
         )
-    if not element.number:
+    if not element.n_rows:
         return {}, start
-    first, counts, stride = _row(body, element, start)
-    if start + element.number * stride <= body.end and _even(body, element, first, counts, stride):
+    first, counts, stride = _read_row_layout(body, element, start)
+    if start + element.n_rows * stride <= body.end and _has_equal_rows(body, element, first, counts, stride):
         return {
             one.name: Column(
-                np.broadcast_to(np.int64(count), (element.number,)),
-                body.table(at, stride, (element.number, count), one.kind).reshape(-1),
+                np.broadcast_to(np.int64(count), (element.n_rows,)),
+                body.read_rows(at, stride, (element.n_rows, count), one.kind).reshape(-1),
             )
             for one, at, count in zip(element.properties, first, counts, strict=True)
             if one.name in names
-        }, start + element.number * stride
+        }, start + element.n_rows * stride
     return _read_uneven_rows(body, element, start, names)
 
 
-def _row(body: TableBody, element: Element, at: int) -> tuple[list[int], list[int], int]:
-    """Return the start and the count of the numbers of each property of a row, and the length of the row."""
+def _read_row_layout(body: TableBody, element: Element, at: int) -> tuple[list[int], list[int], int]:
+    """Return where the numbers of each property of a row start, how many they are, and the length of the row."""
     start, places, counts = at, [], []
     for one in element.properties:
         count = 1
         if one.count:
-            after = at + body.size(one.count)
-            count = body.number(at, one.count) if after <= body.end else -1
+            after = at + body.number_size(one.count)
+            count = body.read_integer(at, one.count) if after <= body.end else -1
             at = after
         places.append(at)
         counts.append(count)
-        at += count * body.size(one.kind)
+        at += count * body.number_size(one.kind)
         if count < 0 or at > body.end:
             raise ValueError(f"the file ends or is damaged within element '{element.name[:40]}'")
     return places, counts, at - start
 
 
-def _even(body: TableBody, element: Element, first: list[int], counts: list[int], stride: int) -> bool:
-    """Return whether the lists in all rows are as long as in the first row."""
+def _has_equal_rows(
+    body: TableBody, element: Element, first: list[int], counts: list[int], stride: int
+) -> bool:
+    """Return whether all rows have lists of the same lengths `counts` as the first row."""
     try:
         return all(
-            (body.table(at - body.size(one.count), stride, (element.number, 1), one.count) == count).all()
+            (
+                body.read_rows(at - body.number_size(one.count), stride, (element.n_rows, 1), one.count)
+                == count
+            ).all()
             for one, at, count in zip(element.properties, first, counts, strict=True)
             if one.count
         )
@@ -294,33 +299,35 @@ def _read_uneven_rows(
     wanted = [(number, one) for number, one in enumerate(element.properties) if one.name in names]
     counts: dict[str, list[Int]] = {one.name: [] for _, one in wanted}
     values: dict[str, list[NDArray[Any]]] = {one.name: [] for _, one in wanted}
-    left = element.number
+    left = element.n_rows
     while left:
-        starts = _row_starts(body, element, start, min(WINDOW, ROW_PLACES * left))[:left]
-        places, sizes, ends = _rows(body, element, starts)
+        starts = _find_row_starts(body, element, start, min(WINDOW, POSITIONS_PER_ROW * left))[:left]
+        places, sizes, ends = _find_row_layouts(body, element, starts)
         wrong = (np.minimum.reduce(sizes) < 0) | (ends > body.end)
         if wrong.any():
-            _row(body, element, int(starts[wrong.argmax()]))  # raises the error
+            _read_row_layout(body, element, int(starts[wrong.argmax()]))  # raises the error
         for number, one in wanted:
             count = sizes[number]
             within = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
-            at = np.repeat(places[number], count) + within * body.size(one.kind)
+            at = np.repeat(places[number], count) + within * body.number_size(one.kind)
             counts[one.name].append(count.astype(np.int32))
-            values[one.name].append(body.numbers(at, one.kind))
+            values[one.name].append(body.read_numbers(at, one.kind))
         left, start = left - len(starts), int(ends[-1])
     return {
         name: Column(np.concatenate(counts[name]), np.concatenate(values[name])) for name in counts
     }, start
 
 
-def _row_starts(body: TableBody, element: Element, start: int, window: int) -> Int:
+def _find_row_starts(body: TableBody, element: Element, start: int, window: int) -> Int:
     """Return the starts (R,) of the consecutive rows from `start` on, within `window` positions.
 
     For each position, compute where a row that starts there would end. Following these links in doubling steps gives
     all starts.
     """
     after = np.full(window + 1, window)
-    after[:-1] = np.minimum(_rows(body, element, np.arange(start, start + window))[2] - start, window)
+    after[:-1] = np.minimum(
+        _find_row_layouts(body, element, np.arange(start, start + window))[2] - start, window
+    )
     rows: Int = np.zeros(1, np.int64)
     while rows[-1] < window:
         rows = np.concatenate([rows, after[rows]])
@@ -328,8 +335,8 @@ def _row_starts(body: TableBody, element: Element, start: int, window: int) -> I
     return start + rows[: np.searchsorted(rows, window)]
 
 
-def _rows(body: TableBody, element: Element, starts: Int) -> tuple[list[Int], list[Int], Int]:
-    """Return for each property the start and the count of its numbers, and the end of each row.
+def _find_row_layouts(body: TableBody, element: Element, starts: Int) -> tuple[list[Int], list[Int], Int]:
+    """Return, for each row, where the numbers of each property start, how many they are, and where the row ends.
 
     Invalid counts are -1.
 
@@ -342,9 +349,9 @@ def _rows(body: TableBody, element: Element, starts: Int) -> tuple[list[Int], li
     for one in element.properties:
         count: Int = np.ones(len(starts), np.int64)
         if one.count:
-            count = body.counts(at, one.count)
-            at = at + body.size(one.count)
+            count = body.read_counts(at, one.count)
+            at = at + body.number_size(one.count)
         places.append(at)
         counts.append(count)
-        at = at + np.maximum(count, 0) * body.size(one.kind)
+        at = at + np.maximum(count, 0) * body.number_size(one.kind)
     return places, counts, at

@@ -20,11 +20,11 @@ from printer_slicer.mesh_io.assembly import (
     ObjectBuilder,
     ObjectReference,
     ObjectTable,
-    assemble,
+    assemble_facets,
     count_facets_by_object,
 )
-from printer_slicer.mesh_io.markup import XmlReader, number_in, whole_in
-from printer_slicer.mesh_io.modifiers import MOST_NAMED, read_modifiers
+from printer_slicer.mesh_io.markup import XmlReader, get_integer, get_number
+from printer_slicer.mesh_io.modifiers import MAX_LISTED_NAMES, read_modifiers
 from printer_slicer.mesh_io.soundness import EXPORT_AGAIN
 from printer_slicer.mesh_io.units import UNITS, parse_unit
 
@@ -37,16 +37,18 @@ if TYPE_CHECKING:
 
 __all__ = ["read_three_mf"]
 
-HOME: Final = "http://schemas.microsoft.com/3dmanufacturing/"
-CORE: Final = ("", f"{HOME}core/2015/02 ", f"{HOME}2013/01 ")
-"""Prefixes of element names."""
-PATH: Final = tuple(f"{HOME}production/{year} path" for year in ("2015/06", "2021/04"))
-UNDERSTOOD: Final = tuple(f"{HOME}{name}/" for name in ("core", "production", "material", "trianglesets"))
+NAMESPACE_ROOT: Final = "http://schemas.microsoft.com/3dmanufacturing/"
+ELEMENT_PREFIXES: Final = ("", f"{NAMESPACE_ROOT}core/2015/02 ", f"{NAMESPACE_ROOT}2013/01 ")
+"""Prefixes of the names of elements: the namespaces of the core specification."""
+PATH_ATTRIBUTES: Final = tuple(f"{NAMESPACE_ROOT}production/{year} path" for year in ("2015/06", "2021/04"))
+SUPPORTED_EXTENSIONS: Final = tuple(
+    f"{NAMESPACE_ROOT}{name}/" for name in ("core", "production", "material", "trianglesets")
+)
 """Extensions that a file may require; those for colours or groups of facets do not affect the shape."""
-RELATIONS: Final = "_rels/.rels"
-RELATION: Final = ("", "http://schemas.openxmlformats.org/package/2006/relationships ")
-START: Final = "http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"
-OTHERS: Final = (".stl", ".3mf", ".amf", ".obj", ".ply", ".off", ".glb", ".step", ".stp")
+RELATIONSHIPS_FILE: Final = "_rels/.rels"
+RELATIONSHIP_PREFIXES: Final = ("", "http://schemas.openxmlformats.org/package/2006/relationships ")
+ROOT_MODEL_TYPE: Final = "http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"
+MODEL_SUFFIXES: Final = (".stl", ".3mf", ".amf", ".obj", ".ply", ".off", ".glb", ".step", ".stp")
 """Extensions of models in an ordinary ZIP archive."""
 PAINT: Final = {
     "custom_supports": "supports",
@@ -59,7 +61,7 @@ PAINT: Final = {
     "paint_fuzzy_skin": "fuzzy skin",
 }
 """Attributes of painted facets in files of PrusaSlicer, and of Bambu Studio and OrcaSlicer."""
-USUAL_START: Final = "3d/3dmodel.model"
+USUAL_ROOT_MODEL: Final = "3d/3dmodel.model"
 
 
 @dataclass(slots=True, eq=False)
@@ -81,96 +83,99 @@ class _ModelReader(XmlReader):
     def __init__(self, path: Path, limits: Limits, part: str) -> None:
         super().__init__(path, limits, part)
         self.model = _Model(ObjectTable(path, limits))
-        self.check = self.model.objects.check  # type: ignore[method-assign]
+        self.check_limits = self.model.objects.check_limits  # type: ignore[method-assign]
         self._part = part
         self._key: Hashable = None
         self._body = ObjectBuilder("no object")
         for name, handler in {
             "model": self._begin_model,
             "object": self._begin_object,
-            "vertex": self._vertex,
-            "triangle": self._triangle,
-            "component": self._component,
-            "item": self._item,
+            "vertex": self._add_vertex,
+            "triangle": self._add_triangle,
+            "component": self._add_component,
+            "item": self._add_item,
         }.items():
-            self.on((f"{space}{name}" for space in CORE), handler)
+            self.register((f"{space}{name}" for space in ELEMENT_PREFIXES), handler)
 
     def _begin_model(self, attributes: list[str]) -> None:
         given = dict(zip(attributes[::2], attributes[1::2], strict=True))
         self.model.unit = given.get("unit", "millimeter")
         for prefix in given.get("requiredextensions", "").split():
             extension = self.namespaces.get(prefix, prefix)
-            if not extension.startswith(UNDERSTOOD):
-                raise self.fault(
+            if not extension.startswith(SUPPORTED_EXTENSIONS):
+                raise self.make_error(
                     f"the file requires the 3MF extension '{extension[:100]}', which is not supported",
                     "Export the part as a plain mesh, or as STL",
                 )
 
     def _begin_object(self, attributes: list[str]) -> None:
         given = dict(zip(attributes[::2], attributes[1::2], strict=True))
-        self._key = key = (self._part, _number(given.get("id", "")))
-        self._body = self.model.objects.begin(key, f"object {key[1]}")
+        self._key = key = (self._part, _normalize_number(given.get("id", "")))
+        self._body = self.model.objects.add_object(key, f"object {key[1]}")
         self._body.label = given.get("name", "")
         self.model.kinds[key] = given.get("type", "model")
 
-    def _vertex(self, attributes: list[str]) -> None:
+    def _add_vertex(self, attributes: list[str]) -> None:
         # Most files write only x, y, z, in this order; there can be millions of vertices.
         if attributes[::2] == ["x", "y", "z"]:
             self._body.xyz.extend((float(attributes[1]), float(attributes[3]), float(attributes[5])))
         else:
-            self._body.xyz.extend([number_in(attributes, name) for name in "xyz"])
+            self._body.xyz.extend([get_number(attributes, name) for name in "xyz"])
 
-    def _triangle(self, attributes: list[str]) -> None:
+    def _add_triangle(self, attributes: list[str]) -> None:
         if attributes[:6:2] == ["v1", "v2", "v3"]:
             self._body.corners.extend((int(attributes[1]), int(attributes[3]), int(attributes[5])))
         else:
-            self._body.corners.extend([whole_in(attributes, name) for name in ("v1", "v2", "v3")])
+            self._body.corners.extend([get_integer(attributes, name) for name in ("v1", "v2", "v3")])
         for name in attributes[::2] if len(attributes) > 6 else ():
             if what := PAINT.get(name.rpartition(" ")[2]):
                 self.model.painted[self._key, what] += 1
 
-    def _component(self, attributes: list[str]) -> None:
-        self._body.parts.append(self._use(dict(zip(attributes[::2], attributes[1::2], strict=True))))
+    def _add_component(self, attributes: list[str]) -> None:
+        self._body.parts.append(
+            self._make_reference(dict(zip(attributes[::2], attributes[1::2], strict=True)))
+        )
 
-    def _item(self, attributes: list[str]) -> None:
+    def _add_item(self, attributes: list[str]) -> None:
         given = dict(zip(attributes[::2], attributes[1::2], strict=True))
         if given.get("printable", "1").strip().lower() in ("0", "false"):
             self.model.n_unprintable += 1
         else:
-            self.model.items.append(self._use(given))
+            self.model.items.append(self._make_reference(given))
 
-    def _use(self, given: dict[str, str]) -> ObjectReference:
+    def _make_reference(self, given: dict[str, str]) -> ObjectReference:
         """Return a reference to an object in this or another model file."""
         self.model.objects.count_reference()
-        part = next((_absolute_name(given[name]) for name in PATH if name in given), self._part)
+        part = next((_normalize_path(given[name]) for name in PATH_ATTRIBUTES if name in given), self._part)
         return ObjectReference(
-            (part, _number(given.get("objectid", ""))), self._matrix(given.get("transform", ""))
+            (part, _normalize_number(given.get("objectid", ""))),
+            self._parse_transform(given.get("transform", "")),
         )
 
-    def _matrix(self, text: str) -> Float | None:
+    def _parse_transform(self, text: str) -> Float | None:
         """Return the matrix (4, 4) for the twelve numbers of a transform."""
         if not text:
             return None
         numbers = [float(word) for word in text.split()]
         if len(numbers) != 12 or not all(map(math.isfinite, numbers)):
-            raise self.fault(f"a transform must have 12 numbers, found '{text[:80]}'")
+            raise self.make_error(f"a transform must have 12 numbers, found '{text[:80]}'")
         matrix = np.eye(4)
         matrix[:, :3] = np.reshape(numbers, (4, 3))
         return matrix
 
 
-class _RelationReader(XmlReader):
+class _RelationshipReader(XmlReader):
     """Reader of the relationships that name the root model file."""
 
     def __init__(self, path: Path, limits: Limits) -> None:
-        super().__init__(path, limits, RELATIONS)
+        super().__init__(path, limits, RELATIONSHIPS_FILE)
         self.start = ""
-        self.on((f"{space}Relationship" for space in RELATION), self._relation)
+        self.register((f"{space}Relationship" for space in RELATIONSHIP_PREFIXES), self._read_relationship)
 
-    def _relation(self, attributes: list[str]) -> None:
+    def _read_relationship(self, attributes: list[str]) -> None:
         given = dict(zip(attributes[::2], attributes[1::2], strict=True))
-        if given.get("Type") == START and not self.start:
-            self.start = _absolute_name(given.get("Target", ""))
+        if given.get("Type") == ROOT_MODEL_TYPE and not self.start:
+            self.start = _normalize_path(given.get("Target", ""))
 
 
 def read_three_mf(
@@ -190,29 +195,29 @@ def read_three_mf(
     Raises:
         MeshError: the 3MF is not valid.
     """
-    path, start = archive.path, _start(archive, limits)
-    first = _read(archive, limits, start)
+    path, start = archive.path, _find_root_model(archive, limits)
+    first = _read_model_file(archive, limits, start)
     own_unit = unit or parse_unit(first.unit, path)
     bodies, kinds, painted = _read_referenced(archive, limits, start, first)
     modifiers = read_modifiers(archive, limits)
-    modifiers.name(bodies, start)
-    notes = modifiers.taken_from(bodies, start)
+    modifiers.name_objects(bodies, start)
+    notes = modifiers.remove_unprinted(bodies, start)
     _empty_other_kinds(bodies, kinds, notes)
-    notes += _paint_notes(painted, bodies)
+    notes += _describe_ignored_paint(painted, bodies)
     if first.n_unprintable:
-        notes.append(f"{_items(first.n_unprintable)} marked as not printable and left out")
+        notes.append(f"{_format_item_count(first.n_unprintable)} marked as not printable and left out")
     if not first.items:
         raise MeshError(
             f"{path}: the file contains no printable object",
             remedy="Mark a part as printable, then export the file again",
         )
-    triangles = assemble(first.items, bodies, path, limits, UNITS[own_unit])
+    triangles = assemble_facets(first.items, bodies, path, limits, UNITS[own_unit])
     return triangles, own_unit, notes, count_facets_by_object(first.items, bodies, path, limits)
 
 
-def _read(archive: Archive, limits: Limits, part: str) -> _Model:
+def _read_model_file(archive: Archive, limits: Limits, part: str) -> _Model:
     reader = _ModelReader(archive.path, limits, part)
-    reader.read(archive.pieces(part))
+    reader.read(archive.read_chunks(part))
     return reader.model
 
 
@@ -227,24 +232,24 @@ def _read_referenced(
     uses = [*first.items, *(use for body in bodies.values() for use in body.parts)]
     wanted = {use.key[0] for use in uses if isinstance(use.key, tuple)}
     for part in sorted(wanted - {start}):
-        model = _read(archive, limits, part)
+        model = _read_model_file(archive, limits, part)
         bodies |= model.objects.bodies
         kinds |= model.kinds
         painted += model.painted
     return bodies, kinds, painted
 
 
-def _start(archive: Archive, limits: Limits) -> str:
+def _find_root_model(archive: Archive, limits: Limits) -> str:
     """Return the name of the root model file."""
-    if RELATIONS in archive:
-        reader = _RelationReader(archive.path, limits)
-        reader.read(archive.pieces(RELATIONS))
+    if RELATIONSHIPS_FILE in archive:
+        reader = _RelationshipReader(archive.path, limits)
+        reader.read(archive.read_chunks(RELATIONSHIPS_FILE))
         if reader.start in archive:
             return reader.start
     models = [name for name in archive.names if name.endswith(".model")]
-    if USUAL_START in models or len(models) == 1:
-        return USUAL_START if USUAL_START in models else models[0]
-    others = [name.rpartition("/")[2] for name in archive.names if name.endswith(OTHERS)]
+    if USUAL_ROOT_MODEL in models or len(models) == 1:
+        return USUAL_ROOT_MODEL if USUAL_ROOT_MODEL in models else models[0]
+    others = [name.rpartition("/")[2] for name in archive.names if name.endswith(MODEL_SUFFIXES)]
     if others:
         listed = ", ".join(name[:60] for name in others[:3]) + (", ..." if len(others) > 3 else "")
         raise MeshError(
@@ -257,37 +262,39 @@ def _start(archive: Archive, limits: Limits) -> str:
 def _empty_other_kinds(
     bodies: dict[Hashable, ObjectBuilder], kinds: dict[Hashable, str], notes: list[str]
 ) -> None:
-    """Empty the objects that are not models: supports, surfaces and others."""
+    """Remove the facets of objects that are not models (supports, surfaces), and add warnings to `notes`."""
     for key, kind in kinds.items():
         if kind != "model":
             notes.append(f"{bodies[key].name} is of type '{kind[:40]}' and left out")
             bodies[key] = ObjectBuilder(bodies[key].name)
 
 
-def _paint_notes(painted: Counter[tuple[Hashable, str]], bodies: dict[Hashable, ObjectBuilder]) -> list[str]:
-    """Return a warning for each kind of painted facets that is ignored."""
+def _describe_ignored_paint(
+    painted: Counter[tuple[Hashable, str]], bodies: dict[Hashable, ObjectBuilder]
+) -> list[str]:
+    """Return a warning for each kind of painted facets, all of which are ignored."""
     owners = {use.key: body.label for body in bodies.values() if body.label for use in body.parts}
     notes = []
     for what in dict.fromkeys(PAINT.values()):
         found = {key: count for (key, kind), count in painted.items() if kind == what and key in bodies}
         names = dict.fromkeys(bodies[key].label or owners.get(key) or bodies[key].name for key in found)
         if found:
-            listed = ", ".join(f"'{name[:40]}'" for name in list(names)[:MOST_NAMED])
-            more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
+            listed = ", ".join(f"'{name[:40]}'" for name in list(names)[:MAX_LISTED_NAMES])
+            more = f" and {len(names) - MAX_LISTED_NAMES} more" if len(names) > MAX_LISTED_NAMES else ""
             count = "1 facet" if sum(found.values()) == 1 else f"{sum(found.values())} facets"
             notes.append(f"painted {what} are ignored: {count} of {listed}{more}")
     return notes
 
 
-def _items(count: int) -> str:
+def _format_item_count(count: int) -> str:
     return "1 item is" if count == 1 else f"{count} items are"
 
 
-def _number(text: str) -> str:
+def _normalize_number(text: str) -> str:
     """Normalise an object number, which may be written in several ways."""
     return str(int(text))
 
 
-def _absolute_name(name: str) -> str:
-    """Return the name of an archive member as an absolute path."""
+def _normalize_path(name: str) -> str:
+    """Return the name of an archive member in lower case, relative to the root of the archive."""
     return posixpath.normpath("/" + name).lstrip("/").lower()

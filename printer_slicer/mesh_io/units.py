@@ -1,4 +1,4 @@
-"""Units of length in model files, and guessing the unit that was meant."""
+"""Units of length in model files, and a guess of the unit if the size of a part is implausible."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
     from printer_slicer.arrays import Float
 
-__all__ = ["SPOKEN", "UNITS", "check_unit", "likely_unit", "parse_unit", "unit_advice"]
+__all__ = ["UNITS", "UNIT_NAMES", "check_unit", "likely_unit", "parse_unit", "unit_advice"]
 
 UNITS: Final[Mapping[str, float]] = {
     "mm": 1.0,
@@ -22,9 +22,9 @@ UNITS: Final[Mapping[str, float]] = {
     "foot": 304.8,
     "micron": 0.001,
 }
-"""mm in every unit."""
+"""Length of each unit, mm."""
 
-SPOKEN: Final[Mapping[str, str]] = {
+UNIT_NAMES: Final[Mapping[str, str]] = {
     "mm": "millimetres",
     "cm": "centimetres",
     "m": "metres",
@@ -33,7 +33,7 @@ SPOKEN: Final[Mapping[str, str]] = {
     "micron": "micrometres",
 }
 
-OTHER_NAMES: Final[Mapping[str, str]] = {
+UNIT_ALIASES: Final[Mapping[str, str]] = {
     "millimeter": "mm",
     "millimeters": "mm",
     "centimeter": "cm",
@@ -49,7 +49,7 @@ OTHER_NAMES: Final[Mapping[str, str]] = {
 TINY: Final = 0.5
 """mm; a part this small is no larger than one extrusion and cannot be printed."""
 SMALL: Final = 3.0
-"""mm; a part up to this size was more likely meant in inches."""
+"""mm; the coordinates of a part up to this size are more likely in inches."""
 SMALLEST_MEANT: Final = 1.0
 """mm; a guessed unit must make the part larger than this."""
 THINNEST_MEANT: Final = 0.1
@@ -82,7 +82,7 @@ def parse_unit(name: str, path: Path) -> str:
     Raises:
         MeshError: the unit is unknown.
     """
-    unit = OTHER_NAMES.get(name.strip().lower(), name.strip().lower())
+    unit = UNIT_ALIASES.get(name.strip().lower(), name.strip().lower())
     if unit not in UNITS:
         raise MeshError(
             f"{path}: unknown unit '{name[:40]}'",
@@ -108,7 +108,7 @@ def likely_unit(size: Float, unit: str, room: Float | None = None) -> str:
     """
     limits = [LARGEST_MEANT] * 3 if room is None else [float(length) for length in room]
     edges = [float(length) for length in size]
-    too_small = _fits(edges, 1.0, limits)
+    too_small = _fits_in(edges, 1.0, limits)
     if too_small and max(edges) > SMALL:
         return ""
     small_order = SMALL_ORDER if max(edges) <= TINY else INCH_ORDER
@@ -117,12 +117,12 @@ def likely_unit(size: Float, unit: str, room: Float | None = None) -> str:
         if factor == 1 or (factor > 1) != too_small:
             continue
         thick = max(edges) * factor >= SMALLEST_MEANT and min(edges) * factor >= THINNEST_MEANT
-        if thick and _fits(edges, factor, limits):
+        if thick and _fits_in(edges, factor, limits):
             return other
     return ""
 
 
-def _fits(edges: list[float], factor: float, room: list[float]) -> bool:
+def _fits_in(edges: list[float], factor: float, room: list[float]) -> bool:
     return all(edge * factor <= limit + 1e-6 for edge, limit in zip(edges, room, strict=True))
 
 
@@ -130,10 +130,10 @@ def unit_advice(size: Float, unit: str, room: Float | None = None, *, certain: b
     """Return a remedy for an implausible size; empty if the size is plausible or there is no remedy.
 
     Args:
-        size: (3,) edges of the part's envelope, mm, as it was read.
-        unit: the key in UNITS that it was read with.
-        room: (3,) what the printer prints, mm; None: 2 m each way.
-        certain: whether the file says itself what its numbers mean and `units` is refused for it.
+        size: (3,) edges of the part's bounding box, mm, as it was read.
+        unit: the unit it was read with, a key in UNITS.
+        room: (3,) build volume of the printer, mm; None: 2 m along each axis.
+        certain: whether the format states its unit, so that `units` is not allowed and `scale` is suggested instead.
     """
     other = likely_unit(size, unit, room)
     if not other:
@@ -141,4 +141,4 @@ def unit_advice(size: Float, unit: str, room: Float | None = None, *, certain: b
         return "make it larger with `scale`" if largest <= TINY else ""
     made = " x ".join(f"{float(length) * UNITS[other] / UNITS[unit]:.4g}" for length in size)
     argument = f"scale={UNITS[other] / UNITS[unit]:g}" if certain else f'units="{other}"'
-    return f"were the numbers of the file meant in {SPOKEN[other]}? `{argument}` makes it {made} mm"
+    return f"if the file is in {UNIT_NAMES[other]}, `{argument}` makes the part {made} mm"

@@ -72,9 +72,14 @@ BAD_MODELS = [
     ("far.stl", with_value(4, 1e30), 3, ["far.stl", "facet 1"]),
     ("odd.3mf", b"PK\x03\x04 no zip", 3, ["odd.3mf"]),
     ("odd.obj", b"v 0 0\nf 1 2 99\n", 3, ["odd.obj"]),
-    ("box.stl.gz", gzip.compress(GOOD), 2, ["box.stl.gz: a compressed archive", "Unpack it"]),
-    ("box.stl", gzip.compress(GOOD), 2, ["box.stl: a compressed archive", "Unpack it"]),
-    ("box.7z", b"7z\xbc\xaf\x27\x1c" + bytes(99), 2, ["box.7z: a compressed archive", "Unpack it"]),
+    ("box.stl.gz", gzip.compress(GOOD), 2, ["box.stl.gz: the file is a compressed archive", "Unpack it"]),
+    ("box.stl", gzip.compress(GOOD), 2, ["box.stl: the file is a compressed archive", "Unpack it"]),
+    (
+        "box.7z",
+        b"7z\xbc\xaf\x27\x1c" + bytes(99),
+        2,
+        ["box.7z: the file is a compressed archive", "Unpack it"],
+    ),
     ("odd.ply", b"ply\nformat ascii 1.0\n", 3, ["odd.ply"]),
 ]
 

@@ -257,10 +257,10 @@ def test_a_plate_is_printed_by_the_simulated_printer(tmp_path: Path) -> None:
 def test_a_tiny_part_is_told_with_a_guess(tmp_path: Path) -> None:
     model = part(tmp_path, "a.stl", (0, 0, 0), (2, 2, 2))
     outcome = typed("slice", model, "--json", *QUICK)
-    warning = "a.stl: the part is only 2 x 2 x 2 mm; were the numbers of the file meant in inches?"
+    warning = "a.stl: the part is only 2 x 2 x 2 mm; if the file is in inches,"
 
     assert outcome.err.startswith(
-        f"printer-slicer: warning: {warning} --units inch makes it 50.8 x 50.8 x 50.8 mm"
+        f"printer-slicer: warning: {warning} --units inch makes the part 50.8 x 50.8 x 50.8 mm"
     )
     assert fact(outcome)["warnings"][0].startswith(warning)
     assert typed("slice", model, "--units", "inch", *QUICK).err == ""
@@ -275,7 +275,7 @@ def test_a_part_in_metres_is_told_before_it_is_refused(command: str, tmp_path: P
 
     assert outcome.code == 3
     assert is_message(
-        outcome, "in metres? --units m makes it 40 x 30 x 20 mm", "thinner than the thinnest layer"
+        outcome, "in metres, --units m makes the part 40 x 30 x 20 mm", "thinner than the thinnest layer"
     )
 
 
@@ -283,7 +283,9 @@ def test_a_part_of_three_metres_is_refused_with_a_guess(tmp_path: Path) -> None:
     model = part(tmp_path, "a.stl", (0, 0, 0), (3000, 2000, 2000))
 
     assert is_message(
-        typed("slice", model, *QUICK), "3000 x 2000", "micrometres? --units micron makes it 3 x 2 x 2 mm"
+        typed("slice", model, *QUICK),
+        "3000 x 2000",
+        "micrometres, --units micron makes the part 3 x 2 x 2 mm",
     )
     outcome = typed("slice", model, "--units", "m", *QUICK)
     assert is_message(outcome, "--scale 0.0073% would just fit", "--units micron")

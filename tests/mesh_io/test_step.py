@@ -31,7 +31,7 @@ def test_a_step_file_says_its_unit_and_keeps_z_up(tmp_path: Path, prefix: str, m
     np.testing.assert_allclose(model.mesh.bounds, [[0, 0, 0], [1, 2, 2]], atol=1e-5)
     assert model.mesh.n_facets == 12
     assert (model.kind, model.unit) == ("step", "mm")
-    assert "in inches? `scale=25.4` makes it 25.4 x 50.8 x 50.8 mm" in model.size_warning()
+    assert "in inches, `scale=25.4` makes the part 25.4 x 50.8 x 50.8 mm" in model.size_warning()
 
 
 @needs_cascadio
@@ -75,7 +75,7 @@ def test_a_conversion_that_fails_says_why(
         load_mesh(path)
 
     assert str(caught.value) == (
-        f"{path}: OpenCASCADE cannot convert it: {why}\n  Export the part as STL or 3MF from CAD"
+        f"{path}: OpenCASCADE cannot convert the file: {why}\n  Export the part as STL or 3MF from CAD"
     )
 
 

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from printer_slicer.mesh_io.tables import Bytes, Element, Property, TableBody, Words, read_table
+from printer_slicer.mesh_io.tables import BinaryBody, Element, Property, TableBody, TextBody, read_table
 
 LENGTHS = {
     "none": [0],
@@ -32,7 +32,7 @@ def body_of(rows: list[Row], kind: str) -> TableBody:
             (colour, len(marks), *marks, len(corners), *corners, weight)
             for colour, marks, corners, weight in rows
         )
-        return Words(" ".join(str(number) for row in lists for number in row).encode())
+        return TextBody(" ".join(str(number) for row in lists for number in row).encode())
     packed = (
         struct.pack(
             f"{kind}BB{len(marks)}hI{len(corners)}If",
@@ -45,7 +45,7 @@ def body_of(rows: list[Row], kind: str) -> TableBody:
         )
         for colour, marks, corners, weight in rows
     )
-    return Bytes(b"".join(packed), kind)
+    return BinaryBody(b"".join(packed), kind)
 
 
 def rows_of(lengths: list[int], number: int) -> list[Row]:
@@ -97,14 +97,14 @@ def test_any_rows_are_read_whole_and_not_beyond_the_end(rows: list[Row], kind: s
         read_table(body, Element("face", len(rows) + 1, ROW), 0, {"corners"})
 
 
-class CountedGraph(Bytes):
+class CountedGraph(BinaryBody):
     """Bytes that count how often they are asked."""
 
     asked = 0
 
-    def number(self, at: int, kind: str) -> int:
+    def read_integer(self, at: int, kind: str) -> int:
         self.asked += 1
-        return super().number(at, kind)
+        return super().read_integer(at, kind)
 
 
 @pytest.mark.parametrize("lengths", LENGTHS.values(), ids=list(LENGTHS))
@@ -135,19 +135,19 @@ def test_a_list_that_makes_no_sense_is_told_wherever_it_stands() -> None:
         element = Element("face", rows + 2, (Property("corners", "i4", "i1"),))
         for bad, told in ((b"\xff", "is damaged"), (b"\x7f\0", "ends")):
             with pytest.raises(ValueError, match=told):
-                read_table(Bytes(good + bad, "<"), element, 0, {"corners"})
+                read_table(BinaryBody(good + bad, "<"), element, 0, {"corners"})
 
 
 def test_a_word_that_is_no_number_counts_only_where_it_is_asked_for() -> None:
     rows = ["2 7 8 red", "0 blue", "1 9 no"] * 30_000
     element = Element("face", len(rows), (Property("corners", "i4", "u1"), Property("colour", "f4")))
-    columns, _ = read_table(Words(" ".join(rows).encode()), element, 0, {"corners"})
+    columns, _ = read_table(TextBody(" ".join(rows).encode()), element, 0, {"corners"})
 
     assert columns["corners"].values.tolist() == [7, 8, 9] * 30_000
     with pytest.raises(ValueError, match="expected a number, found 'red'"):
-        read_table(Words(" ".join(rows).encode()), element, 0, {"colour"})
+        read_table(TextBody(" ".join(rows).encode()), element, 0, {"colour"})
     for nth, word in ((1, "two 7 8 red"), (-1, "one 9 no")):
         wrong = list(rows)
         wrong[nth] = word
         with pytest.raises(ValueError, match=f"expected a number, found '{word[:3]}'"):
-            read_table(Words(" ".join(wrong).encode()), element, 0, {"corners"})
+            read_table(TextBody(" ".join(wrong).encode()), element, 0, {"corners"})

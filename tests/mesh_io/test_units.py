@@ -82,13 +82,10 @@ def test_a_model_says_what_makes_it_doubtful(tmp_path: Path) -> None:
     large = load_model(write(tmp_path, glb_box(), "b.glb"))
     usual = load_model(write(tmp_path, three_mf(model_xml({1: mesh_xml(5 * CORNERS)}, item(1))), "c.3mf"))
 
-    assert (
-        "a.stl: the part is only 0.02 x 0.03 x 0.04 mm; were the numbers of the file meant in metres?"
-        in small.size_warning()
-    )
-    assert '`units="m"` makes it 20 x 30 x 40 mm' in small.size_warning()
+    assert "a.stl: the part is only 0.02 x 0.03 x 0.04 mm; if the file is in metres," in small.size_warning()
+    assert '`units="m"` makes the part 20 x 30 x 40 mm' in small.size_warning()
     assert "b.glb: the part is 2000 x 4000 x 3000 mm" in large.size_warning(ROOM)
-    assert 'millimetres? `units="mm"` makes it 2 x 4 x 3 mm' in large.size_warning(ROOM)
+    assert 'millimetres, `units="mm"` makes the part 2 x 4 x 3 mm' in large.size_warning(ROOM)
     assert usual.size_warning() == ""
 
 
