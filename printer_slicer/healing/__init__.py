@@ -22,8 +22,8 @@ from printer_slicer.model import Mesh, Repair, Repairs
 __all__ = ["repair", "require_no_repair"]
 
 _Step = Callable[[Facets], tuple[Facets, list[Repair]]]
-_sound: WeakKeyDictionary[Mesh, bool] = WeakKeyDictionary()
-"""Repaired meshes, which need no second repair, and whether they were sound from the start."""
+_repaired_meshes: WeakKeyDictionary[Mesh, bool] = WeakKeyDictionary()
+"""Repaired meshes, which are not repaired again, and whether each was sound from the start."""
 
 
 def repair(mesh: Mesh) -> tuple[Mesh, Repairs]:
@@ -42,10 +42,10 @@ def repair(mesh: Mesh) -> tuple[Mesh, Repairs]:
     Raises:
         MeshError: the surface is one-sided, or no facets remain.
     """
-    if mesh in _sound:
-        return mesh, Repairs(sound=_sound[mesh])
+    if mesh in _repaired_meshes:
+        return mesh, Repairs(sound=_repaired_meshes[mesh])
     repaired, repairs = _run_steps(mesh)
-    _sound[repaired] = repairs.sound
+    _repaired_meshes[repaired] = repairs.sound
     return repaired, repairs
 
 
@@ -59,22 +59,23 @@ def require_no_repair(name: str, repairs: Repairs) -> None:
         first = repairs.done[0]
         x, y, z = first.places[0]
         raise MeshError(
-            f"{name}: needs repair: {first.kind}: {first.count}, the first at x {x:.2f} y {y:.2f} z {z:.2f}",
+            f"{name}: the mesh needs repair: {first.kind}: {first.count}, the first at x {x:.2f} y {y:.2f} z {z:.2f}",
             remedy="Leave out `strict` to slice the repaired part, or repair it in the program that made it",
         )
 
 
 def _run_steps(mesh: Mesh) -> tuple[Mesh, Repairs]:
+    """Run the steps that `repair` lists, unless the mesh is sound."""
     if is_sound(mesh.triangles):
         return mesh, Repairs(sound=True)
-    facets = Facets.read(mesh.triangles)
+    facets = Facets.from_triangles(mesh.triangles)
     steps: list[_Step] = [
         drop_duplicates,
         join_corners,
         drop_duplicates,
         drop_sheets,
         drop_loose_facets,
-        lambda some: orient_consistently(some, mesh.name),
+        lambda surface: orient_consistently(surface, mesh.name),
         fill_holes,
         orient_outward,
     ]
@@ -85,7 +86,7 @@ def _run_steps(mesh: Mesh) -> tuple[Mesh, Repairs]:
     if not len(facets.corners):
         raise MeshError(
             f"{mesh.name}: the facets enclose no volume",
-            remedy="Close the surface of the part, or give it a thickness",
+            remedy="Close the surface of the part in CAD, or give it a thickness",
         )
     items = tuple(item.without_facets() for item in mesh.objects)
     return (Mesh(facets.triangles, mesh.name, items), Repairs(tuple(done))) if done else (mesh, Repairs())

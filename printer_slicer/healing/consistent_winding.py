@@ -21,7 +21,7 @@ def orient_consistently(facets: Facets, name: str) -> tuple[Facets, list[Repair]
     Raises:
         MeshError: the surface is one-sided, like a Möbius strip.
     """
-    pair, same = facets.pairs()
+    pair, same = facets.pair_neighbours()
     if same.all():
         return facets, []
     n = len(facets.corners)
@@ -33,7 +33,7 @@ def orient_consistently(facets: Facets, name: str) -> tuple[Facets, list[Repair]
     as_is, turned = side[:n], side[n:]
     twisted = np.flatnonzero(as_is == turned)
     if len(twisted):
-        x, y, z = facets.middles[twisted[0]]
+        x, y, z = facets.centroids[twisted[0]]
         raise MeshError(
             f"{name}: the surface is one-sided around x {x:.2f} y {y:.2f} z {z:.2f} and encloses no solid",
             remedy="Close the mesh in the program that made it",
@@ -43,4 +43,4 @@ def orient_consistently(facets: Facets, name: str) -> tuple[Facets, list[Repair]
     n_sides = int(side.max()) + 1
     weight = np.bincount(as_is, area, n_sides) - np.bincount(turned, area, n_sides)
     turn = (weight[as_is] < 0) | ((weight[as_is] == 0) & (as_is > turned))
-    return facets.turned(turn), [Repair("facets turned round", facets.middles[turn])]
+    return facets.flip(turn), [Repair("facets turned round", facets.centroids[turn])]

@@ -8,17 +8,17 @@ from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.geometry.connectivity import group_close_points, label_components
 from printer_slicer.geometry.facet_topology import may_have_neighbours
 from printer_slicer.healing.facets import Facets
-from printer_slicer.healing.nesting import runs_around
+from printer_slicer.healing.nesting import count_windings
 from printer_slicer.model import Repair
 
 __all__ = ["drop_duplicates", "drop_sheets", "join_corners"]
 
 _SAME_PLACE = 0.001  # mm
-_SMALL = 1e-4  # of the size of the part
+_SAME_PLACE_RATIO = 1e-4  # of the size of the part, if that is less
 _NEAR_PLACE = 0.25  # mm
-_SHORTER = 0.1  # of the shortest edge
-_LEAST = 1e-30  # mm; damaged files have numbers close to zero
-_SINGLE_STEPS = 4 * 2.0**-24  # of a coordinate: the error of a few roundings to 32 bits
+_NEAR_PLACE_RATIO = 0.1  # of the shortest edge
+_MIN_DISTANCE = 1e-30  # mm; damaged files have numbers close to zero
+_ROUNDING_RATIO = 4 * 2.0**-24  # of a coordinate: the error of a few roundings to 32 bits
 
 
 def join_corners(facets: Facets) -> tuple[Facets, list[Repair]]:
@@ -30,14 +30,14 @@ def join_corners(facets: Facets) -> tuple[Facets, list[Repair]]:
     """
     size = float(np.ptp(facets.points, axis=0).max(initial=0.0))
     far = float(np.abs(facets.points).max(initial=0.0))
-    reach = max(min(_SAME_PLACE, _SMALL * size), _SINGLE_STEPS * far, _LEAST)
+    reach = max(min(_SAME_PLACE, _SAME_PLACE_RATIO * size), _ROUNDING_RATIO * far, _MIN_DISTANCE)
     facets, done = _join_within(facets, reach)
     at_open = (facets.count[facets.edges] == 1).any(axis=1)
     if not at_open.any():
         return facets, done
     open_ones = facets.triangles[at_open]
     shortest = float(np.linalg.norm(open_ones - open_ones[:, [1, 2, 0]], axis=2).min())
-    facets, more = _join_within(facets, min(_NEAR_PLACE, _SHORTER * shortest))
+    facets, more = _join_within(facets, min(_NEAR_PLACE, _NEAR_PLACE_RATIO * shortest))
     return facets, done + more
 
 
@@ -61,7 +61,7 @@ def _join_within(facets: Facets, reach: float) -> tuple[Facets, list[Repair]]:
     number[loose] = loose[firsts[group]]
     moved = np.flatnonzero(number != np.arange(len(number)))
     by = np.linalg.norm(facets.points[number[moved]] - facets.points[moved], axis=1)
-    joined = Facets.of(facets.points, number[facets.corners])
+    joined = Facets.from_indices(facets.points, number[facets.corners])
     return joined, [Repair("corners joined", facets.points[moved], widest=float(by.max()))]
 
 
@@ -73,16 +73,16 @@ def drop_duplicates(facets: Facets) -> tuple[Facets, list[Repair]]:
     internal wall or a sheet and are all dropped; copies that face the same way are a side shared by two solids and all
     stay. A shell that exists both inward and outward is dropped if it lies within the solid.
     """
-    group, first = _equal_facets(facets)
+    group, first = _group_equal_facets(facets)
     size = np.bincount(group)
     several = size > 1
     if not several.any():
         return facets, []
-    hand = _handedness(facets.corners)
+    hand = _find_handedness(facets.corners)
     facing = np.asarray(np.bincount(group, hand), np.float64)
-    single = Facets.of(facets.points, facets.corners[first[several]])
+    single = Facets.from_indices(facets.points, facets.corners[first[several]])
     wanted = np.full(len(size), -1)
-    wanted[several] = _copies_wanted(single, facets.kept(~several[group]), facing[several])
+    wanted[several] = _count_copies_to_keep(single, facets.select(~several[group]), facing[several])
     # Keep a copy that faces the same way as most of them.
     rank = np.lexsort((-hand * np.sign(facing)[group], group))
     best = rank[np.searchsorted(group[rank], np.arange(len(size)))]
@@ -90,11 +90,11 @@ def drop_duplicates(facets: Facets) -> tuple[Facets, list[Repair]]:
     keep[best[wanted == 1]] = True
     if keep.all():
         return facets, []
-    return facets.kept(keep), [Repair("duplicate facets dropped", facets.middles[~keep])]
+    return facets.select(keep), [Repair("duplicate facets dropped", facets.centroids[~keep])]
 
 
-def _equal_facets(facets: Facets) -> tuple[Int, Int]:
-    """Return a number for each facet (F,), equal for the same three corners, and one facet for each number."""
+def _group_equal_facets(facets: Facets) -> tuple[Int, Int]:
+    """Return a group number for each facet (F,), equal for equal corners, and one facet of each group."""
     ordered = np.sort(facets.corners, axis=1)
     pair = np.unique(ordered[:, 0] * np.int64(len(facets.points)) + ordered[:, 1], return_inverse=True)[1]
     _, first, group = np.unique(
@@ -103,14 +103,14 @@ def _equal_facets(facets: Facets) -> tuple[Int, Int]:
     return group, first
 
 
-def _handedness(corners: Int) -> Int:
-    """Return 1 for each facet (F,) whose corner numbers ascend around it from the lowest, else -1."""
+def _find_handedness(corners: Int) -> Int:
+    """Return 1 for each facet (F,) whose corner numbers, starting at the lowest, ascend around it; -1 for others."""
     a, b, c = corners.T
     ascents = (a < b).astype(int) + (b < c) + (c < a)
     return np.where(ascents == 2, 1, -1)
 
 
-def _copies_wanted(single: Facets, rest: Facets, facing: Float) -> Int:
+def _count_copies_to_keep(single: Facets, rest: Facets, facing: Float) -> Int:
     """Return how many copies of each facet (n,) to keep: 0, 1, or -1 for all.
 
     Args:
@@ -118,25 +118,25 @@ def _copies_wanted(single: Facets, rest: Facets, facing: Float) -> Int:
         rest: the facets without duplicates.
         facing: (n,) copies that face one way minus those that face the other.
     """
-    patch = single.patches()
+    patch = single.label_patches()
     n_patches = int(patch.max(initial=-1)) + 1
-    around = _counts_at(rest, single.key)[single.edges]
+    around = _count_facets_at(rest, single.key)[single.edges]
     border = single.count[single.edges] == 1
     ends = np.bincount(patch, (border & (around % 2 == 1)).sum(axis=1), n_patches)
     whole = np.bincount(patch, (border & (around > 0) & (around % 2 == 0)).sum(axis=1), n_patches)
     opposed = np.bincount(patch, facing == 0, n_patches) * 2 > np.bincount(patch, minlength=n_patches)
     is_shell = np.bincount(patch, border.sum(axis=1), n_patches) == 0
     asked = np.flatnonzero(is_shell & opposed)
-    places = single.middles[np.unique(patch, return_index=True)[1][asked]]
+    places = single.centroids[np.unique(patch, return_index=True)[1][asked]]
     hidden = np.zeros(n_patches, np.bool_)
-    hidden[asked[runs_around(rest.triangles, np.zeros(len(rest.corners), np.int64), places)[0]]] = True
+    hidden[asked[count_windings(rest.triangles, np.zeros(len(rest.corners), np.int64), places)[0]]] = True
     alone = (ends + whole == 0) & ~opposed
     one = np.where(is_shell, ~(opposed & hidden), ((ends > 0) & (ends >= whole)) | alone)
     wanted = np.where(one, 1, np.where(opposed, 0, -1))
     return np.asarray(wanted[patch])
 
 
-def _counts_at(facets: Facets, key: Int) -> Int:
+def _count_facets_at(facets: Facets, key: Int) -> Int:
     """Return the number of facets (n,) at the edges with these keys."""
     order = np.argsort(facets.key)
     place = np.minimum(np.searchsorted(facets.key[order], key), max(len(order) - 1, 0))
@@ -153,20 +153,20 @@ def drop_sheets(facets: Facets) -> tuple[Facets, list[Repair]]:
     """
     dropped: list[Float] = []
     while True:
-        patch = facets.patches()
+        patch = facets.label_patches()
         n_patches = int(patch.max(initial=-1)) + 1
         if n_patches < 2:
             break
-        chosen = _sheets(facets, patch, n_patches)
+        chosen = _find_sheets(facets, patch, n_patches)
         if not chosen.any():
             break
-        dropped.append(facets.middles[chosen])
-        facets = facets.kept(~chosen)
+        dropped.append(facets.centroids[chosen])
+        facets = facets.select(~chosen)
     return facets, [Repair("sheets without thickness dropped", np.concatenate(dropped))] if dropped else []
 
 
-def _sheets(facets: Facets, patch: Int, n_patches: int) -> Bool:
-    """Return the facets (F,) of patches without which the adjacent surface is closed; no two share an edge."""
+def _find_sheets(facets: Facets, patch: Int, n_patches: int) -> Bool:
+    """Return which facets (F,) belong to sheets, see `drop_sheets`; no two of the chosen sheets share an edge."""
     edge, owner = facets.edges.ravel(), np.repeat(patch, 3)
     # The patch's own facets at each of its edges.
     pair, own = np.unique(owner * np.int64(len(facets.count)) + edge, return_counts=True)

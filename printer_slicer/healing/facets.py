@@ -21,10 +21,10 @@ class Facets:
         points: (V, 3) mm.
         corners: (F, 3) number of the point at each corner; the three differ.
         edges: (F, 3) number of the edge from each corner to the next.
-        turns: (F, 3) 1 where the facet runs along that edge from the lower point number to the higher, else -1.
+        turns: (F, 3) direction of the facet along each edge: 1 from the lower point number to the higher, else -1.
         count: (E,) number of facets at each edge.
         net: (E,) sum of their turns: 0 where each facet has a neighbour that faces the same way.
-        key: (E,) a key made of the numbers of both ends.
+        key: (E,) a number made of the point numbers of both ends.
     """
 
     points: Float
@@ -36,7 +36,7 @@ class Facets:
     key: Int
 
     @classmethod
-    def of(cls, points: Float, corners: Int) -> Facets:
+    def from_indices(cls, points: Float, corners: Int) -> Facets:
         """Create facets from points (V, 3) and corner numbers (F, 3); drop facets with two equal corners."""
         a, b, c = corners.T
         corners = corners[(a != b) & (b != c) & (c != a)]
@@ -51,14 +51,14 @@ class Facets:
         return cls(points, corners, edges, turns, count, net, key.ravel()[firsts])
 
     @classmethod
-    def read(cls, triangles: Float) -> Facets:
+    def from_triangles(cls, triangles: Float) -> Facets:
         """Create facets from triangles (F, 3, 3); corners with equal coordinates become one."""
         flat = triangles.reshape(-1, 3)
         number, firsts = weld_keys(corner_keys(flat))
         if not np.array_equal(flat[firsts][number], flat):  # two positions with the same key: very rare
             _, first, inverse = np.unique(flat, axis=0, return_index=True, return_inverse=True)
             firsts, number = first.astype(np.int32), inverse.astype(np.int32)
-        return cls.of(flat[firsts], number.reshape(-1, 3).astype(np.int64))
+        return cls.from_indices(flat[firsts], number.reshape(-1, 3).astype(np.int64))
 
     @property
     def triangles(self) -> Float:
@@ -66,7 +66,7 @@ class Facets:
         return np.asarray(self.points[self.corners])
 
     @property
-    def middles(self) -> Float:
+    def centroids(self) -> Float:
         """Return the centroid (F, 3) of each facet, mm."""
         return np.asarray(self.triangles.mean(axis=1))
 
@@ -76,22 +76,22 @@ class Facets:
         a, b, c = self.triangles.transpose(1, 0, 2)
         return np.cross(b - a, c - a)
 
-    def kept(self, keep: Bool) -> Facets:
+    def select(self, keep: Bool) -> Facets:
         """Return the facets for which `keep` (F,) is true."""
-        return Facets.of(self.points, self.corners[keep])
+        return Facets.from_indices(self.points, self.corners[keep])
 
-    def turned(self, turn: Bool) -> Facets:
-        """Return all facets, with those flipped for which `turn` (F,) is true."""
-        return Facets.of(self.points, np.where(turn[:, None], self.corners[:, ::-1], self.corners))
+    def flip(self, turn: Bool) -> Facets:
+        """Return all facets; those for which `turn` (F,) is true are flipped."""
+        return Facets.from_indices(self.points, np.where(turn[:, None], self.corners[:, ::-1], self.corners))
 
-    def pairs(self) -> tuple[Int, Bool]:
-        """Return pairs of facets (2, P) that alone share an edge, and whether both face the same way (P,)."""
+    def pair_neighbours(self) -> tuple[Int, Bool]:
+        """Return pairs of facets (2, P) that share an edge with no third one, and whether they face the same way (P,)."""
         half = np.flatnonzero(self.count[self.edges.ravel()] == 2)
         order = half[np.argsort(self.edges.ravel()[half], kind="stable")]
         first, second = order[::2], order[1::2]
         turns = self.turns.ravel()
         return np.stack([first // 3, second // 3]), np.asarray(turns[first] != turns[second])
 
-    def patches(self) -> Int:
+    def label_patches(self) -> Int:
         """Return the patch of each facet (F,), from 0; a patch is connected by edges with exactly two facets."""
-        return label_components(self.pairs()[0], len(self.corners))
+        return label_components(self.pair_neighbours()[0], len(self.corners))

@@ -17,11 +17,11 @@ __all__ = ["CRACK", "fill_holes"]
 
 CRACK = 1.0
 """mm; open edges closer than this are the two sides of a crack, which is closed in the sections."""
-_FLAT = 0.002  # mm; corners this close to a plane lie in it
-_SHALLOW = 0.25  # of the width of a hole: maximum distance of its corners from its plane
-_MOST = 0.8  # of the area of a body: maximum area of its filled holes
-_MOST_APEXES = 200
-_MOST_PAIRS = 30_000_000  # corners times edges to compare in the search for cracks
+_FLATNESS = 0.002  # mm; corners this close to a plane lie in it
+_MAX_DEPTH_RATIO = 0.25  # of the width of a hole: maximum distance of its corners from its plane
+_MAX_FILLED_RATIO = 0.8  # of the area of a body: maximum area of its filled holes
+_MAX_APEXES = 200
+_MAX_PAIRS = 30_000_000  # corners times edges to compare in the search for cracks
 _PAIRS_AT_ONCE = 1_000_000
 
 
@@ -44,10 +44,10 @@ class _Holes:
 
     @property
     def following(self) -> Int:
-        """Return the index of the next corner around the hole (n,)."""
+        """Return, for each corner (n,), the index of the next corner around the hole."""
         return next_in_ring(self.start)
 
-    def kept(self, keep: Bool) -> _Holes:
+    def select(self, keep: Bool) -> _Holes:
         """Return the holes for which `keep` (H,) is true."""
         owner, place = expand_counts(self.size[keep])
         return _Holes(
@@ -64,24 +64,24 @@ def fill_holes(facets: Facets) -> tuple[Facets, list[Repair]]:
     one side of a crack (no open edge of another hole within 1 mm), and all fans of a body have at most four fifths of
     its area. An edge that is split on one side only is a hole without area.
     """
-    holes = _holes(facets)
+    holes = _find_holes(facets)
     if not len(holes.size):
         return facets, []
-    holes = holes.kept(~_are_facets(facets, holes))
+    holes = holes.select(~_is_isolated_facet(facets, holes))
     if not len(holes.size):
         return facets, []
-    size, area, off = _shapes(facets.points, holes)
+    size, area, off = _measure_holes(facets.points, holes)
     width = 2 * area / np.maximum(size, 1e-300)
-    good = (holes.size == 3) | (off <= np.maximum(_FLAT, _SHALLOW * width))
-    large = (holes.size > 3) & (area > _FLAT * size)
-    good &= ~large | ~_cracks(facets.points, holes)
-    good &= ~large | _within_share(facets, holes, np.where(large & good, area, 0.0))
+    good = (holes.size == 3) | (off <= np.maximum(_FLATNESS, _MAX_DEPTH_RATIO * width))
+    large = (holes.size > 3) & (area > _FLATNESS * size)
+    good &= ~large | ~_is_side_of_crack(facets.points, holes)
+    good &= ~large | _is_small_for_body(facets, holes, np.where(large & good, area, 0.0))
     if not good.any():
         return facets, []
-    kept = holes.kept(good)
-    new = np.concatenate([facets.corners, _fans(facets.points, kept)])
+    kept = holes.select(good)
+    new = np.concatenate([facets.corners, _make_fans(facets.points, kept)])
     middles = np.add.reduceat(facets.points[kept.corner], kept.start[:-1]) / kept.size[:, None]
-    missing = area[good] > _FLAT * size[good]
+    missing = area[good] > _FLATNESS * size[good]
     done = []
     if missing.any():
         done.append(
@@ -96,11 +96,11 @@ def fill_holes(facets: Facets) -> tuple[Facets, list[Repair]]:
         done.append(
             Repair("cracks closed along edges", middles[~missing], float(width[good][~missing].max()))
         )
-    return Facets.of(facets.points, new), done
+    return Facets.from_indices(facets.points, new), done
 
 
-def _holes(facets: Facets) -> _Holes:
-    """Find the borders of all holes; skip holes with a corner that several borders pass."""
+def _find_holes(facets: Facets) -> _Holes:
+    """Find the borders of all holes; skip holes with a corner that lies on several borders."""
     half = np.flatnonzero(facets.net[facets.edges.ravel()] == facets.turns.ravel())
     # Take one half-edge for each missing facet.
     half = half[np.unique(facets.edges.ravel()[half], return_index=True)[1]]
@@ -127,8 +127,8 @@ def _holes(facets: Facets) -> _Holes:
     return _Holes(start[chosen][order], np.concatenate([[0], np.cumsum(size)]))
 
 
-def _are_facets(facets: Facets, holes: _Holes) -> Bool:
-    """Return whether each hole (H,) is only the border of a single isolated facet."""
+def _is_isolated_facet(facets: Facets, holes: _Holes) -> Bool:
+    """Return whether each hole (H,) is the border of a single facet that is connected to no other."""
     triple = np.flatnonzero(holes.size == 3)
     corners = np.sort(holes.corner[holes.start[:-1][triple][:, None] + np.arange(3)], axis=1)
     a, b, c = np.concatenate([np.sort(facets.corners, axis=1), corners]).T
@@ -140,8 +140,8 @@ def _are_facets(facets: Facets, holes: _Holes) -> Bool:
     return result
 
 
-def _shapes(points: Float, holes: _Holes) -> tuple[Float, Float, Float]:
-    """Return the extent of each hole (H,), mm, its area, mm², and the distance of its corners from a plane, mm."""
+def _measure_holes(points: Float, holes: _Holes) -> tuple[Float, Float, Float]:
+    """Return each hole's (H,) extent, mm, area, mm², and the largest distance of a corner from its plane, mm."""
     xyz, hole = points[holes.corner], np.repeat(np.arange(len(holes.size)), holes.size)
     start = holes.start[:-1]
     middle = np.add.reduceat(xyz, start) / holes.size[:, None]
@@ -155,18 +155,18 @@ def _shapes(points: Float, holes: _Holes) -> tuple[Float, Float, Float]:
     longest = np.lexsort((np.linalg.norm(arm, axis=1), hole))[holes.start[1:] - 1]
     axis = arm[longest] / np.maximum(np.linalg.norm(arm[longest], axis=1), 1e-300)[:, None]
     aside = np.linalg.norm(np.cross(arm, axis[hole]), axis=1)
-    thin = area <= _FLAT * extent
+    thin = area <= _FLATNESS * extent
     return extent, area, np.where(thin, np.maximum.reduceat(aside, start), off)
 
 
-def _cracks(points: Float, holes: _Holes) -> Bool:
-    """Return whether each hole (H,) has a corner near an edge of another; all True if too many to compare."""
+def _is_side_of_crack(points: Float, holes: _Holes) -> Bool:
+    """Return whether each hole (H,) has a corner near an edge of another hole; all True if there are too many."""
     hole = np.repeat(np.arange(len(holes.size)), holes.size)
     result = np.zeros(len(holes.size), np.bool_)
     several = np.flatnonzero((holes.size > 3)[hole])
     if len(holes.size) < 2 or not len(several):
         return result
-    if len(several) * len(hole) > _MOST_PAIRS:
+    if len(several) * len(hole) > _MAX_PAIRS:
         return ~result
     start, end = points[holes.corner], points[holes.corner[holes.following]]
     along = end - start
@@ -178,30 +178,30 @@ def _cracks(points: Float, holes: _Holes) -> Bool:
     return result
 
 
-def _within_share(facets: Facets, holes: _Holes, area: Float) -> Bool:
-    """Return whether the body of each hole (H,) has holes small enough for its area."""
+def _is_small_for_body(facets: Facets, holes: _Holes, area: Float) -> Bool:
+    """Return, for each hole (H,), whether all holes of its body are small enough compared with the body's area."""
     body = label_components(facets.corners.T, len(facets.points))
     n_bodies = int(body.max()) + 1
     there = np.bincount(body[facets.corners[:, 0]], np.linalg.norm(facets.normals, axis=1) / 2, n_bodies)
     of_hole = body[holes.corner[holes.start[:-1]]]
     missing = np.bincount(of_hole, area, n_bodies)
-    return np.asarray((missing <= _MOST * there)[of_hole])
+    return np.asarray((missing <= _MAX_FILLED_RATIO * there)[of_hole])
 
 
-def _fans(points: Float, holes: _Holes) -> Int:
+def _make_fans(points: Float, holes: _Holes) -> Int:
     """Return the facets (n, 3) that fill the holes, as fans from one corner of each."""
     triple = holes.size == 3
     facets = [holes.corner[holes.start[:-1][triple][:, None] + np.arange(3)]]
     for k in np.flatnonzero(~triple).tolist():
         walk = holes.corner[holes.start[k] : holes.start[k + 1]]
-        walk = np.roll(walk, -_apex(points[walk]))
+        walk = np.roll(walk, -_find_apex(points[walk]))
         facets.append(np.stack([np.broadcast_to(walk[0], (len(walk) - 2,)), walk[1:-1], walk[2:]], axis=1))
     return np.concatenate(facets)
 
 
-def _apex(walk: Float) -> int:
-    """Return the corner whose fan has the least area; its facets do not overlap if it sees the whole hole."""
-    if len(walk) > _MOST_APEXES:
+def _find_apex(walk: Float) -> int:
+    """Return the index of the corner whose fan has the least area, so that its facets overlap as little as possible."""
+    if len(walk) > _MAX_APEXES:
         return 0
     arm = walk[None] - walk[:, None]
     doubled = np.linalg.norm(np.cross(arm, np.roll(arm, -1, axis=1)), axis=2).sum(axis=1)

@@ -1,4 +1,4 @@
-"""Find which surfaces enclose which points, for all points at once."""
+"""Find the surfaces that enclose each of many points: winding numbers and solid angles."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ import numpy as np
 from printer_slicer.arrays import Float, Int
 from printer_slicer.geometry.facet_topology import expand_counts
 
-__all__ = ["covers", "runs_around"]
+__all__ = ["count_windings", "measure_coverage"]
 
-_AT_ONCE = 1 << 16  # facets whose bounding boxes are looked up at a time
+_FACETS_AT_ONCE = 1 << 16  # facets whose bounding boxes are looked up at a time
 _PAIRS_AT_ONCE = 1 << 19  # points times facets
-_MOST_PAIRS = 20_000_000
-_Found = tuple[Int, Int, Float]
+_MAX_PAIRS = 20_000_000
+_PairValues = tuple[Int, Int, Float]
 
 
-def runs_around(triangles: Float, owner: Int, places: Float) -> _Found:
-    """Count how often closed surfaces enclose points: facets above a point that face up minus those that face down.
+def count_windings(triangles: Float, owner: Int, places: Float) -> _PairValues:
+    """Return winding numbers: facets above a point that face up minus facets above it that face down.
 
     Args:
         triangles: (F, 3, 3) mm.
@@ -24,17 +24,17 @@ def runs_around(triangles: Float, owner: Int, places: Float) -> _Found:
         places: (n, 3) points, mm, on no surface.
 
     Returns:
-        Index of the point, surface and count (m,) of each pair with a count other than 0; by point, then surface.
+        Index of the point, surface and winding number (m,) of each pair where that is not 0; by point, then surface.
     """
     from printer_slicer.geometry.planar import SegmentTree  # noqa: PLC0415 - shapely only when it is needed
 
     if not len(places) or not len(triangles):
-        return _sum_pairs([], int(owner.max(initial=0)) + 1)
+        return _sum_equal_pairs([], int(owner.max(initial=0)) + 1)
     tree = SegmentTree(np.stack([places[:, :2], places[:, :2]], axis=1))
     low, high = places.min(axis=0), places.max(axis=0)
-    found: list[_Found] = []
-    for at in range(0, len(triangles), _AT_ONCE):
-        block = triangles[at : at + _AT_ONCE]
+    found: list[_PairValues] = []
+    for at in range(0, len(triangles), _FACETS_AT_ONCE):
+        block = triangles[at : at + _FACETS_AT_ONCE]
         bottom, top = block.min(axis=1), block.max(axis=1)
         beside = (bottom[:, :2] > high[:2]).any(axis=1) | (top[:, :2] < low[:2]).any(axis=1)
         near = np.flatnonzero(~beside & (top[:, 2] > low[2]))
@@ -45,17 +45,17 @@ def runs_around(triangles: Float, owner: Int, places: Float) -> _Found:
         for some in np.array_split(np.arange(len(facet)), len(facet) // _PAIRS_AT_ONCE + 1):
             x, y, z = places.take(place[some], axis=0).T
             these = block.take(facet[some], axis=0)
-            turns = np.where(_height_at(these, x, y) > z, _turns_around(these, x, y), 0)
+            turns = np.where(_interpolate_heights(these, x, y) > z, _find_turning_directions(these, x, y), 0)
             counts = np.flatnonzero(turns)
             found.append((place[some][counts], owner[at + facet[some][counts]], turns[counts].astype(float)))
-    return _sum_pairs(found, int(owner.max()) + 1)
+    return _sum_equal_pairs(found, int(owner.max()) + 1)
 
 
-def covers(triangles: Float, owner: Int, places: Float) -> _Found:
+def measure_coverage(triangles: Float, owner: Int, places: Float) -> _PairValues:
     """Measure the fraction of the full solid angle that open surfaces cover around points, seen from behind.
 
     A closed surface covers all of it (1) around a point inside; an open one covers less, but over half deep inside.
-    Only points in the bounding box of a surface are considered. With too many pairs, `runs_around` is used instead.
+    Only points in the bounding box of a surface are considered. With too many pairs, `count_windings` is used instead.
 
     Args:
         triangles: (F, 3, 3) mm.
@@ -78,26 +78,26 @@ def covers(triangles: Float, owner: Int, places: Float) -> _Found:
         place = np.flatnonzero(within.all(axis=1))
         pairs.append((place, np.full(len(place), k)))
     place, number = (np.concatenate([np.zeros(0, np.int64), *column]) for column in zip(*pairs, strict=True))
-    if int(size[number].sum()) > _MOST_PAIRS:
-        return runs_around(triangles, owner, places)
-    found: list[_Found] = []
+    if int(size[number].sum()) > _MAX_PAIRS:
+        return count_windings(triangles, owner, places)
+    found: list[_PairValues] = []
     total = np.cumsum(size[number])
     for some in np.split(
         np.arange(len(place)),
         np.searchsorted(total, np.arange(_PAIRS_AT_ONCE, int(size[number].sum()), _PAIRS_AT_ONCE)),
     ):
         pair, step = expand_counts(size[number[some]])
-        share = _solid_angles(
+        share = _compute_solid_angles(
             ordered.take(first[number[some]][pair] + step, axis=0),
             places.take(place[some][pair], axis=0),
         )
         sums = np.asarray(np.bincount(pair, share, len(some)), np.float64)
         found.append((place[some], surface[number[some]], sums))
-    return _sum_pairs(found, int(owner.max(initial=0)) + 1)
+    return _sum_equal_pairs(found, int(owner.max(initial=0)) + 1)
 
 
-def _sum_pairs(found: list[_Found], n_owners: int) -> _Found:
-    """Add up the values of equal pairs of point and surface."""
+def _sum_equal_pairs(found: list[_PairValues], n_owners: int) -> _PairValues:
+    """Add up the values that have the same point and the same surface."""
     nothing = np.zeros(0, np.int64)
     place, owner = (np.concatenate([nothing, *(some[i] for some in found)]) for i in (0, 1))
     value = np.concatenate([np.zeros(0), *(some[2] for some in found)])
@@ -107,7 +107,7 @@ def _sum_pairs(found: list[_Found], n_owners: int) -> _Found:
     return key[kept] // n_owners, key[kept] % n_owners, np.asarray(total[kept], np.float64)
 
 
-def _solid_angles(triangles: Float, places: Float) -> Float:
+def _compute_solid_angles(triangles: Float, places: Float) -> Float:
     """Return the solid angle (n,) of each facet, seen from its point, as a fraction of the full sphere."""
     a, b, c = (triangles - places[:, None]).transpose(1, 0, 2)
     la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))
@@ -119,8 +119,8 @@ def _solid_angles(triangles: Float, places: Float) -> Float:
     return np.asarray(np.arctan2(box, la * lb * lc + sum(dots)) / (2 * np.pi))
 
 
-def _turns_around(triangles: Float, x: Float, y: Float) -> Int:
-    """Return 1 for each facet (n,) that runs counter-clockwise around its point from above, -1 clockwise, else 0."""
+def _find_turning_directions(triangles: Float, x: Float, y: Float) -> Int:
+    """Return, seen from above, how each facet (n,) runs around its point: 1 counter-clockwise, -1 clockwise, 0 not."""
     start, end = triangles, triangles[:, [1, 2, 0]]
     x, y = x[:, None], y[:, None]
     up = (start[:, :, 1] <= y) & (end[:, :, 1] > y)
@@ -133,7 +133,7 @@ def _turns_around(triangles: Float, x: Float, y: Float) -> Int:
     return np.asarray((up & right).sum(axis=1) - (down & right).sum(axis=1))
 
 
-def _height_at(triangles: Float, x: Float, y: Float) -> Float:
+def _interpolate_heights(triangles: Float, x: Float, y: Float) -> Float:
     """Return the height (n,) of the plane of each facet above its point; vertical facets give their top."""
     a, b, c = triangles.transpose(1, 0, 2)
     normal = np.cross(b - a, c - a)

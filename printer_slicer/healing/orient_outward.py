@@ -10,17 +10,19 @@ from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.geometry.connectivity import label_components
 from printer_slicer.healing.facets import Facets
 from printer_slicer.healing.holes import CRACK
-from printer_slicer.healing.nesting import covers, runs_around
+from printer_slicer.healing.nesting import count_windings, measure_coverage
 from printer_slicer.model import Repair
 
-__all__ = ["enclosed_volume", "orient_outward"]
+__all__ = ["measure_volume_and_area", "orient_outward"]
 
-_INWARD = 1e-3  # of the size of a facet: distance of a test point from it
-_NO_VOLUME = 1e-9  # mm³
-_CLEAR = 1e-3  # of its area to the power of 1.5: minimum volume for an open surface to have an inside
-_MOSTLY = 0.5
-_FEW = 2000  # maximum number of open shells that are compared
-_LOOKS = 6  # additional test points of an outward shell, which must all lie within another shell
+_TEST_DEPTH_RATIO = 1e-3  # of the size of a facet: distance of a test point from it
+_MIN_VOLUME = 1e-9  # mm³
+_MIN_VOLUME_RATIO = (
+    1e-3  # of its area to the power of 1.5: minimum volume for an open surface to have an inside
+)
+_INSIDE_THRESHOLD = 0.5
+_MAX_OPEN_SHELLS = 2000  # maximum number of open shells that are compared
+_N_FURTHER_POINTS = 6  # additional test points of an outward shell, which must all lie within another shell
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,30 +30,30 @@ class _Shells:
     """The surface split into shells: closed ones, and groups of open ones within a crack's width of each other.
 
     Attributes:
-        of_facet: (F,) the shell of each facet.
+        shell_of_facet: (F,) the shell of each facet.
         volume: (S,) mm³, signed.
         closed: (S,) whether the shell is closed.
-        clear: (S,) whether the shell encloses enough volume to have an inside.
+        has_inside: (S,) whether the shell encloses enough volume to have an inside.
     """
 
-    of_facet: Int
+    shell_of_facet: Int
     volume: Float
     closed: Bool
-    clear: Bool
+    has_inside: Bool
 
     @classmethod
-    def of(cls, facets: Facets) -> _Shells:
+    def from_facets(cls, facets: Facets) -> _Shells:
         """Group the patches of a surface into shells; each closed patch is a shell."""
-        patch = facets.patches()
+        patch = facets.label_patches()
         n_patches = int(patch.max(initial=-1)) + 1
-        closed = _closed(facets, patch, n_patches)
+        closed = _is_patch_closed(facets, patch, n_patches)
         shell = _group_open_patches(facets, patch, closed)[patch]
         n_shells = int(shell.max(initial=-1)) + 1
         whole = np.ones(n_shells, np.bool_)
         whole[shell[~closed[patch]]] = False
-        volume, area = enclosed_volume(facets, shell, n_shells)
-        clear = np.abs(volume) > np.where(whole, _NO_VOLUME, _CLEAR * area**1.5)
-        return cls(shell, volume, whole, clear)
+        volume, area = measure_volume_and_area(facets, shell, n_shells)
+        has_inside = np.abs(volume) > np.where(whole, _MIN_VOLUME, _MIN_VOLUME_RATIO * area**1.5)
+        return cls(shell, volume, whole, has_inside)
 
 
 def orient_outward(facets: Facets) -> tuple[Facets, list[Repair]]:
@@ -61,22 +63,22 @@ def orient_outward(facets: Facets) -> tuple[Facets, list[Repair]]:
     is flipped, together with the shells in it that faced outward: a body that is inside out has its voids inside out
     too. The largest shells are checked first.
     """
-    shells = _Shells.of(facets)
-    inward = shells.clear & (shells.volume < 0)
+    shells = _Shells.from_facets(facets)
+    inward = shells.has_inside & (shells.volume < 0)
     if not inward.any():
         return facets, []
-    turn = _shells_to_flip(facets, shells, inward)
+    turn = _choose_shells_to_flip(facets, shells, inward)
     if not turn.any():
         return facets, []
     done = []
     for kind, some in (("shells turned outward", turn & inward), ("voids turned inward", turn & ~inward)):
         if some.any():
-            first = np.unique(shells.of_facet, return_index=True)[1][some]
-            done.append(Repair(kind, facets.middles[first]))
-    return facets.turned(turn[shells.of_facet]), done
+            first = np.unique(shells.shell_of_facet, return_index=True)[1][some]
+            done.append(Repair(kind, facets.centroids[first]))
+    return facets.flip(turn[shells.shell_of_facet]), done
 
 
-def enclosed_volume(facets: Facets, shell: Int, n_shells: int) -> tuple[Float, Float]:
+def measure_volume_and_area(facets: Facets, shell: Int, n_shells: int) -> tuple[Float, Float]:
     """Return the signed volume, mm³, and the area, mm², of each shell (n_shells,).
 
     Open shells are closed by a cone to the middle of their border.
@@ -95,7 +97,7 @@ def enclosed_volume(facets: Facets, shell: Int, n_shells: int) -> tuple[Float, F
     return volume.astype(np.float64), area.astype(np.float64)
 
 
-def _closed(facets: Facets, patch: Int, n_patches: int) -> Bool:
+def _is_patch_closed(facets: Facets, patch: Int, n_patches: int) -> Bool:
     """Return whether the facets of each patch (n_patches,) use every edge equally often in both directions."""
     key, inverse = np.unique(
         np.repeat(patch, 3) * np.int64(len(facets.count)) + facets.edges.ravel(), return_inverse=True
@@ -105,18 +107,18 @@ def _closed(facets: Facets, patch: Int, n_patches: int) -> Bool:
 
 
 def _group_open_patches(facets: Facets, patch: Int, closed: Bool) -> Int:
-    """Return the shell of each patch (P,); open patches with bounding boxes within a crack's width are one shell."""
+    """Return the shell of each patch (P,); open patches whose bounding boxes nearly touch are one shell."""
     open_ones = np.flatnonzero(~closed)
-    if not 1 < len(open_ones) <= _FEW:
+    if not 1 < len(open_ones) <= _MAX_OPEN_SHELLS:
         return np.arange(len(closed))
-    low, high = _bounding_boxes(facets, patch, len(closed))
+    low, high = _find_bounding_boxes(facets, patch, len(closed))
     low, high = low[open_ones] - CRACK / 2, high[open_ones] + CRACK / 2
     near = ((low[:, None] <= high[None]) & (high[:, None] >= low[None])).all(axis=2)
     pairs = open_ones[np.stack(np.nonzero(near))]
     return label_components(pairs, len(closed))
 
 
-def _bounding_boxes(facets: Facets, shell: Int, n_shells: int) -> tuple[Float, Float]:
+def _find_bounding_boxes(facets: Facets, shell: Int, n_shells: int) -> tuple[Float, Float]:
     """Return the lower and upper corners (n_shells, 3) of the bounding box of each shell."""
     order = np.argsort(shell, kind="stable")
     first = np.searchsorted(shell[order], np.arange(n_shells))
@@ -124,15 +126,15 @@ def _bounding_boxes(facets: Facets, shell: Int, n_shells: int) -> tuple[Float, F
     return np.minimum.reduceat(corners.min(axis=1), first), np.maximum.reduceat(corners.max(axis=1), first)
 
 
-def _shells_to_flip(facets: Facets, shells: _Shells, inward: Bool) -> Bool:
+def _choose_shells_to_flip(facets: Facets, shells: _Shells, inward: Bool) -> Bool:
     """Return which shells (S,) to flip, see `orient_outward`."""
-    asked = np.flatnonzero(inward | _may_be_voids(facets, shells, inward))
-    places, asker = _test_points(facets, shells, asked, inward)
+    asked = np.flatnonzero(inward | _is_possible_void(facets, shells, inward))
+    places, asker = _choose_test_points(facets, shells, asked, inward)
     found = [
-        look(facets.triangles[some], shells.of_facet[some], places)
+        look(facets.triangles[some], shells.shell_of_facet[some], places)
         for look, some in (
-            (runs_around, shells.closed[shells.of_facet]),
-            (covers, (~shells.closed & shells.clear)[shells.of_facet]),
+            (count_windings, shells.closed[shells.shell_of_facet]),
+            (measure_coverage, (~shells.closed & shells.has_inside)[shells.shell_of_facet]),
         )
         if some.any()
     ]
@@ -147,21 +149,21 @@ def _shells_to_flip(facets: Facets, shells: _Shells, inward: Bool) -> Bool:
     for k in np.argsort(-size[asked], kind="stable").tolist():
         shell, these = asked[k], slice(int(start[k]), int(end[k]))
         if inward[shell]:
-            turn[shell] = (around[these] * np.where(turn[other[these]], -1, 1)).sum() < _MOSTLY
+            turn[shell] = (around[these] * np.where(turn[other[these]], -1, 1)).sum() < _INSIDE_THRESHOLD
         else:
-            within = other[these][np.abs(around[these]) >= _MOSTLY]
+            within = other[these][np.abs(around[these]) >= _INSIDE_THRESHOLD]
             parents, seen = np.unique(within, return_counts=True)
-            parents = parents[seen == _LOOKS + 1]
+            parents = parents[seen == _N_FURTHER_POINTS + 1]
             turn[shell] = len(parents) > 0 and bool(turn[parents[np.argmin(size[parents])]])
     return turn
 
 
-def _may_be_voids(facets: Facets, shells: _Shells, inward: Bool) -> Bool:
-    """Return which shells (S,) face outward with a bounding box inside that of a larger inward shell."""
+def _is_possible_void(facets: Facets, shells: _Shells, inward: Bool) -> Bool:
+    """Return which shells (S,) face outward and have a bounding box inside that of a larger shell facing inward."""
     from printer_slicer.geometry.planar import SegmentTree  # noqa: PLC0415 - shapely only when it is needed
 
-    low, high = _bounding_boxes(facets, shells.of_facet, len(inward))
-    around, outward = np.flatnonzero(inward), np.flatnonzero(shells.clear & ~inward)
+    low, high = _find_bounding_boxes(facets, shells.shell_of_facet, len(inward))
+    around, outward = np.flatnonzero(inward), np.flatnonzero(shells.has_inside & ~inward)
     tree = SegmentTree(np.stack([low[around, :2], high[around, :2]], axis=1))
     one, other = tree.query_boxes(low[outward, :2], high[outward, :2])
     one, other = outward[one], around[other]
@@ -172,21 +174,21 @@ def _may_be_voids(facets: Facets, shells: _Shells, inward: Bool) -> Bool:
     return result
 
 
-def _test_points(facets: Facets, shells: _Shells, asked: Int, inward: Bool) -> tuple[Float, Int]:
+def _choose_test_points(facets: Facets, shells: _Shells, asked: Int, inward: Bool) -> tuple[Float, Int]:
     """Return test points (n, 3) just inside shells, and the shell of each (n,).
 
     There is one behind the largest facet of each shell, and there are more for shells that face outward.
     """
     normals = facets.normals
     size = np.linalg.norm(normals, axis=1)
-    order = np.lexsort((size, shells.of_facet))
-    last = np.searchsorted(shells.of_facet[order], asked, side="right") - 1
-    first = np.searchsorted(shells.of_facet[order], asked)
+    order = np.lexsort((size, shells.shell_of_facet))
+    last = np.searchsorted(shells.shell_of_facet[order], asked, side="right") - 1
+    first = np.searchsorted(shells.shell_of_facet[order], asked)
     chosen, asker = [order[last]], [asked]
     several = np.flatnonzero(~inward[asked])
-    for look in range(_LOOKS):  # choose facets from small to large
-        chosen.append(order[first + (last - first) * look // _LOOKS][several])
+    for look in range(_N_FURTHER_POINTS):  # choose facets from small to large
+        chosen.append(order[first + (last - first) * look // _N_FURTHER_POINTS][several])
         asker.append(asked[several])
     facet, shell = np.concatenate(chosen), np.concatenate(asker)
-    off = np.where(inward[shell], 1, -1) * _INWARD / np.sqrt(np.maximum(size[facet], 1e-300))
-    return facets.middles[facet] + off[:, None] * normals[facet], shell
+    off = np.where(inward[shell], 1, -1) * _TEST_DEPTH_RATIO / np.sqrt(np.maximum(size[facet], 1e-300))
+    return facets.centroids[facet] + off[:, None] * normals[facet], shell

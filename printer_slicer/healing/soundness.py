@@ -13,13 +13,13 @@ from printer_slicer.geometry.facet_topology import coordinate_keys, edge_keys
 
 __all__ = ["is_sound"]
 
-_HOLLOW = 1e-6  # of the volume below all facets: less than this is rounding
-_AT_ONCE = 1 << 15  # facets whose edges stay in the processor's cache
+_MIN_VOLUME_RATIO = 1e-6  # of the volume below all facets: less than this is rounding
+_FACETS_AT_ONCE = 1 << 15  # facets whose edges stay in the processor's cache
 _Keys = NDArray[np.uint64]
 
 
 class _Edges(NamedTuple):
-    """The unmatched edges of a block of facets, and its connected pieces.
+    """The edges of a block of facets without a partner in the block, and the block's connected pieces.
 
     Attributes:
         key: (n,) key of each edge, the same for both directions.
@@ -38,23 +38,24 @@ def is_sound(triangles: Float) -> bool:
     """Return whether facets (F, 3, 3) are one closed surface that faces outward.
 
     Every edge must have one facet on each side, and all facets must be connected by edges; bodies that touch only in a
-    corner or an edge are not. Where a body touches itself along an edge, the result may depend on the blocks.
+    corner or an edge do not count as connected. Where a body touches itself along an edge, the result may depend on
+    the blocks.
     """
     blocks, volume, shaded = [], 0.0, 0.0
     bottom = float(triangles[:, :, 2].min(initial=0.0))
-    for at in range(0, len(triangles), _AT_ONCE):
-        x, y, z = np.ascontiguousarray(triangles[at : at + _AT_ONCE].transpose(2, 1, 0))
-        blocks.append(_edges_of(coordinate_keys(x.ravel(), y.ravel(), z.ravel()).reshape(3, -1)))
+    for at in range(0, len(triangles), _FACETS_AT_ONCE):
+        x, y, z = np.ascontiguousarray(triangles[at : at + _FACETS_AT_ONCE].transpose(2, 1, 0))
+        blocks.append(_match_edges(coordinate_keys(x.ravel(), y.ravel(), z.ravel()).reshape(3, -1)))
         # Sum the columns between the lowest corner and each facet; columns below facets that face down are negative.
         columns = (x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0])
         columns *= z[0] + z[1] + z[2] - 3 * bottom
         volume += float(columns.sum())
         shaded += float(np.abs(columns).sum())
-    return volume > _HOLLOW * shaded and _blocks_match(blocks)
+    return volume > _MIN_VOLUME_RATIO * shaded and _is_one_closed_surface(blocks)
 
 
-def _edges_of(tag: _Keys) -> _Edges:
-    """Match the edges of a block of facets and return the unmatched ones, from the keys of the corners (3, n)."""
+def _match_edges(tag: _Keys) -> _Edges:
+    """Match the edges of a block of facets, given the keys of their corners (3, n); return the unmatched edges."""
     key, upward = edge_keys(tag).ravel(), (tag < tag[[1, 2, 0]]).ravel()
     n = tag.shape[1]
     number, firsts = weld_keys(key)
@@ -68,7 +69,7 @@ def _edges_of(tag: _Keys) -> _Edges:
     return _Edges(key[alone], upward[alone], piece[alone % n].astype(np.int32), int(piece.max()) + 1)
 
 
-def _blocks_match(blocks: list[_Edges]) -> bool:
+def _is_one_closed_surface(blocks: list[_Edges]) -> bool:
     """Return whether the unmatched edges of all blocks pair up and connect all pieces."""
     key = np.concatenate([block.key for block in blocks])
     upward = np.concatenate([block.upward for block in blocks])

@@ -35,7 +35,7 @@ def test_corners_are_joined_as_if_all_were_compared(seed: int, far: float) -> No
     flat[1] = flat[0] + [4 * reach, 0, 0]
     reach = max(0.001, 4 * 2.0**-24 * float(np.abs(flat).max()))
 
-    joined, _ = join_corners(Facets.read(triangles))
+    joined, _ = join_corners(Facets.from_triangles(triangles))
 
     assert len(np.unique(joined.corners)) == group_close_points(flat, reach).max() + 1
 
@@ -46,7 +46,7 @@ def test_facets_rounded_on_their_own_are_one_surface_again() -> None:
     a, b, c = whole[:-1, :-1, 0], whole[1:, :-1, 0], whole[1:, 1:, 0]
     sheet = np.stack([a, b, c], axis=2).reshape(-1, 3, 3)
 
-    joined, done = join_corners(Facets.read(sheet + rng.uniform(-2e-4, 2e-4, sheet.shape)))
+    joined, done = join_corners(Facets.from_triangles(sheet + rng.uniform(-2e-4, 2e-4, sheet.shape)))
 
     assert len(np.unique(joined.corners)) == len(np.unique(sheet.reshape(-1, 3), axis=0))
     assert [one.kind for one in done] == ["corners joined"]
