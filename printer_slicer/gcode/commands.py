@@ -30,7 +30,7 @@ HeaterName: TypeAlias = Literal["nozzle", "bed", "chamber"]
 
 
 class Effect(Flag):
-    """What a command does.
+    """The effects of a command, which may have several.
 
     Attributes:
         MOVES: moves to the position in its words.
@@ -78,7 +78,7 @@ class Effect(Flag):
 
 @dataclass(frozen=True, slots=True)
 class CommandRow:
-    """One command.
+    """The effects of one command.
 
     Attributes:
         effect: its effects.
@@ -91,7 +91,8 @@ class CommandRow:
     seconds: float = 0.0
 
 
-_PROBING: Final = 600.0  # s, and for homing
+# Maximum times of commands, s.
+_PROBING: Final = 600.0  # and of homing
 _LEVELLING: Final = 1200.0
 _HEATING: Final = 1800.0
 

@@ -16,7 +16,7 @@ from printer_slicer.texts import format_duration
 
 __all__ = ["end_facts", "layer_facts", "print_facts"]
 
-_DIGITS = 6
+_DECIMALS = 6
 _MOST_TOOLS = 255
 
 
@@ -34,7 +34,7 @@ def print_facts(
         names: names of the objects, if there are several.
         name: name of the sliced file, without suffix.
     """
-    known = _settings(profile)
+    known = _collect_settings(profile)
     printer, material = profile.printer, profile.material
     (left, front), (right, back) = printer.corners
     first = (program.role != Role.TRAVEL) & (program.layer == 0)
@@ -62,27 +62,27 @@ def print_facts(
     }
     for key in ("layer_heights", "pause_at"):
         known[key] = known[f"quality.{key}"] = getattr(profile.quality, key)
-    known |= {key: round(float(value), _DIGITS) for key, value in numbers.items()}
-    known |= _places(profile, low, high) | _of_extruders(profile, len(names))
-    known |= {"layer_tops": _list(program.plan.top), "object_names": names}
+    known |= {key: round(float(value), _DECIMALS) for key, value in numbers.items()}
+    known |= _collect_bed_facts(profile, low, high) | _collect_extruder_facts(profile, len(names))
+    known |= {"layer_tops": _round_to_tuple(program.plan.top), "object_names": names}
     known |= {"input_filename": f"{name}.gcode" if name else "", "input_filename_base": name}
     known |= dict.fromkeys(("print_time", "normal_print_time"), format_duration(seconds))
     return add_other_names(known)
 
 
-def _places(profile: Profile, low: Float, high: Float) -> dict[str, Value]:
-    """Return corners and sizes of the bed and of the first layer, whose corners are `low` and `high`."""
+def _collect_bed_facts(profile: Profile, low: Float, high: Float) -> dict[str, Value]:
+    """Return corners and sizes of the bed and of the first layer, which extends from `low` to `high`."""
     (left, front), (right, back) = profile.printer.corners
-    first = {"min": _list(low), "max": _list(high), "size": _list(high - low)}
+    first = {"min": _round_to_tuple(low), "max": _round_to_tuple(high), "size": _round_to_tuple(high - low)}
     bed = {"min": (left, front), "max": (right, back), "size": (right - left, back - front)}
     return {
-        **{f"print_bed_{name}": _list(np.array(values)) for name, values in bed.items()},
+        **{f"print_bed_{name}": _round_to_tuple(np.array(values)) for name, values in bed.items()},
         **{f"first_layer_{name}": values for name, values in first.items()},
         **{f"first_layer_print_{name}": values for name, values in first.items()},
     }
 
 
-def _of_extruders(profile: Profile, objects: int) -> dict[str, Value]:
+def _collect_extruder_facts(profile: Profile, objects: int) -> dict[str, Value]:
     """Return PrusaSlicer's placeholders about extruders, wipe tower and objects."""
     tools = {extruder.tool for extruder in profile.extruders}
     return {
@@ -97,12 +97,12 @@ def _of_extruders(profile: Profile, objects: int) -> dict[str, Value]:
     }
 
 
-def _list(values: Float) -> tuple[float, ...]:
-    return tuple(np.round(values, _DIGITS).tolist())
+def _round_to_tuple(values: Float) -> tuple[float, ...]:
+    return tuple(np.round(values, _DECIMALS).tolist())
 
 
-def _settings(profile: Profile) -> dict[str, Value]:
-    """Return all settings in use except macros; speeds without a section are the quality's."""
+def _collect_settings(profile: Profile) -> dict[str, Value]:
+    """Return all settings in use except macros; a speed named without a section is that of the quality."""
     known: dict[str, Value] = {}
     for key, value in settings_text(profile.resolved):
         owner, _, name = key.partition(".")
@@ -117,7 +117,7 @@ def _settings(profile: Profile) -> dict[str, Value]:
 
 
 def layer_facts(program: Program, layer: int, filament: float, seconds: float) -> Mapping[str, Value]:
-    """Return the further facts at the start of a layer.
+    """Return the facts that only macros at the start of a layer may use.
 
     Args:
         program: the moves.
@@ -126,22 +126,22 @@ def layer_facts(program: Program, layer: int, filament: float, seconds: float) -
         seconds: estimated time of the moves before it.
     """
     plan = program.plan
-    top = round(float(plan.top[layer]), _DIGITS)
+    top = round(float(plan.top[layer]), _DECIMALS)
     return {
         "layer_num": layer,
         "layer_z": top,
         "max_layer_z": top,
-        "current_layer_height": round(float(plan.height[layer]), _DIGITS),
-        "filament_so_far": round(filament, _DIGITS),
-        "seconds_so_far": round(seconds, _DIGITS),
+        "current_layer_height": round(float(plan.height[layer]), _DECIMALS),
+        "filament_so_far": round(filament, _DECIMALS),
+        "seconds_so_far": round(seconds, _DECIMALS),
     }
 
 
 def end_facts(program: Program, profile: Profile) -> Mapping[str, Value]:
-    """Return the further facts at the end of the print; `layer_z` includes the lift, as in PrusaSlicer."""
+    """Return the facts that only the end G-code may use; `layer_z` includes the lift, as in PrusaSlicer."""
     top = float(program.plan.top[-1])
     return {
         "layer_num": program.plan.n_layers - 1,
-        "layer_z": round(top + profile.printer.z_hop, _DIGITS),
-        "max_layer_z": round(top, _DIGITS),
+        "layer_z": round(top + profile.printer.z_hop, _DECIMALS),
+        "max_layer_z": round(top, _DECIMALS),
     }

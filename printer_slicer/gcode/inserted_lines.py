@@ -19,8 +19,8 @@ from printer_slicer.gcode.facts import layer_facts
 from printer_slicer.gcode.labels import (
     Marking,
     ObjectMark,
-    format_starts,
-    format_stops,
+    format_start_labels,
+    format_stop_labels,
     place_outside_objects,
 )
 from printer_slicer.gcode.lexer import parse
@@ -48,8 +48,8 @@ __all__ = [
 TYPE_NAMES: Final[dict[Role, str]] = {role: ROLES[role].type_comment for role in Role if role != Role.TRAVEL}
 _MOVING: Final = commands_that(Effect.MOVES | Effect.HOMES)
 _MODES: Final = commands_that(Effect.UNITS | Effect.MODE | Effect.SETS_POSITION)
-_TAKING_TIME: Final = _MOVING | {b"G4"}
-_HAIR: Final = 1e-9  # keeps rounding from making the last percent 99
+_TIMED: Final = _MOVING | {b"G4"}
+_ROUNDING_MARGIN: Final = 1e-9  # keeps rounding from making the last percent 99
 _PROGRESS_INTERVAL: Final = 5.0  # s: minimum time between updates of the percentage
 _Insertion = tuple[int, list[str]]
 
@@ -89,14 +89,14 @@ def read_macro(profile: Profile, name: str) -> Template:
 
 
 def collect_insertions(
-    context: WriteContext, rows: MoveText, turns: Int, marks: list[ObjectMark]
+    context: WriteContext, rows: MoveText, retractions: Int, marks: list[ObjectMark]
 ) -> dict[int, list[str]]:
     """Collect the lines before each move and after the last one, except those of `format_extrusion_comments`.
 
     Args:
         context: inputs of the file.
         rows: the moves as text.
-        turns: (K,) moves made by firmware retraction; see `find_firmware_retractions`.
+        retractions: (K,) which moves are firmware retractions, see `find_firmware_retractions`.
         marks: where objects start and end.
 
     Raises:
@@ -104,16 +104,16 @@ def collect_insertions(
     """
     notes: dict[int, list[str]] = {}
     relative, marking = context.profile.printer.relative_extrusion, context.marking
-    layers, arrivals = _macros(context, rows)
+    layers, arrivals = _render_layer_macros(context, rows)
     sources = (
-        format_stops(marks, marking, rows, relative=relative) if marking else (),
-        _repeat_changes(context, marks),
+        format_stop_labels(marks, marking, rows, relative=relative) if marking else (),
+        _repeat_last_changes(context, marks),
         place_outside_objects(iter(layers), marks),
-        place_outside_objects(_events(context), marks),
-        format_starts(marks, marking) if marking else (),
+        place_outside_objects(_format_events(context), marks),
+        format_start_labels(marks, marking) if marking else (),
         arrivals,
-        _progress(context),
-        _retractions(turns),
+        _format_progress_updates(context),
+        _format_retractions(retractions),
     )
     for source in sources:
         for index, lines in source:
@@ -121,21 +121,23 @@ def collect_insertions(
     return notes
 
 
-def _macros(context: WriteContext, rows: MoveText) -> tuple[list[_Insertion], list[_Insertion]]:
-    """Return layer changes and arrivals; their macros run in print order, because they share global variables."""
+def _render_layer_macros(context: WriteContext, rows: MoveText) -> tuple[list[_Insertion], list[_Insertion]]:
+    """Return the lines of layer changes and of arrivals; macros run in print order, because they share globals."""
     shared = dict(context.shared)
     found: tuple[list[_Insertion], list[_Insertion]] = [], []
-    layers = ((found[0], note) for note in _layer_changes(context, rows, shared))
-    arrivals = ((found[1], note) for note in _arrivals(context, rows, shared))
+    layers = ((found[0], note) for note in _format_layer_changes(context, rows, shared))
+    arrivals = ((found[1], note) for note in _format_arrivals(context, rows, shared))
     for notes, note in merge(layers, arrivals, key=lambda one: one[1][0]):
         notes.append(note)
     return found
 
 
-def _layer_changes(context: WriteContext, rows: MoveText, shared: dict[str, Value]) -> Iterator[_Insertion]:
-    """Yield the comments and the macro of every layer change."""
+def _format_layer_changes(
+    context: WriteContext, rows: MoveText, shared: dict[str, Value]
+) -> Iterator[_Insertion]:
+    """Yield the comments and the macro before every layer change."""
     program, template = context.program, read_macro(context.profile, "before_layer_gcode")
-    height = _layer_heights(program)
+    height = _find_first_heights(program)
     for move in np.flatnonzero(run_starts(program.layer)).tolist():
         layer = int(program.layer[move])
         yield (
@@ -146,16 +148,16 @@ def _layer_changes(context: WriteContext, rows: MoveText, shared: dict[str, Valu
                 f";HEIGHT:{number(float(height[layer]))}",
                 ";BEFORE_LAYER_CHANGE",
                 f";{number(float(program.plan.top[layer]))}",
-                *_in_layer(template, context, rows, move, layer, shared),
+                *_render_in_layer(template, context, rows, move, layer, shared),
             ],
         )
 
 
-def _arrivals(context: WriteContext, rows: MoveText, shared: dict[str, Value]) -> Iterator[_Insertion]:
-    """Yield pauses and the macro of each layer, after the nozzle has reached the layer's height."""
+def _format_arrivals(context: WriteContext, rows: MoveText, shared: dict[str, Value]) -> Iterator[_Insertion]:
+    """Yield the pause and the macro of each layer, after the move with which the nozzle reaches the layer's height."""
     program = context.program
     template = read_macro(context.profile, "layer_gcode")
-    pauses = _pauses(context)
+    pauses = _find_pause_layers(context)
     if template.is_empty and not pauses:
         return
     pause = read_macro(context.profile, "pause_gcode")
@@ -165,8 +167,8 @@ def _arrivals(context: WriteContext, rows: MoveText, shared: dict[str, Value]) -
     arrived = np.flatnonzero(high)
     arrived = arrived[run_starts(program.layer[arrived])]
     for layer, place in zip(program.layer[arrived].tolist(), arrived.tolist(), strict=True):
-        lines = _in_layer(pause, context, rows, place + 1, layer, shared) if layer in pauses else []
-        yield place + 1, lines + _in_layer(template, context, rows, place + 1, layer, shared)
+        lines = _render_in_layer(pause, context, rows, place + 1, layer, shared) if layer in pauses else []
+        yield place + 1, lines + _render_in_layer(template, context, rows, place + 1, layer, shared)
 
 
 def find_timed_macros(context: WriteContext, rows: MoveText) -> Iterator[_Insertion]:
@@ -177,17 +179,17 @@ def find_timed_macros(context: WriteContext, rows: MoveText) -> Iterator[_Insert
         and not context.profile.quality.pause_at
     ):
         return
-    for move, lines in chain(*_macros(context, rows)):
-        if not _TAKING_TIME.isdisjoint(_codes_of(lines)):
+    for move, lines in chain(*_render_layer_macros(context, rows)):
+        if not _TIMED.isdisjoint(_find_codes(lines)):
             yield move, lines
 
 
-def _codes_of(lines: list[str]) -> set[bytes]:
-    """Return the codes of commands."""
+def _find_codes(lines: list[str]) -> set[bytes]:
+    """Return the codes of the commands in these lines."""
     return {parse(line.encode())[0] for line in lines}
 
 
-def _pauses(context: WriteContext) -> set[int]:
+def _find_pause_layers(context: WriteContext) -> set[int]:
     """Return the layers before which the print pauses.
 
     Raises:
@@ -207,10 +209,10 @@ def _pauses(context: WriteContext) -> set[int]:
     return pauses
 
 
-def _in_layer(  # noqa: PLR0917 - position and inputs
+def _render_in_layer(  # noqa: PLR0917 - position and inputs
     template: Template, context: WriteContext, rows: MoveText, move: int, layer: int, shared: dict[str, Value]
 ) -> list[str]:
-    """Evaluate a macro that runs before a move, followed by lines that restore the printer's state."""
+    """Evaluate a macro that runs before a move; append lines that restore the printer's state."""
     if template.is_empty:
         return []
     filament = float(rows.fed[move - 1]) / 10**E_DECIMALS if move else 0.0
@@ -224,7 +226,7 @@ def _restore_state(lines: list[str], context: WriteContext, rows: MoveText, move
 
     Each row holds only the words that differ from the row before, so it depends on the state after that row.
     """
-    codes = _codes_of(lines)
+    codes = _find_codes(lines)
     if not codes & (_MOVING | _MODES):
         return []
     printer = context.profile.printer
@@ -240,8 +242,8 @@ def _restore_state(lines: list[str], context: WriteContext, rows: MoveText, move
     return back
 
 
-def _repeat_changes(context: WriteContext, marks: list[ObjectMark]) -> Iterator[_Insertion]:
-    """Yield, after each object, the last changes within it, so that they apply too if the object is cancelled."""
+def _repeat_last_changes(context: WriteContext, marks: list[ObjectMark]) -> Iterator[_Insertion]:
+    """Yield again, after each object, its last changes of fan and acceleration, in case the object is cancelled."""
     changes = [event for event in context.program.events if isinstance(event, Fan | Acceleration)]
     start = 0
     for mark in marks:
@@ -254,7 +256,7 @@ def _repeat_changes(context: WriteContext, marks: list[ObjectMark]) -> Iterator[
         start = mark.until
 
 
-def _events(context: WriteContext) -> Iterator[_Insertion]:
+def _format_events(context: WriteContext) -> Iterator[_Insertion]:
     """Yield the lines of fans, heaters, accelerations and other events."""
     for event in context.program.events:
         yield event.index, _format_event(event, context)
@@ -265,7 +267,7 @@ def format_fan(ratio: float) -> str:
     return f"M106 S{round(ratio * 255)}" if ratio > 0 else "M107"
 
 
-def _format_nozzle(temperature: float, tool: int | None) -> str:
+def _format_nozzle_target(temperature: float, tool: int | None) -> str:
     """Format M104 (heat without waiting) for a tool; None: the active tool."""
     return f"M104{'' if tool is None else f' T{tool}'} S{number(temperature)}"
 
@@ -278,7 +280,7 @@ def _format_event(event: Event, context: WriteContext) -> list[str]:
             return [format_fan(event.ratio)]
         case Heat():
             tool = extruders[event.tool].tool if len(extruders) > 1 else None
-            nozzle = [_format_nozzle(event.nozzle, tool)] if event.nozzle is not None else []
+            nozzle = [_format_nozzle_target(event.nozzle, tool)] if event.nozzle is not None else []
             return nozzle + ([f"M140 S{number(event.bed)}"] if event.bed is not None else [])
         case Acceleration():
             return [dialect.acceleration(event.value)]
@@ -293,20 +295,20 @@ def format_first_progress(context: WriteContext) -> list[str]:
     format_progress, total = context.dialect.progress, float(context.begins[-1])
     if not (context.profile.printer.progress and format_progress and total > 0):
         return []
-    return [format_progress(0, ceil(total / 60 - _HAIR))]
+    return [format_progress(0, ceil(total / 60 - _ROUNDING_MARGIN))]
 
 
-def _progress(context: WriteContext) -> Iterator[_Insertion]:
-    """Yield percentage and remaining minutes wherever one of them has changed."""
+def _format_progress_updates(context: WriteContext) -> Iterator[_Insertion]:
+    """Yield the progress, in percent and remaining minutes, wherever one of the two has changed."""
     begins, format_progress = context.begins, context.dialect.progress
     shown = format_first_progress(context)
     if not (shown and format_progress):
         return
     total = float(begins[-1])
     step = max(ceil(100 * _PROGRESS_INTERVAL / total), 1)
-    percent = np.floor(100 * begins / total + _HAIR).astype(np.int64)
+    percent = np.floor(100 * begins / total + _ROUNDING_MARGIN).astype(np.int64)
     percent = np.where(percent < 100, percent // step * step, 100)
-    minutes = np.ceil((total - begins) / 60 - _HAIR).astype(np.int64)
+    minutes = np.ceil((total - begins) / 60 - _ROUNDING_MARGIN).astype(np.int64)
     changed = (np.diff(percent, prepend=0) != 0) | (np.diff(minutes, prepend=minutes[0]) != 0)
     for move in np.flatnonzero(changed).tolist():
         line = format_progress(int(percent[move]), int(minutes[move]))
@@ -315,14 +317,14 @@ def _progress(context: WriteContext) -> Iterator[_Insertion]:
         shown = [line]
 
 
-def _retractions(turns: Int) -> Iterator[_Insertion]:
-    """Yield G10 and G11, which replace moves of the extruder alone."""
-    for move in np.flatnonzero(turns).tolist():
-        yield move, ["G10" if turns[move] < 0 else "G11"]
+def _format_retractions(retractions: Int) -> Iterator[_Insertion]:
+    """Yield G10 and G11 in place of moves that only the extruder makes."""
+    for move in np.flatnonzero(retractions).tolist():
+        yield move, ["G10" if retractions[move] < 0 else "G11"]
 
 
 def find_firmware_retractions(program: Program, profile: Profile) -> Int:
-    """Return -1 for moves that G10 replaces, 1 for those that G11 replaces, 0 for all others, (K,).
+    """Return -1 for each move (K,) that G10 replaces, 1 for each that G11 replaces, and 0 for all others.
 
     The firmware has one retraction length. If lengths differ, or retractions and deretractions do not alternate, all
     are 0 and stay E words.
@@ -337,8 +339,8 @@ def find_firmware_retractions(program: Program, profile: Profile) -> Int:
     length = np.where(signs < 0, printer.retract_length, printer.retract_length + printer.deretract_extra)
     equal = np.abs(np.abs(fed[alone]) - length) < 1e-6
     stands = (program.xyz == program.start).all(axis=1)[alone]
-    turns = np.where(np.arange(len(signs)) % 2 == 0, -1, 1)
-    if not (equal.all() and stands.all() and (signs == turns).all()):
+    retractions = np.where(np.arange(len(signs)) % 2 == 0, -1, 1)
+    if not (equal.all() and stands.all() and (signs == retractions).all()):
         return none
     none[alone] = signs
     return none
@@ -352,17 +354,17 @@ def format_extrusion_comments(program: Program) -> tuple[Int, list[bytes]]:
         point, so equal comments are formatted once.
     """
     beads = np.flatnonzero(program.role != Role.TRAVEL)
-    role, width, thick = program.role[beads], program.width[beads], _shown_heights(program, beads)
+    role, width, thick = program.role[beads], program.width[beads], _find_comment_heights(program, beads)
     new_role = np.diff(role, prepend=-1) != 0
     new_width = np.diff(width, prepend=-1.0) != 0
-    of_layer, first_of_layer = program.layer[beads], _layer_heights(program)
+    of_layer, first_of_layer = program.layer[beads], _find_first_heights(program)
     begins = np.diff(of_layer, prepend=-1) > 0
     usual = np.where(begins, first_of_layer[of_layer], np.append(0.0, thick[:-1]))
     new_height = thick != usual  # layer changes have comments of their own
     changed = np.flatnonzero(new_role | new_width | new_height)
-    heights, height = _number_distinct(thick[changed], new_height[changed])
-    roles, kind = _number_distinct(role[changed].astype(np.float64), new_role[changed])
-    widths, wide = _number_distinct(width[changed], new_width[changed])
+    heights, height = _number_distinct_values(thick[changed], new_height[changed])
+    roles, kind = _number_distinct_values(role[changed].astype(np.float64), new_role[changed])
+    widths, wide = _number_distinct_values(width[changed], new_width[changed])
     every = (height * (len(roles) + 1) + kind) * (len(widths) + 1) + wide
     keys, alike = unique_inverse(every)
     example = np.zeros(len(keys), np.int64)
@@ -376,24 +378,24 @@ def format_extrusion_comments(program: Program) -> tuple[Int, list[bytes]]:
     return beads[changed], [texts[one] for one in alike.tolist()]
 
 
-def _number_distinct(values: Float, chosen: Bool) -> tuple[list[float], Int]:
-    """Return the distinct values among the chosen ones, and the number of each value (n,), from 1; 0: not chosen."""
+def _number_distinct_values(values: Float, chosen: Bool) -> tuple[list[float], Int]:
+    """Return the distinct values among the chosen ones; for each value (n,), its number from 1, or 0 if not chosen."""
     different, which = unique_inverse(values[chosen])
     result = np.zeros(len(values), np.int64)
     result[chosen] = which + 1
     return different.tolist(), result
 
 
-def _layer_heights(program: Program) -> Float:
-    """Return the height of the first extrusion of each layer, (L,); above a raft gap it is below the layer height."""
+def _find_first_heights(program: Program) -> Float:
+    """Return the height of the first extrusion of each layer (L,); above a raft gap it is below the layer height."""
     height = program.plan.height
     beads = np.flatnonzero(program.role != Role.TRAVEL)
     first = beads[run_starts(program.layer[beads])]
-    height[program.layer[first]] = _shown_heights(program, first)
+    height[program.layer[first]] = _find_comment_heights(program, first)
     return height
 
 
-def _shown_heights(program: Program, beads: Int) -> Float:
-    """Return heights of extrusions for comments, (n,); those that rise have the height of their layer."""
+def _find_comment_heights(program: Program, beads: Int) -> Float:
+    """Return the heights of extrusions for comments (n,); extrusions that rise have the height of their layer."""
     climbs = np.abs(program.xyz[beads, 2] - program.start[beads, 2]) > 1e-9
     return np.where(climbs, program.plan.height[program.layer[beads]], program.height[beads])

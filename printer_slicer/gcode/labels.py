@@ -31,11 +31,11 @@ __all__ = [
     "Marking",
     "ObjectMark",
     "choose_marking",
-    "find_full_rows",
     "find_marks",
+    "find_moves_after_labels",
     "format_definitions",
-    "format_starts",
-    "format_stops",
+    "format_start_labels",
+    "format_stop_labels",
     "place_outside_objects",
 ]
 
@@ -55,7 +55,7 @@ class LabelFormat:
     stop: Callable[[int, str], list[str]]
 
 
-def _klipper_definitions(names: tuple[str, ...], boxes: Float) -> list[str]:
+def _format_klipper_definitions(names: tuple[str, ...], boxes: Float) -> list[str]:
     """Format EXCLUDE_OBJECT_DEFINE without outlines: with them, lines are too long for some hosts."""
     middles = boxes.mean(axis=1).tolist()
     return [
@@ -81,7 +81,7 @@ LABEL_FORMATS: Final[Mapping[str, LabelFormat]] = {
         stop=lambda _index, _name: ["M486 S-1"],
     ),
     "exclude_object": LabelFormat(
-        define=_klipper_definitions,
+        define=_format_klipper_definitions,
         start=lambda _index, name, _new: [f"EXCLUDE_OBJECT_START NAME={name}"],
         stop=lambda _index, name: [f"EXCLUDE_OBJECT_END NAME={name}"],
     ),
@@ -107,9 +107,9 @@ def format_definitions(marks: Marking | None) -> list[str]:
 
 @dataclass(frozen=True, slots=True)
 class ObjectMark:
-    """A place before move `index` where object `stop` ends and object `start` starts; -1: none.
+    """Labels before move `index`, where object `stop` ends and object `start` begins; -1: no object.
 
-    Extrusions of the first end before move `after`; those of the second start with move `until`.
+    The extrusions of object `stop` end before move `after`; those of object `start` begin with move `until`.
     """
 
     index: int
@@ -120,7 +120,7 @@ class ObjectMark:
 
 
 def find_marks(program: Program, labels: Labels) -> list[ObjectMark]:
-    """Find all changes between objects; every layer starts its objects again."""
+    """Find all changes from one object to the next; every layer starts its objects anew."""
     beads = np.flatnonzero(program.role != Role.TRAVEL)
     item, layer = labels.object_id[beads], program.layer[beads]
     new = (np.diff(item, prepend=-1) != 0) | (run_starts(layer) & (item >= 0))
@@ -129,39 +129,41 @@ def find_marks(program: Program, labels: Labels) -> list[ObjectMark]:
     ends = np.where(change > 0, beads[np.maximum(change - 1, 0)] + 1, 0)
     before = np.where(change > 0, item[np.maximum(change - 1, 0)], -1)
     marks = [
-        ObjectMark(_between(program, int(end), int(begin)), int(stop), int(start), int(end), int(begin))
+        ObjectMark(
+            _choose_label_position(program, int(end), int(begin)), int(stop), int(start), int(end), int(begin)
+        )
         for end, begin, stop, start in zip(ends, begins, before, item[change], strict=True)
     ]
     if len(item) and item[-1] >= 0:
         last = int(beads[-1]) + 1
         end = program.n_moves
-        marks.append(ObjectMark(_between(program, last, end), int(item[-1]), -1, last, end))
+        marks.append(ObjectMark(_choose_label_position(program, last, end), int(item[-1]), -1, last, end))
     return marks
 
 
-def _between(program: Program, end: int, begin: int) -> int:
-    """Return the move between `end` and `begin` before which a label stands: after retraction and lift."""
+def _choose_label_position(program: Program, end: int, begin: int) -> int:
+    """Return the move between `end` and `begin` before which to put a label: the first after retraction and lift."""
     pulled = np.flatnonzero(program.filament[end:begin] < 0)
     if not len(pulled):
         return end
     place = end + int(pulled[-1]) + 1
-    while place < begin and _lifts(program, place):
+    while place < begin and _is_lift(program, place):
         place += 1
     return place
 
 
-def _lifts(program: Program, move: int) -> bool:
+def _is_lift(program: Program, move: int) -> bool:
     """Return whether a move only lifts the nozzle."""
     step = program.xyz[move] - program.xyz[move - 1]
     return bool(step[2] > 0 and (step[:2] == 0).all() and program.filament[move] == 0)
 
 
-def find_full_rows(marks: list[ObjectMark]) -> Int:
-    """Return the moves whose rows must repeat all words."""
+def find_moves_after_labels(marks: list[ObjectMark]) -> Int:
+    """Return the indices of the first moves after labels; their rows repeat x, y, z and speed."""
     return np.array(sorted({mark.index for mark in marks}), np.int64)
 
 
-def format_stops(
+def format_stop_labels(
     marks: list[ObjectMark], marked: Marking, rows: MoveText, *, relative: bool
 ) -> Iterator[tuple[int, list[str]]]:
     """Yield stop labels; with absolute extrusion, G92 sets E for printers that have skipped the object."""
@@ -175,7 +177,7 @@ def format_stops(
         yield mark.index, lines
 
 
-def format_starts(marks: list[ObjectMark], marked: Marking) -> Iterator[tuple[int, list[str]]]:
+def format_start_labels(marks: list[ObjectMark], marked: Marking) -> Iterator[tuple[int, list[str]]]:
     """Yield start labels."""
     labels, words = marked
     seen: set[int] = set()

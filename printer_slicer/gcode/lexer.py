@@ -18,8 +18,8 @@ from printer_slicer.gcode.commands import takes_text
 __all__ = [
     "LintCommand",
     "code_and_rest",
+    "find_letters",
     "is_macro",
-    "letters",
     "number_and_command",
     "parse",
     "parse_extended",
@@ -37,26 +37,26 @@ _VALUE: Final = re.compile(rf"([A-Z])\s*({_NUMBER})".encode())
 _LETTER: Final = re.compile(rf"([A-Z])\s*(?:{_NUMBER})?".encode())
 _NAME: Final = re.compile(_ANY_NAME.encode())
 _SETTING: Final = re.compile(_ANY_SETTING.encode())
-_NUMBERED: Final = re.compile(rb"[Nn](\d+)\s*")
-_CHECKED: Final = re.compile(rb"\s*\*\d{1,5}$")
+_LINE_NUMBER: Final = re.compile(rb"[Nn](\d+)\s*")
+_CHECKSUM: Final = re.compile(rb"\s*\*\d{1,5}$")
 _SETS_ONLY: Final = re.compile(rb"SET_|EXCLUDE_OBJECT|RESPOND\b|SAVE_GCODE_STATE|TURN_OFF_HEATERS|@|;|$")
-_NONSENSE: Final = 1e9
-"""Larger numbers count as missing: no machine goes there."""
+_NUMBER_LIMIT: Final = 1e9
+"""Numbers from this one on are ignored: no machine is that large."""
 
 _SUSPECTED_CODE: Final = re.compile(r"([GMTD])\s*(-?[0-9]+)(?:\.[0-9]+)?")
-_FURTHER: Final = re.compile(r"[GM] *[0-9]+")
+_NEXT_COMMAND: Final = re.compile(r"[GM] *[0-9]+")
 _WORD: Final = re.compile(_ANY_WORD)
 _TEXT_NAME: Final = re.compile(_ANY_NAME)
 _TEXT_SETTING: Final = re.compile(_ANY_SETTING)
 _QUOTED: Final = re.compile(r'"[^"]*"?')
-_ASIDE: Final = re.compile(r"\([^)]*\)?")
+_BRACKETED: Final = re.compile(r"\([^)]*\)?")
 _EXPONENT: Final = re.compile(r"[0-9]E[-+]?[0-9]|0X[0-9A-F]")
 
 
 def strip(line: bytes) -> bytes:
     """Return the command of a line without comment, surrounding blanks, line number and checksum.
 
-    Empty if nothing is left, and for M110, which would change the host's line numbers.
+    The result is empty if the line has no command, and for M110, which would change the host's line numbers.
     """
     if b";" in line:
         line = line[: line.index(b";")]
@@ -72,10 +72,10 @@ def strip(line: bytes) -> bytes:
 
 def number_and_command(line: bytes) -> tuple[int | None, bytes]:
     """Return the line number (None if there is none) and the command, without checksum, of a line without comment."""
-    found = _NUMBERED.match(line)
+    found = _LINE_NUMBER.match(line)
     if found is None:
         return None, line
-    return int(found[1]), _CHECKED.sub(b"", line[found.end() :], count=1)
+    return int(found[1]), _CHECKSUM.sub(b"", line[found.end() :], count=1)
 
 
 def parse(command: bytes) -> tuple[bytes, dict[bytes, float]]:
@@ -90,20 +90,20 @@ def parse(command: bytes) -> tuple[bytes, dict[bytes, float]]:
     if not found:
         return b"", {}
     values = {letter: float(value) for letter, value in _VALUE.findall(command, found.end())}
-    if values and max(map(abs, values.values())) >= _NONSENSE:
-        values = {letter: value for letter, value in values.items() if abs(value) < _NONSENSE}
+    if values and max(map(abs, values.values())) >= _NUMBER_LIMIT:
+        values = {letter: value for letter, value in values.items() if abs(value) < _NUMBER_LIMIT}
     return b"%s%d" % (found[1], int(found[2])), values
 
 
-def letters(command: bytes) -> frozenset[bytes]:
-    """Return the letters after the code of a command, with or without numbers, such as the axes of `G28 X Y`."""
+def find_letters(command: bytes) -> frozenset[bytes]:
+    """Return the letters after the code of a command, such as the axes of `G28 X Y`; they may have numbers or not."""
     command = command.upper()
     found = _CODE.match(command)
     return frozenset(_LETTER.findall(command, found.end())) if found else frozenset()
 
 
 def code_and_rest(line: bytes) -> tuple[bytes, bytes]:
-    """Split a line after its code: `b"g01"` and `b" x1"`, in the original case; both empty without a code."""
+    """Split a line after its code, such as `b"g01"` and `b" x1"`; both parts are empty if it has no code."""
     found = _CODE.match(line.upper())
     return (line[: found.end()], line[found.end() :]) if found else (b"", b"")
 
@@ -125,7 +125,7 @@ def is_macro(command: bytes) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class LintCommand:
-    """One command of a line, with all its possible readings.
+    """One command of a line, with all words that some firmware may read in it.
 
     Attributes:
         code: letter and number, `M104`; name of an extended command, `SET_PIN`; "" for anything else.
@@ -143,20 +143,20 @@ class LintCommand:
     further: bool = False
     rest: str = ""
 
-    def most(self, letters: str) -> float | None:
-        """Return the largest number of any of the letters; None if there is none."""
-        values = [value for letter in letters for value in self.words.get(letter, ())]
+    def largest_number(self, find_letters: str) -> float | None:
+        """Return the largest number of the words with these letters; None if they have no numbers."""
+        values = [value for letter in find_letters for value in self.words.get(letter, ())]
         return max(values, default=None)
 
     @property
-    def vague(self) -> bool:
-        """Whether its numbers are ambiguous: expressions, exponents, hexadecimals."""
-        return _is_vague(self.text)
+    def is_ambiguous(self) -> bool:
+        """Whether firmwares may read its numbers differently: expressions, exponents, hexadecimals."""
+        return _has_ambiguous_numbers(self.text)
 
 
 @lru_cache(maxsize=8)
-def _is_vague(text: str) -> bool:
-    """Return whether the numbers of a line are ambiguous; cached for lines with several commands."""
+def _has_ambiguous_numbers(text: str) -> bool:
+    """Return whether firmwares may read the numbers of a line differently; cached for lines with several commands."""
     return "{" in text or _EXPONENT.search(text) is not None
 
 
@@ -174,21 +174,21 @@ def read_commands(line: bytes) -> Iterator[LintCommand]:
         yield LintCommand(named[0] if named else "", text, settings=settings)
         return
     code = f"{match[1]}{int(match[2])}"
-    rest = _ASIDE.sub(" ", _QUOTED.sub(" ", text[match.end() :]))
+    rest = _BRACKETED.sub(" ", _QUOTED.sub(" ", text[match.end() :]))
     if takes_text(code):
-        yield LintCommand(code, text, _words(rest))
+        yield LintCommand(code, text, _collect_words(rest))
         return
-    found = list(_FURTHER.finditer(rest))
+    found = list(_NEXT_COMMAND.finditer(rest))
     own = rest[: found[0].start()] if found else rest
-    yield LintCommand(code, text, _words(own), rest=own)
+    yield LintCommand(code, text, _collect_words(own), rest=own)
     ends = [*(one.start() for one in found), len(rest)][1:]
     for one, end in zip(found, ends, strict=True):
         name = one.group().replace(" ", "")
         own = rest[one.end() : end]
-        yield LintCommand(f"{name[0]}{int(name[1:])}", text, _words(own), further=True, rest=own)
+        yield LintCommand(f"{name[0]}{int(name[1:])}", text, _collect_words(own), further=True, rest=own)
 
 
-def _words(text: str) -> dict[str, list[float]]:
+def _collect_words(text: str) -> dict[str, list[float]]:
     words: dict[str, list[float]] = {}
     for letter, number in _WORD.findall(text):
         values = words.setdefault(letter, [])

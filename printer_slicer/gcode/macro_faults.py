@@ -16,21 +16,21 @@ from printer_slicer.profile.checks import Conflict
 from printer_slicer.profile.inspection import profile_of_printer
 from printer_slicer.profile.planners import PLANNER_SETTINGS
 
-__all__ = ["macro_faults"]
+__all__ = ["find_macro_faults"]
 
-_IN_LAYERS: Final = frozenset({"before_layer_gcode", "layer_gcode", "pause_gcode"})
+_LAYER_MACROS: Final = frozenset({"before_layer_gcode", "layer_gcode", "pause_gcode"})
 """Macros that may use facts about a layer."""
 
 
-def macro_faults(printer: Printer) -> Iterator[Conflict]:
-    """Yield the first error of each macro; values are not computed, as they depend on part, material and quality."""
-    nothing = _no_moves()
+def find_macro_faults(printer: Printer) -> Iterator[Conflict]:
+    """Yield the first error of each macro; values are not computed, because they depend on the print."""
+    nothing = _build_empty_program()
     profile = profile_of_printer(printer)
     known = set(print_facts(nothing, profile))
     # Which planner settings exist depends on the quality.
     of_planners = {name for kind in PLANNER_SETTINGS.values() for name in kind.__struct_fields__}
     known |= {f"{section}planner.{name}" for name in of_planners for section in ("", "quality.")}
-    more = dict.fromkeys(_IN_LAYERS, layer_facts(nothing, 0, 0.0, 0.0)) | {
+    more = dict.fromkeys(_LAYER_MACROS, layer_facts(nothing, 0, 0.0, 0.0)) | {
         "end_gcode": end_facts(nothing, profile)
     }
     for name in printer.__struct_fields__:
@@ -44,8 +44,8 @@ def macro_faults(printer: Printer) -> Iterator[Conflict]:
             yield Conflict(key, str(error.args[0]).removeprefix(f"{key}: "), error.remedy)
 
 
-def _no_moves() -> Program:
-    """Return a program of one layer without moves: its facts have the same names as those of any print."""
+def _build_empty_program() -> Program:
+    """Return a program of one layer without moves; it has the same placeholders as any other print."""
     none = np.zeros(0)
     return Program(
         plan=LayerPlan.from_tops(np.array([0.2])),

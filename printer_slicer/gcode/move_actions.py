@@ -14,7 +14,7 @@ from printer_slicer.firmware.firmware import SetsAccelerations, SetsLimits, Sets
 from printer_slicer.motion.arcs import arc_points, centre_by_offset, centre_by_radius
 from printer_slicer.motion.positioning_mode import PositioningMode
 
-__all__ = ["Action", "MoveBuffer", "ReaderState", "build_actions", "follow_line"]
+__all__ = ["Action", "MoveBuffer", "ReaderState", "build_actions", "move_straight"]
 
 _COLUMNS: Final = 11
 
@@ -36,17 +36,17 @@ class MoveBuffer:
 
     def extend(self, table: Float) -> None:
         """Append a table of rows, (n, 11)."""
-        self._settle()
+        self._flush_rows()
         self._tables.append(table)
         self._in_tables += len(table)
 
     def take(self) -> Float:
         """Return all rows, (n, 11), and empty the buffer."""
-        self._settle()
+        self._flush_rows()
         tables, self._tables, self._in_tables = self._tables, [], 0
         return np.concatenate(tables) if tables else np.zeros((0, _COLUMNS))
 
-    def _settle(self) -> None:
+    def _flush_rows(self) -> None:
         if self._rows:
             self._tables.append(np.array(self._rows, np.float64))
             self._in_tables += len(self._rows)
@@ -58,8 +58,17 @@ class ReaderState:
     """Position and modes of the machine, and the moves read so far.
 
     Attributes:
+        home: position of the endstops, mm.
+        position: machine coordinates of x, y, z and e, mm.
         offset: program coordinates minus machine coordinates of x, y and z, mm.
-        home_offset: the part of it set by M206, which homing keeps.
+        home_offset: the part of `offset` that M206 sets and homing keeps.
+        counting: absolute or relative mode of the axes and the extruder.
+        unit: length of a unit of the program, mm.
+        diameter, volumetric: filament diameter, mm, and whether E counts volume, as set by M200.
+        feed: last feed rate, mm/s, before `speed_ratio` is applied.
+        printing, travel, retract: accelerations set by the file, mm/s²; nan if not set.
+        speed_ratio: feed rate factor set by M220.
+        dwell: time of G4 so far, s.
         retraction: of G10 and G11: retracted length (mm), retraction speed, deretraction speed (mm/s) and extra
             length (mm).
         retracted: whether G10 came last, rather than G11.
@@ -111,8 +120,8 @@ Action = Callable[[ReaderState, Mapping[str, float], int], None]
 """Applies a command to the state, given its numbers and its index."""
 
 
-def _goal(state: ReaderState, words: Mapping[str, float]) -> list[float]:
-    """Return the end position that the words ask for, in machine coordinates."""
+def _compute_end_position(state: ReaderState, words: Mapping[str, float]) -> list[float]:
+    """Return the end position of a move with these words, in machine coordinates, mm."""
     goal = list(state.position)
     for axis, letter in enumerate("XYZE"):
         if letter in words:
@@ -124,7 +133,7 @@ def _goal(state: ReaderState, words: Mapping[str, float]) -> list[float]:
     return goal
 
 
-def _move(state: ReaderState, goal: list[float], index: int) -> None:
+def _append_move(state: ReaderState, goal: list[float], index: int) -> None:
     """Append one straight move."""
     delta = [after - before for after, before in zip(goal, state.position, strict=True)]
     if any(delta):
@@ -136,18 +145,18 @@ def _move(state: ReaderState, goal: list[float], index: int) -> None:
     state.position = goal
 
 
-def follow_line(state: ReaderState, words: Mapping[str, float], index: int) -> None:
+def move_straight(state: ReaderState, words: Mapping[str, float], index: int) -> None:
     """G0 and G1: move in a straight line."""
-    _move(state, _goal(state, words), index)
+    _append_move(state, _compute_end_position(state, words), index)
 
 
-def _arc(clockwise: bool) -> Action:
+def _make_arc_action(clockwise: bool) -> Action:
     """Return the action of G2 or G3."""
 
     def run(state: ReaderState, words: Mapping[str, float], index: int) -> None:
         """Append an arc as straight moves; its centre is given by I and J, or its radius by R."""
         x, y, z, e = state.position
-        goal = _goal(state, words)
+        goal = _compute_end_position(state, words)
         unit = state.unit
         if "R" in words:
             centre = centre_by_radius((x, y), (goal[0], goal[1]), words["R"] * unit, clockwise=clockwise)
@@ -156,7 +165,7 @@ def _arc(clockwise: bool) -> Action:
         if centre is not None:  # firmware rejects an arc without a centre
             gx, gy, gz, ge = goal
             for point in arc_points((x, y, z, e), (gx, gy, gz, ge), centre, clockwise=clockwise):
-                _move(state, list(point), index)
+                _append_move(state, list(point), index)
 
     return run
 
@@ -171,14 +180,14 @@ def _set_position(state: ReaderState, words: Mapping[str, float], _index: int) -
                 state.offset[axis] = words[letter] * state.unit - state.position[axis]
 
 
-def _home(state: ReaderState, words: Mapping[str, float], _index: int) -> None:
-    """G28: put the named axes, or x, y and z, at their endstops, and drop their offset of G92."""
+def _home_axes(state: ReaderState, words: Mapping[str, float], _index: int) -> None:
+    """G28: move the named axes, or all of x, y and z, to their endstops, and drop their offset of G92."""
     named = [axis for axis, letter in enumerate("XYZ") if letter in words]
     for axis in named or range(3):
         state.position[axis], state.offset[axis] = state.home[axis], state.home_offset[axis]
 
 
-def _offset_home(state: ReaderState, words: Mapping[str, float], _index: int) -> None:
+def _set_home_offset(state: ReaderState, words: Mapping[str, float], _index: int) -> None:
     """M206: move the origin by the change of the home offset."""
     for axis, letter in enumerate("XYZ"):
         if letter in words:
@@ -187,34 +196,34 @@ def _offset_home(state: ReaderState, words: Mapping[str, float], _index: int) ->
             state.home_offset[axis] = offset
 
 
-def _offset_next_homing(state: ReaderState, words: Mapping[str, float], _index: int) -> None:
-    """M206 of Smoothieware: applied at the next homing, and in mm even after G20."""
+def _set_offset_for_next_homing(state: ReaderState, words: Mapping[str, float], _index: int) -> None:
+    """M206 of Smoothieware: set an offset that applies from the next homing on; it is in mm even after G20."""
     for axis, letter in enumerate("XYZ"):
         if letter in words:
             state.home_offset[axis] = words[letter]
 
 
 def _move_in_machine_coordinates(state: ReaderState, words: Mapping[str, float], index: int) -> None:
-    """G53 before a move: use machine coordinates."""
+    """G53 before a move: move in machine coordinates."""
     if (move := _MOVES.get(words.get("G", -1.0))) is not None:
         offset, state.offset = state.offset, [0.0, 0.0, 0.0, 0.0]
         move(state, words, index)
         state.offset = offset
 
 
-def _dwell(state: ReaderState, words: Mapping[str, float], _index: int) -> None:
-    """G4: S in seconds, or else P in milliseconds."""
+def _add_dwell(state: ReaderState, words: Mapping[str, float], _index: int) -> None:
+    """G4: wait for S seconds, or without S for P milliseconds."""
     state.dwell += words["S"] if "S" in words else words.get("P", 0.0) / 1000
 
 
-def _acceleration(state: ReaderState, words: Mapping[str, float], _index: int) -> None:
+def _set_accelerations(state: ReaderState, words: Mapping[str, float], _index: int) -> None:
     """M204: set accelerations: S printing and travel, P printing, T travel, R retraction."""
     state.printing = words.get("P", words.get("S", state.printing))
     state.travel = words.get("T", words.get("S", state.travel))
     state.retract = words.get("R", state.retract)
 
 
-def _setting_limits(meaning: SetsLimits) -> Action:
+def _make_limits_action(meaning: SetsLimits) -> Action:
     """Return the action of a command that sets limits."""
 
     def run(state: ReaderState, words: Mapping[str, float], _index: int) -> None:
@@ -231,7 +240,7 @@ def _setting_limits(meaning: SetsLimits) -> Action:
     return run
 
 
-def _setting_accelerations(meaning: SetsAccelerations) -> Action:
+def _make_accelerations_action(meaning: SetsAccelerations) -> Action:
     """Return the action of a command that sets accelerations."""
 
     def run(state: ReaderState, words: Mapping[str, float], _index: int) -> None:
@@ -244,11 +253,11 @@ def _setting_accelerations(meaning: SetsAccelerations) -> Action:
     return run
 
 
-def _setting_retraction(meaning: SetsRetraction) -> Action:
+def _make_retraction_settings_action(meaning: SetsRetraction) -> Action:
     """Return the action of a command that sets lengths and speeds of G10 and G11."""
 
     def run(state: ReaderState, words: Mapping[str, float], _index: int) -> None:
-        """Set them from the next G10 or G11 on."""
+        """Set lengths and speeds from the next G10 or G11 on."""
         length, back, forward, extra = (
             words.get(name, value) for name, value in zip(meaning.words, state.retraction, strict=True)
         )
@@ -261,56 +270,56 @@ def _ignore(_state: ReaderState, _words: Mapping[str, float], _index: int) -> No
     """Ignore a command that does not affect moves."""
 
 
-def _retraction(state: ReaderState, words: Mapping[str, float], _index: int) -> None:
+def _set_retraction(state: ReaderState, words: Mapping[str, float], _index: int) -> None:
     """M207: retract S mm at F mm/min; RepRapFirmware deretracts at T mm/min, with R mm extra."""
     length, back, forward, extra = state.retraction
     back, forward = words.get("F", 60 * back) / 60, words.get("T", 60 * forward) / 60
     state.retraction = words.get("S", length), back, forward, words.get("R", extra)
 
 
-def _deretraction(state: ReaderState, words: Mapping[str, float], _index: int) -> None:
+def _set_deretraction(state: ReaderState, words: Mapping[str, float], _index: int) -> None:
     """M208: deretract at F mm/min, with S mm extra."""
     length, back, forward, extra = state.retraction
     state.retraction = length, back, words.get("F", 60 * forward) / 60, words.get("S", extra)
 
 
-def _firmware_retraction(back: bool) -> Action:
+def _make_retraction_action(back: bool) -> Action:
     """Return the action of G10 or G11."""
 
     def run(state: ReaderState, words: Mapping[str, float], index: int) -> None:
-        """Retract or deretract unless that is done already; E keeps its value. With words it is another command."""
+        """Retract or deretract, unless already done; E keeps its value. A G10 or G11 with words is another command."""
         if words or state.retracted == back:
             return
         state.retracted = back
         length, out, forward, extra = state.retraction
         x, y, z, e = state.position
         feed, state.feed = state.feed, out if back else forward
-        _move(state, [x, y, z, e - length if back else e + length + extra], index)
+        _append_move(state, [x, y, z, e - length if back else e + length + extra], index)
         state.position, state.feed = [x, y, z, e], feed
 
     return run
 
 
-def _speed_ratio(state: ReaderState, words: Mapping[str, float], _index: int) -> None:
+def _set_speed_ratio(state: ReaderState, words: Mapping[str, float], _index: int) -> None:
     """M220: set the feed rate percentage."""
     if "S" in words:
         state.speed_ratio = min(max(words["S"], 1.0), 999.0) / 100
 
 
-def _volumetric(state: ReaderState, words: Mapping[str, float], _index: int) -> None:
+def _set_volumetric(state: ReaderState, words: Mapping[str, float], _index: int) -> None:
     """M200: let E count mm³ of filament with diameter D; D0 or S0 disables that, S1 enables it again."""
     diameter = words.get("D", 0.0) * state.unit
     state.volumetric = bool(words.get("S", diameter))
     state.diameter = diameter or state.diameter
 
 
-def _tool(state: ReaderState, words: Mapping[str, float], _index: int) -> None:
+def _select_tool(state: ReaderState, words: Mapping[str, float], _index: int) -> None:
     """T0, T1 and so on: select a tool."""
     state.tool = int(words["T"])
 
 
-def _set_units(mm: float) -> Action:
-    """Return the action of G20 or G21, for units of so many mm."""
+def _make_units_action(mm: float) -> Action:
+    """Return the action of G20 or G21, which sets units of this many mm."""
 
     def run(state: ReaderState, _words: Mapping[str, float], _index: int) -> None:
         """Set the unit."""
@@ -319,7 +328,7 @@ def _set_units(mm: float) -> Action:
     return run
 
 
-def _set_counting(word: str) -> Action:
+def _make_mode_action(word: str) -> Action:
     """Return the action of a command that sets absolute or relative mode."""
 
     def run(state: ReaderState, _words: Mapping[str, float], _index: int) -> None:
@@ -330,41 +339,45 @@ def _set_counting(word: str) -> Action:
 
 
 _MOVES: Final[Mapping[float, Action]] = {
-    0.0: follow_line,
-    1.0: follow_line,
-    2.0: _arc(clockwise=True),
-    3.0: _arc(clockwise=False),
+    0.0: move_straight,
+    1.0: move_straight,
+    2.0: _make_arc_action(clockwise=True),
+    3.0: _make_arc_action(clockwise=False),
 }
 
 _ACTIONS: Final[Mapping[str, Action]] = {
-    "G0": follow_line,
-    "G1": follow_line,
-    "G2": _arc(clockwise=True),
-    "G3": _arc(clockwise=False),
-    "G4": _dwell,
-    "G10": _firmware_retraction(back=True),
-    "G11": _firmware_retraction(back=False),
-    "G20": _set_units(25.4),
-    "G21": _set_units(1.0),
-    "G28": _home,
-    "G90": _set_counting("G90"),
-    "G91": _set_counting("G91"),
+    "G0": move_straight,
+    "G1": move_straight,
+    "G2": _make_arc_action(clockwise=True),
+    "G3": _make_arc_action(clockwise=False),
+    "G4": _add_dwell,
+    "G10": _make_retraction_action(back=True),
+    "G11": _make_retraction_action(back=False),
+    "G20": _make_units_action(25.4),
+    "G21": _make_units_action(1.0),
+    "G28": _home_axes,
+    "G90": _make_mode_action("G90"),
+    "G91": _make_mode_action("G91"),
     "G92": _set_position,
-    "M82": _set_counting("M82"),
-    "M83": _set_counting("M83"),
-    "M200": _volumetric,
-    "M201": _setting_limits(SetsLimits("M201")),
-    "M203": _setting_limits(SetsLimits("M203")),
-    "M204": _acceleration,
-    "M205": _setting_limits(SetsLimits("M205")),
-    "M207": _retraction,
-    "M208": _deretraction,
-    "M220": _speed_ratio,
-    "T": _tool,
+    "M82": _make_mode_action("M82"),
+    "M83": _make_mode_action("M83"),
+    "M200": _set_volumetric,
+    "M201": _make_limits_action(SetsLimits("M201")),
+    "M203": _make_limits_action(SetsLimits("M203")),
+    "M204": _set_accelerations,
+    "M205": _make_limits_action(SetsLimits("M205")),
+    "M207": _set_retraction,
+    "M208": _set_deretraction,
+    "M220": _set_speed_ratio,
+    "T": _select_tool,
 }
 """The actions in Marlin 2."""
 
-_HOME_OFFSETS: Final = {"at once": _offset_home, "when homed": _offset_next_homing, "never": _ignore}
+_HOME_OFFSETS: Final = {
+    "at once": _set_home_offset,
+    "when homed": _set_offset_for_next_homing,
+    "never": _ignore,
+}
 
 
 def build_actions(dialect: Dialect) -> dict[str, Action]:
@@ -375,11 +388,11 @@ def build_actions(dialect: Dialect) -> dict[str, Action]:
     for code, meaning in dialect.commands.items():
         match meaning:
             case SetsLimits():
-                actions[code] = _setting_limits(meaning)
+                actions[code] = _make_limits_action(meaning)
             case SetsAccelerations():
-                actions[code] = _setting_accelerations(meaning)
+                actions[code] = _make_accelerations_action(meaning)
             case SetsRetraction():
-                actions[code] = _setting_retraction(meaning)
+                actions[code] = _make_retraction_settings_action(meaning)
             case None:
                 actions[code] = _ignore
     return actions

@@ -54,19 +54,19 @@ def format_moves(program: Program, *, relative: bool, full: Int | None = None) -
     all_feed = np.maximum(np.rint(program.speed * 60).astype(np.int64), 1)
     if not program.n_moves:
         return MoveText(b"", np.zeros(1, np.int64), fed, all_feed)
-    head, last = _runs(program, all_feed)
-    kept = _visible(xyz[last], fed[last], program.role[last] == Role.TRAVEL)
+    head, last = _group_moves_into_rows(program, all_feed)
+    kept = _find_visible_moves(xyz[last], fed[last], program.role[last] == Role.TRAVEL)
     head, last = head[kept], last[kept]
     feeds = np.add.reduceat(program.filament != 0, head) > 0
-    code, i, j = _arcs(program, xyz, head, last)
-    fed, feed = _without_travels(fed[last], feeds), all_feed[last]
+    code, i, j = _compute_arcs(program, xyz, head, last)
+    fed, feed = _defer_filament(fed[last], feeds), all_feed[last]
     rows_before = np.searchsorted(head, np.arange(program.n_moves), side="right")
     step = np.diff(fed, prepend=0)
     ends = xyz[last]
     moved = np.diff(ends, axis=0, prepend=ends[:1] - 1) != 0
     codes: _Letters = np.where(code > 0, code, step != 0).astype(np.uint8)
     arc = codes > 1
-    anew = _first_kept(head, full)
+    anew = _find_first_kept(head, full)
     moved |= anew[:, None]
     columns = [
         (b" X", ends[:, 0], XY_DECIMALS, moved[:, 0]),
@@ -79,7 +79,7 @@ def format_moves(program: Program, *, relative: bool, full: Int | None = None) -
     texts, lengths = [], []
     for first in range(0, len(ends), _BATCH):
         some = slice(first, first + _BATCH)
-        text, length = _block(codes[some], [(w, v[some], d, p[some]) for w, v, d, p in columns])
+        text, length = _format_block(codes[some], [(w, v[some], d, p[some]) for w, v, d, p in columns])
         texts.append(text)
         lengths.append(length)
     length_of = np.zeros(program.n_moves, np.int64)
@@ -88,8 +88,8 @@ def format_moves(program: Program, *, relative: bool, full: Int | None = None) -
     return MoveText(b"".join(texts), np.concatenate([[0], np.cumsum(length_of)]), written, all_feed)
 
 
-def _runs(program: Program, feed: Int) -> tuple[Int, Int]:
-    """Return the first and last move of each row: the chords of an arc share one row."""
+def _group_moves_into_rows(program: Program, feed: Int) -> tuple[Int, Int]:
+    """Return the first and the last move of each row of text: the chords of an arc share one row."""
     if not program.has_arcs:
         every = np.arange(program.n_moves)
         return every, every
@@ -97,8 +97,8 @@ def _runs(program: Program, feed: Int) -> tuple[Int, Int]:
     return head, np.append(head[1:], program.n_moves) - 1
 
 
-def _arcs(program: Program, xyz: Int, head: Int, last: Int) -> tuple[Int, Int, Int]:
-    """Return 2 or 3 for arcs and 0 for other rows, (n,), and the centre relative to the start in x and y."""
+def _compute_arcs(program: Program, xyz: Int, head: Int, last: Int) -> tuple[Int, Int, Int]:
+    """Return, for each row (n,), 2 or 3 for an arc (G2, G3), else 0; also the centre relative to the start (x, y)."""
     arc = last > head
     code, off = np.zeros(len(head), np.int64), np.zeros((len(head), 2), np.int64)
     if arc.any():
@@ -111,8 +111,8 @@ def _arcs(program: Program, xyz: Int, head: Int, last: Int) -> tuple[Int, Int, I
     return code, off[:, 0], off[:, 1]
 
 
-def _first_kept(kept: Int, full: Int | None) -> Bool:
-    """Return which of the kept rows are the first at or after a move of `full`."""
+def _find_first_kept(kept: Int, full: Int | None) -> Bool:
+    """Return which of the kept rows (n,) are the first at or after one of the moves `full`."""
     anew = np.zeros(len(kept), np.bool_)
     if full is not None:
         place = np.searchsorted(kept, full)
@@ -120,34 +120,34 @@ def _first_kept(kept: Int, full: Int | None) -> Bool:
     return anew
 
 
-def _visible(xyz: Int, fed: Int, pure: Bool) -> Int:
-    """Return the moves that change something after rounding; the filament of the others is added to the next move."""
+def _find_visible_moves(xyz: Int, fed: Int, pure: Bool) -> Int:
+    """Return the indices of moves that change a word after rounding; the filament of others goes to the next."""
     travels = np.diff(xyz, axis=0, prepend=xyz[:1] - 1).any(axis=1)
     turns = travels | (pure & (np.diff(fed, prepend=0) != 0))
     return np.flatnonzero(turns)
 
 
-def _without_travels(fed: Int, feeds: Bool) -> Int:
-    """Return E at the end of each row; filament left over at a travel is added to the next row that extrudes."""
+def _defer_filament(fed: Int, feeds: Bool) -> Int:
+    """Return E at the end of each row (n,); filament of rows that do not extrude is added to the next that does."""
     last = np.maximum.accumulate(np.where(feeds, np.arange(len(fed)), -1))
     return np.where(last >= 0, fed[np.maximum(last, 0)], 0)
 
 
-def _block(code: _Letters, columns: list[tuple[bytes, Int, int, Bool]]) -> tuple[bytes, Int]:
-    """Return the text of some rows and the length of each; `code` is the number after the G."""
+def _format_block(code: _Letters, columns: list[tuple[bytes, Int, int, Bool]]) -> tuple[bytes, Int]:
+    """Format some rows; return their text and the length of each. `code` is the number after the G."""
     letters = [np.full(len(code), ord("G"), np.uint8), code + _ZERO]
     for name, value, decimals, present in columns:
         letters += [present * np.uint8(letter) for letter in name]
-        letters += [letter * present for letter in _number(value, decimals)]
+        letters += [letter * present for letter in _format_numbers(value, decimals)]
     letters.append(np.full(len(code), ord("\n"), np.uint8))
     length = np.zeros(len(code), np.uint8)
     for letter in letters:
         length += letter != 0
-    return _read_across(letters), length.astype(np.int64)
+    return _join_columns(letters), length.astype(np.int64)
 
 
-def _number(value: Int, decimals: int) -> list[_Letters]:
-    """Return the characters of numbers: sign, integer digits, point and decimals, each (n,), 0 for no character.
+def _format_numbers(value: Int, decimals: int) -> list[_Letters]:
+    """Return columns of characters of numbers: sign, integer digits, point, decimals; each (n,), 0 for no character.
 
     `value` counts units of the last decimal.
     """
@@ -173,7 +173,7 @@ def _number(value: Int, decimals: int) -> list[_Letters]:
     return [(value < 0) * _MINUS, *digits[: decimals - len(digits) - 1 : -1], point, *digits[:decimals][::-1]]
 
 
-def _read_across(letters: list[_Letters]) -> bytes:
+def _join_columns(letters: list[_Letters]) -> bytes:
     """Join columns of characters to rows, without zeros.
 
     Columns are packed by eights: moving single bytes takes three times as long.

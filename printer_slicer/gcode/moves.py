@@ -11,7 +11,7 @@ from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.motion.rules import Axes, MotionLimits
 from printer_slicer.motion.vectorized import RequestedMoves, Stopwatch
 
-__all__ = ["Moves", "Timer", "accelerations", "changed_limits"]
+__all__ = ["Moves", "Timer", "changed_limits", "choose_accelerations"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,28 +73,34 @@ class Timer:
             self._watch.rest()
         begin = 0
         for first, kind, values in moves.changes:
-            self._run(moves, begin, first)
+            self._add_range(moves, begin, first)
             self._watch.rest()
             begin, self._limits = first, changed_limits(self._limits, kind, values)
             self._watch.limits = self._limits
-        self._run(moves, begin, len(moves.speed))
+        self._add_range(moves, begin, len(moves.speed))
 
     def seconds(self) -> float:
         """Return the time of all pieces, s; the machine comes to rest after the last one."""
         return self._dwells + self._watch.rest()
 
-    def _run(self, moves: Moves, first: int, last: int) -> None:
+    def _add_range(self, moves: Moves, first: int, last: int) -> None:
         """Add moves that share the same limits."""
         if last <= first:
             return
         some, limits = slice(first, last), self._limits
         delta = moves.delta[some]
-        acceleration = accelerations(delta, moves.acceleration[some], limits)
+        acceleration = choose_accelerations(delta, moves.acceleration[some], limits)
         self._watch.add(RequestedMoves(delta, moves.speed[some], acceleration, moves.stop[some]))
 
 
-def accelerations(delta: Float, wanted: Float, limits: MotionLimits) -> Float:
-    """Return accelerations (K,), mm/s²: `wanted` (K,), or the machine's where that is nan; delta is (K, 4), mm."""
+def choose_accelerations(delta: Float, wanted: Float, limits: MotionLimits) -> Float:
+    """Return the acceleration of each move (K,), mm/s²: `wanted` (K,), or the machine's where `wanted` is nan.
+
+    Args:
+        delta: (K, 4) x, y, z, e of each move, mm.
+        wanted: (K,) accelerations that the file sets, mm/s².
+        limits: limits of the machine.
+    """
     travels = (delta[:, :3] != 0).any(axis=1)
     laying = np.where(travels, limits.acceleration, limits.retract_acceleration)
     usual = np.where(delta[:, 3] != 0, laying, limits.travel_acceleration)
@@ -102,7 +108,7 @@ def accelerations(delta: Float, wanted: Float, limits: MotionLimits) -> Float:
 
 
 def changed_limits(limits: MotionLimits, kind: str, values: Mapping[str, float]) -> MotionLimits:
-    """Return the limits after M201, M203 or M205, an entry of `Moves.changes`."""
+    """Return the limits after M201, M203 or M205; `kind` and `values` are from an entry of `Moves.changes`."""
 
     def merged(axes: Axes) -> Axes:
         """Return the limits of all axes, with new values for the named ones."""

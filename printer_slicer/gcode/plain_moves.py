@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from printer_slicer.arrays import Bool, Float, Int
-from printer_slicer.gcode.move_actions import ReaderState, follow_line
+from printer_slicer.gcode.move_actions import ReaderState, move_straight
 
-__all__ = ["LETTERS", "PlainMoves", "follow_plain", "read_plain_moves"]
+__all__ = ["LETTERS", "PlainMoves", "apply_plain_moves", "read_plain_moves"]
 
 _Text = NDArray[np.uint8]
 _Kinds = NDArray[np.int8]
@@ -31,7 +31,8 @@ _OTHER, _DIGIT, _DOT, _SIGN, _LETTER, _BLANK, _END = range(7)
 _POWERS: Final = 10.0 ** np.arange(_MAX_DIGITS + 2)
 
 
-def _table() -> _Kinds:
+def _build_character_kinds() -> _Kinds:
+    """Return the kind of each character, by its code."""
     kinds = np.full(256, _OTHER, np.int8)
     for characters, kind in (("0123456789", _DIGIT), (".", _DOT), ("+-", _SIGN), (LETTERS, _LETTER)):
         kinds[[ord(one) for one in characters]] = kind
@@ -39,8 +40,8 @@ def _table() -> _Kinds:
     return kinds
 
 
-def _allowed() -> Bool:
-    """Return which kinds of characters may follow each other in a plain move, [kind, next kind]."""
+def _build_allowed_pairs() -> Bool:
+    """Return which kinds of characters may follow each other in a plain move, as a table [kind, next kind]."""
     allowed = np.zeros((7, 7), np.bool_)
     for before, after in (
         (_DIGIT, (_DIGIT, _DOT, _BLANK, _END)),
@@ -54,8 +55,8 @@ def _allowed() -> Bool:
     return allowed
 
 
-_KINDS: Final = _table()
-_ALLOWED: Final = _allowed().reshape(-1)
+_KINDS: Final = _build_character_kinds()
+_ALLOWED: Final = _build_allowed_pairs().reshape(-1)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,7 +83,7 @@ def read_plain_moves(commands: Sequence[bytes]) -> PlainMoves:
     text = np.frombuffer(b"\n" + b"\n".join(commands) + b"\n", np.uint8)
     kind = _KINDS[text]
     breaks = np.flatnonzero(kind == _END)
-    plain = _begin_as_moves(text, breaks)
+    plain = _find_move_lines(text, breaks)
     # "G1" itself is not a word: treat its two characters as part of the line break before it.
     kind[breaks[:-1][plain] + 1] = kind[breaks[:-1][plain] + 2] = _END
     wrong = np.flatnonzero(~_ALLOWED[kind[:-1].astype(np.int16) * 7 + kind[1:]])
@@ -91,7 +92,7 @@ def read_plain_moves(commands: Sequence[bytes]) -> PlainMoves:
     line = np.searchsorted(breaks, letter) - 1
     letter, line = letter[plain[line]], line[plain[line]]
     words = np.full((len(plain), len(LETTERS)), np.nan)
-    value, good = _numbers(text, kind, letter + 1)
+    value, good = _parse_numbers(text, kind, letter + 1)
     words[line, _COLUMN[text[letter]]] = value
     plain[line[~good]] = False
     index = np.flatnonzero(plain)
@@ -102,7 +103,7 @@ _COLUMN: Final = np.zeros(256, np.int64)
 _COLUMN[[ord(letter) for letter in LETTERS]] = np.arange(len(LETTERS))
 
 
-def _begin_as_moves(text: _Text, breaks: Int) -> Bool:
+def _find_move_lines(text: _Text, breaks: Int) -> Bool:
     """Return which lines begin with `G0 ` or `G1 `."""
     first = breaks[:-1]
     last = len(text) - 1
@@ -110,8 +111,8 @@ def _begin_as_moves(text: _Text, breaks: Int) -> Bool:
     return np.asarray(code & (text[np.minimum(first + 3, last)] == ord(" ")))
 
 
-def _numbers(text: _Text, kind: _Kinds, start: Int) -> tuple[Float, Bool]:
-    """Return the numbers that begin at some positions, and which are valid: 1 to 15 digits, at most one point."""
+def _parse_numbers(text: _Text, kind: _Kinds, start: Int) -> tuple[Float, Bool]:
+    """Return the numbers that begin at `start`, and which are valid: with 1 to 15 digits and at most one point."""
     negative = text[start] == ord("-")
     at = start + (kind[start] == _SIGN)
     mantissa = np.zeros(len(at), np.int64)
@@ -139,11 +140,11 @@ def _numbers(text: _Text, kind: _Kinds, start: Int) -> tuple[Float, Bool]:
     return np.where(negative, -value, value), good & (value < _MAX_VALUE)
 
 
-_FEW: Final = 6  # fewer moves are faster one by one
+_MIN_VECTORIZED: Final = 6  # fewer moves are faster one by one
 _XYZEF: Final = "XYZEF"
 
 
-def follow_plain(state: ReaderState, words: Float, index: Int) -> None:
+def apply_plain_moves(state: ReaderState, words: Float, index: Int) -> None:
     """Apply consecutive plain moves to the state.
 
     Args:
@@ -151,21 +152,21 @@ def follow_plain(state: ReaderState, words: Float, index: Int) -> None:
         words: (n, 5) numbers of X, Y, Z, E and F; nan for missing words.
         index: (n,) indices of the commands.
     """
-    if len(index) < _FEW:
+    if len(index) < _MIN_VECTORIZED:
         for row, place in zip(words.tolist(), index.tolist(), strict=True):
             there = {letter: at for letter, at in zip(_XYZEF, row, strict=True) if not isnan(at)}
-            follow_line(state, there, place)
+            move_straight(state, there, place)
         return
     start = np.array(state.position)
     end = np.stack(
         [
-            _axis(words[:, axis], start[axis], unit, offset, relative=relative)
-            for axis, (unit, offset, relative) in enumerate(_readings(state))
+            _compute_positions(words[:, axis], start[axis], unit, offset, relative=relative)
+            for axis, (unit, offset, relative) in enumerate(_list_axis_rules(state))
         ],
         axis=1,
     )
     delta = np.diff(end, axis=0, prepend=start[None])
-    feed = _hold_last(np.where(words[:, 4] > 0, words[:, 4] * state.unit / 60, np.nan), state.feed)
+    feed = _fill_with_last(np.where(words[:, 4] > 0, words[:, 4] * state.unit / 60, np.nan), state.feed)
     travels = (delta[:, :3] != 0).any(axis=1)
     lays = delta[:, 3] != 0
     acceleration = np.where(lays, np.where(travels, state.printing, state.retract), state.travel)
@@ -178,21 +179,21 @@ def follow_plain(state: ReaderState, words: Float, index: Int) -> None:
     state.feed = float(feed[-1])
 
 
-def _readings(state: ReaderState) -> Sequence[tuple[float, float, bool]]:
-    """Return how x, y, z and e are read: unit in mm, offset to subtract, whether relative."""
+def _list_axis_rules(state: ReaderState) -> Sequence[tuple[float, float, bool]]:
+    """Return the rules for reading x, y, z and e: unit in mm, offset to subtract, and whether relative."""
     head = [(state.unit, offset, state.relative) for offset in state.offset[:3]]
     return [*head, (state.unit_e, state.offset[3], state.relative_e)]
 
 
-def _axis(words: Float, start: float, unit: float, offset: float, *, relative: bool) -> Float:
+def _compute_positions(words: Float, start: float, unit: float, offset: float, *, relative: bool) -> Float:
     """Return the position of an axis after each move, (n,)."""
     if relative:
         steps = np.where(np.isnan(words), 0.0, words * unit)
         return np.asarray(np.cumsum(np.append(start, steps))[1:])
-    return _hold_last(words * unit - offset, start)
+    return _fill_with_last(words * unit - offset, start)
 
 
-def _hold_last(values: Float, start: float) -> Float:
+def _fill_with_last(values: Float, start: float) -> Float:
     """Replace each nan by the last number before it, or by `start`; (n,)."""
     values = np.append(start, values)
     last = np.maximum.accumulate(np.where(np.isnan(values), 0, np.arange(len(values))))

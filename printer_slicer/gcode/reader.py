@@ -14,10 +14,10 @@ import numpy as np
 
 from printer_slicer.firmware import FLAVOURS, Dialect
 from printer_slicer.gcode.commands import Effect, names_that
-from printer_slicer.gcode.lexer import letters, parse, parse_extended
+from printer_slicer.gcode.lexer import find_letters, parse, parse_extended
 from printer_slicer.gcode.move_actions import Action, ReaderState, build_actions
 from printer_slicer.gcode.moves import Moves
-from printer_slicer.gcode.plain_moves import follow_plain, read_plain_moves
+from printer_slicer.gcode.plain_moves import apply_plain_moves, read_plain_moves
 from printer_slicer.motion.positioning_mode import PositioningMode
 
 __all__ = ["MoveReader", "read_moves", "read_moves_in_pieces"]
@@ -40,7 +40,7 @@ def read_moves(
     """
     reader = MoveReader(home, dialect)
     reader.feed(commands)
-    return reader.moves()
+    return reader.take_moves()
 
 
 def read_moves_in_pieces(
@@ -50,7 +50,7 @@ def read_moves_in_pieces(
     reader = MoveReader(home, dialect)
     for begin in range(0, len(commands), _PIECE):
         reader.feed(commands[begin : begin + _PIECE])
-        yield reader.moves()
+        yield reader.take_moves()
 
 
 class MoveReader:
@@ -77,15 +77,15 @@ class MoveReader:
             done = 0
             for first, last in pairwise([0, *cuts.tolist(), len(plain.index)] if len(plain.index) else []):
                 at = int(plain.index[first])
-                self._follow(some[done:at])
-                follow_plain(
+                self._apply_commands(some[done:at])
+                apply_plain_moves(
                     self._state, plain.words[first:last], np.arange(self._count, self._count + last - first)
                 )
                 self._count += last - first
                 done = at + last - first
-            self._follow(some[done:])
+            self._apply_commands(some[done:])
 
-    def moves(self) -> Moves:
+    def take_moves(self) -> Moves:
         """Return the moves of the commands fed since the last call."""
         state = self._state
         table = state.rows.take()
@@ -106,11 +106,11 @@ class MoveReader:
             starts_at_rest=starts_at_rest,
         )
 
-    def _follow(self, commands: Sequence[bytes]) -> None:
+    def _apply_commands(self, commands: Sequence[bytes]) -> None:
         """Read commands of any kind one by one."""
         state = self._state
         for index, command in enumerate(commands, self._count):
-            code, words = _parse(command, self._actions)
+            code, words = _parse_command(command, self._actions)
             action = self._actions.get(code)
             if action is not None:
                 action(state, words, index)
@@ -123,8 +123,8 @@ class MoveReader:
         self._count += len(commands)
 
 
-def _parse(command: bytes, actions: Mapping[str, Action]) -> tuple[str, dict[str, float]]:
-    """Return code and numeric words of a command, or name and parameters of an extended command."""
+def _parse_command(command: bytes, actions: Mapping[str, Action]) -> tuple[str, dict[str, float]]:
+    """Return the code and the numbers of a command, or the name and the parameters of an extended command."""
     word, values = parse(command)
     if not word:
         word, values = parse_extended(command)
@@ -134,5 +134,5 @@ def _parse(command: bytes, actions: Mapping[str, Action]) -> tuple[str, dict[str
     if code not in actions:
         return code, {}
     if code in _HOMES:  # axes are letters without numbers
-        return code, {letter.decode(): 0.0 for letter in letters(command)}
+        return code, {letter.decode(): 0.0 for letter in find_letters(command)}
     return code, {letter.decode(): value for letter, value in values.items()}

@@ -22,7 +22,7 @@ from printer_slicer.gcode.commands import (
     HeaterName,
     commands_that,
 )
-from printer_slicer.gcode.lexer import letters, parse
+from printer_slicer.gcode.lexer import find_letters, parse
 from printer_slicer.motion.positioning_mode import PositioningMode
 
 __all__ = ["HeaterTarget", "MachineState", "ModalState", "Move", "Place", "heater_target", "uses_inches"]
@@ -39,7 +39,7 @@ _MODES: Final = commands_that(Effect.MODE)
 _MOVES_UNSEEN: Final = commands_that(Effect.MOVES_UNSEEN)
 _MOVES_ORIGIN: Final = commands_that(Effect.MOVES_ORIGIN)
 _TOOL_BY_P: Final = frozenset({b"G10", b"M568"})  # commands whose P, and not T, names a tool
-_FULL: Final = 255.0  # of a fan
+_FULL_FAN_SPEED: Final = 255.0  # of a fan
 
 
 class Move(NamedTuple):
@@ -61,9 +61,9 @@ class HeaterTarget(NamedTuple):
 
 
 def heater_target(word: bytes, values: Mapping[bytes, float]) -> HeaterTarget | None:
-    """Return the target that a parsed command sets; None if it sets none.
+    """Return the target temperature that a parsed command sets; None if it sets none.
 
-    G10 with a tool sets one in RepRapFirmware. R is a target only if the command waits for it.
+    G10 with a tool sets a target in RepRapFirmware. R is a target only if the command waits for it.
     """
     row, tool = TABLE.get(word), values.get(b"T")
     if row is None or not values:
@@ -80,8 +80,8 @@ def heater_target(word: bytes, values: Mapping[bytes, float]) -> HeaterTarget | 
     return None if celsius is None else HeaterTarget(heater, None if tool is None else int(tool), celsius)
 
 
-def _full_turn(values: Mapping[bytes, float], delta: Sequence[float]) -> float | None:
-    """Return the length of the full circle of an arc, in units of the program; None for an arc without a centre.
+def _compute_circle_length(values: Mapping[bytes, float], delta: Sequence[float]) -> float | None:
+    """Return the length of the full circle of an arc, in units of the program; None if the arc has no centre.
 
     Firmware rejects an arc with R0, with R and no distance between start and end, or without I and J (Marlin's
     G2_G3.cpp).
@@ -238,9 +238,9 @@ class MachineState:
             *(self.speed, self.retracted, self.pulled, self.inches),
         )
 
-    def relative(self, values: Mapping[bytes, float]) -> bool:
+    def is_relative(self, values: Mapping[bytes, float]) -> bool:
         """Return whether one of the axes in `values` is relative, so that repeating the move would move it again."""
-        return any(self._from_here(axis) for axis, letter in enumerate(_AXES) if letter in values)
+        return any(self._is_relative_axis(axis) for axis, letter in enumerate(_AXES) if letter in values)
 
     def set_flavour(self, flavour: str) -> None:
         """Set the flavour once the firmware is known."""
@@ -263,7 +263,7 @@ class MachineState:
     def apply(self, word: bytes, values: Mapping[bytes, float], command: bytes = b"") -> Move | None:
         """Process a parsed command; return its move, or None if it is not a move."""
         if word in _MOVES:
-            return self._move(word, values)
+            return self._apply_move(word, values)
         if word == b"G53":
             return self._move_in_machine_coordinates(values)
         if (action := self._ACTIONS.get(word)) is not None:
@@ -273,15 +273,16 @@ class MachineState:
         elif word in _MOVES_UNSEEN:
             self.forget_position()
         elif word in _MOVES_ORIGIN:
-            self._lose_origin()
+            self._forget_origin()
         elif word[:1] == b"T":
             self.tool, self.tool_command = int(word[1:]), command.strip()
         return None
 
-    def _from_here(self, axis: int) -> bool:
+    def _is_relative_axis(self, axis: int) -> bool:
+        """Return whether an axis (0 to 3 for x, y, z, e) is in relative mode."""
         return self.counting.e if axis == 3 else self.counting.axes
 
-    def _move(self, word: bytes, values: Mapping[bytes, float]) -> Move:
+    def _apply_move(self, word: bytes, values: Mapping[bytes, float]) -> Move:
         unit, position = self.unit, self._position
         feed = values.get(b"F", 0.0)
         if feed > 0.0:
@@ -304,42 +305,42 @@ class MachineState:
         # Firmware rejects an arc that ends at its start. From an unknown position this cannot be decided.
         doubtful = word in _ARCS and b"R" in values and None in position[:2] and not relative
         if word in _ARCS:
-            turn = _full_turn(values, delta)
+            turn = _compute_circle_length(values, delta)
             if turn is None and not doubtful:
                 return Move((0.0, 0.0, 0.0, 0.0), self.speed)
             delta[:2] = [max(hypot(*delta[:2]), (turn or 0.0) * unit), 0.0]
         self._position = goal
         self._e_known = (self._e_known or (b"E" in values and not relative_e)) and not doubtful
         if doubtful:
-            self._forget(values)
+            self._forget_axes(values)
         if delta[3]:
             self.pulled = max(self.pulled - delta[3], 0.0)
         if self._next_unseen:
             self._next_unseen = False
-            self._forget(values)
+            self._forget_axes(values)
         x, y, z, e = delta
         return Move((x, y, z, e), self.speed)
 
-    def _forget(self, named: Iterable[bytes]) -> None:
+    def _forget_axes(self, named: Iterable[bytes]) -> None:
         """Mark the position along these axes as unknown."""
         for letter in named:
             if letter in _AXES[:3]:
                 self._position[_AXES.index(letter)] = None
 
     def _move_in_machine_coordinates(self, values: Mapping[bytes, float]) -> Move | None:
-        """G53 before a move; alone it applies to the next move, or selects machine coordinates permanently."""
+        """G53: the move in the same line is in machine coordinates; alone, G53 applies to the next move or to all."""
         if b"G" not in values:
-            self._lose_origin()
+            self._forget_origin()
             self._next_unseen = True
             return None
         word = b"G%d" % values[b"G"]
         if word not in _MOVES:
             return None
-        move = self._move(word, values)
+        move = self._apply_move(word, values)
         if not FLAVOURS[self.flavour].machine_coordinates:
-            self._forget(values)  # most builds do not support the command and ignore it
+            self._forget_axes(values)  # most builds do not support the command and ignore it
         elif not self.counting.axes:
-            self._forget(
+            self._forget_axes(
                 letter
                 for axis, letter in enumerate(_AXES[:3])
                 if letter in values and not self._anchored[axis]
@@ -350,7 +351,7 @@ class MachineState:
                     self._position[axis] = at + self.shift[axis]
         return move
 
-    def _lose_origin(self) -> None:
+    def _forget_origin(self) -> None:
         """Mark the origin as unknown."""
         self.forget_position()
         for axis in range(3):
@@ -371,7 +372,7 @@ class MachineState:
         self.shift = (x, y, z)
 
     def _set_position(self, _word: bytes, values: Mapping[bytes, float], _command: bytes) -> None:
-        """G92: rename the current position."""
+        """G92: set the coordinates of the current position without moving."""
         if b"E" in values:
             self._position[3] = values[b"E"] * self.unit
             self._e_known = True
@@ -385,15 +386,15 @@ class MachineState:
             else:
                 self._shift_origin(axis, new - here)
 
-    def _home(self, _word: bytes, _values: Mapping[bytes, float], command: bytes) -> None:
+    def _home_axes(self, _word: bytes, _values: Mapping[bytes, float], command: bytes) -> None:
         """G28: the named axes, or all, lose the offset of G92; their position at the endstops is unknown."""
-        named = letters(command)
+        named = find_letters(command)
         axes = [axis for axis, letter in enumerate(_AXES[:3]) if letter in named] or [0, 1, 2]
         for axis in axes:
             self._position[axis] = None
             self._set_origin(axis, self._home_offset[axis], anchored=True)
 
-    def _offset_home(self, _word: bytes, values: Mapping[bytes, float], _command: bytes) -> None:
+    def _apply_home_offset(self, _word: bytes, values: Mapping[bytes, float], _command: bytes) -> None:
         """M206: set the home offset."""
         when = FLAVOURS[self.flavour].home_offset
         if when == "never":
@@ -412,17 +413,17 @@ class MachineState:
             self._shift_origin(axis, by)
         self._home_offset = (new[0], new[1], new[2])
 
-    def _retract(self, word: bytes, values: Mapping[bytes, float], command: bytes) -> None:
-        """G10 and G11; in RepRapFirmware, G10 with letters sets tool temperatures and origins."""
+    def _apply_retraction(self, word: bytes, values: Mapping[bytes, float], command: bytes) -> None:
+        """G10 and G11: retract or deretract; in RepRapFirmware, G10 with letters sets tool temperatures and origins."""
         if not values:
             self.retracted = word == b"G10"
         elif word == b"G10" and b"L" in values:
-            self._lose_origin()
+            self._forget_origin()
         else:
-            self._heat(word, values, command)
+            self._set_heater_target(word, values, command)
 
-    def _heat(self, word: bytes, values: Mapping[bytes, float], _command: bytes) -> None:
-        """Commands that set the target of a heater."""
+    def _set_heater_target(self, word: bytes, values: Mapping[bytes, float], _command: bytes) -> None:
+        """M104, M140 and others: set the target of a heater."""
         target = heater_target(word, values)
         if target is None or (word in _TOOL_BY_P and not FLAVOURS[self.flavour].tool_temperatures):
             return
@@ -434,24 +435,24 @@ class MachineState:
             self.chamber = target.celsius
 
     def _set_fan(self, word: bytes, values: Mapping[bytes, float], command: bytes) -> None:
-        """M106 and M107."""
+        """M106 and M107: set the speed of a fan."""
         if number := values.get(b"P", 0.0):
             self.fans[number] = command
         else:
-            self.fan = values.get(b"S", _FULL) if word == b"M106" else 0.0
+            self.fan = values.get(b"S", _FULL_FAN_SPEED) if word == b"M106" else 0.0
 
-    def _set_unit(self, word: bytes, _values: Mapping[bytes, float], _command: bytes) -> None:
-        """G20 and G21."""
+    def _select_unit(self, word: bytes, _values: Mapping[bytes, float], _command: bytes) -> None:
+        """G20 and G21: switch to inches or mm."""
         self.unit = _INCH if word == _INCHES else 1.0
 
     _ACTIONS: ClassVar[
         Mapping[bytes, Callable[[MachineState, bytes, Mapping[bytes, float], bytes], None]]
     ] = {
-        **dict.fromkeys(commands_that(Effect.RETRACTS), _retract),
-        **dict.fromkeys(commands_that(Effect.UNITS), _set_unit),
-        **dict.fromkeys(commands_that(Effect.HOMES), _home),
+        **dict.fromkeys(commands_that(Effect.RETRACTS), _apply_retraction),
+        **dict.fromkeys(commands_that(Effect.UNITS), _select_unit),
+        **dict.fromkeys(commands_that(Effect.HOMES), _home_axes),
         **dict.fromkeys(commands_that(Effect.SETS_POSITION), _set_position),
-        **dict.fromkeys(commands_that(Effect.SETS_HOME_OFFSET), _offset_home),
+        **dict.fromkeys(commands_that(Effect.SETS_HOME_OFFSET), _apply_home_offset),
         **dict.fromkeys(commands_that(Effect.FAN), _set_fan),
-        **dict.fromkeys((code for code, row in TABLE.items() if row.heater), _heat),
+        **dict.fromkeys((code for code, row in TABLE.items() if row.heater), _set_heater_target),
     }

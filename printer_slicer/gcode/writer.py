@@ -25,13 +25,13 @@ from printer_slicer.gcode.inserted_lines import (
 from printer_slicer.gcode.labels import (
     ObjectMark,
     choose_marking,
-    find_full_rows,
     find_marks,
+    find_moves_after_labels,
     format_definitions,
 )
 from printer_slicer.gcode.move_text import MoveText, format_moves
 from printer_slicer.gcode.reader import read_moves
-from printer_slicer.gcode.summary import first_lines, last_lines
+from printer_slicer.gcode.summary import format_footer, format_header
 from printer_slicer.macros import Value
 from printer_slicer.model import Labels, Program
 from printer_slicer.motion.rules import limits_of
@@ -67,7 +67,7 @@ def write_program(
     dialect: Dialect,
     facts: ProgramFacts,
 ) -> bytes:
-    """Return the whole file; the same arguments give the same bytes.
+    """Return a program as the content of a G-code file; the same arguments give the same bytes.
 
     Args:
         program: the moves.
@@ -79,81 +79,91 @@ def write_program(
     if not taken:
         return text
     # Macros between the moves were timed one by one, from rest to rest. The whole file gives their real time.
-    wanted = _seconds_of(text.decode("ascii").split("\n"), profile, dialect)
-    return _format_file(program, profile, dialect, facts, macros=1 + (wanted - total) / taken)[0]
+    wanted = _estimate_seconds(text.decode("ascii").split("\n"), profile, dialect)
+    return _format_file(program, profile, dialect, facts, macro_time_factor=1 + (wanted - total) / taken)[0]
 
 
 def _format_file(
-    program: Program, profile: Profile, dialect: Dialect, facts: ProgramFacts, *, macros: float = 1.0
+    program: Program,
+    profile: Profile,
+    dialect: Dialect,
+    facts: ProgramFacts,
+    *,
+    macro_time_factor: float = 1.0,
 ) -> tuple[bytes, float, float]:
-    """Return the file, its estimated time, and the part of it that macros between moves take.
+    """Return the content of the file, its estimated time, s, and the time of macros between moves, s.
 
-    `macros` is a factor for the time of these macros.
+    `macro_time_factor` is a factor for the time of these macros.
     """
     seconds, labels = facts.seconds, facts.labels
     each = np.zeros(program.n_moves) if seconds is None else seconds
     known = print_facts(program, profile, float(each.sum()), labels.names if labels else (), facts.name)
     shared: dict[str, Value] = {}
-    start = [*_select_tool(profile, known, shared), *read_macro(profile, "start_gcode").render(known, shared)]
+    start = [
+        *_format_tool_selection(profile, known, shared),
+        *read_macro(profile, "start_gcode").render(known, shared),
+    ]
     end = read_macro(profile, "end_gcode").render(known | dict(end_facts(program, profile)), dict(shared))
     begins, taken = np.concatenate([[0.0], np.cumsum(each)]), np.zeros(1)
     if seconds is not None:
-        begins += _seconds_of(start, profile, dialect)
-        begins[-1] += _seconds_of(end, profile, dialect, _approach(program, program.n_moves))
+        begins += _estimate_seconds(start, profile, dialect)
+        begins[-1] += _estimate_seconds(end, profile, dialect, _format_approach(program, program.n_moves))
     context = WriteContext(
         program, profile, dialect, known, begins, choose_marking(profile, dialect, labels), shared
     )
     formatted = _format_moves(context)
     if seconds is not None:
-        taken = macros * _macro_times(context, formatted.rows)
+        taken = macro_time_factor * _estimate_macro_times(context, formatted.rows)
         begins += taken
     total = None if seconds is None else float(begins[-1])
-    first, *others = first_lines(program, total, facts.facts, facts.made)
+    first, *others = format_header(program, total, facts.facts, facts.made)
     before = [first, *facts.comments, *others]
     before += format_first_progress(context)
     before += ["G21 ; mm", "G90", "M83", format_fan(0.0)]
-    before += [*dialect.limits(profile.printer), *_set_retraction(profile, dialect), *start]
+    before += [*dialect.limits(profile.printer), *_format_retraction_setup(profile, dialect), *start]
     if profile.pressure_advance and dialect.pressure_advance:
         before.append(dialect.pressure_advance(profile.pressure_advance))
     before += format_definitions(context.marking)
     before += ["G90", "M83" if profile.printer.relative_extrusion else "M82", "G92 E0"]
-    after = [*end, *last_lines(program, profile, total)]
+    after = [*end, *format_footer(program, profile, total)]
     return (
-        b"".join([_encode_lines(before), *_body(context, formatted), _encode_lines(after)]),
+        b"".join([_encode_lines(before), *_format_body(context, formatted), _encode_lines(after)]),
         total or 0.0,
         float(taken[-1]),
     )
 
 
-def _select_tool(profile: Profile, known: Mapping[str, Value], shared: dict[str, Value]) -> list[str]:
-    """Return the commands that select the tool; the start G-code then heats it."""
+def _format_tool_selection(
+    profile: Profile, known: Mapping[str, Value], shared: dict[str, Value]
+) -> list[str]:
+    """Format the commands that select the tool; the start G-code then heats it."""
     template = read_macro(profile, "tool_gcode")
     if template.is_empty:
         return [f"T{profile.printer.tool}"] if profile.printer.tool else []
     return template.render(known, shared)
 
 
-def _macro_times(context: WriteContext, rows: MoveText) -> Float:
-    """Return the time that macros between the moves take before each move, (K + 1,), s."""
+def _estimate_macro_times(context: WriteContext, rows: MoveText) -> Float:
+    """Estimate the time, s, of all macros before each move and at the end, (K + 1,)."""
     program, taken = context.program, np.zeros(context.program.n_moves + 1)
     for move, lines in find_timed_macros(context, rows):
-        before = _approach(program, move)
-        taken[move] += _seconds_of(lines, context.profile, context.dialect, before)
+        before = _format_approach(program, move)
+        taken[move] += _estimate_seconds(lines, context.profile, context.dialect, before)
     return np.asarray(np.cumsum(taken))
 
 
-def _approach(program: Program, move: int) -> list[str]:
-    """Return a move to the position before `move`."""
+def _format_approach(program: Program, move: int) -> list[str]:
+    """Format a move to the position at which the move with this index starts."""
     if not move:
         return []
     x, y, z = program.xyz[move - 1]
     return [f"G1 X{x:.3f} Y{y:.3f} Z{z:.4f} F6000"]
 
 
-def _seconds_of(
+def _estimate_seconds(
     lines: Sequence[str], profile: Profile, dialect: Dialect, before: Sequence[str] = ()
 ) -> float:
-    """Return the estimated time of moves and dwells in a macro that runs after the lines `before`."""
+    """Estimate the time of moves and dwells in a macro, s, if it runs after the lines `before`."""
 
     def seconds(texts: Sequence[str]) -> float:
         """Return the estimated time of lines, from the endstops on."""
@@ -164,8 +174,8 @@ def _seconds_of(
     return seconds([*before, *lines]) - (seconds(before) if before else 0.0)
 
 
-def _set_retraction(profile: Profile, dialect: Dialect) -> list[str]:
-    """Return the commands that set up firmware retraction."""
+def _format_retraction_setup(profile: Profile, dialect: Dialect) -> list[str]:
+    """Format the commands that set up firmware retraction."""
     return (
         dialect.retraction(profile.printer)
         if profile.printer.firmware_retraction and dialect.retraction
@@ -179,26 +189,30 @@ def _encode_lines(lines: list[str]) -> bytes:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _FormattedMoves:
-    """The moves as text, those made by firmware retraction (K,), and where objects start and end."""
+    """The moves as text, which of them are firmware retractions (K,), and where objects start and end."""
 
     rows: MoveText
-    turns: Int
+    retractions: Int
     marks: list[ObjectMark]
 
 
 def _format_moves(context: WriteContext) -> _FormattedMoves:
     program, profile = context.program, context.profile
-    turns = find_firmware_retractions(program, profile)
-    fed = replace(program, filament=np.where(turns != 0, 0.0, program.filament)) if turns.any() else program
+    retractions = find_firmware_retractions(program, profile)
+    fed = (
+        replace(program, filament=np.where(retractions != 0, 0.0, program.filament))
+        if retractions.any()
+        else program
+    )
     marks = find_marks(program, context.marking[0]) if context.marking else []
-    rows = format_moves(fed, relative=profile.printer.relative_extrusion, full=find_full_rows(marks))
-    return _FormattedMoves(rows, turns, marks)
+    rows = format_moves(fed, relative=profile.printer.relative_extrusion, full=find_moves_after_labels(marks))
+    return _FormattedMoves(rows, retractions, marks)
 
 
-def _body(context: WriteContext, formatted: _FormattedMoves) -> Iterator[bytes]:
+def _format_body(context: WriteContext, formatted: _FormattedMoves) -> Iterator[bytes]:
     """Yield the rows of the moves with the lines between them."""
     rows = formatted.rows
-    notes = collect_insertions(context, rows, formatted.turns, formatted.marks)
+    notes = collect_insertions(context, rows, formatted.retractions, formatted.marks)
     others = sorted(notes)
     beads, comments = format_extrusion_comments(context.program)
     texts = [*(_encode_lines(notes[index]) for index in others), *comments]

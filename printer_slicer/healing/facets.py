@@ -85,7 +85,7 @@ class Facets:
         return Facets.from_indices(self.points, np.where(turn[:, None], self.corners[:, ::-1], self.corners))
 
     def pair_neighbours(self) -> tuple[Int, Bool]:
-        """Return pairs of facets (2, P) that share an edge with no third one, and whether they face the same way (P,)."""
+        """Return pairs of facets (2, P) that share an edge with no third one; whether they face the same way (P,)."""
         half = np.flatnonzero(self.count[self.edges.ravel()] == 2)
         order = half[np.argsort(self.edges.ravel()[half], kind="stable")]
         first, second = order[::2], order[1::2]

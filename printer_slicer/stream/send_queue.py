@@ -141,7 +141,7 @@ class SendQueue:
     def make_unacked_line(self) -> UnackedLine:
         """Return the queries about the last command that got a line number."""
         word, values = parse(self._command)
-        repeatable = is_repeatable(word, relative=self._machine.relative(values))
+        repeatable = is_repeatable(word, relative=self._machine.is_relative(values))
         return UnackedLine(self._before, self._place, repeatable=repeatable, is_probe=self._command == ASK)
 
     def make_finished(self, acknowledged: int) -> Finished:

@@ -12,7 +12,7 @@ import pytest
 from command_line import BOX, QUICK, Outcome, is_message, typed
 
 from printer_slicer.cli.arguments import SETTING_OPTIONS
-from printer_slicer.gcode.macro_faults import macro_faults
+from printer_slicer.gcode.macro_faults import find_macro_faults
 from printer_slicer.profile import KINDS, load_profile, profile_paths
 from printer_slicer.profile.folders import VARIABLE, profile_root
 from printer_slicer.profile.tables import settings_table
@@ -274,7 +274,7 @@ def test_macros_that_hang_on_part_material_or_quality_are_not_faulted(tmp_path: 
 
 @pytest.mark.parametrize("printer", profile_paths("printer"))
 def test_macros_of_all_shipped_printers_are_sound(printer: str) -> None:
-    assert list(macro_faults(load_profile(printer, slices=False).printer)) == []
+    assert list(find_macro_faults(load_profile(printer, slices=False).printer)) == []
 
 
 def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -130,7 +130,7 @@ def test_all_interpreters_agree_on_any_program(flavour: str, data: st.DataObject
         if {b"S", b"R"} & parse(command)[1].keys():
             names_heat.add(command.decode().upper())
 
-    moves, again = reader.moves(), read_moves(commands, dialect=FLAVOURS[flavour])
+    moves, again = reader.take_moves(), read_moves(commands, dialect=FLAVOURS[flavour])
     for name in ("end", "delta", "speed", "line", "tool", "stop"):
         np.testing.assert_array_equal(getattr(again, name), getattr(moves, name))
     told = scan([command.upper() for command in commands], PROFILE)

@@ -50,7 +50,7 @@ def one_by_one(commands: list[bytes]) -> Moves:
     reader = MoveReader()
     for command in commands:
         reader.feed([command, b"M117"])  # a run of one is followed as any other command
-    return reader.moves()
+    return reader.take_moves()
 
 
 @given(JOBS)

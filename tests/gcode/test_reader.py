@@ -304,7 +304,7 @@ def read_in_pieces(lines: list[str], size: int) -> tuple[float, np.ndarray]:
     reader, timer, ends = MoveReader(), Timer(LIMITS), [np.zeros((0, 3))]
     for at in range(0, len(lines), size):
         reader.feed([line.encode() for line in lines[at : at + size]])
-        piece = reader.moves()
+        piece = reader.take_moves()
         timer.add(piece)
         ends.append(piece.end)
     return timer.seconds(), np.concatenate(ends)

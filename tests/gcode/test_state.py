@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from programs import LINES, Line, program_of
 
-from printer_slicer.gcode.lexer import letters, parse
+from printer_slicer.gcode.lexer import find_letters, parse
 from printer_slicer.gcode.state import MachineState
 
 START = [b"G28", b"G90", b"G1 X10 Y20 Z30 F6000"]
@@ -71,7 +71,7 @@ def test_a_line_is_read_alike_in_either_case() -> None:
     )
     assert parse(b"hello") == (b"", {})
     assert parse(b"G1 X99999999999 Y1") == (b"G1", {b"Y": 1.0})
-    assert letters(b"g28 x y0") == {b"X", b"Y"}
+    assert find_letters(b"g28 x y0") == {b"X", b"Y"}
 
 
 @pytest.mark.parametrize("arc", [b"G2 X5 Y5", b"G3 X5 R0", b"G2 X10 Y20 R3"])

@@ -241,7 +241,7 @@ def _root_of_new(arguments: argparse.Namespace, kind: str, name: str) -> Path:
 
 
 def _check(arguments: argparse.Namespace) -> int:
-    from printer_slicer.gcode.macro_faults import macro_faults
+    from printer_slicer.gcode.macro_faults import find_macro_faults
     from printer_slicer.profile.inspection import find_faults
 
     if not arguments.names:
@@ -256,7 +256,7 @@ def _check(arguments: argparse.Namespace) -> int:
             checked[own] = name
             found += [
                 (f"{one.place}: {one.problem}", one.remedy)
-                for one in find_faults(own, name, arguments.profiles, macro_faults)
+                for one in find_faults(own, name, arguments.profiles, find_macro_faults)
             ]
         except ProfileError as error:
             found.append((error.args[0], error.remedy))

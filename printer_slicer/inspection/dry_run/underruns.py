@@ -19,7 +19,7 @@ from printer_slicer.arrays import Float
 from printer_slicer.gcode import Moves, changed_limits
 from printer_slicer.gcode.commands import Effect, commands_that
 from printer_slicer.gcode.lexer import parse, parse_extended
-from printer_slicer.gcode.moves import accelerations
+from printer_slicer.gcode.moves import choose_accelerations
 from printer_slicer.link_model import LinkRun, SerialLink, TimedJob, line_sizes
 from printer_slicer.motion.rules import MotionLimits
 from printer_slicer.motion.vectorized import Blocks, find_moving, make_blocks
@@ -124,7 +124,7 @@ def timed_job(commands: Sequence[bytes], moves: Moves, limits: MotionLimits) -> 
         some = slice(begin, first)
         moving, length = find_moving(np.ascontiguousarray(moves.delta[some].T))
         delta = moves.delta[some][moving]
-        wanted = accelerations(delta, moves.acceleration[some][moving], limits)
+        wanted = choose_accelerations(delta, moves.acceleration[some][moving], limits)
         parts.append(
             make_blocks(np.ascontiguousarray(delta.T), length, moves.speed[some][moving], wanted, limits)
         )

@@ -47,9 +47,9 @@ class HeaterRules:
         if heater is None:
             return ""
         self.heated = self.heated or heater == "nozzle"
-        if command.vague:
+        if command.is_ambiguous:
             return f"the temperature of the {heater} cannot be read"
-        asked = command.most(_LETTERS)
+        asked = command.largest_number(_LETTERS)
         return "" if asked is None else self._over(heater, self._celsius(asked))
 
     def _of_settings(self, command: LintCommand) -> str:
@@ -60,7 +60,7 @@ class HeaterRules:
             words = f"{name} {command.text}" if name in {"TARGET", "MINIMUM"} else name
             heater: HeaterName = "bed" if "BED" in words else "chamber" if "CHAMBER" in words else "nozzle"
             self.heated = self.heated or heater == "nozzle"
-            if command.vague:
+            if command.is_ambiguous:
                 return f"the temperature of the {heater} cannot be read"
             if wrong := self._over(heater, value):
                 return wrong

@@ -176,7 +176,7 @@ class Readiness:
 def _target(command: LintCommand) -> float | None:
     """Return the nozzle target that a command sets, °C; None if it sets none."""
     if heater_of(command.code) == "nozzle" or (command.code == "G10" and "P" in command.words):
-        return command.most("SR")
+        return command.largest_number("SR")
     if (
         command.code == "SET_HEATER_TEMPERATURE"
         and "BED" not in command.text

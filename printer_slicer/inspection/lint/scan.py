@@ -73,7 +73,7 @@ def scan(
     for index, line in _unusual(commands):
         for command in read_commands(line):
             readiness.follow(index, command)
-            if command.code == "M221" and (ratio := command.most("S")):
+            if command.code == "M221" and (ratio := command.largest_number("S")):
                 factors.append((index, ratio / 100))
             for name, severity, what, why in _check_command(command, line, profile, heat):
                 shown = line.decode("latin-1")

@@ -160,7 +160,7 @@ def _speed_ratio(command: LintCommand, _printer: Printer) -> RuleResult | None:
 
 
 def _ratio(command: LintCommand, what: str, usual: tuple[float, float]) -> RuleResult | None:
-    percent = command.most("S")
+    percent = command.largest_number("S")
     if percent is None or percent == 100:
         return None
     low, high = usual

@@ -568,7 +568,7 @@ def test_moves_that_come_piece_by_piece_are_judged_like_all_at_once(size: int) -
     reader, pieces = MoveReader(PROFILE.printer.corners[0]), []
     for at in range(0, len(commands), size):
         reader.feed(commands[at : at + size])
-        pieces.append(reader.moves())
+        pieces.append(reader.take_moves())
 
     found = scan(commands, PROFILE, moves=pieces)
 
