@@ -24,19 +24,19 @@ __all__ = [
     "SetsLimits",
     "SetsRetraction",
     "WireDialect",
-    "axes_line",
-    "jerk_line",
-    "marlin_limits",
-    "retraction_lines",
+    "format_axis_limits",
+    "format_jerk",
+    "format_marlin_limits",
+    "format_retraction",
 ]
 
 
 CountingRule: TypeAlias = Literal["together", "either", "apart"]
-"""How G90, G91, M82 and M83 are read; `motion.counting` explains the three rules."""
+"""How G90, G91, M82 and M83 are read; `motion.positioning_mode` explains the three rules."""
 
 
 class NumberReading(NamedTuple):
-    """How a firmware reads `X`, `Xnan` and `X1.2.3`, as phrases for messages."""
+    """What a firmware does with `X`, `Xnan` and `X1.2.3`, as phrases for messages."""
 
     bare: str
     not_a_number: str
@@ -51,7 +51,7 @@ STRTOD_NUMBERS: Final = NumberReading(
     "reads it as NaN or infinity and loses its position",
     "reads only the valid part at its start",
 )
-"""For firmwares that read numbers with C's `strtod`."""
+"""What firmwares do that read numbers with C's `strtod`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,8 +60,9 @@ class SetsLimits:
 
     Attributes:
         marlin_command: Marlin's command for these limits: M201, M203 or M205.
-        letters: its letters -> letters of `marlin_command`; others are ignored. None: the same letters.
-        scale: its unit in mm and s.
+        letters: letters of this command -> letters of `marlin_command`; other letters are ignored. None: the same
+            letters.
+        scale: factor that converts the numbers to mm and s.
     """
 
     marlin_command: str
@@ -136,30 +137,30 @@ class Dialect:
     commands: Mapping[str, CommandMeaning] = field(default_factory=dict)
 
 
-def axes_line(code: str, printer: Printer, limit: str, scale: float = 1.0) -> str:
+def format_axis_limits(code: str, printer: Printer, limit: str, scale: float = 1.0) -> str:
     """Format a command that sets one limit (`max_speed`, `max_acceleration`) of x, y, z and e."""
     words = [f"{axis.upper()}{number(scale * getattr(printer, f'{limit}_{axis}'))}" for axis in "xyze"]
     return f"{code} {' '.join(words)}"
 
 
-def jerk_line(code: str, printer: Printer, scale: float = 1.0) -> str:
+def format_jerk(code: str, printer: Printer, scale: float = 1.0) -> str:
     """Format a command that sets the jerk of x, y, z and e."""
     xy, z, e = (number(scale * jerk) for jerk in (printer.jerk_xy, printer.jerk_z, printer.jerk_e))
     return f"{code} X{xy} Y{xy} Z{z} E{e}"
 
 
-def marlin_limits(printer: Printer, corner: str = "") -> list[str]:
-    """Format M201, M203, M204 and the line `corner`, by default M205 with the jerk of each axis. Units are mm and s."""
+def format_marlin_limits(printer: Printer, corner: str = "") -> list[str]:
+    """Format M201, M203, M204 and `corner`, by default M205 with the jerk of each axis. Units are mm and s."""
     print_, retract = number(printer.acceleration), number(printer.retract_acceleration)
     return [
-        f"{axes_line('M201', printer, 'max_acceleration')} ; mm/s^2",
-        f"{axes_line('M203', printer, 'max_speed')} ; mm/s",
+        f"{format_axis_limits('M201', printer, 'max_acceleration')} ; mm/s^2",
+        f"{format_axis_limits('M203', printer, 'max_speed')} ; mm/s",
         f"M204 P{print_} R{retract} T{number(printer.travel_acceleration)} ; mm/s^2",
-        corner or f"{jerk_line('M205', printer)} ; mm/s",
+        corner or f"{format_jerk('M205', printer)} ; mm/s",
     ]
 
 
-def retraction_lines(printer: Printer) -> list[str]:
+def format_retraction(printer: Printer) -> list[str]:
     """Format M207 and M208 for G10 and G11, without lift, since the moves lift. F is in mm/min."""
     back, forward = number(printer.retract_speed * 60), number(printer.deretract_speed * 60)
     return [
@@ -169,6 +170,7 @@ def retraction_lines(printer: Printer) -> list[str]:
 
 
 MARLIN_RESEND: Final = ("Error:checksum mismatch, Last Line: 6", "Resend: 7", "ok")
+"""The lines with which Marlin requests line 7 again."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -178,7 +180,7 @@ class WireDialect:
     Attributes:
         title: its name in messages.
         m115_pattern: regular expression that matches the firmware name in its reply to M115.
-        resend_request: the lines with which it requests line 7 again, for tests and documentation.
+        resend_request: an example for tests and documentation: the lines with which it requests line 7 again.
         checksum: the checksum at the end of each line; a CRC finds errors that XOR misses.
         checks_line_numbers: it rejects a line whose number is not the next one. Without that, lost lines go unnoticed.
         unnumbered_lines: how it treats lines without a number. The rest of a line whose start was lost looks like one,
@@ -206,14 +208,14 @@ class WireDialect:
     advice: str = ""
 
 
-def _marlin_baby_step(mm: float) -> bytes:
-    """Format M290."""
+def _format_marlin_baby_step(mm: float) -> bytes:
+    """Format M290, which shifts the nozzle by mm."""
     return b"M290 Z%.3f" % mm
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Firmware:
-    """One firmware.
+    """The properties of one firmware.
 
     Attributes:
         title: its name in messages.
@@ -240,7 +242,7 @@ class Firmware:
     allows_unhomed_moves: bool = True
     has_quick_stop: bool = False
     resume_command: bytes = b"M108"
-    baby_step_command: Callable[[float], bytes] = _marlin_baby_step
+    baby_step_command: Callable[[float], bytes] = _format_marlin_baby_step
     set_z_command: Callable[[float], bytes] | None = None
     cancel_object_command: Callable[[str], bytes] | None = None
     prusaslicer_name: str = ""

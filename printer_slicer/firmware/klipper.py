@@ -32,8 +32,8 @@ _ADVICE: Final = (
 _REJECTS: Final = "rejects the whole line"
 
 
-def _limits(printer: Printer) -> list[str]:
-    """Format the motion limits. Those of z and extruder are part of Klipper's own configuration."""
+def _format_limits(printer: Printer) -> list[str]:
+    """Format the motion limits, except those of z and the extruder, which Klipper's own configuration sets."""
     acceleration, corner = number(printer.acceleration), number(printer.square_corner_velocity)
     return [
         f"SET_VELOCITY_LIMIT ACCEL={acceleration} SQUARE_CORNER_VELOCITY={corner}",
@@ -41,8 +41,8 @@ def _limits(printer: Printer) -> list[str]:
     ]
 
 
-def _retraction(printer: Printer) -> list[str]:
-    """Format what G10 and G11 do, mm and mm/s."""
+def _format_retraction(printer: Printer) -> list[str]:
+    """Format the settings of G10 and G11, in mm and mm/s."""
     length, back = number(printer.retract_length), number(printer.retract_speed)
     extra = number(printer.deretract_extra)
     return [
@@ -54,11 +54,11 @@ def _retraction(printer: Printer) -> list[str]:
 KLIPPER: Final = Firmware(
     title="Klipper",
     dialect=Dialect(
-        limits=_limits,
+        limits=_format_limits,
         acceleration=lambda value: f"SET_VELOCITY_LIMIT ACCEL={number(value)}",
         pause="PAUSE",
         pressure_advance=lambda seconds: f"SET_PRESSURE_ADVANCE ADVANCE={number(seconds)}",
-        retraction=_retraction,
+        retraction=_format_retraction,
         progress=lambda percent, _minutes: f"M73 P{percent}",
         labels="exclude_object",
         counting="either",

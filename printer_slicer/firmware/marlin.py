@@ -13,8 +13,8 @@ from printer_slicer.firmware.firmware import (
     Dialect,
     Firmware,
     WireDialect,
-    marlin_limits,
-    retraction_lines,
+    format_marlin_limits,
+    format_retraction,
 )
 from printer_slicer.texts import number
 
@@ -24,20 +24,20 @@ if TYPE_CHECKING:
 __all__ = ["MARLIN"]
 
 
-def _limits(printer: Printer) -> list[str]:
+def _format_limits(printer: Printer) -> list[str]:
     """Format the motion limits, with jerk or junction deviation as in the profile."""
     jerk = printer.corner == "jerk"
-    return marlin_limits(printer, "" if jerk else f"M205 J{number(printer.junction_deviation)} ; mm")
+    return format_marlin_limits(printer, "" if jerk else f"M205 J{number(printer.junction_deviation)} ; mm")
 
 
 MARLIN: Final = Firmware(
     title="Marlin",
     dialect=Dialect(
-        limits=_limits,
+        limits=_format_limits,
         acceleration=lambda value: f"M204 P{number(value)}",
         pause="M0",
         pressure_advance=lambda seconds: f"M900 K{number(seconds)}",
-        retraction=retraction_lines,
+        retraction=format_retraction,
         progress=lambda percent, minutes: f"M73 P{percent} R{minutes}",
     ),
     wire={

@@ -13,8 +13,8 @@ from printer_slicer.firmware.firmware import (
     Dialect,
     Firmware,
     WireDialect,
-    marlin_limits,
-    retraction_lines,
+    format_marlin_limits,
+    format_retraction,
 )
 from printer_slicer.texts import number
 
@@ -23,11 +23,11 @@ __all__ = ["MARLIN_LEGACY"]
 MARLIN_LEGACY: Final = Firmware(
     title="Marlin",
     dialect=Dialect(
-        limits=marlin_limits,
+        limits=format_marlin_limits,
         acceleration=lambda value: f"M204 P{number(value)}",
         pause="M0",
         pressure_advance=lambda seconds: f"M900 K{number(seconds)}",
-        retraction=retraction_lines,
+        retraction=format_retraction,
         progress=lambda percent, _minutes: f"M73 P{percent}",
         counting="either",
     ),

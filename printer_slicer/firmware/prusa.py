@@ -15,8 +15,8 @@ from printer_slicer.firmware.firmware import (
     Dialect,
     Firmware,
     WireDialect,
-    marlin_limits,
-    retraction_lines,
+    format_marlin_limits,
+    format_retraction,
 )
 from printer_slicer.texts import number
 
@@ -25,11 +25,11 @@ __all__ = ["PRUSA"]
 PRUSA: Final = Firmware(
     title="Prusa's firmware",
     dialect=Dialect(
-        limits=marlin_limits,
+        limits=format_marlin_limits,
         acceleration=lambda value: f"M204 P{number(value)}",
         pause="M601",
         pressure_advance=lambda seconds: f"M900 K{number(seconds)}",
-        retraction=retraction_lines,
+        retraction=format_retraction,
         progress=lambda percent, minutes: f"M73 Q{percent} S{minutes} P{percent} R{minutes}",
         labels="m486",
         counting="apart",

@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 __all__ = ["REPETIER"]
 
 
-def _limits(printer: Printer) -> list[str]:
-    """Format the motion limits. Maximum speeds are left out: they are stored in the EEPROM."""
+def _format_limits(printer: Printer) -> list[str]:
+    """Format the motion limits, except maximum speeds, which the firmware stores in its EEPROM."""
     lines = []
     for code, asked in (("M201", printer.acceleration), ("M202", printer.travel_acceleration)):
         x, y = min(asked, printer.max_acceleration_x), min(asked, printer.max_acceleration_y)
@@ -41,7 +41,7 @@ def _limits(printer: Printer) -> list[str]:
 REPETIER: Final = Firmware(
     title="Repetier",
     dialect=Dialect(
-        limits=_limits,
+        limits=_format_limits,
         acceleration=lambda value: f"M201 X{number(value)} Y{number(value)}",
         pause="@pause",
         counting="either",

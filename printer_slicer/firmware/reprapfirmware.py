@@ -15,8 +15,8 @@ from printer_slicer.firmware.firmware import (
     NumberReading,
     SetsLimits,
     WireDialect,
-    axes_line,
-    jerk_line,
+    format_axis_limits,
+    format_jerk,
 )
 from printer_slicer.texts import number
 
@@ -33,19 +33,19 @@ _REJECTS: Final = "rejects the whole line"
 _MINUTE: Final = 60.0
 
 
-def _limits(printer: Printer) -> list[str]:
-    """Format the motion limits. M201 E applies to moves of the extruder alone."""
+def _format_limits(printer: Printer) -> list[str]:
+    """Format the motion limits; the E of M201 applies to moves of the extruder alone."""
     print_, travel = number(printer.acceleration), number(printer.travel_acceleration)
     return [
-        f"{axes_line('M201', printer, 'max_acceleration')} ; mm/s^2",
-        f"{axes_line('M203', printer, 'max_speed', _MINUTE)} ; mm/min",
+        f"{format_axis_limits('M201', printer, 'max_acceleration')} ; mm/s^2",
+        f"{format_axis_limits('M203', printer, 'max_speed', _MINUTE)} ; mm/min",
         f"M204 P{print_} T{travel} ; mm/s^2",
-        f"{jerk_line('M566', printer, _MINUTE)} ; mm/min",
+        f"{format_jerk('M566', printer, _MINUTE)} ; mm/min",
     ]
 
 
-def _retraction(printer: Printer) -> list[str]:
-    """Format M207, which sets both directions; F and T in mm/min."""
+def _format_retraction(printer: Printer) -> list[str]:
+    """Format M207, which sets up retraction and deretraction; F and T are in mm/min."""
     back, forward = number(printer.retract_speed * 60), number(printer.deretract_speed * 60)
     return [
         f"M207 S{number(printer.retract_length)} R{number(printer.deretract_extra)} F{back} T{forward} Z0"
@@ -55,11 +55,11 @@ def _retraction(printer: Printer) -> list[str]:
 REPRAPFIRMWARE: Final = Firmware(
     title="RepRapFirmware",
     dialect=Dialect(
-        limits=_limits,
+        limits=_format_limits,
         acceleration=lambda value: f"M204 P{number(value)}",
         pause="M226",
         pressure_advance=lambda seconds: f"M572 D0 S{number(seconds)}",
-        retraction=_retraction,
+        retraction=_format_retraction,
         progress=lambda percent, minutes: f"M73 P{percent} R{minutes}",
         labels="m486_quoted",
         m486="m486_quoted",

@@ -15,7 +15,7 @@ from printer_slicer.firmware.firmware import (
     SetsAccelerations,
     SetsLimits,
     WireDialect,
-    retraction_lines,
+    format_retraction,
 )
 from printer_slicer.texts import number
 
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 __all__ = ["SMOOTHIE"]
 
 
-def _limits(printer: Printer) -> list[str]:
-    """Format the motion limits. Accelerations of single axes are set in its configuration."""
+def _format_limits(printer: Printer) -> list[str]:
+    """Format the motion limits, except accelerations of single axes, which Smoothieware's configuration sets."""
     speeds = " ".join(f"{axis.upper()}{number(getattr(printer, f'max_speed_{axis}'))}" for axis in "xyz")
     return [
         f"M203 {speeds} ; mm/s",
@@ -40,10 +40,10 @@ def _limits(printer: Printer) -> list[str]:
 SMOOTHIE: Final = Firmware(
     title="Smoothieware",
     dialect=Dialect(
-        limits=_limits,
+        limits=_format_limits,
         acceleration=lambda value: f"M204 S{number(value)}",
         pause="M600",
-        retraction=retraction_lines,
+        retraction=format_retraction,
         home_offset="when homed",
         machine_coordinates=True,
         numbers=STRTOD_NUMBERS,
