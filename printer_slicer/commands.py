@@ -17,9 +17,9 @@ from printer_slicer.stream.framing import check_commands
 
 __all__ = ["Commands", "GcodeText", "check_sendable", "find_lines", "read_text", "split_gcode"]
 
-_MOST_BYTES: Final = 1 << 29  # of G-code
-_AT_ONCE: Final = 1 << 19  # bytes of a text that are taken apart together
-_ALWAYS_FITS: Final = 60  # bytes: shorter commands need no closer look
+_MAX_BYTES: Final = 1 << 29  # of G-code
+_BLOCK_BYTES: Final = 1 << 19  # bytes of a text that are split at a time
+_ALWAYS_FITS: Final = 60  # bytes; commands up to this length can always be sent
 _MOVES: Final = frozenset({b"G1 ", b"G0 "})
 _BLANK: Final = ord(" ")
 _BREAK: Final = b"\n"
@@ -37,16 +37,16 @@ class Commands(Sequence[bytes]):
         begins: (byte offset, command index) of the start of each block of the text, and of its end.
     """
 
-    __slots__ = ("_begins", "_firsts", "_piece", "_some", "_text")
+    __slots__ = ("_block", "_block_commands", "_block_offsets", "_first_commands", "_text")
 
     def __init__(self, text: bytes, begins: Sequence[tuple[int, int]]) -> None:
         self._text = text
-        self._begins = tuple(place for place, _ in begins)
-        self._firsts = tuple(first for _, first in begins)
-        self._piece, self._some = -1, list[bytes]()
+        self._block_offsets = tuple(place for place, _ in begins)
+        self._first_commands = tuple(first for _, first in begins)
+        self._block, self._block_commands = -1, list[bytes]()
 
     def __len__(self) -> int:
-        return self._firsts[-1]
+        return self._first_commands[-1]
 
     @overload
     def __getitem__(self, which: int) -> bytes: ...
@@ -55,40 +55,42 @@ class Commands(Sequence[bytes]):
     def __getitem__(self, which: int | slice) -> bytes | list[bytes]:
         if isinstance(which, slice):
             first, last, step = which.indices(len(self))
-            return self._between(first, last) if step == 1 else [self[at] for at in range(first, last, step)]
+            return (
+                self._read_range(first, last) if step == 1 else [self[at] for at in range(first, last, step)]
+            )
         at = which + len(self) if which < 0 else which
         if not 0 <= at < len(self):
             raise IndexError(which)
-        piece = self._piece_of(at)
-        return self._read(piece)[at - self._firsts[piece]]
+        block = self._find_block(at)
+        return self._read_block(block)[at - self._first_commands[block]]
 
     def __iter__(self) -> Iterator[bytes]:
-        return chain.from_iterable(map(self._read, range(len(self._begins) - 1)))
+        return chain.from_iterable(map(self._read_block, range(len(self._block_offsets) - 1)))
 
     def __repr__(self) -> str:
         return f"<{len(self)} commands>"
 
-    def _piece_of(self, at: int) -> int:
+    def _find_block(self, at: int) -> int:
         """Return the block that contains a command."""
-        return bisect_right(self._firsts, at) - 1
+        return bisect_right(self._first_commands, at) - 1
 
-    def _between(self, first: int, last: int) -> list[bytes]:
+    def _read_range(self, first: int, last: int) -> list[bytes]:
         """Return the commands from `first` up to `last`."""
         found: list[bytes] = []
         while first < last:
-            piece = self._piece_of(first)
-            begin = self._firsts[piece]
-            found += self._read(piece)[first - begin : last - begin]
-            first = self._firsts[piece + 1]
+            block = self._find_block(first)
+            begin = self._first_commands[block]
+            found += self._read_block(block)[first - begin : last - begin]
+            first = self._first_commands[block + 1]
         return found
 
-    def _read(self, piece: int) -> list[bytes]:
+    def _read_block(self, block: int) -> list[bytes]:
         """Return the commands of a block; the last block is cached, because commands are mostly read in order."""
-        if piece != self._piece:
-            lines = self._text[self._begins[piece] : self._begins[piece + 1]].split(_BREAK)
-            self._some = list(filter(None, _strip_lines(lines)))
-            self._piece = piece
-        return self._some
+        if block != self._block:
+            lines = self._text[self._block_offsets[block] : self._block_offsets[block + 1]].split(_BREAK)
+            self._block_commands = list(filter(None, _strip_lines(lines)))
+            self._block = block
+        return self._block_commands
 
 
 def _strip_lines(lines: list[bytes]) -> list[bytes]:
@@ -119,12 +121,12 @@ class GcodeText:
     suspect: list[int]
 
 
-def split_gcode(text: bytes, piece: int = _AT_ONCE) -> GcodeText:
+def split_gcode(text: bytes, block_bytes: int = _BLOCK_BYTES) -> GcodeText:
     """Split a G-code text into commands, and read the layers and roles in its comments.
 
     Args:
         text: with line breaks of any kind.
-        piece: number of bytes to process at a time.
+        block_bytes: number of bytes to process at a time.
     """
     marks: dict[int, int] = {}
     roles: dict[int, str] = {}
@@ -132,7 +134,7 @@ def split_gcode(text: bytes, piece: int = _AT_ONCE) -> GcodeText:
     suspect: list[int] = []
     count = layer = 0
     kinds: tuple[bytes, ...] = (b"LAYER_CHANGE", b"LAYER:")
-    for place, lines in _pieces(text, piece):
+    for place, lines in _split_into_blocks(text, block_bytes):
         begins.append((place, count))
         commands = _strip_lines(lines)
         for before, index in enumerate(index for index, command in enumerate(commands) if not command):
@@ -144,12 +146,12 @@ def split_gcode(text: bytes, piece: int = _AT_ONCE) -> GcodeText:
                 layer += 1
                 marks[count + index - before] = layer
         commands = list(filter(None, commands))
-        suspect += [count + index for index in _suspect_commands(commands)]
+        suspect += [count + index for index in _find_suspect_commands(commands)]
         count += len(commands)
     return GcodeText(Commands(text, [*begins, (len(text), count)]), marks, roles, suspect)
 
 
-def _suspect_commands(commands: list[bytes]) -> Iterator[int]:
+def _find_suspect_commands(commands: list[bytes]) -> Iterator[int]:
     """Yield the indices of commands that are long or contain a line break or zero byte."""
     everything = b"".join(commands)
     if b"\r" in everything or b"\0" in everything or max(map(len, commands), default=0) > _ALWAYS_FITS:
@@ -158,8 +160,8 @@ def _suspect_commands(commands: list[bytes]) -> Iterator[int]:
                 yield index
 
 
-def _pieces(text: bytes, size: int) -> Iterator[tuple[int, list[bytes]]]:
-    """Yield blocks of lines of a text, each with the byte offset of its start."""
+def _split_into_blocks(text: bytes, size: int) -> Iterator[tuple[int, list[bytes]]]:
+    """Yield the byte offset and the lines of each block of a text."""
     at = len(_BYTE_ORDER_MARK) if text.startswith(_BYTE_ORDER_MARK) else 0
     while at < len(text):
         end = text.find(_BREAK, at + size) + 1 or len(text)
@@ -182,11 +184,11 @@ def check_sendable(name: str, text: bytes, split: GcodeText) -> None:
             raise UsageError(f"{name}: line {line} {what}", remedy=error.remedy) from None
 
 
-def find_lines(text: bytes, commands: Sequence[int], piece: int = _AT_ONCE) -> list[int]:
+def find_lines(text: bytes, commands: Sequence[int], block_bytes: int = _BLOCK_BYTES) -> list[int]:
     """Return the line numbers, from 1, of the commands with these indices; 0 for an index out of range."""
     wanted, found = set(commands), dict.fromkeys(commands, 0)
     done = index = 0
-    for _, lines in _pieces(text, piece):
+    for _, lines in _split_into_blocks(text, block_bytes):
         if not wanted:
             break
         for number, command in enumerate(_strip_lines(lines), done + 1):
@@ -206,11 +208,11 @@ def read_text(path: Path) -> bytes:
         UsageError: the file is missing or cannot be read.
     """
     try:
-        return read_input(path, _MOST_BYTES)
+        return read_input(path, _MAX_BYTES)
     except FileNotFoundError:
         raise UsageError(f"{path}: no such file", remedy="Check the path") from None
     except IsADirectoryError:
-        raise UsageError(f"{path}: is a folder", remedy="Name a file in it") from None
+        raise UsageError(f"{path}: is a folder, not a file", remedy="Give the path of a file in it") from None
     except TimeoutError as error:
         raise UsageError(
             f"{path}: {error.strerror}", remedy="Start the program that writes to it first"
@@ -218,8 +220,8 @@ def read_text(path: Path) -> bytes:
     except (OSError, ValueError) as error:
         if isinstance(error, OSError) and error.errno == errno.EFBIG:
             raise UsageError(
-                f"{path}: longer than {_MOST_BYTES >> 20} MiB, the limit for G-code",
-                remedy="Print the part in pieces, or with thicker layers",
+                f"{path}: the file is longer than {_MAX_BYTES >> 20} MiB, the limit for G-code",
+                remedy="Divide the part into several prints, or use thicker layers",
             ) from None
         reason = error.strerror if isinstance(error, OSError) else error
         raise UsageError(f"{path}: cannot be read: {reason}", remedy="Check name and permissions") from None

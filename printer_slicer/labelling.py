@@ -19,8 +19,8 @@ from printer_slicer.roles import roles_with
 
 __all__ = ["label_moves"]
 
-_SLACK: Final = 1.0  # mm: extrusions may lie this far outside the bounding box because of compensation
-_LONGEST: Final = 24  # characters of a name, to keep lines short
+_TOLERANCE: Final = 1.0  # mm: extrusions may lie this far outside the bounding box because of compensation
+_MAX_NAME_LENGTH: Final = 24  # characters of a name, to keep lines short
 
 
 def label_moves(program: Program, part: Mesh, plan: LayerPlan) -> Labels | None:
@@ -43,14 +43,14 @@ def label_moves(program: Program, part: Mesh, plan: LayerPlan) -> Labels | None:
     item = np.full(program.n_moves, -1)
     item[lays] = found[np.cumsum(begins)[lays] - 1]
     boxes = np.array([[one.low[:2], one.high[:2]] for one in items])
-    return Labels(_unique_names([one.name for one in items]), boxes, item)
+    return Labels(_make_unique_names([one.name for one in items]), boxes, item)
 
 
-def _unique_names(names: Sequence[str]) -> tuple[str, ...]:
-    """Return unique names that all G-code readers accept."""
+def _make_unique_names(names: Sequence[str]) -> tuple[str, ...]:
+    """Make names unique and acceptable for all programs that read G-code."""
     made: list[str] = []
     for name in names:
-        plain = re.sub(r"[^A-Za-z0-9_-]+", "_", name).strip("_")[:_LONGEST] or "object"
+        plain = re.sub(r"[^A-Za-z0-9_-]+", "_", name).strip("_")[:_MAX_NAME_LENGTH] or "object"
         number, unique = 1, plain
         while unique in made:
             number += 1
@@ -60,30 +60,32 @@ def _unique_names(names: Sequence[str]) -> tuple[str, ...]:
 
 
 def _find_objects(place: Float, z: Float, items: Sequence[PlateObject], part: Mesh) -> Int:
-    """Return (n,) the index of the object at each point (n, 2) and height, mm."""
+    """Return the index of the object (n,) at each point `place` (n, 2) and height `z` (n,), mm."""
     low, high = (np.array([getattr(one, side) for one in items]) for side in ("low", "high"))
     at = np.column_stack([place, z])
     beyond = np.maximum(np.maximum(low[None] - at[:, None], at[:, None] - high[None]), 0).max(axis=2)
     volume = np.prod(high - low, axis=1)
     # The nearest bounding box; the smallest of several that contain the point.
-    found = np.lexsort((np.broadcast_to(volume, beyond.shape), np.maximum(beyond - _SLACK, 0)), axis=1)[:, 0]
-    doubtful = np.flatnonzero((beyond <= _SLACK).sum(axis=1) > 1)
+    found = np.lexsort((np.broadcast_to(volume, beyond.shape), np.maximum(beyond - _TOLERANCE, 0)), axis=1)[
+        :, 0
+    ]
+    doubtful = np.flatnonzero((beyond <= _TOLERANCE).sum(axis=1) > 1)
     for level in distinct(z[doubtful]):
         some = doubtful[z[doubtful] == level]
-        held = np.stack([_contains(place[some], float(level), one, part) for one in items])
+        held = np.stack([_contains_points(place[some], float(level), one, part) for one in items])
         certain = held.any(axis=0)
         found[some[certain]] = held.argmax(axis=0)[certain]
     return found
 
 
-def _contains(place: Float, z: float, item: PlateObject, part: Mesh) -> Bool:
-    """Return (n,) whether the section of an object at a height contains points (n, 2)."""
+def _contains_points(place: Float, z: float, item: PlateObject, part: Mesh) -> Bool:
+    """Return whether the section of an object at height `z` contains each point (n,) of `place` (n, 2)."""
     if not item.count or not item.low[2] <= z <= item.high[2]:
         return np.zeros(len(place), np.bool_)
     facets = part.triangles[item.first : item.first + item.count]
     above = facets[:, :, 2] > z
     facets = facets[above.any(axis=1) & ~above.all(axis=1)]
-    begin, end = _edge_cuts(facets, z, rising=True), _edge_cuts(facets, z, rising=False)
+    begin, end = _cut_edges(facets, z, rising=True), _cut_edges(facets, z, rising=False)
     x, y = place[:, 0, None], place[:, 1, None]
     crosses = (begin[:, 1] <= y) != (end[:, 1] <= y)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -93,8 +95,8 @@ def _contains(place: Float, z: float, item: PlateObject, part: Mesh) -> Bool:
     return np.asarray(turns != 0)
 
 
-def _edge_cuts(facets: Float, z: float, *, rising: bool) -> Float:
-    """Return (n, 2) the intersection of the plane at z with the rising, or falling, edge of each facet, mm."""
+def _cut_edges(facets: Float, z: float, *, rising: bool) -> Float:
+    """Return where the plane at `z` cuts the rising, or else the falling, edge of each facet: (n, 2), mm."""
     after = np.roll(facets, -1, axis=1)
     low, high = (facets, after) if rising else (after, facets)
     edge = ((low[:, :, 2] <= z) & (high[:, :, 2] > z)).argmax(axis=1)

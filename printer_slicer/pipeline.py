@@ -54,7 +54,7 @@ def slice_stages(  # noqa: PLR0913 - all options have defaults
         strategies: user functions that replace built-in ones.
 
     Raises:
-        UsageError: `mesh` is no Mesh, `profile` is no Profile, or the number of plans differs from that of objects.
+        UsageError: `mesh` is not a Mesh, `profile` is not a Profile, or there are not as many plans as objects.
         PartError: the part does not fit, cannot be repaired, or cannot be divided into layers.
         StrategyError: a user's function returned an invalid value.
     """
@@ -83,7 +83,7 @@ def slice_planned(
     report: Report = quiet,
     strategies: Strategies = OURS,
 ) -> Stages:
-    """Slice a placed part with given layers; arguments and errors as for `slice_stages`."""
+    """Slice a placed part with a given layer plan; arguments and errors are those of `slice_stages`."""
     profile = apply_spiral_settings(profile)
     meshes, plans, own = split_objects(part, plan, profile)
     report("slicing")
@@ -112,10 +112,10 @@ def slice_planned(
 
 
 def plan_part(part: Mesh, profile: Profile, strategies: Strategies = OURS) -> LayerPlan:
-    """Plan the layers of a placed part, within the time budget; arguments and errors as for `slice_stages`."""
+    """Plan the layers of a placed part within the time budget; arguments and errors are those of `slice_stages`."""
     return choose_plan(part, profile, strategies, slice_planned)
 
 
 def slice_part(mesh: Mesh, profile: Profile, **options: Unpack[SliceOptions]) -> Program:
-    """Slice a part and return its moves; arguments and errors as for `slice_stages`."""
+    """Slice a part and return its moves; arguments and errors are those of `slice_stages`."""
     return slice_stages(mesh, profile, **options).program

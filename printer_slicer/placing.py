@@ -226,7 +226,7 @@ def join(meshes: Sequence[Mesh]) -> Mesh:
     begin = 0
     for mesh in meshes:
         own = mesh.objects or (PlateObject.of(mesh.name, mesh.bounds, 0, mesh.n_facets),)
-        items += [item.behind(begin) for item in own]
+        items += [item.with_facets_before(begin) for item in own]
         begin += mesh.n_facets
     return Mesh(np.concatenate([mesh.triangles for mesh in meshes]), name, tuple(items))
 

@@ -55,8 +55,8 @@ class RoleRow:
         phase: phase in which it is printed within its island.
         speed: setting in `Profile.speeds` that applies above the first layer.
         acceleration: setting in `Profile.accelerations`.
-        slowed_in: first round, from 0, in which it is slowed down on layers that are too short to cool.
-        colour: in pictures.
+        slowed_in: number of the pass, from 0, in which it is first slowed down on layers that print too fast to cool.
+        colour: colour in pictures.
         is_part: whether it belongs to the part.
         is_infill: whether it fills the area inside the perimeters; bridges do not count.
         is_bridge: whether its lines hang between two ends.
@@ -152,5 +152,5 @@ def roles_with(
 
 
 def is_perimeter(role: Int) -> Bool:
-    """Return whether roles (n,) of paths are perimeters; OVERHANG_PERIMETER occurs only for single moves."""
+    """Return whether each role (n,) of a path is a perimeter; only moves, not paths, have OVERHANG_PERIMETER."""
     return np.asarray((role == Role.EXTERNAL_PERIMETER) | (role == Role.PERIMETER))

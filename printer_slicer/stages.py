@@ -47,7 +47,7 @@ def check_part(mesh: object, profile: object) -> None:
     """Check the types of part and profile, and that the mesh has valid facets.
 
     Raises:
-        UsageError: `mesh` is no Mesh, or `profile` is no Profile.
+        UsageError: `mesh` is not a Mesh, or `profile` is not a Profile.
         MeshError: the mesh has no facets, or a coordinate that is not finite.
     """
     if not isinstance(mesh, Mesh):
@@ -75,7 +75,7 @@ class Stages(SvgRepr):
     """The result of every stage from a part to its moves.
 
     Attributes:
-        part: repaired and placed.
+        part: the repaired and placed part.
         sections: the solid area of each layer. Sections, walls and regions are without a raft. With a raft, toolpaths,
             travels and program have its layers first, and the part is raised.
         walls: the perimeters, and the area inside them.
@@ -86,7 +86,7 @@ class Stages(SvgRepr):
         link: changes made to stay within the throughput of the serial link, if the profile sets one.
         labels: the object of each move; None if the part is a single object.
         repairs: repairs of the mesh, in coordinates of the given mesh.
-        shift: (3,) mm from the placed part to the given mesh.
+        shift: (3,) vector from the placed part to the mesh as it was given, mm.
     """
 
     part: Mesh
@@ -110,7 +110,7 @@ class Stages(SvgRepr):
 
     @property
     def drawable(self) -> object:
-        """The moves."""
+        """The moves, which a picture of the stages shows."""
         return self.program
 
     @property

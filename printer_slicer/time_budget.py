@@ -1,4 +1,4 @@
-"""Choose a layer plan within a time budget, measured on the actual moves, not only on the planner's time model."""
+"""Choose a layer plan within a time budget, using the time of the actual moves besides the planner's estimate."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from printer_slicer.surface import certify, read_surface
 
 __all__ = ["choose_plan"]
 
-_LONGEST: Final = 1e8  # s
-_ROUNDS: Final = 6  # maximum number of plans to try
+_MAX_SECONDS: Final = 1e8  # s
+_MAX_PLANS: Final = 6  # maximum number of plans to try
 
 
-class _Slice(Protocol):
+class _SliceFunction(Protocol):
     """Signature of `pipeline.slice_planned`."""
 
     def __call__(
@@ -29,7 +29,9 @@ class _Slice(Protocol):
     ) -> Stages: ...
 
 
-def choose_plan(part: Mesh, profile: Profile, strategies: Strategies, slice_planned: _Slice) -> LayerPlan:
+def choose_plan(
+    part: Mesh, profile: Profile, strategies: Strategies, slice_planned: _SliceFunction
+) -> LayerPlan:
     """Plan the layers; with `time_budget`, return the most accurate plan whose print time is within the budget.
 
     The planner estimates times with a model, so its budget is adjusted until the actual moves fit. If no plan is fast
@@ -48,14 +50,17 @@ def choose_plan(part: Mesh, profile: Profile, strategies: Strategies, slice_plan
     if strategies.planner:
         return check_plan(strategies.planner(part, profile), part, profile, strategies.planner)
 
-    def seconds_of(plan: LayerPlan) -> float:
+    def estimate_seconds(plan: LayerPlan) -> float:
+        """Return the time of the moves that slicing with this plan gives, s."""
         program = slice_planned(part, plan, profile, strategies=strategies).program
         return float(move_seconds(program, profile).sum())
 
-    return _within_budget(part, profile, seconds_of)
+    return _find_plan_within_budget(part, profile, estimate_seconds)
 
 
-def _within_budget(part: Mesh, profile: Profile, seconds_of: Callable[[LayerPlan], float]) -> LayerPlan:
+def _find_plan_within_budget(
+    part: Mesh, profile: Profile, estimate_seconds: Callable[[LayerPlan], float]
+) -> LayerPlan:
     """Return the most accurate plan within the budget, or the fastest one."""
     plan, budget = plan_layers(part, profile), profile.dials.time_budget
     if not budget:
@@ -63,18 +68,20 @@ def _within_budget(part: Mesh, profile: Profile, seconds_of: Callable[[LayerPlan
 
     asked, low, high = budget, 0.0, np.inf
     tried: list[tuple[float, LayerPlan]] = []
-    for _ in range(_ROUNDS):
-        seconds = seconds_of(plan)
+    for _ in range(_MAX_PLANS):
+        seconds = estimate_seconds(plan)
         tried.append((seconds, plan))
         if 0.98 * budget <= seconds <= budget or (len(tried) > 1 and plan.runs() == tried[-2][1].runs()):
             break
         low, high = (asked, high) if seconds <= budget else (low, asked)
-        asked = (low + high) / 2 if low and high < np.inf else min(asked * 0.995 * budget / seconds, _LONGEST)
+        asked = (
+            (low + high) / 2 if low and high < np.inf else min(asked * 0.995 * budget / seconds, _MAX_SECONDS)
+        )
         plan = plan_layers(part, profile_with(profile, {"quality.planner.time_budget": asked}))
     if all(seconds > budget for seconds, _ in tried):
         hurry = {"quality.planner.time_budget": 0, "quality.planner.objective": "time"}
         plan = plan_layers(part, profile_with(profile, hurry))
-        tried.append((seconds_of(plan), plan))
+        tried.append((estimate_seconds(plan), plan))
     within = [plan for seconds, plan in tried if seconds <= budget]
     if not within:
         return min(tried, key=lambda one: one[0])[1]

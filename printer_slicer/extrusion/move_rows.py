@@ -8,7 +8,7 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.extrusion.wiping import Wipes, find_wipes
-from printer_slicer.model import Toolpaths, Travels, leaves
+from printer_slicer.model import Toolpaths, Travels, find_travel_ends
 from printer_slicer.profile import Profile
 
 __all__ = ["APPROACH", "MoveKind", "MoveRows", "move_rows"]
@@ -121,7 +121,7 @@ def _travel_ends(paths: Toolpaths, travels: Travels, profile: Profile) -> _Trave
     hop = np.where(travels.retract, profile.printer.z_hop, 0.0)
     hop[:1] = APPROACH
     # A path that starts lower than the previous one ends is approached from above.
-    return _TravelEnds(*leaves(paths), leave, np.maximum(leave, start) + hop, start)
+    return _TravelEnds(*find_travel_ends(paths), leave, np.maximum(leave, start) + hop, start)
 
 
 def _counts(paths: Toolpaths, travels: Travels, wipes: Wipes, ends: _TravelEnds) -> Int:

@@ -5,6 +5,7 @@ K moves. Units are mm, s, mm/s and °C.
 """
 
 from printer_slicer.geometry import Areas
+from printer_slicer.lazy_names import lazy_names
 from printer_slicer.model.layers import Contours, Gap, LayerPlan, Regions, Sections
 from printer_slicer.model.part import Mesh, MeshFaults, Repair, Repairs
 from printer_slicer.model.paths import (
@@ -19,7 +20,7 @@ from printer_slicer.model.paths import (
     reorder_ragged,
 )
 from printer_slicer.model.plate_objects import Labels, PlateObject
-from printer_slicer.model.travels import Travels, leaves
+from printer_slicer.model.travels import Travels, find_travel_ends
 from printer_slicer.model.walls import Walls
 
 __all__ = [
@@ -45,6 +46,8 @@ __all__ = [
     "Toolpaths",
     "Travels",
     "Walls",
-    "leaves",
+    "find_travel_ends",
     "reorder_ragged",
 ]
+
+__getattr__ = lazy_names(__name__, {"find_travel_ends": "travels"}, renamed={"leaves": "find_travel_ends"})

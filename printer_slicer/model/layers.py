@@ -16,7 +16,7 @@ from printer_slicer.repr_svg import SvgRepr
 __all__ = ["SAME_TOP", "Contours", "Gap", "LayerPlan", "Regions", "Sections"]
 
 SAME_TOP: Final = 1e-7
-"""mm: tops of layers of different objects closer than this are equal."""
+"""Layers of different objects have the same top if their tops differ by less than this, mm."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,7 +65,7 @@ class LayerPlan(SvgRepr):
         Raises:
             PlanError: `top` is not a list of numbers.
         """
-        top = _numbers(top)
+        top = _convert_tops(top)
         bottom = np.concatenate([[0.0], top[:-1]])
         return cls(top, bottom + cut_ratio * (top - bottom), planner)
 
@@ -73,7 +73,7 @@ class LayerPlan(SvgRepr):
     def union(cls, plans: Sequence[LayerPlan]) -> LayerPlan:
         """Combine the plans of several objects: a layer wherever one of them has a top.
 
-        Of layers with the same top the lowest bottom is used. The union of equal plans is the plan itself.
+        If several layers have the same top, the lowest bottom is used. The union of equal plans is the plan itself.
         """
         first = plans[0]
         if all(np.array_equal(plan.top, first.top) for plan in plans):
@@ -107,14 +107,14 @@ class LayerPlan(SvgRepr):
         return np.round(self.top - self.bottom, 7)
 
     def runs(self) -> list[tuple[int, float]]:
-        """Return runs of consecutive layers of equal height: [(count, height in mm), ...]."""
+        """Return the runs of consecutive layers with equal height: [(number of layers, height in mm), ...]."""
         heights = np.round(self.height, 6)
         starts = np.flatnonzero(np.diff(heights, prepend=np.nan) != 0)
         counts = np.diff(np.append(starts, len(heights)))
         return [(int(n), float(heights[i])) for n, i in zip(counts, starts, strict=True)]
 
 
-def _numbers(top: object) -> Float:
+def _convert_tops(top: object) -> Float:
     """Convert tops of layers to an array (L,)."""
     try:
         found: Float = np.asarray(top, np.float64)
@@ -153,7 +153,7 @@ class Contours:
 
 @dataclass(frozen=True, slots=True)
 class Gap:
-    """A gap of `width` mm in the contour of a layer that was closed, because the mesh is open there."""
+    """A gap of `width` mm in the contour of a layer, where the mesh is open; the gap was closed."""
 
     layer: int
     x: float
@@ -163,7 +163,7 @@ class Gap:
 
     @property
     def area(self) -> float:
-        """Possible error of the section area, mm²: half a disc, if the missing wall lies in the circle on the gap."""
+        """Possible error of the section area, mm²: a half disc whose diameter is the gap."""
         return float(np.pi / 8 * self.width**2)
 
 
@@ -216,14 +216,14 @@ class Regions(SvgRepr):
 
     Attributes:
         plan: the layers.
-        bottom_solid_infill: on the bed.
-        bridge: nothing below; includes the anchors on its sides.
-        top_solid_infill: nothing above.
-        solid_infill: closer to a surface than the shell thickness, but not exposed.
-        internal_infill: filled with the infill pattern.
+        bottom_solid_infill: area that lies on the bed.
+        bridge: area with nothing below it, and the anchors on its sides.
+        top_solid_infill: area with nothing above it.
+        solid_infill: area closer to a surface than the shell thickness, but not exposed.
+        internal_infill: area to be filled with the infill pattern.
         bridge_angle: (R,) radians for each ring of `bridge`, the same for all rings of a connected area: the direction
             in which most of its lines are supported at both ends.
-        internal_bridge: solid, over the internal infill of the layer below; includes the anchors on its sides.
+        internal_bridge: solid area over the internal infill of the layer below, and the anchors on its sides.
         inside: the union of all regions.
         internal_bridge_angle: (R,) radians for each ring of `internal_bridge`; 0 until it is computed from the lines
             of the internal infill.
@@ -272,7 +272,7 @@ class Regions(SvgRepr):
         return replace(self, plan=plan, **areas)
 
     def of_layers(self, here: Bool) -> Regions:
-        """Return the regions of some layers (L,); the others become empty."""
+        """Return the regions of the layers for which `here` (L,) is true; other layers become empty."""
         return Regions(
             self.plan,
             **{name: getattr(self, name).of_layers(here) for name in _REGIONS},

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Mesh", "MeshFaults", "Repair", "Repairs"]
 
-_BLOCK = 1 << 12  # facets per block, which fit the CPU cache
-_ROW = 768  # coordinates compared at once
+_BLOCK = 1 << 12  # facets per block; a block fits the CPU cache
+_ROW = 768  # coordinates per row; rows are compared at once
 _bounds: WeakKeyDictionary[Mesh, Float] = WeakKeyDictionary()
 """Cached bounds, which many stages use."""
 
@@ -93,10 +93,10 @@ class Mesh(SvgRepr):
     def bounds(self) -> Float:
         """Return the lower and upper corner of the bounding box (2, 3), mm."""
         if self not in _bounds:
-            _bounds[self] = frozen_array(self._ends(), np.float64, (2, 3))
+            _bounds[self] = frozen_array(self._compute_bounds(), np.float64, (2, 3))
         return _bounds[self]
 
-    def _ends(self) -> Float:
+    def _compute_bounds(self) -> Float:
         """Compute the bounds from all corners."""
         # Reduce long rows first, because numpy compares contiguous numbers several at a time.
         flat = self.triangles.reshape(-1)
@@ -139,7 +139,7 @@ class Mesh(SvgRepr):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MeshFaults:
-    """Faulty edges of a mesh, given by their midpoints (n, 3), mm.
+    """The faulty edges of a mesh; each is given by its midpoint, (n, 3), mm.
 
     Attributes:
         open_edges: edges with only one facet.
@@ -168,7 +168,8 @@ class Repair:
     Attributes:
         kind: description of the repair, such as "facets turned round".
         places: (n, 3) mm, the positions of all repairs of this kind.
-        widest: longest distance by which a corner was moved, or width of the largest hole closed, mm; 0 otherwise.
+        widest: longest distance by which a corner was moved, or width of the largest hole that was closed, mm; 0 for
+            other repairs.
         area: area of added surface, mm².
     """
 

@@ -38,9 +38,9 @@ __all__ = [
 
 _NOT_GIVEN: Final = np.zeros(0)
 _NO_NUMBERS: Final = np.zeros(0, np.int64)
-_MAY_BE_USUAL: Final = ("support_ratio", "z_offset", "flow_ratio", "centre")
-_OF_POINTS: Final = ("xy", "width", "support_ratio", "z_offset", "flow_ratio", "centre")
-_OF_PATHS: Final = ("layer", "role", "height", "closed", "chain_id", "settings_id", "z_top", "tool")
+_MAY_BE_DEFAULT: Final = ("support_ratio", "z_offset", "flow_ratio", "centre")
+_POINT_COLUMNS: Final = ("xy", "width", "support_ratio", "z_offset", "flow_ratio", "centre")
+_PATH_COLUMNS: Final = ("layer", "role", "height", "closed", "chain_id", "settings_id", "z_top", "tool")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -123,7 +123,7 @@ class Toolpaths(SvgRepr):
             ("z_top", np.float64, (n_paths,)),
             ("tool", np.int64, (n_paths,)),
         ):
-            if name not in _MAY_BE_USUAL or not _is_default(getattr(self, name)):
+            if name not in _MAY_BE_DEFAULT or not _is_default(getattr(self, name)):
                 object.__setattr__(self, name, frozen_array(getattr(self, name), dtype, shape))
 
     def __repr__(self) -> str:
@@ -147,10 +147,10 @@ class Toolpaths(SvgRepr):
         slope: tuple[Float, Float] | None = None,
         settings_id: Int | None = None,
     ) -> Toolpaths:
-        """Build paths of `size` (M,) points each from their concatenated points; layers may be in any order.
+        """Build paths from the concatenated points `xy` (N, 2) of all paths; layers may be in any order.
 
-        `width` is (N,) for each point or (M,) for each path. `height` (M,) defaults to the height of the layer. `slope`
-        is (`z_offset`, `flow_ratio`).
+        `size` (M,) is the number of points of each path. `width` is (N,) for each point or (M,) for each path. `height`
+        (M,) defaults to the height of the layer. `slope` is (`z_offset`, `flow_ratio`).
         """
         flags = np.full(len(layer), closed) if isinstance(closed, bool) else closed
         heights = plan.height[layer] if height is None else height
@@ -222,23 +222,23 @@ class Toolpaths(SvgRepr):
         return self.of_points(points, np.append(0, np.cumsum(size)), chosen)
 
     def of_points(self, point: Int, start: Int, path: Int) -> Toolpaths:
-        """Build paths from point indices (n,); everything else is copied from the paths `path` (m,).
+        """Build paths (m,) from points with these indices (n,); other columns are copied from the paths `path` (m,).
 
         Path `i` has the points `point[start[i]:start[i + 1]]`. `support_ratio` is copied with the points, so it is only
         correct for paths that keep their direction.
         """
-        columns: dict[str, Any] = {name: getattr(self, name) for name in _OF_POINTS}
+        columns: dict[str, Any] = {name: getattr(self, name) for name in _POINT_COLUMNS}
         columns = {
             name: _NOT_GIVEN if _is_default(column) else column.take(point, axis=0)
             for name, column in columns.items()
         }
-        of_path = {name: getattr(self, name).take(path) for name in _OF_PATHS}
+        of_path = {name: getattr(self, name).take(path) for name in _PATH_COLUMNS}
         return replace(self, start=start, **columns, **of_path)
 
     def begins_at(self, layer: int) -> Bool:
-        """Return (M,) which paths are in the layer with this index, from 0, or later but start at the same bottom.
+        """Return which paths (M,) are in this layer, counted from 0, or in a later one but rest at the same height.
 
-        The latter are first layers of objects with their own layer plan.
+        The latter are in the first layers of objects with their own layer plan.
         """
         rests = self.z_top - self.height < float(self.plan.bottom[layer]) + SAME_TOP
         return np.asarray((self.layer == layer) | ((self.layer > layer) & rests))
@@ -255,7 +255,7 @@ class Toolpaths(SvgRepr):
 
     @property
     def following(self) -> Int:
-        """Return the index of the next point (N,); the last point of an open path has its own."""
+        """Return, for each point (N,), the index of the next one; the last point of an open path has its own index."""
         return next_in_ring(self.start, self.closed)
 
     @property
@@ -265,7 +265,7 @@ class Toolpaths(SvgRepr):
 
     @property
     def ends_of_beads(self) -> tuple[Int, Int]:
-        """Return the start and end point indices, (B,) each, of all line segments."""
+        """Return the indices of the start and end points, (B,) each, of all line segments."""
         begin = consecutive(self.start[:-1], self.beads_of_each)
         return begin, self.following.take(begin)
 
@@ -290,19 +290,19 @@ class Toolpaths(SvgRepr):
 
 
 def _is_default(column: Float) -> bool:
-    """Return whether a column has its default: one broadcast value, which takes no memory."""
+    """Return whether a column holds its default value, as one broadcast value that takes no memory."""
     return len(column) > 0 and column.strides[0] == 0
 
 
-def _renumber_chains(sweeps: Sequence[Int]) -> Int:
+def _renumber_chains(parts: Sequence[Int]) -> Int:
     """Concatenate chain ids of several parts, renumbered so that chains of different parts stay separate."""
-    used = np.cumsum([0, *(int(sweep.max(initial=-1)) + 1 for sweep in sweeps)])
-    numbered = [np.where(sweep < 0, -1, sweep + first) for sweep, first in zip(sweeps, used, strict=False)]
+    used = np.cumsum([0, *(int(ids.max(initial=-1)) + 1 for ids in parts)])
+    numbered = [np.where(ids < 0, -1, ids + first) for ids, first in zip(parts, used, strict=False)]
     return np.concatenate([np.zeros(0, np.int64), *numbered])
 
 
 def reorder_ragged(columns: Sequence[Float], size: Int, order: Int) -> tuple[list[Float], Int]:
-    """Return ragged columns and their sizes with the items in another order."""
+    """Put the items of ragged columns in another order; return the columns and the sizes of the items."""
     first, counts = (np.cumsum(size) - size)[order], size[order]
     chosen = consecutive(first, counts)
     return [column.take(chosen, axis=0) for column in columns], counts
@@ -318,7 +318,7 @@ class Fan:
 
 @dataclass(frozen=True, slots=True)
 class Heat:
-    """Set temperatures before move `index`; None leaves a heater unchanged; `tool` selects the nozzle."""
+    """Set temperatures, °C, before move `index`; None leaves a heater unchanged; `tool` selects the nozzle."""
 
     index: int
     nozzle: float | None = None
@@ -328,7 +328,7 @@ class Heat:
 
 @dataclass(frozen=True, slots=True)
 class Acceleration:
-    """Set the acceleration `value`, mm/s², from move `index` on; also of travels if the firmware has only one value."""
+    """Set the acceleration `value`, mm/s², from move `index` on; also of travels if the firmware has one value."""
 
     index: int
     value: float
@@ -410,7 +410,7 @@ class Program(SvgRepr):
             ("z_top", np.float64, (n_moves,)),
             ("tool", np.int64, (n_moves,)),
         ):
-            if name not in _MAY_BE_USUAL or not _is_default(getattr(self, name)):
+            if name not in _MAY_BE_DEFAULT or not _is_default(getattr(self, name)):
                 object.__setattr__(self, name, frozen_array(getattr(self, name), dtype, shape))
 
     def __repr__(self) -> str:

@@ -29,7 +29,7 @@ class PlateObject:
 
     @classmethod
     def of(cls, name: str, bounds: Float, first: int, count: int) -> PlateObject:
-        """Build the object of a range of facets whose bounding box is `bounds` (2, 3), mm."""
+        """Build an object from its range of facets and its bounding box `bounds` (2, 3), mm."""
         (x, y, z), (right, back, top) = bounds.tolist()
         return cls(name, (x, y, z), (right, back, top), first, count)
 
@@ -37,8 +37,8 @@ class PlateObject:
         """Return the object shifted by (x, y, z) mm."""
         return PlateObject.of(self.name, np.array([self.low, self.high]) + by, self.first, self.count)
 
-    def behind(self, facets: int) -> PlateObject:
-        """Return the object in a mesh with `facets` more facets before it."""
+    def with_facets_before(self, facets: int) -> PlateObject:
+        """Return the object for a mesh that has `facets` more facets before those of the object."""
         return replace(self, first=self.first + facets)
 
     def without_facets(self) -> PlateObject:

@@ -9,7 +9,7 @@ import numpy as np
 from printer_slicer.arrays import Bool, Float, Int, frozen_array
 from printer_slicer.model.paths import Toolpaths
 
-__all__ = ["Travels", "leaves"]
+__all__ = ["Travels", "find_travel_ends"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,8 +53,8 @@ class Travels:
         return len(self.retract)
 
 
-def leaves(paths: Toolpaths) -> tuple[Float, Float]:
-    """Return start and end points, (M, 2) each, of the travel to each path; the first starts at (0, 0)."""
+def find_travel_ends(paths: Toolpaths) -> tuple[Float, Float]:
+    """Return the start and end points, (M, 2) each, of the travel to each path; the first travel starts at (0, 0)."""
     start = paths.xy[paths.start[:-1]]
     end = np.where(paths.closed[:, None], start, paths.xy[paths.start[1:] - 1])
     return np.concatenate([np.zeros((1, 2)), end])[:-1], start

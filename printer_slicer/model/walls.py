@@ -43,7 +43,7 @@ class Walls(SvgRepr):
 
     @property
     def drawable(self) -> object:
-        """The perimeters."""
+        """The perimeters, which a picture of the walls shows."""
         return self.paths
 
     def __repr__(self) -> str:

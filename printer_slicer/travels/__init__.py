@@ -7,7 +7,7 @@ import numpy as np
 from printer_slicer.arrays import Bool, Int
 from printer_slicer.geometry.facet_topology import expand_counts
 from printer_slicer.geometry.segment_index import OutlineIndex
-from printer_slicer.model import Sections, Toolpaths, Travels, leaves
+from printer_slicer.model import Sections, Toolpaths, Travels, find_travel_ends
 from printer_slicer.profile import Profile
 from printer_slicer.travels.rerouting import reroute
 from printer_slicer.travels.routes import Routes, straight_routes
@@ -24,7 +24,7 @@ def travel(paths: Toolpaths, sections: Sections, profile: Profile) -> Travels:
     travel leaves the part, or if it is longer than `printer.retract_before_travel` and passes over printed top solid
     infill. Oozing elsewhere inside the part is not visible.
     """
-    begin, end = leaves(paths)
+    begin, end = find_travel_ends(paths)
     if paths.n_paths < 2:
         return Travels.straight(np.zeros(paths.n_paths, np.bool_), np.zeros(paths.n_paths, np.int64))
     every = np.concatenate([begin, end])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from printer_slicer.model import LayerPlan, Mesh, leaves
+from printer_slicer.model import LayerPlan, Mesh, find_travel_ends
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.roles import Role
 from printer_slicer.stages import Stages
@@ -22,7 +22,7 @@ def wavy() -> Mesh:
 def over_outer_beads(stages: Stages) -> tuple[int, int]:
     """How many ways without retraction cross the middle of an outer bead, away from their ends; of how many."""
     paths, travels = stages.toolpaths, stages.travels
-    begin, end = leaves(paths)
+    begin, end = find_travel_ends(paths)
     over = long = 0
     for way in range(1, paths.n_paths):
         if travels.retract[way] or paths.layer[way] != paths.layer[way - 1]:
