@@ -14,13 +14,13 @@ from printer_slicer.profile import Profile, settings_text
 from printer_slicer.roles import Role
 from printer_slicer.texts import format_duration
 
-__all__ = ["end_facts", "layer_facts", "print_facts"]
+__all__ = ["collect_end_facts", "collect_layer_facts", "collect_print_facts"]
 
 _DECIMALS = 6
 _MOST_TOOLS = 255
 
 
-def print_facts(
+def collect_print_facts(
     program: Program, profile: Profile, seconds: float = 0.0, names: tuple[str, ...] = (), name: str = ""
 ) -> dict[str, Value]:
     """Return the settings, each as `section.name` and as `name`, and facts about the print.
@@ -98,6 +98,7 @@ def _collect_extruder_facts(profile: Profile, objects: int) -> dict[str, Value]:
 
 
 def _round_to_tuple(values: Float) -> tuple[float, ...]:
+    """Convert an array (n,) to a tuple of rounded numbers."""
     return tuple(np.round(values, _DECIMALS).tolist())
 
 
@@ -116,7 +117,7 @@ def _collect_settings(profile: Profile) -> dict[str, Value]:
     return known
 
 
-def layer_facts(program: Program, layer: int, filament: float, seconds: float) -> Mapping[str, Value]:
+def collect_layer_facts(program: Program, layer: int, filament: float, seconds: float) -> Mapping[str, Value]:
     """Return the facts that only macros at the start of a layer may use.
 
     Args:
@@ -137,7 +138,7 @@ def layer_facts(program: Program, layer: int, filament: float, seconds: float) -
     }
 
 
-def end_facts(program: Program, profile: Profile) -> Mapping[str, Value]:
+def collect_end_facts(program: Program, profile: Profile) -> Mapping[str, Value]:
     """Return the facts that only the end G-code may use; `layer_z` includes the lift, as in PrusaSlicer."""
     top = float(program.plan.top[-1])
     return {

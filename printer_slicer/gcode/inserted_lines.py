@@ -15,7 +15,7 @@ from printer_slicer.arrays import Bool, Float, Int, distinct, run_starts, unique
 from printer_slicer.errors import ProfileError
 from printer_slicer.firmware import Dialect
 from printer_slicer.gcode.commands import Effect, commands_that
-from printer_slicer.gcode.facts import layer_facts
+from printer_slicer.gcode.facts import collect_layer_facts
 from printer_slicer.gcode.labels import (
     Marking,
     ObjectMark,
@@ -216,7 +216,7 @@ def _render_in_layer(  # noqa: PLR0917 - position and inputs
     if template.is_empty:
         return []
     filament = float(rows.fed[move - 1]) / 10**E_DECIMALS if move else 0.0
-    facts = layer_facts(context.program, layer, filament, float(context.begins[move]))
+    facts = collect_layer_facts(context.program, layer, filament, float(context.begins[move]))
     lines = template.render(context.known | dict(facts), shared)
     return lines + _restore_state(lines, context, rows, move)
 
@@ -263,7 +263,7 @@ def _format_events(context: WriteContext) -> Iterator[_Insertion]:
 
 
 def format_fan(ratio: float) -> str:
-    """Format M106 for a fan speed from 0 to 1, or M107 for off; S counts to 255 in all firmwares."""
+    """Format M106 for a fan speed from 0 to 1, or M107 for off; S255 is full speed in all firmwares."""
     return f"M106 S{round(ratio * 255)}" if ratio > 0 else "M107"
 
 

@@ -31,8 +31,8 @@ __all__ = [
     "Marking",
     "ObjectMark",
     "choose_marking",
-    "find_marks",
     "find_moves_after_labels",
+    "find_object_changes",
     "format_definitions",
     "format_start_labels",
     "format_stop_labels",
@@ -119,7 +119,7 @@ class ObjectMark:
     until: int
 
 
-def find_marks(program: Program, labels: Labels) -> list[ObjectMark]:
+def find_object_changes(program: Program, labels: Labels) -> list[ObjectMark]:
     """Find all changes from one object to the next; every layer starts its objects anew."""
     beads = np.flatnonzero(program.role != Role.TRAVEL)
     item, layer = labels.object_id[beads], program.layer[beads]

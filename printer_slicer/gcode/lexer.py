@@ -17,13 +17,13 @@ from printer_slicer.gcode.commands import takes_text
 
 __all__ = [
     "LintCommand",
-    "code_and_rest",
     "find_letters",
     "is_macro",
-    "number_and_command",
     "parse",
     "parse_extended",
     "read_commands",
+    "split_code",
+    "split_line_number",
     "strip",
 ]
 
@@ -63,15 +63,15 @@ def strip(line: bytes) -> bytes:
     line = line.strip()
     first = line[:1]
     if first in (b"N", b"n"):
-        line = number_and_command(line)[1]
+        line = split_line_number(line)[1]
         first = line[:1]
     if first in (b"M", b"m") and parse(line)[0] == b"M110":
         return b""
     return line
 
 
-def number_and_command(line: bytes) -> tuple[int | None, bytes]:
-    """Return the line number (None if there is none) and the command, without checksum, of a line without comment."""
+def split_line_number(line: bytes) -> tuple[int | None, bytes]:
+    """Split a line without comment into its number (None if it has none) and its command without checksum."""
     found = _LINE_NUMBER.match(line)
     if found is None:
         return None, line
@@ -102,7 +102,7 @@ def find_letters(command: bytes) -> frozenset[bytes]:
     return frozenset(_LETTER.findall(command, found.end())) if found else frozenset()
 
 
-def code_and_rest(line: bytes) -> tuple[bytes, bytes]:
+def split_code(line: bytes) -> tuple[bytes, bytes]:
     """Split a line after its code, such as `b"g01"` and `b" x1"`; both parts are empty if it has no code."""
     found = _CODE.match(line.upper())
     return (line[: found.end()], line[found.end() :]) if found else (b"", b"")
@@ -143,9 +143,9 @@ class LintCommand:
     further: bool = False
     rest: str = ""
 
-    def largest_number(self, find_letters: str) -> float | None:
+    def largest_number(self, letters: str) -> float | None:
         """Return the largest number of the words with these letters; None if they have no numbers."""
-        values = [value for letter in find_letters for value in self.words.get(letter, ())]
+        values = [value for letter in letters for value in self.words.get(letter, ())]
         return max(values, default=None)
 
     @property
@@ -166,7 +166,7 @@ def read_commands(line: bytes) -> Iterator[LintCommand]:
     Finds more than `parse`: some firmwares execute a second command in the same line, and firmwares differ in which
     number of a repeated letter they use.
     """
-    text = number_and_command(line.strip())[1].decode("latin-1").upper()
+    text = split_line_number(line.strip())[1].decode("latin-1").upper()
     match = _SUSPECTED_CODE.match(text)
     if match is None:
         named = _TEXT_NAME.match(text)
@@ -189,6 +189,7 @@ def read_commands(line: bytes) -> Iterator[LintCommand]:
 
 
 def _collect_words(text: str) -> dict[str, list[float]]:
+    """Return all numbers of each letter in a text; an empty list for a letter without numbers."""
     words: dict[str, list[float]] = {}
     for letter, number in _WORD.findall(text):
         values = words.setdefault(letter, [])

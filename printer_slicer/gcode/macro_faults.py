@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.errors import ProfileError
-from printer_slicer.gcode.facts import end_facts, layer_facts, print_facts
+from printer_slicer.gcode.facts import collect_end_facts, collect_layer_facts, collect_print_facts
 from printer_slicer.macros import read_template
 from printer_slicer.model import LayerPlan, Program
 from printer_slicer.profile import Printer
@@ -26,12 +26,12 @@ def find_macro_faults(printer: Printer) -> Iterator[Conflict]:
     """Yield the first error of each macro; values are not computed, because they depend on the print."""
     nothing = _build_empty_program()
     profile = profile_of_printer(printer)
-    known = set(print_facts(nothing, profile))
+    known = set(collect_print_facts(nothing, profile))
     # Which planner settings exist depends on the quality.
     of_planners = {name for kind in PLANNER_SETTINGS.values() for name in kind.__struct_fields__}
     known |= {f"{section}planner.{name}" for name in of_planners for section in ("", "quality.")}
-    more = dict.fromkeys(_LAYER_MACROS, layer_facts(nothing, 0, 0.0, 0.0)) | {
-        "end_gcode": end_facts(nothing, profile)
+    more = dict.fromkeys(_LAYER_MACROS, collect_layer_facts(nothing, 0, 0.0, 0.0)) | {
+        "end_gcode": collect_end_facts(nothing, profile)
     }
     for name in printer.__struct_fields__:
         if not name.endswith("_gcode"):

@@ -47,6 +47,7 @@ class MoveBuffer:
         return np.concatenate(tables) if tables else np.zeros((0, _COLUMNS))
 
     def _flush_rows(self) -> None:
+        """Convert the rows appended one by one to a table."""
         if self._rows:
             self._tables.append(np.array(self._rows, np.float64))
             self._in_tables += len(self._rows)

@@ -55,7 +55,7 @@ class Moves:
 
 
 class Timer:
-    """Adds up the time of moves that come in pieces, with dwells, without homing and heating.
+    """Adds up the time of moves given in pieces, including dwells but not homing and heating.
 
     Args:
         limits: limits of the machine before the first piece.

@@ -25,7 +25,7 @@ from printer_slicer.gcode.commands import (
 from printer_slicer.gcode.lexer import find_letters, parse
 from printer_slicer.motion.positioning_mode import PositioningMode
 
-__all__ = ["HeaterTarget", "MachineState", "ModalState", "Move", "Place", "heater_target", "uses_inches"]
+__all__ = ["HeaterTarget", "MachineState", "ModalState", "Move", "Place", "find_heater_target", "uses_inches"]
 
 Place: TypeAlias = tuple[float | None, float | None, float | None, float | None]
 """x, y, z, e in mm; None where unknown."""
@@ -60,7 +60,7 @@ class HeaterTarget(NamedTuple):
     celsius: float
 
 
-def heater_target(word: bytes, values: Mapping[bytes, float]) -> HeaterTarget | None:
+def find_heater_target(word: bytes, values: Mapping[bytes, float]) -> HeaterTarget | None:
     """Return the target temperature that a parsed command sets; None if it sets none.
 
     G10 with a tool sets a target in RepRapFirmware. R is a target only if the command waits for it.
@@ -283,6 +283,7 @@ class MachineState:
         return self.counting.e if axis == 3 else self.counting.axes
 
     def _apply_move(self, word: bytes, values: Mapping[bytes, float]) -> Move:
+        """G0 to G3: update the position, and return the move."""
         unit, position = self.unit, self._position
         feed = values.get(b"F", 0.0)
         if feed > 0.0:
@@ -424,7 +425,7 @@ class MachineState:
 
     def _set_heater_target(self, word: bytes, values: Mapping[bytes, float], _command: bytes) -> None:
         """M104, M140 and others: set the target of a heater."""
-        target = heater_target(word, values)
+        target = find_heater_target(word, values)
         if target is None or (word in _TOOL_BY_P and not FLAVOURS[self.flavour].tool_temperatures):
             return
         if target.heater == "nozzle":

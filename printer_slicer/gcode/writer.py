@@ -11,7 +11,7 @@ import numpy as np
 
 from printer_slicer.arrays import Float, Int
 from printer_slicer.firmware import FLAVOURS, Dialect
-from printer_slicer.gcode.facts import end_facts, print_facts
+from printer_slicer.gcode.facts import collect_end_facts, collect_print_facts
 from printer_slicer.gcode.inserted_lines import (
     WriteContext,
     collect_insertions,
@@ -25,8 +25,8 @@ from printer_slicer.gcode.inserted_lines import (
 from printer_slicer.gcode.labels import (
     ObjectMark,
     choose_marking,
-    find_marks,
     find_moves_after_labels,
+    find_object_changes,
     format_definitions,
 )
 from printer_slicer.gcode.move_text import MoveText, format_moves
@@ -97,13 +97,17 @@ def _format_file(
     """
     seconds, labels = facts.seconds, facts.labels
     each = np.zeros(program.n_moves) if seconds is None else seconds
-    known = print_facts(program, profile, float(each.sum()), labels.names if labels else (), facts.name)
+    known = collect_print_facts(
+        program, profile, float(each.sum()), labels.names if labels else (), facts.name
+    )
     shared: dict[str, Value] = {}
     start = [
         *_format_tool_selection(profile, known, shared),
         *read_macro(profile, "start_gcode").render(known, shared),
     ]
-    end = read_macro(profile, "end_gcode").render(known | dict(end_facts(program, profile)), dict(shared))
+    end = read_macro(profile, "end_gcode").render(
+        known | dict(collect_end_facts(program, profile)), dict(shared)
+    )
     begins, taken = np.concatenate([[0.0], np.cumsum(each)]), np.zeros(1)
     if seconds is not None:
         begins += _estimate_seconds(start, profile, dialect)
@@ -166,7 +170,7 @@ def _estimate_seconds(
     """Estimate the time of moves and dwells in a macro, s, if it runs after the lines `before`."""
 
     def seconds(texts: Sequence[str]) -> float:
-        """Return the estimated time of lines, from the endstops on."""
+        """Estimate the time of lines, s, if they start at the endstops."""
         commands = [text.partition(";")[0].strip().encode("ascii", "replace") for text in texts]
         moves = read_moves([text for text in commands if text], profile.printer.corners[0], dialect)
         return moves.seconds(limits_of(profile.printer))
@@ -204,7 +208,7 @@ def _format_moves(context: WriteContext) -> _FormattedMoves:
         if retractions.any()
         else program
     )
-    marks = find_marks(program, context.marking[0]) if context.marking else []
+    marks = find_object_changes(program, context.marking[0]) if context.marking else []
     rows = format_moves(fed, relative=profile.printer.relative_extrusion, full=find_moves_after_labels(marks))
     return _FormattedMoves(rows, retractions, marks)
 

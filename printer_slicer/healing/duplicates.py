@@ -8,7 +8,7 @@ from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.geometry.connectivity import group_close_points, label_components
 from printer_slicer.geometry.facet_topology import may_have_neighbours
 from printer_slicer.healing.facets import Facets
-from printer_slicer.healing.nesting import count_windings
+from printer_slicer.healing.nesting import compute_winding_numbers
 from printer_slicer.model import Repair
 
 __all__ = ["drop_duplicates", "drop_sheets", "join_corners"]
@@ -129,7 +129,9 @@ def _count_copies_to_keep(single: Facets, rest: Facets, facing: Float) -> Int:
     asked = np.flatnonzero(is_shell & opposed)
     places = single.centroids[np.unique(patch, return_index=True)[1][asked]]
     hidden = np.zeros(n_patches, np.bool_)
-    hidden[asked[count_windings(rest.triangles, np.zeros(len(rest.corners), np.int64), places)[0]]] = True
+    hidden[
+        asked[compute_winding_numbers(rest.triangles, np.zeros(len(rest.corners), np.int64), places)[0]]
+    ] = True
     alone = (ends + whole == 0) & ~opposed
     one = np.where(is_shell, ~(opposed & hidden), ((ends > 0) & (ends >= whole)) | alone)
     wanted = np.where(one, 1, np.where(opposed, 0, -1))

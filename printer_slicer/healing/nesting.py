@@ -7,7 +7,7 @@ import numpy as np
 from printer_slicer.arrays import Float, Int
 from printer_slicer.geometry.facet_topology import expand_counts
 
-__all__ = ["count_windings", "measure_coverage"]
+__all__ = ["compute_winding_numbers", "measure_coverage"]
 
 _FACETS_AT_ONCE = 1 << 16  # facets whose bounding boxes are looked up at a time
 _PAIRS_AT_ONCE = 1 << 19  # points times facets
@@ -15,7 +15,7 @@ _MAX_PAIRS = 20_000_000
 _PairValues = tuple[Int, Int, Float]
 
 
-def count_windings(triangles: Float, owner: Int, places: Float) -> _PairValues:
+def compute_winding_numbers(triangles: Float, owner: Int, places: Float) -> _PairValues:
     """Return winding numbers: facets above a point that face up minus facets above it that face down.
 
     Args:
@@ -54,8 +54,10 @@ def count_windings(triangles: Float, owner: Int, places: Float) -> _PairValues:
 def measure_coverage(triangles: Float, owner: Int, places: Float) -> _PairValues:
     """Measure the fraction of the full solid angle that open surfaces cover around points, seen from behind.
 
-    A closed surface covers all of it (1) around a point inside; an open one covers less, but over half deep inside.
-    Only points in the bounding box of a surface are considered. With too many pairs, `count_windings` is used instead.
+    Around a point inside, a closed surface covers all of it (1); an open surface covers less, but deep inside more
+    than half.
+    Only points in the bounding box of a surface are considered. If there are too many pairs, the winding numbers are
+    returned instead.
 
     Args:
         triangles: (F, 3, 3) mm.
@@ -79,7 +81,7 @@ def measure_coverage(triangles: Float, owner: Int, places: Float) -> _PairValues
         pairs.append((place, np.full(len(place), k)))
     place, number = (np.concatenate([np.zeros(0, np.int64), *column]) for column in zip(*pairs, strict=True))
     if int(size[number].sum()) > _MAX_PAIRS:
-        return count_windings(triangles, owner, places)
+        return compute_winding_numbers(triangles, owner, places)
     found: list[_PairValues] = []
     total = np.cumsum(size[number])
     for some in np.split(

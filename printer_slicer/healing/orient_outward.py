@@ -10,7 +10,7 @@ from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.geometry.connectivity import label_components
 from printer_slicer.healing.facets import Facets
 from printer_slicer.healing.holes import CRACK
-from printer_slicer.healing.nesting import count_windings, measure_coverage
+from printer_slicer.healing.nesting import compute_winding_numbers, measure_coverage
 from printer_slicer.model import Repair
 
 __all__ = ["measure_volume_and_area", "orient_outward"]
@@ -133,7 +133,7 @@ def _choose_shells_to_flip(facets: Facets, shells: _Shells, inward: Bool) -> Boo
     found = [
         look(facets.triangles[some], shells.shell_of_facet[some], places)
         for look, some in (
-            (count_windings, shells.closed[shells.shell_of_facet]),
+            (compute_winding_numbers, shells.closed[shells.shell_of_facet]),
             (measure_coverage, (~shells.closed & shells.has_inside)[shells.shell_of_facet]),
         )
         if some.any()

@@ -88,14 +88,14 @@ class _Document:
         self._buffers = dict(buffers)
         self._length = sum(map(len, buffers.values()))
 
-    def reject_compression(self, what: dict[str, Any]) -> None:
+    def reject_compression(self, item: dict[str, Any]) -> None:
         """Reject compressed data, also if the file does not declare that it requires the extension.
 
         Raises:
             MeshError: a primitive or a buffer view uses a compression extension.
         """
         for name in COMPRESSION_EXTENSIONS:
-            if name in what.get("extensions", {}):
+            if name in item.get("extensions", {}):
                 raise _extension_error(self._path, name)
 
     def read_accessor(self, index: int) -> Numbers:
@@ -138,7 +138,7 @@ class _Document:
         check_instances(self._n_instances, self._path, self._limits)
 
     def list_warnings(self) -> list[str]:
-        """Return warnings about the file."""
+        """Return warnings about properties of the file that are ignored."""
         return [
             f"{number} meshes are {what}: this is ignored, and their rest shape is used"
             for number, what in (
@@ -158,7 +158,7 @@ class _Document:
         return replaced
 
     def _read_numbers(self, where: dict[str, Any], kind: np.dtype[Any], count: int, columns: int) -> Numbers:
-        """Return numbers (count, columns) as a view of a buffer."""
+        """Return numbers (count, columns) as a view of the buffer that `where` refers to."""
         view = self.tree["bufferViews"][_require_index(where["bufferView"])]
         start, length = int(view.get("byteOffset", 0)), int(view["byteLength"])
         offset, least = int(where.get("byteOffset", 0)), columns * kind.itemsize
@@ -312,13 +312,13 @@ def _check_version(tree: object) -> None:
         raise ValueError(f"glTF version {version[:20]} is not supported; only 2.0 is")
 
 
-def _read_buffers(tree: dict[str, Any], path: Path, left: int) -> dict[int, bytes]:
+def _read_buffers(tree: dict[str, Any], path: Path, bytes_left: int) -> dict[int, bytes]:
     """Read the bytes of each buffer, by its number.
 
     Args:
         tree: the JSON document.
         path: path of the file.
-        left: maximum length of all buffers together, bytes.
+        bytes_left: maximum length of all buffers together, bytes.
 
     Raises:
         MeshError: a buffer cannot be read.
@@ -336,14 +336,14 @@ def _read_buffers(tree: dict[str, Any], path: Path, left: int) -> dict[int, byte
         data = (
             _decode_data_uri(uri, number, path)
             if uri[:5].lower() == "data:"
-            else _read_buffer_file(uri, path, left)
+            else _read_buffer_file(uri, path, bytes_left)
         )
         wanted = buffer.get("byteLength")
         if isinstance(wanted, int) and len(data) < wanted:
             raise MeshError(
                 f"{path}: buffer {number} has only {len(data)} of {wanted} bytes", remedy=EXPORT_AGAIN
             )
-        left -= len(data)
+        bytes_left -= len(data)
         found[number] = data
     return found
 

@@ -140,6 +140,7 @@ def get_integer(attributes: list[str], name: str) -> int:
 
 
 def _get_value(attributes: list[str], name: str) -> str:
+    """Return the value of an attribute."""
     for place in range(0, len(attributes), 2):
         if attributes[place] == name:
             return attributes[place + 1]

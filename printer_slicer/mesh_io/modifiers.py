@@ -161,6 +161,7 @@ def _describe_removed(taken: Sequence[_Volume]) -> list[str]:
 
 
 def _list_volumes(volumes: Sequence[_Volume]) -> str:
+    """Format the names of the first volumes, and how many more there are."""
     more = f" and {len(volumes) - MAX_LISTED_NAMES} more" if len(volumes) > MAX_LISTED_NAMES else ""
     return ", ".join(volume.describe() for volume in volumes[:MAX_LISTED_NAMES]) + more
 
@@ -179,4 +180,5 @@ def read_modifiers(archive: Archive, limits: Limits) -> Modifiers:
 
 
 def _to_dict(attributes: list[str]) -> dict[str, str]:
+    """Convert the attributes of an element to a dictionary."""
     return dict(zip(attributes[::2], attributes[1::2], strict=True))

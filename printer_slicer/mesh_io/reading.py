@@ -138,17 +138,21 @@ def load_model(
     unit = check_unit(units) if units is not None else None
     with open_model_file(path, limits, progress) as source, np.errstate(all="ignore"):
         kind = _detect_format(source)
-        triangles, own_unit, notes, *shares = _READERS[kind](source, kind, unit, limits)
-        items = _list_objects(shares[0] if shares else [], triangles, path.stem)
+        triangles, own_unit, notes, *facet_counts = _READERS[kind](source, kind, unit, limits)
+        items = _list_objects(facet_counts[0] if facet_counts else [], triangles, path.stem)
         kept, n_folded = drop_degenerate_facets(triangles, path)
     items = tuple(item.without_facets() for item in items) if n_folded else items
     return Model(Mesh(kept, path.stem, items), path, kind, own_unit, n_folded, tuple(notes))
 
 
-def _list_objects(shares: list[tuple[str, int]], triangles: Float, name: str) -> tuple[PlateObject, ...]:
+def _list_objects(
+    facet_counts: list[tuple[str, int]], triangles: Float, name: str
+) -> tuple[PlateObject, ...]:
     """Return the objects of a file, if there are several or one has a name; `name` is for unnamed objects."""
     first, items = 0, []
-    for label, count in shares if len(shares) > 1 or (shares and shares[0][0]) else []:
+    for label, count in (
+        facet_counts if len(facet_counts) > 1 or (facet_counts and facet_counts[0][0]) else []
+    ):
         bounds = Mesh(triangles[first : first + count]).bounds
         items.append(PlateObject.of(label or name, bounds, first, count))
         first += count

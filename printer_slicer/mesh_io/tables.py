@@ -48,7 +48,7 @@ POSITIONS_PER_ROW: Final = 16
 
 @dataclass(frozen=True, slots=True)
 class Property:
-    """A column of numbers of type `kind`, or of lists of them with a length of type `count`."""
+    """A column of a table: numbers of type `kind` or, with `count`, lists of them whose length has this type."""
 
     name: str
     kind: str
@@ -73,7 +73,7 @@ class Column:
 
 
 class TableBody(Protocol):
-    """The data after the header."""
+    """The data after the header of a file."""
 
     end: int
 
@@ -165,10 +165,10 @@ class TextBody:
         start, stop = np.searchsorted(self._invalid_positions, [first, end])
         return self._invalid_positions[start:stop]
 
-    def _reject_first(self, odd: Int) -> None:
-        """Raise an error for the first of the words at these positions, if there are any."""
-        if len(odd):
-            raise _not_a_number_error(self._invalid_words[int(odd[0])])
+    def _reject_first(self, positions: Int) -> None:
+        """Raise an error that names the first of the words at these positions, if there are any."""
+        if len(positions):
+            raise _not_a_number_error(self._invalid_words[int(positions[0])])
 
     def number_size(self, kind: str) -> int:  # noqa: ARG002 - as for bytes
         """Return the number of positions that a number takes."""
@@ -191,15 +191,15 @@ class TextBody:
     def read_numbers(self, at: Int, kind: str) -> NDArray[Any]:  # noqa: ARG002
         """Return the numbers at positions."""
         if self._invalid_words and len(at):
-            odd = self._find_invalid_words(int(at.min()), int(at.max()) + 1)
-            self._reject_first(odd[np.isin(odd, at)])
+            positions = self._find_invalid_words(int(at.min()), int(at.max()) + 1)
+            self._reject_first(positions[np.isin(positions, at)])
         return self._words[at]
 
     def read_rows(self, start: int, stride: int, shape: tuple[int, int], kind: str) -> NDArray[Any]:  # noqa: ARG002
         """Return rows of numbers that start `stride` positions apart."""
         if self._invalid_words:
-            odd = self._find_invalid_words(start, start + stride * shape[0])
-            self._reject_first(odd[(odd - start) % stride < shape[1]])
+            positions = self._find_invalid_words(start, start + stride * shape[0])
+            self._reject_first(positions[(positions - start) % stride < shape[1]])
         return np.ndarray(shape, np.float64, self._words, 8 * start, (8 * stride, 8))
 
 

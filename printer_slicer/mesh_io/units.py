@@ -123,6 +123,7 @@ def likely_unit(size: Float, unit: str, room: Float | None = None) -> str:
 
 
 def _fits_in(edges: list[float], factor: float, room: list[float]) -> bool:
+    """Return whether a bounding box, scaled by a factor, is no larger than `room`."""
     return all(edge * factor <= limit + 1e-6 for edge, limit in zip(edges, room, strict=True))
 
 

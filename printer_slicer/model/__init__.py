@@ -5,7 +5,6 @@ K moves. Units are mm, s, mm/s and °C.
 """
 
 from printer_slicer.geometry import Areas
-from printer_slicer.lazy_names import lazy_names
 from printer_slicer.model.layers import Contours, Gap, LayerPlan, Regions, Sections
 from printer_slicer.model.part import Mesh, MeshFaults, Repair, Repairs
 from printer_slicer.model.paths import (
@@ -49,5 +48,3 @@ __all__ = [
     "find_travel_ends",
     "reorder_ragged",
 ]
-
-__getattr__ = lazy_names(__name__, {"find_travel_ends": "travels"}, renamed={"leaves": "find_travel_ends"})

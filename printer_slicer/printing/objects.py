@@ -19,7 +19,7 @@ from typing import Any, Final, overload
 from printer_slicer.errors import UsageError
 from printer_slicer.firmware import FLAVOURS
 from printer_slicer.gcode.commands import Effect, commands_that
-from printer_slicer.gcode.lexer import code_and_rest, parse, strip
+from printer_slicer.gcode.lexer import parse, split_code, strip
 from printer_slicer.gcode.state import MachineState, ModalState
 from printer_slicer.printing.machine_state import PrintState, number
 
@@ -75,7 +75,7 @@ def _mark(line: bytes, names: dict[str, str], inside: str) -> str | None:
         return "" if found[1] else found[2].decode(errors="replace")
     if found := _WORDS.match(line):
         return "" if found[1] == b"END" else (found[2] or b"").decode(errors="replace")
-    head, behind = code_and_rest(line) if _OBJECT_NUMBER in line else (b"", b"")
+    head, behind = split_code(line) if _OBJECT_NUMBER in line else (b"", b"")
     if parse(head)[0] == b"M486" and (found := _M486.match(behind)):
         value = found[2].strip().strip(b'"').decode(errors="replace")
         if found[1] == b"S":

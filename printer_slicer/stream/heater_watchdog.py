@@ -15,7 +15,7 @@ from math import inf
 from typing import TYPE_CHECKING, Final
 
 from printer_slicer.gcode.lexer import parse
-from printer_slicer.gcode.state import heater_target
+from printer_slicer.gcode.state import find_heater_target
 from printer_slicer.stream.events import (
     Accepted,
     Action,
@@ -100,7 +100,7 @@ class HeaterWatchdog:
         if word.startswith(b"T") and word[1:].isdigit():
             self._tool = word[1:].decode()
             return
-        target = heater_target(word, values)
+        target = find_heater_target(word, values)
         if target is None:
             return
         heater = _REPORTED[target.heater]

@@ -14,7 +14,7 @@ from math import exp2, floor, inf, log2
 from typing import TYPE_CHECKING, Final
 
 from printer_slicer.gcode.commands import TABLE, Effect, commands_that
-from printer_slicer.gcode.lexer import number_and_command, parse, strip
+from printer_slicer.gcode.lexer import parse, split_line_number, strip
 from printer_slicer.gcode.state import MachineState
 from printer_slicer.motion.planner_clock import PlannerClock
 from printer_slicer.motion.rules import make_block
@@ -125,7 +125,7 @@ class LinkMeter:
         """Record bytes sent at `now`, s."""
         self._bytes += len(data)
         for line in data.split(b"\n"):
-            number, command = number_and_command(line)
+            number, command = split_line_number(line)
             if number is None:
                 continue
             if not strip(command):  # M110

@@ -20,7 +20,7 @@ from printer_slicer.gcode import read_moves
 from printer_slicer.gcode.lexer import is_macro, parse, read_commands
 from printer_slicer.gcode.move_actions import ReaderState
 from printer_slicer.gcode.reader import MoveReader
-from printer_slicer.gcode.state import MachineState, heater_target
+from printer_slicer.gcode.state import MachineState, find_heater_target
 from printer_slicer.inspection.lint.scan import scan
 from printer_slicer.printing.objects import LiveJob
 from printer_slicer.profile import load_profile
@@ -124,7 +124,7 @@ def test_all_interpreters_agree_on_any_program(flavour: str, data: st.DataObject
         assert_hosts_follow(state, script, job)
         assert_lint_reads(command)
         assert not is_macro(command)
-        target = heater_target(*parse(command))
+        target = find_heater_target(*parse(command))
         if target is not None and target.celsius > CEILING[target.heater]:
             too_hot.add(command.decode().upper())
         if {b"S", b"R"} & parse(command)[1].keys():

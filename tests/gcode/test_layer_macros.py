@@ -14,7 +14,7 @@ from printer_slicer.commands import split_gcode
 from printer_slicer.errors import ProfileError
 from printer_slicer.firmware import FLAVOURS
 from printer_slicer.gcode import Moves, read_moves, write_gcode
-from printer_slicer.gcode.facts import end_facts, layer_facts, print_facts
+from printer_slicer.gcode.facts import collect_end_facts, collect_layer_facts, collect_print_facts
 from printer_slicer.gcode_text import gcode_of
 from printer_slicer.inspection.dry_run.runner import dry_run
 from printer_slicer.macros import Value, known_names, read_template
@@ -140,7 +140,7 @@ def test_the_examples_of_the_document_are_true(macro: str, expected: str) -> Non
 def test_the_document_names_every_fact_and_every_function() -> None:
     text = DOCUMENT.read_text("utf-8")
     settings = {name for key, _ in settings_text(plain()) for name in (key, key.partition(".")[2])}
-    facts = FACTS | set(layer_facts(sliced(), 0, 0, 0))
+    facts = FACTS | set(collect_layer_facts(sliced(), 0, 0, 0))
     short = {"first_layer_min_y", "first_layer_max_y"}  # told as `first_layer_min_x` and `_y`
 
     assert len(examples()) > 10
@@ -149,8 +149,8 @@ def test_the_document_names_every_fact_and_every_function() -> None:
 
 
 def test_every_name_that_imports_count_on_has_a_value() -> None:
-    everywhere, layers = print_facts(sliced(), plain()), layer_facts(sliced(), 0, 0, 0)
-    end = end_facts(sliced(), plain())
+    everywhere, layers = collect_print_facts(sliced(), plain()), collect_layer_facts(sliced(), 0, 0, 0)
+    end = collect_end_facts(sliced(), plain())
     settings = {name for key, _ in settings_text(plain()) for name in (key, key.partition(".")[2])}
 
     assert known_names("start_gcode") <= everywhere.keys()

@@ -8,7 +8,7 @@ import pytest
 
 from printer_slicer.errors import ProfileError
 from printer_slicer.gcode import write_gcode
-from printer_slicer.gcode.facts import print_facts
+from printer_slicer.gcode.facts import collect_print_facts
 from printer_slicer.gcode.inserted_lines import read_macro
 from printer_slicer.model import Program
 from printer_slicer.pipeline import slice_part
@@ -27,7 +27,7 @@ def with_start(text: str, **changes: Any) -> Profile:
 
 
 def filled(program: Program, wanted: Profile) -> list[str]:
-    return read_macro(wanted, "start_gcode").render(print_facts(program, wanted))
+    return read_macro(wanted, "start_gcode").render(collect_print_facts(program, wanted))
 
 
 def test_names_become_numbers_without_needless_zeros(program: Program) -> None:
@@ -71,7 +71,7 @@ def test_the_first_layer_reaches_from_its_first_bead_to_its_last() -> None:
     lines = slice_part(
         box((20, 10, 2)), plain(perimeters=0, infill_density=1, infill_angle_deg=0, infill_overlap=0)
     )
-    known: Any = print_facts(lines, plain())
+    known: Any = collect_print_facts(lines, plain())
     first = (lines.layer == 0) & (lines.role != Role.TRAVEL)
 
     assert known["first_layer_min_x"] == pytest.approx(

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from printer_slicer.arrays import Float
-from printer_slicer.model import Areas, LayerPlan, Sections, Toolpaths, Travels, leaves
+from printer_slicer.model import Areas, LayerPlan, Sections, Toolpaths, Travels, find_travel_ends
 from printer_slicer.roles import Role
 from printer_slicer.travels import travel
 from tests.parts import profile, shapely
@@ -55,7 +55,7 @@ def travelled(area: Any, *points: Sequence[float], **changes: Any) -> tuple[Tool
 
 def way(paths: Toolpaths, travels: Travels, index: int) -> Float:
     """(n, 2) all points of a way."""
-    begin, end = leaves(paths)
+    begin, end = find_travel_ends(paths)
     between = travels.xy[travels.start[index] : travels.start[index + 1]]
     return np.concatenate([begin[index : index + 1], between, end[index : index + 1]])
 

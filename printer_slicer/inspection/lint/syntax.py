@@ -12,7 +12,7 @@ from typing import Final
 
 from printer_slicer.firmware import FIRMWARES, FLAVOURS
 from printer_slicer.gcode.commands import TABLE, Effect, names_that, takes_text
-from printer_slicer.gcode.lexer import LintCommand, code_and_rest, number_and_command, parse
+from printer_slicer.gcode.lexer import LintCommand, parse, split_code, split_line_number
 
 __all__ = ["lower_case_fault", "number_faults"]
 
@@ -70,7 +70,7 @@ def lower_case_fault(line: bytes, flavour: str) -> str:
     """
     if FLAVOURS[flavour].any_case or line == line.upper():
         return ""
-    head, rest = code_and_rest(number_and_command(line.strip())[1])
+    head, rest = split_code(split_line_number(line.strip())[1])
     if not head:
         return ""
     behind = rest.decode("latin-1")
