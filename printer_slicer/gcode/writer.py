@@ -80,20 +80,15 @@ def write_program(
         return text
     # Macros between the moves were timed one by one, from rest to rest. The whole file gives their real time.
     wanted = _estimate_seconds(text.decode("ascii").split("\n"), profile, dialect)
-    return _format_file(program, profile, dialect, facts, macro_time_factor=1 + (wanted - total) / taken)[0]
+    return _format_file(program, profile, dialect, facts, macro_factor=1 + (wanted - total) / taken)[0]
 
 
 def _format_file(
-    program: Program,
-    profile: Profile,
-    dialect: Dialect,
-    facts: ProgramFacts,
-    *,
-    macro_time_factor: float = 1.0,
+    program: Program, profile: Profile, dialect: Dialect, facts: ProgramFacts, *, macro_factor: float = 1.0
 ) -> tuple[bytes, float, float]:
     """Return the content of the file, its estimated time, s, and the time of macros between moves, s.
 
-    `macro_time_factor` is a factor for the time of these macros.
+    `macro_factor` is a factor for the time of these macros.
     """
     seconds, labels = facts.seconds, facts.labels
     each = np.zeros(program.n_moves) if seconds is None else seconds
@@ -117,7 +112,7 @@ def _format_file(
     )
     formatted = _format_moves(context)
     if seconds is not None:
-        taken = macro_time_factor * _estimate_macro_times(context, formatted.rows)
+        taken = macro_factor * _estimate_macro_times(context, formatted.rows)
         begins += taken
     total = None if seconds is None else float(begins[-1])
     first, *others = format_header(program, total, facts.facts, facts.made)
