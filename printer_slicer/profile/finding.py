@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from printer_slicer.name_search import ENDS_ALIKE, IN_ORDER, match_rank, name_words
-from printer_slicer.profile.folders import profile_paths
+from printer_slicer.profile.folders import profile_paths, profile_root
 
 __all__ = ["ProfileMatch", "display_name", "find_profiles", "suggest_profiles"]
 
@@ -85,10 +85,14 @@ def suggest_profiles(kind: str, text: str, folders: Sequence[Path] = ()) -> str:
 
 
 def _read_names(path: Path) -> tuple[str, str, str]:
-    """Read the display name and the model of a profile; return its file name, display name and model."""
+    """Read the display name and the model of a profile; return its file name, display name and model.
+
+    Only the model of a shipped profile counts: an imported profile of the same machine must not make it ambiguous.
+    """
     try:
         text = path.read_text(encoding="utf-8", errors="replace")
     except OSError:
         text = ""
     shown, model = _NAME.search(text), _MODEL.search(text)
-    return path.stem, shown[1] if shown else "", model[1] if model else ""
+    is_shipped = path.parent.parent == profile_root()
+    return path.stem, shown[1] if shown else "", model[1] if model and is_shipped else ""

@@ -202,4 +202,4 @@ def test_more_copies_than_the_bed_holds(part: Path) -> None:
 
     assert outcome.code == 3
     assert "500 copies of 12 x 12 mm" in outcome.err
-    assert "at most 121 at a time" in outcome.err
+    assert "at most 121 copies at a time" in outcome.err

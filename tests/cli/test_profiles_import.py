@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from printer_slicer.cli import main
+from printer_slicer.profile.finding import find_profiles
 from printer_slicer.profile.folders import VARIABLE, profile_root
 from tests.importing.files import FLAT, flat_file, ini
 from tests.importing.test_bundle import BUNDLE
@@ -36,7 +37,7 @@ def test_it_writes_three_files_that_slice(tmp_path: Path, capsys: pytest.Capture
         "materials/plain_pla.toml", "printers/little_printer.toml", "qualities/0_20mm_plain.toml",
     ]  # fmt: skip
     assert f"3 profiles written to {tmp_path / 'made'}" in said
-    flags = shlex.split(said.splitlines()[-1])[3:]
+    flags = shlex.split(said.partition("MODEL ")[2])
     assert main(["slice", "sample_parts/box.stl", "-o", str(tmp_path / "box.gcode"), "-q", *flags]) == 0
 
 
@@ -100,15 +101,24 @@ def test_the_command_at_the_end_works_as_it_is(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
+    box = Path("sample_parts/box.stl").resolve()
     monkeypatch.chdir(tmp_path)
     _, said, _ = run(capsys, flat_file(tmp_path), *where, *chosen)
-    program, *words = shlex.split(said.splitlines()[-1])
+    program, *words = shlex.split(said.splitlines()[-1].replace("MODEL", str(box)))
 
-    assert program == "printer-slicer"
+    assert (program, words[0]) == ("printer-slicer", "slice")
     assert not [word for word in words if word.endswith(".toml")]
-    assert main(words) == 0
-    shown = capsys.readouterr().out
-    assert "Little Printer" in shown or "Plain PLA" in shown
+    assert main([*words, "-o", "box.gcode"]) == 0
+    used = Path("box.gcode").read_text()
+    assert "printer.name = Little Printer" in used or "material.name = Plain PLA" in used
+
+
+def test_an_imported_printer_does_not_make_the_shipped_one_ambiguous(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run(capsys, flat_file(tmp_path, printer_model="ENDER3"), "-o", tmp_path)
+
+    assert find_profiles("printer", "Ender 3", [tmp_path])[0] == ("creality_ender3", "Creality Ender-3", True)
 
 
 def test_profiles_that_do_not_fit_together_are_shown_one_by_one(

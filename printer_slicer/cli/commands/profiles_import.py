@@ -371,6 +371,7 @@ def _next_command(
         names.setdefault(one.kind, path.stem)
     folders = [arguments.out] if arguments.out else []
     flags = [word for kind, name in names.items() for word in (f"--{kind}", name)]
+    command = ["profiles", "show"]
     try:
         load_profile(names.get("printer"), names.get("material"), names.get("quality"), folders=folders)
     except ProfileError as error:
@@ -378,8 +379,9 @@ def _next_command(
         yield f"  {error.remedy}"
         flags = list(next(iter(names.items())))
     else:
-        yield "slice, plan, dry-run and print take the same flags as:"
-    words = ["printer-slicer", "profiles", "show", *flags, *(f"--profiles={folder}" for folder in folders)]
+        command = ["slice", "MODEL"]
+        yield "to slice with them:"
+    words = ["printer-slicer", *command, *flags, *(f"--profiles={folder}" for folder in folders)]
     yield f"  {shlex.join(words)}"
 
 
