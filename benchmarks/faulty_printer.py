@@ -127,9 +127,9 @@ class FaultyPrinter:
         return self._inner.wakeup()
 
     @property
-    def working(self) -> bool:
+    def has_unanswered_command(self) -> bool:
         """As the printer's."""
-        return self._inner.working
+        return self._inner.has_unanswered_command
 
     def report(self) -> Report:
         """As the printer's."""

@@ -160,8 +160,10 @@ class _Session:
     def bounded(self) -> None:
         """What is kept is little."""
         printer = self.printer
-        if printer.unread > 70_000 or len(printer.state.out) > 20_000:
-            raise Outcome(f"{self.place}: keeps {printer.unread} bytes and {len(printer.state.out)} lines")
+        if printer.unread_bytes > 70_000 or len(printer.state.out) > 20_000:
+            raise Outcome(
+                f"{self.place}: keeps {printer.unread_bytes} bytes and {len(printer.state.out)} lines"
+            )
 
     def answers(self) -> None:
         """A printer that was not killed still answers, when it has come to the end of what it does."""
@@ -171,10 +173,15 @@ class _Session:
         before = self.executed
         for _ in range(6):
             self.wait(3.0)
-            if printer.state.killed or not printer.working:
+            if printer.state.killed or not printer.has_unanswered_command:
                 break
             self.send(b"M108\n" if self.chance.random() < 0.5 else b"\n")
-        if printer.state.killed or printer.working or printer.state.muted or self.chance.random() < 0.5:
+        if (
+            printer.state.killed
+            or printer.has_unanswered_command
+            or printer.state.muted
+            or self.chance.random() < 0.5
+        ):
             return
         last = f"N0 M110 N0*{checksum(b'N0 M110 N0')}\n".encode()
         self.wait(5.0)
@@ -182,7 +189,7 @@ class _Session:
             self.send(last)
             self.wait(5.0)
         if self.executed == before and not (
-            printer.state.card.writing or printer.working or printer.state.killed
+            printer.state.card.writing or printer.has_unanswered_command or printer.state.killed
         ):
             raise Outcome(f"{self.place}: takes nothing any more")
 

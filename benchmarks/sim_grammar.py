@@ -117,9 +117,9 @@ def grammar(name: str) -> re.Pattern[str]:
         firmware.wrong_checksum,
         firmware.no_checksum,
         firmware.no_number,
-        firmware.unknown,
+        firmware.unknown_reply,
     )
-    said += (*firmware.resend.split("\n"), *firmware.killed, *firmware.overheated)
+    said += (*firmware.resend.split("\n"), *firmware.halt_messages, *firmware.heater_fault_messages)
     lines += map(_filled, said)
     lines += [
         r".*FIRMWARE_NAME:.*",

@@ -151,8 +151,8 @@ class Executor:
         """Execute a command; the state behind it."""
         printer = self.printer
         self._number += 1
-        printer.hear(self._number, command.decode(), self._now)
-        while printer.working:
+        printer.receive_line(self._number, command.decode(), self._now)
+        while printer.has_unanswered_command:
             self._now = max(printer.wakeup() or self._now, self._now) + 1e-6
             printer.send(self._now)
         printer.send(self._now)

@@ -1,8 +1,7 @@
 """Apply the combined effect of a run of simple commands.
 
-Commands that only move or set something need not be executed one by one if nothing else can happen in between: no
-fault, report or wait. `BatchStart` holds the state that such commands depend on. The caller computes their combined
-effect and returns it as a `Batch`.
+Moves and settings need not be executed one by one while no fault, report or wait can occur between them. `BatchStart`
+holds the state that such commands depend on. The caller computes their combined effect and returns it as a `Batch`.
 """
 
 from __future__ import annotations
@@ -10,8 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from printer_slicer.sim.commands import run
-from printer_slicer.sim.move_commands import FARTHEST
+from printer_slicer.sim.commands import start_command
+from printer_slicer.sim.move_commands import MAX_DISTANCE_OUTSIDE
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -26,28 +25,31 @@ __all__ = ["Batch", "BatchStart"]
 
 @dataclass(frozen=True, slots=True)
 class BatchStart:
-    """The state of a printer before a run of commands.
+    """The state of a printer before a run of simple commands.
 
     Attributes:
-        position: where the plan ends, x, y, z from the endstops, and e as the program counts it; mm.
+        position: end of the planned motion: x, y, z from the endstops, e as the program counts it; mm.
         offset: logical minus machine coordinates of x, y, z, mm.
-        relative, relative_e: whether words of x, y, z and of e are relative.
+        relative: whether the words X, Y and Z are relative.
+        relative_e: whether the word E is relative.
         unit: mm per unit of the program.
         feed: last feed rate, mm/s.
-        speed_ratio: of M220.
-        e_ratio: mm of filament for a unit of E.
-        filament: mm fed since power-on, as planned.
+        speed_ratio: speed override of M220, 1 for 100 %.
+        e_ratio: mm of filament per unit of E.
+        filament: mm of filament fed since power-on, at the end of the planned motion.
         limits: current motion limits.
         low, high: corners of the box in which moves are not clipped, mm.
-        moves, feeds: whether moves are executed, and whether moves may feed filament.
+        moves: whether moves cause no violation because of missing homing.
+        feeds: whether moves may feed filament.
         longest_extrusion: mm of filament that one move may feed.
-        targets, bed_targets: lowest and highest target, °C, that is accepted unchanged and allows extrusion.
-        planned: the running move and the queued moves.
+        targets: lowest target of the hotend that allows extrusion, and its highest target, °C.
+        bed_targets: lowest and highest target of the bed, °C.
+        planned: running and queued moves.
         busy_seconds: interval of busy reports, s; 0: none.
         busy_bytes: length of a busy report.
         commands: number of executed commands.
         until: time of the next event that no command causes, s.
-        state: of the firmware; used by the methods.
+        state: state of the firmware; used by the methods.
     """
 
     position: Axes
@@ -75,12 +77,12 @@ class BatchStart:
     state: FirmwareState
 
     @classmethod
-    def of(cls, state: FirmwareState, until: float) -> BatchStart | None:
-        """Return the start of a batch for a firmware state; None while nothing moves."""
+    def from_state(cls, state: FirmwareState, until: float) -> BatchStart | None:
+        """Return the state before a batch, which can be applied until the time `until`, s; None while nothing moves."""
         planned, machine = state.motion_queue.planned, state.machine
         if planned is None:
             return None
-        over = 0.0 if state.clips_moves else FARTHEST
+        over = 0.0 if state.clips_moves else MAX_DISTANCE_OUTSIDE
         (x0, y0, z0), (x1, y1, z1) = machine.box_min, machine.box_max
         return cls(
             position=state.position,
@@ -108,18 +110,18 @@ class BatchStart:
             state=state,
         )
 
-    def limits_after(self, texts: Sequence[str]) -> list[MotionLimits]:
-        """Return the limits after each of several M204 commands, without changing the state."""
+    def limits_after_commands(self, texts: Sequence[str]) -> list[MotionLimits]:
+        """Return the motion limits after each of these M204 commands, without changing the state."""
         found: list[MotionLimits] = []
         for text in texts:
-            run(self.state, text)
+            start_command(self.state, text)
             found.append(self.state.limits)
         if found:
             self.state.set_limits(self.limits)
         return found
 
-    def place_bytes(self, position: Axes) -> int:
-        """Return the length of a position report, bytes."""
+    def position_report_bytes(self, position: Axes) -> int:
+        """Return the length of a position report (M114) at a position, bytes."""
         state, here = self.state, self.state.position
         state.position = position
         size = len(state.position_report()) + 1
@@ -132,21 +134,22 @@ class Batch:
     """The combined effect of a run of commands.
 
     Attributes:
-        texts: of the executed commands.
-        number: of the last line.
+        texts: executed commands.
+        number: line number of the last command.
         now: time of the last command, s.
         timed: commands that change heaters, fans and displays, with their times, s.
         extruded_at: time of the last extrusion, s; -infinity without any.
-        position: end of the planned motion, x, y, z, e.
+        position: end of the planned motion, x, y, z, e, mm.
         feed: last feed rate, mm/s.
         limits: motion limits at the end.
         planned: running and queued moves at the end.
-        seconds: total duration of the started moves.
-        fed, retracted: mm of filament.
+        seconds: total duration of the moves that have started, s.
+        fed, retracted: filament fed and retracted, mm.
         low, high: corners of the box around all extrusions, mm; None without any.
-        heights: z with extrusion, mm, in the order of the first time.
+        heights: heights z with extrusion, mm, in the order of their first extrusion.
         peak_feed: highest feed of filament at the cruise speed of an extrusion, mm/s.
-        rows, row_seconds: bytes of the planned moves and of the durations of the started ones, as in `MoveLog`.
+        rows: rows of the planned moves, as bytes, in the format of `MoveLog`.
+        row_seconds: durations of the moves that have started, as bytes, in the format of `MoveLog`.
     """
 
     texts: Sequence[str]
@@ -171,23 +174,23 @@ class Batch:
     def apply(self, state: FirmwareState) -> None:
         """Apply the effect to a firmware state."""
         state.apply_flow_cooling()
-        state.heaters.flow(self.fed - self.retracted, self.now - state.now)
+        state.heaters.start_steady_flow(self.fed - self.retracted, self.now - state.now)
         for moment, text in self.timed:
             state.now = moment
-            run(state, text)
+            start_command(state, text)
         state.now = self.now
         if not state.hot and self.extruded_at > (self.timed[-1][0] if self.timed else state.now):
-            state.is_warm_enough()
+            state.is_hot_enough_to_extrude()
         state.position, state.feed = self.position, self.feed
         state.filament += self.fed - self.retracted
         if state.limits != self.limits:
             state.set_limits(self.limits)
         state.motion_queue.skip_to(self.planned, self.seconds)
-        state.heaters.flowed(state.motion_queue.position(self.now)[3], self.now)
+        state.heaters.end_steady_flow(state.motion_queue.position(self.now)[3], self.now)
         statistics = state.statistics
         if statistics.move_log is not None:
             statistics.move_log.add_batch(self.rows, self.row_seconds)
-        statistics.executed_many(self.texts)
+        statistics.count_commands(self.texts)
         statistics.filament_fed += self.fed
         statistics.filament_retracted += self.retracted
         statistics.peak_feed = max(statistics.peak_feed, self.peak_feed)

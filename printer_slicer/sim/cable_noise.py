@@ -1,4 +1,4 @@
-"""Random transmission errors of a cable."""
+"""Random transmission errors on a cable."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ class RandomSource(Protocol):
     """A random number generator, such as a seeded `random.Random`."""
 
     def random(self) -> float:
-        """Return a number from 0 to below 1."""
+        """Return a number of the interval [0, 1)."""
 
     def randrange(self, stop: int, /) -> int:
-        """Return an integer from 0 to below `stop`."""
+        """Return an integer from 0 to `stop` - 1."""
 
 
 class CableNoise:
     """Random bit flips, lost bytes and inserted bytes.
 
-    Each byte is affected independently. Bytes are never repeated, delayed or reordered. A flip inverts one bit, an
-    insertion puts a random byte in front. The line checksum is a plain XOR: two flips of the same bit, or two lost
-    equal bytes, are not detected, so altered lines can be executed.
+    Each byte is affected independently. Bytes are never repeated, delayed or reordered. A flip inverts one bit. An
+    insertion adds a random byte before a byte. The line checksum is a plain XOR. It does not detect two flips of the
+    same bit or the loss of two equal bytes, so damaged lines can be executed.
 
     Attributes:
-        flipped, dropped, inserted: number of bytes so far, both directions together.
+        flipped, dropped, inserted: number of flipped, dropped and inserted bytes so far, in both directions.
     """
 
     def __init__(
@@ -40,7 +40,7 @@ class CableNoise:
         self._insert = insert
 
     def __call__(self, data: bytes, direction: Direction) -> bytes:
-        """Return what arrives of `data`; both directions are treated alike."""
+        """Return `data` with random errors; both directions have the same error rates."""
         del direction
         whole = self._flip + self._drop + self._insert
         out = bytearray()

@@ -26,43 +26,45 @@ if TYPE_CHECKING:
     from printer_slicer.sim.simulated_firmware import SimulatedFirmware
 
     Handler = Callable[[FirmwareState, Command], Steps | None]
-    Straight = Callable[[FirmwareState, Sequence[str | float | None]], Steps | None]
+    MoveExecutor = Callable[[FirmwareState, Sequence[str | float | None]], Steps | None]
 
-__all__ = ["move_executor", "run"]
+__all__ = ["choose_move_executor", "start_command"]
 
-_MARLIN: Final[dict[str, Handler]] = {
+_MARLIN_COMMANDS: Final[dict[str, Handler]] = {
     **move_commands.TABLE,
     **heater_commands.TABLE,
     **settings_commands.TABLE,
     **pause_commands.TABLE,
     **card_commands.TABLE,
 }
-_OWN: Final[dict[str, dict[str, Handler]]] = {
-    "marlin": _MARLIN,
-    "klipper": {code: handler for code, handler in _MARLIN.items() if code in klipper.KNOWN},
-    "virtual": _MARLIN,
+_LANGUAGE_COMMANDS: Final[dict[str, dict[str, Handler]]] = {
+    "marlin": _MARLIN_COMMANDS,
+    "klipper": {
+        code: handler for code, handler in _MARLIN_COMMANDS.items() if code in klipper.SHARED_COMMANDS
+    },
+    "virtual": _MARLIN_COMMANDS,
 }
 _TABLES: Final[dict[tuple[str, str], dict[str, Handler]]] = {
     (language, dialect): {
-        **own,
-        **meant,
+        **language_commands,
+        **dialect_handlers,
         **(klipper.TABLE if language == "klipper" else {}),
         **(octoprint_virtual.TABLE if language == "virtual" else {}),
     }
-    for language, own in _OWN.items()
-    for dialect, meant in DIALECT_COMMANDS.items()
+    for language, language_commands in _LANGUAGE_COMMANDS.items()
+    for dialect, dialect_handlers in DIALECT_COMMANDS.items()
 }
 
-_EXTENDED: Final = re.compile(r"(?i)_?[A-Z]+_[A-Z_]+\b").match
+_match_extended: Final = re.compile(r"(?i)_?[A-Z]+_[A-Z_]+\b").match
 """Match an extended command of Klipper: a word with an underscore, in either case."""
 
 
-def run(state: FirmwareState, text: str) -> Steps | None:
-    """Start a command; return None if it is done, else its remaining steps."""
+def start_command(state: FirmwareState, text: str) -> Steps | None:
+    """Start a command; return its remaining steps, or None if it is done at once."""
     command = Command(text, any_case=state.firmware.any_case)
     code = command.code or command.name
-    if state.shut_down and code not in klipper.ANYWAY:
-        klipper.refuse_shut_down(state)
+    if state.shut_down and code not in klipper.ALLOWED_AFTER_SHUTDOWN:
+        klipper.send_shutdown_reply(state)
         return None
     firmware = state.firmware
     handler = _TABLES[firmware.language, firmware.dialect].get(code)
@@ -72,26 +74,28 @@ def run(state: FirmwareState, text: str) -> Steps | None:
         return handler(state, command)
     has_macros = firmware.ignores_extended or firmware.language == "klipper"
     if has_macros and match_start_macro(text):
-        return _made_ready(state, text)
-    if not ((firmware.ignores_extended and _EXTENDED(text)) or (has_macros and match_end_macro(text))):
-        state.unknown(text)
+        return _run_start_macro(state, text)
+    if not ((firmware.ignores_extended and _match_extended(text)) or (has_macros and match_end_macro(text))):
+        state.reply_unknown_command(text)
     return None
 
 
-def _made_ready(state: FirmwareState, text: str) -> Steps:
-    """Execute a start macro of the printer: home, and heat to the given temperatures."""
-    asked = macro_temperatures(text)
+def _run_start_macro(state: FirmwareState, text: str) -> Steps:
+    """Execute a start macro of the printer: home, then heat to the temperatures that the macro gets."""
+    temperatures = macro_temperatures(text)
     codes = {"bed": "M190", "nozzle": "M109"}
     lines = [] if all(state.homed) else ["G28"]
-    lines += [f"{codes[heater]} S{degrees:g}" for heater, degrees in asked.items()]
+    lines += [f"{codes[heater]} S{degrees:g}" for heater, degrees in temperatures.items()]
     for line in lines:
-        left = run(state, line)
-        if left is not None:
-            yield from left
-    if state.hotend.target < state.coldest_extrusion:  # the macro on the printer knows the temperature
+        steps = start_command(state, line)
+        if steps is not None:
+            yield from steps
+    if (
+        state.hotend.target < state.coldest_extrusion
+    ):  # the macro has a temperature of its own, which is not known here
         state.cold_allowed, state.hot = True, False
 
 
-def move_executor(firmware: SimulatedFirmware) -> Straight:
-    """Return the function that executes a G0 or G1 of the usual form, which has to be fast."""
+def choose_move_executor(firmware: SimulatedFirmware) -> MoveExecutor:
+    """Return the function that executes an ordinary G0 or G1; it skips the command tables to be fast."""
     return klipper.execute_move if firmware.language == "klipper" else move_commands.execute_move

@@ -1,4 +1,4 @@
-"""Commands of other dialects than that of Marlin 2, or with a different meaning there.
+"""G-code commands that other firmwares than Marlin 2 add or define differently.
 
 The simulated printer replies as Marlin does; these tables let it execute files for other firmwares. The `firmware`
 package names the sources.
@@ -9,19 +9,19 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
-from printer_slicer.sim.heater_commands import tool_target, wait_for_all
-from printer_slicer.sim.klipper import unparsed
-from printer_slicer.sim.machine import AXES, replaced
+from printer_slicer.sim.heater_commands import set_tool_temperature, wait_for_all_heaters
+from printer_slicer.sim.klipper import reject_invalid_numbers
+from printer_slicer.sim.machine import AXES, replace_axis_values
 from printer_slicer.sim.move_commands import (
-    firmware_retraction,
     linear_move,
     linear_move_with_zeros,
-    machine_move,
+    move_in_machine_coordinates,
     offset_next_homing,
-    probe,
+    probe_bed,
+    retract_or_recover,
 )
-from printer_slicer.sim.pause_commands import ask_person
-from printer_slicer.sim.settings_commands import limit_accelerations, nothing, positive
+from printer_slicer.sim.pause_commands import wait_for_person
+from printer_slicer.sim.settings_commands import ignore_command, positive_values, set_accelerations
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -31,16 +31,16 @@ if TYPE_CHECKING:
 
 __all__ = ["DIALECT_COMMANDS"]
 
-_MINUTE: Final = 60.0
+_SECONDS_PER_MINUTE: Final = 60.0
 
 
-def _velocity_limit(state: FirmwareState, command: Command) -> None:
+def _set_velocity_limit(state: FirmwareState, command: Command) -> None:
     """SET_VELOCITY_LIMIT of Klipper: set the acceleration of all moves."""
     value = command.setting("ACCEL")
-    limit_accelerations(state, value, value, value)
+    set_accelerations(state, value, value, value)
 
 
-def _retraction(state: FirmwareState, command: Command) -> None:
+def _set_retraction(state: FirmwareState, command: Command) -> None:
     """SET_RETRACTION of Klipper: set lengths and speeds of retraction."""
     names = ("RETRACT_LENGTH", "RETRACT_SPEED", "UNRETRACT_SPEED", "UNRETRACT_EXTRA_LENGTH")
     new = zip((command.setting(name) for name in names), state.retraction, strict=True)
@@ -48,58 +48,58 @@ def _retraction(state: FirmwareState, command: Command) -> None:
     state.retraction = length, back, forward, extra
 
 
-def _speeds_per_minute(state: FirmwareState, command: Command) -> None:
+def _set_speeds_per_minute(state: FirmwareState, command: Command) -> None:
     """M203 of RepRapFirmware: set maximum speeds in mm/min."""
-    new = {axis: value / _MINUTE for axis, value in positive(command, AXES).items()}
-    state.set_limits(replace(state.limits, max_speed=replaced(state.limits.max_speed, new)))
+    new = {axis: value / _SECONDS_PER_MINUTE for axis, value in positive_values(command, AXES).items()}
+    state.set_limits(replace(state.limits, max_speed=replace_axis_values(state.limits.max_speed, new)))
 
 
-def _jerks_per_minute(state: FirmwareState, command: Command) -> None:
+def _set_jerks_per_minute(state: FirmwareState, command: Command) -> None:
     """M566 of RepRapFirmware: set jerk in mm/min."""
-    new = {axis: value / _MINUTE for axis, value in positive(command, AXES).items()}
-    state.set_limits(replace(state.limits, jerk=replaced(state.limits.jerk, new)))
+    new = {axis: value / _SECONDS_PER_MINUTE for axis, value in positive_values(command, AXES).items()}
+    state.set_limits(replace(state.limits, jerk=replace_axis_values(state.limits.jerk, new)))
 
 
-def _print_acceleration(state: FirmwareState, command: Command) -> None:
+def _set_print_acceleration(state: FirmwareState, command: Command) -> None:
     """M201 of Repetier: set the printing acceleration."""
-    limit_accelerations(state, printing=min(positive(command, "XY").values(), default=None))
+    set_accelerations(state, printing=min(positive_values(command, "XY").values(), default=None))
 
 
-def _travel_acceleration(state: FirmwareState, command: Command) -> None:
+def _set_travel_acceleration(state: FirmwareState, command: Command) -> None:
     """M202 of Repetier: set the travel acceleration."""
-    limit_accelerations(state, travel=min(positive(command, "XY").values(), default=None))
+    set_accelerations(state, travel=min(positive_values(command, "XY").values(), default=None))
 
 
-def _jerks(state: FirmwareState, command: Command) -> None:
+def _set_jerks(state: FirmwareState, command: Command) -> None:
     """M207 of Repetier: set jerk; X applies to Y too."""
-    new = positive(command, AXES)
+    new = positive_values(command, AXES)
     new |= {"Y": new["X"]} if "X" in new else {}
-    state.set_limits(replace(state.limits, jerk=replaced(state.limits.jerk, new)))
+    state.set_limits(replace(state.limits, jerk=replace_axis_values(state.limits.jerk, new)))
 
 
-def _accelerations(state: FirmwareState, command: Command) -> None:
-    """M204 of Smoothieware: set accelerations, S for all moves, E for the extruder alone."""
-    new = positive(command, "SE")
-    limit_accelerations(state, new.get("S"), new.get("S"), new.get("E"))
+def _set_accelerations_of_smoothie(state: FirmwareState, command: Command) -> None:
+    """M204 of Smoothieware: set accelerations, S for all moves, E for moves of the extruder alone."""
+    new = positive_values(command, "SE")
+    set_accelerations(state, new.get("S"), new.get("S"), new.get("E"))
 
 
-def _junction_deviation(state: FirmwareState, command: Command) -> None:
+def _set_junction_deviation(state: FirmwareState, command: Command) -> None:
     """M205 of Smoothieware: set the junction deviation."""
-    deviation = positive(command, "X").get("X", state.limits.junction_deviation)
+    deviation = positive_values(command, "X").get("X", state.limits.junction_deviation)
     state.set_limits(replace(state.limits, junction_deviation=deviation))
 
 
 def _retract_or_set_tool_temperature(state: FirmwareState, command: Command) -> Steps | None:
-    """G10 of RepRapFirmware: with P set a tool temperature (Duet3D's G-code dictionary, "G10"), else retract."""
+    """G10 of RepRapFirmware: set a tool temperature if P is given, else retract (Duet3D's G-code dictionary)."""
     if command.value("P") is None:
-        return firmware_retraction(state, command)
-    tool_target(state, command)
+        return retract_or_recover(state, command)
+    set_tool_temperature(state, command)
     return None
 
 
-def _parsed_line(state: FirmwareState, command: Command) -> Steps | None:
-    """G0, G1 of Klipper: reject invalid numbers."""
-    return None if unparsed(state, command) else linear_move(state, command)
+def _move_if_valid(state: FirmwareState, command: Command) -> Steps | None:
+    """G0, G1 of Klipper: move, unless the command has an invalid number."""
+    return None if reject_invalid_numbers(state, command) else linear_move(state, command)
 
 
 DIALECT_COMMANDS: Final[dict[str, dict[str, Callable[[FirmwareState, Command], Steps | None]]]] = {
@@ -108,53 +108,53 @@ DIALECT_COMMANDS: Final[dict[str, dict[str, Callable[[FirmwareState, Command], S
     "prusa": {
         "G0": linear_move_with_zeros,
         "G1": linear_move_with_zeros,
-        "G80": probe,
-        "M403": nothing,  # filament type for the MMU
-        "M862.1": nothing,  # nozzle, model, firmware: whether the file is for this printer
-        "M862.2": nothing,
-        "M862.3": nothing,
-        "M862.4": nothing,
-        "M862.5": nothing,
-        "M862.6": nothing,
-        "M907": nothing,
+        "G80": probe_bed,
+        "M403": ignore_command,  # filament type for the MMU
+        "M862.1": ignore_command,  # checks that nozzle, model and firmware fit the file
+        "M862.2": ignore_command,
+        "M862.3": ignore_command,
+        "M862.4": ignore_command,
+        "M862.5": ignore_command,
+        "M862.6": ignore_command,
+        "M907": ignore_command,
     },
     "klipper": {
-        "G0": _parsed_line,
-        "G1": _parsed_line,
-        "M200": lambda state, command: state.unknown(command.text),
-        "PAUSE": ask_person,
-        "SET_RETRACTION": _retraction,
-        "SET_VELOCITY_LIMIT": _velocity_limit,
+        "G0": _move_if_valid,
+        "G1": _move_if_valid,
+        "M200": lambda state, command: state.reply_unknown_command(command.text),
+        "PAUSE": wait_for_person,
+        "SET_RETRACTION": _set_retraction,
+        "SET_VELOCITY_LIMIT": _set_velocity_limit,
     },
     "reprapfirmware": {
         "G10": _retract_or_set_tool_temperature,
-        "G53": machine_move,
-        "M116": wait_for_all,
-        "M203": _speeds_per_minute,
-        "M226": ask_person,
-        "M566": _jerks_per_minute,
-        "M568": tool_target,
-        "M572": nothing,
+        "G53": move_in_machine_coordinates,
+        "M116": wait_for_all_heaters,
+        "M203": _set_speeds_per_minute,
+        "M226": wait_for_person,
+        "M566": _set_jerks_per_minute,
+        "M568": set_tool_temperature,
+        "M572": ignore_command,
     },
     "repetier": {
         "G0": linear_move_with_zeros,
         "G1": linear_move_with_zeros,
-        "@pause": ask_person,
-        "M201": _print_acceleration,
-        "M202": _travel_acceleration,
-        "M203": nothing,
-        "M204": nothing,
-        "M205": nothing,
-        "M206": nothing,
-        "M207": _jerks,
-        "M208": nothing,
+        "@pause": wait_for_person,
+        "M201": _set_print_acceleration,
+        "M202": _set_travel_acceleration,
+        "M203": ignore_command,
+        "M204": ignore_command,
+        "M205": ignore_command,
+        "M206": ignore_command,
+        "M207": _set_jerks,
+        "M208": ignore_command,
     },
     "smoothie": {
         "G0": linear_move_with_zeros,
         "G1": linear_move_with_zeros,
-        "M204": _accelerations,
-        "M205": _junction_deviation,
-        "G53": machine_move,
+        "M204": _set_accelerations_of_smoothie,
+        "M205": _set_junction_deviation,
+        "G53": move_in_machine_coordinates,
         "M206": offset_next_homing,
     },
 }

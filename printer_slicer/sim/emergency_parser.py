@@ -10,8 +10,8 @@ from typing import Final
 
 __all__ = ["URGENT_CODES", "EmergencyParser"]
 
-_URGENT: Final = re.compile(rb" *(?:N[-0-9 ]*)?(M108|M112|M410|M524|M876 *S[0-9])").match
-"""Match an urgent command at the start of a line."""
+_match_urgent: Final = re.compile(rb" *(?:N[-0-9 ]*)?(M108|M112|M410|M524|M876 *S[0-9])").match
+"""Matches an urgent command at the start of a line."""
 
 URGENT_CODES: Final = frozenset({"M108", "M112", "M410"})
 """Urgent commands that are recognized without an emergency parser when an unnumbered line is queued."""
@@ -21,16 +21,16 @@ class EmergencyParser:
     """Recognizes urgent commands as soon as their line is complete.
 
     Args:
-        longest: maximum line length, bytes.
+        max_length: maximum line length, bytes.
     """
 
-    def __init__(self, longest: int) -> None:
-        self._longest = longest
-        self._arriving = b""
+    def __init__(self, max_length: int) -> None:
+        self._max_length = max_length
+        self._partial_line = b""
 
-    def arrive(self, data: bytes) -> list[str]:
-        """Return the urgent commands completed by these bytes."""
-        data = self._arriving + data.replace(b"\r", b"\n")
+    def add_bytes(self, data: bytes) -> list[str]:
+        """Add received bytes; return the urgent commands whose lines they complete."""
+        data = self._partial_line + data.replace(b"\r", b"\n")
         *lines, rest = data.split(b"\n")
-        self._arriving = rest[: self._longest]
-        return [match[1][:4].decode() for match in map(_URGENT, lines) if match is not None]
+        self._partial_line = rest[: self._max_length]
+        return [match[1][:4].decode() for match in map(_match_urgent, lines) if match is not None]

@@ -12,16 +12,16 @@ class FaultInjector(Protocol):
     """Injects faults into a printer at given times; see `faults.Faults`.
 
     Attributes:
-        due: time of the next fault that depends on time only, s.
+        due: time of the next fault that starts at a given time, s.
     """
 
     due: float
 
-    def take(self, printer: Any) -> None:
-        """Attach to a printer."""
+    def attach_to(self, printer: Any) -> None:
+        """Attach the faults to a printer."""
 
-    def watch(self, on_executed: Callable[[str], None] | None) -> Callable[[str], None]:
-        """Wrap the callback for executed commands to detect faults tied to lines or layers."""
+    def wrap_callback(self, on_executed: Callable[[str], None] | None) -> Callable[[str], None]:
+        """Return a callback for executed commands that also detects faults due at a line or layer."""
 
-    def strike(self, now: float) -> None:
-        """Inject all faults that are due."""
+    def inject_due_faults(self, now: float) -> None:
+        """Inject all faults that are due at `now`, s."""

@@ -1,4 +1,4 @@
-"""Read fault scripts: TOML files with faults to inject.
+"""Read fault scripts, which are TOML files that list the faults to inject.
 
 seed = 7                  # optional; --seed overrides it
 
@@ -8,7 +8,7 @@ rate = 1e-4
 
 [[fault]]
 kind = "hang"
-line = 1500               # or layer, z, time; without any of them from the start
+line = 1500               # or layer, z or time; without any of them, the fault acts from the start
 seconds = 5
 """
 
@@ -39,24 +39,24 @@ _KEYS: Final[Mapping[str, tuple[str, ...]]] = {
     "clog": ("share", "seconds"),
     "runout": (),
 }
-"""Keys of each kind, besides its start."""
+"""Keys of each kind of fault, besides those for its start."""
 
-_NEEDED: Final[Mapping[str, str]] = {
+_REQUIRED_KEY: Final[Mapping[str, str]] = {
     **dict.fromkeys(("flip", "drop", "insert", "duplicate"), "rate"),
     "heater": "state",
     "sensor": "temperature",
 }
 _OLD_NAMES: Final[Mapping[str, str]] = {"way": "direction", "reads": "temperature"}
-"""Names of keys until version 0.2."""
-_MOMENTS: Final = ("line", "layer", "z", "time")
+"""Former names of keys, until version 0.2, with the present ones."""
+_START_KEYS: Final = ("line", "layer", "z", "time")
 
 
-def _number(low: float, high: float, *, whole: bool = False) -> tuple[str, Callable[[Any], bool]]:
-    """Return the description and the check of a number within bounds."""
+def _make_number_check(low: float, high: float, *, whole: bool = False) -> tuple[str, Callable[[Any], bool]]:
+    """Return the description of a number within bounds, and a function that checks it."""
     kinds = (int,) if whole else (int, float)
-    words = f"a {'whole ' if whole else ''}number from {low:g} to {high:g}"
+    description = f"a {'whole ' if whole else ''}number from {low:g} to {high:g}"
     return (
-        words,
+        description,
         lambda value: (
             isinstance(value, kinds)
             and not isinstance(value, bool)
@@ -66,101 +66,105 @@ def _number(low: float, high: float, *, whole: bool = False) -> tuple[str, Calla
     )
 
 
-def _one_of(*names: str) -> tuple[str, Callable[[Any], bool]]:
-    """Return the description and the check of a choice of words."""
+def _make_choice_check(*names: str) -> tuple[str, Callable[[Any], bool]]:
+    """Return the description of a choice of words, and a function that checks it."""
     return "one of " + ", ".join(f'"{name}"' for name in names), lambda value: value in names
 
 
-_VALUES: Final[Mapping[str, tuple[str, Callable[[Any], bool]]]] = {
-    "line": _number(0, 1e9, whole=True),
-    "layer": _number(1, 1e6, whole=True),
-    "z": _number(0, 1e4),
-    "time": _number(0, 1e8),
-    "seconds": _number(0, 1e8),
-    "rate": _number(0, 1),
-    "count": _number(1, 1e9, whole=True),
-    "bytes": _number(1, 1e6, whole=True),
-    "direction": _one_of(*_DIRECTIONS),
-    "heater": _one_of("bed", *(f"E{n}" for n in range(10))),
-    "state": _one_of("off", "on"),
-    "temperature": _number(-300, 2000),
-    "axis": _one_of("x", "y", "z"),
-    "share": _number(0, 1),
+_VALUE_CHECKS: Final[Mapping[str, tuple[str, Callable[[Any], bool]]]] = {
+    "line": _make_number_check(0, 1e9, whole=True),
+    "layer": _make_number_check(1, 1e6, whole=True),
+    "z": _make_number_check(0, 1e4),
+    "time": _make_number_check(0, 1e8),
+    "seconds": _make_number_check(0, 1e8),
+    "rate": _make_number_check(0, 1),
+    "count": _make_number_check(1, 1e9, whole=True),
+    "bytes": _make_number_check(1, 1e6, whole=True),
+    "direction": _make_choice_check(*_DIRECTIONS),
+    "heater": _make_choice_check("bed", *(f"E{n}" for n in range(10))),
+    "state": _make_choice_check("off", "on"),
+    "temperature": _make_number_check(-300, 2000),
+    "axis": _make_choice_check("x", "y", "z"),
+    "share": _make_number_check(0, 1),
 }
 
 
 def read_script(text: str, name: str) -> tuple[list[Fault], int | None]:
-    """Return the faults of a script, in order, and its seed if it has one.
+    """Return the faults of a script, in order, and its random seed, None without one.
 
     Args:
-        text: TOML.
-        name: of the file, for messages.
+        text: text of the script, TOML.
+        name: name of the file, for messages.
 
     Raises:
-        UsageError: the script is invalid; the message says where, and what is valid.
+        UsageError: the script is invalid; the message says where, and the remedy says what is valid.
     """
     try:
         script = parse_toml(text)
     except TomlError as error:
         raise UsageError(
-            f"{name} is not TOML: {error}", remedy="Check that line; text needs quotes"
+            f"{name} is not TOML: {error}", remedy="Check that line; text values need quotes"
         ) from error
     for key in script.keys() - {"fault", "seed"}:
         raise UsageError(
             f"{name}: unknown key {key}",
-            remedy=_suggest(key, ("seed", "fault"), "Known keys: seed, [[fault]]"),
+            remedy=_suggest_word(key, ("seed", "fault"), "Known keys: seed, [[fault]]"),
         )
     seed = script.get("seed")
     if seed is not None and (not isinstance(seed, int) or isinstance(seed, bool)):
-        raise UsageError(f"{name}: seed is {seed!r}", remedy="Use an integer")
+        raise UsageError(f"{name}: seed is {seed!r}, which is not an integer", remedy="Use an integer")
     faults = script.get("fault", [])
     if not isinstance(faults, list) or not all(isinstance(one, dict) for one in faults):
         raise UsageError(
-            f"{name}: fault is not a list of tables", remedy="Start each fault with a line [[fault]]"
+            f"{name}: fault is not a list of tables", remedy="Start each fault with the line [[fault]]"
         )
-    return [_fault(one, f"{name}: fault {n}") for n, one in enumerate(faults, start=1)], seed
+    return [_parse_fault(one, f"{name}: fault {n}") for n, one in enumerate(faults, start=1)], seed
 
 
-def _fault(keys: dict[str, Any], place: str) -> Fault:
-    """Return one fault after checking its keys."""
+def _parse_fault(keys: dict[str, Any], place: str) -> Fault:
+    """Check the keys of one fault and return it."""
     keys = {_OLD_NAMES.get(key, key): value for key, value in keys.items()}
     kind = keys.get("kind")
     if kind is None:
         raise UsageError(f"{place}: kind is missing", remedy=f"Kinds: {', '.join(KINDS)}")
     if kind not in KINDS:
         raise UsageError(
-            f"{place}: unknown kind {kind!r}", remedy=_suggest(str(kind), KINDS, f"Kinds: {', '.join(KINDS)}")
+            f"{place}: unknown kind {kind!r}",
+            remedy=_suggest_word(str(kind), KINDS, f"Kinds: {', '.join(KINDS)}"),
         )
-    known = (*_MOMENTS, *_KEYS[kind])
+    known = (*_START_KEYS, *_KEYS[kind])
     place = f"{place} ({kind})"
     for key, value in keys.items():
         if key != "kind":
-            _check(key, value, known, place)
-    moments = [key for key in _MOMENTS if key in keys]
+            _check_key(key, value, known, place)
+    moments = [key for key in _START_KEYS if key in keys]
     if len(moments) > 1:
         raise UsageError(
-            f"{place}: both {moments[0]} and {moments[1]}", remedy="Use only one of line, layer, z and time"
+            f"{place}: it has both {moments[0]} and {moments[1]}",
+            remedy="Use only one of line, layer, z and time",
         )
-    needed = _NEEDED.get(kind)
-    if needed is not None and needed not in keys:
-        raise UsageError(f"{place}: {needed} is missing", remedy=f"{needed} is {_VALUES[needed][0]}")
+    required = _REQUIRED_KEY.get(kind)
+    if required is not None and required not in keys:
+        raise UsageError(
+            f"{place}: {required} is missing", remedy=f"{required} is {_VALUE_CHECKS[required][0]}"
+        )
     lasting = {"seconds": keys.get("seconds", inf)} if "seconds" in known else {}
     return Fault(**{**keys, **lasting})
 
 
-def _check(key: str, value: object, known: tuple[str, ...], place: str) -> None:
-    """Check a key of a fault and its value."""
+def _check_key(key: str, value: object, known: tuple[str, ...], place: str) -> None:
+    """Raise an error if a fault has an unknown key or an invalid value for it."""
     if key not in known:
         raise UsageError(
             f"{place}: unknown key {key}",
-            remedy=_suggest(key, known, f"Known keys: kind, {', '.join(known)}"),
+            remedy=_suggest_word(key, known, f"Known keys: kind, {', '.join(known)}"),
         )
-    words, right = _VALUES[key]
-    if not right(value):
-        raise UsageError(f"{place}: {key} is {value!r}", remedy=f"{key} is {words}")
+    description, is_valid = _VALUE_CHECKS[key]
+    if not is_valid(value):
+        raise UsageError(f"{place}: {key} is {value!r}", remedy=f"{key} is {description}")
 
 
-def _suggest(word: str, known: tuple[str, ...], otherwise: str) -> str:
-    """Return a remedy with the closest known word."""
+def _suggest_word(word: str, known: tuple[str, ...], otherwise: str) -> str:
+    """Return a remedy that suggests the closest known word, or the remedy `otherwise` if none is close."""
     close = get_close_matches(word, known, n=1)
     return f"Did you mean {close[0]}? {otherwise}" if close else otherwise

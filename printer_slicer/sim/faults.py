@@ -1,4 +1,4 @@
-"""Fault injection: reproducible faults of the simulated printer and its cable.
+"""Reproducible faults of the simulated printer and its cable.
 
 kind         affects    what happens
 flip         cable      a bit flips, in a share `rate` of the bytes
@@ -16,8 +16,8 @@ endstop      printer    the endstop of an `axis` never triggers
 clog         printer    a `share` of the fed filament does not come out
 runout       printer    the filament ends
 
-A fault starts at a line number, a layer, a height z, a time, or at once. It lasts for `seconds`, or for ever. All
-random numbers come from one generator, so the same seed, faults and host give the same run.
+A fault starts at a line number, a layer, a height z, a time, or at once. It lasts for `seconds` or for ever. All random
+numbers come from one generator, so runs with the same seed, faults and host are identical.
 """
 
 from __future__ import annotations
@@ -41,9 +41,9 @@ KINDS: Final = (
 )
 
 CABLE_KINDS: Final = frozenset({"flip", "drop", "insert", "duplicate", "burst", "lose_reply"})
-"""Kinds that change bytes on the cable."""
+"""Kinds of faults that change bytes on the cable."""
 
-_OK: Final = re.compile(rb"ok[^\n]*\n")
+_OK_LINE: Final = re.compile(rb"ok[^\n]*\n")
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,20 +52,20 @@ class Fault:
 
     Attributes:
         kind: see the table above.
-        line: starts at this line number; without line numbers, after so many lines.
-        layer: starts at this layer, by the layer comments of the file, else by the number of heights printed.
-        z: starts at the first extrusion at or above this height, mm.
-        time: starts at this time after power-on, s.
+        line: line number at which the fault starts; without line numbers, number of commands.
+        layer: layer at which it starts, by the layer comments of the file, or by the number of heights printed.
+        z: height at which it starts, with the first extrusion at or above it, mm.
+        time: time after power-on at which it starts, s.
         seconds: duration; infinity: for ever.
-        rate: affected share of bytes or replies.
+        rate: share of the bytes or replies that are affected.
         count: maximum number of occurrences; 0: unlimited.
         bytes: length of a burst.
-        direction: of the cable.
+        direction: affected direction of the cable.
         heater: bed, E0 (the first hotend), E1 and so on.
-        state: in which a heater is stuck.
-        temperature: reading of a sensor, °C.
-        axis: x, y or z.
-        share: of the filament that does not come out.
+        state: state in which a heater is stuck.
+        temperature: constant reading of a broken sensor, °C.
+        axis: axis of the endstop.
+        share: share of the fed filament that does not come out.
     """
 
     kind: str
@@ -86,12 +86,12 @@ class Fault:
 
 
 class FaultEvent(NamedTuple):
-    """An injected fault.
+    """A record of an injected fault.
 
     Attributes:
-        time: s.
-        line: number of the line executed last.
-        text: what happened.
+        time: time at which it started, s.
+        line: number of the line that was executed last.
+        text: description of the fault.
     """
 
     time: float
@@ -103,82 +103,84 @@ class Faults:
     """Injects faults into a printer and its cable. Use one instance per run.
 
     Attributes:
-        due: time of the next start or end of a fault that depends on time only, s.
+        due: next time at which a fault starts or ends, s; starts at a line, layer or height do not count.
         unplugged: whether the cable is disconnected.
         events: faults injected so far, in order.
-        layer_now: returns the current layer; None counts the heights printed.
+        current_layer: function that returns the current layer; None: the heights with extrusion are counted.
     """
 
     def __init__(self, faults: Sequence[Fault], chance: RandomSource) -> None:
         self.due = inf
         self.unplugged = False
         self.events: list[FaultEvent] = []
-        self.layer_now: Callable[[], int] | None = None
+        self.current_layer: Callable[[], int] | None = None
         self._chance = chance
         self._waiting = list(faults)
         self._ends: list[tuple[float, Fault]] = []
-        self._acting: dict[Fault, int] = {}  # on the cable, and how often
+        self._occurrences: dict[
+            Fault, int
+        ] = {}  # active faults of the cable, with the number of their occurrences
         self._line = self._layer = inf
         self._z = inf
         self._printer: SimulatedPrinter | None = None
 
-    def take(self, printer: SimulatedPrinter) -> None:
-        """Attach to a printer."""
+    def attach_to(self, printer: SimulatedPrinter) -> None:
+        """Attach the faults to a printer."""
         self._printer = printer
-        self._reckon()
+        self._update_due_times()
 
-    def watch(self, on_executed: Callable[[str], None] | None) -> Callable[[str], None]:
-        """Wrap the callback for executed commands to detect faults tied to lines or layers."""
+    def wrap_callback(self, on_executed: Callable[[str], None] | None) -> Callable[[str], None]:
+        """Return a callback for executed commands that also detects faults due at a line, layer or height."""
 
-        def executed(text: str) -> None:
-            """Pass the command on, and interrupt the printer once the fault is due."""
+        def check_faults(text: str) -> None:
+            """Pass the command on, and interrupt the printer if a fault is due."""
             printer = self._printer
             assert printer is not None
             if on_executed is not None:
                 on_executed(text)
             layers, z = self._layer_progress(printer)
-            if printer.line >= self._line or layers >= self._layer or z >= self._z:
+            if printer.line_number >= self._line or layers >= self._layer or z >= self._z:
                 self.due = printer.state.now
                 printer.interrupt()
 
-        return executed
+        return check_faults
 
-    def strike(self, now: float) -> None:
-        """Start and end all faults that are due."""
+    def inject_due_faults(self, now: float) -> None:
+        """Start and end all faults that are due at `now`, s."""
         printer = self._printer
         assert printer is not None
         layers, z = self._layer_progress(printer)
-        line = printer.line
-        come = [one for one in self._waiting if self._has_come(one, now, line, layers, z)]
-        self._waiting = [one for one in self._waiting if not self._has_come(one, now, line, layers, z)]
-        self._reckon()  # a reset printer asks for the next event
-        for fault in come:
+        line = printer.line_number
+        starting = [one for one in self._waiting if self._is_due(one, now, line, layers, z)]
+        self._waiting = [one for one in self._waiting if not self._is_due(one, now, line, layers, z)]
+        self._update_due_times()  # before a fault resets the printer, which reads `due`
+        for fault in starting:
             self.events.append(FaultEvent(now, line, _describe_fault(fault)))
-            self._begin(fault, printer, now)
+            self._start_fault(fault, printer, now)
             if fault.seconds < inf and fault.kind != "hang":
                 self._ends.append((now + fault.seconds, fault))
-        over = [fault for end, fault in self._ends if end <= now]
+        ended = [fault for end, fault in self._ends if end <= now]
         self._ends = [one for one in self._ends if one[0] > now]
-        for fault in over:
-            self._end(fault, printer, now)
-        self._reckon()
+        for fault in ended:
+            self._end_fault(fault, printer, now)
+        self._update_due_times()
 
     def __call__(self, data: bytes, direction: Direction) -> bytes:
-        """Return what arrives of bytes sent through the cable."""
+        """Return the bytes that arrive at the other end of the cable."""
         if self.unplugged:
             return b""
-        for fault in list(self._acting):
+        for fault in list(self._occurrences):
             if fault.direction in ("both", direction) and data:
-                data = self._changed(fault, data, direction)
+                data = self._corrupt(fault, data, direction)
         return data
 
     def _layer_progress(self, printer: SimulatedPrinter) -> tuple[int, float]:
         """Return the current layer, and the height of the last extrusion, mm."""
         layers, z = printer.layer_progress
-        return (layers if self.layer_now is None else self.layer_now()), z
+        return (layers if self.current_layer is None else self.current_layer()), z
 
-    def _has_come(self, fault: Fault, now: float, line: int, layers: int, z: float) -> bool:
-        """Return whether a fault is due."""
+    def _is_due(self, fault: Fault, now: float, line: int, layers: int, z: float) -> bool:
+        """Return whether a fault is due at a time, s, line number, layer and height, mm."""
         if fault.line is not None:
             return line >= fault.line
         if fault.layer is not None:
@@ -187,20 +189,20 @@ class Faults:
             return z >= fault.z
         return now >= (fault.time or 0.0)
 
-    def _reckon(self) -> None:
-        """Update when the next fault is due."""
+    def _update_due_times(self) -> None:
+        """Update the time, line, layer and height at which the next fault is due."""
         waiting = self._waiting
-        placed = [one for one in waiting if (one.line, one.layer, one.z) == (None, None, None)]
-        self.due = min([*(one.time or 0.0 for one in placed), *(end for end, _ in self._ends)], default=inf)
+        timed = [one for one in waiting if (one.line, one.layer, one.z) == (None, None, None)]
+        self.due = min([*(one.time or 0.0 for one in timed), *(end for end, _ in self._ends)], default=inf)
         self._line = min((one.line for one in waiting if one.line is not None), default=inf)
         self._layer = min((one.layer for one in waiting if one.layer is not None), default=inf)
         self._z = min((one.z for one in waiting if one.z is not None), default=inf)
 
-    def _begin(self, fault: Fault, printer: SimulatedPrinter, now: float) -> None:
-        """Start a fault."""
+    def _start_fault(self, fault: Fault, printer: SimulatedPrinter, now: float) -> None:
+        """Start a fault at `now`, s."""
         state = printer.state
         if fault.kind in CABLE_KINDS:
-            self._acting[fault] = 0
+            self._occurrences[fault] = 0
         elif fault.kind == "disconnect":
             self.unplugged = True
         elif fault.kind == "hang":
@@ -208,7 +210,7 @@ class Faults:
         elif fault.kind == "brown_out":
             printer.reset(now)
         elif fault.kind in ("heater", "sensor"):
-            self._upset(fault, printer, now, broken=True)
+            self._set_heater_fault(fault, printer, now, broken=True)
         elif fault.kind == "endstop":
             state.stuck_endstops.add("xyz".index(fault.axis))
         elif fault.kind == "clog":
@@ -216,53 +218,53 @@ class Faults:
         else:
             state.run_out_of_filament()
 
-    def _end(self, fault: Fault, printer: SimulatedPrinter, now: float) -> None:
-        """End a fault."""
-        self._acting.pop(fault, None)
+    def _end_fault(self, fault: Fault, printer: SimulatedPrinter, now: float) -> None:
+        """End a fault at `now`, s."""
+        self._occurrences.pop(fault, None)
         if fault.kind == "disconnect":
             self.unplugged = False
         elif fault.kind in ("heater", "sensor"):
-            self._upset(fault, printer, now, broken=False)
+            self._set_heater_fault(fault, printer, now, broken=False)
         elif fault.kind == "endstop":
             printer.state.stuck_endstops.discard("xyz".index(fault.axis))
         elif fault.kind == "clog":
             printer.state.set_clogged_share(0.0)
 
-    def _upset(self, fault: Fault, printer: SimulatedPrinter, now: float, *, broken: bool) -> None:
+    def _set_heater_fault(self, fault: Fault, printer: SimulatedPrinter, now: float, *, broken: bool) -> None:
         """Break or repair a heater; ignore one that the machine does not have."""
         state = printer.state
         if fault.heater not in state.heaters.protections:
             return
         state.apply_flow_cooling()
-        heater = state.heaters.named(fault.heater)
+        heater = state.heaters.find_heater(fault.heater)
         if not broken:
-            heater.disturb(now, element="works")
+            heater.set_fault(now, element="works")
         elif fault.kind == "heater":
-            heater.disturb(now, element=fault.state)
+            heater.set_fault(now, element=fault.state)
         else:
-            heater.disturb(now, stuck_at=fault.temperature)
-        state.disturb(fault.heater)
+            heater.set_fault(now, stuck_at=fault.temperature)
+        state.record_heater_fault(fault.heater)
 
-    def _changed(self, fault: Fault, data: bytes, direction: Direction) -> bytes:
-        """Return bytes as a fault changes them."""
+    def _corrupt(self, fault: Fault, data: bytes, direction: Direction) -> bytes:
+        """Return the bytes that arrive if a fault acts on `data`."""
         if fault.kind == "burst":
-            del self._acting[fault]
+            del self._occurrences[fault]
             return bytes(self._chance.randrange(256) for _ in range(fault.bytes)) + data
         if fault.kind == "lose_reply":
             return (
                 data
                 if direction == "to printer"
-                else _OK.sub(lambda match: self._lost(fault, match[0]), data)
+                else _OK_LINE.sub(lambda match: self._pass_or_lose_reply(fault, match[0]), data)
             )
-        return b"".join(self._hit(fault, byte) for byte in data)
+        return b"".join(self._corrupt_byte(fault, byte) for byte in data)
 
-    def _lost(self, fault: Fault, reply: bytes) -> bytes:
-        """Return a reply, or nothing if it is lost."""
-        return b"" if self._strikes_again(fault) else reply
+    def _pass_or_lose_reply(self, fault: Fault, reply: bytes) -> bytes:
+        """Return a reply, or no bytes if the fault makes it disappear."""
+        return b"" if self._draw_occurrence(fault) else reply
 
-    def _hit(self, fault: Fault, byte: int) -> bytes:
-        """Return one byte as a fault changes it."""
-        if not self._strikes_again(fault):
+    def _corrupt_byte(self, fault: Fault, byte: int) -> bytes:
+        """Return the bytes that arrive for one byte while a fault acts."""
+        if not self._draw_occurrence(fault):
             return bytes((byte,))
         if fault.kind == "flip":
             return bytes((byte ^ 1 << self._chance.randrange(8),))
@@ -270,19 +272,19 @@ class Faults:
             return bytes((self._chance.randrange(256), byte))
         return bytes((byte, byte)) if fault.kind == "duplicate" else b""
 
-    def _strikes_again(self, fault: Fault) -> bool:
-        """Decide at random whether a byte or reply is affected; end a fault that has reached its count."""
-        struck = self._acting.get(fault)
+    def _draw_occurrence(self, fault: Fault) -> bool:
+        """Decide at random whether the next byte or reply is affected; end a fault that has reached its count."""
+        struck = self._occurrences.get(fault)
         if struck is None or self._chance.random() >= fault.rate:
             return False
-        self._acting[fault] = struck + 1
+        self._occurrences[fault] = struck + 1
         if struck + 1 == fault.count:
-            del self._acting[fault]
+            del self._occurrences[fault]
         return True
 
 
 def _describe_fault(fault: Fault) -> str:
-    """Describe a fault as text."""
+    """Return the description of a fault for `FaultEvent`."""
     lasting = f" for {fault.seconds:g} s" if fault.seconds < inf else ""
     return {
         "burst": f"{fault.bytes} bytes of noise {fault.direction}",

@@ -1,4 +1,4 @@
-"""The state of the simulated firmware between commands, with operations that commands share."""
+"""The state of the simulated firmware between commands, and the operations that its commands share."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ if TYPE_CHECKING:
     from printer_slicer.sim.simulated_firmware import SimulatedFirmware
     from printer_slicer.sim.statistics import Statistics
 
-__all__ = ["MOST_UNSENT", "FirmwareState", "Steps"]
+__all__ = ["MAX_UNSENT_LINES", "FirmwareState", "Steps"]
 
 Steps = Iterator[float]
-"""A command that takes time: yields the time (s) at which to continue it, and returns when it is done."""
+"""The steps of a command that takes time: each step yields the time, s, at which the command continues."""
 
 
-_COUNTING: Final[dict[str, Literal["either", "apart"]]] = {
+_POSITIONING: Final[dict[str, Literal["either", "apart"]]] = {
     "marlin_legacy": "either",
     "klipper": "either",
     "repetier": "either",
     "prusa": "apart",
     "reprapfirmware": "apart",
 }
-"""How the dialects other than those of Marlin 2 and Smoothieware interpret G90 and M82."""
+"""How G90 and M82 affect E in each dialect; dialects that are not listed count as "together"."""
 
-MOST_UNSENT: Final = 4096
+MAX_UNSENT_LINES: Final = 4096
 """Output lines kept for a host that does not read. Automatic reports are dropped beyond that."""
 
 
@@ -42,39 +42,39 @@ class FirmwareState:
 
     Attributes:
         now: simulated time, s.
-        out: output lines that were not sent yet.
+        out: output lines that have not been sent yet.
         ok_tail: text to append to the ok of the current command.
         last_line: number of the last line that was read.
-        renumber: line number set by M110.
-        inject: queues a command of the firmware behind the current one.
-        muted: number of next commands that get no ok.
+        renumber: new line number from M110; None without one.
+        inject: function that queues a command of the firmware itself behind the current one.
+        muted: number of following commands that get no ok.
         due: time of the next alarm, s; see `set_alarm`.
         position: end of the planned motion: x, y, z from the endstops, e as the program counts it; mm.
         offset: logical minus machine coordinates of x, y, z from G92 and M206, mm.
-        home_offset: the part of it set by M206, which homing keeps.
-        filament: mm fed since power-on, as planned.
+        home_offset: the part of `offset` that M206 set and homing keeps, mm.
+        filament: mm of filament fed since power-on, at the end of the planned motion.
         unit: mm per unit of the program.
-        volumetric: E counts volume, of a filament of `diameter` mm.
-        flow_ratio: of M221.
+        volumetric: whether E counts volume, of a filament of `diameter` mm.
+        flow_ratio: flow override of M221, 1 for 100 %.
         e_ratio: mm of filament per unit of E; see `update_e_ratio`.
         feed: last feed rate, mm/s.
-        retraction: of G10 and G11: length (mm), speed (mm/s), recover speed (mm/s), extra recover length (mm).
-        retracted: whether the last of G10 and G11 was G10.
+        retraction: settings of G10 and G11: length (mm), speed (mm/s), recover speed (mm/s), extra recover length (mm).
+        retracted: whether G10 was executed and not yet followed by G11.
         homed: whether x, y, z are homed.
         unhomed_motors: axes whose motors were switched off since homing.
         clips_moves: whether moves are clipped: all axes are homed and the software endstops are on.
-        heaters: of the machine.
-        hot: whether the hotend stays hot enough until something changes.
+        heaters: heaters of the machine.
+        hot: whether the hotend is known to stay hot enough for extrusion until a command or fault changes this.
         spool_end: mm of filament fed at which the spool is empty.
         clogged: share of the filament fed that does not come out of the nozzle.
-        stuck_endstops: axes whose endstop never closes.
+        stuck_endstops: axes whose endstop never triggers.
         card: the SD card; unused without a reader.
-        waiting: whether a command waits; M108 clears it.
-        busy_with: activity named in busy reports.
+        waiting: whether a command waits for a heater or a person; M108 ends the wait.
+        busy_with: activity that busy reports name.
         stops: number of quick stops (M410).
         killed: why the firmware halted; empty while it runs.
         shut_down: why Klipper is shut down; empty while it runs.
-        reset: restarts the firmware.
+        reset: function that restarts the firmware.
     """
 
     def __init__(
@@ -107,7 +107,7 @@ class FirmwareState:
         self.offset: Position = (0.0, 0.0, 0.0)
         self.home_offset: Position = (0.0, 0.0, 0.0)
         self.filament = 0.0
-        self.counting = PositioningMode(_COUNTING.get(firmware.dialect, "together"))
+        self.positioning = PositioningMode(_POSITIONING.get(firmware.dialect, "together"))
         self.relative = self.relative_e = self.retracted = False
         self.unit = 1.0
         self.feed, self.diameter = 25.0, machine.filament_diameter
@@ -123,57 +123,57 @@ class FirmwareState:
         self.timer_seconds = 0.0
         self.timer_began: float | None = None
 
-    def say(self, line: str) -> None:
+    def send_line(self, line: str) -> None:
         """Send one line to the host."""
         self.out.append(line + "\n")
 
-    def report(self, line: str) -> None:
-        """Send an automatic report; drop it if the host does not read."""
-        if len(self.out) < MOST_UNSENT:
-            self.say(line)
+    def send_report(self, line: str) -> None:
+        """Send an automatic report; drop it if too much output is unsent, because the host does not read."""
+        if len(self.out) < MAX_UNSENT_LINES:
+            self.send_line(line)
 
-    def set_alarm(self, name: str, when: float, act: Callable[[], None]) -> None:
-        """Call `act` at the time `when`, s, replacing the earlier alarm of this name; infinity cancels it."""
-        self._alarms[name] = (when, act)
+    def set_alarm(self, name: str, when: float, action: Callable[[], None]) -> None:
+        """Call `action` at the time `when`, s, instead of the earlier alarm of this name; infinity cancels it."""
+        self._alarms[name] = (when, action)
         self.due = max(min(moment for moment, _ in self._alarms.values()), self.now)
 
     def run_due_alarms(self) -> None:
         """Run the alarms that are due."""
-        for name, (when, act) in list(self._alarms.items()):
+        for name, (when, action) in list(self._alarms.items()):
             if when <= self.now and not self.killed:
-                self._alarms[name] = (inf, act)
-                act()
+                self._alarms[name] = (inf, action)
+                action()
         self.due = min(moment for moment, _ in self._alarms.values())
 
-    def report_every(self, name: str, seconds: float, say: Callable[[], str]) -> None:
-        """Send a report at an interval, s; 0 stops it."""
+    def report_every(self, name: str, seconds: float, format_report: Callable[[], str]) -> None:
+        """Send a report at an interval, s; 0 stops the report of this name."""
 
-        def act() -> None:
-            """Send the report and set the next alarm."""
-            self.report(say())
-            self.set_alarm(name, self.now + seconds, act)
+        def send_and_repeat() -> None:
+            """Send the report and set the alarm for the next one."""
+            self.send_report(format_report())
+            self.set_alarm(name, self.now + seconds, send_and_repeat)
 
-        self.set_alarm(name, self.now + seconds if seconds > 0.0 else inf, act)
+        self.set_alarm(name, self.now + seconds if seconds > 0.0 else inf, send_and_repeat)
 
-    def record_violation(self, what: str) -> None:
-        """Record that the current command did something a real printer would reject or suffer from."""
-        self.statistics.record_violation(what)
+    def record_violation(self, text: str) -> None:
+        """Record that the current command did something that a real printer would reject or suffer from."""
+        self.statistics.record_violation(text)
 
-    def unknown(self, text: str) -> None:
+    def reply_unknown_command(self, text: str) -> None:
         """Reply to an unknown command."""
-        if self.firmware.unknown:
-            self.say(self.firmware.unknown.format(text=text))
+        if self.firmware.unknown_reply:
+            self.send_line(self.firmware.unknown_reply.format(text=text))
         self.record_violation("unknown command")
 
-    def act(self, action: str) -> None:
-        """Send an action command to the host, if the firmware supports them."""
+    def send_action(self, action: str) -> None:
+        """Send an action command (`//action:`) to the host if the firmware supports such commands."""
         if self.firmware.host_actions:
-            self.say(f"//action:{action}")
+            self.send_line(f"//action:{action}")
 
-    def notify(self, text: str) -> None:
-        """Show a message on the display, and send it to the host if the firmware does so."""
+    def show_message(self, text: str) -> None:
+        """Show a message on the display; firmwares with host prompts also send it to the host."""
         if self.firmware.prompts:
-            self.say(f"//action:notification {text}")
+            self.send_line(f"//action:notification {text}")
 
     @property
     def hotend(self) -> Heater:
@@ -191,46 +191,47 @@ class FirmwareState:
         return f"echo:busy: {self.busy_with}"
 
     def apply_flow_cooling(self) -> None:
-        """Account for the heat taken by the filament since the last call."""
+        """Update the hotend for the heat that the filament has carried away since the last call."""
         if not self.heaters.steady:
             self.heaters.apply_flow_cooling(self.motion_queue.position(self.now)[3], self.now)
 
-    def set_target_of(self, heater: Heater, target: float) -> None:
-        """Set the target of a heater, °C."""
+    def set_heater_target(self, heater: Heater, target: float) -> None:
+        """Set the target temperature of a heater, °C."""
         self.apply_flow_cooling()
         heater.set_target(target, self.now)
-        self.heaters.target_set(heater, self.now)
-        self._heat_changed()
+        self.heaters.record_target(heater, self.now)
+        self._schedule_heater_check()
 
-    def disturb(self, name: str) -> None:
-        """Note that a heater was broken or repaired."""
-        self.heaters.disturb(name, self.now)
-        self._heat_changed()
+    def record_heater_fault(self, name: str) -> None:
+        """Record that the fault injection has broken or repaired a heater."""
+        self.heaters.record_fault(name, self.now)
+        self._schedule_heater_check()
 
-    def _heat_changed(self) -> None:
+    def _schedule_heater_check(self) -> None:
+        """Set the alarm for the next check of the heaters after a change of a target or fault."""
         self.hot = False
-        self.set_alarm("heaters", self.heaters.due, self._look)
+        self.set_alarm("heaters", self.heaters.due, self._check_heaters)
 
-    def _look(self) -> None:
-        """Halt if a heater is out of control."""
+    def _check_heaters(self) -> None:
+        """Halt the firmware if a heater is out of control, and set the alarm for the next check."""
         if self.shut_down:
             return
         self.apply_flow_cooling()
-        wrong = self.heaters.wrong(self.now)
-        if wrong is None:
-            self.set_alarm("heaters", self.heaters.due, self._look)
+        fault = self.heaters.find_fault(self.now)
+        if fault is None:
+            self.set_alarm("heaters", self.heaters.due, self._check_heaters)
             return
-        name, what = wrong
-        for line in self.firmware.overheated:
-            self.say(line.format(what=what, heater=name))
+        name, what = fault
+        for line in self.firmware.heater_fault_messages:
+            self.send_line(line.format(what=what, heater=name))
         self.kill(f"Err: {what.removesuffix(' triggered')}" if "TEMP" in what else what)
 
-    def temperatures(self) -> str:
-        """Return `T:.. /.. B:.. /.. @:.. B@:..`, as in every temperature report."""
+    def temperature_report(self) -> str:
+        """Return all temperatures in the format of the firmware, such as `T:.. /.. B:.. /.. @:.. B@:..`."""
         self.apply_flow_cooling()
-        told = self.heaters.told(self.firmware.language, self.now)
-        self.set_alarm("heaters", self.heaters.due, self._look)
-        return told
+        report = self.heaters.format_temperatures(self.firmware.language, self.now)
+        self.set_alarm("heaters", self.heaters.due, self._check_heaters)
+        return report
 
     def position_report(self) -> str:
         """Return the planned position in program coordinates, and the motor position in steps, as M114 does."""
@@ -255,28 +256,28 @@ class FirmwareState:
         return f"{words} Count X:{steps[0]} Y:{steps[1]} Z:{steps[2]}"
 
     def update_clipping(self) -> None:
-        """Update whether moves are clipped to the printable area."""
+        """Update `clips_moves` after a change of homing or of the software endstops."""
         self.clips_moves = self.soft_endstops and all(self.homed)
 
     def update_e_ratio(self) -> None:
-        """Update the length of filament per unit of E."""
+        """Update `e_ratio` after a change of units, flow or volumetric extrusion."""
         area = pi * self.diameter**2 / 4.0
         self.e_ratio = self.flow_ratio * (self.unit**2 / area if self.volumetric else 1.0)
 
     def set_limits(self, limits: MotionLimits) -> None:
-        """Use other motion limits from the next command on."""
+        """Set the motion limits for the following commands."""
         self.limits = limits
         self.motion_queue.set_limits(limits)
 
-    def is_warm_enough(self) -> bool:
-        """Return whether extrusion is allowed at the current temperature."""
+    def is_hot_enough_to_extrude(self) -> bool:
+        """Return whether the current temperature of the hotend allows extrusion; update `hot`."""
         if self.cold_allowed:
             self.hot = True
             return True
         self.apply_flow_cooling()
         warm = self.hotend.reading(self.now) >= self.coldest_extrusion
         # A heater approaches its target monotonically, so it cannot drop below the limit unless it is broken.
-        self.hot = warm and self.hotend.target >= self.coldest_extrusion and not self.hotend.disturbed
+        self.hot = warm and self.hotend.target >= self.coldest_extrusion and not self.hotend.has_fault
         return warm
 
     def stop_timer(self) -> None:
@@ -285,31 +286,31 @@ class FirmwareState:
             self.timer_seconds += self.now - self.timer_began
             self.timer_began = None
 
-    def planned_pause(self, seconds: float) -> Steps:
-        """Queue a pause, s, behind the planned moves."""
+    def queue_pause(self, seconds: float) -> Steps:
+        """Queue a pause of this duration, s, behind the planned moves."""
         motion_queue, stops = self.motion_queue, self.stops
         motion_queue.advance(self.now)
-        while motion_queue.room <= 0:
+        while motion_queue.free_places <= 0:
             yield motion_queue.ends
             if self.stops != stops:
                 return
         x, y, z, _ = self.position
-        motion_queue.hold(seconds, (x, y, z, self.filament), self.now)
+        motion_queue.push_pause(seconds, (x, y, z, self.filament), self.now)
 
     def wait_for_moves(self) -> Steps:
         """Wait until all planned moves are executed."""
         self.motion_queue.advance(self.now)
         self.motion_queue.expects_stop = True
-        while self.motion_queue.busy:
+        while self.motion_queue.is_busy:
             yield self.motion_queue.ends
 
-    def until(self, moment: float) -> Steps:
-        """Wait until a time, s."""
+    def wait_until(self, moment: float) -> Steps:
+        """Wait until the time `moment`, s."""
         while self.now < moment:
             yield moment
 
     def stop_moving(self) -> None:
-        """Stop at once: planned moves are lost, and the position is that of the motors."""
+        """Stop at once: discard the planned moves, and continue from the position of the motors."""
         self.apply_flow_cooling()
         (x, y, z, _), unfed = self.motion_queue.stop(self.now)
         self.stops += 1
@@ -318,12 +319,12 @@ class FirmwareState:
         self.statistics.filament_fed -= unfed
 
     def kill(self, reason: str) -> None:
-        """Halt the firmware: heaters off, no motion, no replies. Klipper still replies."""
-        for line in self.firmware.killed:
-            self.say(line.format(reason=reason))
-        self.act("poweroff")
-        for heater in self.heaters.all():
-            self.set_target_of(heater, 0.0)
+        """Halt the firmware: heaters off, no motion, no replies; Klipper still replies that it is shut down."""
+        for line in self.firmware.halt_messages:
+            self.send_line(line.format(reason=reason))
+        self.send_action("poweroff")
+        for heater in self.heaters.all_heaters():
+            self.set_heater_target(heater, 0.0)
         self.stop_moving()
         self.waiting = False
         self.card.stop()
@@ -333,25 +334,25 @@ class FirmwareState:
         else:
             self.killed = reason
 
-    def homing_failed(self, axis: str) -> None:
-        """Handle an endstop that never triggers: halt, or switch the motors off, depending on the firmware."""
+    def handle_homing_failure(self, axis: str) -> None:
+        """React to an endstop that never triggers: halt or switch the motors off, depending on the firmware."""
         self.record_violation("an endstop never closed")
-        if not self.firmware.homing_failed:
+        if not self.firmware.homing_failed_message:
             self.kill("Homing Failed")
             return
-        self.say(self.firmware.homing_failed.format(axis=axis))
+        self.send_line(self.firmware.homing_failed_message.format(axis=axis))
         self.homed = [False, False, False]
         self.update_clipping()
 
     def inherit_hardware(self, old: FirmwareState) -> None:
-        """Keep the hardware of the state before a reset: temperatures, spool, faults."""
-        for heater, before in zip(self.heaters.all(), old.heaters.all(), strict=True):
-            heater.cool_from(before, old.now)
+        """Take over temperatures, spool and faults of the hardware from the state before a reset."""
+        for heater, before in zip(self.heaters.all_heaters(), old.heaters.all_heaters(), strict=True):
+            heater.inherit_temperature(before, old.now)
         self.spool_end = old.spool_end - old.filament
         self.clogged, self._clogged_from = old.clogged, old._clogged_from
         self.stuck_endstops = old.stuck_endstops
         for name in self.heaters.protections:
-            self.disturb(name)
+            self.record_heater_fault(name)
 
     def set_clogged_share(self, share: float) -> None:
         """Set the share of fed filament that does not come out of the nozzle from now on."""
@@ -359,14 +360,14 @@ class FirmwareState:
         self.statistics.filament_missing += (fed - self._clogged_from) * self.clogged
         self._clogged_from, self.clogged = fed, share
         if self.statistics.move_log is not None:
-            self.statistics.move_log.keep_back(share)
+            self.statistics.move_log.set_clogged_share(share)
 
     def run_out_of_filament(self) -> None:
-        """Handle the end of the filament: with a sensor it is changed, without one nothing comes out from now on."""
+        """Handle the end of the spool: with a sensor, request a filament change; without one, extrude nothing more."""
         self.spool_end = inf
         self.statistics.runouts += 1
         if self.machine.runout_sensor:
-            self.act(f"paused filament_runout {self.heaters.tool}")
+            self.send_action(f"paused filament_runout {self.heaters.tool}")
             self.inject("M600")
         else:
             self.record_violation("out of filament")

@@ -8,7 +8,7 @@ ok                  plain         N, P and B            plain
 M108, M112, M410    executed early if unnumbered; always with the emergency parser
 sending text        takes no time takes no time         blocks the main loop (10 bits per byte)
 
-`SIMULATED_FIRMWARES` has all firmwares. Their conversations follow their sources:
+`SIMULATED_FIRMWARES` has all firmwares. Their replies follow these sources:
 Marlin 1.1's Marlin_main.cpp, Marlin's pull request 27090 (M110 alone), Prusa-Firmware's cmdqueue.cpp,
 RepRapFirmware's StringParser.cpp, Repetier-Firmware's gcode.cpp, Smoothieware's GcodeDispatch.cpp; Klipper's were
 recorded.
@@ -63,7 +63,7 @@ _MARLIN_2_0_BANNER: Final = (
 
 
 MARLIN_2_1: Final = SimulatedFirmware(name="bugfix-2.1.x (Jan  7 2023 12:00:00)", banner=_MARLIN_2_1_BANNER)
-"""Marlin 2.1 of 2023 behind native USB."""
+"""Marlin 2.1 of 2023 on a board with native USB."""
 
 MARLIN_2_1_ADVANCED: Final = replace(
     MARLIN_2_1,
@@ -91,7 +91,7 @@ MARLIN_2_0_AVR: Final = SimulatedFirmware(
 """Marlin 2.0 of 2021 on an 8-bit board behind a USB to serial chip at 115200 baud."""
 
 MARLIN_2_0_BUFFERED: Final = replace(MARLIN_2_0_AVR, seconds_per_byte=0.0)
-"""Marlin 2.0 with a transmit buffer: it reads on while an error message is sent."""
+"""Marlin 2.0 with a transmit buffer: it keeps reading while it sends an error message."""
 
 MARLIN_1_1: Final = replace(
     MARLIN_2_0_AVR,
@@ -99,13 +99,13 @@ MARLIN_1_1: Final = replace(
     banner=("start", "echo:Marlin 1.1.9", "", "echo: Free Memory: 3619  PlannerBufferBytes: 1264"),
     dialect="marlin_legacy",
 )
-"""Marlin 1.1 of 2018 on an 8-bit board at 115200 baud; forks without ok after a resend set `ok_after_resend`."""
+"""Marlin 1.1 of 2018 on an 8-bit board at 115200 baud; some forks send no ok after a resend request."""
 
 MARLIN_2_1_3: Final = replace(
     MARLIN_2_1,
     name="2.1.3 (Apr 20 2025 12:00:00)",
     banner=("start", "Marlin 2.1.3"),
-    counts=True,
+    reports_line_number=True,
     flushes_on_error=True,
     receive_buffer=127,
     seconds_per_line=0.0002,
@@ -119,10 +119,10 @@ PRUSA_MK3: Final = replace(
     banner=("start", "echo: 3.13.3-7094", "echo: Free Memory: 2121  PlannerBufferBytes: 1760"),
     identity="FIRMWARE_NAME:Prusa-Firmware {name} based on Marlin FIRMWARE_URL:https://github.com/prusa3d/Prusa-Firmware"
     " PROTOCOL_VERSION:1.0 MACHINE_TYPE:Prusa i3 MK3S EXTRUDER_COUNT:1 UUID:00000000-0000-0000-0000-000000000000",
-    strays="bare",
+    unnumbered_lines="bare",
     dialect="prusa",
-    partial_seconds=2.0,
-    tells_overflow=True,
+    line_timeout=2.0,
+    reports_overflow=True,
 )
 """A Prusa MK3: it rejects a checksum without a number, and discards lines that stay incomplete for two seconds."""
 
@@ -135,14 +135,14 @@ REPRAPFIRMWARE: Final = replace(
     lists_capabilities=False,
     any_case=True,
     dialect="reprapfirmware",
-    takes="right",
+    accepted_lines="right",
     busy_seconds=0.0,
     queue_places=1,
     line_size=201,
     decimals=3,
-    killed=("Emergency Stop! Reset the controller to continue.",),
+    halt_messages=("Emergency Stop! Reset the controller to continue.",),
 )
-"""RepRapFirmware 3: lines in any order, CRC or XOR checksum; bad lines are dropped silently."""
+"""RepRapFirmware 3: accepts lines in any order, with a CRC or XOR checksum; drops bad lines silently."""
 
 KLIPPER: Final = replace(
     MARLIN_2_1,
@@ -150,22 +150,22 @@ KLIPPER: Final = replace(
     banner=("// Klipper state: Ready",),
     identity="ok FIRMWARE_NAME:Klipper FIRMWARE_VERSION:{name}",
     lists_capabilities=False,
-    takes="any",
+    accepted_lines="any",
     busy_seconds=0.0,
     # Observed: Klipper acknowledges a dwell of 3 s at once, and does not plan much further ahead.
     ahead_seconds=3.0,
     queue_places=20,
     line_size=4096,
-    unknown='// Unknown command:"{text}"',
+    unknown_reply='// Unknown command:"{text}"',
     decimals=3,
-    killed=("// Klipper state: Shutdown",),
-    homing_failed="!! No trigger on {axis} after full movement",
-    overheated=("!! Heater {heater}: {what}",),
+    halt_messages=("// Klipper state: Shutdown",),
+    homing_failed_message="!! No trigger on {axis} after full movement",
+    heater_fault_messages=("!! Heater {heater}: {what}",),
     language="klipper",
     any_case=True,
     dialect="klipper",
 )
-"""Klipper's pseudo-terminal: every line is executed, whatever its number and checksum."""
+"""Klipper at its pseudo-terminal: executes every line, whatever its number and checksum."""
 
 REPETIER: Final = replace(
     MARLIN_2_1,
@@ -174,7 +174,7 @@ REPETIER: Final = replace(
     identity="FIRMWARE_NAME:{name} FIRMWARE_URL:https://github.com/repetier/Repetier-Firmware/ PROTOCOL_VERSION:1.0"
     " MACHINE_TYPE:Mendel EXTRUDER_COUNT:1 REPETIER_PROTOCOL:3",
     lists_capabilities=False,
-    strays="never",
+    unnumbered_lines="never",
     checksum_first=True,
     any_case=True,
     dialect="repetier",
@@ -186,20 +186,20 @@ REPETIER: Final = replace(
     repeats_dropped=0,
     repeats_skipped=40,
     lines_skipped=14,
-    partial_seconds=0.2,
-    partial_asks=True,
+    line_timeout=0.2,
+    repeats_resend_request=True,
     ok_when_read=True,
     receive_buffer=127,
     flushes_on_error=True,
     queue_places=2,
     wait_seconds=1.0,
     busy_seconds=2.0,
-    unknown='Unknown command:"{text}"',
-    killed=("fatal:{reason}",),
+    unknown_reply='Unknown command:"{text}"',
+    halt_messages=("fatal:{reason}",),
     seconds_per_line=0.0005,
     seconds_per_byte=10 / 115_200,
 )
-"""Repetier-Firmware 1.0 on an 8-bit board at 115200 baud: ok means read; resend requests five times a second."""
+"""Repetier-Firmware 1.0 on an 8-bit board at 115200 baud: sends ok when a line is read, not when it is executed."""
 
 SMOOTHIE: Final = replace(
     MARLIN_2_1,
@@ -218,9 +218,9 @@ SMOOTHIE: Final = replace(
     busy_seconds=0.0,
     queue_places=1,
     line_size=131,
-    killed=("!! {reason}",),
+    halt_messages=("!! {reason}",),
 )
-"""Smoothieware behind native USB: a resend request is `rs` and the number, without error and ok."""
+"""Smoothieware on a board with native USB: requests a resend with `rs` and the number, without error or ok."""
 
 OCTOPRINT_VIRTUAL: Final = replace(
     MARLIN_2_1,
@@ -235,15 +235,15 @@ OCTOPRINT_VIRTUAL: Final = replace(
     wrong_checksum="Error: Missing checksum",
     resend="Resend:{wanted}",
     repeats_dropped=0,
-    unknown="",
-    killed=("echo:EMERGENCY SHUTDOWN DETECTED. KILLED.",),
-    overheated=(),
+    unknown_reply="",
+    halt_messages=("echo:EMERGENCY SHUTDOWN DETECTED. KILLED.",),
+    heater_fault_messages=(),
     queue_places=1,
     line_size=256,
     busy_seconds=0.0,
     wait_seconds=1.0,
 )
-"""The virtual printer of OctoPrint: it knows every command, and reads nothing while it is busy."""
+"""The virtual printer of OctoPrint: accepts every command, and reads nothing while it is busy."""
 
 SIMULATED_FIRMWARES: Final[dict[str, SimulatedFirmware]] = {
     "marlin 1.1": MARLIN_1_1,
@@ -258,4 +258,4 @@ SIMULATED_FIRMWARES: Final[dict[str, SimulatedFirmware]] = {
     "smoothie": SMOOTHIE,
     "octoprint virtual": OCTOPRINT_VIRTUAL,
 }
-"""All simulated firmwares, by the names of `--firmware`."""
+"""All simulated firmwares, by their names for `--firmware`."""

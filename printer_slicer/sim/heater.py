@@ -1,12 +1,12 @@
 """A heater as a lumped thermal mass, solved exactly instead of step by step.
 
-The mass is heated by the element and loses heat to the room in proportion to the temperature difference. The
-controller gives full power far below the target, none far above, and in between the power that holds the target plus
-a proportional term. In each of the three ranges the temperature is an exponential, so temperatures and times are
-formulas, and the result does not depend on how often it is read.
+The element heats the mass, which loses heat to the room in proportion to the temperature difference. The controller
+gives full power far below the target and none far above. In between it gives the power that holds the target plus a
+proportional term. In each of these three ranges the temperature follows an exponential. So temperatures and times have
+closed formulas, and they do not depend on how often they are read.
 
 Flowing filament carries heat away. The controller does not anticipate this, so the temperature drops until the
-proportional term compensates. Element and sensor can be broken by injected faults.
+proportional term compensates. Injected faults can break the element and the sensor.
 
 Not modelled: overshoot, noise and lag of the sensor.
 """
@@ -23,7 +23,7 @@ Element = Literal["works", "off", "on"]
 """State of a heating element: working, stuck off, or stuck on."""
 
 CONTROL_BAND: Final = 10.0
-"""°C below the target from which on a controller gives full power. Marlin's PID_FUNCTIONAL_RANGE."""
+"""Distance below the target, °C, beyond which the controller gives full power; Marlin's PID_FUNCTIONAL_RANGE."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,13 +31,13 @@ class HeaterSpec:
     """Properties of a heater.
 
     Attributes:
-        power: W at full power.
-        heat_capacity: J/K of everything it heats.
-        loss: W/K lost to the room.
-        fan_loss: W/K lost in addition with the part cooling fan at full speed.
+        power: full power, W.
+        heat_capacity: heat capacity of everything that it heats, J/K.
+        loss: heat loss to the room, W/K.
+        fan_loss: additional heat loss with the part cooling fan at full speed, W/K.
         highest: maximum target, °C; the firmware lowers higher targets to it.
-        window: distance from the target, °C, within which it counts as reached.
-        residency: s that a wait continues after reaching the window.
+        window: distance from the target within which the target counts as reached, °C.
+        residency: time that a wait for the target continues within the window, s.
     """
 
     power: float
@@ -53,10 +53,10 @@ class Heater:
     """The temperature of one heater over time.
 
     Attributes:
-        spec: its properties.
-        target: °C; 0 = off.
+        spec: properties of the heater.
+        target: target temperature, °C; 0: off.
         peak: highest temperature so far, °C.
-        flow_loss: W/K carried away by flowing filament until the next call.
+        flow_loss: heat loss to flowing filament until the next call, W/K.
         element: state of the heating element.
         stuck_at: constant reading of a broken sensor, °C; None while it works.
     """
@@ -79,101 +79,106 @@ class Heater:
         self._fan = 0.0
 
     @property
-    def disturbed(self) -> bool:
-        """Whether element or sensor is broken."""
+    def has_fault(self) -> bool:
+        """Whether the element or the sensor is broken."""
         return self.element != "works" or self.stuck_at is not None
 
     def temperature(self, now: float) -> float:
-        """Return the temperature at `now`, °C; `now` must not decrease between calls."""
+        """Return the temperature at `now`, s, in °C; `now` must not decrease from call to call."""
         left = now - self._when
         self._when = now
         while left > 0.0:
             asymptote, tau, edge = self._current_exponential(self._temperature)
-            reach = _reach(self._temperature, asymptote, tau, edge)
-            if reach >= left:
+            seconds = _seconds_to_reach(self._temperature, asymptote, tau, edge)
+            if seconds >= left:
                 self._temperature = asymptote + (self._temperature - asymptote) * exp(-left / tau)
                 break
             self._temperature = edge
-            left -= reach
+            left -= seconds
         self.peak = max(self.peak, self._temperature)
         return self._temperature
 
     def reading(self, now: float) -> float:
-        """Return the reading of the sensor at `now`, °C."""
+        """Return the reading of the sensor at `now`, s, in °C."""
         temperature = self.temperature(now)
         return temperature if self.stuck_at is None else self.stuck_at
 
     def power_ratio(self, now: float) -> float:
-        """Return the power at `now` as a share of full power, 0 to 1."""
-        return self._wanted(self.reading(now)) / self.spec.power
+        """Return the power at `now`, s, as a fraction of full power, 0 to 1."""
+        return self._demanded_power(self.reading(now)) / self.spec.power
 
     def set_target(self, target: float, now: float) -> None:
-        """Set the target, °C, from `now` on; 0 switches off."""
+        """Set the target, °C, at `now`, s; 0 switches the heater off."""
         self.temperature(now)
         self.target = target
 
     def set_fan(self, ratio: float, now: float) -> None:
-        """Set the speed of the part cooling fan from `now` on, 0 to 1."""
+        """Set the speed of the part cooling fan, 0 to 1, at `now`, s."""
         self.temperature(now)
         self._fan = ratio
 
-    def disturb(self, now: float, *, element: Element | None = None, stuck_at: float | None = None) -> None:
-        """Break the element, or the sensor, or both, from `now` on; "works" repairs the element and the sensor."""
+    def set_fault(self, now: float, *, element: Element | None = None, stuck_at: float | None = None) -> None:
+        """Break the element or the sensor at `now`, s; the element state "works" repairs both."""
         self.temperature(now)
         self.element = element or self.element
         self.stuck_at = stuck_at if element != "works" else None
 
-    def cool_from(self, before: Heater, now: float) -> None:
-        """Take over temperature and faults of the heater before a reset, switched off at `now`."""
+    def inherit_temperature(self, before: Heater, now: float) -> None:
+        """Take over temperature and faults from the heater before a reset, which is off from `now`, s, on."""
         self._temperature = before.temperature(now)
         self._when = now
         self.peak = before.peak
         self.element, self.stuck_at = before.element, before.stuck_at
 
     def seconds_until(self, temperature: float, now: float) -> float:
-        """Return the seconds from `now` until a temperature is first reached; infinite if never."""
+        """Return the time from `now`, s, until a temperature is first reached, s; infinite if it never is."""
         at = self.temperature(now)
         seconds = 0.0
         while at != temperature:
             asymptote, tau, edge = self._current_exponential(at)
-            reach = _reach(at, asymptote, tau, temperature)
-            if reach <= (leave := _reach(at, asymptote, tau, edge)):
+            reach = _seconds_to_reach(at, asymptote, tau, temperature)
+            if reach <= (leave := _seconds_to_reach(at, asymptote, tau, edge)):
                 return seconds + reach
             at = edge
             seconds += leave
         return seconds
 
-    def _loss(self) -> float:
+    def _heat_loss(self) -> float:
+        """Return the heat loss to the room, W/K."""
         return self.spec.loss + self.spec.fan_loss * self._fan
 
-    def _gain(self) -> float:
+    def _controller_gain(self) -> float:
+        """Return the proportional gain of the controller, W/K."""
         return self.spec.power / CONTROL_BAND
 
-    def _holding(self) -> float:
-        """Return the power that holds the target without flow, W."""
-        return self._loss() * (self.target - self._ambient)
+    def _holding_power(self) -> float:
+        """Return the power that holds the target without filament flow, W."""
+        return self._heat_loss() * (self.target - self._ambient)
 
-    def _wanted(self, reading: float) -> float:
-        """Return the power that the controller demands, W."""
+    def _demanded_power(self, reading: float) -> float:
+        """Return the power that the controller gives at a sensor reading, °C, in W."""
         if self.target <= 0.0:
             return 0.0
-        return min(max(self._holding() + self._gain() * (self.target - reading), 0.0), self.spec.power)
+        return min(
+            max(self._holding_power() + self._controller_gain() * (self.target - reading), 0.0),
+            self.spec.power,
+        )
 
     def _current_exponential(self, at: float) -> tuple[float, float, float]:
-        """Return asymptote (°C), time constant (s) and end (°C) of the current exponential.
+        """Return asymptote, °C, time constant, s, and end, °C, of the exponential at the temperature `at`, °C.
 
-        The end is the asymptote if the temperature stays in the current range.
+        The end is the edge of the current range, or the asymptote if the temperature stays in this range.
         """
         spec, flow = self.spec, self.flow_loss
-        loss = self._loss() + flow
+        loss = self._heat_loss() + flow
         if self.target <= 0.0 or self.element != "works" or self.stuck_at is not None:
-            power = self._given(at)
+            power = self._uncontrolled_power(at)
             asymptote = self._ambient + power / loss
             return asymptote, spec.heat_capacity / loss, asymptote
-        gain, holding = self._gain(), self._holding()
+        gain, holding = self._controller_gain(), self._holding_power()
         low = self.target - (spec.power - holding) / gain
         high = self.target + max(holding, 0.0) / gain
-        # Written so that without flow the result is exactly the target.
+        # This form gives exactly the target if there is no flow.
         middle = self.target - flow * (self.target - self._ambient) / (gain + loss)
         if at < low or (at == low and middle < low):
             asymptote = self._ambient + spec.power / loss
@@ -182,15 +187,15 @@ class Heater:
             return self._ambient, spec.heat_capacity / loss, high if self._ambient < high else self._ambient
         return middle, spec.heat_capacity / (gain + loss), min(max(middle, low), high)
 
-    def _given(self, at: float) -> float:
-        """Return the power of a heater that is off or broken, W."""
+    def _uncontrolled_power(self, at: float) -> float:
+        """Return the power of a heater that is off or broken at the temperature `at`, °C, in W."""
         if self.element != "works":
             return self.spec.power if self.element == "on" else 0.0
-        return self._wanted(at if self.stuck_at is None else self.stuck_at)
+        return self._demanded_power(at if self.stuck_at is None else self.stuck_at)
 
 
-def _reach(start: float, asymptote: float, tau: float, goal: float) -> float:
-    """Return the seconds until an exponential from `start` reaches `goal`; infinite if it never does."""
+def _seconds_to_reach(start: float, asymptote: float, tau: float, goal: float) -> float:
+    """Return the time until an exponential from `start` reaches `goal`, s; infinite if it never does."""
     if goal == start:
         return 0.0 if start != asymptote else inf
     ratio = (asymptote - start) / (asymptote - goal) if goal != asymptote else 0.0

@@ -1,64 +1,64 @@
-"""Commands of the heaters and the fan."""
+"""Commands for the heaters and the fan."""
 
 from __future__ import annotations
 
 from math import inf
 from typing import TYPE_CHECKING, Final
 
-from printer_slicer.sim.tool_change import hotend_of
+from printer_slicer.sim.tool_change import find_hotend
 
 if TYPE_CHECKING:
     from printer_slicer.sim.firmware_state import FirmwareState, Steps
     from printer_slicer.sim.heater import Heater
     from printer_slicer.sim.parsed_command import Command
 
-__all__ = ["TABLE", "tool_target", "wait_for_all"]
+__all__ = ["TABLE", "set_tool_temperature", "wait_for_all_heaters"]
 
-REPORT_SECONDS: Final = 1.0
-COOLING_CHECK: Final = 60.0
-COOLING_LEAST: Final = 1.5
-"""A wait for cooling ends when a minute brings less than 1.5 °C; otherwise M109 R0 would never end."""
+REPORT_INTERVAL: Final = 1.0
+COOLING_CHECK_SECONDS: Final = 60.0
+MIN_COOLING: Final = 1.5
+"""A wait for cooling ends when the heater cools by less than 1.5 °C in a minute; else M109 R0 would never end."""
 
 
-def _hotend_target(state: FirmwareState, command: Command) -> None:
+def _set_hotend_temperature(state: FirmwareState, command: Command) -> None:
     """M104: set the hotend temperature."""
-    heater = hotend_of(state, command)
+    heater = find_hotend(state, command)
     if heater is not None:
-        _aim(state, heater, command, "S")
+        _set_target(state, heater, command, "S")
 
 
-def tool_target(state: FirmwareState, command: Command) -> None:
-    """G10 P S and M568 of RepRapFirmware: set the temperature of a tool; without P, of the active one."""
-    heater = hotend_of(state, command, "P")
+def set_tool_temperature(state: FirmwareState, command: Command) -> None:
+    """G10 and M568 of RepRapFirmware: set the temperature S of tool P, or of the active tool without P."""
+    heater = find_hotend(state, command, "P")
     if heater is not None:
-        _aim(state, heater, command, "S")
+        _set_target(state, heater, command, "S")
 
 
-def wait_for_all(state: FirmwareState, _: Command) -> Steps:
+def wait_for_all_heaters(state: FirmwareState, _: Command) -> Steps:
     """M116 of RepRapFirmware: wait until all heaters reach their targets."""
-    for heater in state.heaters.all():
+    for heater in state.heaters.all_heaters():
         if heater.target > 0:
-            yield from _waited(state, heater)
+            yield from _wait_for_target(state, heater)
 
 
-def _bed_target(state: FirmwareState, command: Command) -> None:
+def _set_bed_temperature(state: FirmwareState, command: Command) -> None:
     """M140: set the bed temperature."""
-    _aim(state, state.bed, command, "S")
+    _set_target(state, state.bed, command, "S")
 
 
-def _hotend_wait(state: FirmwareState, command: Command) -> Steps | None:
+def _heat_hotend_and_wait(state: FirmwareState, command: Command) -> Steps | None:
     """M109: set the hotend temperature and wait; S waits for heating only, R for cooling too."""
-    heater = hotend_of(state, command)
-    return None if heater is None else _aim_and_wait(state, heater, command)
+    heater = find_hotend(state, command)
+    return None if heater is None else _set_target_and_wait(state, heater, command)
 
 
-def _bed_wait(state: FirmwareState, command: Command) -> Steps | None:
-    """M190: as M109, for the bed."""
-    return _aim_and_wait(state, state.bed, command)
+def _heat_bed_and_wait(state: FirmwareState, command: Command) -> Steps | None:
+    """M190: set the bed temperature and wait; S waits for heating only, R for cooling too."""
+    return _set_target_and_wait(state, state.bed, command)
 
 
-def _aim(state: FirmwareState, heater: Heater, command: Command, letters: str) -> bool:
-    """Set the target from the first letter that has a number; return whether there was one."""
+def _set_target(state: FirmwareState, heater: Heater, command: Command, letters: str) -> bool:
+    """Set the target from the first of these letters that has a number; return whether one has."""
     for letter in letters:
         target = command.value(letter)
         if target is not None:
@@ -68,43 +68,47 @@ def _aim(state: FirmwareState, heater: Heater, command: Command, letters: str) -
                 state.record_violation(
                     f"{name} asked for {target:.0f} °C, the printer allows {highest:.0f} °C"
                 )
-            state.set_target_of(heater, min(max(target, 0.0), highest))
+            state.set_heater_target(heater, min(max(target, 0.0), highest))
             return True
     return False
 
 
-def _aim_and_wait(state: FirmwareState, heater: Heater, command: Command) -> Steps | None:
+def _set_target_and_wait(state: FirmwareState, heater: Heater, command: Command) -> Steps | None:
+    """Set the target of a heater and wait for it; return None if there is nothing to wait for."""
     cools_too = command.value("S") is None
-    if not _aim(state, heater, command, "SR"):
+    if not _set_target(state, heater, command, "SR"):
         return None
     if not cools_too and heater.reading(state.now) > heater.target:
         return None
-    return _waited(state, heater)
+    return _wait_for_target(state, heater)
 
 
-def _waited(state: FirmwareState, heater: Heater) -> Steps:
-    """Wait until the temperature has been near the target for a while, with a report every second.
+def _wait_for_target(state: FirmwareState, heater: Heater) -> Steps:
+    """Wait until the temperature has been near the target for some time; send a report every second.
 
-    As in Marlin, there is no wait if the heater is near the target from the start.
+    As in Marlin, there is no wait if the heater is near the target at the start.
     """
     began = state.now
     state.waiting = True
     state.motion_queue.expects_stop = True
-    disturbances, arrives, done = state.heaters.disturbances, *_expected(heater, began, began)
+    fault_changes, arrives, done = state.heaters.fault_changes, *_estimate_wait(heater, began, began)
     report = began
     before = heater.reading(began)
-    check = began + COOLING_CHECK if before > heater.target else inf
+    check = began + COOLING_CHECK_SECONDS if before > heater.target else inf
     while state.waiting:
-        if state.heaters.disturbances != disturbances:
-            disturbances, arrives, done = state.heaters.disturbances, *_expected(heater, state.now, began)
+        if state.heaters.fault_changes != fault_changes:
+            fault_changes, arrives, done = (
+                state.heaters.fault_changes,
+                *_estimate_wait(heater, state.now, began),
+            )
         if state.now >= report:
             rest = "?" if state.now < arrives or arrives == began else str(int(done - state.now))
-            _report(state, rest)
-            report += REPORT_SECONDS
+            _send_wait_report(state, rest)
+            report += REPORT_INTERVAL
         if state.now >= check:
-            check += COOLING_CHECK
+            check += COOLING_CHECK_SECONDS
             before, last = heater.reading(state.now), before
-            if last - before < COOLING_LEAST:
+            if last - before < MIN_COOLING:
                 break
         if state.now >= done:
             break
@@ -113,25 +117,25 @@ def _waited(state: FirmwareState, heater: Heater) -> Steps:
     state.statistics.heating_seconds += state.now - began
 
 
-def _expected(heater: Heater, now: float, began: float) -> tuple[float, float]:
-    """Return when the temperature will be near the target, and when the wait will end."""
-    arrives = _arrival(heater, now)
+def _estimate_wait(heater: Heater, now: float, began: float) -> tuple[float, float]:
+    """Return the times at which the temperature will be near the target and at which the wait will end, s."""
+    arrives = _estimate_arrival(heater, now)
     return arrives, began if arrives == began else arrives + heater.spec.residency
 
 
-def _report(state: FirmwareState, rest: str) -> None:
-    """Send the report of every second of a wait."""
+def _send_wait_report(state: FirmwareState, rest: str) -> None:
+    """Send the temperature report of a wait, with the remaining seconds."""
     language = state.firmware.language
     if language == "klipper":
-        state.report(state.temperatures())
+        state.send_report(state.temperature_report())
     elif language == "virtual":
-        state.report(f"T:{state.hotend.reading(state.now):.2f}")
+        state.send_report(f"T:{state.hotend.reading(state.now):.2f}")
     else:
-        state.report(f" {state.temperatures()} W:{rest}")
+        state.send_report(f" {state.temperature_report()} W:{rest}")
 
 
-def _arrival(heater: Heater, now: float) -> float:
-    """Return when the reading enters the window around the target; infinite if never."""
+def _estimate_arrival(heater: Heater, now: float) -> float:
+    """Return the time at which the reading enters the window around the target, s; infinite if it never does."""
     missing = heater.target - heater.reading(now)
     window = heater.spec.window
     if abs(missing) < window:
@@ -142,7 +146,7 @@ def _arrival(heater: Heater, now: float) -> float:
     return now + heater.seconds_until(edge, now)
 
 
-def _fan(state: FirmwareState, command: Command) -> None:
+def _set_fan(state: FirmwareState, command: Command) -> None:
     """M106, M107: set the part cooling fan, which also cools the hotend."""
     if command.value("P"):
         return
@@ -153,25 +157,25 @@ def _fan(state: FirmwareState, command: Command) -> None:
     state.hot = False
 
 
-def _cold_extrusion(state: FirmwareState, command: Command) -> None:
+def _set_cold_extrusion(state: FirmwareState, command: Command) -> None:
     """M302: set the minimum extrusion temperature, or allow cold extrusion."""
     coldest, allowed = command.value("S"), command.value("P")
     if coldest is not None:
         state.coldest_extrusion = coldest
     if coldest is None and allowed is None:
         prefix = "en" if state.cold_allowed else "dis"
-        state.say(f"echo:Cold extrudes are {prefix}abled (min temp {state.coldest_extrusion:.0f}C)")
+        state.send_line(f"echo:Cold extrudes are {prefix}abled (min temp {state.coldest_extrusion:.0f}C)")
         return
     state.cold_allowed = state.coldest_extrusion == 0.0 or bool(allowed)
     state.hot = False
 
 
 TABLE: Final = {
-    "M104": _hotend_target,
-    "M106": _fan,
-    "M107": _fan,
-    "M109": _hotend_wait,
-    "M140": _bed_target,
-    "M190": _bed_wait,
-    "M302": _cold_extrusion,
+    "M104": _set_hotend_temperature,
+    "M106": _set_fan,
+    "M107": _set_fan,
+    "M109": _heat_hotend_and_wait,
+    "M140": _set_bed_temperature,
+    "M190": _heat_bed_and_wait,
+    "M302": _set_cold_extrusion,
 }

@@ -1,13 +1,13 @@
-"""Heater protection: when a firmware halts because of a heater.
+"""Heater protection: the conditions in which a firmware halts because of a heater.
 
-what              when                                                      Marlin's names
+error             condition                                                 Marlin's names
 MINTEMP           a heater that is on reads below 5 °C: a broken sensor     HEATER_0_MINTEMP
-MAXTEMP           it reads more than the highest target and a margin        HEATER_0_MAXTEMP
-heating failed    far below its target it gained less than 2 °C in 40 s     WATCH_TEMP_PERIOD, WATCH_TEMP_INCREASE
-thermal runaway   it had arrived and is 4 °C too cold for more than 40 s    THERMAL_PROTECTION_PERIOD, _HYSTERESIS
+MAXTEMP           it reads more than its highest target plus a margin       HEATER_0_MAXTEMP
+heating failed    far below its target, it rises less than 2 °C in 40 s     WATCH_TEMP_PERIOD, WATCH_TEMP_INCREASE
+thermal runaway   after reaching its target, it is 4 °C colder for 40 s     THERMAL_PROTECTION_PERIOD, _HYSTERESIS
 
-A working heater cannot cause any of these, so checks are rare: "heating failed" is checked when its period ends, and
-checks every second start only after a fault was injected or a temperature was found too low.
+A working heater causes none of these errors, so checks are rare. "Heating failed" is checked when its period ends.
+Checks every second start only after a fault was injected or a reading was too low.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 
 __all__ = ["HeaterProtection", "ProtectionLimits"]
 
-LOOK_SECONDS: Final = 1.0
+CHECK_INTERVAL: Final = 1.0
 
-ARRIVED: Final = 1.0
-"""°C below the target from which a heater counts as having reached it; it approaches the target asymptotically."""
+ARRIVAL_BAND: Final = 1.0
+"""Distance below the target from which on it counts as reached, °C, because it is approached asymptotically."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +36,8 @@ class ProtectionLimits:
         margin: tolerance above the highest target, °C.
         watch_seconds, watch_rise: a heater far below its target must rise by `watch_rise` °C in `watch_seconds`.
         near: within this distance of the target, °C, the rise is not checked.
-        hysteresis, runaway_seconds: a heater that reached its target may be `hysteresis` °C colder for so many s.
+        hysteresis, runaway_seconds: a heater that has reached its target may be `hysteresis` °C colder for at most
+            `runaway_seconds`.
     """
 
     lowest: float = 5.0
@@ -49,13 +50,13 @@ class ProtectionLimits:
 
 
 class HeaterProtection:
-    """Watches one heater.
+    """Protection of one heater.
 
     Attributes:
         due: time of the next check, s; infinite if none is needed.
     """
 
-    __slots__ = ("_arrived", "_cold_since", "_goal", "_heater", "_spec", "_watched_until", "due")
+    __slots__ = ("_cold_since", "_goal", "_has_arrived", "_heater", "_spec", "_watched_until", "due")
 
     def __init__(self, heater: Heater, spec: ProtectionLimits) -> None:
         self.due = inf
@@ -63,59 +64,61 @@ class HeaterProtection:
         self._spec = spec
         self._goal = 0.0
         self._watched_until = inf
-        self._arrived = False
+        self._has_arrived = False
         self._cold_since = inf
 
-    def target_set(self, now: float) -> None:
-        """Note a new target."""
-        self._arrived = False
+    def record_target(self, now: float) -> None:
+        """Record that the heater has a new target."""
+        self._has_arrived = False
         self._cold_since = inf
-        self._watch(now)
-        self.due = self._next(now)
+        self._require_rise(now)
+        self.due = self._next_check(now)
 
-    def disturbed(self, now: float) -> None:
-        """Note that the heater was broken or repaired: check at once, and keep checking."""
-        self._arrived = self._arrived or self._heater.temperature(now) >= self._heater.target - ARRIVED
+    def record_fault(self, now: float) -> None:
+        """Record that a fault has broken or repaired the heater, so that it is checked at once and every second."""
+        self._has_arrived = (
+            self._has_arrived or self._heater.temperature(now) >= self._heater.target - ARRIVAL_BAND
+        )
         self.due = now
 
     def check(self, now: float) -> str:
-        """Return what is wrong with the heater at `now`; empty if nothing is."""
+        """Return the error of the heater at `now`, s; empty without one."""
         heater, spec = self._heater, self._spec
         reading = heater.reading(now)
         if reading > heater.spec.highest + spec.margin:
             return "MAXTEMP triggered"
         if heater.target <= 0.0:
-            self.due = self._next(now)
+            self.due = self._next_check(now)
             return ""
         if reading < spec.lowest:
             return "MINTEMP triggered"
         if now >= self._watched_until:
             if reading < self._goal:
                 return "Heating failed"
-            self._watch(now)
-        self._arrived = self._arrived or reading >= heater.target - ARRIVED
-        if not self._arrived or reading >= heater.target - spec.hysteresis:
+            self._require_rise(now)
+        self._has_arrived = self._has_arrived or reading >= heater.target - ARRIVAL_BAND
+        if not self._has_arrived or reading >= heater.target - spec.hysteresis:
             self._cold_since = inf
         elif self._cold_since == inf:
             self._cold_since = now
         elif now - self._cold_since > spec.runaway_seconds:
             return "Thermal Runaway"
-        self.due = self._next(now)
+        self.due = self._next_check(now)
         return ""
 
-    def seen(self, now: float) -> None:
-        """Note that the temperature was read; keep checking if it is too low."""
+    def record_reading(self, now: float) -> None:
+        """Record that the temperature was read at `now`, s; start checks every second if it is too low."""
         heater = self._heater
-        if heater.target <= 0.0 or self.due <= now + LOOK_SECONDS:
+        if heater.target <= 0.0 or self.due <= now + CHECK_INTERVAL:
             return
         reading = heater.reading(now)
-        if reading >= heater.target - ARRIVED:
-            self._arrived = True
-        elif self._arrived and reading < heater.target - self._spec.hysteresis:
-            self.due = now + LOOK_SECONDS
+        if reading >= heater.target - ARRIVAL_BAND:
+            self._has_arrived = True
+        elif self._has_arrived and reading < heater.target - self._spec.hysteresis:
+            self.due = now + CHECK_INTERVAL
 
-    def _watch(self, now: float) -> None:
-        """Require a rise if the target is far away."""
+    def _require_rise(self, now: float) -> None:
+        """Require a rise of the temperature within some time if the target is far above it."""
         heater, spec = self._heater, self._spec
         reading = heater.reading(now)
         if heater.target > 0.0 and reading < heater.target - spec.near:
@@ -123,8 +126,8 @@ class HeaterProtection:
         else:
             self._watched_until = inf
 
-    def _next(self, now: float) -> float:
-        """Return the time of the next check."""
-        if self._heater.disturbed or self._cold_since != inf:
-            return min(now + LOOK_SECONDS, self._watched_until)
+    def _next_check(self, now: float) -> float:
+        """Return the time of the next check, s."""
+        if self._heater.has_fault or self._cold_since != inf:
+            return min(now + CHECK_INTERVAL, self._watched_until)
         return self._watched_until if self._heater.target > 0.0 else inf

@@ -1,4 +1,4 @@
-"""All heaters of a machine: protection, cooling by flowing filament, temperature reports."""
+"""All heaters of a machine, with their protection, cooling by flowing filament, and temperature reports."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ __all__ = ["Heaters"]
 
 
 class Heaters:
-    """The bed, and one hotend for each extruder.
+    """The heaters of a machine: the bed, and one hotend for each extruder.
 
     Attributes:
         bed: heater of the bed.
-        hotends: by extruder number.
+        hotends: hotend of each extruder.
         tool: number of the active extruder.
-        hotend: of the active extruder.
-        protections: by the firmware names of the heaters: bed, E0, E1 and so on.
-        steady: whether filament flows evenly, see `flow`.
-        disturbances: number of injected and repaired faults; waits for a heater must recompute their end.
+        hotend: hotend of the active extruder.
+        protections: protection of each heater, by its name in the firmware: bed, E0, E1 and so on.
+        steady: whether filament flows at a constant rate, see `start_steady_flow`.
+        fault_changes: number of faults injected and repaired; after each, a wait must compute its end again.
     """
 
     __slots__ = (
         "_heat_per_mm",
         "_melted_by",
         "bed",
-        "disturbances",
+        "fault_changes",
         "hotend",
         "hotends",
         "protections",
@@ -53,25 +53,28 @@ class Heaters:
             },
             "bed": HeaterProtection(self.bed, machine.bed_protection),
         }
-        self.disturbances = 0
-        self._melted_by = (now, 0.0)  # s and mm at the last update of the heat carried away
+        self.fault_changes = 0
+        self._melted_by = (
+            now,
+            0.0,
+        )  # time, s, and filament fed, mm, at the last update of the heat carried away
         self.steady = False
         self._heat_per_mm = pi * machine.filament_diameter**2 / 4.0 * machine.melting
 
-    def all(self) -> tuple[Heater, ...]:
+    def all_heaters(self) -> tuple[Heater, ...]:
         """Return the hotends, then the bed."""
         return (*self.hotends, self.bed)
 
-    def named(self, name: str) -> Heater:
-        """Return the heater with a firmware name."""
+    def find_heater(self, name: str) -> Heater:
+        """Return the heater with this name in the firmware: bed, E0, E1 and so on."""
         return self.bed if name == "bed" else self.hotends[int(name[1:])]
 
-    def use(self, tool: int) -> None:
-        """Make another extruder active."""
+    def select_tool(self, tool: int) -> None:
+        """Make an extruder the active one."""
         self.tool, self.hotend = tool, self.hotends[tool]
 
     def apply_flow_cooling(self, fed: float, now: float) -> None:
-        """Account for the heat taken by the filament fed since the last call, up to `fed` mm in all, spread evenly."""
+        """Cool the hotend by the filament fed since the last call, at a constant rate; `fed` mm since power-on."""
         since, before = self._melted_by
         if now <= since:
             return
@@ -81,13 +84,13 @@ class Heaters:
         heater.flow_loss = 0.0
         self._melted_by = (now, fed)
 
-    def flow(self, mm: float, seconds: float) -> None:
-        """Start a constant flow of filament, which lasts until `flowed`."""
+    def start_steady_flow(self, mm: float, seconds: float) -> None:
+        """Start a constant flow of `mm` of filament in `seconds`; it lasts until `end_steady_flow`."""
         self.steady = True
         self.hotend.flow_loss = max(mm, 0.0) / max(seconds, 1e-9) * self._heat_per_mm
 
-    def flowed(self, fed: float, now: float) -> None:
-        """End the flow; `fed` mm were fed in all."""
+    def end_steady_flow(self, fed: float, now: float) -> None:
+        """End the constant flow at `now`, s, when `fed` mm of filament have been fed since power-on."""
         self.hotend.temperature(now)
         self.hotend.flow_loss = 0.0
         self._melted_by = (now, fed)
@@ -95,56 +98,61 @@ class Heaters:
 
     @property
     def due(self) -> float:
-        """When a guard wants to look, s."""
-        return min(update_clipping.due for update_clipping in self.protections.values())
+        """Time of the next check of the heater protection, s."""
+        return min(protection.due for protection in self.protections.values())
 
-    def target_set(self, heater: Heater, now: float) -> None:
-        """Note that a heater got another target."""
-        for name, update_clipping in self.protections.items():
-            if self.named(name) is heater:
-                update_clipping.target_set(now)
+    def record_target(self, heater: Heater, now: float) -> None:
+        """Record that a heater has a new target."""
+        for name, protection in self.protections.items():
+            if self.find_heater(name) is heater:
+                protection.record_target(now)
 
-    def disturb(self, name: str, now: float) -> None:
-        """Something is wrong with a heater, or right again."""
-        self.disturbances += 1
-        self.protections[name].disturbed(now)
+    def record_fault(self, name: str, now: float) -> None:
+        """Record that a fault has broken or repaired a heater."""
+        self.fault_changes += 1
+        self.protections[name].record_fault(now)
 
-    def wrong(self, now: float) -> tuple[str, str] | None:
-        """Return which heater is out of control, and how; None if none is."""
-        for name, update_clipping in self.protections.items():
-            if update_clipping.due <= now and (what := update_clipping.check(now)):
-                return name, what
+    def find_fault(self, now: float) -> tuple[str, str] | None:
+        """Return the name of a heater that is out of control, and its error; None if there is none."""
+        for name, protection in self.protections.items():
+            if protection.due <= now and (error := protection.check(now)):
+                return name, error
         return None
 
-    def told(self, language: Literal["marlin", "klipper", "virtual"], now: float) -> str:
-        """Return all temperatures as in the answer to M105."""
-        for update_clipping in self.protections.values():
-            update_clipping.seen(now)
+    def format_temperatures(self, language: Literal["marlin", "klipper", "virtual"], now: float) -> str:
+        """Return all temperatures as in the reply to M105."""
+        for protection in self.protections.values():
+            protection.record_reading(now)
         bed, hotends = self.bed, list(enumerate(self.hotends))
         several = hotends if len(hotends) > 1 else []
         if language == "klipper":
             return " ".join(
-                [f"B:{_degrees(bed, now, 1)}", *(f"T{n}:{_degrees(one, now, 1)}" for n, one in hotends)]
+                [
+                    f"B:{_format_temperature(bed, now, 1)}",
+                    *(f"T{n}:{_format_temperature(one, now, 1)}" for n, one in hotends),
+                ]
             )
         if language == "virtual":
-            tools = [f"T{n}:{_virtual(one, now)}" for n, one in several]
-            return " ".join([f"T:{_virtual(self.hotend, now)}", *tools, f"B:{_virtual(bed, now)}", "@:64"])
-        words = [f"T:{_degrees(self.hotend, now)}", f"B:{_degrees(bed, now)}"]
-        words += [f"T{n}:{_degrees(one, now)}" for n, one in several]
-        words += [f"@:{_power(self.hotend, now)}", f"B@:{_power(bed, now)}"]
-        return " ".join(words + [f"@{n}:{_power(one, now)}" for n, one in several])
+            tools = [f"T{n}:{_format_virtual(one, now)}" for n, one in several]
+            return " ".join(
+                [f"T:{_format_virtual(self.hotend, now)}", *tools, f"B:{_format_virtual(bed, now)}", "@:64"]
+            )
+        words = [f"T:{_format_temperature(self.hotend, now)}", f"B:{_format_temperature(bed, now)}"]
+        words += [f"T{n}:{_format_temperature(one, now)}" for n, one in several]
+        words += [f"@:{_format_power(self.hotend, now)}", f"B@:{_format_power(bed, now)}"]
+        return " ".join(words + [f"@{n}:{_format_power(one, now)}" for n, one in several])
 
 
-def _degrees(heater: Heater, now: float, decimals: int = 2) -> str:
-    """Format temperature and target as Marlin and Klipper do."""
+def _format_temperature(heater: Heater, now: float, decimals: int = 2) -> str:
+    """Format temperature and target of a heater as Marlin and Klipper do."""
     return f"{heater.reading(now):.{decimals}f} /{heater.target:.{decimals}f}"
 
 
-def _virtual(heater: Heater, now: float) -> str:
-    """Format temperature and target as OctoPrint's virtual printer does."""
+def _format_virtual(heater: Heater, now: float) -> str:
+    """Format temperature and target of a heater as OctoPrint's virtual printer does."""
     return f"{heater.reading(now):.2f}/ {heater.target:.2f}"
 
 
-def _power(heater: Heater, now: float) -> int:
-    """Return the power of a heater as Marlin reports it."""
+def _format_power(heater: Heater, now: float) -> int:
+    """Return the power of a heater as Marlin reports it, 0 to 127."""
     return round(heater.power_ratio(now) * 127)

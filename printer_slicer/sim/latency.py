@@ -1,7 +1,7 @@
 """The latency timer of a USB to serial chip.
 
-A packet is sent to the computer when it has 62 bytes, or when the timer expires, which restarts with every packet. FTDI
-chips use 16 ms by default, which dominates the time of a host that waits for every reply.
+The chip sends a packet to the computer when it has 62 bytes or when the timer expires. The timer restarts with every
+packet. FTDI chips use 16 ms by default, which dominates the time of a host that waits for every reply.
 
 Source: FTDI, AN232B-04, "Data throughput, latency and handshaking".
 """
@@ -11,51 +11,51 @@ from __future__ import annotations
 from math import floor, inf
 from typing import Final
 
-__all__ = ["PACKET", "LatencyTimer"]
+__all__ = ["PACKET_BYTES", "LatencyTimer"]
 
-PACKET: Final = 62
-"""Bytes of a full packet; two more hold the line status."""
+PACKET_BYTES: Final = 62
+"""Number of data bytes in a full packet; two more bytes hold the line status."""
 
 
 class LatencyTimer:
-    """Delays bytes to the computer.
+    """Delay of bytes to the computer by the latency timer.
 
     Args:
-        seconds: period of the timer; 0: no such chip.
+        seconds: period of the timer, s; 0: no delay.
     """
 
     def __init__(self, seconds: float) -> None:
         self._seconds = seconds
-        self._held = b""
+        self._waiting = b""
         self._ready = b""
-        self._last = 0.0  # when a packet was sent
+        self._last = 0.0  # time of the last packet, s
         self._due = inf
 
-    def arrive(self, data: bytes, at: float) -> None:
-        """Take bytes from the serial line; the last one arrived at `at`, s."""
+    def add_bytes(self, data: bytes, at: float) -> None:
+        """Add bytes from the serial line, the last of which arrived at `at`, s."""
         if self._seconds <= 0.0:
             self._ready += data
             return
-        self._held += data
-        full = len(self._held) - len(self._held) % PACKET
+        self._waiting += data
+        full = len(self._waiting) - len(self._waiting) % PACKET_BYTES
         if full:
-            self._ready += self._held[:full]
-            self._held = self._held[full:]
+            self._ready += self._waiting[:full]
+            self._waiting = self._waiting[full:]
             self._last = at
         self._due = inf
-        if self._held:
+        if self._waiting:
             ticks = floor((at - self._last) / self._seconds) + 1
             self._due = max(self._last + ticks * self._seconds, at)
 
     def release(self, now: float) -> bytes:
-        """Return what reaches the computer by `now`, s."""
-        if self._held and self._due <= now:
-            self._ready += self._held
-            self._held = b""
+        """Return the bytes that reach the computer by `now`, s, and were not returned before."""
+        if self._waiting and self._due <= now:
+            self._ready += self._waiting
+            self._waiting = b""
             self._last, self._due = self._due, inf
         ready, self._ready = self._ready, b""
         return ready
 
     def due(self) -> float:
-        """Return when the timer expires, s; infinite if no bytes wait."""
+        """Return the time at which the timer expires, s; infinite if no bytes wait."""
         return self._due

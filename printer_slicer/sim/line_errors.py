@@ -1,4 +1,4 @@
-"""Replies of a firmware to lines it rejects: error messages and resend requests."""
+"""Replies of a firmware to lines that it rejects: error messages and resend requests."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ __all__ = ["LineErrorReplies"]
 
 
 class LineErrorReplies:
-    """Replies to lines that `LineReader` rejected, skipped or lost.
+    """Sends the replies to lines that `LineReader` rejected, skipped or lost.
 
     Attributes:
-        asking: whether a rejected line still needs its resend request.
+        needs_resend: whether the resend request for a rejected line has not been sent yet.
         last_byte: arrival time of the last byte, s.
     """
 
@@ -30,63 +30,63 @@ class LineErrorReplies:
         statistics: Statistics,
         now: float,
     ) -> None:
-        self.asking = False
+        self.needs_resend = False
         self.last_byte = now
         self._reader = reader
         self._state = state
         self._firmware = firmware
         self._statistics = statistics
 
-    def answer(self) -> None:
-        """Reply to a line that was not accepted, or to a buffer overflow once everything is read."""
+    def send_reply(self) -> None:
+        """Reply to a line that was not accepted, or to a buffer overflow after everything was read."""
         reader = self._reader
-        if reader.refused:
-            self._refuse()
-        elif reader.passed is not None:
-            for said in reader.passed:
-                self._state.say(said)
-            reader.passed = None
+        if reader.is_rejected:
+            self._report_line_error()
+        elif reader.skip_replies is not None:
+            for reply in reader.skip_replies:
+                self._state.send_line(reply)
+            reader.skip_replies = None
         else:
-            self._look_at_overflow()
+            self._report_overflow()
 
-    def ask_again(self) -> None:
-        """Request a resend of the line after the last good one."""
-        self.asking = False
+    def request_resend(self) -> None:
+        """Request a resend of the line after the last accepted one."""
+        self.needs_resend = False
         if self._firmware.flushes_on_error:
             self._reader.flush()
         self._statistics.resends += 1
-        self._state.say(self._firmware.resend.format(wanted=self._reader.last + 1))
+        self._state.send_line(self._firmware.resend.format(wanted=self._reader.last + 1))
         if self._firmware.ok_after_resend:
-            self._state.say("ok")
+            self._state.send_line("ok")
 
     def due(self) -> float:
-        """Return the timeout for the rest of a line or for a requested line, s; infinite for never."""
+        """Return the time at which the wait for the rest of a line or a requested line ends, s; infinite for never."""
         reader, firmware = self._reader, self._firmware
-        asked = firmware.partial_asks and reader.skipping >= 0 and not reader.waiting
-        return self.last_byte + firmware.partial_seconds if asked or reader.partial else inf
+        asked = firmware.repeats_resend_request and reader.skipping >= 0 and not reader.has_unread_bytes
+        return self.last_byte + firmware.line_timeout if asked or reader.has_partial_line else inf
 
-    def abandon(self, now: float) -> None:
-        """Discard a partial line, and request it again if the firmware does so."""
+    def discard_partial_line(self, now: float) -> None:
+        """Discard a partial line at `now`, s, and request it again if the firmware does so."""
         self.last_byte = now
-        self._reader.abandon()
-        if self._firmware.partial_asks:
-            self.asking = True
+        self._reader.discard_partial_line()
+        if self._firmware.repeats_resend_request:
+            self.needs_resend = True
         else:
-            self._state.report("RX timeout")
+            self._state.send_report("RX timeout")
 
-    def _refuse(self) -> None:
-        """Report an error of a line; more bytes may arrive in the meantime."""
+    def _report_line_error(self) -> None:
+        """Send the error message for a rejected line; its resend request follows later."""
         reader = self._reader
-        if reader.fault:
-            self._state.say(reader.fault)
-        reader.fault, reader.refused = "", False
+        if reader.rejection:
+            self._state.send_line(reader.rejection)
+        reader.rejection, reader.is_rejected = "", False
         self._statistics.line_errors += 1
-        self.asking = True
+        self.needs_resend = True
 
-    def _look_at_overflow(self) -> None:
-        """Report a buffer overflow if there was one."""
+    def _report_overflow(self) -> None:
+        """Report a buffer overflow if one occurred and the firmware reports it."""
         reader = self._reader
-        if reader.overflowed and self._firmware.tells_overflow:
-            reader.abandon()
-            self._state.say("Full RX Buffer")
+        if reader.overflowed and self._firmware.reports_overflow:
+            reader.discard_partial_line()
+            self._state.send_line("Full RX Buffer")
         reader.overflowed = False

@@ -1,6 +1,6 @@
-"""Turn received bytes into lines to execute: buffer, line, number, checksum.
+"""Read lines to execute from received bytes: receive buffer, line buffer, line number, checksum.
 
-line begins with      number is          checksum is     then
+line begins with      number is          checksum is     result
 anything else         -                  -               accepted, even with `*..` at its end
 N                     not last + 1       -               rejected, or dropped if it repeats a recent one
 N                     last + 1           absent          rejected
@@ -25,17 +25,17 @@ if TYPE_CHECKING:
 __all__ = ["Line", "LineReader", "checksum"]
 
 Line = tuple[int | None, str]
-"""Line number, None without one, and the command without number and checksum."""
+"""Line number, or None, and the command without line number and checksum."""
 
-_ORDINARY: Final = re.compile(rb"N(\d{1,9}) ([^;*]+)\*(\d{1,3})").fullmatch
-_NUMBER: Final = re.compile(rb"[ \t]*([-+]?\d{1,18})").match
-_PREFIX: Final = re.compile(rb"N[-+]?\d* *").match
+_match_ordinary_line: Final = re.compile(rb"N(\d{1,9}) ([^;*]+)\*(\d{1,3})").fullmatch
+_match_number: Final = re.compile(rb"[ \t]*([-+]?\d{1,18})").match
+_match_number_prefix: Final = re.compile(rb"N[-+]?\d* *").match
 
-_NEITHER: Final = re.compile(rb"(?:N[-+]?\d* *)?([^*]*)", re.DOTALL).match
+_match_command: Final = re.compile(rb"(?:N[-+]?\d* *)?([^*]*)", re.DOTALL).match
 _CRC_DIGITS: Final = 5
 
-MOST_UNREAD: Final = 65_536
-"""Bytes kept with flow control; the sender has to wait, and further bytes are lost."""
+MAX_UNREAD_BYTES: Final = 65_536
+"""Size of the receive buffer with flow control, bytes; the sender has to wait, or further bytes are lost."""
 
 
 class LineReader:
@@ -43,179 +43,188 @@ class LineReader:
 
     Attributes:
         last: number of the last accepted line.
-        fault: error message for a line that `next` rejected; the reader of it clears it.
-        refused: whether `next` rejected a line; the reader of it clears it.
-        passed: replies to a line that was skipped; None if none was.
-        skipping: lines still to skip after a rejected one; negative if none.
-        overflowed: whether the buffer overflowed.
+        rejection: error message for a line that `next_line` rejected; whoever sends it must clear it.
+        is_rejected: whether `next_line` rejected a line; cleared together with `rejection`.
+        skip_replies: replies to a line that was skipped; None without one.
+        skipping: number of lines still to skip after a rejected one; negative: none.
+        overflowed: whether the receive buffer overflowed.
     """
 
     __slots__ = (
-        *("_at", "_firmware", "_keep", "_line", "_numbered", "_ring", "_room", "_statistics"),
-        *("fault", "last", "overflowed", "passed", "refused", "skipping"),
+        *(
+            "_position",
+            "_firmware",
+            "_max_length",
+            "_line",
+            "_saw_number",
+            "_ring",
+            "_buffer_size",
+            "_statistics",
+        ),
+        *("rejection", "last", "overflowed", "skip_replies", "is_rejected", "skipping"),
     )
 
     def __init__(self, firmware: SimulatedFirmware, statistics: Statistics) -> None:
         self.last = 0
-        self.fault = ""
-        self.refused = False
-        self.passed: tuple[str, ...] | None = None
+        self.rejection = ""
+        self.is_rejected = False
+        self.skip_replies: tuple[str, ...] | None = None
         self.skipping = -1
         self.overflowed = False
-        self._numbered = False
+        self._saw_number = False
         self._firmware = firmware
-        self._keep = firmware.line_size - 1
-        self._room = MOST_UNREAD if firmware.receive_buffer is None else firmware.receive_buffer
+        self._max_length = firmware.line_size - 1
+        self._buffer_size = MAX_UNREAD_BYTES if firmware.receive_buffer is None else firmware.receive_buffer
         self._statistics = statistics
         self._line = b""
         self._ring = b""
-        self._at = 0  # how much of the ring has been read
+        self._position = 0  # number of bytes of the ring that have been read
 
-    def arrive(self, data: bytes) -> None:
-        """Put bytes into the receive buffer, as many as fit."""
+    def add_bytes(self, data: bytes) -> None:
+        """Put received bytes into the receive buffer; those that do not fit are lost."""
         if b"\r" in data:
-            data = data.replace(b"\r", b"\n")  # both end a line, and empty lines do not count
-        unread = self._ring[self._at :]
-        room = self._room
+            data = data.replace(b"\r", b"\n")  # both characters end a line, and empty lines are ignored
+        unread = self._ring[self._position :]
+        room = self._buffer_size
         if len(unread) + len(data) > room:
             kept = data[: room - len(unread)]
             self._statistics.bytes_lost += len(data) - len(kept)
             self.overflowed = True
             data = kept
         self._ring = unread + data if unread else data
-        self._at = 0
+        self._position = 0
 
     @property
-    def waiting(self) -> bool:
-        """Whether bytes have arrived that were not read yet."""
-        return self._at < len(self._ring)
+    def has_unread_bytes(self) -> bool:
+        """Whether the receive buffer has bytes that were not read yet."""
+        return self._position < len(self._ring)
 
     @property
-    def unread(self) -> int:
-        """Number of bytes not read yet."""
-        return len(self._ring) - self._at
+    def unread_bytes(self) -> int:
+        """Number of bytes in the receive buffer that were not read yet."""
+        return len(self._ring) - self._position
 
     @property
-    def partial(self) -> bool:
+    def has_partial_line(self) -> bool:
         """Whether only the start of a line has been read."""
-        return bool(self._line) and not self.waiting
+        return bool(self._line) and not self.has_unread_bytes
 
-    def abandon(self) -> None:
+    def discard_partial_line(self) -> None:
         """Discard a partial line."""
         self._statistics.bytes_flushed += len(self._line)
         self._line = b""
 
     def flush(self) -> None:
-        """Discard all received bytes that are no accepted line yet."""
-        self._statistics.bytes_flushed += len(self._ring) - self._at + len(self._line)
+        """Discard all received bytes, except lines that were accepted."""
+        self._statistics.bytes_flushed += len(self._ring) - self._position + len(self._line)
         self._line = self._ring = b""
-        self._at = 0
+        self._position = 0
 
-    def next(self) -> Line | None:
-        """Return the next accepted line; None if there is none yet, or one was rejected (see `fault`)."""
-        while self._at < len(self._ring):
-            end = self._ring.find(b"\n", self._at)
+    def next_line(self) -> Line | None:
+        """Return the next accepted line; None if there is none yet, or if a line was rejected (see `rejection`)."""
+        while self._position < len(self._ring):
+            end = self._ring.find(b"\n", self._position)
             if end < 0:
-                # The rest beyond the line buffer would be cut off anyway; one byte more shows that it was.
-                self._line = (self._line + self._ring[self._at :])[: self._keep + 1]
+                # Bytes beyond the line buffer would be cut off anyway; one more byte shows that the line is too long.
+                self._line = (self._line + self._ring[self._position :])[: self._max_length + 1]
                 self._ring = b""
-                self._at = 0
+                self._position = 0
                 return None
-            raw = self._ring[self._at : end]
-            self._at = end + 1
+            raw = self._ring[self._position : end]
+            self._position = end + 1
             if self._line:
                 raw = self._line + raw
                 self._line = b""
-            line = self._judged(raw)
-            if line is not None or self.refused or self.passed is not None:
+            line = self._check_line(raw)
+            if line is not None or self.is_rejected or self.skip_replies is not None:
                 return line
         return None
 
-    def _judged(self, raw: bytes) -> Line | None:
-        """Return a line if it is accepted, with a fast path for ordinary lines."""
-        if self._firmware.takes != "next":
-            return self._judged_alone(raw.partition(b";")[0][: self._keep].strip())
-        match = _ORDINARY(raw)
-        if match is not None and len(raw) <= self._keep and b"M110" not in raw:
+    def _check_line(self, raw: bytes) -> Line | None:
+        """Return a line if the firmware accepts it; this is a fast path for ordinary lines."""
+        if self._firmware.accepted_lines != "next":
+            return self._check_unordered_line(raw.partition(b";")[0][: self._max_length].strip())
+        match = _match_ordinary_line(raw)
+        if match is not None and len(raw) <= self._max_length and b"M110" not in raw:
             number = int(match[1])
             if number == self.last + 1 and checksum(raw[: match.end(2)]) == int(match[3]):
                 self.last = number
                 self.skipping = -1
-                self._numbered = True
+                self._saw_number = True
                 return number, match[2].decode("latin-1").rstrip(" ")
-        return self._judged_carefully(raw)
+        return self._check_numbered_line(raw)
 
-    def _judged_alone(self, command: bytes) -> Line | None:
-        """Return a line if it is accepted by a firmware that ignores the order of numbers."""
-        if not command or (self._firmware.takes == "right" and not _right(command)):
+    def _check_unordered_line(self, command: bytes) -> Line | None:
+        """Return a line if it is accepted by a firmware that ignores the order of line numbers."""
+        if not command or (self._firmware.accepted_lines == "right" and not _has_valid_checksum(command)):
             return None
-        number = _number(command[1:]) if command.startswith(b"N") else None
-        match = _NEITHER(command)
-        text = _text(match[1] if match else b"")
+        number = _parse_number(command[1:]) if command.startswith(b"N") else None
+        match = _match_command(command)
+        text = _decode_command(match[1] if match else b"")
         self.last = self.last + 1 if number is None else number
         return (number, text) if text else None
 
-    def _judged_carefully(self, raw: bytes) -> Line | None:
-        """Return a line if it is accepted, by the table above."""
+    def _check_numbered_line(self, raw: bytes) -> Line | None:
+        """Return a line if it is accepted by the table at the top of this module."""
         firmware = self._firmware
-        command = raw.partition(b";")[0][: self._keep].lstrip(b" ")
+        command = raw.partition(b";")[0][: self._max_length].lstrip(b" ")
         if not command.strip():
             return None
         if not command.startswith(b"N"):
-            return self._judged_stray(command)
+            return self._check_unnumbered_line(command)
         renumbers = b"M110" in command
         inner = command.find(b"N", 4) if renumbers else -1
-        number = _number(command[max(inner, 0) + 1 :])
+        number = _parse_number(command[max(inner, 0) + 1 :])
         body, star, check = command.rpartition(b"*")
-        right = checksum(body) == _number(check) if star else not firmware.checksum_needed
+        right = checksum(body) == _parse_number(check) if star else not firmware.checksum_needed
         if firmware.checksum_first and not right:
-            self._refuse(firmware.wrong_checksum if star else firmware.no_checksum, number)
+            self._reject(firmware.wrong_checksum if star else firmware.no_checksum, number)
             return None
         if number != self.last + 1 and not renumbers:
-            self._judged_out_of_turn(number)
+            self._handle_wrong_number(number)
             return None
         if not right:
-            self._refuse(firmware.wrong_checksum if star else firmware.no_checksum, number)
+            self._reject(firmware.wrong_checksum if star else firmware.no_checksum, number)
             return None
         self.last = number
         self.skipping = -1
-        self._numbered = True
-        prefix = _PREFIX(command)
-        return number, _text(command[prefix.end() :] if prefix else command)
+        self._saw_number = True
+        prefix = _match_number_prefix(command)
+        return number, _decode_command(command[prefix.end() :] if prefix else command)
 
-    def _judged_stray(self, command: bytes) -> Line | None:
-        """Return a line without a number if it is accepted."""
-        strays = self._firmware.strays
+    def _check_unnumbered_line(self, command: bytes) -> Line | None:
+        """Return a line without a line number if the firmware accepts it."""
+        strays = self._firmware.unnumbered_lines
         if (strays == "bare" and b"*" in command) or (
-            strays == "never" and self._numbered and not command.startswith(b"M112")
+            strays == "never" and self._saw_number and not command.startswith(b"M112")
         ):
-            self._refuse(self._firmware.no_number, 0)
+            self._reject(self._firmware.no_number, 0)
             return None
-        return None, _text(command)
+        return None, _decode_command(command)
 
-    def _judged_out_of_turn(self, number: int) -> None:
-        """Handle a line out of order: skip it if it may be a repeat, else reject it."""
+    def _handle_wrong_number(self, number: int) -> None:
+        """Skip a line with a wrong number if it may be a repetition, else reject it."""
         firmware = self._firmware
         if self.last - firmware.repeats_dropped < number <= self.last:
             self._statistics.repeats_dropped += 1
         elif self.last - firmware.repeats_skipped < number <= self.last:
             self._statistics.repeats_dropped += 1
-            self.passed = (f"skip {number}", "ok")
+            self.skip_replies = (f"skip {number}", "ok")
         elif self.skipping >= 0:
             self.skipping -= 1
-            self.passed = ("ok",)
+            self.skip_replies = ("ok",)
         else:
-            self._refuse(firmware.wrong_number, number)
+            self._reject(firmware.wrong_number, number)
 
-    def _refuse(self, why: str, number: int) -> None:
-        """Reject a line."""
-        self.fault = why.format(last=self.last, wanted=self.last + 1, got=number)
-        self.refused = True
+    def _reject(self, message: str, number: int) -> None:
+        """Reject a line with this number and set the error message."""
+        self.rejection = message.format(last=self.last, wanted=self.last + 1, got=number)
+        self.is_rejected = True
         self.skipping = self._firmware.lines_skipped or -1
 
 
-def _right(command: bytes) -> bool:
-    """Return whether a line has a correct checksum or none."""
+def _has_valid_checksum(command: bytes) -> bool:
+    """Return whether a line has a correct checksum or no checksum."""
     body, star, check = command.rpartition(b"*")
     if not star or not command.startswith(b"N"):
         return True
@@ -225,7 +234,7 @@ def _right(command: bytes) -> bool:
 
 
 def checksum(data: bytes) -> int:
-    """Return the XOR of all bytes; `data` has at most 256."""
+    """Return the XOR of all bytes of `data`, at most 256 bytes."""
     folded = int.from_bytes(data, "little")
     folded ^= folded >> 1024
     # Halving is five times faster than a loop over the bytes, and every line of a print needs it.
@@ -239,12 +248,12 @@ def checksum(data: bytes) -> int:
     return folded & 0xFF
 
 
-def _number(data: bytes) -> int:
-    """Return the integer at the start, 0 without one, as C's strtol does."""
-    match = _NUMBER(data)
+def _parse_number(data: bytes) -> int:
+    """Return the integer at the start of `data`, or 0 without one, as C's strtol does."""
+    match = _match_number(data)
     return int(match[1]) if match else 0
 
 
-def _text(command: bytes) -> str:
+def _decode_command(command: bytes) -> str:
     """Return the command as text; Latin-1 keeps every byte, so damaged text can be echoed unchanged."""
     return command.partition(b"*")[0].rstrip(b" ").decode("latin-1")

@@ -1,4 +1,4 @@
-"""The cable between host and simulated printer in one process, with simulated time."""
+"""The cable between a host and a simulated printer in the same process, with simulated time."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ if TYPE_CHECKING:
 
 __all__ = ["Cable", "CableNoise", "Direction", "RandomSource", "VirtualPort", "Wire"]
 
-MOST_ON_ITS_WAY: Final = 8192
-"""Bytes in transit from which on a sender waits, as with the buffers of an operating system."""
+MAX_BYTES_IN_TRANSIT: Final = 8192
+"""Number of bytes in transit beyond which a sender waits, as with the buffers of an operating system."""
 
 BITS_PER_BYTE: Final = 10
-"""8 data bits between a start and a stop bit."""
+"""A start bit, 8 data bits and a stop bit."""
 
 
 class _Chunk(NamedTuple):
-    """Bytes in transit: arrival time of the first, s, and time for each further one, s."""
+    """Bytes in transit, with the arrival time of the first one, s, and the time between bytes, s."""
 
     first: float
     each: float
@@ -37,7 +37,7 @@ class Wire:
     """One direction of a cable.
 
     Args:
-        baud: bits/s, ten per byte; None: bytes take no time.
+        baud: baud rate; a byte takes ten bits. None: bytes take no time.
         latency: additional delay of each byte, s.
 
     Attributes:
@@ -47,18 +47,18 @@ class Wire:
     def __init__(self, baud: int | None = None, latency: float = 0.0) -> None:
         self.byte_seconds = BITS_PER_BYTE / baud if baud else 0.0
         self._latency = latency
-        self._free = 0.0  # when the sender's end is free again
+        self._free = 0.0  # time at which the sender can send again, s
         self._chunks: deque[_Chunk] = deque()
 
     def push(self, data: bytes, now: float) -> None:
-        """Write bytes at `now`, s."""
+        """Send bytes at `now`, s."""
         if data:
             start = max(now, self._free)
             self._free = start + len(data) * self.byte_seconds
             self._chunks.append(_Chunk(start + self.byte_seconds + self._latency, self.byte_seconds, data))
 
     def pop(self, now: float) -> tuple[bytes, float] | None:
-        """Return bytes that have arrived by `now`, s, and the arrival time of the last; None without any."""
+        """Return bytes that arrived by `now`, s, with the arrival time of the last one, s; None if there are none."""
         if not self._chunks or self._chunks[0].first > now:
             return None
         first, each, data = self._chunks.popleft()
@@ -75,12 +75,12 @@ class Wire:
         return data, first + (n - 1) * each
 
     @property
-    def on_its_way(self) -> int:
+    def bytes_in_transit(self) -> int:
         """Number of bytes that have not arrived yet."""
         return sum(len(chunk.data) for chunk in self._chunks)
 
     def due(self) -> float:
-        """Return when the next line or chunk has arrived, s; infinite if nothing is in transit."""
+        """Return the time at which the next line or chunk has arrived, s; infinite if nothing is in transit."""
         if not self._chunks:
             return inf
         first, each, data = self._chunks[0]
@@ -92,11 +92,11 @@ class Cable:
     """Both directions between a host and a simulated printer; the caller provides the time.
 
     Args:
-        printer: at the far end.
-        baud: of both directions; None = bytes take no time.
-        latency: s added to each byte in each direction.
-        noise: changes bytes as they are written, see `CableNoise`.
-        timer: latency timer of a USB chip, s, see `LatencyTimer`.
+        printer: printer at the other end.
+        baud: baud rate of both directions; None: bytes take no time.
+        latency: additional delay of each byte in each direction, s.
+        noise: function that damages bytes when they are sent, see `CableNoise`.
+        timer: period of the latency timer of a USB chip, s, see `LatencyTimer`.
     """
 
     def __init__(
@@ -123,27 +123,27 @@ class Cable:
     def read(self, now: float) -> bytes:
         """Simulate until `now`, s, and return the bytes that reach the host.
 
-        Call it at every time that `due` returns, or events happen in the wrong order.
+        Call it at every time that `due` returns; otherwise events occur in the wrong order.
         """
         while (part := self._to_printer.pop(now)) is not None:
             data, at = part
             wakeup = self._printer.wakeup()
             if wakeup is not None and wakeup <= at:
-                # Bytes that arrived before an event of the printer must be in its buffer by then; all but the
-                # last byte arrived earlier.
+                # Bytes that arrived before an event of the printer must be in its buffer at that event. All but
+                # the last byte arrived earlier.
                 self._printer.receive(data[:-1], at - self._to_printer.byte_seconds)
                 data = data[-1:]
             self._printer.receive(data, at)
-        said = self._printer.send(now)
-        if said:
-            self._to_host.push(said if self._noise is None else self._noise(said, "to host"), now)
+        replies = self._printer.send(now)
+        if replies:
+            self._to_host.push(replies if self._noise is None else self._noise(replies, "to host"), now)
         chip = self._chip
         come = b""
         while (part := self._to_host.pop(now)) is not None:
             if chip is None:
                 come += part[0]
             else:
-                chip.arrive(*part)
+                chip.add_bytes(*part)
         return come if chip is None else chip.release(now)
 
     def due(self) -> float:
@@ -153,22 +153,22 @@ class Cable:
         return due if self._chip is None else min(due, self._chip.due())
 
     @property
-    def crowded(self) -> bool:
-        """Whether a sender with flow control has to wait."""
-        return self._to_printer.on_its_way + self._printer.unread > MOST_ON_ITS_WAY
+    def is_full(self) -> bool:
+        """Whether the cable is so full that a sender with flow control has to wait."""
+        return self._to_printer.bytes_in_transit + self._printer.unread_bytes > MAX_BYTES_IN_TRANSIT
 
 
 class VirtualPort:
-    """A serial port with a simulated printer at the other end and simulated time.
+    """A serial port in simulated time, with a simulated printer at the other end.
 
-    Time passes only while the host reads: until there is something to read, or until the timeout. `now` is the clock
-    for the host.
+    Time passes only while the host reads, until there are bytes to read or until the timeout. `now` is the clock for
+    the host.
 
     Args:
-        printer: at the other end.
+        printer: printer at the other end.
         baud, latency, noise, timer: as for `Cable`.
-        started: initial time, s; for a second port to a running printer.
-        faults: faults to inject, instead of `noise`; pass them to the printer too.
+        started: start time, s; needed for a second port to a running printer.
+        faults: faults to inject, instead of `noise`; the printer must get the same ones.
     """
 
     def __init__(  # noqa: PLR0913 - all but one have a good default
@@ -192,38 +192,42 @@ class VirtualPort:
         return self._now
 
     def write(self, data: bytes) -> None:
-        """Send bytes to the printer; time does not pass.
+        """Send bytes to the printer without letting time pass.
 
         Raises:
-            PortError: the port was closed.
+            PortError: the port is closed.
         """
-        self._check()
+        self._check_connection()
         self._cable.write(data, self._now)
 
     def read(self, timeout: float) -> bytes:
         """Wait for bytes, at most `timeout` seconds; return empty bytes if none arrive.
 
         Raises:
-            PortError: the port was closed.
+            PortError: the port is closed.
         """
-        self._check()
+        self._check_connection()
         deadline = self._now + timeout
         while True:
             data = self._cable.read(self._now)
             if self._faults is not None:
-                self._check()
+                self._check_connection()
             if data or self._now >= deadline:
                 return data
             self._now = min(deadline, max(self._cable.due(), self._now))
 
     def close(self) -> None:
-        """Close the port: no bytes are transferred any more, and time stops."""
+        """Close the port: transfers and time stop."""
         self._open = False
 
-    def _check(self) -> None:
+    def _check_connection(self) -> None:
+        """Raise a PortError if the port is closed or the cable disconnected."""
         if not self._open:
-            raise PortError("the simulated port is closed", remedy="Make a new one for the same printer")
+            raise PortError(
+                "the simulated port is closed", remedy="Create a new VirtualPort for the same printer"
+            )
         if self._faults is not None and self._faults.unplugged:
             raise PortError(
-                "the cable of the simulated printer was disconnected", remedy="An injected fault caused this"
+                "the cable of the simulated printer was disconnected by an injected fault",
+                remedy="Open a new port when the fault has ended",
             )

@@ -1,7 +1,7 @@
 """The motion planner in simulated time: a queue of moves that the motors execute.
 
-As in firmware, `motion.rules.Lookahead` fixes the duration of a move when the move before it ends; later moves cannot
-change it. Nothing happens between calls; `advance` catches up with the clock.
+As in firmware, `motion.rules.Lookahead` fixes the duration of a move when the move before it ends. Later moves cannot
+change it. The queue changes only in calls; `advance` executes the moves that have started since the last call.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 
 __all__ = ["MotionQueue", "Planned"]
 
-LONGEST_STARVATION: Final = 2.0
-"""s; a longer standstill is not a buffer underrun but a wait for a person or a program."""
+MAX_UNDERRUN: Final = 2.0
+"""Maximum duration of a buffer underrun, s; a longer standstill is a wait for a person or a program."""
 
-ENOUGH_TO_START: Final = 3
-"""Number of moves with which an idle machine starts at once, as in Marlin."""
+MOVES_TO_START: Final = 3
+"""Number of queued moves with which an idle machine starts at once, as in Marlin."""
 
 
 class Planned(NamedTuple):
@@ -29,11 +29,11 @@ class Planned(NamedTuple):
 
     Attributes:
         queue: waiting blocks, each with the squared speed of the corner before it.
-        last: the last block added.
+        last: block that was added last.
         square: squared speed at the end of the running block, (mm/s)².
         targets: ends of the running block and of each waiting one, x, y, z, e, mm.
-        standing: start of the running block.
-        began, ends: its start and end times, s.
+        standing: position at the start of the running block, x, y, z, e, mm.
+        began, ends: times at which the running block started and ends, s.
     """
 
     queue: tuple[tuple[Block, float], ...]
@@ -45,39 +45,39 @@ class Planned(NamedTuple):
     ends: float
 
 
-_NOWHERE: Final[Axes] = (0.0, 0.0, 0.0, 0.0)
-_AT_ONCE: Final = 1e12
-"""mm/s²; a pause is a block without distance at 1 mm/s, with a practically infinite acceleration."""
+_NO_DIRECTION: Final[Axes] = (0.0, 0.0, 0.0, 0.0)
+_INSTANT_ACCELERATION: Final = 1e12
+"""Acceleration of a pause, mm/s², practically infinite; a pause is a block at 1 mm/s that moves no axis."""
 
 
 class MotionQueue:
-    """Executes moves one after the other.
+    """Queue of planned moves that are executed one after the other.
 
-    A ring buffer of n blocks has n - 1 places, because one must stay empty; the running block occupies one.
+    A ring buffer of n blocks has n - 1 places, because one must stay empty. The running block occupies one of them.
 
     Args:
         limits: motion limits of the machine, including the number of planner blocks.
-        first_move_delay: time that an idle machine waits for more moves, s.
-        statistics: statistics.
-        horizon: maximum motion planned ahead, s at the requested speeds, regardless of the number of moves.
+        first_move_delay: time that an idle machine waits for more moves before it starts, s.
+        statistics: statistics of the print, which the queue updates.
+        horizon: maximum motion planned ahead at the requested speeds, s; it applies in addition to the places.
 
     Attributes:
-        ends: when the running move ends, or the idle machine will start; infinite without moves.
+        ends: time at which the running move ends or the idle machine will start, s; infinite without moves.
         targets: ends of the running move and of each waiting move, x, y, z, e, mm.
-        expects_stop: a command waits for the end of motion, so an empty queue is no buffer underrun.
+        expects_stop: whether a command waits for the end of motion, so that an empty queue is no buffer underrun.
     """
 
     __slots__ = (
         "_ahead",
         "_began",
         "_delay",
-        "_dry_since",
+        "_empty_since",
         "_horizon",
         "_lookahead",
         "_places",
+        "_rest_position",
         "_running",
         "_seconds",
-        "_standing",
         "_statistics",
         "_woken_by",
         "ends",
@@ -97,35 +97,35 @@ class MotionQueue:
         self._statistics = statistics
         self._running = False
         self._began = 0.0
-        self._dry_since = -inf
+        self._empty_since = -inf
         self._woken_by = 0
-        self._standing: Axes = (0.0, 0.0, 0.0, 0.0)
+        self._rest_position: Axes = (0.0, 0.0, 0.0, 0.0)
         self._horizon = horizon
         self._ahead = 0.0
-        self._seconds: deque[float] = deque()  # of each target, only with a horizon
+        self._seconds: deque[float] = deque()  # durations of the moves in `targets`, only with a horizon
 
     @property
-    def busy(self) -> bool:
+    def is_busy(self) -> bool:
         """Whether a move runs or is about to start."""
         return self.ends != inf
 
     @property
-    def room(self) -> int:
+    def free_places(self) -> int:
         """Number of free places in the queue."""
         if self._ahead > self._horizon:
             return 0
         return self._places - len(self.targets)
 
     def set_limits(self, limits: MotionLimits) -> None:
-        """Use other limits for moves added from now on."""
+        """Set the motion limits for moves that are added later."""
         self._lookahead.limits = limits
 
     def push(self, block: Block, target: Axes, now: float) -> None:
-        """Add a move that ends at `target`; the caller must check `room` after `advance(now)`."""
+        """Add a move that ends at `target`; the caller must call `advance(now)` and check `free_places` before."""
         self._lookahead.push(block)
         if (move_log := self._statistics.move_log) is not None:
-            start = self.targets[-1] if self.targets else self._standing
-            move_log.add_planned(self._statistics.lines, start, target, block.speed)
+            start = self.targets[-1] if self.targets else self._rest_position
+            move_log.log_planned_move(self._statistics.lines, start, target, block.speed)
         self.targets.append(target)
         if self._horizon != inf:
             self._seconds.append(block.length / block.speed)
@@ -134,77 +134,77 @@ class MotionQueue:
             return
         if self.ends == inf:
             self.ends = now + self._delay
-            if self.expects_stop or now - self._dry_since > LONGEST_STARVATION:
-                self._dry_since = -inf
+            if self.expects_stop or now - self._empty_since > MAX_UNDERRUN:
+                self._empty_since = -inf
             self.expects_stop = False
             self._woken_by = self._statistics.lines
-        elif len(self.targets) >= ENOUGH_TO_START:
+        elif len(self.targets) >= MOVES_TO_START:
             self.ends = min(self.ends, now)
 
-    def hold(self, seconds: float, target: Axes, now: float) -> None:
-        """Add a pause at `target`, s, behind the waiting moves; as `push`."""
+    def push_pause(self, seconds: float, target: Axes, now: float) -> None:
+        """Add a pause of `seconds` at `target` behind the waiting moves, under the conditions of `push`."""
         self._lookahead.stop()
-        self.push(Block(seconds, _NOWHERE, 1.0, _AT_ONCE), target, now)
+        self.push(Block(seconds, _NO_DIRECTION, 1.0, _INSTANT_ACCELERATION), target, now)
         self._lookahead.stop()
 
     def advance(self, now: float) -> None:
-        """Execute all moves that start until `now`."""
+        """Execute all moves that start until `now`, s."""
         while self.ends <= now:
             at = self.ends
             if self._running:
-                self._standing = self.targets.popleft()
+                self._rest_position = self.targets.popleft()
                 if self._seconds:
                     self._ahead -= self._seconds.popleft()
             if self.targets:
                 if not self._running:
-                    self._start(at)
+                    self._start_moving(at)
                 seconds = self._lookahead.pop()
                 self._statistics.motion_seconds += seconds
                 if self._statistics.move_log is not None:
-                    self._statistics.move_log.start_next(seconds)
+                    self._statistics.move_log.log_start(seconds)
                 self._began = at
                 self.ends = at + seconds
             else:
                 self._running = False
                 self.ends = inf
-                self._dry_since = at
+                self._empty_since = at
 
     def position(self, now: float) -> Axes:
-        """Return the position of the motors; within a move it is linear in time, without acceleration."""
+        """Return the position of the motors at `now`, s; it is linear in time within a move."""
         self.advance(now)
         if not self._running:
-            return self._standing
+            return self._rest_position
         share = (now - self._began) / (self.ends - self._began)
-        x, y, z, e = (a + share * (b - a) for a, b in zip(self._standing, self.targets[0], strict=True))
+        x, y, z, e = (a + share * (b - a) for a, b in zip(self._rest_position, self.targets[0], strict=True))
         return x, y, z, e
 
-    def place(self, position: Axes) -> None:
-        """Set the position of the idle machine; ignored while it moves."""
-        if not self.busy:
-            self._standing = position
+    def set_position(self, position: Axes) -> None:
+        """Set the position of the idle machine; a moving machine ignores it."""
+        if not self.is_busy:
+            self._rest_position = position
 
     @property
     def planned(self) -> Planned | None:
-        """The running and waiting moves; None while nothing moves."""
+        """State of the queue while the machine moves; None while it does not."""
         if not self._running:
             return None
         queue, last, square = self._lookahead.planned()
         return Planned(
-            tuple(queue), last, square, tuple(self.targets), self._standing, self._began, self.ends
+            tuple(queue), last, square, tuple(self.targets), self._rest_position, self._began, self.ends
         )
 
     def skip_to(self, planned: Planned, seconds: float) -> None:
-        """Replace the queue by its later state, after moves that took `seconds` in total.
+        """Replace the queue by its state after further moves, which took `seconds` in total.
 
         The caller must have computed them by the rules of this planner; see `motion.ahead`.
         """
         self._lookahead.skip_to(planned.queue, planned.last, planned.square)
         self.targets = deque(planned.targets)
-        self._standing, self._began, self.ends = planned.standing, planned.began, planned.ends
+        self._rest_position, self._began, self.ends = planned.standing, planned.began, planned.ends
         self._statistics.motion_seconds += seconds
 
     def stop(self, now: float) -> tuple[Axes, float]:
-        """Stop at once and discard all moves; return the position, and the mm of filament not fed."""
+        """Stop at once and discard all moves; return the position and the filament that was not fed, mm."""
         position = self.position(now)
         unfed = self.targets[-1][3] - position[3] if self.targets else 0.0
         if self._running:
@@ -213,16 +213,16 @@ class MotionQueue:
         self._seconds.clear()
         self._ahead = 0.0
         if self._statistics.move_log is not None:
-            self._statistics.move_log.forget()
+            self._statistics.move_log.discard_waiting_moves()
         self._lookahead = Lookahead(self._lookahead.limits)
         self._running = False
         self.ends = inf
         self.expects_stop = True
-        self._standing = position
+        self._rest_position = position
         return position, unfed
 
-    def _start(self, at: float) -> None:
-        """Start moving, and count a buffer underrun if there was one."""
+    def _start_moving(self, at: float) -> None:
+        """Start moving at the time `at`, s, and count the buffer underrun that this ends, if any."""
         self._running = True
-        if self._dry_since != -inf:
-            self._statistics.waited(at - self._dry_since, self._woken_by)
+        if self._empty_since != -inf:
+            self._statistics.count_underrun(at - self._empty_since, self._woken_by)

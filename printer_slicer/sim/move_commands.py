@@ -1,4 +1,4 @@
-"""Commands that move: straight lines, arcs, homing, probing, dwells.
+"""Commands that move the machine or wait: straight lines, arcs, homing, probing, dwells.
 
 A move is acknowledged when it has a place in the planner, which executes it later.
 """
@@ -20,59 +20,61 @@ if TYPE_CHECKING:
     from printer_slicer.sim.machine import Position
 
 __all__ = [
-    "FARTHEST",
-    "HARMLESS_LIFT",
+    "MAX_DISTANCE_OUTSIDE",
+    "MAX_LIFT_BEFORE_HOMING",
     "STOP_SECONDS",
     "TABLE",
     "execute_move",
-    "firmware_retraction",
+    "find_move_target",
     "linear_move",
     "linear_move_with_zeros",
-    "machine_move",
+    "move_in_machine_coordinates",
     "offset_next_homing",
-    "probe",
-    "target_of",
+    "probe_bed",
+    "retract_or_recover",
 ]
 
-LARGEST_RADIUS: Final = 10_000.0
-"""mm; a larger arc would have too many segments."""
+MAX_ARC_RADIUS: Final = 10_000.0
+"""Maximum radius of an arc, mm; a larger arc would have too many segments."""
 
-FARTHEST: Final = 1000.0
-"""mm outside the machine at which moves are clipped even without software endstops."""
+MAX_DISTANCE_OUTSIDE: Final = 1000.0
+"""Distance outside the machine, mm, at which moves are clipped even without software endstops."""
 
-HOMING_REACH: Final = 1.5
-HARMLESS_LIFT: Final = 10.0
-"""mm upwards that are harmless before homing; Klipper rejects them."""
+HOMING_TRAVEL_RATIO: Final = 1.5
+"""Travel with which homing fails if the endstop does not trigger, relative to the length of the axis."""
 
-LARGEST_BABYSTEP: Final = 2.0
+MAX_LIFT_BEFORE_HOMING: Final = 10.0
+"""Maximum harmless move upwards before homing, mm; Klipper rejects any move before homing."""
+
+MAX_BABYSTEP: Final = 2.0
 BABYSTEP_SPEED: Final = 2.0
-"""mm and mm/s."""
+"""Maximum step of M290, mm, and its speed, mm/s."""
 
 STOP_SECONDS: Final = 1.0
-"""s after M410 in which Marlin accepts no moves."""
+"""Time after M410 in which Marlin accepts no moves, s."""
 
 
 def execute_move(state: FirmwareState, words: Sequence[str | float | None]) -> Steps | None:
-    """Execute a G0 or G1, given its words X, Y, Z, E, F, or None for each."""
+    """Execute a G0 or G1 with these values of X, Y, Z, E and F, None for a missing word."""
     feed = words[4]
     if feed is not None and float(feed) > 0.0:
         state.feed = float(feed) * state.unit / 60.0
-    goal = target_of(state, words)
-    block = _prepared(state, goal)
+    goal = find_move_target(state, words)
+    block = _prepare_block(state, goal)
     if block is None:
         return None
     motion_queue = state.motion_queue
     motion_queue.advance(state.now)
     x, y, z, _ = state.position
     target = (x, y, z, state.filament)
-    if motion_queue.room <= 0:
-        return _pushed_later(state, block, target)
+    if motion_queue.free_places <= 0:
+        return _push_when_room(state, block, target)
     motion_queue.push(block, target, state.now)
     return None
 
 
-def target_of(state: FirmwareState, words: Sequence[str | float | None]) -> Axes:
-    """Return the target of a move from the current position, not clipped."""
+def find_move_target(state: FirmwareState, words: Sequence[str | float | None]) -> Axes:
+    """Return the target of a move with these values of X, Y, Z and E, without clipping, mm."""
     x, y, z, e = state.position
     unit = state.unit
     x_word, y_word, z_word, e_word = words[0], words[1], words[2], words[3]
@@ -92,14 +94,14 @@ def target_of(state: FirmwareState, words: Sequence[str | float | None]) -> Axes
     return x, y, z, e
 
 
-def _prepared(state: FirmwareState, goal: Axes) -> Block | None:
-    """Return the planner block for a move to `goal`, clipped, and update the state; None without motion."""
+def _prepare_block(state: FirmwareState, goal: Axes) -> Block | None:
+    """Clip a move to `goal`, update the state, and return the planner block; None without motion."""
     old = state.position
     low, high = state.machine.box_min, state.machine.box_max
-    over = 0.0 if state.clips_moves else FARTHEST
+    over = 0.0 if state.clips_moves else MAX_DISTANCE_OUTSIDE
     x, y, z, e = goal
     if not state.clips_moves and not state.warned_unhomed and not all(state.homed) and goal[:3] != old[:3]:
-        if _lifts(state, old, goal):
+        if _is_small_lift(state, old, goal):
             state.record_violation("raised the nozzle before homing")
         else:
             state.warned_unhomed = True
@@ -109,12 +111,14 @@ def _prepared(state: FirmwareState, goal: Axes) -> Block | None:
         and low[1] - over <= y <= high[1] + over
         and low[2] - over <= z <= high[2] + over
     ):
-        x, y, z, e = goal = _clamped(state, goal, over)
+        x, y, z, e = goal = _clip_to_machine(state, goal, over)
     state.position = goal
     dx, dy, dz = x - old[0], y - old[1], z - old[2]
     de = (e - old[3]) * state.e_ratio
-    if de and ((not state.hot and not state.is_warm_enough()) or abs(de) > state.machine.longest_extrusion):
-        _refuse_extrusion(state)
+    if de and (
+        (not state.hot and not state.is_hot_enough_to_extrude()) or abs(de) > state.machine.longest_extrusion
+    ):
+        _reject_extrusion(state)
         de = 0.0
     block = make_block(state.limits, (dx, dy, dz, de), state.feed * state.speed_ratio)
     if de > 0.0:
@@ -125,7 +129,7 @@ def _prepared(state: FirmwareState, goal: Axes) -> Block | None:
         if block is not None and (dx or dy):
             state.statistics.add_extrusion(old, goal)
             if state.unhomed_motors:
-                state.unhomed_motors.clear()  # report it once
+                state.unhomed_motors.clear()  # so that it is reported only once
                 state.record_violation("moved before homing, after the motors were off")
             rate = de / block.length * block.speed
             state.statistics.peak_feed = max(state.statistics.peak_feed, rate)
@@ -135,33 +139,35 @@ def _prepared(state: FirmwareState, goal: Axes) -> Block | None:
     return block
 
 
-def _lifts(state: FirmwareState, old: Axes, goal: Axes) -> bool:
-    """Return whether a move only lifts the nozzle slightly, as many start G-codes do before homing."""
+def _is_small_lift(state: FirmwareState, old: Axes, goal: Axes) -> bool:
+    """Return whether a move from `old` to `goal` only lifts the nozzle a little, as many start G-codes do."""
     lift = goal[2] - old[2]
-    return state.firmware.dialect != "klipper" and goal[:2] == old[:2] and 0.0 < lift <= HARMLESS_LIFT
+    return (
+        state.firmware.dialect != "klipper" and goal[:2] == old[:2] and 0.0 < lift <= MAX_LIFT_BEFORE_HOMING
+    )
 
 
-def _refuse_extrusion(state: FirmwareState) -> None:
-    """Reject an extrusion; the firmware counts it as done and moves the other axes."""
-    what = "too long extrusion" if state.hot or state.is_warm_enough() else "cold extrusion"
-    state.say(f"echo: {what} prevented")
-    state.record_violation(f"{what} prevented")
+def _reject_extrusion(state: FirmwareState) -> None:
+    """Report a rejected extrusion; the firmware counts it as done and moves the other axes."""
+    kind = "too long extrusion" if state.hot or state.is_hot_enough_to_extrude() else "cold extrusion"
+    state.send_line(f"echo: {kind} prevented")
+    state.record_violation(f"{kind} prevented")
 
 
-def _clamped(state: FirmwareState, goal: Axes, over: float) -> Axes:
-    """Clip `goal` to at most `over` mm outside the machine."""
+def _clip_to_machine(state: FirmwareState, goal: Axes, margin: float) -> Axes:
+    """Return `goal`, clipped to at most `margin` mm outside the machine; record what was clipped."""
     box = zip(goal[:3], state.machine.box_min, state.machine.box_max, strict=True)
-    x, y, z = (min(max(at, low - over), high + over) for at, low, high in box)
+    x, y, z = (min(max(at, low - margin), high + margin) for at, low, high in box)
     for letter, at, kept in zip("XYZ", goal, (x, y, z), strict=False):
         if at != kept:
             state.record_violation(f"out of the machine: {letter} {at:.3f}, stopped at {kept:.3f}")
     return x, y, z, goal[3]
 
 
-def _pushed_later(state: FirmwareState, block: Block, target: Axes) -> Steps:
-    """Add a move once the queue has a free place; M410 discards it while it waits."""
+def _push_when_room(state: FirmwareState, block: Block, target: Axes) -> Steps:
+    """Add a move to the queue as soon as it has a free place; M410 discards a move that waits."""
     motion_queue, stops = state.motion_queue, state.stops
-    while motion_queue.room <= 0:
+    while motion_queue.free_places <= 0:
         yield motion_queue.ends
         if state.stops != stops:
             return
@@ -174,27 +180,27 @@ def linear_move(state: FirmwareState, command: Command) -> Steps | None:
 
 
 def linear_move_with_zeros(state: FirmwareState, command: Command) -> Steps | None:
-    """G0, G1 of firmwares that use C's strtod, which reads a letter without a number as 0."""
-    zeros = {letter: 0.0 for letter in command.without_number("XYZE") if not command.words[letter]}
+    """G0, G1 of firmwares that read a letter without a number as 0, because they use C's strtod."""
+    zeros = {letter: 0.0 for letter in command.letters_without_number("XYZE") if not command.words[letter]}
     return execute_move(state, [zeros.get(letter, command.value(letter)) for letter in "XYZEF"])
 
 
 def _arc_move(state: FirmwareState, command: Command) -> Steps | None:
-    """G2, G3: move in an arc in the xy plane, by centre (I, J) or radius (R)."""
+    """G2, G3: move along an arc in the xy plane, given by its centre (I, J) or radius (R)."""
     words = [command.value(letter) for letter in "XYZEF"]
     if words[4] is not None and words[4] > 0.0:
         state.feed = words[4] * state.unit / 60.0
-    start, goal = state.position, target_of(state, words)
-    centre = _centre(state, command, goal)
-    if centre is None or hypot(start[0] - centre[0], start[1] - centre[1]) > LARGEST_RADIUS:
-        state.say("Error:G2/G3 bad parameters")
+    start, goal = state.position, find_move_target(state, words)
+    centre = _find_arc_centre(state, command, goal)
+    if centre is None or hypot(start[0] - centre[0], start[1] - centre[1]) > MAX_ARC_RADIUS:
+        state.send_line("Error:G2/G3 bad parameters")
         state.record_violation("arc without a centre")
         return None
-    return _chords(state, arc_points(start, goal, centre, clockwise=command.code == "G2"))
+    return _push_chords(state, arc_points(start, goal, centre, clockwise=command.code == "G2"))
 
 
-def _centre(state: FirmwareState, command: Command, goal: Axes) -> tuple[float, float] | None:
-    """Return the centre of an arc to `goal`, mm; None if the words do not give one."""
+def _find_arc_centre(state: FirmwareState, command: Command, goal: Axes) -> tuple[float, float] | None:
+    """Return the centre of an arc to `goal`, mm; None if the command does not define one."""
     start = state.position[0], state.position[1]
     radius = command.value("R")
     if radius is None:
@@ -203,22 +209,22 @@ def _centre(state: FirmwareState, command: Command, goal: Axes) -> tuple[float, 
     return centre_by_radius(start, (goal[0], goal[1]), radius * state.unit, clockwise=command.code == "G2")
 
 
-def _chords(state: FirmwareState, points: Iterator[Axes]) -> Steps:
-    """Add the segments of an arc one after the other."""
+def _push_chords(state: FirmwareState, points: Iterator[Axes]) -> Steps:
+    """Add the chords of an arc to the queue, one after the other."""
     stops = state.stops
     for point in points:
-        block = _prepared(state, point)
+        block = _prepare_block(state, point)
         state.motion_queue.advance(state.now)
         if block is None:
             continue
         x, y, z, _ = state.position
-        yield from _pushed_later(state, block, (x, y, z, state.filament))
+        yield from _push_when_room(state, block, (x, y, z, state.filament))
         if state.stops != stops:
             return
 
 
-def firmware_retraction(state: FirmwareState, command: Command) -> Steps | None:
-    """G10: retract; G11: recover. E stays unchanged."""
+def retract_or_recover(state: FirmwareState, command: Command) -> Steps | None:
+    """G10: retract the filament; G11: recover it. The E coordinate does not change."""
     back = command.code == "G10"
     if command.words or back == state.retracted:
         return None
@@ -227,26 +233,26 @@ def firmware_retraction(state: FirmwareState, command: Command) -> Steps | None:
     feed, position, ratio = state.feed, state.position, state.e_ratio
     state.feed, state.e_ratio = out if back else forward, 1.0
     x, y, z, e = position
-    block = _prepared(state, (x, y, z, e - length if back else e + length + extra))
+    block = _prepare_block(state, (x, y, z, e - length if back else e + length + extra))
     state.feed, state.position, state.e_ratio = feed, position, ratio
     state.motion_queue.advance(state.now)
-    return None if block is None else _pushed_later(state, block, (x, y, z, state.filament))
+    return None if block is None else _push_when_room(state, block, (x, y, z, state.filament))
 
 
 def _dwell(state: FirmwareState, command: Command) -> Steps:
-    """G4: wait for the end of motion, then dwell."""
+    """G4: wait for the end of motion, then pause for S seconds or P milliseconds."""
     yield from state.wait_for_moves()
     seconds = (command.value("P") or 0.0) / 1000.0
     seconds = command.value("S") or seconds
     if seconds > 0.0:
         began = state.now
-        state.notify("Sleep...")
-        yield from state.until(began + seconds)
+        state.show_message("Sleep...")
+        yield from state.wait_until(began + seconds)
         state.statistics.dwell_seconds += state.now - began
 
 
-def _home(state: FirmwareState, command: Command) -> Steps:
-    """G28: home x, y and z in turn."""
+def _home_axes(state: FirmwareState, command: Command) -> Steps:
+    """G28: home the given axes, or all, one after the other."""
     yield from state.wait_for_moves()
     machine = state.machine
     named = [axis for axis, letter in enumerate("XYZ") if letter in command.words]
@@ -255,81 +261,83 @@ def _home(state: FirmwareState, command: Command) -> Steps:
     for axis in named or range(3):
         way = abs(position[axis] - machine.home[axis])
         if axis in state.stuck_endstops:
-            # It moves 1.5 times the length of the axis before it gives up.
-            way = HOMING_REACH * (machine.box_max[axis] - machine.box_min[axis])
-            yield from state.until(state.now + way / machine.homing_speed[axis])
-            state.homing_failed("xyz"[axis])
+            # The axis moves 1.5 times its length before homing fails.
+            way = HOMING_TRAVEL_RATIO * (machine.box_max[axis] - machine.box_min[axis])
+            yield from state.wait_until(state.now + way / machine.homing_speed[axis])
+            state.handle_homing_failure("xyz"[axis])
             return
-        yield from state.until(state.now + way / machine.homing_speed[axis] + machine.homing_bump)
+        yield from state.wait_until(state.now + way / machine.homing_speed[axis] + machine.homing_bump)
         position[axis] = machine.home[axis]
         offset[axis] = state.home_offset[axis]
         state.homed[axis] = True
         state.unhomed_motors.discard(axis)
         state.position = (position[0], position[1], position[2], position[3])
         state.offset = (offset[0], offset[1], offset[2])
-        state.motion_queue.place((position[0], position[1], position[2], state.filament))
+        state.motion_queue.set_position((position[0], position[1], position[2], state.filament))
     state.statistics.homing_seconds += state.now - began
     state.update_clipping()
     if state.firmware.language == "marlin":
-        state.say(state.position_report())
+        state.send_line(state.position_report())
 
 
-def probe(state: FirmwareState, command: Command) -> Steps | None:
+def probe_bed(state: FirmwareState, command: Command) -> Steps | None:
     """G29: probe the bed; the simulated bed is flat."""
     if state.machine.probe_points <= 0:
-        state.unknown(command.text)
+        state.reply_unknown_command(command.text)
         return None
     if not all(state.homed):
-        state.say("echo:Home XYZ First")
+        state.send_line("echo:Home XYZ First")
         state.record_violation("probed before homing")
         return None
-    return _probing(state)
+    return _wait_for_probing(state)
 
 
-def _stored_mesh(state: FirmwareState, command: Command) -> None:
-    """M420: switch bed levelling; the simulated bed is flat."""
+def _switch_bed_levelling(state: FirmwareState, command: Command) -> None:
+    """M420: switch bed levelling, which has no effect because the simulated bed is flat."""
     if state.machine.probe_points <= 0:
-        state.unknown(command.text)
+        state.reply_unknown_command(command.text)
 
 
-def _probing(state: FirmwareState) -> Steps:
+def _wait_for_probing(state: FirmwareState) -> Steps:
+    """Wait for the end of motion, then for the time of probing all points."""
     yield from state.wait_for_moves()
     began = state.now
-    yield from state.until(began + state.machine.probe_points * state.machine.probe_seconds)
+    yield from state.wait_until(began + state.machine.probe_points * state.machine.probe_seconds)
     state.statistics.homing_seconds += state.now - began
 
 
-def _finish(state: FirmwareState, _: Command) -> Steps:
+def _wait_for_motion(state: FirmwareState, _: Command) -> Steps:
     """M400, M900: wait for the end of motion."""
     yield from state.wait_for_moves()
 
 
-def _motors_off(state: FirmwareState, command: Command) -> Steps | None:
-    """M84, M18: switch motors off; with S they only set a timeout."""
-    return None if "S" in command.words else _loosening(state, command)
+def _disable_motors(state: FirmwareState, command: Command) -> Steps | None:
+    """M84, M18: switch motors off; with S, only set the idle timeout, which is not simulated."""
+    return None if "S" in command.words else _disable_motors_after_motion(state, command)
 
 
-def _loosening(state: FirmwareState, command: Command) -> Steps:
-    """Switch the named motors off, or all. Marlin still moves afterwards without homing."""
+def _disable_motors_after_motion(state: FirmwareState, command: Command) -> Steps:
+    """Switch the given motors off, or all, after motion; Marlin still moves afterwards without homing."""
     yield from state.wait_for_moves()
     named = [axis for axis, letter in enumerate(AXES) if letter in command.words]
     state.unhomed_motors.update(axis for axis in named or range(3) if AXES[axis] != "E")
 
 
 def _quick_stop(state: FirmwareState, _: Command) -> Steps | None:
-    """M410: quick stop. An emergency parser has executed it earlier."""
+    """M410: stop at once, unless the emergency parser has executed the command already."""
     if state.firmware.emergency_parser:
         return None
-    return _stopping(state)
+    return _stop_and_wait(state)
 
 
-def _stopping(state: FirmwareState) -> Steps:
+def _stop_and_wait(state: FirmwareState) -> Steps:
+    """Stop all motion, then wait until moves are accepted again."""
     state.stop_moving()
-    yield from state.until(state.now + STOP_SECONDS)
+    yield from state.wait_until(state.now + STOP_SECONDS)
 
 
 def _set_position(state: FirmwareState, command: Command) -> None:
-    """G92: set the coordinates of the current position. E is set, the other axes get an offset."""
+    """G92: set the coordinates of the current position, by the value of E and the offsets of the other axes."""
     named = {letter: value * state.unit for letter, value in command.values(AXES).items()}
     x, y, z, e = state.position
     state.position = (x, y, z, named.get("E", e))
@@ -337,34 +345,35 @@ def _set_position(state: FirmwareState, command: Command) -> None:
     new = [named[letter] - here if letter in named else old for letter, here, old in at]
     state.offset = (new[0], new[1], new[2])
     if state.firmware.language == "marlin":
-        state.say(state.position_report())
+        state.send_line(state.position_report())
 
 
-def _offset_home(state: FirmwareState, command: Command) -> None:
+def _set_home_offset(state: FirmwareState, command: Command) -> None:
     """M206: set the home offset without moving."""
     for axis, letter in enumerate("XYZ"):
         value = command.value(letter)
         if value is not None:
             by = value * state.unit - state.home_offset[axis]
-            state.home_offset = _raised(state.home_offset, axis, by)
-            state.offset = _raised(state.offset, axis, by)
+            state.home_offset = _shift_axis(state.home_offset, axis, by)
+            state.offset = _shift_axis(state.offset, axis, by)
 
 
 def offset_next_homing(state: FirmwareState, command: Command) -> None:
-    """M206 of Smoothieware: applied at the next homing, in mm even after G20 (Endstops.cpp)."""
+    """M206 of Smoothieware: set the home offset for the next homing, in mm even after G20 (Endstops.cpp)."""
     for axis, letter in enumerate("XYZ"):
         value = command.value(letter)
         if value is not None:
-            state.home_offset = _raised(state.home_offset, axis, value - state.home_offset[axis])
+            state.home_offset = _shift_axis(state.home_offset, axis, value - state.home_offset[axis])
 
 
-def _raised(place: Position, axis: int, by: float) -> Position:
-    x, y, z = (at + (by if axis == number else 0.0) for number, at in enumerate(place))
+def _shift_axis(position: Position, axis: int, by: float) -> Position:
+    """Return a position shifted along one axis, mm."""
+    x, y, z = (at + (by if axis == number else 0.0) for number, at in enumerate(position))
     return x, y, z
 
 
-def machine_move(state: FirmwareState, command: Command) -> Steps | None:
-    """G53: execute a move in machine coordinates."""
+def move_in_machine_coordinates(state: FirmwareState, command: Command) -> Steps | None:
+    """G53: execute the move that follows on the same line in machine coordinates."""
     inner = Command(command.rest, any_case=state.firmware.any_case)
     move = {"G0": linear_move, "G1": linear_move, "G2": _arc_move, "G3": _arc_move}.get(inner.code)
     if move is None:
@@ -376,12 +385,12 @@ def machine_move(state: FirmwareState, command: Command) -> Steps | None:
 
 
 def _babystep(state: FirmwareState, command: Command) -> Steps | None:
-    """M290: shift the nozzle up or down without changing the program coordinates."""
+    """M290: shift the nozzle up or down without a change of the program coordinates."""
     if not state.firmware.babysteps:
-        state.unknown(command.text)
+        state.reply_unknown_command(command.text)
         return None
     step = command.value("Z") or command.value("S")
-    if not step or not abs(step) <= LARGEST_BABYSTEP:
+    if not step or not abs(step) <= MAX_BABYSTEP:
         return None
     z = state.position[2]
     feed, relative = state.feed, state.relative
@@ -393,13 +402,14 @@ def _babystep(state: FirmwareState, command: Command) -> Steps | None:
     return steps
 
 
-def _counts(state: FirmwareState, command: Command) -> None:
+def _set_positioning_mode(state: FirmwareState, command: Command) -> None:
     """G90, G91, M82, M83: set absolute or relative mode."""
-    state.counting = state.counting.after(command.code)
-    state.relative, state.relative_e = state.counting.axes, state.counting.e
+    state.positioning = state.positioning.after(command.code)
+    state.relative, state.relative_e = state.positioning.axes, state.positioning.e
 
 
-def _units(state: FirmwareState, command: Command) -> None:
+def _set_units(state: FirmwareState, command: Command) -> None:
+    """G20: use inches; G21: use millimetres."""
     state.unit = 25.4 if command.code == "G20" else 1.0
     state.update_e_ratio()
 
@@ -410,23 +420,23 @@ TABLE: Final = {
     "G2": _arc_move,
     "G3": _arc_move,
     "G4": _dwell,
-    "G10": firmware_retraction,
-    "G11": firmware_retraction,
-    "G20": _units,
-    "G21": _units,
-    "G28": _home,
-    "G29": probe,
-    "G90": _counts,
-    "G91": _counts,
+    "G10": retract_or_recover,
+    "G11": retract_or_recover,
+    "G20": _set_units,
+    "G21": _set_units,
+    "G28": _home_axes,
+    "G29": probe_bed,
+    "G90": _set_positioning_mode,
+    "G91": _set_positioning_mode,
     "G92": _set_position,
-    "M18": _motors_off,
-    "M82": _counts,
-    "M83": _counts,
-    "M84": _motors_off,
-    "M206": _offset_home,
+    "M18": _disable_motors,
+    "M82": _set_positioning_mode,
+    "M83": _set_positioning_mode,
+    "M84": _disable_motors,
+    "M206": _set_home_offset,
     "M290": _babystep,
-    "M400": _finish,
+    "M400": _wait_for_motion,
     "M410": _quick_stop,
-    "M420": _stored_mesh,
-    "M900": _finish,
+    "M420": _switch_bed_levelling,
+    "M900": _wait_for_motion,
 }

@@ -12,55 +12,56 @@ if TYPE_CHECKING:
 __all__ = ["COLUMNS", "MoveConsumer", "MoveLog"]
 
 COLUMNS: Final = 9
-"""Columns of a row: number of the executed command, from 1; x, y, z at the start and at the end, mm; mm of filament
-fed; cruise speed, mm/s."""
+"""Columns of a row: number of the executed command, from 1; x, y, z at the start and at the end, mm; filament fed, mm;
+cruise speed, mm/s."""
 
-ROWS: Final = 8192
+CHUNK_ROWS: Final = 8192
+"""Number of started moves that are delivered together."""
 
 MoveConsumer: TypeAlias = Callable[["array[float]", "array[float]", float], None]
-"""Receives rows of started moves, their durations, s, and the share of the fed filament that does not come out."""
+"""A function that receives rows of started moves, their durations, s, and the clogged share of the filament."""
 
 
 class MoveLog:
-    """Logs moves and their durations, in order.
+    """A log of moves and their durations, in order of execution.
 
     Args:
-        take: receives the moves, several thousand at a time.
+        consumer: function that receives the moves, several thousand at a time.
     """
 
-    __slots__ = ("_kept_back", "_rows", "_seconds", "_take")
+    __slots__ = ("_clogged_share", "_consumer", "_rows", "_seconds")
 
-    def __init__(self, take: MoveConsumer) -> None:
-        self._take = take
-        self._kept_back = 0.0
+    def __init__(self, consumer: MoveConsumer) -> None:
+        self._consumer = consumer
+        self._clogged_share = 0.0
         self._rows = array("d")
         self._seconds = array("d")
 
-    def add_planned(self, command: int, start: Axes, end: Axes, speed: float) -> None:
-        """Log a planned move."""
+    def log_planned_move(self, command: int, start: Axes, end: Axes, speed: float) -> None:
+        """Log a planned move of a command, from `start` to `end`, mm, at a cruise speed, mm/s."""
         x, y, z, e = end
         self._rows.extend((command, start[0], start[1], start[2], x, y, z, e - start[3], speed))
 
-    def start_next(self, seconds: float) -> None:
-        """Log the duration of the oldest planned move that had not started."""
+    def log_start(self, seconds: float) -> None:
+        """Log the start of the oldest waiting move, which takes `seconds`."""
         self._seconds.append(seconds)
-        if len(self._seconds) >= ROWS:
+        if len(self._seconds) >= CHUNK_ROWS:
             self.flush()
 
     def add_batch(self, rows: bytes, seconds: bytes) -> None:
-        """Log many planned moves and the durations of many started ones."""
+        """Log many planned moves and the durations of those that have started, both as bytes."""
         self._rows.frombytes(rows)
         self._seconds.frombytes(seconds)
-        if len(self._seconds) >= ROWS:
+        if len(self._seconds) >= CHUNK_ROWS:
             self.flush()
 
-    def keep_back(self, share: float) -> None:
+    def set_clogged_share(self, share: float) -> None:
         """Set the share of the fed filament that does not come out from now on."""
-        if share != self._kept_back:
+        if share != self._clogged_share:
             self.flush()
-            self._kept_back = share
+            self._clogged_share = share
 
-    def forget(self) -> None:
+    def discard_waiting_moves(self) -> None:
         """Discard planned moves that have not started."""
         del self._rows[len(self._seconds) * COLUMNS :]
 
@@ -70,4 +71,4 @@ class MoveLog:
         if count:
             rows, self._rows = self._rows[: count * COLUMNS], self._rows[count * COLUMNS :]
             seconds, self._seconds = self._seconds, array("d")
-            self._take(rows, seconds, self._kept_back)
+            self._consumer(rows, seconds, self._clogged_share)

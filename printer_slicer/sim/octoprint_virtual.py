@@ -1,4 +1,4 @@
-"""Differences of OctoPrint's virtual printer from Marlin: it knows every command and checks nothing."""
+"""Commands that OctoPrint's virtual printer handles differently from Marlin."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ if TYPE_CHECKING:
 __all__ = ["TABLE"]
 
 
-def _place(state: FirmwareState, _: Command) -> None:
-    """M114: report the position in the ok."""
+def _report_position(state: FirmwareState, _: Command) -> None:
+    """M114: report the position in the same line as the ok."""
     state.ok_tail = " " + state.position_report()
 
 
-def _debug(state: FirmwareState, command: Command) -> None:
+def _mute_replies(state: FirmwareState, command: Command) -> None:
     """`!!DEBUG:dont_answer`: send no ok for this command and the next."""
     if command.text == "!!DEBUG:dont_answer":
         state.muted = 2
 
 
 TABLE: Final = {
-    "M114": _place,
-    "!!DEBUG:dont_answer": _debug,
+    "M114": _report_position,
+    "!!DEBUG:dont_answer": _mute_replies,
 }

@@ -1,6 +1,7 @@
 """Serve a simulated printer as a device file that hosts open like a serial port.
 
-It uses a pseudo-terminal with a symbolic link as its name. Baud rate and parity set by the host have no effect.
+The device is a pseudo-terminal, to which a symbolic link gives a name. Baud rate and parity set by the host have no
+effect.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from typing import TYPE_CHECKING
 
 from printer_slicer.errors import PortError
 from printer_slicer.sim.link import Cable
-from printer_slicer.sim.server_loop import CHUNK, Clock, exchange_bytes
+from printer_slicer.sim.server_loop import CHUNK_BYTES, Clock, exchange_bytes
 
 if sys.platform != "win32":
     import pty
@@ -38,23 +39,24 @@ def serve(  # noqa: PLR0913 - all but two have a good default
     stop: Callable[[], bool] = lambda: False,
     ready: Callable[[str], None] = lambda _: None,
 ) -> Report:
-    """Serve a simulated printer under the name `link_path` until `stop` returns True or Ctrl-C; return its report.
+    """Serve a simulated printer at `link_path` until `stop` returns True or Ctrl-C is pressed; return its report.
 
-    The host may close and reopen the port; the printer continues in the meantime.
+    The host may close and reopen the port; the printer keeps running.
 
     Args:
-        printer_factory: creates the printer when the port exists.
-        link_path: symbolic link to create; replaces an old one, and is removed at the end.
-        speed: simulated seconds per real second. 0 or infinity: real time, but waits of the host for a reply are
-            skipped.
-        connect: creates the cable, with its baud rate and latency. A firmware with a small receive buffer needs a baud
-            rate; otherwise everything written at once arrives at once.
-        unplugged: whether the cable is disconnected; there is no device then, and its name may change.
-        stop: called about twenty times a second.
-        ready: called with the device name when it can be opened.
+        printer_factory: function that creates the printer when the port exists.
+        link_path: symbolic link to create; it replaces an old one, and is removed at the end.
+        speed: simulated seconds per real second. 0 or infinity: real time, but time in which the host waits for a
+            reply is skipped.
+        connect: function that creates the cable, with its baud rate and latency. A firmware with a small receive
+            buffer needs a baud rate; otherwise everything written at once arrives at once.
+        unplugged: function that returns whether the cable is disconnected. There is no device then, and the next one
+            may have another name.
+        stop: function that returns whether to stop; called about twenty times a second.
+        ready: function that is called with the device name when the device can be opened.
 
     Raises:
-        PortError: the system has no pseudo-terminals, or the link cannot be created.
+        PortError: the system has no pseudo-terminals, or the symbolic link cannot be created.
     """
     if sys.platform == "win32":
         raise PortError(
@@ -65,45 +67,45 @@ def serve(  # noqa: PLR0913 - all but two have a good default
     # Users stop it with Ctrl-C.
     with contextlib.suppress(KeyboardInterrupt):
         while not stop():
-            with _terminal() as (master, name), _linked(link_path, name):
+            with _open_terminal() as (master, name), _temporary_link(link_path, name):
                 ready(name)
                 if not made:
                     printer = printer_factory()
                     made.append((printer, connect(printer), Clock(speed)))
                 exchange_bytes(*made[0], _Terminal(master), lambda: stop() or unplugged())
-            exchange_bytes(*made[0], _Nowhere(), lambda: stop() or not unplugged())
+            exchange_bytes(*made[0], _UnpluggedCable(), lambda: stop() or not unplugged())
     return (made[0][0] if made else printer_factory()).report()
 
 
 class _Terminal:
-    """The server end of a pseudo-terminal."""
+    """The connection to the host through the server end of a pseudo-terminal."""
 
     def __init__(self, master: int) -> None:
         self._master = master
 
     def wait(self, seconds: float, *, reads: bool, writes: bool) -> bool:
-        """Wait for bytes from the host, or for room to write."""
+        """Wait up to `seconds` for bytes to read or room to write; return whether there are bytes to read."""
         mine = [self._master]
         readable, _, _ = select.select(mine if reads else [], mine if writes else [], [], seconds)
         return bool(readable)
 
     def read(self) -> bytes:
         """Return the bytes from the host."""
-        return os.read(self._master, CHUNK)
+        return os.read(self._master, CHUNK_BYTES)
 
     def write(self, data: bytes) -> int:
-        """Write bytes; return how many were accepted."""
+        """Write bytes to the host; return the number of bytes that were accepted."""
         try:
             return os.write(self._master, data)
         except BlockingIOError:
             return 0
 
 
-class _Nowhere:
-    """A disconnected cable."""
+class _UnpluggedCable:
+    """The connection to the host while the cable is disconnected."""
 
     def wait(self, seconds: float, *, reads: bool, writes: bool) -> bool:
-        """Wait; there is never anything to read."""
+        """Wait `seconds`; return False, because there is never anything to read."""
         del reads, writes
         select.select([], [], [], seconds)
         return False
@@ -118,11 +120,11 @@ class _Nowhere:
 
 
 @contextlib.contextmanager
-def _terminal() -> Iterator[tuple[int, str]]:
-    """Open a pseudo-terminal in raw mode; yield the server end and the name of the other."""
+def _open_terminal() -> Iterator[tuple[int, str]]:
+    """Open a pseudo-terminal in raw mode; yield its server end and the device name of its host end."""
     master, slave = pty.openpty()
     try:
-        # The other end stays open here too, or its settings would be lost when a host closes it.
+        # The host end stays open here too; otherwise its settings would be lost when the host closes it.
         tty.setraw(slave)
         os.set_blocking(master, False)
         yield master, os.ttyname(slave)
@@ -132,18 +134,18 @@ def _terminal() -> Iterator[tuple[int, str]]:
 
 
 @contextlib.contextmanager
-def _linked(path: Path, target: str) -> Iterator[None]:
-    """Create a symbolic link, and remove it at the end."""
-    _link(path, target)
+def _temporary_link(path: Path, target: str) -> Iterator[None]:
+    """Create a symbolic link at `path`, and remove it at the end of the context."""
+    _create_link(path, target)
     try:
         yield
     finally:
-        # Another program may have replaced it.
+        # Another program may have replaced the link.
         if path.is_symlink() and path.readlink() == Path(target):
             path.unlink()
 
 
-def _link(path: Path, target: str) -> None:
+def _create_link(path: Path, target: str) -> None:
     """Create a symbolic link at `path`, replacing only another symbolic link."""
     try:
         if path.is_symlink():
@@ -151,7 +153,7 @@ def _link(path: Path, target: str) -> None:
         path.symlink_to(target)
     except FileExistsError as error:
         raise PortError(
-            f"{path} exists and is not a link", remedy="Choose another name, or move the file away"
+            f"{path} exists and is not a symbolic link", remedy="Choose another name, or move the file away"
         ) from error
     except OSError as error:
         raise PortError(

@@ -1,6 +1,6 @@
 """The server side of RFC 2217: baud rate, parity and control lines over Telnet, implemented with pyserial.
 
-Settings of the host are acknowledged and have no effect, as at a USB port. DTR does not reset the printer.
+Settings of the host are acknowledged but have no effect, as at a USB port. DTR does not reset the printer.
 """
 
 from __future__ import annotations
@@ -13,42 +13,42 @@ from serial import rfc2217
 
 __all__ = ["Rfc2217Server"]
 
-_LONGEST: Final = 1024
-"""Maximum bytes of a setting; real ones have at most five."""
+_MAX_OPTION_BYTES: Final = 1024
+"""Maximum length of a Telnet option, bytes; valid ones have at most five."""
 
 
 class Rfc2217Server:
-    """Speaks RFC 2217 with one host."""
+    """The protocol state of RFC 2217 for the connection to one host."""
 
     def __init__(self) -> None:
         self._answers = b""
         # A dummy port that keeps the settings of the host.
         port: Any = serial.serial_for_url("loop://")
-        self._manager: Any = rfc2217.PortManager(port, self)  # type: ignore[arg-type] # it only wants `write`
+        self._manager: Any = rfc2217.PortManager(port, self)  # type: ignore[arg-type] # it calls only `write`
 
     def write(self, data: bytes) -> None:
-        """Collect protocol bytes for `answers`."""
+        """Store protocol bytes until `take_answers` returns them."""
         self._answers += data
 
-    def answers(self) -> bytes:
-        """Return protocol bytes to send to the host."""
+    def take_answers(self) -> bytes:
+        """Return the stored protocol bytes, which must be sent to the host."""
         answers, self._answers = self._answers, b""
         return answers
 
     def decode(self, data: bytes) -> bytes:
-        """Return the bytes for the printer.
+        """Return the bytes for the printer in data from the host.
 
         Raises:
-            ValueError: the data is not RFC 2217.
+            ValueError: the data violates RFC 2217.
         """
         try:
             out = b"".join(self._manager.filter(data))
         except (struct_error, IndexError, KeyError, TypeError, serial.SerialException) as error:
             raise ValueError(str(error)) from error
-        if len(self._manager.suboption or b"") > _LONGEST:
-            raise ValueError("a setting that does not end")
+        if len(self._manager.suboption or b"") > _MAX_OPTION_BYTES:
+            raise ValueError("a Telnet option is too long")
         return out
 
     def encode(self, data: bytes) -> bytes:
-        """Return bytes of the printer with Telnet control bytes doubled."""
+        """Return bytes of the printer for the host, with Telnet control bytes doubled."""
         return b"".join(self._manager.escape(data))

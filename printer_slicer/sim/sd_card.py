@@ -1,4 +1,4 @@
-"""The SD card of the simulated printer: its files, the one being printed, the one being written.
+"""The SD card of the simulated printer, with its files and the print from a file.
 
 File names are stored in upper case, as on FAT, and searched without regard to case.
 """
@@ -10,39 +10,39 @@ from typing import TYPE_CHECKING, Final
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-__all__ = ["CAPACITY", "SdCard", "shortened"]
+__all__ = ["CAPACITY", "SdCard", "shorten_file_name"]
 
 CAPACITY: Final = 256 * 1024 * 1024
-"""Bytes that a card holds; writing beyond is an error."""
+"""Capacity of a card, bytes; a write beyond it fails."""
 
 
 class SdCard:
-    """An SD card and its use by the firmware.
+    """An SD card, with the file that is printed and the file that is written.
 
     Attributes:
-        files: contents by name, in the order of their creation.
+        files: contents of the files by name, in the order of their creation.
         present: whether the card is mounted.
-        selected: file selected by M23; empty for none.
-        at: bytes of it that were read.
-        printing: whether the file is being printed.
-        writing: file being written; empty for none.
+        selected: name of the file selected by M23; empty without one.
+        at: number of bytes of this file that were read.
+        printing: whether this file is being printed.
+        writing: name of the file that is being written; empty without one.
     """
 
     def __init__(self, files: Mapping[str, bytes] | None = None) -> None:
-        self.files = {shortened(name): bytes(data) for name, data in (files or {}).items()}
+        self.files = {shorten_file_name(name): bytes(data) for name, data in (files or {}).items()}
         self.present = True
         self.selected = self.writing = ""
         self.at = 0
         self.printing = False
         self._written: list[str] = []
-        self._room = 0
+        self._free_bytes = 0
 
     @property
     def size(self) -> int:
-        """Bytes of the selected file."""
+        """Size of the selected file, bytes."""
         return len(self.files.get(self.selected, b""))
 
-    def select(self, name: str) -> bool:
+    def select_file(self, name: str) -> bool:
         """Select a file for printing; return whether it exists."""
         self.stop()
         self.selected = name if self.present and name in self.files else ""
@@ -50,11 +50,11 @@ class SdCard:
         return bool(self.selected)
 
     def stop(self) -> None:
-        """Pause the print of the file."""
+        """Stop reading commands from the selected file."""
         self.printing = False
 
-    def next(self) -> str | None:
-        """Return the next command of the printed file, without comment; None at its end."""
+    def next_command(self) -> str | None:
+        """Return the next command of the selected file, without comment; None at the end of the file."""
         data = self.files.get(self.selected, b"")
         while self.printing and self.at < len(data):
             end = data.find(b"\n", self.at)
@@ -65,21 +65,21 @@ class SdCard:
                 return line.decode("latin-1")
         return None
 
-    def begin(self, name: str) -> None:
+    def begin_file(self, name: str) -> None:
         """Start writing a file."""
         self.writing = name
         self._written = []
-        self._room = CAPACITY - sum(map(len, self.files.values()))
+        self._free_bytes = CAPACITY - sum(map(len, self.files.values()))
 
-    def write(self, text: str) -> bool:
-        """Write a line; return False if the card is full."""
-        if self._room <= len(text):
+    def write_line(self, text: str) -> bool:
+        """Write a line to the file; return False if the card is full."""
+        if self._free_bytes <= len(text):
             return False
-        self._room -= len(text) + 1
+        self._free_bytes -= len(text) + 1
         self._written.append(text)
         return True
 
-    def end(self) -> None:
+    def end_file(self) -> None:
         """Finish writing the file."""
         text = "".join(f"{line}\n" for line in self._written)
         self.files[self.writing] = text.encode("latin-1")
@@ -87,9 +87,9 @@ class SdCard:
         self._written = []
 
 
-def shortened(name: str) -> str:
-    """Return a name in 8.3 form and upper case."""
-    # Only ASCII letters have a capital that is one byte as well.
+def shorten_file_name(name: str) -> str:
+    """Return a file name in 8.3 form and upper case."""
+    # Only ASCII letters surely stay one byte in upper case.
     plain = "".join(letter.upper() if letter.isascii() else "_" for letter in name.rpartition("/")[2])
     stem, dot, kind = plain.replace(" ", "").rpartition(".")
     return f"{stem[:8]}.{kind[:3]}" if dot else kind[:8]

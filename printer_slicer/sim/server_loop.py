@@ -12,29 +12,29 @@ if TYPE_CHECKING:
     from printer_slicer.sim.link import Cable
     from printer_slicer.sim.printer import SimulatedPrinter
 
-__all__ = ["CHUNK", "Clock", "HostConnection", "exchange_bytes"]
+__all__ = ["CHUNK_BYTES", "Clock", "HostConnection", "exchange_bytes"]
 
 LONGEST_WAIT: Final = 0.05
-"""s between two calls of `stop`."""
+"""Maximum time between two calls of `stop`, s."""
 
-CHUNK: Final = 4096
-"""Bytes read at once."""
+CHUNK_BYTES: Final = 4096
+"""Maximum number of bytes that are read at once."""
 
-MOST_UNREAD: Final = 65_536
-"""Bytes kept for a host that does not read; older ones are lost."""
+MAX_UNREAD_BYTES: Final = 65_536
+"""Maximum number of bytes kept for a host that does not read; older bytes are lost."""
 
 
 class HostConnection(Protocol):
-    """A connection to a host."""
+    """A connection to a host, such as a pseudo-terminal or a socket."""
 
     def wait(self, seconds: float, *, reads: bool, writes: bool) -> bool:
-        """Wait for bytes to read or room to write, as requested; return whether there are bytes to read."""
+        """Wait for bytes to read, room to write, or both; return whether there are bytes to read."""
 
     def read(self) -> bytes:
-        """Return the bytes from the host; empty without any."""
+        """Return the bytes from the host; empty if there are none."""
 
     def write(self, data: bytes) -> int:
-        """Write bytes; return how many were accepted."""
+        """Write bytes to the host; return the number of bytes that were accepted."""
 
 
 class Clock:
@@ -44,7 +44,7 @@ class Clock:
         speed: simulated seconds per real second; 0 or infinity: see `skips`.
 
     Attributes:
-        skips: whether waits of the printer are skipped instead of running faster.
+        skips: whether time runs at normal speed, but waits of the host for the printer are skipped.
     """
 
     def __init__(self, speed: float) -> None:
@@ -58,34 +58,34 @@ class Clock:
         return (monotonic() - self._began) * self._rate + self._skipped
 
     def skip_to(self, moment: float) -> None:
-        """Advance to at least `moment`."""
+        """Advance the simulated time to at least `moment`, s."""
         self._skipped += max(moment - self.now(), 0.0)
 
     def real_seconds(self, moment: float) -> float:
-        """Return the real seconds until `moment`."""
+        """Return the real time until the simulated time `moment`, s."""
         return max(moment - self.now(), 0.0) / self._rate
 
 
 def exchange_bytes(
-    printer: SimulatedPrinter, cable: Cable, clock: Clock, door: HostConnection, stop: Callable[[], bool]
+    printer: SimulatedPrinter, cable: Cable, clock: Clock, host: HostConnection, stop: Callable[[], bool]
 ) -> None:
-    """Exchange bytes until `stop` returns True; it is called about twenty times a second."""
+    """Exchange bytes between printer and host until `stop` returns True; it is called about 20 times a second."""
     unsent = b""
     while not stop():
         due = cable.due()
-        jump = clock.skips and printer.working and due < inf
+        jump = clock.skips and printer.has_unanswered_command and due < inf
         wait = 0.0 if jump else min(clock.real_seconds(due), LONGEST_WAIT)
-        heard = b""
-        if door.wait(wait, reads=not cable.crowded, writes=bool(unsent)):
-            heard = door.read()
-        if heard:
-            cable.write(heard, clock.now())
+        received = b""
+        if host.wait(wait, reads=not cable.is_full, writes=bool(unsent)):
+            received = host.read()
+        if received:
+            cable.write(received, clock.now())
         elif jump:
             clock.skip_to(due)
         now = clock.now()
         # Step through all events of the cable.
         while (due := cable.due()) <= now:
             unsent += cable.read(due)
-        unsent = (unsent + cable.read(now))[-MOST_UNREAD:]
+        unsent = (unsent + cable.read(now))[-MAX_UNREAD_BYTES:]
         if unsent:
-            unsent = unsent[door.write(unsent) :]
+            unsent = unsent[host.write(unsent) :]

@@ -1,4 +1,4 @@
-"""The behaviour of a simulated firmware at its serial port; `firmwares` has the table of firmwares."""
+"""Options for the behaviour of a simulated firmware; the module `firmwares` lists the firmwares."""
 
 from __future__ import annotations
 
@@ -15,73 +15,76 @@ MARLIN_IDENTITY: Final = (
     "FIRMWARE_NAME:Marlin {name} SOURCE_CODE_URL:github.com/MarlinFirmware/Marlin PROTOCOL_VERSION:1.0"
     " MACHINE_TYPE:Simulated EXTRUDER_COUNT:{tools} UUID:cede2a2f-41a2-4748-9b12-c55c62f367ff"
 )
-"""Reply of Marlin to M115; the UUID is Marlin's default."""
+"""Reply of Marlin to M115, with Marlin's default UUID."""
 
 
 @dataclass(frozen=True, slots=True)
 class SimulatedFirmware:
-    """Behaviour of the serial port and command queue of a firmware.
+    """Behaviour of the serial port and the command queue of a firmware.
 
     Attributes:
         name: version reported by M115.
         banner: lines sent after a reset.
         identity: reply to M115, with `{name}` for the version.
         lists_capabilities: whether M115 lists capabilities.
-        takes: accepted lines. "next": numbers in order with a right XOR checksum. "right": any number, with a right XOR
-            or CRC checksum or none; other lines are dropped silently. "any": numbers and checksums are ignored.
-        strays: lines without a number that are accepted. "executed": all; "bare": those without a checksum; "never":
-            none after a numbered line.
+        accepted_lines: which lines are accepted. "next": lines with numbers in order and a right XOR checksum.
+            "right": lines with any number and a right XOR or CRC checksum or none; other lines are dropped silently.
+            "any": all lines; numbers and checksums are ignored.
+        unnumbered_lines: which lines without a number are accepted. "executed": all; "bare": those without a
+            checksum; "never": none after a numbered line.
         wrong_number, wrong_checksum, no_checksum, no_number: error messages for rejected lines, with `{last}` for the
             last line number, `{wanted}` for the next and `{got}` for the received one; empty: none.
         checksum_first: whether the checksum is checked before the number.
         checksum_needed: whether a numbered line needs a checksum.
-        resend: resend request.
+        resend: resend request, with `{wanted}`.
         lines_skipped: number of lines with a wrong number after a rejected one that get an ok and no error.
         repeats_skipped: number of recent line numbers that get "skip" and an ok when repeated.
-        partial_seconds: timeout for the rest of a line after its last byte; then it is discarded.
-        partial_asks: whether a discarded or missing requested line is requested again.
-        counts: whether M110 without N reports the last line number.
+        line_timeout: time after the last byte at which an incomplete line is discarded, s.
+        repeats_resend_request: whether a line is requested again if it was discarded or did not come.
+        reports_line_number: whether M110 without N reports the last line number.
         ok_when_read: whether a line is acknowledged when it is queued, not when it is executed.
-        unknown: reply to an unknown command, with `{text}`; empty: none.
-        decimals: of positions, in mm.
-        killed: lines sent when the firmware halts, with `{reason}`.
-        overheated: lines sent before that if a heater is out of control, with `{what}` and `{heater}`.
-        homing_failed: message if an endstop never triggers, with `{axis}`, motors off; empty: the firmware halts.
-        tells_overflow: whether it reports a receive buffer overflow and discards the damaged line.
-        language: whose format temperatures, positions and errors have, and whose commands are known.
-        receive_buffer: bytes that the receive buffer holds; further bytes are lost. None: flow control, so the sender
+        unknown_reply: reply to an unknown command, with `{text}`; empty: none.
+        decimals: number of decimals of reported positions.
+        halt_messages: lines sent when the firmware halts, with `{reason}`.
+        heater_fault_messages: lines sent before these if a heater is out of control, with `{what}` for the error
+            and `{heater}`.
+        homing_failed_message: message if an endstop never triggers, with `{axis}`; the motors are switched off then.
+            Empty: the firmware halts.
+        reports_overflow: whether it reports an overflow of the receive buffer and discards the damaged line.
+        language: firmware whose commands are known, and whose formats are used for temperatures, positions, errors.
+        receive_buffer: size of the receive buffer, bytes; further bytes are lost. None: flow control, so the sender
             has to wait.
-        flushes_on_error: whether a rejected line discards everything received behind it.
+        flushes_on_error: whether all bytes received behind a rejected line are discarded.
         repeats_dropped: number of recent line numbers that are dropped silently when repeated.
         ok_after_resend: whether `Resend: n` is followed by an ok.
         advanced_ok: whether ok reports line number, free planner places and free queue places.
         emergency_parser: whether M108, M112 and M410 are executed as soon as they arrive.
         host_actions: whether it sends `//action:` commands: paused, resumed, poweroff.
-        prompts: whether it asks a person through the host (`//action:prompt_begin`), takes M876 as the answer, and
+        prompts: whether it asks a person through the host (`//action:prompt_begin`), accepts M876 as the answer, and
             sends display messages as `//action:notification`.
         reports_position: whether M154 is known.
         reports_area: whether M115 ends with the size of the machine.
-        dialect: key of the G-code dialect, for commands that differ between firmwares.
+        dialect: name of the G-code dialect, for commands that differ between firmwares.
         babysteps: whether M290 is known.
         any_case: whether lower-case commands are accepted (Klipper, RepRapFirmware, Repetier; Marlin with
             GCODE_CASE_INSENSITIVE).
         ignores_extended: whether commands such as SET_PRESSURE_ADVANCE get an ok instead of an error.
-        wait_seconds: interval of `wait` messages of an idle printer; 0: never.
-        busy_seconds: interval of busy reports; 0: never. M113 changes it.
+        wait_seconds: interval of the `wait` messages of an idle printer, s; 0: never.
+        busy_seconds: interval of busy reports, s, which M113 changes; 0: never.
         ahead_seconds: maximum motion planned ahead, s; further moves are acknowledged later.
-        queue_places: places of the command queue, including the current command.
-        line_size: bytes of the line buffer; longer lines are cut to one byte less.
-        boot_seconds: time after a reset without receiving.
-        seconds_per_line: time of the main loop for one command.
-        seconds_per_byte: time that sending a byte blocks the main loop.
+        queue_places: number of places in the command queue, including the current command.
+        line_size: size of the line buffer, bytes; longer lines are cut to one byte less.
+        boot_seconds: time after a reset in which received bytes are lost, s.
+        seconds_per_line: time that the main loop needs for one command, s.
+        seconds_per_byte: time for which sending a byte blocks the main loop, s.
     """
 
     name: str
     banner: tuple[str, ...]
     identity: str = MARLIN_IDENTITY
     lists_capabilities: bool = True
-    takes: Literal["next", "right", "any"] = "next"
-    strays: Literal["executed", "bare", "never"] = "executed"
+    accepted_lines: Literal["next", "right", "any"] = "next"
+    unnumbered_lines: Literal["executed", "bare", "never"] = "executed"
     wrong_number: str = "Error:Line Number is not Last Line Number+1, Last Line: {last}"
     wrong_checksum: str = "Error:checksum mismatch, Last Line: {last}"
     no_checksum: str = "Error:No Checksum with line number, Last Line: {last}"
@@ -91,16 +94,16 @@ class SimulatedFirmware:
     resend: str = "Resend: {wanted}"
     lines_skipped: int = 0
     repeats_skipped: int = 0
-    partial_seconds: float = inf
-    partial_asks: bool = False
-    counts: bool = False
+    line_timeout: float = inf
+    repeats_resend_request: bool = False
+    reports_line_number: bool = False
     ok_when_read: bool = False
-    unknown: str = 'echo:Unknown command: "{text}"'
+    unknown_reply: str = 'echo:Unknown command: "{text}"'
     decimals: int = 2
-    killed: tuple[str, ...] = ("echo:{reason}", "Error:Printer halted. kill() called!")
-    overheated: tuple[str, ...] = ("Error:{what}, system stopped! Heater_ID: {heater}", "")
-    homing_failed: str = ""
-    tells_overflow: bool = False
+    halt_messages: tuple[str, ...] = ("echo:{reason}", "Error:Printer halted. kill() called!")
+    heater_fault_messages: tuple[str, ...] = ("Error:{what}, system stopped! Heater_ID: {heater}", "")
+    homing_failed_message: str = ""
+    reports_overflow: bool = False
     language: Literal["marlin", "klipper", "virtual"] = "marlin"
     receive_buffer: int | None = None
     flushes_on_error: bool = False
@@ -126,7 +129,7 @@ class SimulatedFirmware:
     seconds_per_byte: float = 0.0
 
     def capabilities(self, machine: Machine) -> tuple[tuple[str, bool], ...]:
-        """Return the capabilities that M115 lists, in order."""
+        """Return the capabilities that M115 lists for a machine, in order, with whether each is present."""
         known = {
             "AUTOLEVEL": machine.probe_points > 0,
             "AUTOREPORT_POS": self.reports_position,

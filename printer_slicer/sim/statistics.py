@@ -1,4 +1,4 @@
-"""Statistics of a simulated print, in memory that does not grow with its length."""
+"""Statistics of a simulated print; their size does not grow with the length of the print."""
 
 from __future__ import annotations
 
@@ -15,28 +15,28 @@ if TYPE_CHECKING:
     from printer_slicer.sim.machine import Position
     from printer_slicer.sim.move_log import MoveLog
 
-__all__ = ["MOST_LAYERS", "Report", "Statistics", "Violation", "kind_of"]
+__all__ = ["MAX_LAYERS", "Report", "Statistics", "Violation", "violation_kind"]
 
-_KIND: Final = re.compile(r"[:,]| \d")
+_KIND_END: Final = re.compile(r"[:,]| \d")
 
-MOST_VIOLATIONS: Final = 1000
-MOST_LAYERS: Final = 20_000
-"""Lengths of lists are bounded, counts are not. A spiral vase has a new z in every line."""
+MAX_VIOLATIONS: Final = 1000
+MAX_LAYERS: Final = 20_000
+"""Maximum lengths of the lists; counts are not limited. A spiral vase has a new z in every line."""
 
-BATCH: Final = 512
-"""Lines hashed together: one call per line would cost more than the hashing."""
-
-
-MOST_KINDS: Final = 100
+HASH_BATCH: Final = 512
+"""Number of lines that are hashed together; a call for each line would cost more than the hashing."""
 
 
-def kind_of(what: str) -> str:
+MAX_KINDS: Final = 100
+
+
+def violation_kind(text: str) -> str:
     """Return the kind of a violation: its text before the first colon, comma or number."""
-    return _KIND.split(what, maxsplit=1)[0].strip()
+    return _KIND_END.split(text, maxsplit=1)[0].strip()
 
 
 class Violation(NamedTuple):
-    """Something that a real printer would reject, clip or suffer from.
+    """An action that a real printer would reject, clip or suffer from.
 
     Attributes:
         line: number of the executed command, from 1.
@@ -49,35 +49,34 @@ class Violation(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """Summary of everything executed so far. Times are simulated seconds.
+    """Summary of all commands executed so far; times are in simulated seconds.
 
     Attributes:
-        lines: executed commands, numbered on the wire or not.
+        lines: number of executed commands, with and without line number.
         digest: SHA-256 over the executed commands, each followed by a newline, without line number and
             checksum.
-        unnumbered_moves: moves without a line number after numbered lines: likely remains of a damaged line.
+        unnumbered_moves: number of moves without a line number after numbered lines, probably parts of damaged lines.
         motion_seconds: total duration of all started moves; a running one counts fully.
-        dwell_seconds: total of G4.
-        homing_seconds: total of G28 and G29.
-        heating_seconds: total of M109 and M190.
-        underrun_list: executed command -> s, the first 1000 times of that.
-        underruns, underrun_seconds: how often and how long the machine stood still only because the next
-            move had not come (up to 2 s each; after a command that waits for standstill it does not count).
-        filament_fed: mm fed, including priming and deretraction.
-        filament_retracted: mm retracted.
-        filament_missing: mm of the filament fed that did not come out (clogged nozzle, empty spool).
+        dwell_seconds: total duration of G4.
+        homing_seconds: total duration of G28 and G29.
+        heating_seconds: total duration of the waits of M109 and M190.
+        underrun_list: number of the executed command and duration, s, of the first 1000 buffer underruns.
+        underruns, underrun_seconds: number and total duration of the buffer underruns: standstills of up to 2 s only
+            because the next move had not arrived, without a command that waits for standstill.
+        filament_fed: filament fed, mm, including priming and deretraction.
+        filament_retracted: filament retracted, mm.
+        filament_missing: filament fed that did not come out, mm (clogged nozzle, empty spool).
         runouts: number of filament runouts.
-        layers: z (mm, to 0.0001) at which plastic was laid while moving in x or y, in order of the first
-            time.
-        extrusion_min, extrusion_max: corners of the box around all such moves, mm; None when there were none.
+        layers: heights z of moves in x or y that extruded, mm, to 0.0001 mm, in the order of their first extrusion.
+        extrusion_min, extrusion_max: corners of the box around all such moves, mm; None if there were none.
         peak_flow: highest flow at the cruise speed of a move, mm³/s.
-        peak_hotend, peak_bed: °C.
-        violations, n_violations: the first 1000, and their total number.
-        violation_counts: number by kind, see `kind_of`.
-        line_errors, resends: rejected lines, and resend requests.
-        repeats_dropped: repeated lines that were dropped silently.
-        bytes_lost: bytes that found the receive buffer full.
-        bytes_flushed: bytes discarded after an error.
+        peak_hotend, peak_bed: highest temperatures, °C.
+        violations, n_violations: the first 1000 violations, and the total number.
+        violation_counts: number of violations of each kind, see `violation_kind`.
+        line_errors, resends: number of rejected lines and of resend requests.
+        repeats_dropped: number of repeated lines that were dropped silently.
+        bytes_lost: number of bytes lost because the receive buffer was full.
+        bytes_flushed: number of bytes discarded after an error.
         resets: number of resets.
         killed: why the firmware halted; empty while it runs.
     """
@@ -115,12 +114,12 @@ class Report:
 
     @property
     def print_seconds(self) -> float:
-        """Time of motion and dwells, comparable to the time estimate of the program."""
+        """Time of motion and dwells, s, comparable to the time estimate of the program."""
         return self.motion_seconds + self.dwell_seconds
 
     @property
     def filament(self) -> float:
-        """Filament used, mm: fed less retracted."""
+        """Filament used, mm: filament fed minus filament retracted."""
         return self.filament_fed - self.filament_retracted
 
 
@@ -128,7 +127,7 @@ class Statistics:
     """The counters behind a `Report`, with the same names and units.
 
     Attributes:
-        move_log: is told every move; None if nobody wants to know.
+        move_log: log of all moves; None: moves are not logged.
     """
 
     __slots__ = (
@@ -196,71 +195,71 @@ class Statistics:
 
     @property
     def z(self) -> float:
-        """The last height with extrusion, mm; -infinity before the first."""
+        """Height of the last extrusion, mm; -infinity before the first one."""
         return self._z if self._layers else -inf
 
-    def executed(self, text: str) -> None:
-        """Count an executed command."""
+    def count_command(self, text: str) -> None:
+        """Count an executed command, and add it to the digest."""
         self.lines += 1
         self._text = text
         self._batch.append(text)
-        if len(self._batch) >= BATCH:
-            self._flush()
+        if len(self._batch) >= HASH_BATCH:
+            self._hash_commands()
 
-    def executed_many(self, texts: Sequence[str]) -> None:
-        """Count many executed commands."""
+    def count_commands(self, texts: Sequence[str]) -> None:
+        """Count executed commands, and add them to the digest."""
         self.lines += len(texts)
         self._text = texts[-1]
         self._batch += texts
-        self._flush()
+        self._hash_commands()
 
-    def waited(self, seconds: float, command: int) -> None:
-        """Count a buffer underrun that ended with the move of a command, numbered from 1."""
+    def count_underrun(self, seconds: float, command: int) -> None:
+        """Count a buffer underrun of `seconds` that ended with a move of this command, numbered from 1."""
         self.underruns += 1
         self.underrun_seconds += seconds
-        if len(self.underrun_list) < MOST_VIOLATIONS:
+        if len(self.underrun_list) < MAX_VIOLATIONS:
             self.underrun_list.append((command, seconds))
 
-    def record_violation(self, what: str) -> None:
+    def record_violation(self, text: str) -> None:
         """Record a violation by the current command."""
         self.n_violations += 1
-        kind = kind_of(what)
-        if kind in self.violation_counts or len(self.violation_counts) < MOST_KINDS:
+        kind = violation_kind(text)
+        if kind in self.violation_counts or len(self.violation_counts) < MAX_KINDS:
             self.violation_counts[kind] = self.violation_counts.get(kind, 0) + 1
-        if len(self.violations) < MOST_VIOLATIONS:
-            self.violations.append(Violation(self.lines, f"{what}: {self._text}"))
+        if len(self.violations) < MAX_VIOLATIONS:
+            self.violations.append(Violation(self.lines, f"{text}: {self._text}"))
 
     def add_extrusion(self, start: Axes, end: Axes) -> None:
         """Record an extrusion from `start` to `end`, mm."""
         if end[2] != self._z:
             self._z = end[2]
-            if len(self._layers) < MOST_LAYERS:
+            if len(self._layers) < MAX_LAYERS:
                 self._layers[round(end[2], 4)] = None
-            self._grow(end)
+            self._extend_box(end)
         low, high = self.low, self.high
         for x, y, z, e in (start, end):
-            # Nearly every extrusion is inside the box already; this test is cheaper than growing it.
+            # Nearly every extrusion is inside the box already, and this test is cheaper than extending the box.
             if not (low[0] <= x <= high[0] and low[1] <= y <= high[1]):
-                self._grow((x, y, z, e))
+                self._extend_box((x, y, z, e))
 
     def add_extrusions_within(self, low: Position, high: Position, heights: Sequence[float]) -> None:
         """Record extrusions at several heights, all within a box, mm."""
-        self._grow((*low, 0.0))
-        self._grow((*high, 0.0))
+        self._extend_box((*low, 0.0))
+        self._extend_box((*high, 0.0))
         for z in heights:
-            if len(self._layers) >= MOST_LAYERS:
+            if len(self._layers) >= MAX_LAYERS:
                 break
             self._layers[round(z, 4)] = None
         self._z = heights[-1]
 
-    def _grow(self, place: Axes) -> None:
-        """Grow the box around all extrusions to include a place."""
-        self.low = [min(low, at) for low, at in zip(self.low, place, strict=False)]
-        self.high = [max(high, at) for high, at in zip(self.high, place, strict=False)]
+    def _extend_box(self, position: Axes) -> None:
+        """Extend the box around all extrusions to a position."""
+        self.low = [min(low, at) for low, at in zip(self.low, position, strict=False)]
+        self.high = [max(high, at) for high, at in zip(self.high, position, strict=False)]
 
     def report(self, *, filament_area: float, peak_hotend: float, peak_bed: float) -> Report:
-        """Return the current counters; `filament_area` in mm², peak temperatures in °C."""
-        self._flush()
+        """Return the report; `filament_area` is in mm², peak temperatures are in °C."""
+        self._hash_commands()
         empty = self.low[0] == inf
         return Report(
             digest=self._hash.hexdigest(),
@@ -276,9 +275,10 @@ class Statistics:
             **{name: getattr(self, name) for name in _COUNTERS},
         )
 
-    def _flush(self) -> None:
+    def _hash_commands(self) -> None:
+        """Add the commands of the current batch to the digest."""
         if self._batch:
-            # Latin-1 restores the received bytes.
+            # Encoding as Latin-1 restores the received bytes.
             self._hash.update(("\n".join(self._batch) + "\n").encode("latin-1"))
             self._batch.clear()
 

@@ -1,7 +1,7 @@
 """Serve a simulated printer at a TCP port, as plain bytes or with RFC 2217.
 
-One host can connect at a time, as to a serial port; another one is disconnected after a second. The printer continues
-while no host is connected.
+One host can connect at a time, as to a serial port; a second one is disconnected after a second. The printer keeps
+running while no host is connected.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Final, Protocol
 
 from printer_slicer.errors import PortError
 from printer_slicer.sim.link import Cable
-from printer_slicer.sim.server_loop import CHUNK, Clock, exchange_bytes
+from printer_slicer.sim.server_loop import CHUNK_BYTES, Clock, exchange_bytes
 
 if TYPE_CHECKING:
     from printer_slicer.sim.printer import SimulatedPrinter
@@ -24,21 +24,21 @@ if TYPE_CHECKING:
 __all__ = ["Telnet", "serve_tcp"]
 
 
-PATIENCE: Final = 1.0
-"""s that a new host waits for the previous one to leave."""
+HOST_TIMEOUT: Final = 1.0
+"""Time that a new host waits for the previous one to disconnect, s."""
 
 
 class Telnet(Protocol):
-    """Serial port settings over a connection, see `rfc2217.Rfc2217Server`."""
+    """A protocol for serial port settings over a connection, see `rfc2217.Rfc2217Server`."""
 
-    def answers(self) -> bytes:
-        """Return protocol bytes to send to the host."""
+    def take_answers(self) -> bytes:
+        """Return the protocol bytes that must be sent to the host."""
 
     def decode(self, data: bytes) -> bytes:
-        """Return the bytes for the printer; raise ValueError for an invalid protocol."""
+        """Return the bytes for the printer in data from the host; raise ValueError if the data is invalid."""
 
     def encode(self, data: bytes) -> bytes:
-        """Return bytes of the printer, encoded for the host."""
+        """Return bytes of the printer encoded for the host."""
 
 
 def serve_tcp(  # noqa: PLR0913 - all but two have a good default
@@ -52,36 +52,40 @@ def serve_tcp(  # noqa: PLR0913 - all but two have a good default
     stop: Callable[[], bool] = lambda: False,
     ready: Callable[[str], None] = lambda _: None,
 ) -> Report:
-    """Serve a simulated printer at a TCP address until `stop` returns True or Ctrl-C; return its report.
+    """Serve a simulated printer at a TCP address until `stop` returns True or Ctrl-C is pressed; return its report.
 
     Args:
-        printer_factory: creates the printer when the port is open.
+        printer_factory: function that creates the printer when the port is open.
         address: host and port to listen at; port 0 chooses a free one.
         speed: simulated seconds per real second, as for `pty_server.serve`.
-        connect: creates the cable, likewise.
-        telnet: creates the RFC 2217 encoder for a new host; None passes bytes unchanged.
-        unplugged: whether the cable is disconnected; no host can connect then.
-        stop: called about twenty times a second.
-        ready: called with `host:port` when a host can connect.
+        connect: function that creates the cable, as for `pty_server.serve`.
+        telnet: function that creates the RFC 2217 encoder for a new host; None: bytes are not changed.
+        unplugged: function that returns whether the cable is disconnected; no host can connect then.
+        stop: function that returns whether to stop; called about twenty times a second.
+        ready: function that is called with `host:port` when a host can connect.
 
     Raises:
-        PortError: cannot listen at this address.
+        PortError: the server cannot listen at this address.
     """
-    with _listening(address) as listener:
+    with _open_listener(address) as listener:
         host, port = listener.getsockname()[:2]
         ready(f"{host}:{port}")
         printer = printer_factory()
-        with contextlib.ExitStack() as leaving:
+        with contextlib.ExitStack() as cleanup:
             hosts = _HostAcceptor(listener, telnet, unplugged)
-            leaving.callback(hosts.end)
+            cleanup.callback(hosts.disconnect_all)
             # Users stop it with Ctrl-C.
             with contextlib.suppress(KeyboardInterrupt):
                 exchange_bytes(printer, connect(printer), Clock(speed), hosts, stop)
             return printer.report()
 
 
-def _listening(address: tuple[str, int]) -> socket.socket:
-    """Return a listening socket."""
+def _open_listener(address: tuple[str, int]) -> socket.socket:
+    """Return a socket that listens at an address.
+
+    Raises:
+        PortError: the server cannot listen at this address.
+    """
     try:
         return socket.create_server(address, backlog=4)
     except (OSError, OverflowError) as error:
@@ -92,7 +96,7 @@ def _listening(address: tuple[str, int]) -> socket.socket:
 
 
 class _HostAcceptor:
-    """Accepts hosts, one at a time."""
+    """The connection to the current host; it accepts hosts one at a time."""
 
     def __init__(
         self,
@@ -104,30 +108,30 @@ class _HostAcceptor:
         self._telnet = telnet
         self._unplugged = unplugged
         self._host: socket.socket | None = None
-        self._talk: Telnet | None = None
-        self._going = b""  # encoded bytes not sent yet
-        self._next: socket.socket | None = None
-        self._until = 0.0
+        self._encoder: Telnet | None = None
+        self._outgoing = b""  # encoded bytes not sent yet
+        self._waiting_host: socket.socket | None = None
+        self._deadline = 0.0
 
     def wait(self, seconds: float, *, reads: bool, writes: bool) -> bool:
-        """Wait for bytes from the host, room to write, or a new host."""
+        """Wait up to `seconds` for bytes to read, room to write, or a new host; return whether there are bytes."""
         if self._unplugged():
             self.close()
         mine = [self._host] if self._host is not None else []
         wants = [self._listener, *(mine if reads else [])]
-        readable, ready, _ = select.select(wants, mine if writes or self._going else [], [], seconds)
-        if ready and self._going:
-            self._send()
+        readable, ready, _ = select.select(wants, mine if writes or self._outgoing else [], [], seconds)
+        if ready and self._outgoing:
+            self._send_outgoing()
         if self._listener in readable:
-            self._accept()
-        self._admit_next()
+            self._accept_host()
+        self._admit_waiting_host()
         return self._host is not None and self._host in readable
 
     def read(self) -> bytes:
-        """Return the bytes from the host; notice if it has disconnected."""
+        """Return the bytes from the host; close the connection if the host has disconnected."""
         assert self._host is not None
         try:
-            data = self._host.recv(CHUNK)
+            data = self._host.recv(CHUNK_BYTES)
         except (BlockingIOError, InterruptedError):
             return b""
         except OSError:
@@ -135,45 +139,45 @@ class _HostAcceptor:
         if not data:
             self.close()
             return b""
-        if self._talk is None:
+        if self._encoder is None:
             return data
         try:
-            data = self._talk.decode(data)
+            data = self._encoder.decode(data)
         except ValueError:
             self.close()
             return b""
-        self._going += self._talk.answers()
-        self._send()
+        self._outgoing += self._encoder.take_answers()
+        self._send_outgoing()
         return data
 
     def write(self, data: bytes) -> int:
-        """Send to the host; without one, the bytes are lost, as at a closed port."""
+        """Send bytes to the host; return the number accepted. Without a host, bytes are lost, as at a closed port."""
         if self._host is None:
             return len(data)
-        if not self._send() or len(self._going) >= CHUNK:
+        if not self._send_outgoing() or len(self._outgoing) >= CHUNK_BYTES:
             return 0
-        self._going += data if self._talk is None else self._talk.encode(data)
-        self._send()
+        self._outgoing += data if self._encoder is None else self._encoder.encode(data)
+        self._send_outgoing()
         return len(data)
 
-    def end(self) -> None:
-        """Disconnect all hosts."""
+    def disconnect_all(self) -> None:
+        """Disconnect the current and the waiting host."""
         self.close()
-        if self._next is not None:
-            self._next.close()
+        if self._waiting_host is not None:
+            self._waiting_host.close()
 
     def close(self) -> None:
-        """Disconnect the host."""
+        """Disconnect the current host."""
         if self._host is not None:
             self._host.close()
-        self._host = self._talk = None
-        self._going = b""
+        self._host = self._encoder = None
+        self._outgoing = b""
 
-    def _send(self) -> bool:
-        """Send as much as possible; return False if the host has disconnected."""
+    def _send_outgoing(self) -> bool:
+        """Send as many outgoing bytes as possible; return False if the host has disconnected."""
         assert self._host is not None
         try:
-            self._going = self._going[self._host.send(self._going) :]
+            self._outgoing = self._outgoing[self._host.send(self._outgoing) :]
         except (BlockingIOError, InterruptedError):
             return True
         except OSError:
@@ -181,22 +185,22 @@ class _HostAcceptor:
             return False
         return True
 
-    def _accept(self) -> None:
-        """Accept a new host; it waits while another one is connected."""
+    def _accept_host(self) -> None:
+        """Accept a new host, which waits while another one is connected."""
         try:
             host, _ = self._listener.accept()
         except OSError:
             return
-        if self._next is not None or self._unplugged():
+        if self._waiting_host is not None or self._unplugged():
             host.close()
         else:
-            self._next, self._until = host, monotonic() + PATIENCE
+            self._waiting_host, self._deadline = host, monotonic() + HOST_TIMEOUT
 
-    def _admit_next(self) -> None:
-        """Connect the waiting host when possible; disconnect it after a timeout."""
-        if self._next is None or (self._host is not None and monotonic() < self._until):
+    def _admit_waiting_host(self) -> None:
+        """Connect the waiting host if no other one is connected; disconnect it after a timeout."""
+        if self._waiting_host is None or (self._host is not None and monotonic() < self._deadline):
             return
-        host, self._next = self._next, None
+        host, self._waiting_host = self._waiting_host, None
         if self._host is not None:
             host.close()
             return
@@ -205,6 +209,6 @@ class _HostAcceptor:
         host.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
         self._host = host
         if self._telnet is not None:
-            self._talk = self._telnet()
-            self._going = self._talk.answers()
-            self._send()
+            self._encoder = self._telnet()
+            self._outgoing = self._encoder.take_answers()
+            self._send_outgoing()

@@ -48,7 +48,7 @@ class Listener:
                 self.heard += data
                 if negotiator.decode(data):
                     return
-                connection.sendall(negotiator.answers())
+                connection.sendall(negotiator.take_answers())
 
     def close(self) -> None:
         """Listen no more."""

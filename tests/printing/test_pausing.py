@@ -109,7 +109,7 @@ def test_now_is_sooner_than_behind_the_plan() -> None:
                 waiting[0] = waiting[0] or at
                 board = rig.printer._state
                 board.motion_queue.advance(at)
-                if not board.motion_queue.busy:
+                if not board.motion_queue.is_busy:
                     rig.submit(commands.Stop())
 
         rig.run(turn)
@@ -228,7 +228,7 @@ def test_a_pause_of_the_printer_s_own_ends_when_a_person_resumes() -> None:
     def meddle(_: object) -> None:
         if rig.streamer.acknowledged >= 30 and not begun:
             begun.append(rig.streamer.acknowledged)
-            rig.printer._state.say("//action:paused")
+            rig.printer._state.send_line("//action:paused")
         elif begun and rig.streamer.state is State.PAUSED and len(begun) == 1:
             begun.append(0)
             rig.submit(commands.Resume())

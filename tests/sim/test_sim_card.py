@@ -153,10 +153,10 @@ def test_m115_says_whether_there_is_a_reader(card: bool) -> None:
 
 def test_a_full_card_says_so() -> None:
     card = SdCard()
-    card.begin("A.GCO")
-    card._room = 10
+    card.begin_file("A.GCO")
+    card._free_bytes = 10
 
-    assert card.write("G90")
-    assert not card.write("G1 X10 Y10")
-    card.end()
+    assert card.write_line("G90")
+    assert not card.write_line("G1 X10 Y10")
+    card.end_file()
     assert card.files == {"A.GCO": b"G90\n"}

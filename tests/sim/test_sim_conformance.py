@@ -94,8 +94,8 @@ class Actor:
 
     def plant(self, heater: str, reads: float) -> None:
         state = self.console.printer.state
-        state.heaters.named(heater).disturb(self.console.now, stuck_at=reads)
-        state.disturb(heater)
+        state.heaters.find_heater(heater).set_fault(self.console.now, stuck_at=reads)
+        state.record_heater_fault(heater)
 
     def act(self, line: str) -> None:
         """Do what one line of a conversation says."""

@@ -12,7 +12,7 @@ from sim_console import COLD_OK, Console
 from printer_slicer.cli.arguments import FIRMWARES
 from printer_slicer.sim.firmwares import MARLIN_2_1_ADVANCED, SIMULATED_FIRMWARES
 from printer_slicer.sim.heater import Heater
-from printer_slicer.sim.latency import PACKET, LatencyTimer
+from printer_slicer.sim.latency import PACKET_BYTES, LatencyTimer
 from printer_slicer.sim.link import VirtualPort
 from printer_slicer.sim.machine import Machine
 from printer_slicer.sim.printer import SimulatedPrinter
@@ -156,10 +156,10 @@ def test_a_chip_passes_every_byte_in_order_within_its_time(pieces: list[tuple[fl
         while chip.due() <= now + pause:
             came += chip.release(chip.due())
         now += pause
-        chip.arrive(data, now)
+        chip.add_bytes(data, now)
         sent += data
         came += chip.release(now)
-        assert len(sent) - len(came) < PACKET
+        assert len(sent) - len(came) < PACKET_BYTES
         assert sent == came or chip.due() <= now + 0.016 + 1e-9
     came += chip.release(now + 1.0)
 

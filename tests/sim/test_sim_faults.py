@@ -230,7 +230,7 @@ def test_a_heater_out_of_control_halts_the_firmware(fault: Fault, why: str) -> N
     assert desk.printer.report().killed == why
     # It cools from then on, unless its switch does not open.
     now = desk.port.now()
-    heater = desk.printer.state.heaters.named(fault.heater)
+    heater = desk.printer.state.heaters.find_heater(fault.heater)
     before = heater.temperature(now)
     warmer = heater.temperature(now + 60.0) > before
     assert warmer == (fault.kind == "heater" and fault.state == "on")
@@ -351,7 +351,7 @@ def test_every_kind_can_be_written_down(kind: str) -> None:
     [
         ("seed = ", "x.toml is not TOML: line 1: Invalid value", "Check that line"),
         ("sed = 1", "x.toml: unknown key sed", "Did you mean seed?"),
-        ('seed = "a"', "x.toml: seed is 'a'", "Use an integer"),
+        ('seed = "a"', "x.toml: seed is 'a', which is not an integer", "Use an integer"),
         ("fault = 3", "x.toml: fault is not a list", "[[fault]]"),
         ("[[fault]]", "x.toml: fault 1: kind is missing", "Kinds: flip"),
         ('[[fault]]\nkind = "flipp"', "x.toml: fault 1: unknown kind 'flipp'", "Did you mean flip?"),
@@ -367,7 +367,7 @@ def test_every_kind_can_be_written_down(kind: str) -> None:
         ('[[fault]]\nkind = "hang"\nline = 3.5', "x.toml: fault 1 (hang): line is 3.5", "a whole number"),
         (
             '[[fault]]\nkind = "hang"\nline = 3\nz = 1',
-            "x.toml: fault 1 (hang): both line and z",
+            "x.toml: fault 1 (hang): it has both line and z",
             "Use only one",
         ),
         ('[[fault]]\nkind = "runout"\nrate = 1', "x.toml: fault 1 (runout): unknown key rate", "Known keys"),

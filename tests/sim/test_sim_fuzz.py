@@ -58,7 +58,7 @@ def test_a_printer_that_is_sent_megabytes_keeps_little(name: str) -> None:
     for _ in range(200):
         printer.receive(b"x" * 5000 + b"M105\n" * 200, 0.0)
 
-    assert printer.unread <= 65_536
+    assert printer.unread_bytes <= 65_536
     assert printer.report().bytes_lost + printer.report().bytes_flushed > 0
 
 
@@ -75,12 +75,12 @@ def test_reports_that_nobody_reads_do_not_pile_up() -> None:
 def test_a_line_that_never_ends_is_not_kept() -> None:
     reader = LineReader(SIMULATED_FIRMWARES["klipper"], Statistics())
     for _ in range(1000):
-        reader.arrive(b"y" * 1000)
-        assert reader.next() is None
+        reader.add_bytes(b"y" * 1000)
+        assert reader.next_line() is None
 
-    assert reader.unread == 0
-    reader.arrive(b"\n")
-    line = reader.next()
+    assert reader.unread_bytes == 0
+    reader.add_bytes(b"\n")
+    line = reader.next_line()
     assert line is not None
     assert len(line[1]) < 5000
 

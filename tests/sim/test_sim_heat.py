@@ -143,7 +143,7 @@ def test_a_heater_that_is_at_its_target_is_not_waited_for() -> None:
 def test_a_heater_whose_sensor_reads_the_target_is_not_waited_for() -> None:
     console = Console()
     heater = console.printer.state.hotend
-    heater.disturb(0.0, stuck_at=200.4)
+    heater.set_fault(0.0, stuck_at=200.4)
 
     assert console.do("M109 S200") == ["ok"]
     assert heater.temperature(console.now) < 30.0
@@ -153,7 +153,7 @@ def test_a_heater_whose_sensor_reads_the_target_is_not_waited_for() -> None:
 def test_a_dead_heater_that_cools_to_its_target_has_arrived() -> None:
     console = Console()
     console.do("M109 S200")
-    console.printer.state.hotend.disturb(console.now, element="off")
+    console.printer.state.hotend.set_fault(console.now, element="off")
     console.do("M109 R100")
 
     assert console.printer.state.hotend.temperature(console.now) < 101.0

@@ -119,7 +119,7 @@ def test_an_old_link_is_replaced_but_no_file(tmp_path: Path) -> None:
 
     with served(old):
         assert str(old.readlink()).startswith("/dev/")
-    with pytest.raises(PortError, match="is not a link"):
+    with pytest.raises(PortError, match="is not a symbolic link"):
         serve(lambda: SimulatedPrinter(Machine()), file)
     with pytest.raises(PortError, match="cannot create the link"):
         serve(lambda: SimulatedPrinter(Machine()), tmp_path / "no folder" / "link")

@@ -132,7 +132,7 @@ def run(arguments: argparse.Namespace) -> int:
     job, known = job_from(arguments, profile, quiet) if arguments.models else (None, {})
     comparison = Comparison(job.commands if job else ())
     if faults and job:
-        faults.layer_now = layer_counter(job, comparison)
+        faults.current_layer = layer_counter(job, comparison)
     report = _serve_printer(arguments, profile, comparison, faults)
     result = {
         **asdict(report),

@@ -207,7 +207,7 @@ def _allowed(position: Float, delta: Float, is_plain: Bool, start: BatchStart) -
 def _accelerations(start: BatchStart, others: _Others) -> list[tuple[int, MotionLimits]]:
     """Return the limits after each command that changes accelerations, as the firmware interprets it."""
     own = [(place, text) for place, kind, text in others if kind == _ACCELERATION]
-    limits = start.limits_after([text for _, text in own])
+    limits = start.limits_after_commands([text for _, text in own])
     return [(place, after) for (place, _), after in zip(own, limits, strict=True)]
 
 
@@ -233,7 +233,7 @@ def _answers(position: Float, start: BatchStart, others: _Others) -> Int:
     for place, kind, _ in others:
         if kind == _SETS_E:
             x, y, z, e = position[place].tolist()
-            answer[place] += start.place_bytes((x, y, z, e))
+            answer[place] += start.position_report_bytes((x, y, z, e))
     return answer
 
 

@@ -152,13 +152,13 @@ class FastRunner:
         while (due := printer.wakeup()) is not None and due <= now:
             link.answer(len(printer.send(due)), due)
         self._number += 1
-        printer.hear(self._number, chunk.texts[at], now)
+        printer.receive_line(self._number, chunk.texts[at], now)
         said, latest = [], min(now + LONGEST_COMMAND, LONGEST_PRINT)
         while True:
             if new := printer.send(now):
                 link.answer(len(new), now)
                 said.append(new)
-            if not printer.working:
+            if not printer.has_unanswered_command:
                 break
             due = printer.wakeup()
             if due is None:

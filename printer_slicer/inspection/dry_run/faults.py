@@ -20,7 +20,7 @@ from printer_slicer.inspection.lint.motion import MELTS
 from printer_slicer.jobs import Job
 from printer_slicer.printer_macros import match_end_macro, match_start_macro
 from printer_slicer.profile import Profile
-from printer_slicer.sim.statistics import Report, kind_of
+from printer_slicer.sim.statistics import Report, violation_kind
 
 __all__ = [
     "FaultLocator",
@@ -85,7 +85,7 @@ _MACHINE: Final = _Rule("machine", "")
 
 def code_of_violation(what: str) -> str:
     """Return the code of a violation."""
-    return _RULES.get(kind_of(what), _MACHINE).code
+    return _RULES.get(violation_kind(what), _MACHINE).code
 
 
 def _severity(harmless: bool) -> Severity:
@@ -134,7 +134,7 @@ def firmware_faults(job: Job, report: Report, comparison: Comparison) -> Iterato
     inches = bool(report.violations) and uses_inches(job.commands)
     for violation in report.violations:
         what = violation.text
-        kind = kind_of(what)
+        kind = violation_kind(what)
         rule = _RULES.get(kind, _MACHINE)
         code = what.partition(": ")[2].partition(" ")[0]
         key = f"{kind} {code}" if rule.code == "unknown" else kind
@@ -143,7 +143,7 @@ def firmware_faults(job: Job, report: Report, comparison: Comparison) -> Iterato
         if rule.code == "extrusion" and inches and "out of the machine" in reported:
             continue  # moves too far and extrusion too long have the same cause
         reported.add(key)
-        same = sum(kind_of(one.text) == kind and code in one.text for one in report.violations)
+        same = sum(violation_kind(one.text) == kind and code in one.text for one in report.violations)
         times = same if rule.code == "unknown" else report.violation_counts.get(kind, 1)
         remedy = _INCHES if rule.code == "box" and inches else rule.remedy
         harmless = kind == _LIFTED or (rule.code == "unknown" and _KNOWN.match(code) is not None)

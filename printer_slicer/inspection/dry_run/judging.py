@@ -30,7 +30,7 @@ from printer_slicer.inspection.dry_run.feeding import find_clog, find_misread_e,
 from printer_slicer.jobs import Job
 from printer_slicer.profile import Profile
 from printer_slicer.repr_svg import Summary, SvgRepr
-from printer_slicer.sim.statistics import MOST_LAYERS, Report
+from printer_slicer.sim.statistics import MAX_LAYERS, Report
 from printer_slicer.stream.events import Event, Halted
 from printer_slicer.texts import format_duration
 
@@ -215,7 +215,7 @@ def _same_heights(job: Job, seen: tuple[float, ...]) -> bool:
 
     Heights of the start G-code are left out of the comparison with the plan.
     """
-    if tuple(seen) != job.heights[: len(seen)] or len(seen) != min(len(job.heights), MOST_LAYERS):
+    if tuple(seen) != job.heights[: len(seen)] or len(seen) != min(len(job.heights), MAX_LAYERS):
         return False
     if job.program is None or job.program.climbs:
         return True

@@ -67,7 +67,7 @@ class _Simulation:
             move_log=self.observer.move_log,
         )
         if self.faults is not None:
-            self.faults.layer_now = layer_counter(self.job, self.comparison)
+            self.faults.current_layer = layer_counter(self.job, self.comparison)
         self.port = VirtualPort(self.printer, baud=self.baud, latency=_LATENCY, faults=self.faults)
 
     def streamer(self, commands: Sequence[bytes]) -> Streamer:
