@@ -1,6 +1,6 @@
 """Upload G-code to print servers such as OctoPrint, and start the print on request.
 
-`SERVERS` holds one function per kind of server. The connection and its errors are in `connection`.
+`SERVERS` holds one upload function for each kind of server. The module `connection` has the connection and its errors.
 """
 
 from __future__ import annotations
@@ -39,19 +39,20 @@ def send(
     Args:
         upload: the file and its destination.
         kind: kind of server, a key of `SERVERS`.
-        url: address of its web page; the default scheme is http.
+        url: address of the web page of the server; the default scheme is http.
         key: API key or password; empty: none.
-        user: user of the password.
+        user: user name that belongs to the password; empty: none.
         timeout: time without an answer after which an error is raised, s.
 
     Raises:
         UsageError: the kind is unknown, or the file or its name cannot be sent.
-        PortError: the server cannot be reached, is of another kind, rejects the key or the file, or does not start it.
+        PortError: the server cannot be reached, is of another kind, rejects the key or the file, or does not start the
+            print.
     """
     if kind not in SERVERS:
         raise UsageError(
             f"--to {kind}: unknown kind of server", remedy=f"Choose one of: {', '.join(SERVERS)}"
         )
-    upload.open().close()  # fail before a session is opened
+    upload.open().close()  # fails before a session is opened if the file cannot be read
     with Connection(url, kind, key=key, user=user, timeout=timeout) as connection:
         return SERVERS[kind](connection, upload)

@@ -1,4 +1,4 @@
-"""HTTP connection to a print server, and its errors. The only module that imports httpx."""
+"""HTTP connection to a print server, and its errors; no other module imports httpx."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ import httpx
 
 from printer_slicer.errors import PortError, UsageError
 
-__all__ = ["Connection", "CountedFile", "Upload", "refused"]
+__all__ = ["Connection", "CountedFile", "Upload", "rejection_error"]
 
 _CHUNK: Final = 1 << 16
-_SHOWN: Final = 200  # characters of a server's error message
+_MAX_ERROR_LENGTH: Final = 200  # maximum length of a server's error message, characters
 
 
 @dataclass(frozen=True, slots=True)
 class Upload:
-    """A file to upload, and its destination.
+    """A file to upload, with its destination on the server.
 
     Attributes:
-        path: path of the file.
+        path: local path of the file.
         name: file name on the server.
-        folder: folder on the server, "" for the default folder.
-        start: whether to start the print.
-        on_progress: called with the number of bytes sent and the size of the file.
+        folder: folder on the server; empty: the default folder.
+        start: whether to start the print after the upload.
+        on_progress: function that is called with the number of bytes sent and the size of the file.
     """
 
     path: Path
@@ -49,12 +49,12 @@ class Upload:
             )
 
     @property
-    def place(self) -> str:
-        """Return folder and name, joined by a slash."""
+    def server_path(self) -> str:
+        """Path of the file on the server: folder and name, joined by a slash."""
         return "/".join(part for part in (self.folder.strip("/"), self.name) if part)
 
     def open(self) -> CountedFile:
-        """Open the file; reading it reports progress.
+        """Open the file so that reading it reports the progress.
 
         Raises:
             UsageError: the file cannot be read.
@@ -63,12 +63,13 @@ class Upload:
             return CountedFile(self.path, self.on_progress)
         except OSError as error:
             raise UsageError(
-                f"{self.path}: cannot be read: {error.strerror}", remedy="Check its name and permissions"
+                f"{self.path}: cannot be read: {error.strerror}",
+                remedy="Check its name and permissions",
             ) from None
 
 
 class CountedFile:
-    """File that reports how much of it was read."""
+    """A binary file that reports how many of its bytes were read."""
 
     def __init__(self, path: Path, on_progress: Callable[[int, int], None]) -> None:
         self._file = path.open("rb")
@@ -86,15 +87,15 @@ class CountedFile:
             yield data
 
     def fileno(self) -> int:
-        """Return the descriptor of the file."""
+        """Return the file descriptor."""
         return self._file.fileno()
 
     def seek(self, offset: int, whence: int = 0) -> int:
-        """Move to a position."""
+        """Move to a position in the file; return the new position."""
         return self._file.seek(offset, whence)
 
     def tell(self) -> int:
-        """Return the position."""
+        """Return the position in the file."""
         return self._file.tell()
 
     def close(self) -> None:
@@ -109,13 +110,13 @@ class CountedFile:
 
 
 class Connection:
-    """Connection to one server; its errors name the server and a remedy.
+    """HTTP connection to one server; its errors name the server and a remedy.
 
     Args:
-        url: address of its web page.
+        url: address of the web page of the server.
         kind: kind of server, for messages.
-        key: API key or password.
-        user: user of the password.
+        key: API key or password; empty: none.
+        user: user name that belongs to the password; empty: none.
         timeout: time without an answer after which an error is raised, s.
 
     Raises:
@@ -148,35 +149,36 @@ class Connection:
     ) -> None:
         self._client.close()
 
-    def digest(self) -> None:
+    def use_digest_authentication(self) -> None:
         """Use digest authentication (RFC 7616) for all further requests."""
         self._client.auth = httpx.DigestAuth(self.user, self.key)
 
-    def head(self, headers: Mapping[str, str]) -> None:
+    def set_headers(self, headers: Mapping[str, str]) -> None:
         """Send these headers with all further requests."""
         self._client.headers.update(headers)
 
-    def ask(self, method: str, path: str, **more: Any) -> httpx.Response:
-        """Send a request; return the answer, whatever its status.
+    def request(self, method: str, path: str, **options: Any) -> httpx.Response:
+        """Send a request; return the answer, also if its status is an error.
 
         Raises:
-            PortError: there is no answer.
+            PortError: the server does not answer.
         """
         try:
-            return self._client.request(method, path, **more)
+            return self._client.request(method, path, **options)
         except httpx.ConnectError as error:
             raise PortError(
-                f"{self.url}: cannot connect: {_reason(error)}",
+                f"{self.url}: cannot connect to the server: {_describe_error(error)}",
                 remedy="Check that the server is running, and check address and port, such as http://voron.local:7125",
             ) from None
         except httpx.TimeoutException:
             raise PortError(
-                f"{self.url}: no answer in time", remedy="Check the network, or use --timeout 120"
+                f"{self.url}: no answer in time",
+                remedy="Check the network, or allow more time with --timeout 120",
             ) from None
         except (httpx.HTTPError, httpx.InvalidURL) as error:
             raise PortError(
-                f"{self.url}: the connection was lost: {_reason(error)}",
-                remedy="Check on its web page whether its disk is full or it rejects the file, then try again",
+                f"{self.url}: the connection was lost: {_describe_error(error)}",
+                remedy="Check on the web page of the server whether its disk is full, then try again",
             ) from None
 
     def upload(
@@ -188,19 +190,19 @@ class Connection:
         headers: Mapping[str, str] | None = None,
         params: Mapping[str, str] | None = None,
     ) -> httpx.Response:
-        """Send the file as the body of a request, in chunks; return the answer."""
+        """Send a file as the body of a request, in chunks; return the answer."""
         with upload.open() as file:
             all_headers = {**(headers or {}), "Content-Length": str(file.size)}
-            return self.ask(method, path, content=iter(file), headers=all_headers, params=params)
+            return self.request(method, path, content=iter(file), headers=all_headers, params=params)
 
-    def form(self, path: str, upload: Upload, fields: Mapping[str, str]) -> httpx.Response:
-        """Send the file and some fields as a form, in chunks; return the answer."""
+    def upload_form(self, path: str, upload: Upload, fields: Mapping[str, str]) -> httpx.Response:
+        """Send a file and these fields as a form, in chunks; return the answer."""
         with upload.open() as file:
             files = {"file": (upload.name, file, "application/octet-stream")}
-            return self.ask("POST", path, data=dict(fields), files=files)
+            return self.request("POST", path, data=dict(fields), files=files)
 
-    def said(self, answer: httpx.Response) -> dict[str, Any]:
-        """Return the JSON object of an answer.
+    def parse_json(self, answer: httpx.Response) -> dict[str, Any]:
+        """Return the JSON object that an answer contains.
 
         Raises:
             PortError: the answer is not a JSON object, so the server is of another kind.
@@ -211,41 +213,45 @@ class Connection:
             found = None
         if not isinstance(found, dict):
             raise PortError(
-                f"{self.url}: the server there is not {self.kind}",
-                remedy="Check the address and the kind after --to",
+                f"{self.url}: the server at this address is not {self.kind}",
+                remedy="Check the address and the kind of server after --to",
             )
         return found
 
 
-def refused(connection: Connection, answer: httpx.Response, what: str) -> PortError:
-    """Return the error for an answer with an error status."""
+def rejection_error(connection: Connection, answer: httpx.Response, problem: str) -> PortError:
+    """Return the error for an answer with an error status; `problem` says what failed."""
     code = answer.status_code
-    said = _error_text(answer)
-    message = f"{connection.url}: {what}: {code} {answer.reason_phrase}" + (f": {said}" if said else "")
+    detail = _read_error_message(answer)
+    message = f"{connection.url}: {problem}: {code} {answer.reason_phrase}" + (
+        f": {detail}" if detail else ""
+    )
     if code in {401, 403}:
         message += "; the key was rejected" if connection.key else "; a key is required"
         remedy = (
             "Create a key on the web page of the server and pass it with --key-file or PRINTER_SLICER_KEY"
         )
     elif code in {301, 302, 307, 308}:
-        remedy = f"Use the address to which it has moved: {answer.headers.get('location', 'not named')}"
+        remedy = (
+            f"Use the address to which the server has moved: {answer.headers.get('location', 'not named')}"
+        )
     elif code == 404:
         remedy = f"Check that the server is {connection.kind} and that the address is that of its web page"
     elif code == 409:
         remedy = (
-            "Wait until the printer is idle and the file of this name is not in use, or use another --name"
+            "Wait until the printer is idle and no file with this name is in use, or choose another --name"
         )
     elif code in {413, 507}:
-        remedy = "Delete files on the server, because it has no space for this one"
+        remedy = "Delete files on the server, which has no space for this file"
     elif code == 415:
-        remedy = "Use --name with a name that ends in .gcode"
+        remedy = "Use --name to give the file a name that ends in .gcode"
     else:
         remedy = "Read the log of the server"
     return PortError(message, remedy=remedy)
 
 
-def _error_text(answer: httpx.Response) -> str:
-    """Return the error message of a server in one line; empty for an HTML page."""
+def _read_error_message(answer: httpx.Response) -> str:
+    """Return the error message in an answer as one line; empty for an HTML page."""
     if "html" in answer.headers.get("content-type", ""):
         return ""
     try:
@@ -254,8 +260,9 @@ def _error_text(answer: httpx.Response) -> str:
         found = answer.text
     for name in ("error", "message", "title"):
         found = found.get(name, found) if isinstance(found, dict) else found
-    return " ".join(str(found).split())[:_SHOWN]
+    return " ".join(str(found).split())[:_MAX_ERROR_LENGTH]
 
 
-def _reason(error: Exception) -> str:
+def _describe_error(error: Exception) -> str:
+    """Return the message of an error, or its type if it has no message."""
     return str(error) or type(error).__name__

@@ -10,7 +10,7 @@ from urllib.parse import quote
 from zlib import crc32
 
 from printer_slicer.errors import PortError
-from printer_slicer.sending.connection import Connection, Upload, refused
+from printer_slicer.sending.connection import Connection, Upload, rejection_error
 
 __all__ = ["send_to_duet"]
 
@@ -19,64 +19,65 @@ _CHUNK: Final = 1 << 20
 
 
 def send_to_duet(connection: Connection, upload: Upload) -> str:
-    """Upload to the folder of jobs; return the path on the server.
+    """Upload a file to the job folder of a Duet; return its path on the server.
 
     Raises:
         PortError: the upload or the start of the print failed.
     """
     folder = upload.folder.strip("/") or _DEFAULT_FOLDER
     place = f"0:/{folder}/{upload.name}"
-    answer = connection.ask("GET", "/rr_connect", params={"password": connection.key or "reprap"})
+    answer = connection.request("GET", "/rr_connect", params={"password": connection.key or "reprap"})
     if answer.status_code == 404:
         _upload_to_framework(connection, upload, place)
         return place
     if answer.status_code != 200:
-        raise refused(connection, answer, "the request for a session failed")
-    answered = connection.said(answer)
+        raise rejection_error(connection, answer, "the request for a session failed")
+    answered = connection.parse_json(answer)
     if answered.get("err") != 0:
-        raise _no_session(connection, answered.get("err"))
+        raise _session_error(connection, answered.get("err"))
     if "sessionKey" in answered:
-        connection.head({"X-Session-Key": str(answered["sessionKey"])})
+        connection.set_headers({"X-Session-Key": str(answered["sessionKey"])})
     try:
         _upload_standalone(connection, upload, place)
     finally:
-        connection.ask("GET", "/rr_disconnect")
+        connection.request("GET", "/rr_disconnect")
     return place
 
 
 def _upload_standalone(connection: Connection, upload: Upload, place: str) -> None:
-    """Upload to a standalone board with a checksum, and start the print with M32."""
-    query = {"name": place, "crc32": f"{_checksum(upload):08x}"}
+    """Upload a file to a standalone board with a checksum; start the print with M32 if requested."""
+    query = {"name": place, "crc32": f"{_file_checksum(upload):08x}"}
     answer = connection.upload("POST", "/rr_upload", upload, params=query)
     if answer.status_code != 200:
-        raise refused(connection, answer, f"{upload.name} was not accepted")
-    if connection.said(answer).get("err") != 0:
+        raise rejection_error(connection, answer, f"{upload.name} was not accepted")
+    if connection.parse_json(answer).get("err") != 0:
         raise PortError(
             f"{connection.url}: {upload.name} was not accepted",
-            remedy="Check the free space of its SD card, then try again",
+            remedy="Check the free space of the SD card, then try again",
         )
     if upload.start:
-        started = connection.ask("GET", "/rr_gcode", params={"gcode": f'M32 "{place}"'})
+        started = connection.request("GET", "/rr_gcode", params={"gcode": f'M32 "{place}"'})
         if started.status_code != 200:
-            raise refused(connection, started, f"{place} was uploaded, but the print did not start")
+            raise rejection_error(connection, started, f"{place} was uploaded, but the print did not start")
 
 
 def _upload_to_framework(connection: Connection, upload: Upload, place: str) -> None:
-    """Upload through the Duet Software Framework of a single-board computer."""
-    answer = connection.ask("GET", "/machine/connect", params={"password": connection.key or "reprap"})
+    """Upload a file through the Duet Software Framework; start the print with M32 if requested."""
+    answer = connection.request("GET", "/machine/connect", params={"password": connection.key or "reprap"})
     if answer.status_code != 200:
-        raise refused(connection, answer, "the request for a session failed")
-    connection.head({"X-Session-Key": str(connection.said(answer).get("sessionKey", ""))})
+        raise rejection_error(connection, answer, "the request for a session failed")
+    connection.set_headers({"X-Session-Key": str(connection.parse_json(answer).get("sessionKey", ""))})
     done = connection.upload("PUT", f"/machine/file/{quote(place)}", upload)
     if done.status_code not in {200, 201}:
-        raise refused(connection, done, f"{upload.name} was not accepted")
+        raise rejection_error(connection, done, f"{upload.name} was not accepted")
     if upload.start:
-        started = connection.ask("POST", "/machine/code", content=f'M32 "{place}"'.encode())
+        started = connection.request("POST", "/machine/code", content=f'M32 "{place}"'.encode())
         if started.status_code != 200:
-            raise refused(connection, started, f"{place} was uploaded, but the print did not start")
+            raise rejection_error(connection, started, f"{place} was uploaded, but the print did not start")
 
 
-def _checksum(upload: Upload) -> int:
+def _file_checksum(upload: Upload) -> int:
+    """Return the CRC-32 of the file."""
     total = 0
     with upload.path.open("rb") as file:
         while data := file.read(_CHUNK):
@@ -84,7 +85,8 @@ def _checksum(upload: Upload) -> int:
     return total
 
 
-def _no_session(connection: Connection, code: object) -> PortError:
+def _session_error(connection: Connection, code: object) -> PortError:
+    """Return the error for a Duet that opens no session, given its error code."""
     if code == 1:
         return PortError(
             f"{connection.url}: the password is wrong", remedy="Pass it with --key-file or PRINTER_SLICER_KEY"
@@ -92,6 +94,9 @@ def _no_session(connection: Connection, code: object) -> PortError:
     if code == 2:
         return PortError(
             f"{connection.url}: all sessions are in use",
-            remedy="Close some of its web pages, or try again later",
+            remedy="Close web pages of the printer, or try again later",
         )
-    return PortError(f"{connection.url}: it opens no session (err {code})", remedy="Check its web page")
+    return PortError(
+        f"{connection.url}: the printer did not open a session (error {code})",
+        remedy="Check the web page of the printer",
+    )

@@ -8,31 +8,32 @@ from __future__ import annotations
 from hashlib import file_digest
 
 from printer_slicer.errors import PortError
-from printer_slicer.sending.connection import Connection, Upload, refused
+from printer_slicer.sending.connection import Connection, Upload, rejection_error
 
 __all__ = ["send_to_moonraker"]
 
 
 def send_to_moonraker(connection: Connection, upload: Upload) -> str:
-    """Upload to the folder `gcodes`, with a checksum; return the path on the server.
+    """Upload a file to the folder `gcodes` of Moonraker, with a checksum; return its path on the server.
 
     Raises:
         PortError: the upload or the start of the print failed.
     """
     if connection.key:
-        connection.head({"X-Api-Key": connection.key})
-    info = connection.ask("GET", "/server/info")
+        connection.set_headers({"X-Api-Key": connection.key})
+    info = connection.request("GET", "/server/info")
     if info.status_code != 200:
-        raise refused(connection, info, "the version query failed")
-    state = connection.said(info).get("result")
+        raise rejection_error(connection, info, "the version query failed")
+    state = connection.parse_json(info).get("result")
     if not isinstance(state, dict) or "klippy_state" not in state:
         raise PortError(
-            f"{connection.url}: the server there is not Moonraker", remedy="Check the kind after --to"
+            f"{connection.url}: the server at this address is not Moonraker",
+            remedy="Check the address and the kind of server after --to",
         )
     if upload.start and state["klippy_state"] != "ready":
         raise PortError(
             f"{connection.url}: Klipper is not ready ({state['klippy_state']}), so the print cannot start",
-            remedy="Check its web page, or leave out --print to upload only",
+            remedy="Check the web page of the server, or leave out --print to upload only",
         )
     with upload.path.open("rb") as file:
         checksum = file_digest(file, "sha256").hexdigest()
@@ -42,14 +43,14 @@ def send_to_moonraker(connection: Connection, upload: Upload) -> str:
         "print": "true" if upload.start else "false",
         "checksum": checksum,
     }
-    answer = connection.form(
+    answer = connection.upload_form(
         "/server/files/upload", upload, {key: value for key, value in fields.items() if value}
     )
     if answer.status_code not in {200, 201}:
-        raise refused(connection, answer, f"{upload.name} was not accepted")
-    answered = connection.said(answer)
+        raise rejection_error(connection, answer, f"{upload.name} was not accepted")
+    answered = connection.parse_json(answer)
     answered = answered.get("result", answered)
-    place = str(answered.get("item", {}).get("path", upload.place))
+    place = str(answered.get("item", {}).get("path", upload.server_path))
     if upload.start and not answered.get("print_started", False):
         raise PortError(
             f"{connection.url}: {place} was uploaded, but the print did not start",

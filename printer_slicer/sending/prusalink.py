@@ -6,27 +6,27 @@ from typing import Any
 from urllib.parse import quote
 
 from printer_slicer.errors import PortError
-from printer_slicer.sending.connection import Connection, Upload, refused
+from printer_slicer.sending.connection import Connection, Upload, rejection_error
 
 __all__ = ["send_to_prusalink"]
 
 
 def send_to_prusalink(connection: Connection, upload: Upload) -> str:
-    """Upload to the first writable storage; return the path on the server. A file of the same name is replaced.
+    """Upload a file to the first writable storage of PrusaLink, replacing a file of the same name; return its path.
 
-    With a user the key is a password for digest authentication; without one it is an API key.
+    With a user name, the key is a password for digest authentication. Without one, it is an API key.
 
     Raises:
         PortError: the upload or the start of the print failed.
     """
     if connection.user:
-        connection.digest()
+        connection.use_digest_authentication()
     elif connection.key:
-        connection.head({"X-Api-Key": connection.key})
-    answer = connection.ask("GET", "/api/v1/storage")
+        connection.set_headers({"X-Api-Key": connection.key})
+    answer = connection.request("GET", "/api/v1/storage")
     if answer.status_code != 200:
-        raise refused(connection, answer, "the request for its storage failed")
-    place = f"{_storage(connection, connection.said(answer)).strip('/')}/{upload.place}"
+        raise rejection_error(connection, answer, "the list of storages could not be read")
+    place = f"{_find_storage(connection, connection.parse_json(answer)).strip('/')}/{upload.server_path}"
     headers = {
         "Content-Type": "text/x.gcode",
         "Overwrite": "?1",
@@ -34,15 +34,15 @@ def send_to_prusalink(connection: Connection, upload: Upload) -> str:
     }
     done = connection.upload("PUT", f"/api/v1/files/{quote(place)}", upload, headers=headers)
     if done.status_code not in {200, 201}:
-        raise refused(connection, done, f"{upload.name} was not accepted")
+        raise rejection_error(connection, done, f"{upload.name} was not accepted")
     return place
 
 
-def _storage(connection: Connection, said: dict[str, Any]) -> str:
-    """Return the path of the first writable storage."""
-    for storage in said.get("storage_list", ()):
+def _find_storage(connection: Connection, listing: dict[str, Any]) -> str:
+    """Return the path of the first writable storage in the server's listing."""
+    for storage in listing.get("storage_list", ()):
         if storage.get("available", False) and not storage.get("read_only", False):
             return str(storage["path"])
     raise PortError(
-        f"{connection.url}: it has no writable storage", remedy="Plug a USB drive into the printer"
+        f"{connection.url}: the printer has no writable storage", remedy="Plug a USB drive into the printer"
     )

@@ -218,8 +218,8 @@ def test_duet_without_room(gcode: Path) -> None:
 @pytest.mark.parametrize(
     ("code", "said"),
     [
-        (2, "all sessions are in use\n  Close some of its web pages, or try again later"),
-        (7, "it opens no session (err 7)\n  Check its web page"),
+        (2, "all sessions are in use\n  Close web pages of the printer, or try again later"),
+        (7, "the printer did not open a session (error 7)\n  Check the web page of the printer"),
     ],
 )
 def test_duet_says_why_it_gives_no_session(code: int, said: str, gcode: Path) -> None:
@@ -243,19 +243,19 @@ API = {"/api/version": (200, {"api": "0.1"})}
         (
             "moonraker",
             {"/server/info": (200, {})},
-            "the server there is not Moonraker\n  Check the kind after --to",
+            "the server at this address is not Moonraker\n  Check the address and the kind of server after --to",
         ),
         (
             "moonraker",
             {"/server/info": (200, {"result": None})},
-            "the server there is not Moonraker\n  Check the kind after --to",
+            "the server at this address is not Moonraker\n  Check the address and the kind of server after --to",
         ),
         (
             "moonraker",
             {"/server/info": (200, {"result": {"klippy_state": "startup"}})},
             (
                 "Klipper is not ready (startup), so the print cannot start\n"
-                "  Check its web page, or leave out --print to upload only"
+                "  Check the web page of the server, or leave out --print to upload only"
             ),
         ),
         (
@@ -266,7 +266,7 @@ API = {"/api/version": (200, {"api": "0.1"})}
         (
             "octoprint",
             {"/api/version": (200, {})},
-            "the server there is not OctoPrint\n  Check the kind after --to",
+            "the server at this address is not OctoPrint\n  Check the address and the kind of server after --to",
         ),
         (
             "octoprint",
