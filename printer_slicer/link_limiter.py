@@ -1,9 +1,9 @@
 """Merge and slow down short moves that a slow link cannot deliver in time.
 
 A file is sent line by line, at a limited number of lines per second, and the firmware buffers some lines. A buffer
-underrun occurs where the executed lines exceed the delivered lines by more than the buffer holds. Cumulative sums show
-where: lines sent minus lines executed, relative to the last minimum. Other lines than moves count too: fans,
-accelerations, progress, and the macros at each layer.
+underrun occurs where the executed lines exceed the delivered lines by more than the buffer holds. Cumulative sums of
+the lines sent and the lines executed show where. Lines that are no moves count too: fans, accelerations, progress, and
+the macros at each layer.
 """
 
 from __future__ import annotations
@@ -24,26 +24,26 @@ from printer_slicer.profile import Profile
 from printer_slicer.roles import Role
 from printer_slicer.travels import travel
 
-__all__ = ["LinkReport", "crowded", "limit_link"]
+__all__ = ["LinkReport", "find_underruns", "limit_link"]
 
-_BUFFER_SHARE = 0.5  # share of the planner blocks of the firmware that the computation relies on
-_ROUNDS = 32
-_MARGIN = 1.02  # moves stay slower than the link by this factor
-_SLOWEST = 0.1  # mm/s
-_RESTORE_LINES = 4  # maximum number of lines that restore the state after a macro
+_BUFFER_RATIO = 0.5  # fraction of the firmware's planner blocks on which the computation relies
+_MAX_ROUNDS = 32
+_SPEED_MARGIN = 1.02  # factor by which moves stay slower than the link allows
+_MIN_SPEED = 0.1  # mm/s, to which moves are slowed down at most
+_MAX_RESTORE_LINES = 4  # lines that restore the state after a macro, at most
 
 
 @dataclass(frozen=True, slots=True)
 class LinkReport:
-    """Changes that keep a program within the throughput of the link.
+    """The changes that keep a program within the throughput of the link.
 
     Attributes:
-        lines_per_second: throughput of the link.
-        layers: numbers, from 1, of the layers where the machine would have waited.
+        lines_per_second: throughput of the link, lines/s.
+        layers: numbers, from 1, of the layers where the machine would have waited without the changes.
         merged: number of lines saved by merging moves.
         slowed: number of moves that were slowed down.
         seconds: increase of the print time, s.
-        waits: numbers, from 1, of the layers where it still waits, because no move there can be slower.
+        waits: numbers, from 1, of the layers where it still waits, because no move there can be slowed down more.
     """
 
     lines_per_second: float
@@ -54,18 +54,18 @@ class LinkReport:
     waits: tuple[int, ...] = ()
 
 
-def crowded(program: Program, profile: Profile) -> Bool:
-    """Return (K,) whether each move belongs to a buffer underrun, from the first late line on."""
+def find_underruns(program: Program, profile: Profile) -> Bool:
+    """Return a mask (K,) of the moves in buffer underruns; an underrun starts with the first late line."""
     if not profile.printer.link_lines_per_second or not program.n_moves:
         return np.zeros(program.n_moves, np.bool_)
-    return _crowded(program, profile, _lines(program, profile))
+    return _find_underrun_moves(program, profile, _count_lines(program, profile))
 
 
-def _crowded(program: Program, profile: Profile, lines: Float) -> Bool:
-    """Return (K,) as `crowded` does, for moves with the given number of lines (K,)."""
+def _find_underrun_moves(program: Program, profile: Profile, lines: Float) -> Bool:
+    """Return the mask (K,) of `find_underruns`, given the number of lines (K,) of each move."""
     rate, seconds = profile.printer.link_lines_per_second, move_seconds(program, profile)
     late = lateness(np.cumsum(seconds) - seconds, lines / rate)
-    short = late > max(_BUFFER_SHARE * profile.printer.firmware.planner_blocks, 1) / rate
+    short = late > max(_BUFFER_RATIO * profile.printer.firmware.planner_blocks, 1) / rate
     if not short.any():
         return short
     # Each underrun starts where the lines were last in time.
@@ -88,48 +88,48 @@ def limit_link(
     Args:
         moves: paths in printing order, the travels between them, and the program.
         printed: the sections that the nozzle must avoid.
-        profile: holds `printer.link_lines_per_second`; if that is 0, nothing changes and the report is None.
+        profile: profile with `printer.link_lines_per_second`; 0: nothing changes, and the report is None.
         profiles: the profiles to which the paths refer by index.
     """
     toolpaths, travels, program = moves
     rate = profile.printer.link_lines_per_second
-    busy = crowded(program, profile)
+    busy = find_underruns(program, profile)
     if not rate or not busy.any():
         return *moves, LinkReport(rate) if rate else None
-    dense = _crowded_paths(toolpaths, travels, busy, profile)
-    toolpaths = merge_moves(toolpaths, dense, profile.quality.link_tolerance)
+    has_underrun = _find_underrun_paths(toolpaths, travels, busy, profile)
+    toolpaths = merge_moves(toolpaths, has_underrun, profile.quality.link_tolerance)
     travels = travel(toolpaths, printed, profile)
     slower, report = _slow_down(extrude(toolpaths, travels, profile, profiles), program, busy, profile)
     return toolpaths, travels, slower, report
 
 
-def _crowded_paths(paths: Toolpaths, travels: Travels, busy: Bool, profile: Profile) -> Bool:
-    """Return (M,) whether each path has a move in `busy` (K,)."""
+def _find_underrun_paths(paths: Toolpaths, travels: Travels, busy: Bool, profile: Profile) -> Bool:
+    """Return a mask (M,) of the paths with a move in the mask `busy` (K,)."""
     found = np.zeros(paths.n_paths, np.bool_)
     found[move_rows(paths, travels, profile).path[busy]] = True
     return found
 
 
 def _slow_down(program: Program, before: Program, busy: Bool, profile: Profile) -> tuple[Program, LinkReport]:
-    """Slow a program down until the link can deliver it; return it with a report.
+    """Slow the moves of a program down until the link can deliver them; return the program and a report.
 
     Args:
         program: the program; its short moves are already merged.
         before: the program before merging.
-        busy: (K,) whether each move of `before` belongs to a buffer underrun.
-        profile: the profile of both.
+        busy: mask (K,) of the moves of `before` in buffer underruns.
+        profile: profile of both programs.
     """
     rate = profile.printer.link_lines_per_second
     delta = program.xyz - program.start
     length = np.sqrt((delta * delta).sum(axis=1))
     length = np.where(length > 0, length, np.abs(program.filament))
     first = program
-    for _ in range(_ROUNDS):
-        lines = _lines(program, profile)
-        short = _crowded(program, profile, lines) & (program.role != Role.TRAVEL)
-        most = length * rate / (_chord_lines(program, lines) * _MARGIN)
+    for _ in range(_MAX_ROUNDS):
+        lines = _count_lines(program, profile)
+        short = _find_underrun_moves(program, profile, lines) & (program.role != Role.TRAVEL)
+        most = length * rate / (_spread_arc_lines(program, lines) * _SPEED_MARGIN)
         slower = np.where(short, np.minimum(program.speed, most), program.speed)
-        slower = np.maximum(slower, np.minimum(program.speed, _SLOWEST))
+        slower = np.maximum(slower, np.minimum(program.speed, _MIN_SPEED))
         if (slower >= program.speed).all():
             break
         program = replace(program, speed=slower)
@@ -140,21 +140,21 @@ def _slow_down(program: Program, before: Program, busy: Bool, profile: Profile) 
         before.n_moves - program.n_moves,
         int((program.speed < first.speed).sum()),
         next(seconds) - next(seconds),
-        _layer_numbers(program, crowded(program, profile)),
+        _layer_numbers(program, find_underruns(program, profile)),
     )
 
 
 def _layer_numbers(program: Program, moves: Bool) -> tuple[int, ...]:
-    """Return the numbers, from 1, of the layers with a move in `moves` (K,)."""
+    """Return the numbers, from 1, of the layers with a move in the mask `moves` (K,)."""
     return tuple((distinct(program.layer[moves]) + 1).tolist())
 
 
-def _lines(program: Program, profile: Profile) -> Float:
-    """Return (K,) the number of lines of each move and before it; the line of an arc counts at its first chord."""
+def _count_lines(program: Program, profile: Profile) -> Float:
+    """Return the number of lines (K,) of each move and directly before it; an arc has its line at its first chord."""
     lines = (~program.on_same_arc).astype(np.float64)
     for event in program.events:
         lines[min(event.index, program.n_moves - 1)] += 1
-    lines[run_starts(program.layer)] += _macro_lines(profile)
+    lines[run_starts(program.layer)] += _count_macro_lines(profile)
     if profile.printer.progress:
         done = np.cumsum(move_seconds(program, profile))
         lines[1:] += np.diff(done // 60) > 0
@@ -162,16 +162,16 @@ def _lines(program: Program, profile: Profile) -> Float:
     return lines
 
 
-def _macro_lines(profile: Profile) -> int:
-    """Return the maximum number of lines of the macros at each layer."""
+def _count_macro_lines(profile: Profile) -> int:
+    """Return the maximum number of lines that the layer macros add at each layer."""
     count = 0
     for text in (profile.printer.before_layer_gcode, profile.printer.layer_gcode):
         lines = [line.strip() for line in text.split("\n") if line.partition(";")[0].strip()]
-        count += len(lines) + (_RESTORE_LINES if any(line[:1] in "Gg" for line in lines) else 0)
+        count += len(lines) + (_MAX_RESTORE_LINES if any(line[:1] in "Gg" for line in lines) else 0)
     return count
 
 
-def _chord_lines(program: Program, lines: Float) -> Float:
-    """Return (K,) the number of lines of each move; each chord of an arc has the lines of the whole arc."""
+def _spread_arc_lines(program: Program, lines: Float) -> Float:
+    """Return the number of lines (K,) of each move; each chord gets the mean over the chords of its arc."""
     number = np.cumsum(~program.on_same_arc) - 1
     return np.asarray((np.bincount(number, weights=lines) / np.bincount(number))[number])

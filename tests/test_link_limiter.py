@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from printer_slicer.extrusion import move_seconds
-from printer_slicer.link_limiter import crowded
+from printer_slicer.link_limiter import find_underruns
 from printer_slicer.model import LayerPlan, Program
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.profile import Profile
@@ -43,7 +43,7 @@ def test_the_machine_never_waits_for_lines(rate: float, arcs: float) -> None:
     after, wanted = sliced(arc_tolerance=arcs, link_lines_per_second=rate)
 
     assert after.link is not None
-    assert not crowded(after.program, wanted).any()
+    assert not find_underruns(after.program, wanted).any()
     if not arcs:
         assert waits(before.program, usual, rate) > 0.2
         assert waits(after.program, wanted, rate) < 0.02
@@ -56,7 +56,7 @@ def test_the_report_says_where_and_what_it_cost() -> None:
 
     link = after.link
     assert link is not None
-    busy = crowded(before.program, plain(link_lines_per_second=25))
+    busy = find_underruns(before.program, plain(link_lines_per_second=25))
     assert set(link.layers) == set((np.unique(before.program.layer[busy]) + 1).tolist())
     assert link.merged == before.program.n_moves - after.program.n_moves > 0
     lost = move_seconds(after.program, wanted).sum() - move_seconds(before.program, usual).sum()
@@ -92,7 +92,7 @@ def test_arcs_stay_arcs_when_what_follows_them_is_merged() -> None:
     out, home = (ends[chords, :2] - program.centre[chords] for ends in (program.start, program.xyz))
     assert chords.sum() > 200
     assert np.hypot(*out.T) == pytest.approx(np.hypot(*home.T), abs=0.002)
-    assert not crowded(program, wanted).any()
+    assert not find_underruns(program, wanted).any()
 
 
 def test_a_quick_link_changes_nothing() -> None:
@@ -112,9 +112,9 @@ def test_lines_that_are_no_moves_count() -> None:
     talking, wanted = sliced(link_lines_per_second=45, layer_gcode=said)
 
     assert talking.link is not None
-    assert not crowded(plainly.program, usual).any()
-    assert crowded(plainly.program, wanted).any()
-    assert not crowded(talking.program, wanted).any()
+    assert not find_underruns(plainly.program, usual).any()
+    assert find_underruns(plainly.program, wanted).any()
+    assert not find_underruns(talking.program, wanted).any()
     assert not talking.link.waits
 
 
@@ -122,7 +122,7 @@ def test_what_cannot_be_helped_is_told() -> None:
     """More lines at once than the firmware holds: nothing before them can be so slow that they come in time."""
     stages, wanted = sliced(link_lines_per_second=5, layer_gcode="\n".join(["M117 here"] * 60))
 
-    link, left = stages.link, crowded(stages.program, wanted)
+    link, left = stages.link, find_underruns(stages.program, wanted)
     assert link is not None
     assert set(link.waits) == set((np.unique(stages.program.layer[left]) + 1).tolist())
     assert link.waits
