@@ -2,18 +2,18 @@
 
     sent           as soon as the wire is free and the limits of lines and bytes in flight allow it
     received       when its bytes have been transmitted and the latency has passed
-    executed       when it has been received, the line before it was executed, and the planner has room for its moves
-    acknowledged   when it is executed; the answer takes the time of its bytes and the latency
+    executed       when it was received, the previous line was executed, and the planner has room for its moves
+    acknowledged   when it was executed, its answer was transmitted, and the latency has passed
 
 `LinkState` computes this line by line. `send_batch` computes the same times for thousands of lines at once, as long as
-the planner never runs out of moves. Then the times of the moves do not depend on the lines, and
-`motion.vectorized_lookahead` computes them. The lines depend on the moves and on each other: starting with the earliest
-possible times, they are delayed until nothing changes any more. The result is valid up to the first line that is late.
-From there a model of the planner takes the moves one by one: `LinkRun` uses `motion.planner_clock`, a dry run the
-simulated firmware.
+the planner never runs out of moves. In this case the times of the moves do not depend on the lines, and
+`motion.vectorized_lookahead` computes them. The times of the lines depend on the moves and on each other. They start as
+early as possible and are delayed until they no longer change. The result is valid up to the first line that is late.
+After it, a model of the planner executes the moves one by one: `LinkRun` uses `motion.planner_clock`, a dry run uses
+the simulated firmware.
 
-During slicing there are no lines yet. Then the model of the link is a number of lines per second, and `lateness`
-returns how far the lines fall behind the moves.
+During slicing there are no lines yet. The model of the link is then a number of lines per second, and `lateness`
+returns the delay of the lines relative to the moves.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from printer_slicer.motion.vectorized_lookahead import lookahead_seconds
 from printer_slicer.stream.window import QUESTION_ROOM
 
 __all__ = [
-    "GREETING_LINES",
+    "HANDSHAKE_LINES",
     "BatchRetry",
     "BatchTimes",
     "LineBatch",
@@ -48,25 +48,28 @@ __all__ = [
     "send_batch",
 ]
 
-GREETING_LINES: Final = 2
-"""Numbered lines before the first of a job."""
+HANDSHAKE_LINES: Final = 2
+"""Number of numbered lines that the handshake sends before the first line of a job."""
 
-_BITS: Final = 10  # bits per byte on the wire
-_OK: Final = len("ok\n")
-_ROUNDS: Final = 24  # maximum number of iterations in which lines delay each other
-_SAME: Final = 1e-11  # s
-_NEAR: Final = 1e-6  # s; times that differ by less may be swapped by rounding
+_BITS_PER_BYTE: Final = 10  # bits per byte on the wire
+_OK_BYTES: Final = len("ok\n")
+_MAX_ROUNDS: Final = 24  # maximum number of iterations for the delays of lines by each other
+_SAME_TIME: Final = 1e-11  # s; times that differ by less count as equal
+_TIME_TOLERANCE: Final = 1e-6  # s; rounding may change the order of times that differ by less
 _BATCH_LINES: Final = (
     256,
     8192,
 )  # maximum number of lines in a batch: at first, and after successful batches
-_MIN_BATCH: Final = 48  # a batch of fewer lines is slower than single lines
-_SINGLE_LINES: Final = (16, 256)  # lines sent one by one after a failed batch: at first, and at most
+_MIN_BATCH: Final = 48  # fewer lines are computed faster one by one
+_SINGLE_LINES: Final = (
+    16,
+    256,
+)  # number of lines sent one by one after a failed batch: at first, and at most
 
 
 @dataclass(frozen=True, slots=True)
 class SerialLink:
-    """Serial connection, and the limits of the host for lines in flight.
+    """A serial connection, and the limits of the host for lines in flight.
 
     Attributes:
         baud: baud rate of both directions; a byte takes ten bits. 0: bytes take no time.
@@ -84,43 +87,43 @@ class SerialLink:
 
     @property
     def byte_seconds(self) -> float:
-        """Return the transmission time of one byte, s."""
-        return _BITS / self.baud if self.baud else 0.0
+        """Transmission time of one byte, s."""
+        return _BITS_PER_BYTE / self.baud if self.baud else 0.0
 
     @property
     def line_bytes(self) -> int:
-        """Return the maximum number of bytes of lines in flight."""
+        """Maximum number of bytes of lines in flight."""
         return self.window_bytes - QUESTION_ROOM
 
     def lines_per_second(self, size: float) -> float:
-        """Return the throughput for lines of `size` bytes, limited by the wire or by the wait for answers."""
+        """Return the throughput for lines of `size` bytes, lines/s, limited by baud rate or waits for answers."""
         byte = self.byte_seconds
-        round_trip = (size + _OK) * byte + self.latency_out + self.latency_back
+        round_trip = (size + _OK_BYTES) * byte + self.latency_out + self.latency_back
         in_flight = max(1.0, min(self.window_lines, self.line_bytes // size))
         return min(1 / (size * byte), in_flight / round_trip)
 
 
 def lateness(begins: Float, takes: Float) -> Float:
-    """Return how far the lines of each move fall behind it, on a link with a fixed throughput.
+    """Return the delay (K,) of the lines of each move on a link with a fixed throughput, s.
 
     Args:
         begins: (K,) start of each move if lines take no time, s.
         takes: (K,) time that the link needs for the lines of each move, s.
 
     Returns:
-        (K,) delay, s; 0 where the lines have caught up. No move waits as long as the planner buffers that much motion.
+        (K,) delay, s; 0 where the lines are in time. No move waits while the planner buffers at least this much motion.
     """
     late = np.zeros(len(begins))
-    late[1:] = np.maximum(_queue(begins[:-1], takes[1:], -np.inf) - begins[1:], 0.0)
+    late[1:] = np.maximum(_transmission_ends(begins[:-1], takes[1:], -np.inf) - begins[1:], 0.0)
     return late
 
 
 def line_sizes(commands: Sequence[bytes], first: int) -> tuple[Int, Int]:
-    """Return (n,) bytes of each line with number, checksum and line break, and (n,) bytes that the host reserves.
+    """Return the size (n,) of each line, and the size (n,) that the host reserves for it, both in bytes.
 
     Args:
-        commands: commands without comments.
-        first: index of the first one in the job.
+        commands: commands without comments; their lines also have number, checksum and line break.
+        first: index of the first command in the job.
     """
     text = np.frombuffer(b"\n".join(commands) + b"\n", np.uint8)
     ends = np.flatnonzero(text == ord("\n"))
@@ -128,7 +131,7 @@ def line_sizes(commands: Sequence[bytes], first: int) -> tuple[Int, Int]:
     own = ends - begins
     # `reduceat` includes the line break of each line, so it is removed again.
     check = np.bitwise_xor.reduceat(text, begins).astype(np.int64) ^ ord("\n")
-    number = first + np.arange(len(commands)) + GREETING_LINES + 1
+    number = first + np.arange(len(commands)) + HANDSHAKE_LINES + 1
     check ^= ord("N") ^ ord(" ")
     digits = np.ones(len(number), np.int64)
     rest = number
@@ -143,14 +146,14 @@ def line_sizes(commands: Sequence[bytes], first: int) -> tuple[Int, Int]:
 
 @dataclass(slots=True)
 class LinkState:
-    """State of the link between two lines. Times in s.
+    """The state of the link between two lines, with times in s.
 
     Attributes:
         link: the link.
-        out, back: when each direction is free again.
-        answered: when the host received the answers to the last `window_lines` lines, the oldest first.
+        out, back: times at which the directions to the printer and to the host are free again.
+        answered: times at which the host received the answers to the last `window_lines` lines, the oldest first.
         sizes: bytes of the last `window_lines` - 1 lines.
-        executed: when the last line was executed.
+        executed: time at which the last line was executed.
     """
 
     link: SerialLink
@@ -162,32 +165,32 @@ class LinkState:
 
     @classmethod
     def idle(cls, link: SerialLink, now: float) -> LinkState:
-        """Return the state with nothing in flight at `now`, s."""
+        """Return the state of a link with no lines in flight at `now`, s."""
         return cls(link, now, now, (now,) * link.window_lines, (0,) * (link.window_lines - 1), now)
 
     def send(self, size: int, room: int) -> float:
-        """Send a line of `size` bytes for which the host needs `room` bytes; return when it can be executed, s."""
+        """Send a line of `size` bytes, for which the host reserves `room`; return the time of its execution, s."""
         left, awaited = self.link.line_bytes - room, len(self.answered)
-        for place, one in enumerate(reversed(self.sizes), start=1):
-            left -= one
+        for position, earlier_size in enumerate(reversed(self.sizes), start=1):
+            left -= earlier_size
             if left < 0:
-                awaited = place
+                awaited = position
                 break
         self.out = max(self.out, self.answered[-awaited]) + size * self.link.byte_seconds
         self.sizes = (*self.sizes, size)[1:]
         return max(self.out + self.link.latency_out, self.executed)
 
-    def answer(self, size: int, now: float) -> None:
-        """Send `size` bytes from the printer at `now`, s."""
+    def send_answer(self, size: int, now: float) -> None:
+        """Send an answer of `size` bytes from the printer at `now`, s."""
         self.back = max(self.back, now) + size * self.link.byte_seconds
 
     def acknowledge(self, now: float) -> None:
-        """Record that the bytes sent so far end with the answer to the last line, executed at `now`, s."""
+        """Record that the last line was executed at `now`, s, and that its answer has been sent."""
         self.answered = (*self.answered, self.back + self.link.latency_back)[1:]
         self.executed = now
 
-    def wait_for_all(self) -> None:
-        """Make the host wait for the answer to the last line before it sends the next."""
+    def wait_for_all_answers(self) -> None:
+        """Make the host wait for the answer to the last line before it sends another one."""
         self.answered = (self.answered[-1],) * len(self.answered)
 
 
@@ -198,17 +201,17 @@ class BatchRetry:
         self._pause, self._left = _SINGLE_LINES[0], 0
 
     def is_due(self, lines: int) -> bool:
-        """Return whether to try this number of lines as a batch."""
+        """Return whether to try a batch of this number of lines."""
         return self._left <= 0 and lines >= _MIN_BATCH
 
-    def tried(self, count: int) -> None:
-        """Record that `count` lines of a batch succeeded."""
+    def record_batch(self, count: int) -> None:
+        """Record that a batch was tried and `count` of its lines were computed."""
         succeeded = count >= _MIN_BATCH
         self._pause = _SINGLE_LINES[0] if succeeded else min(2 * self._pause, _SINGLE_LINES[1])
         self._left = 0 if succeeded else self._pause
 
-    def sent_one(self) -> None:
-        """Record that a line was sent singly."""
+    def record_single_line(self) -> None:
+        """Record that a line was sent without a batch."""
         self._left -= 1
 
 
@@ -217,10 +220,10 @@ class LineBatch:
     """Consecutive lines and their moves.
 
     Attributes:
-        sizes, rooms: (n,) bytes of each line, from `line_sizes`.
+        sizes, rooms: (n,) size and reserved size of each line, from `line_sizes`.
         answers: (n,) bytes of the answer to each line.
         moving: (m,) line of each move, ascending.
-        blocks: the m moves.
+        blocks: planner blocks of the m moves.
     """
 
     sizes: Int
@@ -231,16 +234,16 @@ class LineBatch:
 
 
 class BatchTimes(NamedTuple):
-    """Times of a batch, s.
+    """The times of a batch of lines, s.
 
     Attributes:
-        done: number of its lines that were executed before the planner ran out of moves.
-        executed: (done,) when each was executed.
-        state: state of the link after them.
-        planner: state of the planner after them.
-        begins: start of each move that has started; moves queued before the batch come first.
+        done: number of lines that were executed before the planner ran out of moves.
+        executed: (done,) time at which each of these lines was executed.
+        state: state of the link after these lines.
+        planner: state of the planner after these lines.
+        begins: start of each move that has started; moves that were queued before the batch come first.
         seconds: duration of each of these moves.
-        pushed: number of moves given to the planner, including those queued before the batch.
+        pushed: number of moves added to the planner, including those that were queued before the batch.
     """
 
     done: int
@@ -253,7 +256,7 @@ class BatchTimes(NamedTuple):
 
 
 def can_batch(limits: MotionLimits) -> bool:
-    """Return whether `send_batch` supports this kind of planner."""
+    """Return whether `send_batch` supports a planner with these limits."""
     return limits.minimum_cruise_ratio == 0 and limits.planner_blocks >= 4
 
 
@@ -264,16 +267,16 @@ def send_batch(
     limits: MotionLimits,
     busy: tuple[float, int] = (0.0, 0),
 ) -> BatchTimes:
-    """Send lines to a machine that is moving, as far as the planner never runs out of moves.
+    """Send lines to a machine that is moving, up to the first line at which the planner runs out of moves.
 
     Args:
-        lines: the lines.
-        planner: state of the planner before them.
-        state: state of the link before them.
-        limits: limits of the machine and its planner; see `can_batch`.
-        busy: interval, s, at which a waiting machine sends a busy message, 0: never; and the bytes of that message.
+        lines: lines to send.
+        planner: state of the planner before these lines.
+        state: state of the link before these lines.
+        limits: limits of the machine and its planner, which `can_batch` must accept.
+        busy: interval at which a waiting machine sends a busy message, s, or 0 for never; size of the message, bytes.
     """
-    blocks, corners = _with_waiting(planner, lines.blocks, limits)
+    blocks, corners = _prepend_queued(planner, lines.blocks, limits)
     waiting, places = len(planner.queue), max(limits.planner_blocks - 1, 1)
     seconds, squares = lookahead_seconds(blocks, corners, places - 2, planner.square)
     # ends[k]: end of the block before block k, and start of block k.
@@ -282,11 +285,11 @@ def send_batch(
     number = np.arange(len(lines.sizes))
     following = waiting + np.searchsorted(lines.moving, number)
     last = waiting + np.searchsorted(lines.moving, number, side="right") - 1
-    place_at = np.where(last >= following, _at(ends, last - places + 1, -np.inf), -np.inf)
+    place_at = np.where(last >= following, _values_at(ends, last - places + 1, -np.inf), -np.inf)
     in_time = ends[np.clip(following - places + 2, 0, len(ends) - 1)]
-    times = _line_times(lines, place_at, state)
+    times = _compute_line_times(lines, place_at, state)
     begun = np.maximum(times.arrived, np.append(state.executed, times.executed[:-1]))
-    late = (begun >= in_time) | _answered_late(times.executed - begun, busy, state.link)
+    late = (begun >= in_time) | _is_delayed_by_busy(times.executed - begun, busy, state.link)
     count = min(int(late.argmax()) if late.any() else len(number), times.sure)
     if count == 0:
         return BatchTimes(0, ends[:0], state, planner, ends[:0], seconds[:0], waiting)
@@ -302,28 +305,30 @@ def send_batch(
     return BatchTimes(count, times.executed[:count], link_state, after, ends[:began], seconds[:began], pushed)
 
 
-def _answered_late(waits: Float, busy: tuple[float, int], link: SerialLink) -> Bool:
-    """Return (n,) whether a busy message delays the answer to each line."""
+def _is_delayed_by_busy(waits: Float, busy: tuple[float, int], link: SerialLink) -> Bool:
+    """Return a mask (n,) of the lines whose answer is delayed by a busy message, given their waits (n,), s."""
     every, size = busy
     if every <= 0:
         return np.zeros(len(waits), np.bool_)
-    rest = (waits + _NEAR) % every
-    return np.asarray((waits + _NEAR >= every) & (rest < size * link.byte_seconds + 2 * _NEAR))
+    rest = (waits + _TIME_TOLERANCE) % every
+    return np.asarray(
+        (waits + _TIME_TOLERANCE >= every) & (rest < size * link.byte_seconds + 2 * _TIME_TOLERANCE)
+    )
 
 
-def _with_waiting(planner: PlannerState, fresh: Blocks, limits: MotionLimits) -> tuple[Blocks, Float]:
-    """Return the queued blocks followed by the new ones, and the squared junction speed before each."""
-    blocks = _joined(_columns([block for block, _ in planner.queue]), fresh)
+def _prepend_queued(planner: PlannerState, fresh: Blocks, limits: MotionLimits) -> tuple[Blocks, Float]:
+    """Return the queued blocks followed by new blocks, and the squared junction speed before each of them."""
+    blocks = _concatenate_blocks(_stack_blocks([block for block, _ in planner.queue]), fresh)
     known = np.array([corner for _, corner in planner.queue])
     if not len(fresh.length):
         return blocks, known
     assert planner.last is not None
-    row = _joined(_columns([planner.last]), fresh)
+    row = _concatenate_blocks(_stack_blocks([planner.last]), fresh)
     return blocks, np.append(known, corner_squares(limits, row.part(np.s_[:-1]), row.part(np.s_[1:])))
 
 
-def _columns(blocks: Sequence[Block]) -> Blocks:
-    """Convert blocks to arrays."""
+def _stack_blocks(blocks: Sequence[Block]) -> Blocks:
+    """Return blocks as arrays."""
     return Blocks(
         np.array([block.length for block in blocks]),
         np.array([block.unit for block in blocks]).reshape(-1, 4).T,
@@ -333,8 +338,8 @@ def _columns(blocks: Sequence[Block]) -> Blocks:
     )
 
 
-def _joined(first: Blocks, second: Blocks) -> Blocks:
-    """Concatenate blocks."""
+def _concatenate_blocks(first: Blocks, second: Blocks) -> Blocks:
+    """Return the blocks of `first` followed by those of `second`."""
     return Blocks(
         np.append(first.length, second.length),
         np.append(first.unit, second.unit, axis=1),
@@ -344,30 +349,30 @@ def _joined(first: Blocks, second: Blocks) -> Blocks:
     )
 
 
-def block_at(blocks: Blocks, at: int) -> Block:
-    """Return one of the blocks."""
-    x, y, z, e = blocks.unit[:, at].tolist()
+def block_at(blocks: Blocks, index: int) -> Block:
+    """Return the block with this index."""
+    x, y, z, e = blocks.unit[:, index].tolist()
     return Block(
-        float(blocks.length[at]),
+        float(blocks.length[index]),
         (x, y, z, e),
-        float(blocks.speed[at]),
-        float(blocks.acceleration[at]),
-        float(blocks.share[at]),
+        float(blocks.speed[index]),
+        float(blocks.acceleration[index]),
+        float(blocks.share[index]),
     )
 
 
-def _at(values: Float, index: Int, before: float) -> Float:
-    """Return the values at these indices; `before` for negative indices."""
-    return np.asarray(np.where(index >= 0, values[np.clip(index, 0, len(values) - 1)], before))
+def _values_at(values: Float, indices: Int, default: float) -> Float:
+    """Return the values at these indices, and `default` at negative indices."""
+    return np.asarray(np.where(indices >= 0, values[np.clip(indices, 0, len(values) - 1)], default))
 
 
 class _LineTimes(NamedTuple):
-    """Times of lines, s.
+    """The times of lines, s.
 
     Attributes:
-        sent, arrived, executed: (n,) when each line was sent, received, executed.
-        free: (n,) when the direction to the host is free after the answer to each line.
-        answers: (window_lines + n,) times of all answers, those of `LinkState.answered` first.
+        sent, arrived, executed: (n,) times at which each line was sent, received, executed.
+        free: (n,) times at which the direction to the host is free after the answer to each line.
+        answers: (window_lines + n,) times of all answers; those in `LinkState.answered` come first.
         sure: number of lines at the start whose times are final.
     """
 
@@ -391,20 +396,20 @@ class _LineTimes(NamedTuple):
         )
 
 
-def _line_times(lines: LineBatch, place_at: Float, state: LinkState) -> _LineTimes:
-    """Compute the times of lines for which the planner has room at `place_at`, (n,) s."""
+def _compute_line_times(lines: LineBatch, place_at: Float, state: LinkState) -> _LineTimes:
+    """Return the times of lines, for whose moves the planner has room from `place_at` (n,), s, on."""
     link = state.link
-    awaited = _awaited(lines, state)
+    awaited = _find_awaited_answers(lines, state)
     out, back = (np.asarray(one * link.byte_seconds) for one in (lines.sizes, lines.answers))
     earliest = np.maximum.accumulate(np.maximum(place_at, state.executed))
     executed, sure = earliest, 0
-    for _ in range(_ROUNDS):
-        free = _queue(executed, back, state.back)
+    for _ in range(_MAX_ROUNDS):
+        free = _transmission_ends(executed, back, state.back)
         answers = np.concatenate([state.answered, free + link.latency_back])
-        sent = _queue(answers[awaited], out, state.out)
+        sent = _transmission_ends(answers[awaited], out, state.out)
         arrived = sent + link.latency_out
         later = np.maximum(earliest, np.maximum.accumulate(arrived))
-        moved = later > executed + _SAME
+        moved = later > executed + _SAME_TIME
         sure = int(moved.argmax()) if moved.any() else len(executed)
         if sure == len(executed):
             break
@@ -412,8 +417,8 @@ def _line_times(lines: LineBatch, place_at: Float, state: LinkState) -> _LineTim
     return _LineTimes(sent, arrived, executed, free, answers, sure)
 
 
-def _awaited(lines: LineBatch, state: LinkState) -> Int:
-    """Return (n,) the answer for which each line waits, as an index into `_LineTimes.answers`."""
+def _find_awaited_answers(lines: LineBatch, state: LinkState) -> Int:
+    """Return the answer (n,) for which each line waits, as an index into `_LineTimes.answers`."""
     number, before = np.arange(len(lines.sizes)), len(state.sizes)
     # Bytes sent before each line, starting with the lines before the batch that may still be in flight.
     total = np.cumsum(np.concatenate([[0], state.sizes, lines.sizes]).astype(np.int64))
@@ -421,28 +426,28 @@ def _awaited(lines: LineBatch, state: LinkState) -> Int:
     return np.asarray(np.clip(np.searchsorted(total, needed), number, number + before))
 
 
-def _queue(wanted: Float, takes: Float, free: float) -> Float:
-    """Return (n,) when each of several consecutive transmissions ends, s.
+def _transmission_ends(earliest: Float, takes: Float, free: float) -> Float:
+    """Return the times (n,) at which consecutive transmissions end, s.
 
     Args:
-        wanted: (n,) earliest start of each, s.
-        takes: (n,) duration of each, s.
-        free: earliest start of the first, s.
+        earliest: (n,) earliest start of each transmission, s.
+        takes: (n,) duration of each transmission, s.
+        free: time from which on the wire is free, s.
     """
     total = np.cumsum(takes)
-    return np.asarray(total + np.maximum(free, np.maximum.accumulate(wanted - (total - takes))))
+    return np.asarray(total + np.maximum(free, np.maximum.accumulate(earliest - (total - takes))))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TimedJob:
-    """Lines and moves of a job.
+    """The lines and moves of a job.
 
     Attributes:
-        sizes, rooms: (n,) bytes of its lines, from `line_sizes`.
+        sizes, rooms: (n,) size and reserved size of each line, from `line_sizes`.
         moving: (m,) line of each move, ascending; an arc is several moves.
-        blocks: the m moves.
-        stands: line -> duration of a standstill after all moves before it, s.
-        limits: line -> limits of the machine from this line on.
+        blocks: planner blocks of the m moves.
+        stands: duration of a standstill after all earlier moves, s, by the line that causes it.
+        limits: limits of the machine, by the line from which on they apply.
     """
 
     sizes: Int
@@ -455,14 +460,15 @@ class TimedJob:
 
 @dataclass(slots=True)
 class LinkRun:
-    """Simulation of a job that is sent over a link.
+    """A simulation of a job that is sent over a link.
 
     Attributes:
-        job, link: the job and the link.
+        job: lines and moves of the job.
+        link: the link.
         limits: limits of the machine and its planner.
         begins: (n,) start of the first move of each line, s; nan for lines without a move.
         end: end of the last move, s.
-        clock: the planner.
+        clock: model of the planner.
         batched: number of lines whose times were computed in batches.
     """
 
@@ -479,36 +485,36 @@ class LinkRun:
 
     def __post_init__(self) -> None:
         self.begins = np.full(len(self.job.sizes), np.nan)
-        self.clock = PlannerClock(self.limits, self._begin)
+        self.clock = PlannerClock(self.limits, self._record_start)
         self._state = LinkState.idle(self.link, 0.0)
         self._first_move = np.searchsorted(self.job.moving, np.arange(len(self.job.sizes) + 1)).tolist()
         self._breaks = sorted({*self.job.stands, *self.job.limits, len(self.job.sizes)})
 
     def run(self) -> LinkRun:
-        """Send all lines; return self."""
+        """Send all lines of the job; return this run."""
         at, retry, most = 0, BatchRetry(), _BATCH_LINES[0]
         while at < len(self.job.sizes):
             end = min(self._breaks[bisect_left(self._breaks, at)], at + most)
             count = 0
             if retry.is_due(end - at):
                 count = self._send_batch(at, end)
-                retry.tried(count)
+                retry.record_batch(count)
                 most = min(2 * most, _BATCH_LINES[1]) if count == end - at else _BATCH_LINES[0]
             if not count:
-                self._send_one(at)
-                retry.sent_one()
+                self._send_line(at)
+                retry.record_single_line()
                 count = 1
             at += count
         self.end = self.clock.stand_still(self._state.executed)
         return self
 
-    def _begin(self, line: int, now: float) -> None:
-        """Record the start of a move; of an arc, the first chord counts."""
+    def _record_start(self, line: int, now: float) -> None:
+        """Record the start of the first move of a line at `now`, s."""
         if np.isnan(self.begins[line]):
             self.begins[line] = now
 
-    def _send_one(self, at: int) -> None:
-        """Send one line."""
+    def _send_line(self, at: int) -> None:
+        """Send the line with the index `at`, and execute its moves."""
         job, state = self.job, self._state
         now = state.send(int(job.sizes[at]), int(job.rooms[at]))
         if at in job.limits:
@@ -518,11 +524,11 @@ class LinkRun:
             now = self.clock.push(block_at(job.blocks, place), now, at)
         if at in job.stands:
             now = self.clock.stand_still(now) + job.stands[at]
-        state.answer(_OK, now)
+        state.send_answer(_OK_BYTES, now)
         state.acknowledge(now)
 
     def _send_batch(self, at: int, end: int) -> int:
-        """Send lines from `at` to before `end` as a batch; return how many succeeded."""
+        """Send the lines from `at` to `end` - 1 as a batch; return the number of lines that were computed."""
         planner = self.clock.state(self._state.executed)
         if planner is None or not can_batch(self.limits):
             return 0
@@ -531,7 +537,7 @@ class LinkRun:
         lines = LineBatch(
             job.sizes[own],
             job.rooms[own],
-            np.full(end - at, _OK),
+            np.full(end - at, _OK_BYTES),
             job.moving[moves] - at,
             job.blocks.part(moves),
         )
@@ -539,7 +545,7 @@ class LinkRun:
         if sent.done:
             labels = np.concatenate([self.clock.labels, job.moving[moves]]).astype(np.int64)
             began = len(sent.begins)
-            # The first label is that of the running move. An arc starts with the first of its moves.
+            # The first label is that of the running move. A line starts with its first move.
             fresh, first = np.unique(labels[1 : began + 1], return_index=True)
             news = np.isnan(self.begins[fresh])
             self.begins[fresh[news]] = sent.begins[first[news]]

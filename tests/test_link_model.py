@@ -170,7 +170,7 @@ def test_all_limits_that_change_before_a_move_hold() -> None:
 def test_sizes_are_those_of_the_lines_that_are_sent(commands: list[bytes], first: int) -> None:
     sizes, rooms = link_model.line_sizes(commands, first)
     numbers = range(
-        first + link_model.GREETING_LINES + 1, first + link_model.GREETING_LINES + 1 + len(commands)
+        first + link_model.HANDSHAKE_LINES + 1, first + link_model.HANDSHAKE_LINES + 1 + len(commands)
     )
 
     assert sizes.tolist() == [

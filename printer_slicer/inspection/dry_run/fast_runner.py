@@ -17,7 +17,7 @@ import numpy as np
 from printer_slicer.arrays import Float
 from printer_slicer.inspection.dry_run.command_runs import Chunk, CommandRun, limits_at
 from printer_slicer.link_model import (
-    GREETING_LINES,
+    HANDSHAKE_LINES,
     BatchRetry,
     BatchTimes,
     LineBatch,
@@ -79,7 +79,7 @@ class FastRunner:
         self._printer, self._port = printer, port
         self._on_many = on_many
         self._link = LinkState.idle(link, 0.0)
-        self._number = GREETING_LINES
+        self._number = HANDSHAKE_LINES
         self._retry = BatchRetry()
         self.batched = 0
 
@@ -110,7 +110,7 @@ class FastRunner:
         """
         done = 0
         while done < len(commands) and not self._printer.state.killed:
-            chunk = Chunk(commands[done : done + _AT_ONCE], self._number - GREETING_LINES)
+            chunk = Chunk(commands[done : done + _AT_ONCE], self._number - HANDSHAKE_LINES)
             done += self._execute(chunk)
             on_progress(done)
         return done
@@ -124,8 +124,8 @@ class FastRunner:
         said = ""
         for command in _CLOSING:
             # Each of these questions waits for the answer to what was said before.
-            self._link.wait_for_all()
-            chunk = Chunk([command], self._number - GREETING_LINES)
+            self._link.wait_for_all_answers()
+            chunk = Chunk([command], self._number - HANDSHAKE_LINES)
             said = self._one(chunk, 0)
         self._printer.send(self.now)  # it lives until the host has heard that
         return said
@@ -137,10 +137,10 @@ class FastRunner:
             count = 0
             if self._retry.is_due(chunk.break_after(at) - at):
                 count = self._batch(chunk, at)
-                self._retry.tried(count)
+                self._retry.record_batch(count)
             if not count:
                 self._one(chunk, at)
-                self._retry.sent_one()
+                self._retry.record_single_line()
                 count = 1
             at += count
         return at
@@ -150,13 +150,13 @@ class FastRunner:
         printer, link = self._printer, self._link
         now = link.send(int(chunk.sizes[at]), int(chunk.rooms[at]))
         while (due := printer.wakeup()) is not None and due <= now:
-            link.answer(len(printer.send(due)), due)
+            link.send_answer(len(printer.send(due)), due)
         self._number += 1
         printer.receive_line(self._number, chunk.texts[at], now)
         said, latest = [], min(now + LONGEST_COMMAND, LONGEST_PRINT)
         while True:
             if new := printer.send(now):
-                link.answer(len(new), now)
+                link.send_answer(len(new), now)
                 said.append(new)
             if not printer.has_unanswered_command:
                 break
