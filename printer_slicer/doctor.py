@@ -1,10 +1,10 @@
 """Diagnose connection problems: check a serial port and the printer behind it.
 
 The port is checked without opening it: its permissions, the processes that have it open, and the latency timer of its
-chip. What the system does not report is left out. Then the printer is queried for its firmware and capabilities, and
-the line rate is measured with commands that change nothing: dwells of zero time (`G4 P0.000...`) that are as long as
-the lines of a print and have line numbers and checksums. Nothing heats or moves. Opening the port resets some boards,
-as it does for a print.
+chip. Facts that the system does not report are left out. Then the printer reports its firmware and capabilities. The
+line rate is measured with commands that change nothing: dwells of zero length (`G4 P0.000...`), as long as the lines of
+a print, with line numbers and checksums. Nothing heats or moves. Some boards reset when the port is opened, as they do
+for a print.
 
 Source: Linux's documentation of `latency_timer` (ftdi_sio) and of /proc/PID/fd.
 """
@@ -31,18 +31,18 @@ from printer_slicer.stream.session import Transport, run
 if sys.platform != "win32":
     import grp
 
-__all__ = ["PortCheck", "PortState", "PrinterDiagnosis", "diagnose_printer", "state_of"]
+__all__ = ["PortCheck", "PortState", "PrinterDiagnosis", "diagnose_printer", "read_port_state"]
 
 
 @dataclass(frozen=True, slots=True)
 class PortCheck:
-    """Result of one check.
+    """The result of one check.
 
     Attributes:
         name: name of the check, such as `permission`.
         state: `good`; `warn` if a print may have problems; `bad` if no print can start.
-        what: what was found.
-        remedy: what to do about it, "" if nothing needs to be done.
+        what: finding, in words.
+        remedy: action that solves the problem; empty if there is none.
     """
 
     name: str
@@ -51,27 +51,27 @@ class PortCheck:
     remedy: str = ""
 
 
-_SLOW_TIMER: Final = 2
-"""Latency timer, ms, from which answers count as delayed; the minimum of the chips is 1."""
+_SLOW_TIMER_MS: Final = 2
+"""Period of the latency timer from which on answers count as delayed, ms; chips allow at least 1 ms."""
 
 
-_PSEUDO: Final = "/dev/pts/"
+_PSEUDO_TERMINALS: Final = "/dev/pts/"
 
 
 @dataclass(frozen=True, slots=True)
 class PortState:
-    """State of a port as the system reports it.
+    """The state of a port as the system reports it.
 
     Attributes:
-        address: address as the user gave it.
-        device: the device to which the address resolves.
+        address: address that the user gave.
+        device: path of the device after all symbolic links are followed.
         exists: whether the device exists.
         is_port: whether it is a character device.
         may_open: whether the current user may open it.
-        group: group that owns it, "" if unknown.
+        group: group that owns the device; empty if unknown.
         in_group: whether the current user is in this group.
-        latency_timer: time that its chip waits for more bytes, ms; None if it has no such timer.
-        holders: other processes that have it open: id and name of each visible one.
+        latency_timer: time that the USB chip waits for more bytes, ms; None if it has no such timer.
+        holders: id and name of each other process that has the device open, as far as processes are visible.
     """
 
     address: str
@@ -102,34 +102,42 @@ class PortState:
                 "Run `printer-slicer ports` to list the ports",
             )
             return
-        leads = f" ({self.device})" if self.device != self.address else ""
-        yield PortCheck("port", "good", f"{self.address}{leads} exists")
-        yield self._permission()
-        yield self._held()
+        device = f" ({self.device})" if self.device != self.address else ""
+        yield PortCheck("port", "good", f"{self.address}{device} exists")
+        yield self._check_permission()
+        yield self._check_use()
         if self.latency_timer is not None:
-            yield self._latency()
+            yield self._check_latency_timer()
 
-    def _permission(self) -> PortCheck:
+    def _check_permission(self) -> PortCheck:
+        """Return whether the current user may open the port."""
         if self.may_open:
-            return PortCheck("permission", "good", "you may open it")
-        remedy = "Log out and in again, so that your new group takes effect"
+            return PortCheck("permission", "good", "you have permission to open the port")
+        remedy = "Log out and in again, so that your membership in the group takes effect"
         if not self.in_group and self.group:
             remedy = f"Run sudo usermod -aG {self.group} $USER, then log out and in again"
         return PortCheck(
-            "permission", "bad", f"you may not open it; it belongs to the group {self.group}", remedy
+            "permission",
+            "bad",
+            f"you have no permission to open the port, which belongs to the group {self.group}",
+            remedy,
         )
 
-    def _held(self) -> PortCheck:
+    def _check_use(self) -> PortCheck:
+        """Return whether other processes have the port open."""
         if not self.holders:
-            return PortCheck("in use", "good", "no other visible process has it open")
+            return PortCheck("in use", "good", "no other visible process has the port open")
         who = ", ".join(f"{name} ({pid})" for pid, name in self.holders)
         known = {"ModemManager": "Run sudo systemctl disable --now ModemManager"}
-        remedy = next((known[name] for _, name in self.holders if name in known), "Close this program")
-        return PortCheck("in use", "bad", f"open in {who}", remedy)
+        remedy = next(
+            (known[name] for _, name in self.holders if name in known), "Close the programs that use the port"
+        )
+        return PortCheck("in use", "bad", f"the port is open in {who}", remedy)
 
-    def _latency(self) -> PortCheck:
+    def _check_latency_timer(self) -> PortCheck:
+        """Return whether the latency timer of the USB chip delays answers."""
         timer = self.latency_timer or 0
-        if timer < _SLOW_TIMER:
+        if timer < _SLOW_TIMER_MS:
             return PortCheck("latency timer", "good", f"{timer} ms")
         return PortCheck(
             "latency timer",
@@ -140,11 +148,13 @@ class PortState:
         )
 
 
-def state_of(address: str, *, proc: Path = Path("/proc"), ttys: Path = Path("/sys/class/tty")) -> PortState:
-    """Return what the system reports about a port.
+def read_port_state(
+    address: str, *, proc: Path = Path("/proc"), ttys: Path = Path("/sys/class/tty")
+) -> PortState:
+    """Return the state of a port as the system reports it, without opening it.
 
     Args:
-        address: device name, or a link to it.
+        address: path of the device, or a symbolic link to it.
         proc: folder with the processes of the system.
         ttys: folder with the serial devices of the system.
     """
@@ -153,7 +163,7 @@ def state_of(address: str, *, proc: Path = Path("/proc"), ttys: Path = Path("/sy
     device = os.path.realpath(path) if exists else address
     is_port = exists and stat.S_ISCHR(path.stat().st_mode)
     may = exists and os.access(path, os.R_OK | os.W_OK)
-    group, member = _group(path) if exists else ("", False)
+    group, member = _read_group(path) if exists else ("", False)
     return PortState(
         address,
         device,
@@ -162,12 +172,13 @@ def state_of(address: str, *, proc: Path = Path("/proc"), ttys: Path = Path("/sy
         may,
         group,
         member,
-        _timer(device, ttys),
-        tuple(_holders(device, proc)),
+        _read_latency_timer(device, ttys),
+        tuple(_find_holders(device, proc)),
     )
 
 
-def _group(path: Path) -> tuple[str, bool]:
+def _read_group(path: Path) -> tuple[str, bool]:
+    """Return the group that owns a device, and whether the current user is in it."""
     if sys.platform == "win32":
         return "", True
     number = path.stat().st_gid
@@ -178,25 +189,28 @@ def _group(path: Path) -> tuple[str, bool]:
     return name, number in {os.getegid(), *os.getgroups()}
 
 
-def _timer(device: str, ttys: Path) -> int | None:
+def _read_latency_timer(device: str, ttys: Path) -> int | None:
+    """Return the period of the latency timer of a device, ms; None if it has no such timer."""
     try:
         return int((ttys / Path(device).name / "device" / "latency_timer").read_text())
     except (OSError, ValueError):
         return None
 
 
-def _holders(device: str, proc: Path) -> Iterator[tuple[int, str]]:
-    """Yield other processes that have the device open; none for a pseudo-terminal, whose server always has."""
-    return iter(()) if device.startswith(_PSEUDO) else holders(device, proc)
+def _find_holders(device: str, proc: Path) -> Iterator[tuple[int, str]]:
+    """Yield id and name of other processes that have a device open; none for a pseudo-terminal, whose server has."""
+    return iter(()) if device.startswith(_PSEUDO_TERMINALS) else holders(device, proc)
 
 
-_LINE: Final = b"G4 P0.000000000000000000000"  # 38 bytes with number, checksum and line break
-_SINGLE_LINES: Final = 60  # lines sent with one in flight
-_PAIRED_LINES: Final = 240  # lines sent with two in flight
+_TEST_LINE: Final = b"G4 P0.000000000000000000000"  # 38 bytes with number, checksum and line break
+_SINGLE_LINES: Final = 60  # number of lines sent with one line in flight
+_PAIRED_LINES: Final = 240  # number of lines sent with two lines in flight
 _CONNECT_TIMEOUT: Final = 15.0  # s
-_LATE: Final = 0.008  # s beyond the time of its bytes; more points to a latency timer or a hub
-_SLOW: Final = 0.7  # share of the line rate that the baud rate allows
-_NOTABLE: Final = (
+_SLOW_ANSWER: Final = (
+    0.008  # s, without the transmission time; a slower answer suggests a latency timer or a hub
+)
+_MIN_RATE_RATIO: Final = 0.7  # minimum line rate, as a fraction of the rate that the baud rate allows
+_USED_CAPABILITIES: Final = (
     "EMERGENCY_PARSER",
     "AUTOREPORT_TEMP",
     "HOST_ACTION_COMMANDS",
@@ -208,19 +222,19 @@ _NOTABLE: Final = (
 
 @dataclass(frozen=True, slots=True)
 class PrinterDiagnosis:
-    """What a printer reported, and how fast it answered. Times in s.
+    """The reports of a printer and its response times, s.
 
     Attributes:
-        firmware: name of the firmware; "" if it reports none.
+        firmware: name of the firmware; empty if it reports none.
         capabilities: reported capabilities.
-        temperatures: heater and temperature, °C.
+        temperatures: name and temperature of each heater, °C.
         baud: baud rate of the port.
         answer, answer_95: median and 95th percentile of the time from a line to its acknowledgement, with one line in
             flight; None if too few lines were acknowledged.
-        lines_per_second: line rate with two lines in flight; None likewise.
-        wire: line rate that the baud rate allows.
+        lines_per_second: line rate with two lines in flight; None if too few lines were acknowledged.
+        wire: line rate that the baud rate allows, lines/s.
         link: statistics of the whole conversation.
-        halted: why it ended early; "" if it did not.
+        halted: reason for which the conversation ended early; empty if it did not.
     """
 
     firmware: str
@@ -240,55 +254,63 @@ class PrinterDiagnosis:
             remedy = "Check the port, the baud rate (--baud), the cable, and whether the printer is on"
             yield PortCheck("printer", "bad", self.halted, remedy)
             return
-        yield PortCheck("printer", "good", self.firmware or "it answers, but does not name its firmware")
-        yield from self._capabilities()
+        yield PortCheck(
+            "printer", "good", self.firmware or "the printer answers, but does not report its firmware"
+        )
+        yield from self._check_capabilities()
         if self.temperatures:
             readings = ", ".join(f"{name} {value:g} °C" for name, value in self.temperatures)
             yield PortCheck("temperatures", "good", readings)
-        yield from self._speed()
+        yield from self._check_speed()
 
-    def _capabilities(self) -> Iterator[PortCheck]:
+    def _check_capabilities(self) -> Iterator[PortCheck]:
+        """Yield the results for capabilities and thermal protection."""
         known = dict(self.capabilities)
         if not known:
-            yield PortCheck("capabilities", "good", "it reports none")
+            yield PortCheck("capabilities", "good", "the firmware reports no capabilities")
             return
-        has = [name for name in _NOTABLE if known.get(name)]
-        lacks = [name for name in _NOTABLE if known.get(name) is False]
+        has = [name for name in _USED_CAPABILITIES if known.get(name)]
+        lacks = [name for name in _USED_CAPABILITIES if known.get(name) is False]
         yield PortCheck(
             "capabilities",
             "good",
-            f"{', '.join(has) or 'none that print uses'}" + (f"; not {', '.join(lacks)}" if lacks else ""),
+            f"{', '.join(has) or 'none that `print` uses'}" + (f"; not {', '.join(lacks)}" if lacks else ""),
         )
         protected = known.get("THERMAL_PROTECTION")
         if protected is False:
             yield PortCheck(
                 "thermal protection",
                 "bad",
-                "the firmware reports that it has none, so nothing stops a heater that overheats",
-                "Build it with THERMAL_PROTECTION_HOTENDS and THERMAL_PROTECTION_BED; do not leave the printer alone",
+                "the firmware reports no thermal protection, so nothing stops a heater that overheats",
+                "Build the firmware with THERMAL_PROTECTION_HOTENDS and THERMAL_PROTECTION_BED; "
+                "do not leave the printer unattended",
             )
         elif protected:
-            yield PortCheck("thermal protection", "good", "yes")
+            yield PortCheck("thermal protection", "good", "enabled")
 
-    def _speed(self) -> Iterator[PortCheck]:
+    def _check_speed(self) -> Iterator[PortCheck]:
+        """Yield the results for response time, line rate and transmission errors."""
         if self.answer is None or self.answer_95 is None or self.lines_per_second is None:
             yield PortCheck(
-                "line rate", "warn", "too few lines were acknowledged to measure it", "Run doctor again"
+                "line rate",
+                "warn",
+                "too few lines were acknowledged to measure the line rate",
+                "Run doctor again",
             )
             return
         over = self.answer - (1 / self.wire)
         times = f"{self.answer * 1000:.1f} ms, 95 % within {self.answer_95 * 1000:.1f} ms"
-        if over > _LATE:
+        if over > _SLOW_ANSWER:
             yield PortCheck(
                 "answers",
                 "warn",
-                f"{times}: slow",
+                f"{times}, which is slow",
                 "Check the latency timer of the USB chip, USB hubs and the load of the computer",
             )
         else:
             yield PortCheck("answers", "good", times)
-        rate = f"{self.lines_per_second:.0f} lines/s with two in flight; the baud rate allows {self.wire:.0f}"
-        slow = self.lines_per_second < _SLOW * self.wire
+        rate = f"{self.lines_per_second:.0f} lines/s with two lines in flight; the baud rate allows {self.wire:.0f}"
+        slow = self.lines_per_second < _MIN_RATE_RATIO * self.wire
         advice = (
             f"Check files with `printer-slicer check FILE --link {self.baud} --latency {over * 1000:.0f}`. "
             f"Slice with --set printer.link_lines_per_second={int(0.95 * self.lines_per_second)}"
@@ -299,10 +321,10 @@ class PrinterDiagnosis:
                 "errors",
                 "warn",
                 f"{self.link.resends} resends, {self.link.lost_answers} lost acknowledgements",
-                "Use a better or shorter cable, another port, and no hub",
+                "Use a better or shorter cable, another USB port, and no hub",
             )
         else:
-            yield PortCheck("errors", "good", f"none in {self.link.lines} lines")
+            yield PortCheck("errors", "good", f"no errors in {self.link.lines} lines")
 
 
 def diagnose_printer(
@@ -312,13 +334,13 @@ def diagnose_printer(
     baud: int,
     on_event: Callable[[Event], None] = lambda _: None,
 ) -> PrinterDiagnosis:
-    """Query the printer at an open port, and measure how fast it answers.
+    """Query the printer at an open port, and measure its response times.
 
     Args:
         transport: the open port.
         clock: monotonic time, s.
         baud: baud rate of the port, for the line rate that it allows.
-        on_event: called with the events of the stream.
+        on_event: function that is called with each event of the stream.
 
     Raises:
         PortError: the connection is lost.
@@ -326,8 +348,10 @@ def diagnose_printer(
     meter = LinkMeter()
     listener = _Listener(clock, on_event, meter)
     metered = MeteredTransport(transport, meter, clock)
-    single = _times(metered, clock, listener, lines=_SINGLE_LINES, window=1)
-    paired = [] if listener.halted else _times(metered, clock, listener, lines=_PAIRED_LINES, window=2)
+    single = _measure_ack_times(metered, clock, listener, lines=_SINGLE_LINES, window=1)
+    paired = (
+        [] if listener.halted else _measure_ack_times(metered, clock, listener, lines=_PAIRED_LINES, window=2)
+    )
     waits = sorted(after - before for before, after in pairwise(single))
     rate = (len(paired) - 1) / (paired[-1] - paired[0]) if len(paired) > 10 else None
     return PrinterDiagnosis(
@@ -338,24 +362,24 @@ def diagnose_printer(
         answer=median(waits) if len(waits) > 10 else None,
         answer_95=quantiles(waits, n=20)[-1] if len(waits) > 10 else None,
         lines_per_second=rate,
-        wire=baud / 10 / (len(frame(100, _LINE)) + 1),
+        wire=baud / 10 / (len(frame(100, _TEST_LINE)) + 1),
         link=meter.statistics(),
         halted=listener.halted,
     )
 
 
-def _times(
+def _measure_ack_times(
     transport: Transport, clock: Callable[[], float], listener: _Listener, *, lines: int, window: int
 ) -> list[float]:
-    """Send test lines in a new session; return when each was acknowledged, s."""
+    """Send test lines in a new session; return the time at which each was acknowledged, s."""
     listener.times = []
-    streamer = Streamer([_LINE] * lines, window_lines=window, connect_timeout=_CONNECT_TIMEOUT)
+    streamer = Streamer([_TEST_LINE] * lines, window_lines=window, connect_timeout=_CONNECT_TIMEOUT)
     run(streamer, transport, clock, on_event=listener)
     return listener.times
 
 
 class _Listener:
-    """Collects what the diagnosis needs from the events of a stream."""
+    """Collects the facts for the diagnosis from the events of a stream."""
 
     def __init__(
         self, clock: Callable[[], float], on_event: Callable[[Event], None], meter: LinkMeter

@@ -15,7 +15,7 @@ from threading import Event, Thread
 
 import pytest
 
-from printer_slicer.doctor import PortCheck, PrinterDiagnosis, diagnose_printer, state_of
+from printer_slicer.doctor import PortCheck, PrinterDiagnosis, diagnose_printer, read_port_state
 from printer_slicer.sim.firmwares import MARLIN_2_1, MARLIN_2_1_ADVANCED
 from printer_slicer.sim.link import CableNoise, VirtualPort
 from printer_slicer.sim.machine import Machine
@@ -47,7 +47,7 @@ def test_a_good_printer_is_told_as_such() -> None:
 
     assert "Marlin" in found.firmware
     assert {check.state for check in checks.values()} == {"good"}
-    assert checks["thermal protection"].what == "yes"
+    assert checks["thermal protection"].what == "enabled"
     assert dict(found.temperatures) == {"T": 21.0, "B": 21.0}
     assert found.link.resends == 0
 
@@ -134,7 +134,7 @@ def test_firmware_without_thermal_protection_is_bad() -> None:
 
 
 def test_a_port_that_is_not_there(tmp_path: Path) -> None:
-    (check,) = state_of(str(tmp_path / "none")).checks()
+    (check,) = read_port_state(str(tmp_path / "none")).checks()
 
     assert (check.name, check.state) == ("port", "bad")
 
@@ -142,7 +142,7 @@ def test_a_port_that_is_not_there(tmp_path: Path) -> None:
 def test_a_file_is_no_port(tmp_path: Path) -> None:
     file = tmp_path / "file"
     file.touch()
-    (check,) = state_of(str(file)).checks()
+    (check,) = read_port_state(str(file)).checks()
 
     assert check.state == "bad"
     assert "not a serial port" in check.what
@@ -159,7 +159,7 @@ def terminal() -> Iterator[str]:
 def test_a_link_is_followed_to_its_device(tmp_path: Path, terminal: str) -> None:
     link = tmp_path / "printer"
     link.symlink_to(terminal)
-    state = state_of(str(link))
+    state = read_port_state(str(link))
 
     assert (state.exists, state.is_port, state.device) == (True, True, terminal)
     assert state.group
@@ -172,7 +172,7 @@ def test_the_latency_timer(tmp_path: Path, timer: str, judged: str | None) -> No
     folder = tmp_path / "null" / "device"
     folder.mkdir(parents=True)
     (folder / "latency_timer").write_text(timer)
-    checks = {check.name: check for check in state_of("/dev/null", ttys=tmp_path).checks()}
+    checks = {check.name: check for check in read_port_state("/dev/null", ttys=tmp_path).checks()}
 
     assert checks["latency timer"].state == judged if judged else "latency timer" not in checks
 
@@ -182,7 +182,7 @@ def test_who_holds_it_is_named(tmp_path: Path) -> None:
         (tmp_path / str(pid) / "fd").mkdir(parents=True)
         (tmp_path / str(pid) / "fd" / "3").symlink_to(device)
         (tmp_path / str(pid) / "comm").write_text(f"{name}\n")
-    state = state_of("/dev/null", proc=tmp_path)
+    state = read_port_state("/dev/null", proc=tmp_path)
     (held,) = [check for check in state.checks() if check.name == "in use"]
 
     assert state.holders == ((31, "ModemManager"),)
@@ -191,7 +191,7 @@ def test_who_holds_it_is_named(tmp_path: Path) -> None:
 
 
 def test_a_port_that_may_not_be_opened() -> None:
-    state = replace(state_of("/dev/null"), may_open=False, group="dialout", in_group=False)
+    state = replace(read_port_state("/dev/null"), may_open=False, group="dialout", in_group=False)
     (check,) = [check for check in state.checks() if check.name == "permission"]
 
     assert check.state == "bad"

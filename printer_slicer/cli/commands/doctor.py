@@ -41,13 +41,13 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _check_all(arguments: argparse.Namespace) -> int:
     """Check what the system knows about every port."""
-    from printer_slicer.doctor import state_of
+    from printer_slicer.doctor import read_port_state
     from printer_slicer.stream.serial_port import list_ports
 
     checked: list[tuple[str, list[PortCheck]]] = []
     for port in list_ports():
         name = f"{port.address} ({port.description})" if port.description else port.address
-        checked.append((name, list(state_of(port.device).checks())))
+        checked.append((name, list(read_port_state(port.device).checks())))
     if arguments.json:
         print(json.dumps({"ports": [{"port": name, "checks": _facts(checks)} for name, checks in checked]}))
     elif not checked:
@@ -75,10 +75,10 @@ def _check_one(arguments: argparse.Namespace) -> int:
 
 def _examine(arguments: argparse.Namespace) -> tuple[list[PortCheck], PrinterDiagnosis | None]:
     """Return the checks of a port, and of its printer if the port can be opened."""
-    from printer_slicer.doctor import PortCheck, diagnose_printer, state_of
+    from printer_slicer.doctor import PortCheck, diagnose_printer, read_port_state
     from printer_slicer.stream.serial_port import open_port
 
-    checks = [] if "://" in arguments.port else list(state_of(arguments.port).checks())
+    checks = [] if "://" in arguments.port else list(read_port_state(arguments.port).checks())
     if any(check.state == "bad" for check in checks):
         return checks, None
     try:
