@@ -55,11 +55,11 @@ def _cable(make: Callable[[Random], faults.Fault]) -> Maker:
 
 
 def _ordered(firmware: SimulatedFirmware) -> bool:
-    return firmware.takes == "next"
+    return firmware.accepted_lines == "next"
 
 
 def _checked(firmware: SimulatedFirmware) -> bool:
-    return firmware.takes != "any"
+    return firmware.accepted_lines != "any"
 
 
 def _no_questions(trial: Trial) -> str:

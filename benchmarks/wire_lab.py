@@ -146,7 +146,7 @@ class Trial:
     def job_lines(self) -> list[str]:
         """Commands executed that are not the host's own; where repeats are allowed by design, without them."""
         lines = [line for line in self._not_of_the_host if _COMMAND.match(line)]
-        if self.setup.firmware.takes == "next":
+        if self.setup.firmware.accepted_lines == "next":
             return lines
         # Without line numbers what is the same twice as once may go out again; a move that extrudes never.
         return [
@@ -191,7 +191,7 @@ class Trial:
             return f"stopped: {self.end.reason}"
         if not isinstance(self.end, Finished) or self.end.acknowledged != len(wanted):
             return f"WRONG: ended with {self.end}"
-        seen = self._not_of_the_host if self.setup.firmware.takes == "next" else lines
+        seen = self._not_of_the_host if self.setup.firmware.accepted_lines == "next" else lines
         different = 0 if lines == wanted else _differences(seen, wanted)
         if strays or different is None:
             return f"WRONG: {strays} strays, {len(lines)} of {len(wanted)} lines"

@@ -110,7 +110,7 @@ class PortState:
             yield self._check_latency_timer()
 
     def _check_permission(self) -> PortCheck:
-        """Return whether the current user may open the port."""
+        """Check whether the current user may open the port."""
         if self.may_open:
             return PortCheck("permission", "good", "you have permission to open the port")
         remedy = "Log out and in again, so that your membership in the group takes effect"
@@ -124,7 +124,7 @@ class PortState:
         )
 
     def _check_use(self) -> PortCheck:
-        """Return whether other processes have the port open."""
+        """Check whether other processes have the port open."""
         if not self.holders:
             return PortCheck("in use", "good", "no other visible process has the port open")
         who = ", ".join(f"{name} ({pid})" for pid, name in self.holders)
@@ -135,7 +135,7 @@ class PortState:
         return PortCheck("in use", "bad", f"the port is open in {who}", remedy)
 
     def _check_latency_timer(self) -> PortCheck:
-        """Return whether the latency timer of the USB chip delays answers."""
+        """Check whether the latency timer of the USB chip delays answers."""
         timer = self.latency_timer or 0
         if timer < _SLOW_TIMER_MS:
             return PortCheck("latency timer", "good", f"{timer} ms")
@@ -198,7 +198,10 @@ def _read_latency_timer(device: str, ttys: Path) -> int | None:
 
 
 def _find_holders(device: str, proc: Path) -> Iterator[tuple[int, str]]:
-    """Yield id and name of other processes that have a device open; none for a pseudo-terminal, whose server has."""
+    """Yield id and name of the other processes that have a device open, except for pseudo-terminals.
+
+    The server of a pseudo-terminal always has it open.
+    """
     return iter(()) if device.startswith(_PSEUDO_TERMINALS) else holders(device, proc)
 
 
@@ -206,9 +209,9 @@ _TEST_LINE: Final = b"G4 P0.000000000000000000000"  # 38 bytes with number, chec
 _SINGLE_LINES: Final = 60  # number of lines sent with one line in flight
 _PAIRED_LINES: Final = 240  # number of lines sent with two lines in flight
 _CONNECT_TIMEOUT: Final = 15.0  # s
-_SLOW_ANSWER: Final = (
-    0.008  # s, without the transmission time; a slower answer suggests a latency timer or a hub
-)
+_SLOW_ANSWER: Final = 0.008
+"""Time without transmission, s, beyond which an answer is slow, for example because of a latency timer or a hub."""
+
 _MIN_RATE_RATIO: Final = 0.7  # minimum line rate, as a fraction of the rate that the baud rate allows
 _USED_CAPABILITIES: Final = (
     "EMERGENCY_PARSER",
@@ -264,7 +267,7 @@ class PrinterDiagnosis:
         yield from self._check_speed()
 
     def _check_capabilities(self) -> Iterator[PortCheck]:
-        """Yield the results for capabilities and thermal protection."""
+        """Check the capabilities and the thermal protection."""
         known = dict(self.capabilities)
         if not known:
             yield PortCheck("capabilities", "good", "the firmware reports no capabilities")
@@ -289,7 +292,7 @@ class PrinterDiagnosis:
             yield PortCheck("thermal protection", "good", "enabled")
 
     def _check_speed(self) -> Iterator[PortCheck]:
-        """Yield the results for response time, line rate and transmission errors."""
+        """Check response time, line rate and transmission errors."""
         if self.answer is None or self.answer_95 is None or self.lines_per_second is None:
             yield PortCheck(
                 "line rate",

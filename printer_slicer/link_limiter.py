@@ -29,8 +29,8 @@ __all__ = ["LinkReport", "find_underruns", "limit_link"]
 _BUFFER_RATIO = 0.5  # fraction of the firmware's planner blocks on which the computation relies
 _MAX_ROUNDS = 32
 _SPEED_MARGIN = 1.02  # factor by which moves stay slower than the link allows
-_MIN_SPEED = 0.1  # mm/s, to which moves are slowed down at most
-_MAX_RESTORE_LINES = 4  # lines that restore the state after a macro, at most
+_MIN_SPEED = 0.1  # mm/s; no move is slowed down below this speed
+_MAX_RESTORE_LINES = 4  # maximum number of lines that restore the state after a macro
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,7 +150,7 @@ def _layer_numbers(program: Program, moves: Bool) -> tuple[int, ...]:
 
 
 def _count_lines(program: Program, profile: Profile) -> Float:
-    """Return the number of lines (K,) of each move and directly before it; an arc has its line at its first chord."""
+    """Return the lines (K,) of each move, with other lines before it; an arc counts at its first chord."""
     lines = (~program.on_same_arc).astype(np.float64)
     for event in program.events:
         lines[min(event.index, program.n_moves - 1)] += 1

@@ -56,15 +56,9 @@ _OK_BYTES: Final = len("ok\n")
 _MAX_ROUNDS: Final = 24  # maximum number of iterations for the delays of lines by each other
 _SAME_TIME: Final = 1e-11  # s; times that differ by less count as equal
 _TIME_TOLERANCE: Final = 1e-6  # s; rounding may change the order of times that differ by less
-_BATCH_LINES: Final = (
-    256,
-    8192,
-)  # maximum number of lines in a batch: at first, and after successful batches
+_BATCH_LINES: Final = (256, 8192)  # maximum lines of a batch: at first, and after successful batches
 _MIN_BATCH: Final = 48  # fewer lines are computed faster one by one
-_SINGLE_LINES: Final = (
-    16,
-    256,
-)  # number of lines sent one by one after a failed batch: at first, and at most
+_SINGLE_LINES: Final = (16, 256)  # lines sent singly after a failed batch: at first, and at most
 
 
 @dataclass(frozen=True, slots=True)
@@ -396,12 +390,12 @@ class _LineTimes(NamedTuple):
         )
 
 
-def _compute_line_times(lines: LineBatch, place_at: Float, state: LinkState) -> _LineTimes:
-    """Return the times of lines, for whose moves the planner has room from `place_at` (n,), s, on."""
+def _compute_line_times(lines: LineBatch, room_at: Float, state: LinkState) -> _LineTimes:
+    """Return the times of lines; the planner has room for the moves of each line from `room_at` (n,), s, on."""
     link = state.link
     awaited = _find_awaited_answers(lines, state)
     out, back = (np.asarray(one * link.byte_seconds) for one in (lines.sizes, lines.answers))
-    earliest = np.maximum.accumulate(np.maximum(place_at, state.executed))
+    earliest = np.maximum.accumulate(np.maximum(room_at, state.executed))
     executed, sure = earliest, 0
     for _ in range(_MAX_ROUNDS):
         free = _transmission_ends(executed, back, state.back)

@@ -75,7 +75,7 @@ def test_the_simulator_knows_every_flavour_and_reads_relative_modes_by_the_same_
     state = SimulatedPrinter(LARGE, replace(MARLIN_2_1, dialect=name)).state
 
     assert name in DIALECT_COMMANDS, f"{name} has no entry in sim/dialect_commands.py"
-    assert state.counting.rule == FIRMWARES[name].dialect.counting, (
+    assert state.positioning.rule == FIRMWARES[name].dialect.counting, (
         f"{name} in _COUNTING of sim/firmware_state.py"
     )
 

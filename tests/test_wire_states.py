@@ -70,14 +70,14 @@ class Wire(RuleBasedStateMachine):
         self._pump(seconds)
 
     # Klipper executes what arrives, however damaged: there the cable must be a good one.
-    @precondition(lambda self: self.firmware.takes != "any")
+    @precondition(lambda self: self.firmware.accepted_lines != "any")
     @rule(what=st.sampled_from(DAMAGES[:2]), at=st.integers(0, 200))
     def line_is_hit(self, what: str, at: int) -> None:
         self.hits.append(("to printer", what, at))
 
     @rule(what=st.sampled_from(DAMAGES), at=st.integers(0, 200))
     def answer_is_hit(self, what: str, at: int) -> None:
-        if what != "double ok" or self.firmware.takes == "next":
+        if what != "double ok" or self.firmware.accepted_lines == "next":
             self.hits.append(("to host", what, at))
 
     @rule()
@@ -129,7 +129,10 @@ class Wire(RuleBasedStateMachine):
             assert self.was_cancelled or len(moves) == len(MOVES)
         else:
             assert (
-                self.was_reset or self.was_stopped or self.was_cancelled or self.firmware.takes != "next"
+                self.was_reset
+                or self.was_stopped
+                or self.was_cancelled
+                or self.firmware.accepted_lines != "next"
             ), ends
 
 

@@ -78,7 +78,7 @@ class BatchStart:
 
     @classmethod
     def from_state(cls, state: FirmwareState, until: float) -> BatchStart | None:
-        """Return the state before a batch, which can be applied until the time `until`, s; None while nothing moves."""
+        """Return the state before a batch that must end before the time `until`, s; None while nothing moves."""
         planned, machine = state.motion_queue.planned, state.machine
         if planned is None:
             return None

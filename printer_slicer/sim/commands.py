@@ -90,9 +90,8 @@ def _run_start_macro(state: FirmwareState, text: str) -> Steps:
         steps = start_command(state, line)
         if steps is not None:
             yield from steps
-    if (
-        state.hotend.target < state.coldest_extrusion
-    ):  # the macro has a temperature of its own, which is not known here
+    if state.hotend.target < state.coldest_extrusion:
+        # The macro sets its own temperature, which is not known here.
         state.cold_allowed, state.hot = True, False
 
 

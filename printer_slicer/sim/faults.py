@@ -117,9 +117,7 @@ class Faults:
         self._chance = chance
         self._waiting = list(faults)
         self._ends: list[tuple[float, Fault]] = []
-        self._occurrences: dict[
-            Fault, int
-        ] = {}  # active faults of the cable, with the number of their occurrences
+        self._occurrences: dict[Fault, int] = {}  # number of occurrences of each active fault of the cable
         self._line = self._layer = inf
         self._z = inf
         self._printer: SimulatedPrinter | None = None
@@ -231,7 +229,7 @@ class Faults:
             printer.state.set_clogged_share(0.0)
 
     def _set_heater_fault(self, fault: Fault, printer: SimulatedPrinter, now: float, *, broken: bool) -> None:
-        """Break or repair a heater; ignore one that the machine does not have."""
+        """Break or repair the heater of a fault, if the machine has it."""
         state = printer.state
         if fault.heater not in state.heaters.protections:
             return

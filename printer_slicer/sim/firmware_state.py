@@ -128,7 +128,7 @@ class FirmwareState:
         self.out.append(line + "\n")
 
     def send_report(self, line: str) -> None:
-        """Send an automatic report; drop it if too much output is unsent, because the host does not read."""
+        """Send an automatic report; drop it if the host has not read the earlier output."""
         if len(self.out) < MAX_UNSENT_LINES:
             self.send_line(line)
 

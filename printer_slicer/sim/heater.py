@@ -84,7 +84,7 @@ class Heater:
         return self.element != "works" or self.stuck_at is not None
 
     def temperature(self, now: float) -> float:
-        """Return the temperature at `now`, s, in °C; `now` must not decrease from call to call."""
+        """Return the temperature, °C, at the time `now`, s, which must not decrease from call to call."""
         left = now - self._when
         self._when = now
         while left > 0.0:
@@ -99,12 +99,12 @@ class Heater:
         return self._temperature
 
     def reading(self, now: float) -> float:
-        """Return the reading of the sensor at `now`, s, in °C."""
+        """Return the reading of the sensor, °C, at the time `now`, s."""
         temperature = self.temperature(now)
         return temperature if self.stuck_at is None else self.stuck_at
 
     def power_ratio(self, now: float) -> float:
-        """Return the power at `now`, s, as a fraction of full power, 0 to 1."""
+        """Return the power at the time `now`, s, as a fraction of full power."""
         return self._demanded_power(self.reading(now)) / self.spec.power
 
     def set_target(self, target: float, now: float) -> None:
@@ -124,7 +124,7 @@ class Heater:
         self.stuck_at = stuck_at if element != "works" else None
 
     def inherit_temperature(self, before: Heater, now: float) -> None:
-        """Take over temperature and faults from the heater before a reset, which is off from `now`, s, on."""
+        """Take over temperature and faults of the heater before a reset at `now`, s; the heater is off."""
         self._temperature = before.temperature(now)
         self._when = now
         self.peak = before.peak
@@ -156,7 +156,7 @@ class Heater:
         return self._heat_loss() * (self.target - self._ambient)
 
     def _demanded_power(self, reading: float) -> float:
-        """Return the power that the controller gives at a sensor reading, °C, in W."""
+        """Return the power, W, that the controller gives at a sensor reading, °C."""
         if self.target <= 0.0:
             return 0.0
         return min(
@@ -165,7 +165,7 @@ class Heater:
         )
 
     def _current_exponential(self, at: float) -> tuple[float, float, float]:
-        """Return asymptote, °C, time constant, s, and end, °C, of the exponential at the temperature `at`, °C.
+        """Return asymptote (°C), time constant (s) and end (°C) of the exponential at the temperature `at`.
 
         The end is the edge of the current range, or the asymptote if the temperature stays in this range.
         """
@@ -188,7 +188,7 @@ class Heater:
         return middle, spec.heat_capacity / (gain + loss), min(max(middle, low), high)
 
     def _uncontrolled_power(self, at: float) -> float:
-        """Return the power of a heater that is off or broken at the temperature `at`, °C, in W."""
+        """Return the power, W, of a heater that is off or broken, at the temperature `at`, °C."""
         if self.element != "works":
             return self.spec.power if self.element == "on" else 0.0
         return self._demanded_power(at if self.stuck_at is None else self.stuck_at)

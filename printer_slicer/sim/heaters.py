@@ -57,7 +57,7 @@ class Heaters:
         self._melted_by = (
             now,
             0.0,
-        )  # time, s, and filament fed, mm, at the last update of the heat carried away
+        )  # time, s, and filament fed, mm, at the last call of `apply_flow_cooling`
         self.steady = False
         self._heat_per_mm = pi * machine.filament_diameter**2 / 4.0 * machine.melting
 
@@ -74,7 +74,7 @@ class Heaters:
         self.tool, self.hotend = tool, self.hotends[tool]
 
     def apply_flow_cooling(self, fed: float, now: float) -> None:
-        """Cool the hotend by the filament fed since the last call, at a constant rate; `fed` mm since power-on."""
+        """Cool the hotend by the filament fed since the last call; `fed` is the total since power-on, mm."""
         since, before = self._melted_by
         if now <= since:
             return
@@ -90,7 +90,7 @@ class Heaters:
         self.hotend.flow_loss = max(mm, 0.0) / max(seconds, 1e-9) * self._heat_per_mm
 
     def end_steady_flow(self, fed: float, now: float) -> None:
-        """End the constant flow at `now`, s, when `fed` mm of filament have been fed since power-on."""
+        """End the constant flow at `now`, s; `fed` is the filament fed since power-on, mm."""
         self.hotend.temperature(now)
         self.hotend.flow_loss = 0.0
         self._melted_by = (now, fed)

@@ -165,7 +165,7 @@ class LineReader:
         return (number, text) if text else None
 
     def _check_numbered_line(self, raw: bytes) -> Line | None:
-        """Return a line if it is accepted by the table at the top of this module."""
+        """Return a line if the table at the top of this module says that it is accepted."""
         firmware = self._firmware
         command = raw.partition(b";")[0][: self._max_length].lstrip(b" ")
         if not command.strip():
@@ -255,5 +255,5 @@ def _parse_number(data: bytes) -> int:
 
 
 def _decode_command(command: bytes) -> str:
-    """Return the command as text; Latin-1 keeps every byte, so damaged text can be echoed unchanged."""
+    """Return the command as text; Latin-1 preserves every byte, so damaged text can be echoed unchanged."""
     return command.partition(b"*")[0].rstrip(b" ").decode("latin-1")

@@ -217,7 +217,7 @@ class VirtualPort:
             self._now = min(deadline, max(self._cable.due(), self._now))
 
     def close(self) -> None:
-        """Close the port: transfers and time stop."""
+        """Close the port; this stops all transfers and the time."""
         self._open = False
 
     def _check_connection(self) -> None:

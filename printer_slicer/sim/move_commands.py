@@ -317,7 +317,7 @@ def _disable_motors(state: FirmwareState, command: Command) -> Steps | None:
 
 
 def _disable_motors_after_motion(state: FirmwareState, command: Command) -> Steps:
-    """Switch the given motors off, or all, after motion; Marlin still moves afterwards without homing."""
+    """Wait for the end of motion, then switch the given motors off, or all; Marlin requires no homing after this."""
     yield from state.wait_for_moves()
     named = [axis for axis, letter in enumerate(AXES) if letter in command.words]
     state.unhomed_motors.update(axis for axis in named or range(3) if AXES[axis] != "E")
@@ -337,7 +337,7 @@ def _stop_and_wait(state: FirmwareState) -> Steps:
 
 
 def _set_position(state: FirmwareState, command: Command) -> None:
-    """G92: set the coordinates of the current position, by the value of E and the offsets of the other axes."""
+    """G92: set the coordinates of the current position; for X, Y and Z, this changes the offset."""
     named = {letter: value * state.unit for letter, value in command.values(AXES).items()}
     x, y, z, e = state.position
     state.position = (x, y, z, named.get("E", e))

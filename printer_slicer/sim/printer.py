@@ -152,7 +152,7 @@ class SimulatedPrinter:
         return min(self._state.due, self._next_wait)
 
     def receive_line(self, number: int | None, text: str, now: float) -> None:
-        """Receive a whole line at `now`, s, without the receive buffer and the checks of number and checksum."""
+        """Receive a whole line at `now`, s, without buffering it and without checking number and checksum."""
         self._advance_to(now)
         if not self._state.killed:
             self._reader.last = self._reader.last if number is None else number
@@ -199,7 +199,7 @@ class SimulatedPrinter:
         self._process_lines()
 
     def report(self) -> Report:
-        """Return the statistics so far; moves that have not started count fully, except for their duration."""
+        """Return the statistics so far; waiting moves count fully, except for their duration."""
         state = self._state
         state.motion_queue.advance(state.now)
         state.apply_flow_cooling()
@@ -393,7 +393,7 @@ class SimulatedPrinter:
             self._resume_at = min(self._resume_at, self._ready)
 
     def _start_next_command(self) -> None:
-        """Start the first command of the queue."""
+        """Start the first command in the queue."""
         number, text = self._queue[0]
         state = self._state
         if self._card.writing:

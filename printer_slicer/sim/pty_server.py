@@ -64,7 +64,7 @@ def serve(  # noqa: PLR0913 - all but two have a good default
             remedy="Serve it over TCP (sim --tcp HOST:PORT), or use dry-run, which needs no port",
         )
     made: list[tuple[SimulatedPrinter, Cable, Clock]] = []
-    # Users stop it with Ctrl-C.
+    # Users stop the server with Ctrl-C.
     with contextlib.suppress(KeyboardInterrupt):
         while not stop():
             with _open_terminal() as (master, name), _temporary_link(link_path, name):

@@ -89,7 +89,7 @@ class SdCard:
 
 def shorten_file_name(name: str) -> str:
     """Return a file name in 8.3 form and upper case."""
-    # Only ASCII letters surely stay one byte in upper case.
+    # The upper case of a letter outside ASCII may be missing in Latin-1.
     plain = "".join(letter.upper() if letter.isascii() else "_" for letter in name.rpartition("/")[2])
     stem, dot, kind = plain.replace(" ", "").rpartition(".")
     return f"{stem[:8]}.{kind[:3]}" if dot else kind[:8]

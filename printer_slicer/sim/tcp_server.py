@@ -72,9 +72,9 @@ def serve_tcp(  # noqa: PLR0913 - all but two have a good default
         ready(f"{host}:{port}")
         printer = printer_factory()
         with contextlib.ExitStack() as cleanup:
-            hosts = _HostAcceptor(listener, telnet, unplugged)
+            hosts = _TcpConnection(listener, telnet, unplugged)
             cleanup.callback(hosts.disconnect_all)
-            # Users stop it with Ctrl-C.
+            # Users stop the server with Ctrl-C.
             with contextlib.suppress(KeyboardInterrupt):
                 exchange_bytes(printer, connect(printer), Clock(speed), hosts, stop)
             return printer.report()
@@ -95,7 +95,7 @@ def _open_listener(address: tuple[str, int]) -> socket.socket:
         ) from error
 
 
-class _HostAcceptor:
+class _TcpConnection:
     """The connection to the current host; it accepts hosts one at a time."""
 
     def __init__(

@@ -44,7 +44,7 @@ def find_hotend(state: FirmwareState, command: Command, letter: str = "T") -> He
 
 
 def _reject_tool(state: FirmwareState, number: str, lead: str = "") -> None:
-    """Report that there is no tool with this number; `lead` is the command that gave it, if not T."""
+    """Report that there is no tool with this number; `lead` is the code of the command with the number."""
     if state.firmware.language == "klipper":
         state.send_line("!! Extruder not configured")
     elif lead:

@@ -46,14 +46,14 @@ class RecordingMotionQueue(MotionQueue):
 
     def advance(self, now: float) -> None:
         while self.ends <= now:
-            before = self._standing, self.targets[0] if self._running else None
+            before = self._rest_position, self.targets[0] if self._running else None
             super().advance(self.ends)
             if before[1] is not None:
                 self.made.append((before[0], before[1]))
 
     def stop(self, now: float) -> tuple[Axes, float]:
         self.advance(now)
-        start = self._standing
+        start = self._rest_position
         stopped = super().stop(now)
         self.made.append((start, stopped[0]))
         return stopped

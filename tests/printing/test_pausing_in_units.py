@@ -27,7 +27,7 @@ def state_of(state: FirmwareState) -> list[object]:
     """All that a program counts on: place, origin, units, modes, speed."""
     return [
         *(round(value, 3) for value in (*state.position, *state.offset, *state.home_offset, state.feed)),
-        *(state.unit, state.relative, state.relative_e, state.counting, state.retracted),
+        *(state.unit, state.relative, state.relative_e, state.positioning, state.retracted),
     ]
 
 
