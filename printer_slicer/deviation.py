@@ -87,9 +87,9 @@ def measure_deviation(mesh: Mesh, sections: Sections, n_points: int = 20_000, se
 def _random_points(mesh: Mesh, count: int, rng: np.random.Generator) -> Float:
     """Return (count, 3) random points, distributed evenly by area."""
     a, b, c = mesh.triangles.transpose(1, 0, 2)
-    share = np.cumsum(np.linalg.norm(np.cross(b - a, c - a), axis=1))
-    # A facet without area has no share of the sum and is never chosen.
-    facet = np.searchsorted(share[:-1], rng.random(count) * share[-1], side="right")
+    cumulative_area = np.cumsum(np.linalg.norm(np.cross(b - a, c - a), axis=1))
+    # A facet without area adds nothing to the sum and is never chosen.
+    facet = np.searchsorted(cumulative_area[:-1], rng.random(count) * cumulative_area[-1], side="right")
     # The square root distributes points evenly over a triangle, which is narrower towards its first corner.
     outward, across = np.sqrt(rng.random((count, 1))), rng.random((count, 1))
     return np.asarray((1 - outward) * a[facet] + outward * ((1 - across) * b[facet] + across * c[facet]))
@@ -108,11 +108,11 @@ def _distance_to_stack(points: Float, sections: Sections) -> Float:
     best: Float = np.hypot(outlines.distance(xy, own_layer), np.maximum(outside, 0.0))
     inside = outlines.is_inside(xy, own_layer)
     for step in (1, -1):
-        _search(outlines, planes, (xy, z, own_layer, inside), best, step)
+        _search_layers(outlines, planes, (xy, z, own_layer, inside), best, step)
     return best
 
 
-def _search(
+def _search_layers(
     outlines: OutlineIndex, planes: Float, start: tuple[Float, Float, Int, Bool], best: Float, step: int
 ) -> None:
     """Reduce the distances `best` by searching the layers above (step 1) or below (step -1) each point.
@@ -129,8 +129,8 @@ def _search(
         exists = (layer >= 0) & (layer < len(planes) - 1)
         beyond = np.zeros(len(active), np.bool_)
         beyond[exists] = outlines.is_inside(xy[active[exists]], layer[exists])
-        face = inside != beyond
-        best[active[face]] = gap[face]
-        further = exists & ~face
+        is_face = inside != beyond
+        best[active[is_face]] = gap[is_face]
+        further = exists & ~is_face
         active, gap, layer, inside = active[further], gap[further], layer[further], beyond[further]
         best[active] = np.minimum(best[active], np.hypot(outlines.distance(xy[active], layer), gap))

@@ -19,8 +19,8 @@ __all__ = [
     "Diagnostic",
     "Severity",
     "as_json",
-    "check_names",
-    "insist",
+    "check_allowed_codes",
+    "raise_on_errors",
     "remedy_of",
     "sentence",
 ]
@@ -28,14 +28,14 @@ __all__ = [
 Severity = Literal["error", "warning"]
 """An error blocks the job, or means that the part will come out wrong. A warning does neither."""
 
-_MOST_LISTED: Final = 12  # diagnostics listed in one error message
+_MAX_LISTED: Final = 12  # diagnostics listed in one error message
 
 
 class Code(NamedTuple):
     """One row of the table of diagnostic codes.
 
     Attributes:
-        found_by: the inspections that report it: "lint", "coverage", "dry run".
+        found_by: the inspections that report it, separated by commas: "lint", "coverage", "dry run".
         severity: the highest severity it can have.
         meaning: what the code stands for.
         remedy: general advice; a diagnostic may have more specific advice.
@@ -51,37 +51,37 @@ class Code(NamedTuple):
     kind: str = ""
 
 
-def _lint(meaning: str, remedy: str = "Remove it from the G-code") -> Code:
-    """Return a row for a code that only the lint rules report; all of these can be allowed."""
+def _lint_code(meaning: str, remedy: str = "Remove it from the G-code") -> Code:
+    """Return a row for a code that only the lint rules report; all of these codes can be allowed."""
     return Code("lint", "error", meaning, remedy, allowed=True)
 
 
-def _coverage(meaning: str, remedy: str, kind: str = "") -> Code:
+def _coverage_code(meaning: str, remedy: str, kind: str = "") -> Code:
     """Return a row for a code that only the comparison with the model reports."""
     return Code("coverage", "error", meaning, remedy, kind=kind)
 
 
-def _dry_run(meaning: str, remedy: str, kind: str = "") -> Code:
+def _dry_run_code(meaning: str, remedy: str, kind: str = "") -> Code:
     """Return a row for a code that only the dry run reports."""
     return Code("dry run", "error", meaning, remedy, kind=kind)
 
 
-_NAME_PRINTER: Final = "Name the printer and material the file was made for with `printer` and `material`"
+_SET_PRINTER: Final = "Set `printer` and `material` to those that the file was sliced for"
 
 CODES: Final[Mapping[str, Code]] = {
     "temperature": Code(
         "lint, dry run",
         "error",
         "temperature above the maximum of the profile, or not readable",
-        _NAME_PRINTER,
+        _SET_PRINTER,
         True,
     ),
-    "box": Code("lint, dry run", "error", "move outside the printable area", _NAME_PRINTER, True),
-    "feed": _lint("feed rate far above the maximum speed of the profile", _NAME_PRINTER),
+    "box": Code("lint, dry run", "error", "move outside the printable area", _SET_PRINTER, True),
+    "feed": _lint_code("feed rate far above the maximum speed of the profile", _SET_PRINTER),
     "flow": Code(
-        "lint, dry run", "error", "volumetric flow above the max_flow of the material", _NAME_PRINTER, True
+        "lint, dry run", "error", "volumetric flow above the max_flow of the material", _SET_PRINTER, True
     ),
-    "ratio": _lint("flow or speed override far from 100% (M221, M220)"),
+    "ratio": _lint_code("flow or speed override far from 100% (M221, M220)"),
     "unsupported": Code(
         "lint, coverage, dry run",
         "error",
@@ -104,76 +104,86 @@ CODES: Final[Mapping[str, Code]] = {
         "Home first (G28) and keep the motors on",
         True,
     ),
-    "eeprom": _lint(
+    "eeprom": _lint_code(
         "command that stores, loads or resets firmware settings (M500, M501, M502, M504, SAVE_CONFIG)"
     ),
-    "limits": _lint(
-        "speed, acceleration or jerk limit far above that of the profile (M201 to M205)", _NAME_PRINTER
+    "limits": _lint_code(
+        "speed, acceleration or jerk limit far above that of the profile (M201 to M205)", _SET_PRINTER
     ),
-    "calibration": _lint(
+    "calibration": _lint_code(
         "command that changes steps per mm, motor currents, geometry or PID values"
         " (M92, M301, M304, M350, M665, M906 and others)"
     ),
-    "autotune": _lint("PID autotune, which heats by itself (M303)"),
-    "protection": _lint("command that changes the protection of the heaters (M143, M562, M570)"),
-    "endstops": _lint("command that switches the software endstops off (M211 S0, M564)"),
-    "offsets": _lint("command that shifts the origin (M206, M290, M428, M851, G10 L2, G54 to G59)"),
-    "halt": _lint("command that halts the printer (M112, M410); power off (M81) is only a warning"),
-    "wait": _lint("wait for a person without a time limit (M0, M1)"),
-    "firmware": _lint("command that updates or restarts the firmware (M997, M999, FIRMWARE_RESTART)"),
-    "files": _lint(
+    "autotune": _lint_code("PID autotune, which heats by itself (M303)"),
+    "protection": _lint_code("command that changes the protection of the heaters (M143, M562, M570)"),
+    "endstops": _lint_code("command that switches the software endstops off (M211 S0, M564)"),
+    "offsets": _lint_code("command that shifts the origin (M206, M290, M428, M851, G10 L2, G54 to G59)"),
+    "halt": _lint_code("command that halts the printer (M112, M410); power off (M81) is only a warning"),
+    "wait": _lint_code("wait for a person without a time limit (M0, M1)"),
+    "firmware": _lint_code("command that updates or restarts the firmware (M997, M999, FIRMWARE_RESTART)"),
+    "files": _lint_code(
         "command that reads, writes or deletes files on the printer (M23, M24, M28, M30, M32, M928)"
     ),
-    "pins": _lint("command that switches pins of the board directly (M42, M43)"),
-    "macros": _lint("command that stores or runs a macro (M810 to M819)"),
-    "link": _lint(
+    "pins": _lint_code("command that switches pins of the board directly (M42, M43)"),
+    "macros": _lint_code("command that stores or runs a macro (M810 to M819)"),
+    "link": _lint_code(
         "command that disturbs the connection: baud rate, line numbers, replies, network"
         " (M575, M110, M118 ok, M552, M586 to M589)"
     ),
-    "debug": _lint("debug command (D0 and others, M111)"),
-    "shell": _lint("command that runs a program on the computer of the printer (RUN_SHELL_COMMAND)"),
+    "debug": _lint_code("debug command (D0 and others, M111)"),
+    "shell": _lint_code("command that runs a program on the computer of the printer (RUN_SHELL_COMMAND)"),
     "unreadable": Code(
         "lint, dry run",
         "error",
         "command that cannot be parsed: expression, several commands in a line, letter without a number,"
         " lower case, G5, G18",
-        _NAME_PRINTER,
+        _SET_PRINTER,
         True,
     ),
-    "uncovered": _coverage(
+    "uncovered": _coverage_code(
         "gap in the shell of the part", "Look for missing extrusions or a wrong extrusion width"
     ),
-    "outside": _coverage(
+    "outside": _coverage_code(
         "extrusion outside the outline of the part", "Check that this is the model that was sliced"
     ),
-    "overlap": _coverage(
+    "overlap": _coverage_code(
         "more material than fits, because extrusions overlap", "Look for duplicate extrusions"
     ),
-    "underfilled": _coverage("too little material in the shell", "Check flow and filament diameter", "under"),
-    "overfilled": _coverage("too much material in the shell", "Check flow and filament diameter", "over"),
-    "outline": _coverage("printed outline that differs from the part", "Check size compensation and scale"),
-    "crash": _dry_run("collision of the nozzle with the print", "Raise the nozzle before this move"),
-    "bed": _dry_run("extrusion so low that the nozzle scrapes the bed", "Check the z offset and the units"),
-    "speed": _dry_run(
+    "underfilled": _coverage_code(
+        "too little material in the shell", "Check flow and filament diameter", "under"
+    ),
+    "overfilled": _coverage_code(
+        "too much material in the shell", "Check flow and filament diameter", "over"
+    ),
+    "outline": _coverage_code(
+        "printed outline that differs from the part", "Check size compensation and scale"
+    ),
+    "crash": _dry_run_code("collision of the nozzle with the print", "Raise the nozzle before this move"),
+    "bed": _dry_run_code(
+        "extrusion so low that the nozzle scrapes the bed", "Check the z offset and the units"
+    ),
+    "speed": _dry_run_code(
         "half of all extrusions are slower than 2 mm/s", "Check that feed rates (F) are in mm/min"
     ),
-    "extrusion": _dry_run(
+    "extrusion": _dry_run_code(
         "absolute E values read as relative, or relative as absolute",
         "Check M82, M83 and G92 E0 before this line",
     ),
-    "lack": _dry_run(
+    "lack": _dry_run_code(
         "less material than in the layers before, or than the part needs",
         "Look for M221, and check E of the lines before",
     ),
-    "clog": _dry_run("filament is fed but does not come out", "Clear the nozzle and check the spool"),
-    "heater": _dry_run("heater that stays on at the end", "End with M104 S0 and M140 S0"),
-    "unknown": _dry_run(
+    "clog": _dry_run_code("filament is fed but does not come out", "Clear the nozzle and check the spool"),
+    "heater": _dry_run_code("heater that stays on at the end", "End with M104 S0 and M140 S0"),
+    "unknown": _dry_run_code(
         "command that the firmware does not know", "Check that the file was made for this firmware"
     ),
-    "tool": _dry_run("extruder that the printer does not have", "Slice for one extruder, or set `extruders`"),
-    "arc": _dry_run("arc without a centre", "Switch arcs off in the slicer"),
-    "machine": _dry_run("other command that the firmware rejects", ""),
-    "underrun": _dry_run(
+    "tool": _dry_run_code(
+        "extruder that the printer does not have", "Slice for one extruder, or set `extruders`"
+    ),
+    "arc": _dry_run_code("arc without a centre", "Switch arcs off in the slicer"),
+    "machine": _dry_run_code("other command that the firmware rejects", ""),
+    "underrun": _dry_run_code(
         "buffer underrun: the printer stands still because lines arrive too slowly",
         "Use a higher baud rate, or set printer.link_lines_per_second",
         "link",
@@ -182,10 +192,10 @@ CODES: Final[Mapping[str, Code]] = {
 """Code -> row, in the order of the documentation."""
 
 NAMES: Final[Mapping[str, str]] = {name: row.meaning for name, row in CODES.items() if row.allowed}
-"""Codes that `--allow` takes -> what they allow."""
+"""Code that `--allow` accepts -> its meaning."""
 
-_BY_LAYER: Final = frozenset({"unsupported", "crash", "bed", "flow"})
-"""Codes that a dry run reports once for each layer."""
+_COUNTED_BY_LAYER: Final = frozenset({"unsupported", "crash", "bed", "flow"})
+"""Codes of which a dry run counts the affected layers."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,7 +204,7 @@ class Diagnostic:
 
     Attributes:
         code: a key of `CODES`.
-        severity: a warning if it is harmless or within what printers tolerate.
+        severity: "warning" if it is harmless or if printers tolerate it.
         message: what is wrong, with numbers.
         reason: why it matters, if the message does not say so.
         remedy: what to do; empty uses the remedy of the table.
@@ -243,17 +253,20 @@ class Diagnostic:
 
 
 def sentence(diagnostic: Diagnostic) -> str:
-    """Return a diagnostic as one line of text: place, message, count, then the reason or remedy."""
-    where = ", ".join(_where(diagnostic))
+    """Format a diagnostic as one line: location, message, count, then the reason or remedy."""
+    where = ", ".join(_describe_location(diagnostic))
     command = f"{diagnostic.command}: " if diagnostic.command else ""
-    behind = diagnostic.reason or diagnostic.remedy
+    advice = diagnostic.reason or diagnostic.remedy
     name = f" [{diagnostic.code}]" if diagnostic.command else ""
-    text = f"{command}{diagnostic.message}{_more(diagnostic)}{f'. {behind}' if behind else ''}{name}"
+    text = (
+        f"{command}{diagnostic.message}{_describe_count(diagnostic)}{f'. {advice}' if advice else ''}{name}"
+    )
     return f"{where}: {text}" if where else text
 
 
-def _where(diagnostic: Diagnostic) -> list[str]:
-    where = (
+def _describe_location(diagnostic: Diagnostic) -> list[str]:
+    """Return the parts of the location: line or command, layers, height, position."""
+    parts = (
         [f"line {diagnostic.line}"]
         if diagnostic.line
         else [f"command {diagnostic.index + 1}"]
@@ -261,27 +274,27 @@ def _where(diagnostic: Diagnostic) -> list[str]:
         else []
     )
     if diagnostic.last > diagnostic.first:
-        where.append(f"layers {diagnostic.first} to {diagnostic.last}, worst in layer {diagnostic.layer}")
-    elif diagnostic.layer and (where or diagnostic.first):
-        where.append(f"layer {diagnostic.layer}")
-    if diagnostic.z is not None and (where or diagnostic.first):
-        where.append(f"z {diagnostic.z:.6g} mm")
+        parts.append(f"layers {diagnostic.first} to {diagnostic.last}, worst in layer {diagnostic.layer}")
+    elif diagnostic.layer and (parts or diagnostic.first):
+        parts.append(f"layer {diagnostic.layer}")
+    if diagnostic.z is not None and (parts or diagnostic.first):
+        parts.append(f"z {diagnostic.z:.6g} mm")
     if diagnostic.place is not None and diagnostic.first:
-        where.append(f"x {diagnostic.place[0]:.2f} y {diagnostic.place[1]:.2f}")
-    return where
+        parts.append(f"x {diagnostic.place[0]:.2f} y {diagnostic.place[1]:.2f}")
+    return parts
 
 
-def _more(diagnostic: Diagnostic) -> str:
-    """Return how often it occurs besides the first time."""
+def _describe_count(diagnostic: Diagnostic) -> str:
+    """Return the number of occurrences in parentheses; empty if there is only one."""
     if diagnostic.times <= 1:
         return ""
-    if diagnostic.code in _BY_LAYER and not diagnostic.command:
+    if diagnostic.code in _COUNTED_BY_LAYER and not diagnostic.command:
         return f" (and in {diagnostic.times - 1} more layer{'s' if diagnostic.times > 2 else ''})"
     return f" ({diagnostic.times} times)"
 
 
 def as_json(diagnostic: Diagnostic) -> dict[str, Any]:
-    """Return all fields, plus their names of version 0.1: name, kind, what, text, why, refused, harmless, x, y."""
+    """Return all fields, and those of version 0.1: name, kind, what, text, why, refused, harmless, x, y."""
     x, y = diagnostic.place or (None, None)
     return asdict(diagnostic) | {
         "name": diagnostic.code,
@@ -296,33 +309,35 @@ def as_json(diagnostic: Diagnostic) -> dict[str, Any]:
     }
 
 
-def check_names(allowed: Iterable[str]) -> frozenset[str]:
-    """Check that `--allow` knows all names, and return them as a set.
+def check_allowed_codes(allowed: Iterable[str]) -> frozenset[str]:
+    """Check that `--allow` accepts all of these codes, and return them as a set.
 
     Raises:
-        UsageError: a name is unknown.
+        UsageError: a code is unknown or cannot be allowed.
     """
     names = frozenset(allowed)
     if wrong := sorted(names - set(NAMES)):
         raise UsageError(
-            f"{wrong[0]!r}: no finding of this name can be allowed", remedy=f"Known names: {', '.join(NAMES)}"
+            f"{wrong[0]!r} is not a code that can be allowed", remedy=f"Use one of: {', '.join(NAMES)}"
         )
     return names
 
 
 def remedy_of(found: Iterable[Diagnostic]) -> str:
-    """Return the remedies of the errors, and how to allow them."""
+    """Return the remedies for the errors, and the call that allows them."""
     codes = tuple(dict.fromkeys(diagnostic.code for diagnostic in found if diagnostic.is_error))
     by_remedy: dict[str, list[str]] = {}
     for code in codes:
         by_remedy.setdefault(CODES[code].remedy, []).append(code)
     several = len(by_remedy) > 1
-    helps = [f"{', '.join(of)}: {remedy}" if several else remedy for remedy, of in by_remedy.items()]
+    remedies = [
+        f"{', '.join(its_codes)}: {remedy}" if several else remedy for remedy, its_codes in by_remedy.items()
+    ]
     allowed = ", ".join(f'"{code}"' for code in codes)
-    return ". ".join([*helps, f"Use `job.allowing([{allowed}])` to print it anyway"])
+    return ". ".join([*remedies, f"Use `job.allowing([{allowed}])` to print it anyway"])
 
 
-def insist(
+def raise_on_errors(
     found: Sequence[Diagnostic],
     allowed: Collection[str] = (),
     *,
@@ -334,17 +349,17 @@ def insist(
     Args:
         found: diagnostics of the whole job.
         allowed: codes that may pass.
-        name: of the job, for the message.
-        refusal: what is not done with it, for the message.
+        name: name of the job, for the message.
+        refusal: what happens to the job, for the message.
 
     Raises:
-        PolicyError: it has; the message says what, where, and how to allow it.
+        PolicyError: the job has such errors; the message lists them and says how to allow them.
     """
     wrong = [diagnostic for diagnostic in found if diagnostic.is_error and diagnostic.code not in allowed]
     if not wrong:
         return
-    lines = [sentence(diagnostic) for diagnostic in wrong[:_MOST_LISTED]]
-    lines += [f"... and {len(wrong) - _MOST_LISTED} more"] if len(wrong) > _MOST_LISTED else []
+    lines = [sentence(diagnostic) for diagnostic in wrong[:_MAX_LISTED]]
+    lines += [f"... and {len(wrong) - _MAX_LISTED} more"] if len(wrong) > _MAX_LISTED else []
     raise PolicyError(
         f"{name}: {refusal} because of these errors:\n  " + "\n  ".join(lines),
         remedy=remedy_of(wrong),

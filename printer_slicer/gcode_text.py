@@ -31,7 +31,7 @@ def gcode_of(  # noqa: PLR0913 - all options have defaults
         program: the moves.
         profile: the profile they were made with.
         part: the part to show in the thumbnails of `printer.thumbnails`; None: no thumbnails.
-        certificate: of the layer plan, written as comments.
+        certificate: certificate of the layer plan, written as comments.
         labels: the object of each move, written as object labels.
         strategies: the user's flavour and functions that change the lines, if any.
         made: date in UTC for the first line; None: no date.

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from printer_slicer.commands import GcodeText, check_sendable, find_lines, split_gcode
-from printer_slicer.diagnostics import Diagnostic, check_names, sentence
+from printer_slicer.diagnostics import Diagnostic, check_allowed_codes, sentence
 from printer_slicer.errors import UsageError
 from printer_slicer.firmware import FLAVOURS
 from printer_slicer.motion.rules import MotionLimits
@@ -107,7 +107,7 @@ class Job(SvgRepr):
         Raises:
             UsageError: a name is unknown.
         """
-        return replace(self, allowed=self.allowed | check_names(names))
+        return replace(self, allowed=self.allowed | check_allowed_codes(names))
 
     def line_of(self, command: int) -> int:
         """Return the line number, from 1, of the command with this index; 0 if there is none."""

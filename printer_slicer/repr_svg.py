@@ -35,7 +35,7 @@ class SvgRepr:
 
     @property
     def drawable(self) -> object:
-        """The value to draw; by default the object itself."""
+        """The value that the picture shows; by default the object itself."""
         return self
 
     def _repr_svg_(self) -> str:

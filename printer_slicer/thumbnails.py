@@ -27,41 +27,42 @@ __all__ = ["Picture", "encode_image", "render", "thumbnail_lines"]
 Picture = NDArray[np.uint8]
 """(h, w, 4) red, green, blue, opacity; row 0 is the top."""
 
-_TURN, _RISE = radians(-52.0), radians(28.0)  # direction of the camera: angle about z from +x, and elevation
-_FINER: Final = 2.0  # pixels of the large picture per pixel of the largest thumbnail
-_FEWEST: Final = 384  # minimum size of the large picture along its longer side, px
+# Direction of the camera: angle about z from +x, and angle above the bed.
+_AZIMUTH, _ELEVATION = radians(-52.0), radians(28.0)
+_SUPERSAMPLING: Final = 2.0  # pixels of the large picture per pixel of the largest thumbnail, along each axis
+_MIN_LARGE_SIZE: Final = 384  # minimum size of the large picture along its longer side, px
 _MARGIN: Final = 0.04  # margin around the part, as a fraction of the shorter side
-_AT_ONCE: Final = 1 << 14  # facets per block, which fit the CPU cache
+_BLOCK_SIZE: Final = 1 << 14  # facets per block, which fit the CPU cache
 _COLOUR: Final = np.array([255.0, 146.0, 48.0])
 _SHADE: Final = np.array([112.0, 50.0, 22.0])  # colour in full shadow
 _LIGHTS: Final = ((np.array([-0.30, -0.50, 0.80]), 0.78), (np.array([0.80, -0.45, 0.25]), 0.22))
 _AMBIENT: Final = 0.14
 _GLOSS: Final = 150.0  # highlight where light is perpendicular
-_EDGE: Final = 0.55  # brightness of outlines
+_OUTLINE_BRIGHTNESS: Final = 0.55  # brightness of outlines
 _KEYWORDS: Final[Mapping[str, str]] = {"PNG": "thumbnail", "QOI": "thumbnail_QOI"}
 """Keyword of each image format in the file."""
-_ROW: Final = 78  # characters per comment line
+_LINE_LENGTH: Final = 78  # characters per comment line
 
 
 def render(part: Mesh, width: int, height: int) -> Picture:
-    """Render the part as a picture (height, width, 4): red, green, blue and opacity, 0 to 255."""
+    """Render the part as a picture (height, width, 4) of red, green, blue and opacity, 0 to 255."""
     return _render_pictures(part.triangles, [(width, height)])[0]
 
 
-def thumbnail_lines(part: Mesh, wanted: Sequence[str]) -> list[str]:
+def thumbnail_lines(part: Mesh, specs: Sequence[str]) -> list[str]:
     """Render thumbnails as comment lines of a G-code file.
 
     Args:
         part: the part to show.
-        wanted: size and format of each, `300x300` or `300x300/QOI`; the default format is PNG.
+        specs: size and format of each thumbnail, `300x300` or `300x300/QOI`; the default format is PNG.
     """
-    parsed = [one.partition("/") for one in wanted]
+    parsed = [spec.partition("/") for spec in specs]
     sizes = [(int(size.partition("x")[0]), int(size.partition("x")[2])) for size, _, _ in parsed]
     lines: list[str] = []
     for picture, (size, _, name) in zip(_render_pictures(part.triangles, sizes), parsed, strict=True):
         text = b64encode(encode_image(picture, name or "PNG")).decode("ascii")
         keyword = _KEYWORDS[name or "PNG"]
-        rows = [f"; {text[at : at + _ROW]}" for at in range(0, len(text), _ROW)]
+        rows = [f"; {text[at : at + _LINE_LENGTH]}" for at in range(0, len(text), _LINE_LENGTH)]
         lines += [";", f"; {keyword} begin {size} {len(text)}", *rows, f"; {keyword} end", ";"]
     return lines
 
@@ -87,42 +88,42 @@ def _render_pictures(triangles: Float, sizes: Sequence[tuple[int, int]]) -> list
     """
     if not sizes:
         return []
-    low, size = _extent(triangles)
-    scales = [_scale(size, *one) for one in sizes]
-    scale = max(_FINER * max(scales), _FEWEST / float(size.max()))
+    low, size = _projected_extent(triangles)
+    scales = [_scale_to_fit(size, *one) for one in sizes]
+    scale = max(_SUPERSAMPLING * max(scales), _MIN_LARGE_SIZE / float(size.max()))
     large = _render_large(triangles, low, size, scale)
     return [
         _downscale(large, size * scale, ratio / scale, one) for one, ratio in zip(sizes, scales, strict=True)
     ]
 
 
-def _extent(triangles: Float) -> tuple[Float, Float]:
-    """Return (2,) the lowest projected coordinates of the part, and (2,) its projected size, mm."""
+def _projected_extent(triangles: Float) -> tuple[Float, Float]:
+    """Return the lowest projected coordinates (2,) of the part, and its projected size (2,), mm."""
     ends = []
-    for first in range(0, len(triangles), _AT_ONCE):
-        places = _project(triangles[first : first + _AT_ONCE])[:2].reshape(2, -1)
+    for first in range(0, len(triangles), _BLOCK_SIZE):
+        places = _project(triangles[first : first + _BLOCK_SIZE])[:2].reshape(2, -1)
         ends.append((places.min(axis=1), places.max(axis=1)))
     low, high = np.min([one for one, _ in ends], axis=0), np.max([one for _, one in ends], axis=0)
     return low, np.maximum(high - low, 1e-6)
 
 
 def _project(triangles: Float) -> Float:
-    """Return (3, 3, F) right, up and depth coordinates, mm, of the three corners of F facets."""
+    """Return the right, up and depth coordinates of the three corners of F facets, (3, 3, F) mm."""
     corners = np.ascontiguousarray(
         triangles.reshape(-1, 9).T
     )  # one contiguous column per coordinate, for speed
-    axes = np.stack(_axes())
+    axes = np.stack(_camera_axes())
     return np.stack([axes @ corners[3 * one : 3 * one + 3] for one in range(3)], axis=1)
 
 
-def _axes() -> tuple[Float, Float, Float]:
+def _camera_axes() -> tuple[Float, Float, Float]:
     """Return the unit vectors to the right, upward, and towards the camera."""
-    toward = np.array([cos(_RISE) * cos(_TURN), cos(_RISE) * sin(_TURN), sin(_RISE)])
-    right = np.array([-sin(_TURN), cos(_TURN), 0.0])
+    toward = np.array([cos(_ELEVATION) * cos(_AZIMUTH), cos(_ELEVATION) * sin(_AZIMUTH), sin(_ELEVATION)])
+    right = np.array([-sin(_AZIMUTH), cos(_AZIMUTH), 0.0])
     return right, np.cross(toward, right), toward
 
 
-def _scale(size: Float, width: int, height: int) -> float:
+def _scale_to_fit(size: Float, width: int, height: int) -> float:
     """Return the scale, px/mm, at which the part fills a picture except for the margin."""
     margin = 2 * _MARGIN * min(width, height)
     return float(min((width - margin) / size[0], (height - margin) / size[1]))
@@ -133,68 +134,73 @@ def _render_large(triangles: Float, low: Float, size: Float, scale: float) -> ND
     shape = (int(np.ceil(size[1] * scale)) + 1, int(np.ceil(size[0] * scale)) + 1)
     nearest = np.full(shape[0] * shape[1], -np.inf, np.float32)
     colour = np.zeros((shape[0] * shape[1], 3), np.float32)
-    for begin in range(0, len(triangles), _AT_ONCE):
-        some = triangles[begin : begin + _AT_ONCE]
-        x, y, depth = _project(some)
-        facet, pixel, deep = _pixels((x - low[0]) * scale, (y - low[1]) * scale, depth, shape)
+    for begin in range(0, len(triangles), _BLOCK_SIZE):
+        block = triangles[begin : begin + _BLOCK_SIZE]
+        x, y, depth = _project(block)
+        facet, pixel, pixel_depth = _rasterize_facets(
+            (x - low[0]) * scale, (y - low[1]) * scale, depth, shape
+        )
         before = nearest[pixel]
-        np.maximum.at(nearest, pixel, deep)
-        seen = np.flatnonzero((deep > before) & (deep == nearest[pixel]))
-        colour[pixel[seen]] = _shade(some, facet[seen])  # of several facets at equal depth the last one wins
+        np.maximum.at(nearest, pixel, pixel_depth)
+        seen = np.flatnonzero((pixel_depth > before) & (pixel_depth == nearest[pixel]))
+        # Of several facets at equal depth, the last one wins.
+        colour[pixel[seen]] = _shade_facets(block, facet[seen])
     covered = np.isfinite(nearest).reshape(shape)
-    shown = colour.reshape(*shape, 3) * _draw_outlines(nearest.reshape(shape))[..., None]
+    shown = colour.reshape(*shape, 3) * _outline_brightness(nearest.reshape(shape))[..., None]
     return np.dstack([shown, np.float32(255) * covered])
 
 
-def _pixels(x: Float, y: Float, depth: Float, shape: tuple[int, int]) -> tuple[Int, Int, NDArray[np.float32]]:
-    """Rasterize facets that face the camera: facet, pixel and depth of each covered pixel centre."""
-    twice = (x[1] - x[0]) * (y[2] - y[0]) - (y[1] - y[0]) * (x[2] - x[0])
+def _rasterize_facets(
+    x: Float, y: Float, depth: Float, shape: tuple[int, int]
+) -> tuple[Int, Int, NDArray[np.float32]]:
+    """Rasterize facets that face the camera; return facet, pixel and depth for each covered pixel centre."""
+    double_area = (x[1] - x[0]) * (y[2] - y[0]) - (y[1] - y[0]) * (x[2] - x[0])
     bottom = np.ceil(np.minimum(np.minimum(y[0], y[1]), y[2]) - 0.5)
     rows = np.floor(np.maximum(np.maximum(y[0], y[1]), y[2]) - 0.5) - bottom + 1
     left = np.ceil(np.minimum(np.minimum(x[0], x[1]), x[2]) - 0.5)
     right = np.floor(np.maximum(np.maximum(x[0], x[1]), x[2]) - 0.5)
-    kept = np.flatnonzero((twice > 1e-12) & (rows > 0) & (right >= left))
+    kept = np.flatnonzero((double_area > 1e-12) & (rows > 0) & (right >= left))
     x, y, depth = x[:, kept], y[:, kept], depth[:, kept]
     count = rows[kept].astype(np.int64)
-    of_row = np.repeat(np.arange(len(kept)), count)
-    level: Float = consecutive(bottom[kept].astype(np.int64), count).astype(np.float64) + 0.5
-    begin, size = _pixel_spans(x, y, of_row, level, shape[1])
+    row_facet = np.repeat(np.arange(len(kept)), count)
+    row_y: Float = consecutive(bottom[kept].astype(np.int64), count).astype(np.float64) + 0.5
+    begin, size = _pixel_spans(x, y, row_facet, row_y, shape[1])
     across = consecutive(begin, size)
-    row = np.repeat(np.arange(len(level)), size)
-    facet = of_row[row]
-    by_x, by_y = _slopes(x, y, depth, twice[kept])
+    row = np.repeat(np.arange(len(row_y)), size)
+    facet = row_facet[row]
+    by_x, by_y = _depth_slopes(x, y, depth, double_area[kept])
     base = depth[0] - by_x * (x[0] - 0.5) - by_y * y[0]
-    deep = base[facet] + by_x[facet] * across + by_y[facet] * level[row]
-    pixel = level.astype(np.int64)[row] * shape[1] + across
-    return kept[facet], pixel, deep.astype(np.float32)
+    pixel_depth = base[facet] + by_x[facet] * across + by_y[facet] * row_y[row]
+    pixel = row_y.astype(np.int64)[row] * shape[1] + across
+    return kept[facet], pixel, pixel_depth.astype(np.float32)
 
 
-def _pixel_spans(x: Float, y: Float, of_row: Int, level: Float, width: int) -> tuple[Int, Int]:
+def _pixel_spans(x: Float, y: Float, row_facet: Int, row_y: Float, width: int) -> tuple[Int, Int]:
     """Return the first pixel and the number of pixels in each row of a facet; facets are counter-clockwise."""
-    begin, end = np.full(len(level), -np.inf), np.full(len(level), np.inf)
+    begin, end = np.full(len(row_y), -np.inf), np.full(len(row_y), np.inf)
     for one, other in ((0, 1), (1, 2), (2, 0)):
         rise = y[other] - y[one]
         with np.errstate(divide="ignore", invalid="ignore"):
             slope = (x[other] - x[one]) / rise
-        cut = x[one][of_row] + (level - y[one][of_row]) * slope[of_row]
-        up = rise[of_row]
+        cut = x[one][row_facet] + (row_y - y[one][row_facet]) * slope[row_facet]
+        up = rise[row_facet]
         begin = np.where(up < 0, np.maximum(begin, cut), begin)  # downward edges are on the left
         end = np.where(up > 0, np.minimum(end, cut), end)
     first = np.maximum(np.ceil(begin - 0.5), 0)
     size = np.minimum(np.floor(end - 0.5), width - 1) - first + 1
-    there = np.isfinite(size) & (size > 0)
-    return np.where(there, first, 0).astype(np.int64), np.where(there, size, 0).astype(np.int64)
+    is_covered = np.isfinite(size) & (size > 0)
+    return np.where(is_covered, first, 0).astype(np.int64), np.where(is_covered, size, 0).astype(np.int64)
 
 
-def _slopes(x: Float, y: Float, depth: Float, twice: Float) -> tuple[Float, Float]:
+def _depth_slopes(x: Float, y: Float, depth: Float, double_area: Float) -> tuple[Float, Float]:
     """Return the change of depth of each facet per pixel, to the right and upward."""
     one, other = depth[1] - depth[0], depth[2] - depth[0]
     ax, ay, bx, by = x[1] - x[0], y[1] - y[0], x[2] - x[0], y[2] - y[0]
-    return (one * by - other * ay) / twice, (other * ax - one * bx) / twice
+    return (one * by - other * ay) / double_area, (other * ax - one * bx) / double_area
 
 
-def _shade(triangles: Float, facet: Int) -> NDArray[np.float32]:
-    """Return (n, 3) the colours of facets, lit by two lights from the front and some ambient light from above."""
+def _shade_facets(triangles: Float, facet: Int) -> NDArray[np.float32]:
+    """Return the colours (n, 3) of facets, lit by two lights from the front and some ambient light from above."""
     used = np.zeros(len(triangles), np.bool_)
     used[facet] = True
     corners = triangles[used]
@@ -209,8 +215,8 @@ def _shade(triangles: Float, facet: Int) -> NDArray[np.float32]:
     return table[facet]
 
 
-def _draw_outlines(nearest: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return (h, w) the brightness factor of each pixel; pixels at a jump in depth are darkened."""
+def _outline_brightness(nearest: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return the brightness factor (h, w) of each pixel; pixels at a jump in depth are darkened."""
     bright = np.ones(nearest.shape, np.float32)
     depths = nearest[np.isfinite(nearest)]
     if not len(depths):
@@ -222,21 +228,23 @@ def _draw_outlines(nearest: NDArray[np.float32]) -> NDArray[np.float32]:
         near = np.zeros(nearest.shape, np.bool_)
         near[tuple(slice(1, None) if axis == one else slice(None) for one in (0, 1))] |= ahead > jump
         near[tuple(slice(None, -1) if axis == one else slice(None) for one in (0, 1))] |= ahead < -jump
-        bright[near] = _EDGE
+        bright[near] = _OUTLINE_BRIGHTNESS
     return bright
 
 
-def _downscale(large: NDArray[np.float32], size: Float, ratio: float, wanted: tuple[int, int]) -> Picture:
+def _downscale(
+    large: NDArray[np.float32], size: Float, ratio: float, output_size: tuple[int, int]
+) -> Picture:
     """Downscale the large picture to a size (width, height), with the part in its middle.
 
     Args:
         large: colours multiplied by opacity, row 0 at the bottom.
         size: (2,) size of the part in it, px.
         ratio: px of the result per px of the large picture.
-        wanted: width and height of the result, px.
+        output_size: width and height of the result, px.
     """
     picture = large
-    for axis, (pixels, part) in enumerate(zip(wanted[::-1], size[::-1], strict=True)):
+    for axis, (pixels, part) in enumerate(zip(output_size[::-1], size[::-1], strict=True)):
         edges = (np.arange(pixels + 1) - (pixels - part * ratio) / 2) / ratio
         picture = _box_means(picture, edges, axis)
     alpha = picture[..., 3:]
@@ -247,7 +255,7 @@ def _downscale(large: NDArray[np.float32], size: Float, ratio: float, wanted: tu
 
 
 def _box_means(picture: NDArray[np.float32], edges: Float, axis: int) -> NDArray[np.float32]:
-    """Return means between consecutive edges along an axis; pixels beyond the picture are 0."""
+    """Return the mean between each two consecutive edges along an axis; pixels beyond the picture are 0."""
     moved = np.moveaxis(picture, axis, 0)
     sums = np.zeros((len(moved) + 1, *moved.shape[1:]), np.float32)
     np.cumsum(moved, axis=0, out=sums[1:])

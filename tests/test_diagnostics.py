@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from printer_slicer.diagnostics import CODES, NAMES, Diagnostic, as_json, insist, sentence
+from printer_slicer.diagnostics import CODES, NAMES, Diagnostic, as_json, raise_on_errors, sentence
 from printer_slicer.errors import PolicyError
 
 KINDS = {"unsupported": "air", "underfilled": "under", "overfilled": "over", "underrun": "link"}
@@ -60,9 +60,9 @@ def test_a_sentence_says_where_what_how_often_and_what_helps(one: Diagnostic, sa
 def test_only_errors_that_are_not_allowed_keep_a_job_from_being_printed() -> None:
     found = [Diagnostic("eeprom", "error", "stores"), Diagnostic("flow", "warning", "a little")]
 
-    insist(found, {"eeprom"})
+    raise_on_errors(found, {"eeprom"})
     with pytest.raises(PolicyError, match="stores") as caught:
-        insist(found)
+        raise_on_errors(found)
     assert caught.value.names == ("eeprom",)
 
 

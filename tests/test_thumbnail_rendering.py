@@ -10,7 +10,7 @@ from hypothesis.extra.numpy import arrays
 
 from printer_slicer.arrays import Float
 from printer_slicer.model import Mesh
-from printer_slicer.thumbnails import Picture, _pixels, _project, _render_pictures, render
+from printer_slicer.thumbnails import Picture, _project, _rasterize_facets, _render_pictures, render
 from tests.parts import box, joined, sphere
 
 
@@ -124,7 +124,7 @@ def test_a_facet_covers_the_pixels_whose_middle_it_holds(corner: Float) -> None:
     twice = (x[1] - x[0]) * (y[2] - y[0]) - (y[1] - y[0]) * (x[2] - x[0])
     if abs(twice) < 1e-6:
         return
-    _, pixel, deep = _pixels(x[:, None], y[:, None], depth[:, None], shape)
+    _, pixel, deep = _rasterize_facets(x[:, None], y[:, None], depth[:, None], shape)
     got = {divmod(int(one), shape[1]): float(z) for one, z in zip(pixel, deep, strict=True)}
     held, touched = (covering(corner.T, shape, slack) if twice > 0 else {} for slack in (-1e-9, 1e-9))
 

@@ -11,7 +11,14 @@ from typing import TYPE_CHECKING, Any
 
 from printer_slicer.cli.arguments import refuse_model_flags
 from printer_slicer.cli.output import sanitize
-from printer_slicer.diagnostics import Diagnostic, as_json, check_names, insist, remedy_of, sentence
+from printer_slicer.diagnostics import (
+    Diagnostic,
+    as_json,
+    check_allowed_codes,
+    raise_on_errors,
+    remedy_of,
+    sentence,
+)
 from printer_slicer.errors import VerificationError
 from printer_slicer.inspection.lint.scan import lint_file, scan
 from printer_slicer.jobs import Job, is_gcode
@@ -109,7 +116,7 @@ def insist_on_policy(arguments: argparse.Namespace, job: Job, refusal: str = "no
     if not (arguments.json or arguments.quiet):
         for note in finding_notes(arguments, job):
             print(sanitize(f"printer-slicer: warning: {note}"), file=sys.stderr)
-    insist(job.findings, job.allowed, name=job.name, refusal=refusal)
+    raise_on_errors(job.findings, job.allowed, name=job.name, refusal=refusal)
     return job
 
 
@@ -154,7 +161,7 @@ def insist_verified(job: Job) -> None:
 
 def console_check(profile: Profile, allowed: Collection[str]) -> Callable[[bytes], str]:
     """Return a function that checks commands typed one after the other, with the units and modes set before."""
-    allowed = check_names(allowed)
+    allowed = check_allowed_codes(allowed)
     typed: deque[bytes] = deque(maxlen=_REMEMBERED)
 
     def reason(command: bytes) -> str:

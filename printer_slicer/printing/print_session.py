@@ -15,7 +15,7 @@ from time import monotonic, time_ns
 from typing import TYPE_CHECKING, Any, Unpack, cast
 
 from printer_slicer.deprecation import accept_former_option
-from printer_slicer.diagnostics import insist
+from printer_slicer.diagnostics import raise_on_errors
 from printer_slicer.errors import Cancelled, PortError, PrintError, UsageError
 from printer_slicer.jobs import Job
 from printer_slicer.printing import commands
@@ -88,7 +88,7 @@ def print_job(
             printer. A closed terminal (SIGHUP) or output does not end the print.
     """
     accept_former_option(cast("dict[str, Any]", options), "shelf", "job_store")
-    insist(job.findings, job.allowed, name=job.name)
+    raise_on_errors(job.findings, job.allowed, name=job.name)
     setup = host_settings_from(job.require_profile(profile), job.allowed)
     speed = baud or setup.baud
     job_store = options.get("job_store")

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from benchmarks.peers import Part, find_peers
 from printer_slicer.cli import main
-from printer_slicer.diagnostics import NAMES, Diagnostic, check_names, insist, remedy_of
+from printer_slicer.diagnostics import NAMES, Diagnostic, check_allowed_codes, raise_on_errors, remedy_of
 from printer_slicer.errors import PolicyError, PortError, UsageError
 from printer_slicer.firmware import FLAVOURS
 from printer_slicer.gcode.lexer import strip
@@ -387,9 +387,9 @@ def test_pauses_that_the_settings_ask_for_need_no_leave(tmp_path: Path) -> None:
     file.write_bytes(job.text)
 
     assert [(one.code, one.command) for one in job.findings] == [("wait", "M0")]
-    insist(job.findings, job.allowed)
+    raise_on_errors(job.findings, job.allowed)
     with pytest.raises(PolicyError, match="M0"):
-        insist(job_from(file, profile).findings)
+        raise_on_errors(job_from(file, profile).findings)
 
 
 @pytest.mark.parametrize("flavour", ["marlin", "marlin2", "reprap", "reprapfirmware", "smoothie"])
@@ -466,12 +466,12 @@ def test_a_job_is_refused_by_line_until_every_name_is_allowed() -> None:
     findings = found("G28", "M500", "M104 S300")
 
     with pytest.raises(PolicyError, match=r"command 2: M500: stores.*\n.*command 3: M104 S300") as caught:
-        insist(findings, name="job")
+        raise_on_errors(findings, name="job")
     assert caught.value.names == ("eeprom", "temperature")
     assert '`job.allowing(["eeprom", "temperature"])`' in caught.value.remedy
     with pytest.raises(PolicyError):
-        insist(findings, {"eeprom"})
-    insist(findings, {"eeprom", "temperature"})
+        raise_on_errors(findings, {"eeprom"})
+    raise_on_errors(findings, {"eeprom", "temperature"})
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -490,15 +490,15 @@ def test_each_of_several_findings_has_its_remedy() -> None:
 
     assert remedy == (
         "eeprom, halt: Remove it from the G-code. "
-        "temperature: Name the printer and material the file was made for with `printer` and `material`. "
+        "temperature: Set `printer` and `material` to those that the file was sliced for. "
         'Use `job.allowing(["eeprom", "temperature", "halt"])` to print it anyway'
     )
 
 
 def test_a_name_that_does_not_exist_is_an_error() -> None:
     with pytest.raises(UsageError, match="everything"):
-        check_names(["everything"])
-    assert check_names(NAMES) == frozenset(NAMES)
+        check_allowed_codes(["everything"])
+    assert check_allowed_codes(NAMES) == frozenset(NAMES)
 
 
 def job_file(folder: Path, *lines: str) -> Path:
