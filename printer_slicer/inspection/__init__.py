@@ -1,9 +1,9 @@
-"""Find what would go wrong with a print before it is printed.
+"""Find the faults of a print before it is printed.
 
-- `deposition`: where a print extrudes, and where that extrusion is unsupported; fed by the moves of any source.
+- `deposition`: a height map of the print, filled by the moves of any source, and its unsupported extrusion.
 - `lint`: rules on the commands of a file.
-- `coverage`: the material of a file against its model.
-- `dry_run`: the file on a simulated printer, and the timing of the link.
+- `coverage`: comparison of the extrusions of a file with its model.
+- `dry_run`: execution of the file on a simulated printer, and the timing of the serial link.
 
-Findings are `printer_slicer.diagnostics` values. The packages have no names of their own: import from their modules.
+Findings are `printer_slicer.diagnostics` values. These packages export no names: import from their modules.
 """

@@ -1,1 +1,1 @@
-"""A height map of the plate, fed by moves of any source; unsupported extrusion, collisions, missing filament."""
+"""Record where moves extrude, and find unsupported extrusion, collisions and missing filament."""

@@ -1,10 +1,10 @@
-"""Find defects of the extrusion, height by height, against everything printed before.
+"""Find defects of the extrusion, height by height, on the height map of everything printed before.
 
 defect              condition
 unsupported         extrusion with nothing below it, see `deposition.unsupported`
 collision           the nozzle, extruding or not, is more than 0.12 mm below the print in its path
 on the bed          extrusion less than 0.04 mm above the bed
-flow                more volume per second than the material melts
+flow                more volume per second than the material allows
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 
 from printer_slicer.arrays import Int
 from printer_slicer.inspection.deposition.height_map import (
-    NOTHING,
+    NEGLIGIBLE,
     HeightMap,
     MoveBatch,
     MovePieces,
@@ -24,15 +24,15 @@ from printer_slicer.inspection.deposition.height_map import (
 from printer_slicer.inspection.deposition.marks import Defect, Marks
 from printer_slicer.inspection.deposition.unsupported import MIN_REPORTED_LENGTH, deposit, unsupported_pieces
 
-__all__ = ["DEEP", "DefectFinder"]
+__all__ = ["COLLISION_DEPTH", "DefectFinder"]
 
-DEEP: Final = 0.12
+COLLISION_DEPTH: Final = 0.12
 """Depth of the nozzle below the print in its path that counts as a collision, mm."""
 
-_PLUNGE: Final = 0.5  # mm straight down into what stands there, or to the side of it
-_SCRAPES: Final = 0.04  # mm over the bed
-_OVER: Final = 1.01
-_MOST_DEFECTS: Final = 200
+_PLUNGE_DEPTH: Final = 0.5  # mm; a move straight down this far into the print, or beside it, is a collision
+_MIN_BED_CLEARANCE: Final = 0.04  # mm between the nozzle and the bed
+_FLOW_TOLERANCE: Final = 1.01  # factor on the highest flow
+_MAX_DEFECTS: Final = 200
 
 
 class DefectFinder:
@@ -44,8 +44,8 @@ class DefectFinder:
         marks: layers and roles from the comments.
 
     Attributes:
-        defects: the worst of each kind in each layer, in order, the first 200.
-        counts: number of layers with each kind.
+        defects: one defect of each kind per layer, in order; the first 200.
+        counts: number of layers with each kind of defect.
         peak: the highest flow; None without extrusion.
     """
 
@@ -55,76 +55,80 @@ class DefectFinder:
         self.counts: dict[str, int] = {}
         self.peak: Defect | None = None
 
-    def check(self, batch: MoveBatch, numbers: Int) -> None:
-        """Check moves of one height; `numbers` (n,) are their layers."""
-        self._flow(batch, numbers)
-        cut = split_moves(batch.start, batch.end)
-        cell = self._height_map.cells(cut)
-        self._crash(batch, cut, cell, numbers)
-        laid = np.flatnonzero(batch.extrudes[cut.move])
-        if len(laid):
-            some = cut.take(laid)
-            self._unsupported(batch, some, cell[laid], numbers)
-            deposit(self._height_map, batch, some, cell[laid], self._marks)
+    def check(self, batch: MoveBatch, layers: Int) -> None:
+        """Check moves of one height; `layers` (n,) are their layer numbers."""
+        self._check_flow(batch, layers)
+        pieces = split_moves(batch.start, batch.end)
+        cell = self._height_map.cells(pieces)
+        self._find_collisions(batch, pieces, cell, layers)
+        extruding = np.flatnonzero(batch.extrudes[pieces.move])
+        if len(extruding):
+            extruding_pieces = pieces.take(extruding)
+            self._find_unsupported(batch, extruding_pieces, cell[extruding], layers)
+            deposit(self._height_map, batch, extruding_pieces, cell[extruding], self._marks)
 
-    def _flow(self, batch: MoveBatch, numbers: Int) -> None:
-        """Check the flow."""
+    def _check_flow(self, batch: MoveBatch, layers: Int) -> None:
+        """Record the highest flow, and flow above the maximum of the material."""
         if not len(batch.flow):
             return
-        at = int(batch.flow.argmax())
-        flow = float(batch.flow[at])
+        index = int(batch.flow.argmax())
+        flow = float(batch.flow[index])
         if flow <= 0:
             return
-        defect_at = batch.defect_at("flow", at, numbers, flow)
+        defect = batch.make_defect("flow", index, layers, flow)
         if self.peak is None or flow > self.peak.amount:
-            self.peak = defect_at
-        if flow > self._max_flow * _OVER:
-            first = int(np.flatnonzero(batch.flow > self._max_flow * _OVER)[0])
-            self._keep(batch.defect_at("flow", first, numbers, flow))
+            self.peak = defect
+        if flow > self._max_flow * _FLOW_TOLERANCE:
+            first = int(np.flatnonzero(batch.flow > self._max_flow * _FLOW_TOLERANCE)[0])
+            self._record(batch.make_defect("flow", first, layers, flow))
 
-    def _crash(self, batch: MoveBatch, cut: MovePieces, cell: Int, numbers: Int) -> None:
+    def _find_collisions(self, batch: MoveBatch, pieces: MovePieces, cell: Int, layers: Int) -> None:
         """Find collisions of the nozzle with the print."""
-        depth = self._height_map.depth(cell, cut.z)
-        upright = cut.length <= NOTHING
-        sinks = (batch.end[:, 2] < batch.start[:, 2] - NOTHING)[cut.move]
-        low = np.flatnonzero((cut.z < self._height_map.highest - _PLUNGE) & (~upright | sinks))
-        if len(low):  # the deeper, the wider a nozzle is
-            beside = self._height_map.deepest(cell[low], cut.z[low])
-            depth[low] = np.where(beside > _PLUNGE, beside, depth[low])
-        hit = np.flatnonzero((~upright & (depth > DEEP)) | (upright & sinks & (depth > _PLUNGE)))
+        depth = self._height_map.depth(cell, pieces.z)
+        upright = pieces.length <= NEGLIGIBLE
+        sinks = (batch.end[:, 2] < batch.start[:, 2] - NEGLIGIBLE)[pieces.move]
+        deep = np.flatnonzero((pieces.z < self._height_map.highest - _PLUNGE_DEPTH) & (~upright | sinks))
+        if len(deep):  # a nozzle gets wider upwards, so a deep one touches the cells around it
+            around = self._height_map.max_depth_around(cell[deep], pieces.z[deep])
+            depth[deep] = np.where(around > _PLUNGE_DEPTH, around, depth[deep])
+        hit = np.flatnonzero(
+            (~upright & (depth > COLLISION_DEPTH)) | (upright & sinks & (depth > _PLUNGE_DEPTH))
+        )
         if not len(hit):
             return
-        through = float(cut.length[hit].sum())
-        if through < MIN_REPORTED_LENGTH and not upright[hit].any():
+        length = float(pieces.length[hit].sum())
+        if length < MIN_REPORTED_LENGTH and not upright[hit].any():
             return
         worst = float(depth[hit].max())
-        self._keep(batch.defect_at("crash", int(cut.move[hit[0]]), numbers, through)._replace(depth=worst))
-
-    def _unsupported(self, batch: MoveBatch, cut: MovePieces, cell: Int, numbers: Int) -> None:
-        """Find unsupported extrusion."""
-        low = batch.end[cut.move, 2] < _SCRAPES
-        if float(cut.length[low].sum()) > MIN_REPORTED_LENGTH:
-            first = int(cut.move[np.flatnonzero(low)[0]])
-            self._keep(batch.defect_at("bed", first, numbers, float(batch.end[first, 2])))
-        lost = unsupported_pieces(self._height_map, batch, cut, cell, self._marks)
-        length = float(cut.length[lost].sum())
-        if length > MIN_REPORTED_LENGTH:
-            at = lost[0]
-            defect_at = batch.defect_at("unsupported", int(cut.move[at]), numbers, length)
-            self._keep(defect_at._replace(x=float(cut.x[at]), y=float(cut.y[at])))
-
-    def _keep(self, defect_at: Defect) -> None:
-        """Keep a defect, one of each kind per layer."""
-        same = next(
-            (i for i in range(len(self.defects) - 1, -1, -1) if self.defects[i].kind == defect_at.kind), None
+        self._record(
+            batch.make_defect("crash", int(pieces.move[hit[0]]), layers, length)._replace(depth=worst)
         )
-        if same is not None and self.defects[same].layer == defect_at.layer:
-            old = self.defects[same]
-            more = max if defect_at.kind in {"flow", "crash"} else float.__add__
-            self.defects[same] = old._replace(
-                amount=more(old.amount, defect_at.amount), depth=max(old.depth, defect_at.depth)
+
+    def _find_unsupported(self, batch: MoveBatch, pieces: MovePieces, cell: Int, layers: Int) -> None:
+        """Find unsupported extrusion."""
+        low = batch.end[pieces.move, 2] < _MIN_BED_CLEARANCE
+        if float(pieces.length[low].sum()) > MIN_REPORTED_LENGTH:
+            first = int(pieces.move[np.flatnonzero(low)[0]])
+            self._record(batch.make_defect("bed", first, layers, float(batch.end[first, 2])))
+        unsupported = unsupported_pieces(self._height_map, batch, pieces, cell, self._marks)
+        length = float(pieces.length[unsupported].sum())
+        if length > MIN_REPORTED_LENGTH:
+            piece = unsupported[0]
+            defect = batch.make_defect("unsupported", int(pieces.move[piece]), layers, length)
+            self._record(defect._replace(x=float(pieces.x[piece]), y=float(pieces.y[piece])))
+
+    def _record(self, defect: Defect) -> None:
+        """Record a defect; those of one kind in one layer are merged."""
+        previous = next(
+            (i for i in range(len(self.defects) - 1, -1, -1) if self.defects[i].kind == defect.kind), None
+        )
+        if previous is not None and self.defects[previous].layer == defect.layer:
+            old = self.defects[previous]
+            merge = max if defect.kind in {"flow", "crash"} else float.__add__
+            self.defects[previous] = old._replace(
+                amount=merge(old.amount, defect.amount), depth=max(old.depth, defect.depth)
             )
             return
-        self.counts[defect_at.kind] = self.counts.get(defect_at.kind, 0) + 1
-        if len(self.defects) < _MOST_DEFECTS:
-            self.defects.append(defect_at)
+        self.counts[defect.kind] = self.counts.get(defect.kind, 0) + 1
+        if len(self.defects) < _MAX_DEFECTS:
+            self.defects.append(defect)

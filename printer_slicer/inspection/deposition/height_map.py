@@ -1,8 +1,8 @@
-"""Height map of the plate: the top of the print in each cell, collisions with it, and unsupported extrusions.
+"""Height map of the plate: the top of the print in each cell, for collisions and unsupported extrusion.
 
-Cells are 0.25 mm wide. A bead marks the cells whose middle it covers, as wide as its spacing, so that neighbours leave
-no gap and what only brushes its side does not count as going through it. It rests where something stands under it, or
-in a cell beside that, no farther down than the thread that leaves the nozzle is thick.
+Cells are 0.25 mm wide. An extrusion marks the cells whose middle it covers. Its marked width is the spacing of
+extrusions, so neighbours leave no gap, and a nozzle that only brushes its side does not collide. It is supported if the
+print in its cell or in a neighbouring one is lower by at most the diameter of the extruded strand.
 """
 
 from __future__ import annotations
@@ -23,33 +23,33 @@ __all__ = [
     "COMMAND",
     "END",
     "FED",
-    "NOTHING",
+    "NEGLIGIBLE",
     "START",
     "HeightMap",
     "LevelMoves",
     "MoveBatch",
     "MovePieces",
     "PlateHeights",
-    "runs_of",
+    "find_height_changes",
     "split_moves",
 ]
 
 CELL: Final = 0.25
-"""mm."""
+"""Width of a cell, mm."""
 
-_REACH: Final = 1  # cells to all sides within which a bead may rest
-_WIDEST: Final = 2.0  # mm that a bead marks at most, however much is fed
-_SPARE: Final = 2.0  # mm around what machines reach
+_SUPPORT_REACH: Final = 1  # cells to all sides in which the print may support an extrusion
+_MAX_WIDTH: Final = 2.0  # mm; an extrusion marks no more, however much filament is fed
+_MAP_MARGIN: Final = 2.0  # mm around the area that the nozzle can reach
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MovePieces:
-    """Moves in pieces no longer than a cell.
+    """Moves split into pieces no longer than a cell.
 
     Attributes:
-        move: (P,) index of the move of each.
-        x, y, z: (P,) mm, its middle; a move straight up or down is one piece at its lower end.
-        length: (P,) mm in the plane.
+        move: (P,) index of the move of each piece.
+        x, y, z: (P,) mm, middle of each piece; a move straight up or down is one piece at its lower end.
+        length: (P,) mm, length of each piece in x and y.
     """
 
     move: Int
@@ -58,20 +58,22 @@ class MovePieces:
     z: Float
     length: Float
 
-    def take(self, which: Int) -> MovePieces:
-        """Some of the pieces."""
-        return MovePieces(self.move[which], self.x[which], self.y[which], self.z[which], self.length[which])
+    def take(self, indices: Int) -> MovePieces:
+        """Return the pieces with these indices."""
+        return MovePieces(
+            self.move[indices], self.x[indices], self.y[indices], self.z[indices], self.length[indices]
+        )
 
-    def beside(self, side: Float) -> MovePieces:
-        """Return the pieces shifted with their moves by (n, 2) mm in the plane."""
-        x, y = (np.ascontiguousarray(side[:, axis])[self.move] for axis in (0, 1))
+    def shift(self, offsets: Float) -> MovePieces:
+        """Return the pieces with each move shifted by its offset (n, 2) in x and y, mm."""
+        x, y = (np.ascontiguousarray(offsets[:, axis])[self.move] for axis in (0, 1))
         x += self.x
         y += self.y
         return MovePieces(self.move, x, y, self.z, self.length)
 
 
 def split_moves(start: Float, end: Float) -> MovePieces:
-    """Moves from (n, 3) to (n, 3) mm in pieces, in order."""
+    """Split moves from `start` to `end`, (n, 3) mm, into pieces no longer than a cell, in order."""
     way = end - start
     length = np.hypot(way[:, 0], way[:, 1])
     count = np.maximum(np.ceil(length / CELL), 1).astype(np.int64)
@@ -91,12 +93,12 @@ def split_moves(start: Float, end: Float) -> MovePieces:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlateHeights:
-    """What stands on the plate, seen from above.
+    """Height of the print in each cell of the plate.
 
     Attributes:
-        top: (rows, columns) mm; the first row is the front one, 0 is where nothing stands.
+        top: (rows, columns) mm; the first row is the front one; 0 where the plate is empty.
         left, front: mm, the corner of the first cell.
-        cell: mm.
+        cell: mm, width of a cell.
     """
 
     top: Float
@@ -106,148 +108,150 @@ class PlateHeights:
 
 
 class HeightMap:
-    """Height of the print so far in each cell of the plate.
+    """Height map of the print so far, by cells of the plate.
 
     Args:
-        low, high: corners of what the nozzle can reach, x and y, mm; what lies outside is not looked at.
+        low, high: corners of the area that the nozzle can reach, x and y, mm; everything outside is ignored.
 
     Attributes:
-        highest: mm, of everything laid.
+        highest: mm, top of the highest extrusion so far.
     """
 
     def __init__(self, low: tuple[float, float], high: tuple[float, float]) -> None:
-        self._left, self._front = low[0] - _SPARE, low[1] - _SPARE
-        self._wide = int(np.ceil((high[0] + _SPARE - self._left) / CELL)) + 1
-        self._deep = int(np.ceil((high[1] + _SPARE - self._front) / CELL)) + 1
-        # The last cell stands for everything outside: nothing is there, and nothing stays.
+        self._left, self._front = low[0] - _MAP_MARGIN, low[1] - _MAP_MARGIN
+        self._wide = int(np.ceil((high[0] + _MAP_MARGIN - self._left) / CELL)) + 1
+        self._deep = int(np.ceil((high[1] + _MAP_MARGIN - self._front) / CELL)) + 1
+        # The last cell represents everything outside; it always stays empty.
         self._outside = self._wide * self._deep
         self._top = np.zeros(self._outside + 1, np.float32)
         self._removable = np.zeros(self._outside + 1, np.bool_)
         self.highest = 0.0
 
-    def cells(self, cut: MovePieces) -> Int:
+    def cells(self, pieces: MovePieces) -> Int:
         """Return the cell (P,) of each piece."""
-        # Rounded towards 0, which is cheap: what lies less than a cell outside goes to the edge, where nothing is.
-        column = ((cut.x - self._left) * (1 / CELL)).astype(np.int64)
-        row = ((cut.y - self._front) * (1 / CELL)).astype(np.int64)
+        # Rounding towards 0 is cheap: pieces less than a cell outside fall into edge cells, which are empty.
+        column = ((pieces.x - self._left) * (1 / CELL)).astype(np.int64)
+        row = ((pieces.y - self._front) * (1 / CELL)).astype(np.int64)
         inside = (column >= 0) & (column < self._wide) & (row >= 0) & (row < self._deep)
         return np.where(inside, row * self._wide + column, self._outside)
 
     def depth(self, cell: Int, z: Float) -> Float:
-        """Return how far (P,) the nozzle at z is below the print in its cell, mm; negative if above."""
+        """Return the depth (P,) of the nozzle at z below the print in its cell, mm; negative if above."""
         return np.asarray(self._top[cell] - z)
 
-    def deepest(self, cell: Int, z: Float) -> Float:
-        """Return the largest such depth (P,) in the cell and its neighbours: a nozzle is wider than a cell."""
+    def max_depth_around(self, cell: Int, z: Float) -> Float:
+        """Return the largest depth (P,) below the print in the cell and its eight neighbours, mm."""
         around = [row * self._wide + column for row in (-1, 0, 1) for column in (-1, 0, 1)]
         beside = np.clip(cell[:, None] + np.array(around), 0, self._outside)
         return np.asarray(self._top[beside].max(axis=1, initial=0.0) - z)
 
-    def is_supported(self, cell: Int, lowest: Float, spare: float) -> Bool:
-        """Return whether (P,) the print reaches up to `lowest`, mm, below a piece or beside it.
+    def is_supported(self, cell: Int, lowest: Float, support_gap: float) -> Bool:
+        """Return a mask (P,) of pieces with print up to height `lowest` in their cell or a neighbouring one.
 
         Args:
-            cell: of each piece.
-            lowest: (P,) mm, how far down its thread reaches.
-            spare: mm that supports may be lower.
+            cell: (P,) cell of each piece.
+            lowest: (P,) mm, lowest top of the print that supports the piece.
+            support_gap: mm that support material may be lower.
         """
-        result = self._reaches(cell, lowest, spare)
+        result = self._reaches_up_to(cell, lowest, support_gap)
         missing = np.flatnonzero(~result)
-        for row in range(-_REACH, _REACH + 1):
-            for column in range(-_REACH, _REACH + 1):
+        for row in range(-_SUPPORT_REACH, _SUPPORT_REACH + 1):
+            for column in range(-_SUPPORT_REACH, _SUPPORT_REACH + 1):
                 if not len(missing):
                     return result
                 beside = np.clip(cell[missing] + row * self._wide + column, 0, self._outside)
-                found = self._reaches(beside, lowest[missing], spare)
+                found = self._reaches_up_to(beside, lowest[missing], support_gap)
                 result[missing[found]] = True
                 missing = missing[~found]
         return result
 
-    def add_extrusions(self, cut: MovePieces, sideways: Float, width: Float, *, removable: bool) -> None:
-        """Plastic reaches up to these pieces of beads now.
+    def add_extrusions(self, pieces: MovePieces, sideways: Float, width: Float, *, removable: bool) -> None:
+        """Raise the height map to these pieces of extrusions.
 
         Args:
-            cut: the pieces.
-            sideways: (n, 2) across each move.
-            width: (n,) mm of each.
-            removable: whether the part is taken off these again.
+            pieces: the pieces.
+            sideways: (n, 2) unit vector perpendicular to each move.
+            width: (n,) mm, width of each move.
+            removable: whether the extrusions are removed after the print, such as supports.
         """
-        spread = np.clip(width - CELL, 0.0, _WIDEST)  # between the outermost cells
+        spread = np.clip(width - CELL, 0.0, _MAX_WIDTH)  # distance between the outermost cells
         rows = np.ceil(spread / CELL)
-        least, most = (int(count) for count in (rows[cut.move].min(), rows[cut.move].max()))
+        least, most = (int(count) for count in (rows[pieces.move].min(), rows[pieces.move].max()))
         for k in range(most + 1):
-            some = cut if k <= least else cut.take(np.flatnonzero((rows >= k)[cut.move]))
+            layer_pieces = pieces if k <= least else pieces.take(np.flatnonzero((rows >= k)[pieces.move]))
             step = np.where(rows > 0, k / np.maximum(rows, 1) - 0.5, 0.0) * spread
-            cell = self.cells(some.beside(sideways * step[:, None]))
-            np.maximum.at(self._top, cell, some.z.astype(np.float32))
+            cell = self.cells(layer_pieces.shift(sideways * step[:, None]))
+            np.maximum.at(self._top, cell, layer_pieces.z.astype(np.float32))
             self._removable[cell] = removable
         self._top[self._outside], self._removable[self._outside] = 0.0, False
-        self.highest = max(self.highest, float(cut.z.max()))
+        self.highest = max(self.highest, float(pieces.z.max()))
 
-    def plate(self, most: int = 1600) -> PlateHeights:
-        """Return the heights on the plate, in at most `most` cells per side."""
+    def plate_heights(self, max_cells: int = 1600) -> PlateHeights:
+        """Return the heights of the printed area, merged to at most `max_cells` cells per side."""
         top = self._top[: self._outside].reshape(self._deep, self._wide)
         rows, columns = (np.flatnonzero((top > 0).any(axis=axis)) for axis in (1, 0))
         if not len(rows):
             return PlateHeights(np.zeros((0, 0)), self._left, self._front, CELL)
         first, last, left, right = rows[0], rows[-1] + 1, columns[0], columns[-1] + 1
-        by = int(max(np.ceil(max(last - first, right - left) / most), 1))
-        some = top[first:last, left:right]
-        some = np.pad(some, ((0, -some.shape[0] % by), (0, -some.shape[1] % by)))
-        coarse = some.reshape(some.shape[0] // by, by, some.shape[1] // by, by).max(axis=(1, 3))
+        factor = int(max(np.ceil(max(last - first, right - left) / max_cells), 1))
+        used = top[first:last, left:right]
+        used = np.pad(used, ((0, -used.shape[0] % factor), (0, -used.shape[1] % factor)))
+        coarse = used.reshape(used.shape[0] // factor, factor, used.shape[1] // factor, factor).max(
+            axis=(1, 3)
+        )
         return PlateHeights(
-            coarse.astype(np.float64), self._left + left * CELL, self._front + first * CELL, by * CELL
+            coarse.astype(np.float64), self._left + left * CELL, self._front + first * CELL, factor * CELL
         )
 
-    def connected(self, cell: Int, seeds: Bool, reach: float) -> Bool:
-        """Return a mask (P,) of pieces within `reach` mm of a seed, along cells with pieces."""
+    def find_connected(self, cell: Int, seeds: Bool, reach: float) -> Bool:
+        """Return a mask (P,) of pieces within `reach` mm of a seed piece, measured along cells with pieces."""
         rows, columns = np.divmod(cell, self._wide)
         top, left = rows.min() - 3, columns.min() - 3
         shape = (int(rows.max() - top) + 4, int(columns.max() - left) + 4)
         place = (rows - top) * shape[1] + columns - left
-        held = np.zeros(shape[0] * shape[1], np.bool_)
-        held[place] = True
-        # Beads lie a few cells apart: between them is plastic, too.
-        held = _grown(held.reshape(shape), 1)
+        filled = np.zeros(shape[0] * shape[1], np.bool_)
+        filled[place] = True
+        # Neighbouring extrusions are a few cells apart; the cells between them count as filled.
+        filled = _grow_mask(filled.reshape(shape), 1)
         reached = np.zeros(shape, np.bool_)
         reached.reshape(-1)[place[seeds]] = True
         for _ in range(round(reach / CELL)):
-            grown = _grown(reached, 1) & held
+            grown = _grow_mask(reached, 1) & filled
             if (grown == reached).all():
                 break
             reached = grown
         return np.asarray(reached.reshape(-1)[place])
 
-    def _reaches(self, cell: Int, lowest: Float, spare: float) -> Bool:
-        """Return whether (P,) the print in a cell reaches up to `lowest`."""
-        return np.asarray(self._top[cell] + spare * self._removable[cell] >= lowest - 1e-4)
+    def _reaches_up_to(self, cell: Int, lowest: Float, support_gap: float) -> Bool:
+        """Return a mask (P,) of cells in which the print reaches up to `lowest`, mm."""
+        return np.asarray(self._top[cell] + support_gap * self._removable[cell] >= lowest - 1e-4)
 
 
-def _grown(field: Bool, by: int) -> Bool:
-    """Return a mask grown by one cell to all sides."""
-    for _ in range(by):
-        field = field.copy()
-        field[1:] |= field[:-1]
-        field[:-1] |= field[1:]
-        field[:, 1:] |= field[:, :-1]
-        field[:, :-1] |= field[:, 1:]
-    return field
+def _grow_mask(mask: Bool, cells: int) -> Bool:
+    """Return a mask grown by a number of cells to all sides."""
+    for _ in range(cells):
+        mask = mask.copy()
+        mask[1:] |= mask[:-1]
+        mask[:-1] |= mask[1:]
+        mask[:, 1:] |= mask[:, :-1]
+        mask[:, :-1] |= mask[:, 1:]
+    return mask
 
 
 COMMAND, START, END, FED = 0, slice(1, 4), slice(4, 7), 7
-"""Columns of the rows that a printer keeps of its moves: see `sim.move_log`."""
+"""Columns of the rows of moves that a simulated printer records, see `sim.move_log`."""
 
-NOTHING: Final = 1e-9
-"""mm³ or mm: less is rounding."""
+NEGLIGIBLE: Final = 1e-9
+"""mm³ or mm; smaller values are rounding errors."""
 
-_COLUMNS: Final = ("command", "start", "end", "volume", "flat", "extrudes", "role")
-_FLATTEST: Final = 3.0  # times as thick as its bead is the thread of the flattest: six times as wide as high
-_LEVEL: Final = 0.02  # mm: what lies so near in z is looked at together
+_COLUMNS: Final = ("command", "start", "end", "volume", "xy_length", "extrudes", "role")
+_MAX_FLATTENING: Final = 3.0  # diameter of the strand divided by the height of the flattest extrusion
+_SAME_HEIGHT: Final = 0.02  # mm; heights that differ by less are checked together
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LevelMoves:
-    """Moves of one height, and which of them extrude.
+    """Moves at one height, with a mask of those that extrude.
 
     Attributes:
         command: (n,) command of each move, counted from 1.
@@ -262,38 +266,42 @@ class LevelMoves:
     start: Float
     end: Float
     volume: Float
-    flat: Float
+    xy_length: Float
     extrudes: Bool
     role: Int
 
     @property
-    def thread(self) -> Float:
-        """(n,) mm, diameter of the extruded strand before it is pressed flat."""
-        return np.asarray(2.0 * np.sqrt(self.volume / np.maximum(self.flat, NOTHING) / pi))
+    def strand_diameter(self) -> Float:
+        """Diameter (n,) of the extruded strand before it is pressed flat, mm."""
+        return np.asarray(2.0 * np.sqrt(self.volume / np.maximum(self.xy_length, NEGLIGIBLE) / pi))
 
     @property
     def sideways(self) -> Float:
-        """(n, 2) unit vector perpendicular to each move."""
-        way = (self.end - self.start)[:, :2] / np.maximum(self.flat, NOTHING)[:, None]
+        """Unit vector (n, 2) perpendicular to each move."""
+        way = (self.end - self.start)[:, :2] / np.maximum(self.xy_length, NEGLIGIBLE)[:, None]
         return np.stack([-way[:, 1], way[:, 0]], axis=1)
 
-    def width(self, room: Float) -> Float:
-        """Return the spacing (n,) of extrusions side by side of this width, mm.
+    def width(self, clearance: Float) -> Float:
+        """Return the width (n,) of each extrusion as the spacing of neighbours, mm.
 
         Args:
-            room: mm, how far down plastic or bed are under some places of them.
+            clearance: (m,) mm, distance down to the print or the bed at some points of the extrusions.
         """
-        free = room[room > _LEVEL]
-        height = median(free) if len(free) else 0.0
-        thread = np.maximum(self.thread, NOTHING)
-        return np.asarray(thread**2 * (pi / 4) / np.clip(height, thread / _FLATTEST, thread))
+        open_clearance = clearance[clearance > _SAME_HEIGHT]
+        height = median(open_clearance) if len(open_clearance) else 0.0
+        strand_diameter = np.maximum(self.strand_diameter, NEGLIGIBLE)
+        return np.asarray(
+            strand_diameter**2
+            * (pi / 4)
+            / np.clip(height, strand_diameter / _MAX_FLATTENING, strand_diameter)
+        )
 
-    def between(self, first: int, last: int) -> LevelMoves:
-        """Return the moves from `first` up to `last`, exclusive."""
+    def select_range(self, first: int, last: int) -> LevelMoves:
+        """Return the moves from index `first` up to `last`, exclusive."""
         return LevelMoves(*(getattr(self, name)[first:last] for name in _COLUMNS))
 
     @classmethod
-    def joined(cls, parts: Sequence[LevelMoves]) -> LevelMoves:
+    def concatenate(cls, parts: Sequence[LevelMoves]) -> LevelMoves:
         """Concatenate consecutive moves."""
         return LevelMoves(*(np.concatenate([getattr(part, name) for part in parts]) for name in _COLUMNS))
 
@@ -304,7 +312,7 @@ class MoveBatch(LevelMoves):
 
     Attributes:
         fed: (n,) mm of filament fed.
-        seconds: (n,) that each takes.
+        seconds: (n,) s, duration of each move.
         flow: (n,) mm³/s.
     """
 
@@ -313,36 +321,45 @@ class MoveBatch(LevelMoves):
     flow: Float
 
     @classmethod
-    def of(cls, rows: Float, seconds: Float, fresh: Float, marks: Marks) -> MoveBatch:
-        """Make a batch from rows of executed moves."""
+    def from_rows(cls, rows: Float, seconds: Float, new_volume: Float, marks: Marks) -> MoveBatch:
+        """Make a batch from rows of executed moves, see `sim.move_log`."""
         command = rows[:, COMMAND].astype(np.int64)
         start, end = rows[:, START], rows[:, END]
-        flat = np.hypot(*(end - start)[:, :2].T)
-        extrudes = (fresh > NOTHING) & (flat > NOTHING)
+        xy_length = np.hypot(*(end - start)[:, :2].T)
+        extrudes = (new_volume > NEGLIGIBLE) & (xy_length > NEGLIGIBLE)
         flow = np.zeros(len(rows))
-        flow[extrudes] = volumetric_flow(fresh[extrudes], seconds[extrudes])
+        flow[extrudes] = volumetric_flow(new_volume[extrudes], seconds[extrudes])
         return cls(
-            command, start, end, fresh, flat, extrudes, marks.role(command), rows[:, FED], seconds, flow
+            command,
+            start,
+            end,
+            new_volume,
+            xy_length,
+            extrudes,
+            marks.role(command),
+            rows[:, FED],
+            seconds,
+            flow,
         )
 
     @property
-    def empty(self) -> Bool:
-        """(n,) whether filament is fed but nothing is extruded."""
-        return (self.fed > NOTHING) & ~self.extrudes
+    def feeds_in_vain(self) -> Bool:
+        """Mask (n,) of moves that feed filament but extrude nothing."""
+        return (self.fed > NEGLIGIBLE) & ~self.extrudes
 
-    def defect_at(self, kind: str, at: int, numbers: Int, amount: float) -> Defect:
-        """Return the defect at the end of a move."""
-        x, y, z = self.end[at].tolist()
-        return Defect(kind, int(self.command[at]), int(numbers[at]), z, x, y, amount)
+    def make_defect(self, kind: str, index: int, layers: Int, amount: float) -> Defect:
+        """Return a defect of this kind at the end of a move."""
+        x, y, z = self.end[index].tolist()
+        return Defect(kind, int(self.command[index]), int(layers[index]), z, x, y, amount)
 
 
-def runs_of(at: Int, z: Float, before: float) -> tuple[list[int], list[float]]:
-    """Return where the extrusion height changes, and the new heights."""
+def find_height_changes(indices: Int, z: Float, previous: float) -> tuple[list[int], list[float]]:
+    """Return the indices at which the extrusion height changes from the previous one, and the new heights."""
     firsts, heights = [], []
     changes = np.flatnonzero(np.diff(z, prepend=np.nan) != 0)
-    for place, height in zip(at[changes].tolist(), z[changes].tolist(), strict=True):
-        if not abs(height - before) <= _LEVEL:
-            firsts.append(place)
+    for index, height in zip(indices[changes].tolist(), z[changes].tolist(), strict=True):
+        if not abs(height - previous) <= _SAME_HEIGHT:
+            firsts.append(index)
             heights.append(height)
-            before = height
+            previous = height
     return firsts, heights

@@ -41,13 +41,13 @@ class Purpose(IntEnum):
 
 
 NOT_PART: Final = (Purpose.SUPPORT_MATERIAL, Purpose.SKIRT, Purpose.CUSTOM)
-"""Extrusions that are not of the part."""
+"""Purposes of extrusions that do not belong to the part."""
 
 _LABELS: Final = {Purpose.BRIDGE: "Bridge infill", Purpose.SKIRT: "Skirt/Brim"}
 
 # Role names of slicers, in lower case with spaces; the first entry that a name starts with applies.
 # PrusaSlicer and SuperSlicer; OrcaSlicer and Bambu Studio; CuraEngine.
-_NAMES: Final = (
+_ROLE_NAMES: Final = (
     ("external perimeter", Purpose.EXTERNAL_PERIMETER),
     ("outer wall", Purpose.EXTERNAL_PERIMETER),
     ("wall outer", Purpose.EXTERNAL_PERIMETER),
@@ -78,20 +78,20 @@ _NAMES: Final = (
 
 
 def purpose_of(name: str) -> Purpose:
-    """Return the purpose for a slicer's role name."""
+    """Return the purpose that a role name of any slicer stands for."""
     plain = re.sub(r"[\W_]+", " ", name.lower()).strip()
-    return next((purpose for begin, purpose in _NAMES if plain.startswith(begin)), Purpose.UNKNOWN)
+    return next((purpose for begin, purpose in _ROLE_NAMES if plain.startswith(begin)), Purpose.UNKNOWN)
 
 
-_OF_ROLE: Final = np.array([purpose_of(row.type_comment) for row in ROLES], np.int64)
+_PURPOSE_BY_ROLE: Final = np.array([purpose_of(row.type_comment) for row in ROLES], np.int64)
 
 
 def purposes_of_roles(roles: Int) -> Int:
-    """Return the `Purpose` (n,) of each `Role`."""
-    return np.asarray(_OF_ROLE[roles])
+    """Return the `Purpose` of each `Role`, (n,)."""
+    return np.asarray(_PURPOSE_BY_ROLE[roles])
 
 
-_OTHER_TOOL: Final = re.compile(rb"^[ \t]*(?:N\d+[ \t]*)?[Tt]0*[1-9]", re.MULTILINE)
+_SELECTS_OTHER_TOOL: Final = re.compile(rb"^[ \t]*(?:N\d+[ \t]*)?[Tt]0*[1-9]", re.MULTILINE)
 
 
 class Defect(NamedTuple):
@@ -101,9 +101,9 @@ class Defect(NamedTuple):
         kind: "unsupported", "crash", "bed" or "flow".
         command: the command that caused it, counted from 1.
         layer: see `Marks.layer`.
-        z, x, y: mm, where.
-        amount: mm in the air, mm of collision, mm above the bed, or mm³/s.
-        depth: mm, of a crash.
+        z, x, y: mm, its position.
+        amount: unsupported length or length of the collision, mm; height above the bed, mm; or flow, mm³/s.
+        depth: mm, depth of a collision.
     """
 
     kind: str
@@ -118,7 +118,7 @@ class Defect(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Marks:
-    """Layers, roles and tools by command, counted from 1, from the comments of a job.
+    """Layers, roles and tools of the commands of a job, from its comments; commands are counted from 1.
 
     Attributes:
         layers: (M,) commands at which a layer begins, ascending; empty if no comment names layers.
@@ -140,11 +140,11 @@ class Marks:
 
     @property
     def has_roles(self) -> bool:
-        """Whether comments name roles at all."""
+        """Whether any comment names a role."""
         return len(self.roles) > 0
 
     def role(self, command: Int) -> Int:
-        """Return the index (n,) of the role of each command."""
+        """Return the index into `labels` (n,) of the role of each command."""
         at = np.searchsorted(self.roles, command, side="right")
         return np.append(0, self.names)[at]
 
@@ -174,7 +174,7 @@ def marks_of(
     if roles and first:
         # Extrusion before the first layer is priming.
         roles = {0: Purpose.CUSTOM} | {command: kind for command, kind in roles.items() if command >= first}
-    changes, tools = _tools_of(commands, text)
+    changes, tools = _find_tool_changes(commands, text)
     return Marks(
         layers=layers,
         roles=np.array(list(roles), np.int64) + 1,
@@ -186,9 +186,9 @@ def marks_of(
     )
 
 
-def _tools_of(commands: Sequence[bytes], text: bytes) -> tuple[Int, Int]:
-    """Return the commands, counted from 1, that select a tool, and the tools; empty if only tool 0 is used."""
-    if not _OTHER_TOOL.search(text):
+def _find_tool_changes(commands: Sequence[bytes], text: bytes) -> tuple[Int, Int]:
+    """Return the commands that select a tool, counted from 1, and the tools; empty if only tool 0 is used."""
+    if not _SELECTS_OTHER_TOOL.search(text):
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
     found = [
         (at, int(word[1:]))

@@ -15,7 +15,7 @@ __all__ = ["Deposition", "LayerDeposition", "MissingExtrusion"]
 
 @dataclass(slots=True)
 class LayerDeposition:
-    """Times, volumes and lengths of a layer.
+    """Times, volumes and lengths of the moves of a layer.
 
     Attributes:
         number: see `Marks.layer`.
@@ -25,10 +25,10 @@ class LayerDeposition:
         volume: mm³ extruded while moving.
         peak_flow: highest flow, mm³/s.
         length: mm of extrusion.
-        empty: mm on which filament was fed but none came out, because it was still retracted.
-        back: mm travelled while filament was retracted.
-        wrong: the first command of what is `empty`; None without any.
-        middle, thick: mm², cross-sections of beads that half of the length at height z exceeds, and a twentieth.
+        empty_length: mm moved while filament was fed but did not come out, because it was still retracted.
+        retracted_length: mm moved while filament was retracted.
+        first_empty: the first command that feeds filament without extruding; None if there is none.
+        median_section, thick_section: mm², cross-sections that half and a twentieth of the length at height z exceed.
     """
 
     number: int
@@ -38,11 +38,11 @@ class LayerDeposition:
     volume: float = 0.0
     peak_flow: float = 0.0
     length: float = 0.0
-    empty: float = 0.0
-    back: float = 0.0
-    wrong: int | None = None
-    middle: float = 0.0
-    thick: float = 0.0
+    empty_length: float = 0.0
+    retracted_length: float = 0.0
+    first_empty: int | None = None
+    median_section: float = 0.0
+    thick_section: float = 0.0
     _longest: float = 0.0
 
 
@@ -51,38 +51,38 @@ class MissingExtrusion(NamedTuple):
 
     Attributes:
         command, last: the first and the last command.
-        shows: the command that proves it; 0 before that.
-        length: mm travelled in x and y.
+        proven_at: the command at which it became certain; 0 before that.
+        length: mm moved in x and y.
         low, high: mm, range of heights.
-        pushed, back: mm of the length on which filament is fed in vain, and retracted.
-        wrong: the first command that feeds filament in vain; 0 if there is none.
+        empty_length, retracted_length: mm of the length on which filament is fed in vain, or retracted.
+        first_empty: the first command that feeds filament in vain; 0 if there is none.
     """
 
     command: int
     last: int
-    shows: int
+    proven_at: int
     length: float
     low: float
     high: float
-    pushed: float = 0.0
-    back: float = 0.0
-    wrong: int = 0
+    empty_length: float = 0.0
+    retracted_length: float = 0.0
+    first_empty: int = 0
 
 
 @dataclass(frozen=True, slots=True)
 class Deposition:
-    """The extrusion of a whole print. Times in s.
+    """The recorded extrusion of a whole print; times in s.
 
     Attributes:
         layers: in the order in which they were started.
         by_role: extrusion time by role name.
-        travel, extruder: time of travel moves, and of moves of the extruder alone.
+        travel, extruder: time of travel moves, and of moves of only the extruder.
         volume: mm³ extruded while moving.
         standing: mm³ extruded while standing.
-        length: mm of beads.
+        length: mm, total length of the extrusions.
         speed: mm/s, median over the extruded length.
         peak: the highest flow, as a defect; None without extrusion.
-        defects: the worst of each kind in each layer, in order.
+        defects: one defect of each kind per layer, in order.
         counts: number of layers with each kind of defect.
         first_extrusion: the first command that extrudes; None if none does.
         first_missing: the first command with filament that did not come out of the nozzle; None if there is none.

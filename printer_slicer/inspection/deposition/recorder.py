@@ -1,6 +1,6 @@
-"""Record the extrusion of a print while it is executed, in memory that does not grow with the job.
+"""Record the extrusion of a print while it is executed; memory does not grow with the job.
 
-Moves come in chunks. Extrusions of one height are checked together, see `defects`.
+Moves arrive in chunks. Extrusions of one height are checked together, see `defects`.
 """
 
 from __future__ import annotations
@@ -10,16 +10,16 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int
-from printer_slicer.inspection.deposition.defects import DEEP, DefectFinder
+from printer_slicer.inspection.deposition.defects import COLLISION_DEPTH, DefectFinder
 from printer_slicer.inspection.deposition.height_map import (
     COMMAND,
     END,
     FED,
-    NOTHING,
+    NEGLIGIBLE,
     START,
     HeightMap,
     MoveBatch,
-    runs_of,
+    find_height_changes,
 )
 from printer_slicer.inspection.deposition.marks import Marks
 from printer_slicer.inspection.deposition.record import Deposition, LayerDeposition
@@ -28,19 +28,19 @@ from printer_slicer.inspection.deposition.underextrusion import MissingExtrusion
 
 __all__ = ["DepositionRecorder"]
 
-_MOST: Final = 65_536  # moves that are kept before they are looked at
-_MOST_LAYERS: Final = 20_000
+_MAX_WAITING: Final = 65_536  # moves that are queued before they are checked
+_MAX_LAYERS: Final = 20_000
 
-_MIDDLE, _THICK = 0.5, 0.05
-_BINS: Final = np.geomspace(1e-3, 1e4, 1400)
-"""mm/s, finely enough for a median."""
+_MEDIAN_SHARE, _THICK_SHARE = 0.5, 0.05
+_SPEED_BINS: Final = np.geomspace(1e-3, 1e4, 1400)
+"""Limits of speed ranges, mm/s, fine enough for a median."""
 
 
 class DepositionRecorder:
     """Records layers, times, volumes and defects of a print.
 
     Args:
-        box: corners of what the nozzle can reach, x and y, mm.
+        box: corners of the area that the nozzle can reach, x and y, mm.
         area: cross-section of the filament, mm².
         max_flow: highest flow of the material, mm³/s.
         marks: layers and roles from the comments.
@@ -56,18 +56,17 @@ class DepositionRecorder:
         self._height_map = HeightMap(*box)
         self._defects = DefectFinder(self._height_map, max_flow, marks)
         self._area, self._marks = area, marks
-        self._reached: dict[
-            int, tuple[float, float]
-        ] = {}  # mm of filament of each tool, and the most that it was
-        self._waiting: list[tuple[Float, Float, Float]] = []
-        self._waits = 0
-        self._z, self._laid, self._low = np.nan, np.nan, False
+        # Filament fed by each tool so far, and its maximum, mm.
+        self._fed_by_tool: dict[int, tuple[float, float]] = {}
+        self._queue: list[tuple[Float, Float, Float]] = []
+        self._n_queued = 0
+        self._batch_z, self._extruded_z, self._is_below = np.nan, np.nan, False
         self._layers: dict[int, LayerDeposition] = {}
         self._heights: dict[float, int] = {}
         self._number = 0
         self._seconds = np.zeros(len(marks.labels))
         self._travel = self._extruder = self._volume = self._standing = 0.0
-        self._speeds = np.zeros(len(_BINS) + 1)
+        self._speeds = np.zeros(len(_SPEED_BINS) + 1)
         self._first_extrusion: int | None = None
         self._first_missing: int | None = None
         self._missing_extrusion = MissingExtrusionFinder()
@@ -78,46 +77,49 @@ class DepositionRecorder:
 
         Args:
             rows: (n, 9) rows of `sim.move_log`.
-            seconds: (n,) s, duration of each.
+            seconds: (n,) s, duration of each move.
             kept_back: share of the fed filament that does not come out of the nozzle.
         """
         self._timeline.feed(rows, seconds)
-        pushed = self._pushed(rows) * self._area
-        fresh = pushed * (1.0 - kept_back)
-        flat = np.hypot(*(rows[:, END] - rows[:, START])[:, :2].T)
-        extrudes = (fresh > NOTHING) & (flat > NOTHING)
-        self._standing += float(fresh[~extrudes].sum())
+        pushed = self._new_filament(rows) * self._area
+        new_volume = pushed * (1.0 - kept_back)
+        xy_length = np.hypot(*(rows[:, END] - rows[:, START])[:, :2].T)
+        extrudes = (new_volume > NEGLIGIBLE) & (xy_length > NEGLIGIBLE)
+        self._standing += float(new_volume[~extrudes].sum())
         if self._first_extrusion is None and extrudes.any():
             self._first_extrusion = int(rows[extrudes.argmax(), COMMAND])
-        if self._first_missing is None and kept_back and (pushed > NOTHING).any():
-            self._first_missing = int(rows[(pushed > NOTHING).argmax(), COMMAND])
+        if self._first_missing is None and kept_back and (pushed > NEGLIGIBLE).any():
+            self._first_missing = int(rows[(pushed > NEGLIGIBLE).argmax(), COMMAND])
         if kept_back:
             rows = rows.copy()
             rows[:, FED] *= 1.0 - kept_back
         self._missing_extrusion.feed(rows, extrudes)
-        self._share_out(rows, seconds, (fresh, extrudes))
+        self._split_by_height(rows, seconds, (new_volume, extrudes))
 
-    def _share_out(self, rows: Float, seconds: Float, laid: tuple[Float, Bool]) -> None:
-        """Split moves into batches of one height, with their volumes, mm³, and whether they extrude."""
-        fresh, extrudes = laid
+    def _split_by_height(self, rows: Float, seconds: Float, volumes: tuple[Float, Bool]) -> None:
+        """Split moves into batches of one height; `volumes` are new mm³, and a mask of moves that extrude."""
+        new_volume, extrudes = volumes
         z = rows[:, 6]
-        # Cut where something is laid at another height than before, or the nozzle goes under what was laid just now.
+        # Split where extrusion continues at another height, or the nozzle sinks below the last extrusion.
         heights = np.where(extrudes, z, np.nan)
-        low = np.minimum(z, rows[:, 3]) < _latest(heights, self._laid) - DEEP
-        sinks = low & ~np.append(self._low, low[:-1])
-        self._low, self._laid = bool(low[-1]), float(_latest(np.append(heights, 0.0), self._laid)[-1])
-        at = np.flatnonzero(extrudes | sinks)
+        below = np.minimum(z, rows[:, 3]) < _last_known(heights, self._extruded_z) - COLLISION_DEPTH
+        sinks = below & ~np.append(self._is_below, below[:-1])
+        self._is_below, self._extruded_z = (
+            bool(below[-1]),
+            float(_last_known(np.append(heights, 0.0), self._extruded_z)[-1]),
+        )
+        indices = np.flatnonzero(extrudes | sinks)
         begin = 0
-        for first, height in zip(*runs_of(at, z[at], self._z), strict=True):
-            if first > begin or self._waiting:
-                self._wait(rows[begin:first], seconds[begin:first], fresh[begin:first])
-                self._check_waiting()
-            begin, self._z = first, height
-        self._wait(rows[begin:], seconds[begin:], fresh[begin:])
+        for first, height in zip(*find_height_changes(indices, z[indices], self._batch_z), strict=True):
+            if first > begin or self._queue:
+                self._queue_moves(rows[begin:first], seconds[begin:first], new_volume[begin:first])
+                self._check_queue()
+            begin, self._batch_z = first, height
+        self._queue_moves(rows[begin:], seconds[begin:], new_volume[begin:])
 
     def close(self) -> Deposition:
         """Finish, and return the results."""
-        self._check_waiting()
+        self._check_queue()
         names = self._marks.labels
         return Deposition(
             layers=tuple(self._layers.values()),
@@ -127,120 +129,130 @@ class DepositionRecorder:
             volume=self._volume,
             standing=self._standing,
             length=sum(layer.length for layer in self._layers.values()),
-            speed=_median(self._speeds),
+            speed=_median_speed(self._speeds),
             peak=self._defects.peak,
             defects=tuple(self._defects.defects),
             counts=dict(self._defects.counts),
             first_extrusion=self._first_extrusion,
             first_missing=self._first_missing,
             missing_extrusion=self._missing_extrusion.first,
-            plate=self._height_map.plate(),
+            plate=self._height_map.plate_heights(),
             timeline=self._timeline.close(),
         )
 
-    def _pushed(self, rows: Float) -> Float:
-        """Return the (n,) mm of filament that leave the nozzle; each tool has its own filament."""
+    def _new_filament(self, rows: Float) -> Float:
+        """Return the new filament (n,) that each move feeds, mm; each tool has its own filament."""
         if not len(self._marks.tools):
-            return self._fresh(rows[:, FED], 0)
+            return self._new_filament_of_tool(rows[:, FED], 0)
         tool = self._marks.tool(rows[:, COMMAND].astype(np.int64))
         result = np.zeros(len(rows))
         for one in np.unique(tool).tolist():
-            result[tool == one] = self._fresh(rows[tool == one, FED], one)
+            result[tool == one] = self._new_filament_of_tool(rows[tool == one, FED], one)
         return result
 
-    def _fresh(self, fed: Float, tool: int) -> Float:
-        """Return the (n,) mm of filament of one tool that leave the nozzle: feed beyond its maximum so far."""
-        before, reached = self._reached.get(tool, (0.0, 0.0))
+    def _new_filament_of_tool(self, fed: Float, tool: int) -> Float:
+        """Return the filament (n,) of one tool fed beyond its maximum so far, mm; the rest undoes retraction."""
+        before, reached = self._fed_by_tool.get(tool, (0.0, 0.0))
         total = np.round(before + np.cumsum(fed), 7)
         peak = np.maximum.accumulate(np.maximum(total, reached))
         if len(total):
-            self._reached[tool] = float(total[-1]), float(peak[-1])
+            self._fed_by_tool[tool] = float(total[-1]), float(peak[-1])
         return np.asarray(np.diff(peak, prepend=reached))
 
-    def _wait(self, rows: Float, seconds: Float, fresh: Float) -> None:
-        """Keep moves until all moves of their height have come."""
+    def _queue_moves(self, rows: Float, seconds: Float, new_volume: Float) -> None:
+        """Queue moves until all moves of their height have arrived."""
         if len(rows):
-            self._waiting.append((rows, seconds, fresh))
-            self._waits += len(rows)
-            if self._waits > _MOST:
-                self._check_waiting()
+            self._queue.append((rows, seconds, new_volume))
+            self._n_queued += len(rows)
+            if self._n_queued > _MAX_WAITING:
+                self._check_queue()
 
-    def _check_waiting(self) -> None:
-        """Check the moves that were kept."""
-        if not self._waiting:
+    def _check_queue(self) -> None:
+        """Check the queued moves."""
+        if not self._queue:
             return
-        rows, seconds, fresh = (np.concatenate(parts) for parts in zip(*self._waiting, strict=True))
-        self._waiting, self._waits = [], 0
-        batch = MoveBatch.of(rows, seconds, fresh, self._marks)
-        numbers = self._numbers(batch)
-        self._add(batch, numbers)
-        self._defects.check(batch, numbers)
+        rows, seconds, new_volume = (np.concatenate(parts) for parts in zip(*self._queue, strict=True))
+        self._queue, self._n_queued = [], 0
+        batch = MoveBatch.from_rows(rows, seconds, new_volume, self._marks)
+        layer_numbers = self._number_layers(batch)
+        self._add_totals(batch, layer_numbers)
+        self._defects.check(batch, layer_numbers)
 
-    def _numbers(self, batch: MoveBatch) -> Int:
-        """Return the (n,) layer of each move."""
+    def _number_layers(self, batch: MoveBatch) -> Int:
+        """Return the layer number (n,) of each move."""
         if len(self._marks.layers):
             return self._marks.layer(batch.command)
         if not batch.extrudes.any():
             return np.full(len(batch.command), self._number)
         z = round(float(batch.end[batch.extrudes, 2].max()), 3)
-        if len(self._heights) < _MOST_LAYERS:
+        if len(self._heights) < _MAX_LAYERS:
             self._heights.setdefault(z, len(self._heights) + 1)
         self._number = self._heights.get(z, len(self._heights))
         return np.full(len(batch.command), self._number)
 
-    def _add(self, batch: MoveBatch, numbers: Int) -> None:
-        """Add the times and volumes of moves."""
+    def _add_totals(self, batch: MoveBatch, layer_numbers: Int) -> None:
+        """Add the times, volumes and lengths of moves to the totals and to their layers."""
         extrudes = batch.extrudes
         self._seconds += np.bincount(batch.role[extrudes], batch.seconds[extrudes], len(self._seconds))
-        still = batch.flat <= NOTHING
-        upright = np.abs(batch.end[:, 2] - batch.start[:, 2]) > NOTHING
-        alone = still & ~upright
+        stays = batch.xy_length <= NEGLIGIBLE
+        upright = np.abs(batch.end[:, 2] - batch.start[:, 2]) > NEGLIGIBLE
+        alone = stays & ~upright
         self._extruder += float(batch.seconds[alone].sum())
         self._travel += float(batch.seconds[~extrudes & ~alone].sum())
         self._volume += float(batch.volume[extrudes].sum())
-        pace = batch.flat[extrudes] / np.maximum(batch.seconds[extrudes], 1e-9)
-        self._speeds += np.bincount(np.searchsorted(_BINS, pace), batch.flat[extrudes], len(_BINS) + 1)
-        for number in np.unique(numbers).tolist():
-            if number in self._layers or len(self._layers) < _MOST_LAYERS:
-                self._add_to(number, batch, numbers == number)
+        speeds = batch.xy_length[extrudes] / np.maximum(batch.seconds[extrudes], 1e-9)
+        self._speeds += np.bincount(
+            np.searchsorted(_SPEED_BINS, speeds), batch.xy_length[extrudes], len(_SPEED_BINS) + 1
+        )
+        for number in np.unique(layer_numbers).tolist():
+            if number in self._layers or len(self._layers) < _MAX_LAYERS:
+                self._add_to_layer(number, batch, layer_numbers == number)
 
-    def _add_to(self, number: int, batch: MoveBatch, own: Bool) -> None:
-        """Add moves to a layer."""
-        layer = self._layers.setdefault(number, LayerDeposition(number, int(batch.command[own.argmax()])))
-        laid = own & batch.extrudes
-        lengths, volumes = batch.flat[laid], batch.volume[laid]
+    def _add_to_layer(self, number: int, batch: MoveBatch, selected: Bool) -> None:
+        """Add the selected moves (n,) to a layer."""
+        layer = self._layers.setdefault(
+            number, LayerDeposition(number, int(batch.command[selected.argmax()]))
+        )
+        extruding = selected & batch.extrudes
+        lengths, volumes = batch.xy_length[extruding], batch.volume[extruding]
         length = float(lengths.sum())
-        layer.seconds += float(batch.seconds[own].sum())
+        layer.seconds += float(batch.seconds[selected].sum())
         layer.volume += float(volumes.sum())
         layer.length += length
-        layer.peak_flow = max(layer.peak_flow, float(batch.flow[laid].max(initial=0.0)))
-        goes = own & (batch.flat > NOTHING)
-        layer.back += float(batch.flat[goes & (batch.fed < -NOTHING)].sum())
-        empty = goes & batch.empty
-        if empty.any():
-            layer.empty += float(batch.flat[empty].sum())
-            layer.wrong = layer.wrong or int(batch.command[empty.argmax()])
-        if length > layer._longest:  # noqa: SLF001 - a layer is this file's own
-            layer._longest, layer.z = length, float(batch.end[laid, 2].max())  # noqa: SLF001
-            layer.middle, layer.thick = _exceeded(volumes / lengths, lengths, (_MIDDLE, _THICK))
+        layer.peak_flow = max(layer.peak_flow, float(batch.flow[extruding].max(initial=0.0)))
+        moving = selected & (batch.xy_length > NEGLIGIBLE)
+        layer.retracted_length += float(batch.xy_length[moving & (batch.fed < -NEGLIGIBLE)].sum())
+        in_vain = moving & batch.feeds_in_vain
+        if in_vain.any():
+            layer.empty_length += float(batch.xy_length[in_vain].sum())
+            layer.first_empty = layer.first_empty or int(batch.command[in_vain.argmax()])
+        if length > layer._longest:  # noqa: SLF001 - only this module uses it
+            layer._longest, layer.z = length, float(batch.end[extruding, 2].max())  # noqa: SLF001
+            layer.median_section, layer.thick_section = _exceeded_values(
+                volumes / lengths, lengths, (_MEDIAN_SHARE, _THICK_SHARE)
+            )
 
 
-def _exceeded(values: Float, weights: Float, shares: tuple[float, ...]) -> list[float]:
-    """Return the values that are exceeded by the given shares of the total weight."""
+def _exceeded_values(values: Float, weights: Float, shares: tuple[float, ...]) -> list[float]:
+    """Return the values that the given shares of the total weight exceed."""
     order = np.argsort(values)
     total = np.cumsum(weights[order])
     places = np.searchsorted(total, (1.0 - np.array(shares)) * total[-1])
     return list(values[order][np.minimum(places, len(values) - 1)].tolist())
 
 
-def _latest(values: Float, before: float) -> Float:
-    """Replace nan by the last value before it, (n,)."""
+def _last_known(values: Float, before: float) -> Float:
+    """Return the last known value (n,) before each value; nan is unknown."""
     values = np.append(before, values[:-1])
     known = np.maximum.accumulate(np.where(np.isnan(values), 0, np.arange(len(values))))
     return np.asarray(values[known])
 
 
-def _median(bins: Float) -> float:
-    """Return the weighted median; 0 without values."""
+def _median_speed(bins: Float) -> float:
+    """Return the median speed of lengths by speed range, mm/s; 0 if there are none."""
     total = np.cumsum(bins)
-    return float(np.append(_BINS, _BINS[-1])[np.searchsorted(total, total[-1] / 2)]) if total[-1] > 0 else 0.0
+    return (
+        float(np.append(_SPEED_BINS, _SPEED_BINS[-1])[np.searchsorted(total, total[-1] / 2)])
+        if total[-1] > 0
+        else 0.0
+    )

@@ -1,4 +1,4 @@
-"""Find where a print continues without extrusion: the nozzle climbs through layers, or filament is fed in vain."""
+"""Find missing extrusion: the nozzle climbs from layer to layer, or filament is fed, but nothing comes out."""
 
 from __future__ import annotations
 
@@ -7,86 +7,93 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float
-from printer_slicer.inspection.deposition.height_map import COMMAND, END, FED, NOTHING, START
+from printer_slicer.inspection.deposition.height_map import COMMAND, END, FED, NEGLIGIBLE, START
 from printer_slicer.inspection.deposition.record import MissingExtrusion
 
 __all__ = ["MissingExtrusionFinder"]
 
-_STEP: Final = 1.0  # mm; no layer is higher
-_STEPS: Final = 3  # one after the other: what stands between layers or ends a print does not climb like that
-_WORTH: Final = 20.0  # mm that are gone at each height
-_PUSHED: Final = (
-    100.0  # mm gone while filament is pushed, in vain: nobody puts back what was pulled back on such a way
-)
-_MANY: Final = 20  # moves: most travel is shorter
+_MAX_LAYER_HEIGHT: Final = 1.0  # mm
+_MIN_CLIMBS: Final = 3  # consecutive layers; moves between layers or after the print do not climb like this
+_MIN_LENGTH: Final = 20.0  # mm moved at each height
+# mm moved while filament is fed in vain: no retraction is undone over such a distance
+_MAX_IN_VAIN: Final = 100.0
+_MIN_TRAVELS: Final = 20  # consecutive moves; most travel has fewer
 
 
 class MissingExtrusionFinder:
-    """Finds the first stretch without extrusion in batches of moves.
+    """Finds the first range of moves with missing extrusion, batch by batch.
 
     Attributes:
-        first: the first stretch; None if there is none so far.
+        first: the first range; None if there is none so far.
     """
 
     def __init__(self) -> None:
         self.first: MissingExtrusion | None = None
-        self._laid = False
-        self._now: MissingExtrusion | None = None  # what may become one
-        self._steps, self._since = 0, 0.0
+        self._has_extruded = False
+        self._current: MissingExtrusion | None = None  # the range without extrusion that is being followed
+        self._climbs, self._since_climb = 0, 0.0
 
     def feed(self, rows: Float, extrudes: Bool) -> None:
-        """Add moves, as rows of `sim.move_log`, and which of them extrude."""
-        if self.first is not None and (self._now is None or self.first.command != self._now.command):
-            return  # it has ended
+        """Add moves, as rows of `sim.move_log`, with a mask of those that extrude."""
+        if self.first is not None and (self._current is None or self.first.command != self._current.command):
+            return  # the first range has ended
         edges = np.concatenate([[-1], np.flatnonzero(extrudes), [len(rows)]])
-        worth = np.diff(edges) > _MANY
-        worth[[0, -1]] = True  # they may begin earlier, or go on
-        for gap in np.flatnonzero(worth).tolist():
+        is_checked = np.diff(edges) > _MIN_TRAVELS
+        is_checked[[0, -1]] = True  # these may begin in the batch before, or continue in the next
+        for gap in np.flatnonzero(is_checked).tolist():
             if gap:
-                self._laid, self._now, self._steps = True, None, 0
-            if self.first is None or self._now is not None:
-                self._go_on(rows[edges[gap] + 1 : edges[gap + 1]])
+                self._has_extruded, self._current, self._climbs = True, None, 0
+            if self.first is None or self._current is not None:
+                self._extend_range(rows[edges[gap] + 1 : edges[gap + 1]])
 
-    def _go_on(self, rows: Float) -> None:
-        """Add moves that do not extrude."""
+    def _extend_range(self, rows: Float) -> None:
+        """Extend the current range by moves that do not extrude."""
         if not len(rows):
             return
-        flat = np.hypot(*(rows[:, END] - rows[:, START])[:, :2].T)
-        if self._now is None:
+        xy_length = np.hypot(*(rows[:, END] - rows[:, START])[:, :2].T)
+        if self._current is None:
             command, begin = int(rows[0, COMMAND]), float(rows[0, 3])
-            self._now, self._since = MissingExtrusion(command, command, 0, 0.0, begin, begin), 0.0
-        shows, high = self._climbed(rows, np.cumsum(flat))
-        pushes = (rows[:, FED] > NOTHING) & (flat > NOTHING)
-        pushed = self._now.pushed + float(flat[pushes].sum())
-        wrong = self._now.wrong or (int(rows[pushes.argmax(), COMMAND]) if pushes.any() else 0)
-        back = self._now.back + float(flat[rows[:, FED] < -NOTHING].sum())
-        last = int(rows[-1, COMMAND])
-        if not shows and pushed > _PUSHED:
-            shows = last
-        length = self._now.length + float(flat.sum())
-        self._now = self._now._replace(
-            last=last, shows=shows, length=length, high=high, pushed=pushed, back=back, wrong=wrong
+            self._current, self._since_climb = MissingExtrusion(command, command, 0, 0.0, begin, begin), 0.0
+        proven_at, high = self._find_climb(rows, np.cumsum(xy_length))
+        in_vain = (rows[:, FED] > NEGLIGIBLE) & (xy_length > NEGLIGIBLE)
+        empty_length = self._current.empty_length + float(xy_length[in_vain].sum())
+        first_empty = self._current.first_empty or (
+            int(rows[in_vain.argmax(), COMMAND]) if in_vain.any() else 0
         )
-        if shows:
-            self.first = self._now
+        retracted_length = self._current.retracted_length + float(xy_length[rows[:, FED] < -NEGLIGIBLE].sum())
+        last = int(rows[-1, COMMAND])
+        if not proven_at and empty_length > _MAX_IN_VAIN:
+            proven_at = last
+        length = self._current.length + float(xy_length.sum())
+        self._current = self._current._replace(
+            last=last,
+            proven_at=proven_at,
+            length=length,
+            high=high,
+            empty_length=empty_length,
+            retracted_length=retracted_length,
+            first_empty=first_empty,
+        )
+        if proven_at:
+            self.first = self._current
 
-    def _climbed(self, rows: Float, gone: Float) -> tuple[int, float]:
-        """Return the command that proves a climb without extrusion, 0 if none does, and the height reached.
+    def _find_climb(self, rows: Float, moved: Float) -> tuple[int, float]:
+        """Return the command that proves a climb without extrusion, or 0, and the height reached, mm.
 
         Args:
             rows: moves.
-            gone: (n,) mm at the end of each.
+            moved: (n,) mm, distance at the end of each move.
         """
-        assert self._now is not None
-        shows, high = self._now.shows, self._now.high
-        z, before = rows[:, 6], -self._since
+        assert self._current is not None
+        proven_at, high = self._current.proven_at, self._current.high
+        z, before = rows[:, 6], -self._since_climb
         rises = np.flatnonzero(np.diff(np.maximum.accumulate(np.append(high, z))) > 0)
-        for at in rises.tolist():
-            if gone[at] - before < _WORTH or z[at] - high > _STEP:
-                continue  # a hop, or it leaves the part
-            self._steps += 1
-            high, before = float(z[at]), float(gone[at])
-            if self._steps >= _STEPS and self._laid and not shows:
-                shows = int(rows[at, COMMAND])
-        self._since = float(gone[-1]) - before
-        return shows, high
+        for index in rises.tolist():
+            if moved[index] - before < _MIN_LENGTH or z[index] - high > _MAX_LAYER_HEIGHT:
+                continue  # a z hop, or the nozzle leaves the part
+            self._climbs += 1
+            high, before = float(z[index]), float(moved[index])
+            if self._climbs >= _MIN_CLIMBS and self._has_extruded and not proven_at:
+                proven_at = int(rows[index, COMMAND])
+        self._since_climb = float(moved[-1]) - before
+        return proven_at, high

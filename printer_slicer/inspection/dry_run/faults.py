@@ -16,7 +16,7 @@ from printer_slicer.gcode.state import uses_inches
 from printer_slicer.inspection.deposition.marks import Defect
 from printer_slicer.inspection.deposition.record import Deposition
 from printer_slicer.inspection.dry_run.comparison import Comparison
-from printer_slicer.inspection.lint.motion import MELTS
+from printer_slicer.inspection.lint.motion import SHORT_TERM_FLOW
 from printer_slicer.jobs import Job
 from printer_slicer.printer_macros import match_end_macro, match_start_macro
 from printer_slicer.profile import Profile
@@ -216,7 +216,7 @@ def _of_flow(profile: Profile, own: Sequence[Defect]) -> Iterator[tuple[int, Dia
     if not own:
         return
     most = profile.max_flow
-    far = [one for one in own if one.amount > most * MELTS]
+    far = [one for one in own if one.amount > most * SHORT_TERM_FLOW]
     first, worst = (far or own)[0], max(own, key=lambda one: one.amount)
     what = f"flow {first.amount:.1f} mm³/s, {profile.material.name} allows {most:g} mm³/s"
     what += f", {worst.amount:.1f} mm³/s in layer {worst.layer}" if worst.amount > first.amount * 1.05 else ""

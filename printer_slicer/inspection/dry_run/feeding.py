@@ -36,37 +36,45 @@ class ExtrusionFault(NamedTuple):
     Attributes:
         command: index of the command at which it is reported, from 0.
         since: command from which on other faults may follow from it.
-        shows: command at which it became certain; an earlier fault may be its cause.
+        proven_at: command at which it became certain; an earlier fault may be its cause.
         last: the last layer with it.
         fault: the diagnostic.
     """
 
     command: int
     since: int
-    shows: int
+    proven_at: int
     last: int
     fault: Diagnostic
 
 
 def find_misread_e(job: Job, deposition: Deposition) -> Iterator[ExtrusionFault]:
     """Find layers in which absolute E is read as relative, or the other way round."""
-    for run in _runs(deposition.layers, lambda one: one.empty > _LOST * (one.length + one.empty)):
-        pushed = sum(one.length + one.empty for one in run)
-        wrong = next((one.wrong for one in run if one.wrong is not None), 0) - 1
+    for run in _runs(
+        deposition.layers, lambda one: one.empty_length > _LOST * (one.length + one.empty_length)
+    ):
+        pushed = sum(one.length + one.empty_length for one in run)
+        wrong = next((one.first_empty for one in run if one.first_empty is not None), 0) - 1
         if pushed > _ENOUGH and wrong >= 0:
-            back = sum(one.back for one in run)
+            back = sum(one.retracted_length for one in run)
             yield _reversed_e(job, deposition, (run[0].first - 1, wrong), run[-1].number, back / pushed)
             break
     else:
         gap = deposition.missing_extrusion
-        if gap is not None and gap.pushed > _ENOUGH:
-            yield _reversed_e(job, deposition, (gap.wrong - 1, gap.wrong - 1), _ALL, gap.back / gap.pushed)
+        if gap is not None and gap.empty_length > _ENOUGH:
+            yield _reversed_e(
+                job,
+                deposition,
+                (gap.first_empty - 1, gap.first_empty - 1),
+                _ALL,
+                gap.retracted_length / gap.empty_length,
+            )
     for run in _runs(
-        deposition.layers, lambda one: one.number > 0 and one.middle > _FAT and one.length > _ENOUGH
+        deposition.layers, lambda one: one.number > 0 and one.median_section > _FAT and one.length > _ENOUGH
     ):
         first = run[0].first - 1
         mode = _mode(job, b"M83", b"M82", first)
-        what = f"extrusions of {run[0].middle:.3g} mm² cross-section: absolute E values are read as relative"
+        what = f"extrusions of {run[0].median_section:.3g} mm² cross-section: absolute E values are read as relative"
         remedy = "Add M82 at the start, or use relative extrusion" if mode is None else "Use M82 here"
         at = first if mode is None else mode
         yield ExtrusionFault(
@@ -114,7 +122,7 @@ def find_missing_material(job: Job, profile: Profile, deposition: Deposition) ->
             -1, 0, 0, _ALL, Diagnostic("lack", "warning", what, remedy="Check that its moves have E values")
         )
     gap = deposition.missing_extrusion
-    if gap is not None and gap.pushed < _ENOUGH:
+    if gap is not None and gap.empty_length < _ENOUGH:
         what = f"nothing is extruded over the next {gap.length:.0f} mm of moves, up to z {gap.high:.6g} mm"
         fault = Diagnostic(
             "lack",
@@ -124,7 +132,7 @@ def find_missing_material(job: Job, profile: Profile, deposition: Deposition) ->
             z=gap.low,
         )
         begin = gap.command - 1
-        yield ExtrusionFault(begin, begin, gap.shows - 1, layer_of(deposition, gap.last - 1), fault)
+        yield ExtrusionFault(begin, begin, gap.proven_at - 1, layer_of(deposition, gap.last - 1), fault)
     wanted = _wanted(job, profile)
     some = [one for one in deposition.layers if one.number]
     if wanted:
@@ -158,8 +166,8 @@ def find_clog(job: Job, profile: Profile, deposition: Deposition, missing: float
 def _runs(
     layers: Sequence[LayerDeposition], wrong: Callable[[LayerDeposition], bool]
 ) -> Iterator[list[LayerDeposition]]:
-    """Yield runs of consecutive layers for which `wrong` holds."""
-    some = [one for one in layers if one.length + one.empty > 0]
+    """Yield runs of consecutive layers for which `first_empty` holds."""
+    some = [one for one in layers if one.length + one.empty_length > 0]
     for is_wrong, run in groupby(some, wrong):
         if is_wrong:
             yield list(run)
@@ -213,9 +221,9 @@ def _find_short_layers(
 
 def _find_thinning(job: Job, layers: Sequence[LayerDeposition]) -> Iterator[ExtrusionFault]:
     """Find a layer from which on extrusions are suddenly much thinner than before."""
-    some = [one for one in layers if one.thick > 0]
+    some = [one for one in layers if one.thick_section > 0]
     height = np.diff([one.z for one in some], prepend=0.0)
-    section = np.array([one.thick for one in some])
+    section = np.array([one.thick_section for one in some])
     width = np.where(height > 0, section / np.maximum(height, 1e-6), np.inf)
     for k in range(_BEFORE, len(some) - _AFTER + 1):
         if section[k] >= _SUDDEN * section[k - 1]:

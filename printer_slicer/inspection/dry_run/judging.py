@@ -194,7 +194,7 @@ def _with_material(
         find_missing_material(job, profile, deposition),
     ):
         for one in several:
-            if not is_explained(causes, one.fault.code, one.shows, layer_of(deposition, one.command)):
+            if not is_explained(causes, one.fault.code, one.proven_at, layer_of(deposition, one.command)):
                 found.append((one.command, one.fault))
                 causes.append(Cause(one.fault.code, one.since, one.last + 1))
     # Extrusion that is rejected as too long may come from misread E values.

@@ -1,1 +1,1 @@
-"""Rules on the commands of a job: what would harm the machine or its settings, before the first byte is sent."""
+"""Find commands of a job that would harm the machine or its settings, before anything is sent."""

@@ -15,7 +15,7 @@ from printer_slicer.profile import Profile
 
 __all__ = ["HeaterRules"]
 
-_LETTERS: Final = "SR"
+_TARGET_LETTERS: Final = "SR"
 
 _FAHRENHEIT_ZERO: Final = 32.0
 _KELVIN_ZERO: Final = 273.15
@@ -26,34 +26,34 @@ class HeaterRules:
     """Checks the target temperatures of a job.
 
     Attributes:
-        profile: with the maximum temperatures.
-        heated: whether a nozzle temperature was set.
+        profile: the profile with the maximum temperatures.
+        heated: whether the job has set a nozzle temperature.
     """
 
     profile: Profile
     heated: bool = False
     _unit: str = "C"
 
-    def judge(self, command: LintCommand) -> str:
-        """Return what is wrong with the temperature that a command sets; empty if nothing is, or if it sets none."""
+    def check_command(self, command: LintCommand) -> str:
+        """Return a message if a command sets a temperature that is too high or unreadable; otherwise empty."""
         if command.code == "M149":
             self._unit = next((letter for letter in "CFK" if letter in command.words), self._unit)
             return ""
         if command.settings or command.code.startswith(("SET_HEATER", "TEMPERATURE_WAIT")):
-            return self._of_settings(command)
+            return self._check_settings(command)
         heater = heater_of(command.code)
-        if command.code == "G10" and "P" in command.words and set(command.words) & set(_LETTERS):
+        if command.code == "G10" and "P" in command.words and set(command.words) & set(_TARGET_LETTERS):
             heater = "nozzle"
         if heater is None:
             return ""
         self.heated = self.heated or heater == "nozzle"
         if command.is_ambiguous:
             return f"the temperature of the {heater} cannot be read"
-        asked = command.largest_number(_LETTERS)
-        return "" if asked is None else self._over(heater, self._celsius(asked))
+        target = command.largest_number(_TARGET_LETTERS)
+        return "" if target is None else self._check_target(heater, self._to_celsius(target))
 
-    def _of_settings(self, command: LintCommand) -> str:
-        """Check Klipper commands and macros with temperatures, such as START_PRINT EXTRUDER_TEMP=210."""
+    def _check_settings(self, command: LintCommand) -> str:
+        """Check the temperatures of Klipper commands and macros, such as START_PRINT EXTRUDER_TEMP=210."""
         for name, value in command.settings.items():
             if "TEMP" not in name and name not in {"TARGET", "MINIMUM", "EXTRUDER", "HOTEND", "BED"}:
                 continue
@@ -62,19 +62,23 @@ class HeaterRules:
             self.heated = self.heated or heater == "nozzle"
             if command.is_ambiguous:
                 return f"the temperature of the {heater} cannot be read"
-            if wrong := self._over(heater, value):
+            if wrong := self._check_target(heater, value):
                 return wrong
         return ""
 
-    def _celsius(self, value: float) -> float:
+    def _to_celsius(self, value: float) -> float:
+        """Convert a temperature from the unit of the job (M149) to °C."""
         if self._unit == "F":
             return (value - _FAHRENHEIT_ZERO) / 1.8
         return value - _KELVIN_ZERO if self._unit == "K" else value
 
-    def _over(self, heater: HeaterName, asked: float) -> str:
+    def _check_target(self, heater: HeaterName, target: float) -> str:
+        """Return a message if a target temperature is above the maximum; otherwise empty."""
         printer = self.profile.printer
-        # Profiles have no chamber temperature; no chamber gets hotter than a bed may be.
-        most = printer.max_nozzle_temperature if heater == "nozzle" else printer.max_bed_temperature
+        # Profiles have no maximum for the chamber; that of the bed is used.
+        maximum = printer.max_nozzle_temperature if heater == "nozzle" else printer.max_bed_temperature
         return (
-            f"{heater} temperature {asked:g} °C is above the maximum of {most:g} °C" if asked > most else ""
+            f"{heater} temperature {target:g} °C is above the maximum of {maximum:g} °C"
+            if target > maximum
+            else ""
         )

@@ -1,4 +1,4 @@
-"""Check the end points, speeds and flow of the moves of a job, many moves at once.
+"""Check the end points, speeds and flow of the moves of a job, in arrays of moves.
 
 Firmware limits speeds itself. So a feed rate above that of the profile is only a warning, unless it is far above or the
 file raises the limits of the firmware too. Inches, relative modes, offsets (G92), homing, tools, M200 and M220 are
@@ -22,27 +22,26 @@ from printer_slicer.motion.rules import limits_of
 from printer_slicer.motion.vectorized import FLOW_WINDOW, volumetric_flow
 from printer_slicer.profile import Profile
 
-__all__ = ["MELTS", "MoveJudge"]
+__all__ = ["SHORT_TERM_FLOW", "MoveChecker"]
 
-MELTS: Final = 1.5
-"""Factor on `max_flow` that a hotend can deliver for a short time."""
+SHORT_TERM_FLOW: Final = 1.5
+"""Factor on `max_flow` up to which a hotend can deliver for a short time."""
 
-_BESIDE: Final = 5.0  # mm outside the bed that printers reach, to prime and to wipe
-_AWAY: Final = (
-    25.0  # mm outside the bed for travel: slicers park there, and the firmware stops the move at the edge
-)
-_OVER: Final = 10.0  # mm above the printable height, where slicers lift the nozzle at the end
-_ROUNDED: Final = 0.011  # mm
-_FAST: Final = 2.0  # a feed rate above this multiple of the speed in the profile is an error
-_RAISED: Final = 3.0  # the same for z and extruder, whose limits slicers often do not know
+_EXTRUSION_MARGIN: Final = 5.0  # mm outside the bed that printers reach, for priming and wiping
+# mm outside the bed for travel: slicers park there, and the firmware stops the move at the edge
+_TRAVEL_MARGIN: Final = 25.0
+_MARGIN_ABOVE: Final = 10.0  # mm above the printable height, where slicers lift the nozzle at the end
+_ROUNDING: Final = 0.011  # mm
+_MAX_SPEED_RATIO: Final = 2.0  # a feed rate above this multiple of the speed in the profile is an error
+_MAX_SPEED_RATIO_ZE: Final = 3.0  # the same for z and extruder, whose limits slicers often do not know
 
 
-class MoveJudge:
+class MoveChecker:
     """Checks the moves of a job, batch by batch.
 
     Args:
-        profile: of the machine and its material.
-        factors: of flow (M221): from which command on, ratio; ascending.
+        profile: profile of the machine and its material.
+        factors: flow factors (M221): (command from which it applies, ratio), ascending.
         tracker: finds unsupported extrusion; None if the moves are not a complete print.
     """
 
@@ -53,196 +52,209 @@ class MoveJudge:
         tracker: UnsupportedTracker | None = None,
     ) -> None:
         self._profile, self._tracker = profile, tracker
-        self._factor_from = np.array([index for index, _ in factors], np.int64)
-        self._factor = np.array([1.0, *(ratio for _, ratio in factors)])
-        self._raised = np.array(limits_of(profile.printer).max_speed)
+        self._flow_factor_since = np.array([index for index, _ in factors], np.int64)
+        self._flow_factors = np.array([1.0, *(ratio for _, ratio in factors)])
+        self._speed_limits = np.array(limits_of(profile.printer).max_speed)
         self._fed: dict[int, tuple[float, float]] = {}
-        self._found: dict[tuple[str, str, bool], _Found] = {}
+        self._found: dict[tuple[str, str, bool], _Problem] = {}
 
-    def see(self, moves: Moves) -> None:
+    def check(self, moves: Moves) -> None:
         """Check the next batch of moves."""
-        raised = self._raised_over(moves)
+        speed_limits = self._firmware_speed_limits(moves)
         if not len(moves.speed):
             return
-        speed, part = _speeds(moves)
-        ratio = self._factor[np.searchsorted(self._factor_from, moves.line, side="right")]
-        fresh = self._fresh(moves, moves.delta[:, 3] * ratio)
+        speed, axis_share = _axis_speeds(moves)
+        ratio = self._flow_factors[np.searchsorted(self._flow_factor_since, moves.line, side="right")]
+        new_filament = self._new_filament(moves, moves.delta[:, 3] * ratio)
         if self._tracker is not None:
-            self._tracker.feed(moves.line + 1, moves.end - moves.delta[:, :3], moves.end, fresh)
-        cases = (
-            _box(moves, self._profile),
-            _feed(self._profile, speed, part, raised),
-            _flow(moves, fresh, _least_seconds(moves, speed / raised), self._profile),
+            self._tracker.feed(moves.line + 1, moves.end - moves.delta[:, :3], moves.end, new_filament)
+        results = (
+            _check_box(moves, self._profile),
+            _check_speeds(self._profile, speed, axis_share, speed_limits),
+            _check_flow(moves, new_filament, _min_durations(moves, speed / speed_limits), self._profile),
         )
-        for case in chain(*cases):
-            self._keep(moves, case)
+        for result in chain(*results):
+            self._record(moves, result)
 
     def findings(self, commands: Sequence[bytes]) -> Iterator[Diagnostic]:
-        """Yield one diagnostic for each kind of problem; `commands` are those of the job, for the text."""
-        for (name, what, refused), one in self._found.items():
+        """Yield one diagnostic for each kind of problem; `commands` are all commands of the job."""
+        for (name, message, is_error), one in self._found.items():
             command = commands[one.index].decode("latin-1")
-            severity: Severity = "error" if refused else "warning"
+            severity: Severity = "error" if is_error else "warning"
             yield Diagnostic(
                 name,
                 severity,
-                what.format(one.worst),
-                one.why,
-                times=one.times,
+                message.format(one.worst),
+                one.reason,
+                times=one.count,
                 index=one.index,
                 command=command,
             )
         if self._tracker is not None and (found := self._tracker.close()):
             index = found[0].command - 1
-            command, why = (
+            command, reason = (
                 commands[index].decode("latin-1"),
                 "It will fall down: rotate the part or add supports",
             )
-            yield Diagnostic("unsupported", "error", describe(found), why, index=index, command=command)
+            yield Diagnostic("unsupported", "error", describe(found), reason, index=index, command=command)
 
-    def _keep(self, moves: Moves, case: _Case) -> None:
-        """Record the first of the moves, the number of commands, and the largest amount."""
-        at = np.flatnonzero(case.which)
-        if not len(at):
+    def _record(self, moves: Moves, result: _CheckResult) -> None:
+        """Record the first failing move, the number of failing commands, and the largest amount."""
+        failing = np.flatnonzero(result.fails)
+        if not len(failing):
             return
-        worst = float(case.size[at[np.argmax(np.abs(case.size[at]))]])
-        times = len(np.unique(moves.line[at]))
-        key = case.name, case.what, case.refused
+        worst = float(result.amount[failing[np.argmax(np.abs(result.amount[failing]))]])
+        count = len(np.unique(moves.line[failing]))
+        key = result.name, result.message, result.is_error
         old = self._found.get(key)
         if old is None:
-            self._found[key] = _Found(int(moves.line[at[0]]), times, worst, case.why)
+            self._found[key] = _Problem(int(moves.line[failing[0]]), count, worst, result.reason)
         else:
-            old.times += times
+            old.count += count
             old.worst = max(old.worst, worst, key=abs)
 
-    def _raised_over(self, moves: Moves) -> Float:
-        """Return the speed limits (4, K) of the firmware: those of the profile until the file sets others."""
-        raised = np.repeat(self._raised[:, None], len(moves.speed), axis=1)
+    def _firmware_speed_limits(self, moves: Moves) -> Float:
+        """Return the speed limits (4, K) of the firmware, which the file may change; first those of the profile."""
+        speed_limits = np.repeat(self._speed_limits[:, None], len(moves.speed), axis=1)
         for first, kind, values in moves.changes:
             for axis, letter in enumerate("XYZE" if kind == "M203" else ""):
                 if letter in values:
-                    raised[axis, first:] = self._raised[axis] = values[letter]
-        return raised
+                    speed_limits[axis, first:] = self._speed_limits[axis] = values[letter]
+        return speed_limits
 
-    def _fresh(self, moves: Moves, fed: Float) -> Float:
-        """Return the new filament (K,) that leaves the nozzle, mm, without filament that returns after a retraction."""
-        fresh = np.zeros(len(fed))
+    def _new_filament(self, moves: Moves, fed: Float) -> Float:
+        """Return the filament (K,) that leaves the nozzle, mm; filament fed back after a retraction does not count."""
+        new_filament = np.zeros(len(fed))
         for tool in np.unique(moves.tool).tolist():
             before, highest = self._fed.get(tool, (0.0, 0.0))
             own = moves.tool == tool
             total = before + np.cumsum(fed[own])
             peak = np.maximum.accumulate(np.maximum(total, highest))
-            fresh[own] = np.diff(peak, prepend=highest)
+            new_filament[own] = np.diff(peak, prepend=highest)
             self._fed[tool] = float(total[-1]), float(peak[-1])
-        return fresh
+        return new_filament
 
 
 @dataclass(slots=True)
-class _Found:
-    """One kind of problem: its first command, the number of commands with it, the largest amount."""
+class _Problem:
+    """A kind of problem: index of its first command, number of its commands, largest amount, and reason."""
 
     index: int
-    times: int
+    count: int
     worst: float
-    why: str
+    reason: str
 
 
-class _Case(NamedTuple):
-    """One check: which moves (K,) fail it, by how much (K,) for the braces in `what`, and why it matters."""
+class _CheckResult(NamedTuple):
+    """Result of one check: mask of failing moves (K,), amounts (K,) for the braces in `message`, and the reason."""
 
     name: str
-    which: Bool
-    size: Float
-    what: str
-    why: str
-    refused: bool
+    fails: Bool
+    amount: Float
+    message: str
+    reason: str
+    is_error: bool
 
 
-def _box(moves: Moves, profile: Profile) -> Iterator[_Case]:
+def _check_box(moves: Moves, profile: Profile) -> Iterator[_CheckResult]:
     """Find moves that end outside the printable area."""
     (left, front), (right, back) = profile.printer.corners
     reach = profile.printer.reach
     low = (left - reach, front - reach, 0.0)
     high = (right + reach, back + reach, profile.printer.bed_z)
-    over = "The axis would hit its end stop"
-    laying = (moves.delta[:, 3] > 0) & (moves.delta[:, :2] != 0).any(axis=1)
-    aside = np.where(laying, _BESIDE, _AWAY)
+    end_stop_reason = "The axis would hit its end stop"
+    extruding = (moves.delta[:, 3] > 0) & (moves.delta[:, :2] != 0).any(axis=1)
+    side_margin = np.where(extruding, _EXTRUSION_MARGIN, _TRAVEL_MARGIN)
     for axis, letter in enumerate("xyz"):
-        at = moves.end[:, axis]
-        goes = moves.delta[:, axis] != 0
-        below, above = low[axis] - at, at - high[axis]
-        spare = (
-            (0.0, 0.0 if profile.printer.firmware.halts_out_of_bounds else _OVER)
+        position = moves.end[:, axis]
+        moves_along = moves.delta[:, axis] != 0
+        below, above = low[axis] - position, position - high[axis]
+        margins = (
+            (0.0, 0.0 if profile.printer.firmware.halts_out_of_bounds else _MARGIN_ABOVE)
             if letter == "z"
-            else (aside, aside)
+            else (side_margin, side_margin)
         )
-        why = "The nozzle would hit the bed" if letter == "z" else over
-        for off, room, bound, reason in (
-            (below, spare[0], low[axis], why),
-            (above, spare[1], high[axis], over),
+        low_reason = "The nozzle would hit the bed" if letter == "z" else end_stop_reason
+        for excess, margin, bound, reason in (
+            (below, margins[0], low[axis], low_reason),
+            (above, margins[1], high[axis], end_stop_reason),
         ):
-            what = f"{letter} is up to {{:.2f}} mm outside the limit of {bound:g} mm"
-            far = goes & (off > room + _ROUNDED)
-            yield _Case("box", far, off, what, reason, refused=True)
-            beside = goes & (off > _ROUNDED) & ~far
-            yield _Case(
+            message = f"{letter} is up to {{:.2f}} mm outside the limit of {bound:g} mm"
+            is_far = moves_along & (excess > margin + _ROUNDING)
+            yield _CheckResult("box", is_far, excess, message, reason, is_error=True)
+            is_near = moves_along & (excess > _ROUNDING) & ~is_far
+            yield _CheckResult(
                 "box",
-                beside,
-                off,
-                what,
+                is_near,
+                excess,
+                message,
                 "Most printers reach this far, some stop at the limit",
-                refused=False,
+                is_error=False,
             )
 
 
-def _speeds(moves: Moves) -> tuple[Float, Float]:
-    """Return the requested speed (4, K) of each axis, mm/s, and each axis's share of the length of the move."""
+def _axis_speeds(moves: Moves) -> tuple[Float, Float]:
+    """Return the requested speed of each axis, mm/s, and the share of each axis in the move's length, (4, K)."""
     x, y, z, e = np.abs(moves.delta.T)
     length = np.sqrt(x * x + y * y + z * z)
     length = np.where(length > 1e-6, length, e)
-    part = np.array([x, y, z, e]) / np.where(length > 0, length, 1.0)
-    return part * moves.speed, part
+    axis_share = np.array([x, y, z, e]) / np.where(length > 0, length, 1.0)
+    return axis_share * moves.speed, axis_share
 
 
-def _feed(profile: Profile, speed: Float, part: Float, raised: Float) -> Iterator[_Case]:
-    """Find speeds above those of the profile."""
-    held = "The firmware limits it"
+def _check_speeds(
+    profile: Profile, speed: Float, axis_share: Float, speed_limits: Float
+) -> Iterator[_CheckResult]:
+    """Find axis speeds above the maximum of the profile."""
+    limited = "The firmware limits it"
     for axis, letter in enumerate("xyze"):
-        most = limits_of(profile.printer).max_speed[axis]
-        wanted = speed[axis]
-        reached = np.minimum(wanted, raised[axis])
+        maximum = limits_of(profile.printer).max_speed[axis]
+        requested = speed[axis]
+        reached = np.minimum(requested, speed_limits[axis])
         if letter in "xy":
-            far = (wanted > most * _FAST) | ((reached > most * 1.001) & (raised[axis] > most * 1.001))
+            far = (requested > maximum * _MAX_SPEED_RATIO) | (
+                (reached > maximum * 1.001) & (speed_limits[axis] > maximum * 1.001)
+            )
         else:
-            far = reached > most * _RAISED
+            far = reached > maximum * _MAX_SPEED_RATIO_ZE
         name = "the extruder" if letter == "e" else letter
-        what = f"{name} moves at {{:.3g}} mm/s, the maximum of the profile is {most:g} mm/s"
-        yield _Case("feed", far, wanted, what, "The motors may lose steps", refused=True)
-        slower = (wanted > most * 1.001) & ~far & (part[axis] > 0)
-        yield _Case("feed", slower, wanted, what, held, refused=False)
+        message = f"{name} moves at {{:.3g}} mm/s, the maximum of the profile is {maximum:g} mm/s"
+        yield _CheckResult("feed", far, requested, message, "The motors may lose steps", is_error=True)
+        slower = (requested > maximum * 1.001) & ~far & (axis_share[axis] > 0)
+        yield _CheckResult("feed", slower, requested, message, limited, is_error=False)
 
 
-def _flow(moves: Moves, fresh: Float, seconds: Float, profile: Profile) -> Iterator[_Case]:
-    """Find volumetric flow above the maximum, while moving and while standing still."""
-    volume = fresh * np.pi * profile.material.filament_diameter**2 / 4
-    laid = (moves.delta[:, :2] != 0).any(axis=1) & (volume > 0)
-    standing = ~laid & (volume >= FLOW_WINDOW) & (seconds > 0)
+def _check_flow(
+    moves: Moves, new_filament: Float, seconds: Float, profile: Profile
+) -> Iterator[_CheckResult]:
+    """Find volumetric flow above the maximum of the material, while moving and while standing still."""
+    volume = new_filament * np.pi * profile.material.filament_diameter**2 / 4
+    extruding = (moves.delta[:, :2] != 0).any(axis=1) & (volume > 0)
+    standing = ~extruding & (volume >= FLOW_WINDOW) & (seconds > 0)
     flow = np.zeros(len(volume))
-    flow[laid] = volumetric_flow(volume[laid], seconds[laid])
+    flow[extruding] = volumetric_flow(volume[extruding], seconds[extruding])
     flow[standing] = volume[standing] / seconds[standing]
-    most = profile.max_flow
-    what = f"flow {{:.3g}} mm³/s, {profile.material.name} allows {most:g} mm³/s"
-    far = laid & (flow > most * MELTS)
-    yield _Case(
-        "flow", far, flow, what, "The extruder slips, and too little material comes out", refused=True
+    maximum = profile.max_flow
+    message = f"flow {{:.3g}} mm³/s, {profile.material.name} allows {maximum:g} mm³/s"
+    far = extruding & (flow > maximum * SHORT_TERM_FLOW)
+    yield _CheckResult(
+        "flow", far, flow, message, "The extruder slips, and too little material comes out", is_error=True
     )
-    more = ~far & (flow > most * 1.01)
-    yield _Case("flow", more, flow, what, "The excess is small, or the nozzle only primes", refused=False)
+    more = ~far & (flow > maximum * 1.01)
+    yield _CheckResult(
+        "flow", more, flow, message, "The excess is small, or the nozzle only primes", is_error=False
+    )
 
 
-def _least_seconds(moves: Moves, over: Float) -> Float:
-    """Return the minimum duration (K,) of each move within the axis limits, s; `over` (4, K) is speed by limit."""
-    slow = np.maximum(1.0, over.max(axis=0))
+def _min_durations(moves: Moves, speed_ratio: Float) -> Float:
+    """Return the shortest duration (K,) of each move within the axis limits, s.
+
+    Args:
+        moves: the moves.
+        speed_ratio: (4, K) requested speed of each axis divided by its limit.
+    """
+    slowdown = np.maximum(1.0, speed_ratio.max(axis=0))
     x, y, z, e = np.abs(moves.delta.T)
     length = np.sqrt(x * x + y * y + z * z)
     length = np.where(length > 1e-6, length, e)
-    return np.asarray(length / np.maximum(moves.speed, 1e-9) * slow)
+    return np.asarray(length / np.maximum(moves.speed, 1e-9) * slowdown)

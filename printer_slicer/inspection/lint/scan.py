@@ -19,7 +19,7 @@ from printer_slicer.gcode.lexer import LintCommand, read_commands
 from printer_slicer.inspection.deposition.marks import marks_of
 from printer_slicer.inspection.deposition.unsupported import UnsupportedTracker
 from printer_slicer.inspection.lint.heat import HeaterRules
-from printer_slicer.inspection.lint.motion import MoveJudge
+from printer_slicer.inspection.lint.motion import MoveChecker
 from printer_slicer.inspection.lint.readiness import Readiness
 from printer_slicer.inspection.lint.syntax import lower_case_fault, number_faults
 from printer_slicer.inspection.lint.table import RULES, Rule
@@ -32,14 +32,16 @@ __all__ = ["lint_file", "lint_text", "scan"]
 _RULES: Final[Mapping[str, tuple[Rule, ...]]] = {
     code: tuple(rule for rule in RULES if code in rule.codes) for rule in RULES for code in rule.codes
 }
-_SCRIPTS: Final = frozenset({"IF", "ELIF", "ELSE", "WHILE", "VAR", "GLOBAL", "SET", "ABORT"})
-_FOLLOWED: Final = names_that(Effect.MOVES | Effect.HOMES | Effect.SETS_POSITION | Effect.MODE | Effect.UNITS)
+_SCRIPT_KEYWORDS: Final = frozenset({"IF", "ELIF", "ELSE", "WHILE", "VAR", "GLOBAL", "SET", "ABORT"})
+_STATE_COMMANDS: Final = names_that(
+    Effect.MOVES | Effect.HOMES | Effect.SETS_POSITION | Effect.MODE | Effect.UNITS
+)
 _PLAIN_WORD: Final = r" *[XYZEFIJR] *[-+]?(?:[0-9]++(?:\.[0-9]*+)?|\.[0-9]++)"
-_ORDINARY: Final = re.compile(rf"(?m)^(?!G[0-3](?:{_PLAIN_WORD})++ *$).+$".encode())
+_UNUSUAL_LINE: Final = re.compile(rf"(?m)^(?!G[0-3](?:{_PLAIN_WORD})++ *$).+$".encode())
 """Matches a line that is not a plain move, or has a word that is not a letter and a number."""
 
-_AT_ONCE: Final = 1 << 15
-_Key = tuple[str, Severity, str, str]
+_BLOCK_SIZE: Final = 1 << 15
+_ProblemKey = tuple[str, Severity, str, str]
 
 
 def scan(
@@ -57,7 +59,7 @@ def scan(
         commands: one per entry, without comments, as they are sent.
         profile: the printer and its material, with their limits.
         moves: of the commands, batch by batch; None reads them from the commands.
-        marks: command index -> layer, ascending.
+        marks: command index at which a layer begins -> layer, ascending.
         whole: whether the commands are a complete print, which must home and heat by itself.
         tracker: finds unsupported extrusion; None if the commands are not a complete print.
 
@@ -67,45 +69,45 @@ def scan(
     if moves is None:
         dialect = FLAVOURS[profile.printer.flavour]
         moves = read_moves_in_pieces(commands, profile.printer.corners[0], dialect)
-    found: dict[_Key, Diagnostic] = {}
+    found: dict[_ProblemKey, Diagnostic] = {}
     factors: list[tuple[int, float]] = []
     heat, readiness = HeaterRules(profile), Readiness(profile.printer.flavour)
-    for index, line in _unusual(commands):
+    for index, line in _find_unusual_commands(commands):
         for command in read_commands(line):
-            readiness.follow(index, command)
+            readiness.process_command(index, command)
             if command.code == "M221" and (ratio := command.largest_number("S")):
                 factors.append((index, ratio / 100))
-            for name, severity, what, why in _check_command(command, line, profile, heat):
+            for name, severity, message, reason in _check_command(command, line, profile, heat):
                 shown = line.decode("latin-1")
-                key = (name, severity, what, shown)
+                key = (name, severity, message, shown)
                 old = found.get(key)
                 found[key] = (
                     replace(old, times=old.times + 1)
                     if old
-                    else Diagnostic(name, severity, what, why, index=index, command=shown)
+                    else Diagnostic(name, severity, message, reason, index=index, command=shown)
                 )
-    judge = MoveJudge(profile, factors, tracker)
+    move_checker = MoveChecker(profile, factors, tracker)
     for piece in moves:
-        judge.see(piece)
+        move_checker.check(piece)
         if whole:
-            readiness.watch(piece)
-    everything = [*found.values(), *judge.findings(commands), *readiness.findings(commands)]
-    return _in_order(everything, marks or {})
+            readiness.check_moves(piece)
+    everything = [*found.values(), *move_checker.findings(commands), *readiness.findings(commands)]
+    return _sort_by_command(everything, marks or {})
 
 
-def _unusual(commands: Sequence[bytes]) -> Iterator[tuple[int, bytes]]:
+def _find_unusual_commands(commands: Sequence[bytes]) -> Iterator[tuple[int, bytes]]:
     """Yield the index and text of each command that is not a plain move."""
-    for begin in range(0, len(commands), _AT_ONCE):
-        text = b"\n".join(commands[begin : begin + _AT_ONCE])
+    for begin in range(0, len(commands), _BLOCK_SIZE):
+        text = b"\n".join(commands[begin : begin + _BLOCK_SIZE])
         index, at = begin, 0
-        for found in _ORDINARY.finditer(text):
+        for found in _UNUSUAL_LINE.finditer(text):
             index += text.count(b"\n", at, found.start())
             at = found.start()
             yield index, found.group()
 
 
-def _in_order(findings: Iterable[Diagnostic], marks: Mapping[int, int]) -> tuple[Diagnostic, ...]:
-    """Add layers to diagnostics and sort them by command."""
+def _sort_by_command(findings: Iterable[Diagnostic], marks: Mapping[int, int]) -> tuple[Diagnostic, ...]:
+    """Add the layer to each diagnostic and sort them by command."""
     begins, layers = list(marks), list(marks.values())
     placed = (
         replace(one, layer=layers[at - 1] if (at := bisect_right(begins, one.index)) else 0)
@@ -114,23 +116,25 @@ def _in_order(findings: Iterable[Diagnostic], marks: Mapping[int, int]) -> tuple
     return tuple(sorted(placed, key=lambda one: (one.index, not one.is_error, one.code)))
 
 
-def _check_command(command: LintCommand, line: bytes, profile: Profile, heat: HeaterRules) -> Iterator[_Key]:
-    """Yield code, severity, message and reason of each problem of a command."""
-    if wrong := heat.judge(command):
-        yield "temperature", "error", wrong, "The heater may overheat"
+def _check_command(
+    command: LintCommand, line: bytes, profile: Profile, heat: HeaterRules
+) -> Iterator[_ProblemKey]:
+    """Yield the diagnostic code, severity, message and reason of each problem of a command."""
+    if message := heat.check_command(command):
+        yield "temperature", "error", message, "The heater may overheat"
     for rule in _RULES.get(command.code, ()):
-        result = rule.judge(command, profile.printer)
+        result = rule.check(command, profile.printer)
         if result is not None:
-            refused, what = result
-            yield rule.name, "error" if refused else "warning", what, rule.why
-    if not command.further and (what := lower_case_fault(line, profile.printer.flavour)):
-        yield "unreadable", "error", what, "The firmware ignores unknown commands"
-    for what in number_faults(command, profile.printer.flavour):
-        yield "unreadable", "error", what, "Firmwares interpret it differently"
+            is_error, message = result
+            yield rule.name, "error" if is_error else "warning", message, rule.reason
+    if not command.further and (message := lower_case_fault(line, profile.printer.flavour)):
+        yield "unreadable", "error", message, "The firmware ignores unknown commands"
+    for message in number_faults(command, profile.printer.flavour):
+        yield "unreadable", "error", message, "Firmwares interpret it differently"
     if command.code[:1] == "D" and command.code[1:].lstrip("-").isdigit():
         yield "debug", "error", "is a debug command", "It may read and write memory and pins"
-    scripted = command.code in _SCRIPTS and "_" not in command.code
-    if scripted or (command.code in _FOLLOWED and (command.further or "{" in command.text)):
+    scripted = command.code in _SCRIPT_KEYWORDS and "_" not in command.code
+    if scripted or (command.code in _STATE_COMMANDS and (command.further or "{" in command.text)):
         yield "unreadable", "error", "cannot be interpreted", "Its effect depends on the firmware"
 
 
@@ -161,7 +165,7 @@ def lint_text(
         dialect: of the G-code; None: that of the printer.
 
     Raises:
-        UsageError: it has no commands, or a line that cannot be sent.
+        UsageError: the text has no commands, or a line that cannot be sent.
     """
     printer = profile.printer
     content = sendable(name, text, streamed=streamed)

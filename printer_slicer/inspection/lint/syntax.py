@@ -1,7 +1,7 @@
 """Find words that a firmware cannot read: without a valid number, or in lower case if it needs upper case.
 
-The row of each firmware in `firmware` says what it does with them. Messages, file names, words of several letters and
-commands for the host (`@pause`) may be in lower case everywhere.
+The table of firmwares in `firmware` says how each one reads such words. Messages, file names, words of several letters
+and commands for the host (`@pause`) may be in lower case everywhere.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from printer_slicer.gcode.lexer import LintCommand, parse, split_code, split_lin
 
 __all__ = ["lower_case_fault", "number_faults"]
 
-_ALL: Final = "ABCDEFHIJKLPQRSTUVWXYZ"
-_LETTERS: Final[Mapping[str, str]] = {
-    **dict.fromkeys(names_that(Effect.MOVES) | {"G5"}, _ALL),
+_ALL_LETTERS: Final = "ABCDEFHIJKLPQRSTUVWXYZ"
+_NUMBER_LETTERS: Final[Mapping[str, str]] = {
+    **dict.fromkeys(names_that(Effect.MOVES) | {"G5"}, _ALL_LETTERS),
     "G4": "PS",
     "G92": "XYZE",
     **dict.fromkeys((code.decode() for code, row in TABLE.items() if row.heater), "SR"),
     **dict.fromkeys(("M106", "M200", "M204", "M220", "M221"), "DEPRST"),
-    **dict.fromkeys(("M201", "M202", "M203", "M205", "M207", "M208", "M566", "M572", "M900"), _ALL),
+    **dict.fromkeys(("M201", "M202", "M203", "M205", "M207", "M208", "M566", "M572", "M900"), _ALL_LETTERS),
 }
 """Letters that require a number, by command."""
 
@@ -31,7 +31,7 @@ _FLAGS: Final = frozenset({("M220", "R")})
 """Letters that are valid without a number: Prusa's M220 R restores the saved ratio."""
 
 _WORD: Final = re.compile(r"([A-Z]) *([-+]?(?:NAN|INF(?:INITY)?)(?![A-Z])|[-+.0-9]*)")
-_GOOD: Final = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)")
+_VALID_NUMBER: Final = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)")
 _EXPRESSION: Final = re.compile(r"\{[^}]*\}")
 
 
@@ -42,12 +42,12 @@ def number_faults(command: LintCommand, flavour: str) -> Iterator[str]:
         command: the parsed command.
         flavour: a key of `FLAVOURS`.
     """
-    letters = _LETTERS.get(command.code)
+    letters = _NUMBER_LETTERS.get(command.code)
     if letters is None:
         return
     firmware, reads = FIRMWARES[flavour].title, FLAVOURS[flavour].numbers
     for letter, number in _WORD.findall(_EXPRESSION.sub("0", command.rest)):
-        if letter not in letters or _GOOD.fullmatch(number) or (command.code, letter) in _FLAGS:
+        if letter not in letters or _VALID_NUMBER.fullmatch(number) or (command.code, letter) in _FLAGS:
             continue
         if not number:
             yield f"{letter} has no number: {firmware} {reads.bare}"
@@ -57,31 +57,31 @@ def number_faults(command: LintCommand, flavour: str) -> Iterator[str]:
             yield f"{letter}{number} is not a valid number: {firmware} {reads.malformed}"
 
 
-_TEXT: Final = re.compile(r'"[^"]*"?|\([^)]*\)?|\{[^}]*\}?')
+_QUOTED_TEXT: Final = re.compile(r'"[^"]*"?|\([^)]*\)?|\{[^}]*\}?')
 _LOWER_WORD: Final = re.compile(r"(?<![A-Za-z_])[a-z](?![A-Za-z_])")
 
 
 def lower_case_fault(line: bytes, flavour: str) -> str:
-    """Return what is wrong with lower-case letters of a line, and how to write it; empty if nothing is.
+    """Return a message if the firmware does not read lower-case words of a line; otherwise empty.
 
     Args:
         line: one command, without comment.
-        flavour: of the firmware, a key of `FLAVOURS`.
+        flavour: flavour of the firmware, a key of `FLAVOURS`.
     """
     if FLAVOURS[flavour].any_case or line == line.upper():
         return ""
     head, rest = split_code(split_line_number(line.strip())[1])
     if not head:
         return ""
-    behind = rest.decode("latin-1")
-    free = takes_text(parse(head)[0].decode())
-    if head.isupper() and (free or not _LOWER_WORD.search(_TEXT.sub(" ", behind))):
+    arguments = rest.decode("latin-1")
+    is_free_text = takes_text(parse(head)[0].decode())
+    if head.isupper() and (is_free_text or not _LOWER_WORD.search(_QUOTED_TEXT.sub(" ", arguments))):
         return ""
-    capitals = head.decode().upper() + (behind if free else _in_capitals(behind))
+    capitals = head.decode().upper() + (arguments if is_free_text else _convert_to_upper_case(arguments))
     return f"is in lower case, which {FIRMWARES[flavour].title} does not read: write {capitals}"
 
 
-def _in_capitals(words: str) -> str:
-    """Return the words of a command in upper case, with its quoted texts unchanged."""
-    texts = iter(_TEXT.findall(words))
-    return "".join(part.upper() + next(texts, "") for part in _TEXT.split(words))
+def _convert_to_upper_case(words: str) -> str:
+    """Return the words of a command in upper case; quoted texts and comments in them stay unchanged."""
+    texts = iter(_QUOTED_TEXT.findall(words))
+    return "".join(part.upper() + next(texts, "") for part in _QUOTED_TEXT.split(words))

@@ -2,7 +2,7 @@
 
 Commands that slicers write into every file must pass. Limits up to those of the profile pass silently; slightly higher
 ones cause a warning. Sources: Marlin's documentation (G-code index); Klipper's documents, "G-Codes"; Duet3D's G-code
-dictionary; Prusa-Firmware's list of D codes; what PrusaSlicer's and Cura's definitions of machines hold.
+dictionary; Prusa-Firmware's list of D codes; the machine definitions of PrusaSlicer and Cura.
 """
 
 from __future__ import annotations
@@ -20,78 +20,79 @@ from printer_slicer.profile import Printer
 __all__ = ["RULES", "Rule", "RuleResult"]
 
 RuleResult = tuple[bool, str]
-"""Whether it is an error (else a warning), and what the command does."""
+"""Whether the command is an error instead of a warning, and what it does."""
 
-_Judge = Callable[[LintCommand, Printer], RuleResult | None]
+_RuleCheck = Callable[[LintCommand, Printer], RuleResult | None]
 
-_MINUTE: Final = 60.0
-_FAR: Final = 20.0
+_PER_MINUTE: Final = 60.0
+_MAX_LIMIT_RATIO: Final = 20.0
 """A limit above this multiple of that of the profile is an error. The factor from mm/s to mm/min is 60; slicers write
 up to 18 times too much for printers that they do not know."""
 
 _OF_ONE_FIRMWARE: Final = frozenset({"M566", "SET_VELOCITY_LIMIT"})
 """Commands that only some firmwares know."""
 
-_STEP: Final = 0.5  # mm; a babystep is smaller
-_OPTION: Final = re.compile(r"(?:[AEP]\d *)*")
-_ANSWER: Final = re.compile(
+_MAX_BABYSTEP: Final = 0.5  # mm; a babystep is smaller
+_M118_OPTIONS: Final = re.compile(r"(?:[AEP]\d *)*")
+_LOOKS_LIKE_REPLY: Final = re.compile(
     r"OK\b|RESEND|RS |ERROR|START\b|WAIT\b|!!|FATAL|ECHO: *BUSY|BUSY|FIRMWARE_NAME|CAP:|T\d*:|B:|X:"
 )
-_FLOW: Final = (75.0, 130.0)
+_USUAL_FLOW: Final = (75.0, 130.0)
 """% flow that start G-code of known printers and materials sets."""
 
-_SPEED: Final = (25.0, 200.0)
-_COLDEST: Final = 170.0  # °C; Marlin's own EXTRUDE_MINTEMP
+_USUAL_SPEED: Final = (25.0, 200.0)
+_MIN_EXTRUSION_TEMPERATURE: Final = 170.0  # °C; Marlin's own EXTRUDE_MINTEMP
 
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """A rule about some commands.
+    """A rule for some commands.
 
     Attributes:
         name: diagnostic code.
-        codes: of the commands.
-        judge: returns what a command does; None if it is harmless.
-        why: why it matters.
+        codes: codes of the commands.
+        check: returns what a command does; None if it is harmless.
+        reason: the reason why it matters.
     """
 
     name: str
     codes: frozenset[str]
-    judge: _Judge
-    why: str
+    check: _RuleCheck
+    reason: str
 
 
-def _fixed_rule(what: str, *, warns: bool = False) -> _Judge:
-    return lambda _command, _printer: (not warns, what)
+def _always_report(effect: str, *, is_warning: bool = False) -> _RuleCheck:
+    """Return a check that reports every use of a command."""
+    return lambda _command, _printer: (not is_warning, effect)
 
 
-def _if_any(letters: str, what: str, *, warns: bool = False) -> _Judge:
-    """Return a check that applies only with one of the letters: without them, the command only asks."""
+def _report_if_any(letters: str, effect: str, *, is_warning: bool = False) -> _RuleCheck:
+    """Return a check that reports a command with any of the letters; without them it only queries."""
 
-    def judge(command: LintCommand, _printer: Printer) -> RuleResult | None:
+    def check(command: LintCommand, _printer: Printer) -> RuleResult | None:
         """Check a command for the letters."""
-        return (not warns, what) if set(command.words) & set(letters) else None
+        return (not is_warning, effect) if set(command.words) & set(letters) else None
 
-    return judge
+    return check
 
 
-def _limits(command: LintCommand, printer: Printer) -> RuleResult | None:
-    """Check limits: a warning above those of the profile, an error far above them, or for speeds far below."""
+def _check_limits(command: LintCommand, printer: Printer) -> RuleResult | None:
+    """Check limits: a warning above those of the profile, an error far above them or for speeds far below."""
     worst: tuple[float, str] = (1.0, "")
-    for letter, asked, most in _asked_limits(command, printer):
-        if command.code == "M203" and 0 < asked < most / _FAR:
-            unit = "mm/min" if _unit(command, printer) == _MINUTE else "mm/s"
+    for letter, requested, most in _requested_limits(command, printer):
+        if command.code == "M203" and 0 < requested < most / _MAX_LIMIT_RATIO:
+            unit = "mm/min" if _limit_unit(command, printer) == _PER_MINUTE else "mm/s"
             return (
                 True,
-                f"{letter} {asked:.3g} mm/s, the profile has {most:g} mm/s; the firmware expects {unit}",
+                f"{letter} {requested:.3g} mm/s, the profile has {most:g} mm/s; the firmware expects {unit}",
             )
-        if most > 0 and asked / most > worst[0] * 1.001:
-            worst = (asked / most, f"{letter} {asked:g}, the profile has {most:g}")
-    return (worst[0] > _FAR, worst[1]) if worst[1] else None
+        if most > 0 and requested / most > worst[0] * 1.001:
+            worst = (requested / most, f"{letter} {requested:g}, the profile has {most:g}")
+    return (worst[0] > _MAX_LIMIT_RATIO, worst[1]) if worst[1] else None
 
 
-def _asked_limits(command: LintCommand, printer: Printer) -> list[tuple[str, float, float]]:
-    """Return letter, requested limit and limit of the profile, in mm and s."""
+def _requested_limits(command: LintCommand, printer: Printer) -> list[tuple[str, float, float]]:
+    """Return the letter, the requested limit and the limit of the profile for each limit, in mm and s."""
     axes = "xyze"
     known: dict[str, dict[str, float]] = {
         "M201": {axis: getattr(printer, f"max_acceleration_{axis}") for axis in axes},
@@ -102,14 +103,14 @@ def _asked_limits(command: LintCommand, printer: Printer) -> list[tuple[str, flo
             "t": printer.travel_acceleration,
             "r": printer.retract_acceleration,
         },
-        "M205": _corners(printer),
-        "M566": _corners(printer),
+        "M205": _corner_limits(printer),
+        "M566": _corner_limits(printer),
         "SET_VELOCITY_LIMIT": {
             "accel": printer.acceleration,
             "velocity": max(printer.max_speed_x, printer.max_speed_y),
         },
     }
-    unit = _unit(command, printer)
+    unit = _limit_unit(command, printer)
     if command.code not in known or unit is None:
         return []
     given = {name: max(numbers) for name, numbers in command.words.items() if numbers} | command.settings
@@ -120,10 +121,10 @@ def _asked_limits(command: LintCommand, printer: Printer) -> list[tuple[str, flo
     ]
 
 
-def _unit(command: LintCommand, printer: Printer) -> float | None:
-    """Return the units of the command per mm/s; None if the firmware of the printer does not set limits with it.
+def _limit_unit(command: LintCommand, printer: Printer) -> float | None:
+    """Return the unit of a limit command per mm/s; None if the printer's firmware sets no limits with it.
 
-    A firmware ignores commands of other firmwares; nearly all read those of Marlin.
+    A firmware ignores the limit commands of other firmwares; nearly all of them read those of Marlin.
     """
     reads = printer.firmware.dialect.commands
     if command.code not in reads:
@@ -131,142 +132,161 @@ def _unit(command: LintCommand, printer: Printer) -> float | None:
     meaning = reads[command.code]
     if meaning is None:
         return None
-    return _MINUTE if isinstance(meaning, SetsLimits) and meaning.scale != 1.0 else 1.0
+    return _PER_MINUTE if isinstance(meaning, SetsLimits) and meaning.scale != 1.0 else 1.0
 
 
-def _corners(printer: Printer) -> dict[str, float]:
+def _corner_limits(printer: Printer) -> dict[str, float]:
+    """Return the limits for corners by the letter that sets them."""
     if printer.corner == "jerk":
         return {"x": printer.jerk_xy, "y": printer.jerk_xy, "z": printer.jerk_z, "e": printer.jerk_e}
     return {"j": printer.junction_deviation} if printer.corner == "junction_deviation" else {}
 
 
-def _cold(command: LintCommand, _printer: Printer) -> RuleResult | None:
+def _check_cold_extrusion(command: LintCommand, _printer: Printer) -> RuleResult | None:
+    """Check M302: whether it allows extrusion below the usual minimum temperature."""
     if command.code == "M302" and any(value for value in command.words.get("P", ())):
         return True, "allows cold extrusion"
     least = min((value for letter in "SR" for value in command.words.get(letter, ())), default=None)
-    if least is None or least >= _COLDEST:
+    if least is None or least >= _MIN_EXTRUSION_TEMPERATURE:
         return None
     return True, f"allows extrusion at {least:g} °C"
 
 
-def _flow_ratio(command: LintCommand, _printer: Printer) -> RuleResult | None:
+def _check_flow_ratio(command: LintCommand, _printer: Printer) -> RuleResult | None:
     """Check M221: values common in start G-code cause a warning, others an error."""
-    return _ratio(command, "flow", _FLOW)
+    return _check_percentage(command, "flow", _USUAL_FLOW)
 
 
-def _speed_ratio(command: LintCommand, _printer: Printer) -> RuleResult | None:
+def _check_speed_ratio(command: LintCommand, _printer: Printer) -> RuleResult | None:
     """Check M220: the firmware limits speeds, so only extreme values are errors."""
-    return _ratio(command, "speed", _SPEED)
+    return _check_percentage(command, "speed", _USUAL_SPEED)
 
 
-def _ratio(command: LintCommand, what: str, usual: tuple[float, float]) -> RuleResult | None:
+def _check_percentage(command: LintCommand, quantity: str, usual: tuple[float, float]) -> RuleResult | None:
+    """Check a percentage: other than 100 is a warning, outside the usual range an error."""
     percent = command.largest_number("S")
     if percent is None or percent == 100:
         return None
     low, high = usual
-    return not low <= percent <= high, f"sets the {what} to {percent:g}%"
+    return not low <= percent <= high, f"sets the {quantity} to {percent:g}%"
 
 
-def _off(command: LintCommand, _printer: Printer) -> RuleResult | None:
-    """Check whether a zero switches the endstops off."""
+def _check_endstops(command: LintCommand, _printer: Printer) -> RuleResult | None:
+    """Check whether an argument of 0 switches the endstops off."""
     off = [letter for letter, values in command.words.items() if letter in "SH" and 0 in values]
     return (True, "switches the software endstops off") if off else None
 
 
-def _wait(command: LintCommand, _printer: Printer) -> RuleResult | None:
-    """Check for a wait: with a time it ends by itself, without one a person must continue the print."""
+def _check_wait(command: LintCommand, _printer: Printer) -> RuleResult | None:
+    """Check M0 and M1: with a time the wait ends by itself; without one a person must continue the print."""
     ends = [value for letter in "PS" for value in command.words.get(letter, ()) if value > 0]
     return (False, "waits for a fixed time") if ends else (True, "waits until somebody presses a button")
 
 
-def _kept(command: LintCommand, _printer: Printer) -> RuleResult | None:
-    """Check G10: with L it sets an origin; without, it retracts or sets tool temperatures."""
+def _check_g10(command: LintCommand, _printer: Printer) -> RuleResult | None:
+    """Check G10: with L it sets an origin; without L it retracts or sets tool temperatures."""
     return (True, "shifts the origin") if "L" in command.words else None
 
 
-def _nudge(command: LintCommand, _printer: Printer) -> RuleResult | None:
-    """Check M290: baby steps are small; without letters, or with zeros, it asks or resets."""
+def _check_babystep(command: LintCommand, _printer: Printer) -> RuleResult | None:
+    """Check M290: babysteps are small; without letters, or with zeros, it only queries or resets."""
     steps = [abs(value) for letter in "XYZS" for value in command.words.get(letter, ())]
     most = max(steps, default=0.0)
-    return (most > _STEP, f"shifts the nozzle by {most:g} mm") if most else None
+    return (most > _MAX_BABYSTEP, f"shifts the nozzle by {most:g} mm") if most else None
 
 
-def _says(command: LintCommand, _printer: Printer) -> RuleResult | None:
-    """Check M118: the printer sends a text that hosts may take for a reply."""
-    text = _OPTION.sub("", command.text.partition("M118")[2].lstrip())
-    if _ANSWER.match(text):
+def _check_m118(command: LintCommand, _printer: Printer) -> RuleResult | None:
+    """Check M118: whether hosts may take the text that the printer sends for a reply."""
+    text = _M118_OPTIONS.sub("", command.text.partition("M118")[2].lstrip())
+    if _LOOKS_LIKE_REPLY.match(text):
         return True, "sends a text that looks like a reply of the firmware"
     return (False, "sends an action command to the host") if "ACTION:" in text.replace(" ", "") else None
 
 
 def _codes(text: str) -> frozenset[str]:
+    """Return the codes of a text separated by spaces."""
     return frozenset(text.split())
 
 
 _ENDED_BY_BUTTON: Final = _codes("M0 M1")
-_STORED: Final = "The change outlives the print"
-_GUARDS: Final = "A protection of the printer is switched off"
+_OUTLIVES_PRINT: Final = "The change outlives the print"
+_PROTECTION_OFF: Final = "A protection of the printer is switched off"
 
 RULES: Final[tuple[Rule, ...]] = (
-    Rule("eeprom", _codes("M500"), _fixed_rule("stores settings in the EEPROM of the printer"), _STORED),
-    Rule("eeprom", _codes("M501"), _fixed_rule("replaces the current settings by stored ones"), _STORED),
-    Rule("eeprom", _codes("M502 M504"), _fixed_rule("resets all settings of the firmware"), _STORED),
+    Rule(
+        "eeprom",
+        _codes("M500"),
+        _always_report("stores settings in the EEPROM of the printer"),
+        _OUTLIVES_PRINT,
+    ),
+    Rule(
+        "eeprom",
+        _codes("M501"),
+        _always_report("replaces the current settings by stored ones"),
+        _OUTLIVES_PRINT,
+    ),
+    Rule(
+        "eeprom", _codes("M502 M504"), _always_report("resets all settings of the firmware"), _OUTLIVES_PRINT
+    ),
     Rule(
         "eeprom",
         _codes("SAVE_CONFIG"),
-        _fixed_rule("writes the configuration and restarts Klipper"),
-        _STORED,
+        _always_report("writes the configuration and restarts Klipper"),
+        _OUTLIVES_PRINT,
     ),
     Rule(
         "limits",
         _codes("M201 M203 M204 M205 M566 SET_VELOCITY_LIMIT"),
-        _limits,
+        _check_limits,
         "The motors may lose steps, or hardly move",
     ),
     Rule(
-        "calibration", _codes("M92"), _if_any("XYZEABC", "sets steps per mm"), "Dimensions may come out wrong"
+        "calibration",
+        _codes("M92"),
+        _report_if_any("XYZEABC", "sets steps per mm"),
+        "Dimensions may come out wrong",
     ),
     Rule(
         "calibration",
         _codes("M301 M304 M306 M307"),
-        _if_any("HPIDCRAS", "sets PID values of a heater"),
+        _report_if_any("HPIDCRAS", "sets PID values of a heater"),
         "Temperatures may overshoot",
     ),
     Rule(
         "calibration",
         _codes("M305"),
-        _if_any("PTBRS", "configures a thermistor"),
+        _report_if_any("PTBRS", "configures a thermistor"),
         "Temperatures may be read wrong",
     ),
     Rule(
         "calibration",
         _codes("M350 M569 M665 M666 M669 M667"),
-        _if_any("XYZEABCDHLRSPT", "sets geometry or motor drivers", warns=True),
+        _report_if_any("XYZEABCDHLRSPT", "sets geometry or motor drivers", is_warning=True),
         "Check that it suits the printer",
     ),
     Rule(
         "calibration",
         _codes("M906 M907 M908 M913"),
-        _if_any("XYZEABCS", "sets motor currents", warns=True),
+        _report_if_any("XYZEABCS", "sets motor currents", is_warning=True),
         "Check that they suit the printer",
     ),
     Rule(
         "autotune",
         _codes("M303 PID_CALIBRATE"),
-        _fixed_rule("runs PID autotune"),
+        _always_report("runs PID autotune"),
         "It heats by itself",
     ),
-    Rule("cold", _codes("M302"), _cold, "A cold extruder grinds the filament"),
-    Rule("ratio", _codes("M221"), _flow_ratio, "The part was sliced for 100%"),
-    Rule("ratio", _codes("M220"), _speed_ratio, "The part was sliced for 100%"),
+    Rule("cold", _codes("M302"), _check_cold_extrusion, "A cold extruder grinds the filament"),
+    Rule("ratio", _codes("M221"), _check_flow_ratio, "The part was sliced for 100%"),
+    Rule("ratio", _codes("M220"), _check_speed_ratio, "The part was sliced for 100%"),
     Rule(
         "protection",
         _codes("M143 M562 M570"),
-        _fixed_rule("changes the protection of the heaters"),
-        _GUARDS,
+        _always_report("changes the protection of the heaters"),
+        _PROTECTION_OFF,
     ),
-    Rule("endstops", _codes("M211 M564"), _off, _GUARDS),
-    Rule("endstops", _codes("FORCE_MOVE"), _fixed_rule("moves beyond all limits"), _GUARDS),
+    Rule("endstops", _codes("M211 M564"), _check_endstops, _PROTECTION_OFF),
+    Rule("endstops", _codes("FORCE_MOVE"), _always_report("moves beyond all limits"), _PROTECTION_OFF),
     Rule(
         "offsets",
         names_that(Effect.MOVES_ORIGIN | Effect.SETS_HOME_OFFSET)
@@ -278,75 +298,85 @@ RULES: Final[tuple[Rule, ...]] = (
         ),
         "The position of later moves is unknown",
     ),
-    Rule("offsets", _codes("M290"), _nudge, "The first layer may not stick, or the nozzle may hit the bed"),
-    Rule("offsets", _codes("G10"), _kept, "The position of later moves is unknown"),
+    Rule(
+        "offsets",
+        _codes("M290"),
+        _check_babystep,
+        "The first layer may not stick, or the nozzle may hit the bed",
+    ),
+    Rule("offsets", _codes("G10"), _check_g10, "The position of later moves is unknown"),
     Rule(
         "halt",
         _codes("M112 EMERGENCY_STOP"),
-        _fixed_rule("halts the printer"),
+        _always_report("halts the printer"),
         "The print ends there",
     ),
-    Rule("halt", _codes("M410"), _fixed_rule("drops all planned moves"), "The position is lost"),
+    Rule("halt", _codes("M410"), _always_report("drops all planned moves"), "The position is lost"),
     Rule(
         "halt",
         _codes("M81"),
-        _fixed_rule("switches the power off", warns=True),
+        _always_report("switches the power off", is_warning=True),
         "The fans stop too",
     ),
-    Rule("wait", _ENDED_BY_BUTTON, _wait, "The print stands still with hot heaters until then"),
+    Rule("wait", _ENDED_BY_BUTTON, _check_wait, "The print stands still with hot heaters until then"),
     Rule(
         "wait",
         names_that(Effect.WAITS_FOR_PERSON) - _ENDED_BY_BUTTON,
-        _fixed_rule("waits for a person", warns=True),
+        _always_report("waits for a person", is_warning=True),
         "A person must continue the print",
     ),
     Rule(
         "firmware",
         _codes("M997"),
-        _fixed_rule("updates the firmware"),
+        _always_report("updates the firmware"),
         "The printer may behave differently afterwards",
     ),
     Rule(
         "firmware",
         _codes("M999 FIRMWARE_RESTART RESTART DFU UPGRADE BREAK"),
-        _fixed_rule("restarts the firmware, also after a fault"),
+        _always_report("restarts the firmware, also after a fault"),
         "Position and errors are lost",
     ),
     Rule(
         "files",
         _codes("M23 M24 M28 M30 M32 M928 M471 M472 SDCARD_PRINT_FILE"),
-        _fixed_rule("reads, writes or deletes files on the printer"),
+        _always_report("reads, writes or deletes files on the printer"),
         "Their contents are unknown",
     ),
     Rule(
         "pins",
         _codes("M42 M43"),
-        _fixed_rule("switches pins of the board"),
+        _always_report("switches pins of the board"),
         "A heater may be connected to one",
     ),
     Rule(
         "macros",
         frozenset(f"M{number}" for number in range(810, 820)),
-        _fixed_rule("stores or runs a macro"),
+        _always_report("stores or runs a macro"),
         "Its effect is unknown",
     ),
     Rule(
         "link",
         _codes("M110"),
-        _fixed_rule("changes line numbers that the host counts"),
+        _always_report("changes line numbers that the host counts"),
         "Lines may get lost",
     ),
-    Rule("link", _codes("M118"), _says, "Hosts may take it for a reply"),
-    Rule("link", _codes("M575"), _fixed_rule("changes the baud rate"), "The host loses the connection"),
-    Rule("link", _codes("M552 M586 M587 M588 M589"), _fixed_rule("configures the network"), _STORED),
+    Rule("link", _codes("M118"), _check_m118, "Hosts may take it for a reply"),
+    Rule("link", _codes("M575"), _always_report("changes the baud rate"), "The host loses the connection"),
     Rule(
-        "debug", _codes("M111"), _if_any("S", "switches a debug mode on"), "The printer may not move or heat"
+        "link", _codes("M552 M586 M587 M588 M589"), _always_report("configures the network"), _OUTLIVES_PRINT
+    ),
+    Rule(
+        "debug",
+        _codes("M111"),
+        _report_if_any("S", "switches a debug mode on"),
+        "The printer may not move or heat",
     ),
     Rule(
         "unreadable",
         _codes("G5 G6 G18 G19 G38 G42"),
-        _fixed_rule("is a move that this check does not support"),
+        _always_report("is a move that this check does not support"),
         "Its target is unknown",
     ),
-    Rule("shell", _codes("RUN_SHELL_COMMAND"), _fixed_rule("runs a program"), "Its effect is unknown"),
+    Rule("shell", _codes("RUN_SHELL_COMMAND"), _always_report("runs a program"), "Its effect is unknown"),
 )

@@ -49,8 +49,8 @@ def test_what_is_kept_back_is_not_laid() -> None:
 def test_a_way_on_which_filament_is_pushed_in_vain_is_counted() -> None:
     (layer,) = account((20.0, 0.2, 1.0), (20.0, 0.2, -9.0), (50.0, 0.2, 3.0), (40.0, 0.2, -1.0)).layers
 
-    assert (layer.length, layer.empty, layer.back) == (20.0, 30.0, 10.0)
-    assert layer.wrong == 3
+    assert (layer.length, layer.empty_length, layer.retracted_length) == (20.0, 30.0, 10.0)
+    assert layer.first_empty == 3
 
 
 def test_a_drought_is_where_the_nozzle_climbs_and_lays_nothing() -> None:
