@@ -176,7 +176,7 @@ CODES: Final[Mapping[str, Code]] = {
     "clog": _dry_run_code("filament is fed but does not come out", "Clear the nozzle and check the spool"),
     "heater": _dry_run_code("heater that stays on at the end", "End with M104 S0 and M140 S0"),
     "unknown": _dry_run_code(
-        "command that the firmware does not know", "Check that the file was made for this firmware"
+        "command that the firmware does not know", "Check that the file was sliced for this firmware"
     ),
     "tool": _dry_run_code(
         "extruder that the printer does not have", "Slice for one extruder, or set `extruders`"

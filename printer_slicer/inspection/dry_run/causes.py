@@ -14,9 +14,9 @@ from printer_slicer.inspection.dry_run.faults import code_of_violation
 from printer_slicer.jobs import Job
 from printer_slicer.sim.statistics import Report
 
-__all__ = ["Cause", "causes_of", "drop_consequences", "is_explained", "layer_of"]
+__all__ = ["Cause", "drop_consequences", "find_causes", "is_explained", "layer_of"]
 
-_FOLLOWS: Final[Mapping[str, frozenset[str]]] = {
+_CONSEQUENCES: Final[Mapping[str, frozenset[str]]] = {
     "cold": frozenset({"unsupported", "lack"}),
     "tool": frozenset({"unsupported", "lack", "flow", "extrusion"}),
     "arc": frozenset({"unsupported", "lack"}),
@@ -27,10 +27,10 @@ _FOLLOWS: Final[Mapping[str, frozenset[str]]] = {
     "lack": frozenset({"unsupported"}),
     "crash": frozenset({"bed", "unsupported"}),
 }
-"""What may come of each kind of fault."""
+"""Kind of fault -> kinds of faults that may follow from it."""
 
-_ALL: Final = 1 << 30  # layers
-_ON: Final = 1  # layers behind the last one with a fault, in which something may follow from it
+_ALL_LAYERS: Final = 1 << 30  # for faults that affect all later layers
+_LAYERS_AFTER: Final = 1  # layers after the last one with a fault, in which a consequence is possible
 
 
 @dataclass(slots=True)
@@ -49,40 +49,42 @@ class Cause:
 
     def explains(self, kind: str, command: int, layer: int) -> bool:
         """Return whether a fault follows from this cause; if so, more may follow in the next layer."""
-        follows = kind in _FOLLOWS[self.kind] and command >= self.command and layer <= self.last
-        if follows:
-            self.last = max(self.last, layer + _ON)
-        return follows
+        is_consequence = kind in _CONSEQUENCES[self.kind] and command >= self.command and layer <= self.last
+        if is_consequence:
+            self.last = max(self.last, layer + _LAYERS_AFTER)
+        return is_consequence
 
 
-def causes_of(job: Job, report: Report, comparison: Comparison, deposition: Deposition) -> list[Cause]:
+def find_causes(job: Job, report: Report, comparison: Comparison, deposition: Deposition) -> list[Cause]:
     """Return the commands that the firmware rejected or clipped, as causes by layer."""
     inches = bool(report.violations) and uses_inches(job.commands)
     found: dict[tuple[str, int], Cause] = {}
-    # What is beyond the list may lie in any layer.
-    cut = len(report.violations) < report.n_violations
+    # Violations beyond the end of the list may be in any layer.
+    is_truncated = len(report.violations) < report.n_violations
     for violation in report.violations:
         kind = code_of_violation(violation.text)
-        if kind in _FOLLOWS and comparison.of_job(violation.line):
+        if kind in _CONSEQUENCES and comparison.is_job_command(violation.line):
             command = comparison.command_of(violation.line)
             layer = layer_of(deposition, command)
-            last = _ALL if cut or (kind == "box" and inches) else layer + _ON
+            last = _ALL_LAYERS if is_truncated or (kind == "box" and inches) else layer + _LAYERS_AFTER
             found.setdefault((kind, layer), Cause(kind, command, last))
     return list(found.values())
 
 
 def drop_consequences(defects: Sequence[Defect], causes: list[Cause]) -> list[Defect]:
-    """Return the defects that are not the consequence of another fault."""
-    left = []
+    """Return the defects that are not consequences of other faults."""
+    remaining = []
     for one in sorted(defects, key=lambda one: one.command):
         if is_explained(causes, one.kind, one.command - 1, one.layer):
             continue
-        left.append(one)
+        remaining.append(one)
         if one.kind in {"bed", "crash"}:
-            causes.append(Cause(one.kind, one.command - 1, one.layer + _ON))
-    # Where E is a total and lines are missing, the first bead behind the gap gets all that they would have laid.
-    hanging = {one.layer - back for one in left if one.kind == "unsupported" for back in (0, 1)}
-    return [one for one in left if one.kind != "flow" or one.layer not in hanging]
+            causes.append(Cause(one.kind, one.command - 1, one.layer + _LAYERS_AFTER))
+    # With absolute E, the first extrusion after missing lines gets all the filament of these lines.
+    unsupported_layers = {
+        one.layer - layers_back for one in remaining if one.kind == "unsupported" for layers_back in (0, 1)
+    }
+    return [one for one in remaining if one.kind != "flow" or one.layer not in unsupported_layers]
 
 
 def is_explained(causes: Iterable[Cause], kind: str, command: int, layer: int) -> bool:
@@ -91,5 +93,5 @@ def is_explained(causes: Iterable[Cause], kind: str, command: int, layer: int) -
 
 
 def layer_of(deposition: Deposition, command: int) -> int:
-    """Return the layer of a command, as the recorder counts layers; 0 before the first."""
+    """Return the layer of a command, as the recorder counts them; 0 before the first layer."""
     return max((one.number for one in deposition.layers if one.first <= command + 1), default=0)

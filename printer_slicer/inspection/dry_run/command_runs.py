@@ -1,7 +1,7 @@
 """Compute the combined effect of thousands of simple commands: moves, and settings for the moves after them.
 
 A run of such commands ends before the first command that waits, queries, homes, is an arc or unknown, leaves the
-machine, extrudes cold or too far, or changes limits other than accelerations. The simulated firmware executes those
+machine, extrudes cold or too far, or changes limits other than accelerations. The simulated firmware executes such
 commands one by one.
 """
 
@@ -22,18 +22,18 @@ from printer_slicer.motion.vectorized import find_moving, make_blocks
 from printer_slicer.sim.batch import BatchStart
 from printer_slicer.sim.parsed_command import Command
 
-__all__ = ["Chunk", "CommandRun", "limits_at"]
+__all__ = ["Chunk", "CommandRun", "limits_after_count"]
 
-_TIMED: Final = frozenset({"M104", "M106", "M107", "M140"})
-_HEATERS: Final = frozenset({"M104", "M140"})
-_SILENT: Final = frozenset({"M73", "M117", "M486"})
-_SETS_E: Final = "G92"
-_ACCELERATION: Final = "M204"
-_OK: Final = len("ok\n")
+_TIMED_CODES: Final = frozenset({"M104", "M106", "M107", "M140"})
+_HEATER_CODES: Final = frozenset({"M104", "M140"})
+_CODES_WITHOUT_EFFECT: Final = frozenset({"M73", "M117", "M486"})
+_SET_E_CODE: Final = "G92"
+_ACCELERATION_CODE: Final = "M204"
+_OK_SIZE: Final = len("ok\n")
 
 
 class Chunk:
-    """Parsed consecutive commands of a job.
+    """Consecutive commands of a job, parsed.
 
     Args:
         commands: the commands, without comments.
@@ -49,39 +49,39 @@ class Chunk:
         self.is_plain = np.zeros(len(commands), np.bool_)
         self.is_plain[plain.index] = True
         self.others = np.flatnonzero(~self.is_plain).tolist()
-        self.kinds = [_kind(self.texts[place]) for place in self.others]
+        self.kinds = [_classify_command(self.texts[place]) for place in self.others]
         self._breaks = [place for place, kind in zip(self.others, self.kinds, strict=True) if not kind]
         self.sizes, self.rooms = line_sizes(commands, first)
 
     def __len__(self) -> int:
         return len(self.commands)
 
-    def break_after(self, begin: int) -> int:
-        """Return the index of the first command from `begin` on that must be executed singly, else the count."""
+    def next_break(self, begin: int) -> int:
+        """Return the index of the first command from `begin` on that must be executed singly; or the length."""
         at = bisect_left(self._breaks, begin)
         return self._breaks[at] if at < len(self._breaks) else len(self.commands)
 
-    def between(self, begin: int, end: int) -> list[tuple[int, str, str]]:
-        """Return index, kind and text of the commands in a range that are not moves."""
+    def others_between(self, begin: int, end: int) -> list[tuple[int, str, str]]:
+        """Return the index, kind and text of each command in a range that is not a plain move."""
         first, last = bisect_left(self.others, begin), bisect_left(self.others, end)
         return [(self.others[at], self.kinds[at], self.texts[self.others[at]]) for at in range(first, last)]
 
 
-def _keeps_hot(kind: str, target: float, start: BatchStart) -> bool:
-    """Return whether the firmware accepts a target temperature unchanged, and it allows extrusion."""
+def _is_accepted_target(kind: str, target: float, start: BatchStart) -> bool:
+    """Return whether the firmware accepts a target temperature unchanged and can extrude at it."""
     low, high = start.bed_targets if kind == "M140" else start.targets
     return low <= target <= high
 
 
-def _kind(text: str) -> str:
-    """Return the kind of a command that neither moves nor waits; empty for all others."""
+def _classify_command(text: str) -> str:
+    """Return the code of a simple command that neither moves nor waits; empty for all other commands."""
     code = text.partition(" ")[0]
-    if code in _SILENT or code == _ACCELERATION:
+    if code in _CODES_WITHOUT_EFFECT or code == _ACCELERATION_CODE:
         return code
-    if code in _TIMED:
-        # Only the plainest forms: what else they can say is the firmware's business, such as whose heater T means.
+    if code in _TIMED_CODES:
+        # Only the plainest forms; the firmware interprets all others, such as the heater that T selects.
         return code if code == "M107" or list(Command(text).words) == ["S"] else ""
-    if code == _SETS_E:
+    if code == _SET_E_CODE:
         words = Command(text).words
         return code if list(words) == ["E"] and words["E"] else ""
     return ""
@@ -93,12 +93,12 @@ class CommandRun:
 
     Attributes:
         begin: index of the first command in its chunk.
-        position: (n, 4) mm, end position of each command: x, y, z, e.
-        delta: (n, 4) mm, displacement of each command, with e as it is fed.
-        feed: (n,) mm/s, last feed rate that was set.
+        position: (n, 4) mm, position after each command: x, y, z, e.
+        delta: (n, 4) mm, displacement of each command; e is the filament fed.
+        feed: (n,) mm/s, feed rate after each command.
         speed: (n,) mm/s, requested speed.
         acceleration: (n,) mm/s², requested acceleration.
-        answer: (n,) bytes in the reply to each command.
+        reply_size: (n,) number of bytes in the reply to each command.
         limits: (index in the run, limits from there on).
         timed: (index in the run, text) of commands that change heaters and fans.
     """
@@ -109,7 +109,7 @@ class CommandRun:
     feed: Float
     speed: Float
     acceleration: Float
-    answer: Int
+    reply_size: Int
     limits: tuple[tuple[int, MotionLimits], ...]
     timed: tuple[tuple[int, str], ...]
 
@@ -118,53 +118,55 @@ class CommandRun:
 
     @classmethod
     def read(cls, chunk: Chunk, begin: int, start: BatchStart) -> CommandRun | None:
-        """Return the run that starts at a command; None if that command must be executed singly."""
-        end = chunk.break_after(begin)
-        others = chunk.between(begin, end)
+        """Read the run that starts at a command; return None if that command must be executed singly."""
+        end = chunk.next_break(begin)
+        others = chunk.others_between(begin, end)
         for place, kind, text in others:
-            if kind in _HEATERS and not _keeps_hot(kind, Command(text).value("S") or 0.0, start):
+            if kind in _HEATER_CODES and not _is_accepted_target(
+                kind, Command(text).value("S") or 0.0, start
+            ):
                 end = place
                 break
         if end <= begin:
             return None
         others = [(place - begin, kind, text) for place, kind, text in others if place < end]
-        position, delta = _ways(chunk.words[begin:end], start, others)
+        position, delta = _trace_moves(chunk.words[begin:end], start, others)
         delta[:, 3] *= start.e_ratio
-        allowed = _allowed(position, delta, chunk.is_plain[begin:end], start)
-        count = len(allowed) if allowed.all() else int(allowed.argmin())
+        unchanged = _find_unchanged_commands(position, delta, chunk.is_plain[begin:end], start)
+        count = len(unchanged) if unchanged.all() else int(unchanged.argmin())
         if count == 0:
             return None
         others = [other for other in others if other[0] < count]
-        limits = tuple(_accelerations(start, others))
+        limits = tuple(_acceleration_limits(start, others))
         feeds = chunk.words[begin:end, 4]
-        feed = _held(np.where(feeds > 0, feeds * start.unit / 60.0, np.nan), start.feed)
-        cut = slice(0, count)
+        feed = _fill_forward(np.where(feeds > 0, feeds * start.unit / 60.0, np.nan), start.feed)
+        kept = slice(0, count)
         return cls(
             begin,
-            position[cut],
-            delta[cut],
-            feed[cut],
-            feed[cut] * start.speed_ratio,
-            _wanted(delta[cut], start.limits, limits),
-            _answers(position[cut], start, others),
+            position[kept],
+            delta[kept],
+            feed[kept],
+            feed[kept] * start.speed_ratio,
+            _requested_accelerations(delta[kept], start.limits, limits),
+            _reply_sizes(position[kept], start, others),
             limits,
-            tuple((place, text) for place, kind, text in others if kind in _TIMED),
+            tuple((place, text) for place, kind, text in others if kind in _TIMED_CODES),
         )
 
-    def lines(self, chunk: Chunk, limits: MotionLimits) -> LineBatch:
-        """Return the load of these commands on the link and the planner."""
-        own = slice(self.begin, self.begin + len(self))
+    def make_line_batch(self, chunk: Chunk, limits: MotionLimits) -> LineBatch:
+        """Return these commands as a load of the link and of the planner."""
+        selected = slice(self.begin, self.begin + len(self))
         moving, length = find_moving(np.ascontiguousarray(self.delta.T))
         delta = np.ascontiguousarray(self.delta[moving].T)
         blocks = make_blocks(delta, length, self.speed[moving], self.acceleration[moving], limits)
-        return LineBatch(chunk.sizes[own], chunk.rooms[own], self.answer, moving, blocks)
+        return LineBatch(chunk.sizes[selected], chunk.rooms[selected], self.reply_size, moving, blocks)
 
 
-_Others = list[tuple[int, str, str]]
+_OtherCommands = list[tuple[int, str, str]]
 
 
-def _ways(words: Float, start: BatchStart, others: _Others) -> tuple[Float, Float]:
-    """Return the (n, 4) positions and displacements, from the current position of the printer."""
+def _trace_moves(words: Float, start: BatchStart, others: _OtherCommands) -> tuple[Float, Float]:
+    """Return the positions and displacements (n, 4) of commands, from the current position of the printer."""
     unit, offset = start.unit, start.offset
     position, delta = np.zeros((len(words), 4)), np.zeros((len(words), 4))
     for axis in range(3):
@@ -172,78 +174,82 @@ def _ways(words: Float, start: BatchStart, others: _Others) -> tuple[Float, Floa
             steps = np.where(np.isnan(words[:, axis]), 0.0, words[:, axis] * unit)
             position[:, axis] = np.cumsum(np.append(start.position[axis], steps))[1:]
         else:
-            position[:, axis] = _held(words[:, axis] * unit + -offset[axis], start.position[axis])
+            position[:, axis] = _fill_forward(words[:, axis] * unit + -offset[axis], start.position[axis])
         delta[:, axis] = np.diff(position[:, axis], prepend=start.position[axis])
-    reported = np.array([place for place, kind, _ in others if kind == _SETS_E], np.int64)
-    value = np.array([Command(text).value("E") for _, kind, text in others if kind == _SETS_E]) * unit
+    reported = np.array([place for place, kind, _ in others if kind == _SET_E_CODE], np.int64)
+    value = np.array([Command(text).value("E") for _, kind, text in others if kind == _SET_E_CODE]) * unit
     e = words[:, 3] * unit
     if start.relative_e:
         steps = np.where(np.isnan(e), 0.0, e)
         total = np.cumsum(steps)
         base = np.full(len(e), np.nan)
         base[reported] = value - total[reported]
-        position[:, 3] = total + _held(base, start.position[3])
+        position[:, 3] = total + _fill_forward(base, start.position[3])
         delta[:, 3] = steps
     else:
         e[reported] = value
-        position[:, 3] = _held(e, start.position[3])
+        position[:, 3] = _fill_forward(e, start.position[3])
         delta[:, 3] = np.diff(position[:, 3], prepend=start.position[3])
         delta[reported, 3] = 0.0
     return position, delta
 
 
-def _allowed(position: Float, delta: Float, is_plain: Bool, start: BatchStart) -> Bool:
-    """Return (n,) whether the firmware executes each command unchanged."""
+def _find_unchanged_commands(position: Float, delta: Float, is_plain: Bool, start: BatchStart) -> Bool:
+    """Return a mask (n,) of commands that the firmware executes unchanged."""
     low, high = np.array(start.low), np.array(start.high)
-    good = ((position[:, :3] >= low) & (position[:, :3] <= high)).all(axis=1) | ~is_plain
+    unchanged = ((position[:, :3] >= low) & (position[:, :3] <= high)).all(axis=1) | ~is_plain
     if not start.moves:
-        good = ~is_plain
-    feeds = delta[:, 3] != 0
+        unchanged = ~is_plain
+    moves_extruder = delta[:, 3] != 0
     if not start.feeds:
-        return np.asarray(good & ~feeds)
-    return np.asarray(good & ~(feeds & (np.abs(delta[:, 3]) > start.longest_extrusion)))
+        return np.asarray(unchanged & ~moves_extruder)
+    return np.asarray(unchanged & ~(moves_extruder & (np.abs(delta[:, 3]) > start.longest_extrusion)))
 
 
-def _accelerations(start: BatchStart, others: _Others) -> list[tuple[int, MotionLimits]]:
-    """Return the limits after each command that changes accelerations, as the firmware interprets it."""
-    own = [(place, text) for place, kind, text in others if kind == _ACCELERATION]
-    limits = start.limits_after_commands([text for _, text in own])
-    return [(place, after) for (place, _), after in zip(own, limits, strict=True)]
+def _acceleration_limits(start: BatchStart, others: _OtherCommands) -> list[tuple[int, MotionLimits]]:
+    """Return the index of each command that changes accelerations, and the limits after it."""
+    changing = [(place, text) for place, kind, text in others if kind == _ACCELERATION_CODE]
+    limits = start.limits_after_commands([text for _, text in changing])
+    return [(place, after) for (place, _), after in zip(changing, limits, strict=True)]
 
 
-def _wanted(delta: Float, limits: MotionLimits, changes: Sequence[tuple[int, MotionLimits]]) -> Float:
-    """Return the (n,) requested acceleration of each move, before the limits of the axes."""
-    travels = (delta[:, :3] != 0).any(axis=1)
-    feeds = delta[:, 3] != 0
-    which = np.zeros(len(delta), np.int64)
-    which[[place for place, _ in changes]] = np.arange(1, len(changes) + 1)
-    which = np.maximum.accumulate(which)
-    table = np.array(
+def _requested_accelerations(
+    delta: Float, limits: MotionLimits, changes: Sequence[tuple[int, MotionLimits]]
+) -> Float:
+    """Return the requested acceleration (n,) of each move, before the limits of the axes apply."""
+    moves = (delta[:, :3] != 0).any(axis=1)
+    extrudes = delta[:, 3] != 0
+    limit_index = np.zeros(len(delta), np.int64)
+    limit_index[[place for place, _ in changes]] = np.arange(1, len(changes) + 1)
+    limit_index = np.maximum.accumulate(limit_index)
+    accelerations = np.array(
         [
             (one.acceleration, one.travel_acceleration, one.retract_acceleration)
             for one in (limits, *(after for _, after in changes))
         ]
-    )[which]
-    return np.asarray(np.where(feeds, np.where(travels, table[:, 0], table[:, 2]), table[:, 1]))
+    )[limit_index]
+    return np.asarray(
+        np.where(extrudes, np.where(moves, accelerations[:, 0], accelerations[:, 2]), accelerations[:, 1])
+    )
 
 
-def _answers(position: Float, start: BatchStart, others: _Others) -> Int:
-    """Return the (n,) bytes of each reply. Step counts after G92 are taken from the end of the planned motion."""
-    answer = np.full(len(position), _OK)
+def _reply_sizes(position: Float, start: BatchStart, others: _OtherCommands) -> Int:
+    """Return the number of bytes (n,) of each reply; after G92 it has step counts at the end of the planned motion."""
+    reply_size = np.full(len(position), _OK_SIZE)
     for place, kind, _ in others:
-        if kind == _SETS_E:
+        if kind == _SET_E_CODE:
             x, y, z, e = position[place].tolist()
-            answer[place] += start.position_report_bytes((x, y, z, e))
-    return answer
+            reply_size[place] += start.position_report_bytes((x, y, z, e))
+    return reply_size
 
 
-def _held(values: Float, before: float) -> Float:
-    """Replace nan by the last value before it; by `before` at the start."""
+def _fill_forward(values: Float, before: float) -> Float:
+    """Replace each nan by the last value before it, or by `before` at the start."""
     values = np.append(before, values)
     last = np.maximum.accumulate(np.where(np.isnan(values), 0, np.arange(len(values))))
     return np.asarray(values[last][1:])
 
 
-def limits_at(command_run: CommandRun, count: int, before: MotionLimits) -> MotionLimits:
-    """Return the limits after the first `count` commands."""
+def limits_after_count(command_run: CommandRun, count: int, before: MotionLimits) -> MotionLimits:
+    """Return the limits after the first `count` commands of a run."""
     return next((after for place, after in reversed(command_run.limits) if place < count), before)

@@ -1,4 +1,4 @@
-"""From the moves that a printer made to the account of its material."""
+"""Record the extrusion of the moves that the simulated printer makes."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ __all__ = ["DepositionObserver"]
 
 
 class DepositionObserver:
-    """Watches a printer that executes a job.
+    """Records the extrusion of a simulated printer that executes a job.
 
     Args:
-        job: it.
-        profile: with the machine and the material.
-        comparison: knows which command of the job each executed one is.
+        job: the job.
+        profile: the profile with the machine and the material.
+        comparison: maps executed commands to commands of the job.
 
     Attributes:
-        move_log: what to give to the printer.
+        move_log: the log to pass to the printer.
     """
 
     def __init__(self, job: Job, profile: Profile, comparison: Comparison) -> None:
-        self.move_log = MoveLog(self._take)
+        self.move_log = MoveLog(self._record_moves)
         self._comparison = comparison
         area = pi * profile.material.filament_diameter**2 / 4
         self._recorder = DepositionRecorder(
@@ -42,11 +42,11 @@ class DepositionObserver:
         )
 
     def finish(self) -> Deposition:
-        """Return the result."""
+        """Return the recorded extrusion."""
         self.move_log.flush()
         return self._recorder.close()
 
-    def _take(self, rows: array[float], seconds: array[float], kept_back: float) -> None:
+    def _record_moves(self, rows: array[float], seconds: array[float], kept_back: float) -> None:
         table = np.frombuffer(rows).reshape(-1, COLUMNS).copy()
         table[:, 0] = self._comparison.commands_of(table[:, 0].astype(np.int64)) + 1
         self._recorder.feed(table, np.frombuffer(seconds), kept_back)

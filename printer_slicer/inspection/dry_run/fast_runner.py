@@ -1,9 +1,9 @@
 """Run a job on the simulated printer without sending bytes, at the times that a serial link would give.
 
-Handshake and firmware detection go over the port as usual. After that, the firmware gets every line at the moment it
-would arrive with two lines in flight. Where nothing else can happen, the effect of thousands of lines is computed at
-once and applied to the firmware, see `command_runs` and `printer_slicer.link_model`. Commands and times are the same
-as over the link, except for the bytes of some replies that the host does not wait for.
+Handshake and firmware detection go over the port as usual. After that, the firmware gets every line at the moment at
+which it would arrive with two lines in flight. For runs of simple commands, the effect of thousands of lines is
+computed at once and applied to the firmware, see `command_runs` and `printer_slicer.link_model`. Commands and times are
+the same as over the link, except for the bytes of some replies that the host does not wait for.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Any, Final
 import numpy as np
 
 from printer_slicer.arrays import Float
-from printer_slicer.inspection.dry_run.command_runs import Chunk, CommandRun, limits_at
+from printer_slicer.inspection.dry_run.command_runs import Chunk, CommandRun, limits_after_count
 from printer_slicer.link_model import (
     HANDSHAKE_LINES,
     BatchRetry,
@@ -38,18 +38,18 @@ from printer_slicer.stream.session import run
 __all__ = ["LONGEST_COMMAND", "LONGEST_PRINT", "EndlessPrintError", "FastRunner"]
 
 LONGEST_COMMAND: Final = 86400.0
-"""s; what a printer has not done by then it never will, or somebody wrote far too large a number."""
+"""Longest duration of one command, s; anything longer never ends, or is a mistake in the file."""
 
 LONGEST_PRINT: Final = 30 * LONGEST_COMMAND
-"""s; no print takes that long, but a slip in a file may."""
+"""Longest duration of a print, s; anything longer is a mistake in the file."""
 
-_AT_ONCE: Final = 8192  # commands that are read at once
-_CLOSING: Final = (b"M400", b"M105", b"M114")
-_ROW: Final = 9
+_CHUNK_SIZE: Final = 8192  # commands that are parsed together
+_FINAL_COMMANDS: Final = (b"M400", b"M105", b"M114")
+_N_COLUMNS: Final = 9
 
 
 class _IdentifiedError(Exception):
-    """Raised to end the handshake, once the host has identified the printer."""
+    """Raised to end the handshake when the host has identified the printer."""
 
 
 class EndlessPrintError(Exception):
@@ -60,10 +60,10 @@ class FastRunner:
     """Executes a job on a simulated printer.
 
     Args:
-        printer: the printer, as it was switched on.
-        port: the port to it, for the handshake.
-        link: baud rate, latency and window.
-        on_many: called with commands that were executed in order.
+        printer: the printer, just switched on.
+        port: the port of the printer, for the handshake.
+        link: baud rate, latency and window of the serial link.
+        on_batch: function that is called with commands that were executed in order.
 
     Attributes:
         batched: number of commands that were applied in batches.
@@ -74,10 +74,10 @@ class FastRunner:
         printer: SimulatedPrinter,
         port: VirtualPort,
         link: SerialLink,
-        on_many: Callable[[Sequence[bytes]], None],
+        on_batch: Callable[[Sequence[bytes]], None],
     ) -> None:
         self._printer, self._port = printer, port
-        self._on_many = on_many
+        self._on_batch = on_batch
         self._link = LinkState.idle(link, 0.0)
         self._number = HANDSHAKE_LINES
         self._retry = BatchRetry()
@@ -88,30 +88,30 @@ class FastRunner:
         """Time at which the host received the last reply, s."""
         return self._link.answered[-1]
 
-    def greet(self, streamer: Streamer) -> list[Event]:
-        """Perform the handshake over the port, and return what the host learned about the printer."""
-        heard: list[Event] = []
+    def run_handshake(self, streamer: Streamer) -> list[Event]:
+        """Perform the handshake over the port, and return the events of the host."""
+        received: list[Event] = []
 
         def record(events: Sequence[Event]) -> None:
-            heard.extend(events)
+            received.extend(events)
             if any(isinstance(event, Identified) for event in events):
                 raise _IdentifiedError
 
         with suppress(_IdentifiedError):
             run(streamer, self._port, self._port.now, record=record)
         self._link = LinkState.idle(self._link.link, self._port.now())
-        return heard
+        return received
 
     def execute(self, commands: Sequence[bytes], on_progress: Callable[[int], None]) -> int:
-        """Execute a job, and return how many commands were executed before the end or a halt.
+        """Execute a job, and return the number of commands that were executed before the end or a halt.
 
         Raises:
             EndlessPrintError: a command takes longer than a day, or the print longer than 30 days.
         """
         done = 0
         while done < len(commands) and not self._printer.state.killed:
-            chunk = Chunk(commands[done : done + _AT_ONCE], self._number - HANDSHAKE_LINES)
-            done += self._execute(chunk)
+            chunk = Chunk(commands[done : done + _CHUNK_SIZE], self._number - HANDSHAKE_LINES)
+            done += self._execute_chunk(chunk)
             on_progress(done)
         return done
 
@@ -121,31 +121,31 @@ class FastRunner:
         Raises:
             EndlessPrintError: the motion does not end.
         """
-        said = ""
-        for command in _CLOSING:
-            # Each of these questions waits for the answer to what was said before.
+        reply = ""
+        for command in _FINAL_COMMANDS:
+            # Each of these queries waits for all earlier replies.
             self._link.wait_for_all_answers()
             chunk = Chunk([command], self._number - HANDSHAKE_LINES)
-            said = self._one(chunk, 0)
-        self._printer.send(self.now)  # it lives until the host has heard that
-        return said
+            reply = self._execute_one(chunk, 0)
+        self._printer.send(self.now)  # the printer runs until the host has received the reply
+        return reply
 
-    def _execute(self, chunk: Chunk) -> int:
-        """Execute a chunk, and return how many of its commands were executed."""
+    def _execute_chunk(self, chunk: Chunk) -> int:
+        """Execute a chunk, and return the number of its commands that were executed."""
         at = 0
         while at < len(chunk) and not self._printer.state.killed:
             count = 0
-            if self._retry.is_due(chunk.break_after(at) - at):
-                count = self._batch(chunk, at)
+            if self._retry.is_due(chunk.next_break(at) - at):
+                count = self._execute_batch(chunk, at)
                 self._retry.record_batch(count)
             if not count:
-                self._one(chunk, at)
+                self._execute_one(chunk, at)
                 self._retry.record_single_line()
                 count = 1
             at += count
         return at
 
-    def _one(self, chunk: Chunk, at: int) -> str:
+    def _execute_one(self, chunk: Chunk, at: int) -> str:
         """Execute one command on the firmware, and return the reply."""
         printer, link = self._printer, self._link
         now = link.send(int(chunk.sizes[at]), int(chunk.rooms[at]))
@@ -153,11 +153,11 @@ class FastRunner:
             link.send_answer(len(printer.send(due)), due)
         self._number += 1
         printer.receive_line(self._number, chunk.texts[at], now)
-        said, latest = [], min(now + LONGEST_COMMAND, LONGEST_PRINT)
+        replies, latest = [], min(now + LONGEST_COMMAND, LONGEST_PRINT)
         while True:
             if new := printer.send(now):
                 link.send_answer(len(new), now)
-                said.append(new)
+                replies.append(new)
             if not printer.has_unanswered_command:
                 break
             due = printer.wakeup()
@@ -167,9 +167,9 @@ class FastRunner:
                 raise EndlessPrintError
             now = due
         link.acknowledge(now)
-        return b"".join(said).decode("latin-1")
+        return b"".join(replies).decode("latin-1")
 
-    def _batch(self, chunk: Chunk, at: int) -> int:
+    def _execute_batch(self, chunk: Chunk, at: int) -> int:
         """Execute as many commands as possible in one batch, and return their number."""
         start = self._printer.start_batch(self._link.executed)
         if start is None or not can_batch(start.limits):
@@ -177,28 +177,28 @@ class FastRunner:
         command_run = CommandRun.read(chunk, at, start)
         if command_run is None:
             return 0
-        lines, planned = command_run.lines(chunk, start.limits), start.planned
+        lines, planned = command_run.make_line_batch(chunk, start.limits), start.planned
         before = PlannerState(planned.queue, planned.last, planned.square, planned.ends)
         busy = start.busy_seconds, start.busy_bytes
         times = send_batch(lines, before, self._link, start.limits, busy)
         if not times.done or times.executed[-1] >= start.until:
             return 0
-        self._apply(chunk, command_run, lines, times, start)
+        self._apply_batch(chunk, command_run, lines, times, start)
         return times.done
 
-    def _apply(
+    def _apply_batch(
         self, chunk: Chunk, command_run: CommandRun, lines: LineBatch, times: BatchTimes, start: BatchStart
     ) -> None:
         """Apply a computed batch to the state of the firmware."""
         count = times.done
         self.batched += count
         begin = command_run.begin
-        self._on_many(chunk.commands[begin : begin + count])
+        self._on_batch(chunk.commands[begin : begin + count])
         self._number += count
         x, y, z, e = command_run.position[count - 1].tolist()
-        ways = command_run.delta[:count, 3]
-        rows, laid = _rows(command_run, lines, times, start.commands)
-        feeding = np.flatnonzero(ways != 0)
+        fed = command_run.delta[:count, 3]
+        rows, extrusion = _log_rows(command_run, lines, times, start.commands)
+        feeding = np.flatnonzero(fed != 0)
         batch = Batch(
             texts=chunk.texts[begin : begin + count],
             number=self._number,
@@ -209,12 +209,12 @@ class FastRunner:
             extruded_at=float(times.executed[feeding[-1]]) if len(feeding) else -np.inf,
             position=(x, y, z, e),
             feed=float(command_run.feed[count - 1]),
-            limits=limits_at(command_run, count, start.limits),
+            limits=limits_after_count(command_run, count, start.limits),
             planned=_planned_after(command_run, lines, times, start),
             seconds=float(times.seconds.sum()),
-            fed=float(ways[ways > 0].sum()),
-            retracted=-float(ways[ways < 0].sum()),
-            **laid,
+            fed=float(fed[fed > 0].sum()),
+            retracted=-float(fed[fed < 0].sum()),
+            **extrusion,
             rows=rows.tobytes(),
             row_seconds=times.seconds.tobytes(),
         )
@@ -222,45 +222,47 @@ class FastRunner:
         self._link = times.state
 
 
-def _rows(
+def _log_rows(
     command_run: CommandRun, lines: LineBatch, times: BatchTimes, commands: int
 ) -> tuple[Float, dict[str, Any]]:
-    """Return the rows of the moves for `MoveLog`, and the extrusion of the moves for `Batch`."""
+    """Return the rows of the moves for `MoveLog`, and the arguments of `Batch` that describe their extrusion."""
     moving = lines.moving[lines.moving < times.done]
-    own = slice(0, len(moving))
+    done = slice(0, len(moving))
     end, delta = command_run.position[moving], command_run.delta[moving]
-    rows = np.zeros((len(moving), _ROW))
+    rows = np.zeros((len(moving), _N_COLUMNS))
     rows[:, 0] = commands + moving + 1
     rows[:, 1:4] = end[:, :3] - delta[:, :3]
     rows[:, 4:7] = end[:, :3]
     rows[:, 7] = delta[:, 3]
-    rows[:, 8] = lines.blocks.speed[own]
-    lays = (delta[:, 3] > 0) & ((delta[:, 0] != 0) | (delta[:, 1] != 0))
-    if not lays.any():
+    rows[:, 8] = lines.blocks.speed[done]
+    extrudes = (delta[:, 3] > 0) & ((delta[:, 0] != 0) | (delta[:, 1] != 0))
+    if not extrudes.any():
         return rows, {"low": None, "high": None, "heights": (), "peak_feed": 0.0}
-    corners = rows[lays, 1:7].reshape(-1, 3)
-    heights = end[lays, 2]
+    corners = rows[extrudes, 1:7].reshape(-1, 3)
+    heights = end[extrudes, 2]
     changes = heights[np.flatnonzero(np.diff(heights, prepend=np.nan) != 0)]
     return rows, {
         "low": tuple(corners.min(axis=0).tolist()),
         "high": tuple(corners.max(axis=0).tolist()),
         "heights": list(dict.fromkeys(changes.tolist())),
-        "peak_feed": float((delta[lays, 3] / lines.blocks.length[own][lays] * rows[lays, 8]).max()),
+        "peak_feed": float(
+            (delta[extrudes, 3] / lines.blocks.length[done][extrudes] * rows[extrudes, 8]).max()
+        ),
     }
 
 
 def _planned_after(
     command_run: CommandRun, lines: LineBatch, times: BatchTimes, start: BatchStart
 ) -> Planned:
-    """Return the current move and the planned moves after a batch."""
-    before, after, began = start.planned, times.planner, len(times.begins)
-    # Where the running block, each that waited, and each new one ends; e as filament fed.
+    """Return the current move and the planned moves of the firmware after a batch."""
+    before, after, n_begun = start.planned, times.planner, len(times.begins)
+    # End positions of the running block, of the waiting blocks and of the new ones; e is the filament fed.
     fed = start.filament + np.cumsum(command_run.delta[lines.moving, 3])
     new = np.column_stack([command_run.position[lines.moving, :3], fed])
     targets = np.concatenate([np.array(before.targets).reshape(-1, 4), new])[: times.pushed + 1]
-    rows = [tuple(row) for row in targets[max(began - 1, 0) :].tolist()]
+    rows = [tuple(row) for row in targets[max(n_begun - 1, 0) :].tolist()]
     planned = before._replace(queue=after.queue, last=after.last)
-    if began == 0:
+    if n_begun == 0:
         return planned._replace(targets=tuple(rows))
     return planned._replace(
         square=after.square,

@@ -32,60 +32,64 @@ __all__ = [
     "underrun_faults",
 ]
 
-_SLOW: Final = 2.0  # mm/s; no print is that slow
-_ENOUGH: Final = 50.0  # mm of extrusion needed before the speed of a file is judged
-_STANDS: Final = 0.25  # s of standstill in total that is tolerated
-_AS_LONG: Final = 1e-3  # s; of stops that differ by less, the first is reported
+_MIN_SPEED: Final = 2.0  # mm/s; no print is slower
+_MIN_LENGTH: Final = 50.0  # mm of extrusion that a file needs for a check of its speed
+_MAX_STANDSTILL: Final = 0.25  # s, total standstill that is tolerated
+_SAME_DURATION: Final = 1e-3  # s; of stops whose durations differ by less, the first is reported
 
-_KNOWN: Final = re.compile(
+_KNOWN_COMMANDS: Final = re.compile(
     r"G(?:[0-6]|1[0-2]|1[7-9]|2[0-9]|3[0-8]|42|5[3-9]|6[01]|76|80|9[0-2])\b"
     r"|M(?:\d|1\d|2[0-9]|3[0-4]|4[238]|7[2-8]|8[0-6]|92|9[38]|1[0-6]\d|19[1-3]|2\d\d|30[0-9]|3[567]\d|38[0-2]|4[0-3]\d"
     r"|48[0-9]|49[0-9]|5[0-9]\d|6[0-7]\d|7[01]\d|8[01]\d|85\d|86\d|87\d|88\d|89\d|9\d\d|100\d)\b|T\d|@"
 )
-"""Commands that at least one firmware has. If the simulated firmware does not know one, a real one may."""
+"""Commands that at least one real firmware knows, even if the simulated firmware does not."""
 
 
-_TURNS_OFF: Final = "TURN_OFF_HEATERS"
-_BEFORE_LAYERS: Final = 1000  # commands of the start G-code of a file without layer comments
+_TURN_OFF_MACRO: Final = "TURN_OFF_HEATERS"
+_MAX_START_COMMANDS: Final = 1000  # commands of the start G-code of a file without layer comments
 
 
-_INCHES: Final = "The file switches to inches (G20): check that its values are inches, not mm"
+_INCHES_REMEDY: Final = "The file switches to inches (G20): check that its values are inches, not mm"
 
 
-class _Rule(NamedTuple):
+class _ViolationRule(NamedTuple):
     """How to report a violation of the simulated printer: code and remedy."""
 
     code: str
     remedy: str
 
 
-_LIFTED: Final = "raised the nozzle before homing"
+_LIFT_BEFORE_HOMING: Final = "raised the nozzle before homing"
 
-_RULES: Final[Mapping[str, _Rule]] = {
-    "cold extrusion prevented": _Rule("cold", "Heat the nozzle first (for example M109 S210)"),
-    "too long extrusion prevented": _Rule("extrusion", "Check M82, M83 and G92 E0 before this line"),
-    "out of the machine": _Rule(
-        "box", "Move the part, or name the printer the file was made for with `printer`"
+_VIOLATION_RULES: Final[Mapping[str, _ViolationRule]] = {
+    "cold extrusion prevented": _ViolationRule("cold", "Heat the nozzle first (for example M109 S210)"),
+    "too long extrusion prevented": _ViolationRule("extrusion", "Check M82, M83 and G92 E0 before this line"),
+    "out of the machine": _ViolationRule(
+        "box", "Move the part, or set `printer` to the one that the file was sliced for"
     ),
-    "moved before homing": _Rule("homing", "Start with G28"),
-    _LIFTED: _Rule("homing", "Home first, in case the nozzle is at the top"),
-    "probed before homing": _Rule("homing", "Put G28 before G29"),
-    "unknown command": _Rule(
-        "unknown", "The printer ignores it. Check that the file was made for this firmware"
+    "moved before homing": _ViolationRule("homing", "Start with G28"),
+    _LIFT_BEFORE_HOMING: _ViolationRule("homing", "Home first, in case the nozzle is at the top"),
+    "probed before homing": _ViolationRule("homing", "Put G28 before G29"),
+    "unknown command": _ViolationRule(
+        "unknown", "The printer ignores it. Check that the file was sliced for this firmware"
     ),
-    "hotend asked for": _Rule("temperature", "Choose a temperature within the limits of the printer"),
-    "bed asked for": _Rule("temperature", "Choose a temperature within the limits of the printer"),
-    "no such extruder": _Rule("tool", "Slice for one extruder, or set `extruders`"),
-    "move that cannot be parsed": _Rule("unreadable", "Write a number after every letter of this line"),
-    "arc without a centre": _Rule("arc", "Switch arcs off in the slicer"),
+    "hotend asked for": _ViolationRule(
+        "temperature", "Choose a temperature within the limits of the printer"
+    ),
+    "bed asked for": _ViolationRule("temperature", "Choose a temperature within the limits of the printer"),
+    "no such extruder": _ViolationRule("tool", "Slice for one extruder, or set `extruders`"),
+    "move that cannot be parsed": _ViolationRule(
+        "unreadable", "Write a number after every letter of this line"
+    ),
+    "arc without a centre": _ViolationRule("arc", "Switch arcs off in the slicer"),
 }
 
-_MACHINE: Final = _Rule("machine", "")
+_OTHER_VIOLATION: Final = _ViolationRule("machine", "")
 
 
 def code_of_violation(what: str) -> str:
-    """Return the code of a violation."""
-    return _RULES.get(violation_kind(what), _MACHINE).code
+    """Return the diagnostic code for the text of a violation."""
+    return _VIOLATION_RULES.get(violation_kind(what), _OTHER_VIOLATION).code
 
 
 def _severity(harmless: bool) -> Severity:
@@ -93,11 +97,11 @@ def _severity(harmless: bool) -> Severity:
 
 
 class FaultLocator:
-    """Finds line, layer and height of commands of a job.
+    """Finds the line, layer and height of the commands of a job.
 
     Args:
-        job: the commands.
-        deposition: of their material, if it was recorded.
+        job: the job.
+        deposition: its recorded extrusion; None if it was not recorded.
     """
 
     def __init__(self, job: Job, deposition: Deposition | None) -> None:
@@ -109,20 +113,20 @@ class FaultLocator:
         self._layers = [layer.number for layer in layers]
 
     def locate(self, faults: Iterable[tuple[int, Diagnostic]]) -> list[Diagnostic]:
-        """Add line, layer and height to faults, and sort them by command index (from 0; -1: no command)."""
+        """Add line, layer and height to faults, and sort them by command index (from 0; -1 without a command)."""
         found = sorted(faults, key=lambda one: (one[0] < 0, one[0]))
         lines = find_lines(self._job.text, [max(command, 0) for command, _ in found])
         return [
-            fault if command < 0 else self._put(command, line, fault)
+            fault if command < 0 else self._add_location(command, line, fault)
             for (command, fault), line in zip(found, lines, strict=True)
         ]
 
-    def _put(self, command: int, line: int, fault: Diagnostic) -> Diagnostic:
-        layer = self._layer(command)
+    def _add_location(self, command: int, line: int, fault: Diagnostic) -> Diagnostic:
+        layer = self._layer_of(command)
         height = self._heights.get(layer) if layer else None
         return replace(fault, line=line, layer=layer, z=height if fault.z is None else fault.z)
 
-    def _layer(self, command: int) -> int:
+    def _layer_of(self, command: int) -> int:
         begins, numbers = (self._marks, self._numbers) if self._marks else (self._begins, self._layers)
         at = bisect_right(begins, command)
         return numbers[at - 1] if at else 0
@@ -135,18 +139,20 @@ def firmware_faults(job: Job, report: Report, comparison: Comparison) -> Iterato
     for violation in report.violations:
         what = violation.text
         kind = violation_kind(what)
-        rule = _RULES.get(kind, _MACHINE)
+        rule = _VIOLATION_RULES.get(kind, _OTHER_VIOLATION)
         code = what.partition(": ")[2].partition(" ")[0]
         key = f"{kind} {code}" if rule.code == "unknown" else kind
-        if key in reported or not comparison.of_job(violation.line):
+        if key in reported or not comparison.is_job_command(violation.line):
             continue
         if rule.code == "extrusion" and inches and "out of the machine" in reported:
-            continue  # moves too far and extrusion too long have the same cause
+            continue  # both follow from wrong units
         reported.add(key)
         same = sum(violation_kind(one.text) == kind and code in one.text for one in report.violations)
         times = same if rule.code == "unknown" else report.violation_counts.get(kind, 1)
-        remedy = _INCHES if rule.code == "box" and inches else rule.remedy
-        harmless = kind == _LIFTED or (rule.code == "unknown" and _KNOWN.match(code) is not None)
+        remedy = _INCHES_REMEDY if rule.code == "box" and inches else rule.remedy
+        harmless = kind == _LIFT_BEFORE_HOMING or (
+            rule.code == "unknown" and _KNOWN_COMMANDS.match(code) is not None
+        )
         yield (
             comparison.command_of(violation.line),
             Diagnostic(rule.code, _severity(harmless), what, remedy=remedy, times=times),
@@ -159,11 +165,11 @@ def deposition_faults(
     """Report the first defect of each kind, with the number of layers that have it.
 
     Args:
-        profile: with the material.
-        deposition: of the print.
-        defects: those without an earlier cause.
+        profile: the profile with the material.
+        deposition: recorded extrusion of the print.
+        defects: the defects that are not consequences of other faults.
     """
-    say: Mapping[str, Callable[[Defect], tuple[str, str]]] = {
+    texts: Mapping[str, Callable[[Defect], tuple[str, str]]] = {
         "unsupported": lambda one: (
             f"{one.amount:.0f} mm of unsupported extrusion at x {one.x:.1f} y {one.y:.1f}",
             "Check for missing layers below, or add supports",
@@ -177,62 +183,62 @@ def deposition_faults(
             "Check the z offset and the units (a file in inches needs G20)",
         ),
     }
-    for kind, words in say.items():
-        own = [one for one in defects if one.kind == kind]
-        if own:
-            what, remedy = words(own[0])
-            count = _how_often(deposition, own)
+    for kind, make_text in texts.items():
+        of_kind = [one for one in defects if one.kind == kind]
+        if of_kind:
+            what, remedy = make_text(of_kind[0])
+            count = _count_layers(deposition, of_kind)
             yield (
-                own[0].command - 1,
+                of_kind[0].command - 1,
                 Diagnostic(
                     kind,
                     "error",
                     what,
                     remedy=remedy,
-                    z=own[0].z,
+                    z=of_kind[0].z,
                     times=count,
-                    place=(own[0].x, own[0].y),
-                    amount=own[0].amount,
+                    place=(of_kind[0].x, of_kind[0].y),
+                    amount=of_kind[0].amount,
                 ),
             )
-    yield from _of_flow(profile, [one for one in defects if one.kind == "flow"])
+    yield from _flow_faults(profile, [one for one in defects if one.kind == "flow"])
     if (
-        deposition.length > _ENOUGH
-        and 0 < deposition.speed < _SLOW
+        deposition.length > _MIN_LENGTH
+        and 0 < deposition.speed < _MIN_SPEED
         and deposition.first_extrusion is not None
     ):
-        what = f"half of all extrusion is slower than {deposition.speed:.2g} mm/s, although F is in mm/min"
+        what = f"half of all extrusion is slower than {deposition.speed:.2g} mm/s: F must be in mm/min"
         yield deposition.first_extrusion - 1, Diagnostic("speed", "error", what)
 
 
-def _how_often(deposition: Deposition, own: Sequence[Defect]) -> int:
-    """Return how many layers have a kind of defect, including those beyond the list."""
-    listed = sum(one.kind == own[0].kind for one in deposition.defects)
-    return deposition.counts[own[0].kind] if len(own) == listed else len(own)
+def _count_layers(deposition: Deposition, defects: Sequence[Defect]) -> int:
+    """Return the number of layers with this kind of defect, including defects that are not listed."""
+    listed = sum(one.kind == defects[0].kind for one in deposition.defects)
+    return deposition.counts[defects[0].kind] if len(defects) == listed else len(defects)
 
 
-def _of_flow(profile: Profile, own: Sequence[Defect]) -> Iterator[tuple[int, Diagnostic]]:
+def _flow_faults(profile: Profile, defects: Sequence[Defect]) -> Iterator[tuple[int, Diagnostic]]:
     """Report flow above the maximum of the material."""
-    if not own:
+    if not defects:
         return
-    most = profile.max_flow
-    far = [one for one in own if one.amount > most * SHORT_TERM_FLOW]
-    first, worst = (far or own)[0], max(own, key=lambda one: one.amount)
-    what = f"flow {first.amount:.1f} mm³/s, {profile.material.name} allows {most:g} mm³/s"
+    maximum = profile.max_flow
+    errors = [one for one in defects if one.amount > maximum * SHORT_TERM_FLOW]
+    first, worst = (errors or defects)[0], max(defects, key=lambda one: one.amount)
+    what = f"flow {first.amount:.1f} mm³/s, {profile.material.name} allows {maximum:g} mm³/s"
     what += f", {worst.amount:.1f} mm³/s in layer {worst.layer}" if worst.amount > first.amount * 1.05 else ""
     remedy = "Print slower or thinner, or set material.max_flow for your material"
     yield (
         first.command - 1,
         Diagnostic(
             "flow",
-            _severity(not far),
+            _severity(not errors),
             what,
             remedy=remedy,
             z=first.z,
-            times=len(far or own),
+            times=len(errors or defects),
             place=(first.x, first.y),
             amount=first.amount,
-            limit=most,
+            limit=maximum,
         ),
     )
 
@@ -242,12 +248,12 @@ def heaters_left_on(
 ) -> Iterator[tuple[int, Diagnostic]]:
     """Report heaters that are still on at the end, with the last command that set them.
 
-    An end macro of the printer may switch them off. Its contents are unknown, so this is only a warning then.
+    An end macro of the printer may switch them off. Its contents are unknown, so with one this is only a warning.
 
     Args:
-        job: that was executed.
-        profile: its firmware may have macros.
-        targets: °C, by "nozzle" and "bed".
+        job: the executed job.
+        profile: the profile with the firmware, which may have macros.
+        targets: target temperature of "nozzle" and "bed", °C.
     """
     off = {"nozzle": "M104 S0", "bed": "M140 S0"}
     for heater, target in targets.items():
@@ -262,19 +268,19 @@ def heaters_left_on(
             -1,
         )
         what = f"the {heater} stays on at {target:.0f} °C at the end"
-        macro = _macro_behind(job, last) if profile.printer.firmware.dialect.extended_commands else ""
-        if macro.upper() == _TURNS_OFF:
+        macro = _find_end_macro(job, last) if profile.printer.firmware.dialect.extended_commands else ""
+        if macro.upper() == _TURN_OFF_MACRO:
             continue
         if macro:
             what += f", unless the macro {macro} of the printer switches it off"
-            remedy = f"Check that the macro contains {off[heater]} or {_TURNS_OFF}"
+            remedy = f"Check that the macro contains {off[heater]} or {_TURN_OFF_MACRO}"
         else:
             remedy = f"End with {off[heater]}"
         yield last, Diagnostic("heater", _severity(bool(macro)), what, remedy=remedy)
 
 
-def _macro_behind(job: Job, last: int) -> str:
-    """Return the last end macro after a command, by its name; empty if there is none."""
+def _find_end_macro(job: Job, last: int) -> str:
+    """Return the name of the last end macro after a command; empty if there is none."""
     for command in reversed(job.commands[last + 1 :]):
         if macro := match_end_macro(command.decode("latin-1")):
             return macro
@@ -285,12 +291,12 @@ def start_macro_note(job: Job, profile: Profile) -> Iterator[tuple[int, Diagnost
     """Report a start macro that is assumed to home and heat, because nothing before it homes.
 
     Args:
-        job: that was executed.
-        profile: whose firmware may have macros.
+        job: the executed job.
+        profile: the profile with the firmware, which may have macros.
     """
     if not profile.printer.firmware.dialect.extended_commands:
         return
-    for index, command in enumerate(job.commands[: min(job.marks, default=_BEFORE_LAYERS)]):
+    for index, command in enumerate(job.commands[: min(job.marks, default=_MAX_START_COMMANDS)]):
         if parse(command)[0] == b"G28":
             return
         if macro := match_start_macro(command.decode("latin-1")):
@@ -303,10 +309,10 @@ def underrun_faults(
     report: Report, comparison: Comparison, baud: int, *, baud_given: bool
 ) -> Iterator[tuple[int, Diagnostic]]:
     """Report buffer underruns: the printer stands still on the part because lines arrive too late."""
-    if report.underrun_seconds <= _STANDS:
+    if report.underrun_seconds <= _MAX_STANDSTILL:
         return
-    most = max(seconds for _, seconds in report.underrun_list)
-    first = next(command for command, seconds in report.underrun_list if seconds >= most - _AS_LONG)
+    longest = max(seconds for _, seconds in report.underrun_list)
+    first = next(command for command, seconds in report.underrun_list if seconds >= longest - _SAME_DURATION)
     what = f"{baud} baud is too slow: buffer underruns of {report.underrun_seconds:.1f} s in total, the longest here"
     remedy = "Use a higher baud rate, or set printer.link_lines_per_second, arc_tolerance or resolution"
     yield (

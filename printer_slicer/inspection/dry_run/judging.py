@@ -1,4 +1,4 @@
-"""Judge a simulated print: combine all records into a `Verdict`."""
+"""Combine all records of a simulated print into a `Verdict`."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from printer_slicer.gcode import read_moves
 from printer_slicer.inspection.deposition.record import Deposition
 from printer_slicer.inspection.dry_run.causes import (
     Cause,
-    causes_of,
     drop_consequences,
+    find_causes,
     is_explained,
     layer_of,
 )
@@ -45,19 +45,19 @@ class Verdict(SvgRepr):
     """The result of a dry run. Times in s, lengths in mm.
 
     Attributes:
-        job: its name.
-        commands: in the job.
-        executed: of these, executed in order.
-        identical: all commands were executed once and in order, and no others.
+        job: name of the job.
+        commands: number of commands in the job.
+        executed: number of them that were executed in order.
+        identical: whether all commands were executed once and in order, and no other commands.
         heights: z values with extrusion, in order.
-        primed: those of them in the start G-code.
-        heights_equal: `heights` equals the heights of the job and, if it was sliced here, of the layer plan.
+        primed: the heights at which the start G-code extrudes.
+        heights_equal: whether `heights` equals the heights of the job and, if it was sliced here, of the layer plan.
         modelled_seconds: time estimate of the motion model.
         simulated_seconds: time on the simulated printer.
         total_seconds: with homing and heating.
         baud: baud rate of the serial link.
         report: counters of the simulated printer.
-        deposition: of the material; None if it was not recorded.
+        deposition: the recorded extrusion; None if it was not recorded.
         faults: errors and warnings, in the order of the commands.
         problems: the errors as text, and problems of the whole run; empty if there are none.
     """
@@ -107,15 +107,15 @@ class Verdict(SvgRepr):
             "filament": f"{self.report.filament / 1000:.2f} m",
         }
         count = len(self.problems)
-        how = "no problems" if self.ok else f"do not print, {count} error{'s' if count > 1 else ''}"
-        return Summary(f"{self.job}: {how}", facts, self.problems)
+        state = "no problems" if self.ok else f"do not print, {count} error{'s' if count > 1 else ''}"
+        return Summary(f"{self.job}: {state}", facts, self.problems)
 
 
 class RunContext(NamedTuple):
-    """What is known about a run besides the report of the printer.
+    """Records of a run besides the report of the printer.
 
     Attributes:
-        deposition: of the material, if it was recorded.
+        deposition: the recorded extrusion; None if it was not recorded.
         targets: °C of "nozzle" and "bed" at the end.
         link: baud rate, and whether the user gave it; None if it does not matter.
         end: the last event of the host, if known.
@@ -136,17 +136,17 @@ def judge(
 
     Args:
         job: the job.
-        profile: it was made with.
+        profile: the profile that the job was made with.
         report: counters of the simulated printer.
-        comparison: has seen every command that the printer executed.
-        seen: what else is known; None if another host printed.
+        comparison: comparison of all executed commands with the job.
+        seen: other records; None if another host printed.
     """
     deposition, targets, link, end, total_seconds = seen or RunContext()
     waited = report.homing_seconds + report.heating_seconds
-    before = set(_heights_before(job))
+    start_heights = set(_start_heights(job))
     found = [*start_macro_note(job, profile), *firmware_faults(job, report, comparison)]
     if deposition is not None:
-        found = _with_material(job, profile, report, comparison, (deposition, found))
+        found = _add_material_faults(job, profile, report, comparison, (deposition, found))
         if "unsupported" in job.allowed:
             found = [
                 (at, replace(one, severity="warning") if one.code == "unsupported" else one)
@@ -157,15 +157,15 @@ def judge(
     if link is not None:
         found += underrun_faults(report, comparison, link[0], baud_given=link[1])
     faults = tuple(FaultLocator(job, deposition).locate(found))
-    said = [sentence(fault) for fault in faults if fault.is_error]
+    errors = [sentence(fault) for fault in faults if fault.is_error]
     return Verdict(
         job=job.name,
         commands=len(job.commands),
         executed=comparison.executed,
         identical=comparison.executed == len(job.commands) and comparison.n_unexpected == 0,
         heights=report.layers,
-        primed=tuple(z for z in report.layers if z in before),
-        heights_equal=_same_heights(job, report.layers),
+        primed=tuple(z for z in report.layers if z in start_heights),
+        heights_equal=_has_planned_heights(job, report.layers),
         modelled_seconds=job.seconds,
         simulated_seconds=report.print_seconds,
         total_seconds=report.print_seconds + waited if total_seconds is None else total_seconds,
@@ -173,70 +173,72 @@ def judge(
         report=report,
         deposition=deposition,
         faults=faults,
-        problems=(*said, *_problems(job, report, comparison, end, is_explained=bool(said))),
+        problems=(*errors, *_list_problems(job, report, comparison, end, is_explained=bool(errors))),
     )
 
 
-def _with_material(
+def _add_material_faults(
     job: Job,
     profile: Profile,
     report: Report,
     comparison: Comparison,
     known: tuple[Deposition, list[tuple[int, Diagnostic]]],
 ) -> list[tuple[int, Diagnostic]]:
-    """Return the faults of the firmware, and the faults of the material that do not follow from them."""
-    deposition, of_firmware = known
-    causes = causes_of(job, report, comparison, deposition)
+    """Return the faults of the firmware, and the faults of the extrusion that do not follow from them."""
+    deposition, from_firmware = known
+    causes = find_causes(job, report, comparison, deposition)
     found: list[tuple[int, Diagnostic]] = []
-    for several in (
+    for faults in (
         find_clog(job, profile, deposition, report.filament_missing),
         find_misread_e(job, deposition),
         find_missing_material(job, profile, deposition),
     ):
-        for one in several:
+        for one in faults:
             if not is_explained(causes, one.fault.code, one.proven_at, layer_of(deposition, one.command)):
                 found.append((one.command, one.fault))
                 causes.append(Cause(one.fault.code, one.since, one.last + 1))
-    # Extrusion that is rejected as too long may come from misread E values.
+    # Extrusion that the firmware rejects as too long may be a consequence of misread E values.
     misreads = [command for command, fault in found if fault.code == "extrusion"]
-    of_firmware = [
+    from_firmware = [
         (command, fault)
-        for command, fault in of_firmware
+        for command, fault in from_firmware
         if fault.code != "extrusion" or not any(since <= command for since in misreads)
     ]
-    # The extrusion of a clipped or rejected command is no separate fault.
-    reported = {command for command, _ in of_firmware}
-    left = [one for one in drop_consequences(deposition.defects, causes) if one.command - 1 not in reported]
-    return [*of_firmware, *found, *deposition_faults(profile, deposition, left)]
+    # A defect of a clipped or rejected command is no separate fault.
+    reported = {command for command, _ in from_firmware}
+    remaining = [
+        one for one in drop_consequences(deposition.defects, causes) if one.command - 1 not in reported
+    ]
+    return [*from_firmware, *found, *deposition_faults(profile, deposition, remaining)]
 
 
-def _same_heights(job: Job, seen: tuple[float, ...]) -> bool:
-    """Return whether the printer extruded at the heights of the job, and the job at those of the plan.
+def _has_planned_heights(job: Job, extruded: tuple[float, ...]) -> bool:
+    """Return whether the printed heights are those of the job, and the job's those of its layer plan.
 
-    Heights of the start G-code are left out of the comparison with the plan.
+    The comparison with the plan leaves out the heights of the start G-code.
     """
-    if tuple(seen) != job.heights[: len(seen)] or len(seen) != min(len(job.heights), MAX_LAYERS):
+    if tuple(extruded) != job.heights[: len(extruded)] or len(extruded) != min(len(job.heights), MAX_LAYERS):
         return False
     if job.program is None or job.program.climbs:
         return True
     # Heights of the start G-code: those of the moves before the first layer comment.
-    primed = set(_heights_before(job))
+    primed = set(_start_heights(job))
     planned = [round(float(z), 4) for z in job.program.plan.top[job.program.printed]]
-    return set(seen) - primed <= set(planned) and [z for z in seen if z not in primed] == [
+    return set(extruded) - primed <= set(planned) and [z for z in extruded if z not in primed] == [
         z for z in planned if z not in primed
     ]
 
 
-def _heights_before(job: Job) -> list[float]:
+def _start_heights(job: Job) -> list[float]:
     """Return the z values at which the start G-code extrudes."""
     first = min(job.marks, default=0)
     return read_moves(job.commands[:first]).heights()
 
 
-def _problems(
+def _list_problems(
     job: Job, report: Report, comparison: Comparison, end: Event | None, *, is_explained: bool
 ) -> list[str]:
-    """Return problems of the whole run as text, without those that reported faults explain."""
+    """Return the problems of the whole run as text, without those that reported faults explain."""
     problems = [f"the host stopped: {end.reason}"] if isinstance(end, Halted) else []
     if report.killed:
         problems.append(f"the printer halted: {report.killed}")
@@ -251,7 +253,7 @@ def _problems(
         f"line {job.line_of(at)} was never executed: {job.commands[at].decode('latin-1')}"
         for at in comparison.skipped
     ]
-    if not (is_explained or _same_heights(job, report.layers)):
+    if not (is_explained or _has_planned_heights(job, report.layers)):
         problems.append(
             f"the printer extruded at {len(report.layers)} heights, the job has {len(job.heights)}"
         )

@@ -1,4 +1,4 @@
-"""The machine and the firmware that a printer's profile describes."""
+"""Make the simulated machine and firmware that a printer profile describes."""
 
 from __future__ import annotations
 
@@ -13,30 +13,29 @@ from printer_slicer.sim.machine import Machine
 
 __all__ = ["machine_of", "simulated_firmware_for"]
 
-_PERSON: Final = 60.0  # s until somebody answers a file that waits for a person
-_OVER: Final = (
-    10.0  # mm that machines reach over the highest part, which firmware that ends a print may not know
-)
-_PROBED: Final = 16  # points that a machine with a probe touches
+_USER_DELAY: Final = 60.0  # s until the user answers when a file waits for a person
+# mm of travel above the printable height, for firmware that lifts the nozzle at the end of a print
+_MARGIN_ABOVE: Final = 10.0
+_PROBE_POINTS: Final = 16  # points that a bed probe touches
 
 
 def machine_of(printer: Printer, extruders: int | None = None, *, one_hotend: bool = False) -> Machine:
-    """Return the machine of a printer profile; values that profiles lack are those of a common printer.
+    """Return the simulated machine for a printer profile; values not in profiles are typical ones.
 
     Args:
         printer: the profile.
-        extruders: how many it has; None: the tool of the profile and those below it.
-        one_hotend: they share one, as with a changer of filaments.
+        extruders: number of extruders; None: enough for the tool of the profile.
+        one_hotend: whether the extruders share one hotend, as with a filament changer.
     """
     (left, front), (right, back) = printer.corners
-    over = 0.0 if printer.firmware.halts_out_of_bounds else _OVER
+    over = 0.0 if printer.firmware.halts_out_of_bounds else _MARGIN_ABOVE
     return Machine(
         limits=limits_of(printer),
         box_min=(left - printer.reach, front - printer.reach, 0.0),
         box_max=(right + printer.reach, back + printer.reach, printer.bed_z + over),
         home=(left, front, 0.0),
-        person_seconds=_PERSON,
-        probe_points=_PROBED if printer.probe else 0,
+        person_seconds=_USER_DELAY,
+        probe_points=_PROBE_POINTS if printer.probe else 0,
         extruders=printer.tool + 1 if extruders is None else extruders,
         one_hotend=one_hotend,
         hotend=HeaterSpec(
@@ -53,7 +52,7 @@ def machine_of(printer: Printer, extruders: int | None = None, *, one_hotend: bo
 
 
 def simulated_firmware_for(printer: Printer) -> SimulatedFirmware:
-    """Return the simulated firmware for a printer: it answers as Marlin, with the commands of its dialect."""
+    """Return the simulated firmware for a printer: it replies like Marlin, with the printer's dialect."""
     extended = printer.firmware.dialect.extended_commands
     any_case = any(one.any_case for one in SIMULATED_FIRMWARES.values() if one.dialect == printer.flavour)
     return replace(MARLIN_2_1, dialect=printer.flavour, ignores_extended=extended, any_case=any_case)

@@ -1,4 +1,4 @@
-"""Print a job on the simulated printer, in simulated time, with the real protocol."""
+"""Print a job on the simulated printer, in simulated time, with the protocol of a real print."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ from printer_slicer.stream.session import run
 
 __all__ = ["dry_run", "layer_counter"]
 
-_PLACE = re.compile(r"X:(\S+) Y:(\S+) Z:(\S+)")
-_LATENCY = 0.001  # s for a reply over USB
-_SHOWN = 60  # characters of a command
-_PATIENCE = 60.0  # s of simulated time that one read may wait
+_POSITION = re.compile(r"X:(\S+) Y:(\S+) Z:(\S+)")
+_LATENCY = 0.001  # s, latency of a reply over USB
+_MAX_SHOWN = 60  # characters of a command in a message
+_LONGEST_WAIT = 60.0  # s of simulated time for one read
 
 
 @dataclass(slots=True, eq=False)
@@ -70,12 +70,12 @@ class _Simulation:
             self.faults.current_layer = layer_counter(self.job, self.comparison)
         self.port = VirtualPort(self.printer, baud=self.baud, latency=_LATENCY, faults=self.faults)
 
-    def streamer(self, commands: Sequence[bytes]) -> Streamer:
+    def make_streamer(self, commands: Sequence[bytes]) -> Streamer:
         """Return a host that sends these commands."""
         printer = self.profile.printer
         return Streamer(commands, limits=limits_of(printer), window_bytes=printer.receive_buffer - 1)
 
-    def verdict(self, end: Event | None, total_seconds: float) -> Verdict:
+    def make_verdict(self, end: Event | None, total_seconds: float) -> Verdict:
         """Return the result of the run."""
         state = self.printer.state
         return judge(
@@ -94,13 +94,13 @@ class _Simulation:
 
 
 def layer_counter(job: Job, comparison: Comparison) -> Callable[[], int] | None:
-    """Return a function for the layer of the command being executed; None if the job has no layer comments."""
+    """Return a function that returns the current layer of a run; None if the job has no layer comments."""
     if not job.marks:
         return None
     begins, numbers = list(job.marks), list(job.marks.values())
 
     def layer_now() -> int:
-        """Return the layer of the command started last; 0 before the first."""
+        """Return the layer of the last started command; 0 before the first layer."""
         at = bisect_right(begins, comparison.due - 1)
         return numbers[at - 1] if at else 0
 
@@ -124,7 +124,7 @@ def dry_run(  # noqa: PLR0913 - all but two have a good default
     Args:
         job: the job to print.
         profile: its printer section sets the machine, the baud rate and the window of the host; None: that of the job.
-        on_event: is called with each event of the host.
+        on_event: function that is called with each event of the host.
         baud: baud rate; buffer underruns are errors then. None uses that of the profile, with underruns as warnings.
         every_byte: simulate every byte on the cable. Otherwise whole lines are sent, with the same timing and the same
             result, ten times as fast.
@@ -154,43 +154,43 @@ def dry_run(  # noqa: PLR0913 - all but two have a good default
 
 
 def _run_over_port(simulation: _Simulation, on_event: Callable[[Event], None]) -> Verdict:
-    """Simulate every byte."""
+    """Simulate every byte on the cable."""
     ends: list[Event] = []
 
     def listen(event: Event) -> None:
-        """Keep the last event, and pass all events on."""
+        """Record the last event of a run, and pass all events on."""
         if isinstance(event, (Finished, Halted)):
             ends.append(event)
         on_event(event)
 
     port = simulation.port
-    streamer = simulation.streamer(simulation.job.commands)
-    begun = -1, 0.0
+    streamer = simulation.make_streamer(simulation.job.commands)
+    progress = -1, 0.0
 
-    def watch(now: float) -> None:
-        """Stop a command or print that never ends."""
-        nonlocal begun
-        if simulation.comparison.executed != begun[0]:
-            begun = simulation.comparison.executed, now
-        if now > min(begun[1] + LONGEST_COMMAND, LONGEST_PRINT):
+    def stop_if_endless(now: float) -> None:
+        """Raise an error for a command or a print that never ends."""
+        nonlocal progress
+        if simulation.comparison.executed != progress[0]:
+            progress = simulation.comparison.executed, now
+        if now > min(progress[1] + LONGEST_COMMAND, LONGEST_PRINT):
             raise EndlessPrintError
 
     try:
-        run(streamer, port, port.now, on_event=listen, on_turn=watch, longest_wait=_PATIENCE)
+        run(streamer, port, port.now, on_event=listen, on_turn=stop_if_endless, longest_wait=_LONGEST_WAIT)
     except EndlessPrintError:
-        listen(_endless(simulation))
+        listen(_endless_event(simulation))
     except PortError as error:  # an injected fault disconnected the cable
         listen(Halted(str(error).partition("\n")[0], streamer.acknowledged))
-    return simulation.verdict(ends[-1] if ends else None, port.now())
+    return simulation.make_verdict(ends[-1] if ends else None, port.now())
 
 
 def _run_fast(simulation: _Simulation, on_event: Callable[[Event], None]) -> Verdict:
     """Simulate whole lines, each at the time it would have arrived."""
     window = simulation.profile.printer.receive_buffer - 1
     link = SerialLink(simulation.baud, _LATENCY, _LATENCY, window_bytes=window)
-    runner = FastRunner(simulation.printer, simulation.port, link, simulation.comparison.many)
+    runner = FastRunner(simulation.printer, simulation.port, link, simulation.comparison.add_batch)
     commands = simulation.job.commands
-    for event in runner.greet(simulation.streamer(commands[:1])):
+    for event in runner.run_handshake(simulation.make_streamer(commands[:1])):
         on_event(event)
     end: Event
     try:
@@ -199,26 +199,27 @@ def _run_fast(simulation: _Simulation, on_event: Callable[[Event], None]) -> Ver
         end = (
             Halted(f"the printer stopped: {killed}", done)
             if killed
-            else _finished(runner.close(), simulation.job)
+            else _finished_event(runner.close(), simulation.job)
         )
     except EndlessPrintError:
-        end = _endless(simulation)
+        end = _endless_event(simulation)
     on_event(end)
-    return simulation.verdict(end, runner.now)
+    return simulation.make_verdict(end, runner.now)
 
 
-def _endless(simulation: _Simulation) -> Halted:
-    """Return the event for a print that never ends."""
+def _endless_event(simulation: _Simulation) -> Halted:
+    """Return the last event of a print that never ends."""
     at = max(simulation.comparison.due - 1, 0)
-    said = simulation.job.commands[at].decode("latin-1")[:_SHOWN]
+    command = simulation.job.commands[at].decode("latin-1")[:_MAX_SHOWN]
     return Halted(
-        f"line {simulation.job.line_of(at)} takes longer than a day, or the print longer than 30: {said}", at
+        f"line {simulation.job.line_of(at)} takes longer than a day, or the print longer than 30 days: {command}",
+        at,
     )
 
 
-def _finished(said: str, job: Job) -> Finished:
-    """Return the event for the end of a job, from the reported position."""
-    found = _PLACE.match(said)
+def _finished_event(reply: str, job: Job) -> Finished:
+    """Return the last event of a complete job, with the position in the last reply of the printer."""
+    found = _POSITION.match(reply)
     position = (float(found[1]), float(found[2]), float(found[3])) if found else None
     misses = [abs(at - to) for at, to in zip(position or (), job.end, strict=False)]
     return Finished(

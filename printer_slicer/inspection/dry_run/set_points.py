@@ -1,4 +1,4 @@
-"""Fan speed and temperatures that the commands of a job set."""
+"""Find the fan speeds and temperatures that the commands of a job set."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ class SetPoints:
     """Set points in the order of the commands that change them.
 
     Attributes:
-        command: (m,) the command, counted from 1.
-        fan: (m,) speed of the part cooling fan from there on, %.
-        nozzle, bed: (m,) target temperatures from there on, °C; the nozzle is that of the current tool.
+        command: (m,) number of the command, counted from 1.
+        fan: (m,) speed of the part cooling fan after the command, %.
+        nozzle, bed: (m,) target temperatures after the command, °C; nozzle is that of the current tool.
     """
 
     command: Int

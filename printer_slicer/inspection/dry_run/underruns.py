@@ -1,8 +1,9 @@
 """Find buffer underruns of a job on a serial link, before it is printed.
 
-With few moves in its buffer the planner slows down, because it must be able to stop after the last move it knows. With
-an empty buffer the machine stands still, with the nozzle on the part. `printer_slicer.link_model` computes the times of
-the job twice: for the given link, and for one that takes no time. An underrun is where moves start later and later.
+With few moves in its buffer the planner slows down, because it must be able to stop after the last known move. With an
+empty buffer the machine stands still, with the nozzle on the part. `printer_slicer.link_model` computes the times of
+the job twice: for the given link, and for an ideal link without delay. An underrun is a range of moves that start later
+and later compared with the ideal link.
 """
 
 from __future__ import annotations
@@ -26,10 +27,10 @@ from printer_slicer.motion.vectorized import Blocks, find_moving, make_blocks
 
 __all__ = ["Underrun", "UnderrunReport", "find_underruns", "timed_job"]
 
-_APART: Final = 40  # commands without a loss between two underruns
-_FELT: Final = 0.05  # of its own time, by which a move that takes longer is held up
-_WORTH: Final = 0.25  # s lost in an underrun; a machine that sets out from rest may wait 0.1 s anyway
-_STANDS: Final = commands_that(Effect.WAITS)
+_MIN_GAP: Final = 40  # commands without delay that separate two underruns
+_MIN_SLOWDOWN: Final = 0.05  # of its ideal duration; a move that takes longer by this share is delayed
+_MIN_LOSS: Final = 0.25  # s lost in an underrun; starting from rest may take 0.1 s anyway
+_WAITING_COMMANDS: Final = commands_that(Effect.WAITS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +66,7 @@ class UnderrunReport:
         stalls, stalled_seconds: number and total time of complete stops.
         moving_seconds: total time of all moves.
         seconds: from the first line to the end of the last move, without homing, heating and waiting for the user.
-        ideal_seconds: the same for a link that takes no time.
+        ideal_seconds: the same for an ideal link without delay.
         lines_per_second: throughput of the link for lines of the average length of this job.
     """
 
@@ -101,16 +102,16 @@ def find_underruns(
         marks: command index -> layer, ascending.
     """
     job = timed_job(commands, moves, limits)
-    real = LinkRun(job, link, limits).run()
-    free = LinkRun(job, replace(link, baud=0, latency_out=0.0, latency_back=0.0), limits).run()
+    actual = LinkRun(job, link, limits).run()
+    ideal = LinkRun(job, replace(link, baud=0, latency_out=0.0, latency_back=0.0), limits).run()
     return UnderrunReport(
         link,
-        tuple(_underruns(real.begins, free.begins, marks or {})),
-        real.clock.stalls,
-        real.clock.stalled_seconds,
-        real.clock.moving_seconds,
-        real.end,
-        free.end,
+        tuple(_find_ranges(actual.begins, ideal.begins, marks or {})),
+        actual.clock.stalls,
+        actual.clock.stalled_seconds,
+        actual.clock.moving_seconds,
+        actual.end,
+        ideal.end,
         link.lines_per_second(float(job.sizes.mean())) if len(commands) else inf,
     )
 
@@ -121,14 +122,16 @@ def timed_job(commands: Sequence[bytes], moves: Moves, limits: MotionLimits) -> 
     parts: list[Blocks] = []
     lines, changed, begin = [moves.line[:0]], {}, 0
     for first, kind, values in (*moves.changes, (len(moves.line), "", {})):
-        some = slice(begin, first)
-        moving, length = find_moving(np.ascontiguousarray(moves.delta[some].T))
-        delta = moves.delta[some][moving]
-        wanted = choose_accelerations(delta, moves.acceleration[some][moving], limits)
+        selected = slice(begin, first)
+        moving, length = find_moving(np.ascontiguousarray(moves.delta[selected].T))
+        delta = moves.delta[selected][moving]
+        acceleration = choose_accelerations(delta, moves.acceleration[selected][moving], limits)
         parts.append(
-            make_blocks(np.ascontiguousarray(delta.T), length, moves.speed[some][moving], wanted, limits)
+            make_blocks(
+                np.ascontiguousarray(delta.T), length, moves.speed[selected][moving], acceleration, limits
+            )
         )
-        lines.append(moves.line[some][moving])
+        lines.append(moves.line[selected][moving])
         begin, limits = first, changed_limits(limits, kind, values)
         if first < len(moves.line):
             changed[int(moves.line[first])] = limits
@@ -136,43 +139,50 @@ def timed_job(commands: Sequence[bytes], moves: Moves, limits: MotionLimits) -> 
         *(np.concatenate([getattr(part, name) for part in parts], axis=-1) for name in Blocks.__slots__)
     )
     moving = np.concatenate(lines)
-    # A command that moves, as some that home, is taken for its moves.
+    # Commands with moves, such as some that home, count only as their moves.
     others = np.setdiff1d(np.arange(len(commands)), moving).tolist()
-    stands = {at: seconds for at in others if (seconds := _stands(commands[at])) is not None}
-    return TimedJob(sizes, rooms, moving, blocks, stands, changed)
+    dwells = {at: seconds for at in others if (seconds := _dwell_seconds(commands[at])) is not None}
+    return TimedJob(sizes, rooms, moving, blocks, dwells, changed)
 
 
-def _stands(command: bytes) -> float | None:
-    """Return the seconds of a dwell; None for any other command. Waiting for heaters or the user is not counted."""
+def _dwell_seconds(command: bytes) -> float | None:
+    """Return the duration of a dwell, s; 0 for waits for heaters or the user; None for other commands."""
     word, values = parse(command)
-    if (word or parse_extended(command)[0]) not in _STANDS:
+    if (word or parse_extended(command)[0]) not in _WAITING_COMMANDS:
         return None
     if word != b"G4":
         return 0.0
     return values[b"S"] if b"S" in values else values.get(b"P", 0.0) / 1000
 
 
-def _underruns(real: Float, free: Float, marks: Mapping[int, int]) -> Iterable[Underrun]:
-    """Find the ranges of moves that start later and later compared with an ideal link.
+def _find_ranges(actual: Float, ideal: Float, marks: Mapping[int, int]) -> Iterable[Underrun]:
+    """Find the ranges of moves that start later and later, compared with an ideal link.
 
     Args:
-        real: (n,) s, start of the first move of each command over the link; nan for commands without a move.
-        free: (n,) s, the same for a link that takes no time.
+        actual: (n,) s, start of the first move of each command over the link; nan for commands without a move.
+        ideal: (n,) s, the same for an ideal link without delay.
         marks: command index -> layer, ascending.
     """
-    commands = np.flatnonzero(~np.isnan(real))
-    takes, would = np.diff(real[commands]), np.diff(free[commands])
-    held_up = np.flatnonzero(takes - would >= _FELT * would)
+    commands = np.flatnonzero(~np.isnan(actual))
+    actual_steps, ideal_steps = np.diff(actual[commands]), np.diff(ideal[commands])
+    held_up = np.flatnonzero(actual_steps - ideal_steps >= _MIN_SLOWDOWN * ideal_steps)
     if not len(held_up):
         return
-    cuts = np.flatnonzero(np.diff(held_up) > _APART + 1)
+    cuts = np.flatnonzero(np.diff(held_up) > _MIN_GAP + 1)
     lows, highs = held_up[np.append(0, cuts + 1)], held_up[np.append(cuts, -1)] + 1
     begins = list(marks)
     for first, last in zip(commands[lows].tolist(), commands[highs].tolist(), strict=True):
-        wanted, needed = float(free[last] - free[first]), float(real[last] - real[first])
-        if needed - wanted < _WORTH:
+        ideal_seconds, actual_seconds = float(ideal[last] - ideal[first]), float(actual[last] - actual[first])
+        if actual_seconds - ideal_seconds < _MIN_LOSS:
             continue
         at = bisect_right(begins, first)
         layer = marks[begins[at - 1]] if at else 0
         lines = last - first
-        yield Underrun(first, last, needed - wanted, lines / max(wanted, 1e-9), lines / needed, layer=layer)
+        yield Underrun(
+            first,
+            last,
+            actual_seconds - ideal_seconds,
+            lines / max(ideal_seconds, 1e-9),
+            lines / actual_seconds,
+            layer=layer,
+        )

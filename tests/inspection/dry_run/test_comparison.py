@@ -38,7 +38,7 @@ def test_a_lost_line_is_one_difference_and_no_stray() -> None:
     assert comparison.skipped == [7]
     assert comparison.executed == len(JOB) - 1
     assert comparison.command_of(8) == 8
-    assert comparison.of_job(8)
+    assert comparison.is_job_command(8)
 
 
 def test_a_line_too_many_is_one_difference() -> None:
@@ -49,7 +49,7 @@ def test_a_line_too_many_is_one_difference() -> None:
     assert comparison.unexpected == [(7, "G1 X6")]
     assert comparison.skipped == []
     assert comparison.executed == len(JOB)
-    assert not comparison.of_job(8)
+    assert not comparison.is_job_command(8)
     assert [comparison.command_of(number) for number in (7, 8, 9)] == [6, 6, 7]
 
 
@@ -70,7 +70,7 @@ def test_behind_slips_the_commands_are_those_of_the_job(fates: list[str], alike:
             "add": ["M300", text],
         }[fate]
     comparison = compared(lines, job)
-    own = [number for number in range(1, len(lines) + 1) if comparison.of_job(number)]
+    own = [number for number in range(1, len(lines) + 1) if comparison.is_job_command(number)]
 
     assert len(own) == comparison.executed
     assert [job[comparison.command_of(number)].decode() for number in own] == [

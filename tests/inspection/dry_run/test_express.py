@@ -127,7 +127,7 @@ def test_most_of_a_curve_is_reckoned_at_once(tmp_path: Path) -> None:
     printer = SimulatedPrinter(machine_of(PROFILE.printer))
     port = VirtualPort(printer, baud=115200, latency=0.001)
     express = FastRunner(printer, port, SerialLink(115200, 0.001, 0.001), lambda _: None)
-    express.greet(Streamer(job.commands[:1]))
+    express.run_handshake(Streamer(job.commands[:1]))
 
     assert express.execute(job.commands, lambda _: None) == len(job.commands)
     assert express.batched > len(job.commands) - 60

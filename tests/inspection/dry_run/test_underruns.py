@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from printer_slicer.gcode import read_moves
 from printer_slicer.inspection.dry_run.machines import machine_of, simulated_firmware_for
-from printer_slicer.inspection.dry_run.underruns import UnderrunReport, _stands, find_underruns
+from printer_slicer.inspection.dry_run.underruns import UnderrunReport, _dwell_seconds, find_underruns
 from printer_slicer.jobs import Job
 from printer_slicer.link_model import SerialLink
 from printer_slicer.motion.rules import limits_of
@@ -194,4 +194,4 @@ def test_the_rate_of_a_link_is_that_of_the_wire_or_of_the_answers() -> None:
 
 @pytest.mark.parametrize("wait", [b"M116", b"M191 S40", b"g4 p1", b"PAUSE", b"M125"])
 def test_the_machine_stands_still_for_every_command_that_waits(wait: bytes) -> None:
-    assert _stands(wait) is not None
+    assert _dwell_seconds(wait) is not None
