@@ -112,13 +112,13 @@ class Ground:
         middle = beads.begin[bead] + share[:, None] * (beads.end - beads.begin)[bead]
         lowest = beads.z_top - np.maximum(beads.rise, 0) - beads.height * (1 + _SLACK)
         reach = max(round(beads.usual_width / window.cell), 1)
-        around = highest_around(self._top[window.within(self._window)], reach)
+        around = highest_around(self._top[window.slices_in(self._window)], reach)
         hanging = around[window.cells(middle)] < lowest[bead]
         return ConnectedAreas(bead, middle, (beads.length / count)[bead], hanging)
 
     def lay(self, fill: Float, window: CellWindow, z: float, *, support: bool = False) -> None:
         """Cells that are rasterize_fill hold plastic up to z now; on supports the part begins a little higher."""
-        here = self._top[window.within(self._window)]
+        here = self._top[window.slices_in(self._window)]
         np.maximum(here, np.where(fill > _FULL, z + _CONTACT * support, 0.0), out=here)
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from printer_slicer.arrays import Float
 from printer_slicer.geometry import difference
-from printer_slicer.inspection.coverage.measurement import coverage_of, overlapping
+from printer_slicer.inspection.coverage.measurement import coverage_of, find_overlaps
 from printer_slicer.inspection.coverage.stack import stack_of_program
 from printer_slicer.model import Mesh
 from printer_slicer.pipeline import slice_stages
@@ -59,7 +59,7 @@ def overfilled(stages: Stages, profile: Profile) -> float:
     shell = difference(stages.sections.solid, stages.regions.internal_infill)
     layers = np.flatnonzero(coverage.fill.overlap).tolist()
     over = [
-        shapely.area(shapely.intersection(shape(overlapping(coverage, k), 0), shape(shell, k)))
+        shapely.area(shapely.intersection(shape(find_overlaps(coverage, k), 0), shape(shell, k)))
         for k in layers
     ]
     return float(sum(over)) / float(shell.area().sum())

@@ -12,7 +12,7 @@ from printer_slicer.arrays import Float
 from printer_slicer.diagnostics import Diagnostic
 from printer_slicer.drawing.canvas import Box, Fill, Line, Picture, Shape, Text, fit_text, text_width
 from printer_slicer.geometry import Areas, intersection, stroke_lines
-from printer_slicer.inspection.coverage.measurement import Coverage, overlapping
+from printer_slicer.inspection.coverage.measurement import Coverage, find_overlaps
 from printer_slicer.inspection.deposition.marks import Purpose
 
 __all__ = ["coverage_picture"]
@@ -156,7 +156,7 @@ def _panel(coverage: Coverage, layer: int, view: _View) -> Iterator[Shape]:
     yield from _beads(coverage, layer, view)
     yield from _filled(coverage.uncovered, layer, view, _UNCOVERED, "uncovered")
     yield from _filled(coverage.outside, layer, view, _OUTSIDE, "outside")
-    yield from _filled(overlapping(coverage, layer), 0, view, _OVERLAP, "overlap")
+    yield from _filled(find_overlaps(coverage, layer), 0, view, _OVERLAP, "overlap")
     for ring in _cut(coverage.sections, layer, view).rings(0):
         yield Line(view.place(np.concatenate([ring, ring[:1]])), _INK, 1.2, name="section")
     frame = np.array([(0, 0), (width, 0), (width, height), (0, height), (0, 0)]) + np.array(

@@ -199,7 +199,7 @@ def _layers_of(finding: Diagnostic, levels: FileLayers) -> Iterable[int]:
     """Return the indices of the layers that have a finding."""
     if finding.first:
         return [layer for layer in finding.in_layers if 0 <= layer < levels.n_levels]
-    layer = levels.at(finding.z) if finding.z is not None else finding.layer - 1
+    layer = levels.layer_at(finding.z) if finding.z is not None else finding.layer - 1
     return [layer] if 0 <= layer < levels.n_levels else []
 
 
@@ -211,7 +211,7 @@ def _asked_layer(arguments: argparse.Namespace, levels: FileLayers) -> int:
     """
     top = float(levels.top[-1])
     if arguments.z is not None:
-        number = levels.at(arguments.z)
+        number = levels.layer_at(arguments.z)
         if number < 0:
             raise UsageError(
                 f"--z {arguments.z:g}: {arguments.gcode.name} has layers from the bed to z {top:.4g} mm",

@@ -1,4 +1,4 @@
-"""The extrusions of a program or of the moves of a file, as columns."""
+"""Extrusions of a program or of the moves of a file, stored as columns."""
 
 from __future__ import annotations
 
@@ -17,9 +17,16 @@ from printer_slicer.roles import Role
 if TYPE_CHECKING:
     from printer_slicer.model import Program
 
-__all__ = ["Extrusions", "Purpose", "extrusions_of_moves", "extrusions_of_program", "median_of", "spread_out"]
+__all__ = [
+    "Extrusions",
+    "Purpose",
+    "extrusions_of_moves",
+    "extrusions_of_program",
+    "sample_points",
+    "weighted_median",
+]
 
-_NOTHING: Final = 1e-9  # mm³ or mm: less is rounding
+_NEGLIGIBLE: Final = 1e-9  # mm³ or mm; smaller values are rounding errors
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,8 +39,8 @@ class Extrusions:
         rise: (B,) mm, change of z along the extrusion; 0 except for spirals and sloped seams.
         height: (B,) mm; nan if not known yet.
         area: (B,) mm² of cross-section, from the filament that is fed.
-        purpose: (B,) a `Purpose` each.
-        line: (B,) of the text, counted from 1; 0 where there is none.
+        purpose: (B,) `Purpose` of each.
+        line: (B,) line of the text, counted from 1; 0 if there is none.
     """
 
     begin: Float
@@ -66,23 +73,23 @@ class Extrusions:
 
     @property
     def length(self) -> Float:
-        """(B,) mm in the plane."""
+        """Length (B,) in x and y, mm."""
         return np.asarray(np.hypot(*(self.end - self.begin).T))
 
     @property
     def volume(self) -> Float:
-        """(B,) mm³."""
+        """Volume (B,), mm³."""
         return self.area * self.length
 
     @property
     def width(self) -> Float:
-        """(B,) mm, from area and height; see `bead.width_for_section`."""
+        """Width (B,), mm, from area and height; see `bead.width_for_section`."""
         return bead.width_for_section(self.area, self.height)
 
     @property
     def usual_width(self) -> float:
-        """Median width by length, mm: files may have as many short turns as lines."""
-        return median_of(self.width, self.length)
+        """Median width weighted by length, mm."""
+        return weighted_median(self.width, self.length)
 
     def take(self, chosen: Int | Bool) -> Extrusions:
         """Select extrusions by index or by flags (B,)."""
@@ -98,14 +105,14 @@ class Extrusions:
         )
 
 
-def median_of(values: Float, weights: Float) -> float:
+def weighted_median(values: Float, weights: Float) -> float:
     """Return the weighted median; 0 without values."""
     order = np.argsort(values)
     reached = np.cumsum(weights[order])
     return float(values[order][np.searchsorted(reached, reached[-1] / 2)]) if len(values) else 0.0
 
 
-def spread_out(beads: Extrusions, count: int) -> tuple[Float, Int]:
+def sample_points(beads: Extrusions, count: int) -> tuple[Float, Int]:
     """Return points (count, 2) evenly spaced along all extrusions, mm, and the extrusion of each."""
     reached = np.cumsum(beads.length)
     if not len(reached):
@@ -117,23 +124,23 @@ def spread_out(beads: Extrusions, count: int) -> tuple[Float, Int]:
 
 
 def extrusions_of_program(program: Program, filament_diameter: float) -> tuple[Extrusions, Int]:
-    """Return the extrusions of a program, and (B,) the index of their moves.
+    """Return the extrusions of a program, and the index of the move of each, (B,).
 
     Args:
         program: the moves.
         filament_diameter: mm.
     """
-    laid = _laid(program.filament, np.zeros(program.n_moves, np.int64))
+    filament = _extruded_filament(program.filament, np.zeros(program.n_moves, np.int64))
     begin, end = program.start, program.xyz
     length = np.hypot(*(end - begin)[:, :2].T)
-    kept = np.flatnonzero((program.role != Role.TRAVEL) & (laid > _NOTHING) & (length > _NOTHING))
+    kept = np.flatnonzero((program.role != Role.TRAVEL) & (filament > _NEGLIGIBLE) & (length > _NEGLIGIBLE))
     beads = Extrusions(
         begin=begin[kept, :2],
         end=end[kept, :2],
         z_top=end[kept, 2],
         rise=(end - begin)[kept, 2],
         height=program.height[kept],
-        area=laid[kept] * (pi * filament_diameter**2 / 4) / length[kept],
+        area=filament[kept] * (pi * filament_diameter**2 / 4) / length[kept],
         purpose=purposes_of_roles(program.role[kept]),
         line=np.zeros(len(kept), np.int64),
     )
@@ -155,9 +162,9 @@ def extrusions_of_moves(moves: Moves, filament_diameter: float | Float) -> tuple
     """
     diameter = np.atleast_1d(np.asarray(filament_diameter, np.float64))
     section = pi * diameter[np.minimum(moves.tool, len(diameter) - 1)] ** 2 / 4
-    volume = _laid(moves.delta[:, 3], moves.tool) * section
+    volume = _extruded_filament(moves.delta[:, 3], moves.tool) * section
     length = np.hypot(*moves.delta[:, :2].T)
-    moving = (volume > _NOTHING) & (length > _NOTHING)
+    moving = (volume > _NEGLIGIBLE) & (length > _NEGLIGIBLE)
     kept = np.flatnonzero(moving)
     end = moves.end[kept, :2]
     beads = Extrusions(
@@ -173,12 +180,12 @@ def extrusions_of_moves(moves: Moves, filament_diameter: float | Float) -> tuple
     return beads, kept, float(volume[~moving].sum())
 
 
-def _laid(fed: Float, tool: Int) -> Float:
-    """Return the filament (K,) that leaves the nozzle, mm: the increase of the largest amount fed so far, by tool."""
-    laid = np.zeros(len(fed))
+def _extruded_filament(fed: Float, tool: Int) -> Float:
+    """Return the filament (K,) that leaves the nozzle, mm: what each tool feeds beyond its maximum so far."""
+    extruded = np.zeros(len(fed))
     for one in np.unique(tool).tolist():
         own = np.flatnonzero(tool == one)
         # E is written with five decimals: rounding errors of sums must not count as extrusion.
         reached = np.maximum.accumulate(np.maximum(np.round(np.cumsum(fed[own]), 7), 0.0))
-        laid[own] = np.diff(reached, prepend=0.0)
-    return laid
+        extruded[own] = np.diff(reached, prepend=0.0)
+    return extruded

@@ -14,16 +14,16 @@ from printer_slicer.inspection.coverage.raster import (
     CellWindow,
     cell_for,
     covered_share,
+    make_scan_lines,
     rasterize_fill,
-    rows_of,
     window_mean,
 )
 from printer_slicer.inspection.coverage.stack import Stack, split_thick_extrusions
 
 __all__ = ["LayerFill", "measure_fill", "overlap_cells"]
 
-_LEAST: Final = 1.0  # mm² of shell, under which its mean fill says nothing
-_LEAST_MARGIN, _WIDEST_MARGIN = 1.0, 5.0  # mm of cells around beads: their width, within reason
+_MIN_SHELL_AREA: Final = 1.0  # mm²; the mean fill of a smaller shell has no meaning
+_MIN_MARGIN, _MAX_MARGIN = 1.0, 5.0  # mm, limits of the margin around extrusions
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,10 +31,10 @@ class LayerFill:
     """Fill of each layer, measured on the raster.
 
     Attributes:
-        overlap: (L,) mm² filled more than `Rules.overlap_ratio` times, in the mean over a window as wide as a bead.
+        overlap: (L,) mm² where the mean fill exceeds `CoverageRules.overlap_ratio`; windows are as wide as a line.
         most: (L,) the largest of these means.
         place: (L, 2) its position, mm.
-        shell: (L,) material in the shell as a share of what it needs; nan if there is hardly any shell.
+        shell: (L,) material in the shell as a share of its need; nan if the shell is tiny.
         cell: mm, width of the cells.
     """
 
@@ -50,14 +50,16 @@ class LayerFill:
             object.__setattr__(self, name, frozen_array(getattr(self, name), np.float64, shape))
 
 
-def measure_fill(stack: Stack, of_part: Bool, core: Areas, wanted: Float, overlap_ratio: float) -> LayerFill:
+def measure_fill(
+    stack: Stack, of_part: Bool, core: Areas, area_to_fill: Float, overlap_ratio: float
+) -> LayerFill:
     """Measure how full each layer is; ironing is left out.
 
     Args:
         stack: all beads.
-        of_part: (B,) which of them make up the part; the rest is left out.
-        core: of each section, inside the shell.
-        wanted: (L,) mm² of each layer outside the core that are to be filled.
+        of_part: (B,) mask of the extrusions of the part; the others are left out.
+        core: area of each section inside the shell.
+        area_to_fill: (L,) mm² outside the core that each layer should fill.
         overlap_ratio: see `LayerFill`.
     """
     n, height = stack.n_layers, stack.height
@@ -66,30 +68,36 @@ def measure_fill(stack: Stack, of_part: Bool, core: Areas, wanted: Float, overla
     order = order[np.argsort(stack.layer[order], kind="stable")]
     beads = stack.beads.take(order)
     bounds = np.searchsorted(stack.layer[order], np.arange(n + 1)).tolist()
-    slabs, cell = _Slabs(stack, of_part), _cell_of(beads)
-    reach, rows = _reach(beads, cell), rows_of(core, cell)
+    deep_layers, cell = _DeepLayers(stack, of_part), _choose_cell_width(beads)
+    reach, rows = _window_reach(beads, cell), make_scan_lines(core, cell)
     for k in range(n):
-        # What is laid later, down to here, fills the layer too.
-        some = slabs.of_layer(k) if slabs.deep[k] else beads.take(np.arange(bounds[k], bounds[k + 1]))
-        if not some.n_beads:
+        # Higher extrusions that reach down to this layer fill it, too.
+        selected = (
+            deep_layers.extrusions_in(k)
+            if deep_layers.deep[k]
+            else beads.take(np.arange(bounds[k], bounds[k + 1]))
+        )
+        if not selected.n_beads:
             continue
-        window = _window(cell, some)
-        fill = rasterize_fill(some, window, float(height[k]))
+        window = _window_around(cell, selected)
+        fill = rasterize_fill(selected, window, float(height[k]))
         mean = window_mean(fill, reach)
         overlap[k] = float((mean > overlap_ratio).sum()) * cell**2
         i, j = divmod(int(mean.argmax()), window.wide)
         most[k], place[k] = mean[i, j], window.middle(i, j)
-        if wanted[k] > _LEAST:
-            laid = fill * (1 - covered_share(rows, k, window))
-            shell[k] = float(laid.sum()) * cell**2 / wanted[k]
+        if area_to_fill[k] > _MIN_SHELL_AREA:
+            fill_in_shell = fill * (1 - covered_share(rows, k, window))
+            shell[k] = float(fill_in_shell.sum()) * cell**2 / area_to_fill[k]
     return LayerFill(overlap, most, place, shell, cell)
 
 
 def overlap_cells(beads: Extrusions, layer_height: float, overlap_ratio: float, cell: float) -> Areas:
-    """Return the overlap of a layer's extrusions as areas of one layer; cells in a row form a rectangle."""
-    window = _window(cell, beads)
-    high = window_mean(rasterize_fill(beads, window, layer_height), _reach(beads, cell)) > overlap_ratio
-    steps = np.diff(np.pad(high, ((0, 0), (1, 1))).astype(np.int8), axis=1)
+    """Return where the extrusions of a layer overlap, as areas of one layer; cells in a row form a rectangle."""
+    window = _window_around(cell, beads)
+    is_overlap = (
+        window_mean(rasterize_fill(beads, window, layer_height), _window_reach(beads, cell)) > overlap_ratio
+    )
+    steps = np.diff(np.pad(is_overlap, ((0, 0), (1, 1))).astype(np.int8), axis=1)
     row, first = np.nonzero(steps > 0)
     last = np.nonzero(steps < 0)[1]
     x0, x1 = (window.left + first) * cell, (window.left + last) * cell
@@ -99,15 +107,15 @@ def overlap_cells(beads: Extrusions, layer_height: float, overlap_ratio: float, 
     return normalize(Areas(corners, np.arange(n_rings + 1) * 4, np.zeros(n_rings, np.int64), 1))
 
 
-class _Slabs:
-    """Extrusions that fill each layer, in any order; `deep` (L,) tells whether a taller extrusion is among them."""
+class _DeepLayers:
+    """Extrusions of the deep layers; `deep` (L,) is the mask of layers filled by extrusions of several layers."""
 
     def __init__(self, stack: Stack, of_part: Bool) -> None:
-        """Take all beads, and which make up the part."""
+        """Split all extrusions by layer, and store those of the part; `of_part` (B,) is their mask."""
         parts, source = split_thick_extrusions(stack)
         n = stack.n_layers
-        cut = np.bincount(source, minlength=stack.beads.n_beads)[source] > 1
-        self.deep = np.bincount(parts.layer[cut & of_part[source]], minlength=n) > 0
+        is_split = np.bincount(source, minlength=stack.beads.n_beads)[source] > 1
+        self.deep = np.bincount(parts.layer[is_split & of_part[source]], minlength=n) > 0
         kept = of_part[source] & (parts.beads.purpose != Purpose.IRONING) & (parts.layer >= 0)
         kept &= self.deep[parts.layer]
         own = np.flatnonzero(kept)
@@ -115,26 +123,26 @@ class _Slabs:
         self._beads = parts.beads.take(own)
         self._bounds = np.searchsorted(parts.layer[own], np.arange(n + 1))
 
-    def of_layer(self, k: int) -> Extrusions:
-        """Return everything that fills layer k, one of the deep layers."""
+    def extrusions_in(self, k: int) -> Extrusions:
+        """Return all extrusions that fill layer k, which must be deep."""
         return self._beads.take(np.arange(self._bounds[k], self._bounds[k + 1]))
 
 
-def _cell_of(beads: Extrusions) -> float:
-    """Return the width of the cells, mm, for the box around beads."""
+def _choose_cell_width(beads: Extrusions) -> float:
+    """Return the cell width for the bounding box of extrusions, mm."""
     ends = np.concatenate([np.zeros((1, 2)), beads.begin, beads.end][bool(beads.n_beads) :])
     return cell_for(ends.min(axis=0), ends.max(axis=0))
 
 
-def _reach(beads: Extrusions, cell: float) -> int:
-    """Cells to either side of the one in the middle of a window as wide as a usual bead."""
+def _window_reach(beads: Extrusions, cell: float) -> int:
+    """Return the number of cells on each side of the middle of a window as wide as a usual extrusion."""
     return max(round((beads.usual_width / cell - 1) / 2), 1)
 
 
-def _window(cell: float, beads: Extrusions) -> CellWindow:
+def _window_around(cell: float, beads: Extrusions) -> CellWindow:
     """Return the window of cells around extrusions."""
     ends = np.concatenate([beads.begin, beads.end])
     if not len(ends):
         return CellWindow(0, 0, 1, 1, cell)
-    margin = min(max(float(beads.width.max()), _LEAST_MARGIN), _WIDEST_MARGIN)
+    margin = min(max(float(beads.width.max()), _MIN_MARGIN), _MAX_MARGIN)
     return CellWindow.around(ends.min(axis=0), ends.max(axis=0), margin, cell)

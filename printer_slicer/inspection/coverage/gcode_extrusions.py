@@ -19,37 +19,37 @@ __all__ = ["GcodeExtrusions", "extrusions_of_gcode"]
 
 USUAL_DIAMETER: Final = 1.75
 _BYTE_ORDER_MARK: Final = b"\xef\xbb\xbf"
-_NOTE: Final = re.compile(
+_COMMENT: Final = re.compile(
     rb"^[ \t]*;[ \t]*(TYPE|FEATURE|HEIGHT|LAYER_HEIGHT|LAYER_CHANGE|CHANGE_LAYER|LAYER)\b[: \t]*([^\r\n]*)",
     re.MULTILINE,
 )
 _SETTING: Final = re.compile(rb"^;[ \t]*([A-Za-z][\w.]*)[ \t]*=[ \t]*([^\r\n]*)", re.MULTILINE)
-_DIAMETERS: Final = ("filament_diameter", "material.filament_diameter", "material_diameter")
+_DIAMETER_KEYS: Final = ("filament_diameter", "material.filament_diameter", "material_diameter")
 _NUMBER: Final = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)")
-_LAYERS: Final = (b"LAYER_CHANGE", b"CHANGE_LAYER", b"LAYER")
-_TYPES: Final = (b"TYPE", b"FEATURE")
-_HEIGHTS: Final = (b"HEIGHT", b"LAYER_HEIGHT")
+_LAYER_KEYS: Final = (b"LAYER_CHANGE", b"CHANGE_LAYER", b"LAYER")
+_TYPE_KEYS: Final = (b"TYPE", b"FEATURE")
+_HEIGHT_KEYS: Final = (b"HEIGHT", b"LAYER_HEIGHT")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GcodeExtrusions:
-    """The extrusions of a G-code text.
+    """The extrusions of a G-code text, with its comments and settings.
 
     Attributes:
-        beads: heights are those of comments, nan where there are none.
-        turn: (B,) how many layer comments stand before each bead; all 0 where there are none.
+        beads: the extrusions; heights come from comments and are nan without one.
+        layer_comments: (B,) number of layer comments before each extrusion; 0 without such comments.
         name: (B,) index into `names`.
-        names: what comments call beads, as they are written; the first is empty, for beads that none speaks of.
-        travel: (T, 2, 2) mm, from where to where the nozzle goes along x or y and lays nothing.
-        before: (T,) the bead that follows each of these; the number of beads after the last one.
-        standing: mm³ laid while x and y stand still.
-        diameter: of the filament, mm; one for each tool.
-        diameter_known: whether the text says so, or the caller did.
-        settings: what stands in comments as `key = value`.
+        names: role names as the comments write them; the first is empty, for extrusions without a role.
+        travel: (T, 2, 2) mm, start and end of each travel move along x or y.
+        before: (T,) index of the extrusion after each travel move; the number of extrusions after the last one.
+        standing: mm³ extruded while x and y stand still.
+        diameter: filament diameter of each tool, mm.
+        diameter_known: whether the text or the caller gives the diameter.
+        settings: values of comments of the form `key = value`.
     """
 
     beads: Extrusions
-    turn: Int
+    layer_comments: Int
     name: Int
     names: tuple[str, ...]
     travel: Float
@@ -60,7 +60,7 @@ class GcodeExtrusions:
     settings: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for name in ("turn", "name"):
+        for name in ("layer_comments", "name"):
             object.__setattr__(self, name, frozen_array(getattr(self, name), np.int64, (self.beads.n_beads,)))
         object.__setattr__(self, "travel", frozen_array(self.travel, np.float64, (-1, 2, 2)))
         object.__setattr__(self, "before", frozen_array(self.before, np.int64, (len(self.travel),)))
@@ -71,8 +71,8 @@ def extrusions_of_gcode(text: bytes, *, filament_diameter: float | None = None) 
     """Return the extrusions of a G-code text.
 
     Args:
-        text: of any slicer.
-        filament_diameter: mm; None takes what the text says, else 1.75.
+        text: G-code of any slicer.
+        filament_diameter: mm; None takes the value in the text, or 1.75.
     """
     text = text.removeprefix(_BYTE_ORDER_MARK)
     commands, numbers = [], []
@@ -84,22 +84,22 @@ def extrusions_of_gcode(text: bytes, *, filament_diameter: float | None = None) 
     settings = {
         key.decode(): value.decode("utf-8", "replace").strip() for key, value in _SETTING.findall(text)
     }
-    diameter, known = _diameter(settings, filament_diameter)
+    diameter, known = _filament_diameters(settings, filament_diameter)
     if settings.get("use_volumetric_e", "0") == "1" and not any(
         b"200" in one[:6] and parse(one)[0] == b"M200" for one in commands
     ):
-        # The printer was told before, or is, by a start macro.
+        # The printer is set to volumetric E already, or a start macro does it.
         commands, numbers = [b"M200 D%f" % diameter[0], *commands], [0, *numbers]
     moves = read_moves(commands)
     beads, kept, standing = extrusions_of_moves(moves, diameter)
     line = np.array(numbers, np.int64)[beads.line]
-    notes = _read_comments(text, line)
-    travel, before = _travels(moves, kept)
+    comments = _read_comments(text, line)
+    travel, before = _find_travels(moves, kept)
     return GcodeExtrusions(
-        beads=replace(beads, line=line, purpose=notes.purpose, height=notes.height),
-        turn=notes.turn,
-        name=notes.name,
-        names=notes.names,
+        beads=replace(beads, line=line, purpose=comments.purpose, height=comments.height),
+        layer_comments=comments.layer_comments,
+        name=comments.name,
+        names=comments.names,
         travel=travel,
         before=before,
         standing=standing,
@@ -109,20 +109,20 @@ def extrusions_of_gcode(text: bytes, *, filament_diameter: float | None = None) 
     )
 
 
-def _travels(moves: Moves, laying: Int) -> tuple[Float, Int]:
-    """Return travel moves along x or y, and the number of extrusions before each."""
-    goes = (moves.delta[:, :2] != 0).any(axis=1)
-    goes[laying] = False
-    index = np.flatnonzero(goes)
+def _find_travels(moves: Moves, extruding: Int) -> tuple[Float, Int]:
+    """Return the travel moves along x or y, (T, 2, 2) mm, and the number of extrusions before each, (T,)."""
+    travels = (moves.delta[:, :2] != 0).any(axis=1)
+    travels[extruding] = False
+    index = np.flatnonzero(travels)
     end = moves.end[index, :2]
-    return np.stack([end - moves.delta[index, :2], end], axis=1), np.searchsorted(laying, index)
+    return np.stack([end - moves.delta[index, :2], end], axis=1), np.searchsorted(extruding, index)
 
 
-def _diameter(settings: Mapping[str, str], given: float | None) -> tuple[Float, bool]:
+def _filament_diameters(settings: Mapping[str, str], given: float | None) -> tuple[Float, bool]:
     """Return the filament diameter of each tool, mm, and whether it is known."""
     if given is not None:
         return np.array([given]), True
-    for key in _DIAMETERS:
+    for key in _DIAMETER_KEYS:
         found = [float(number) for number in _NUMBER.findall(settings.get(key, ""))]
         if found and all(0.5 < one < 10 for one in found):
             return np.array(found), True
@@ -130,44 +130,44 @@ def _diameter(settings: Mapping[str, str], given: float | None) -> tuple[Float, 
 
 
 @dataclass(frozen=True, slots=True)
-class _Notes:
-    """Comments before each extrusion: purpose, name, height (mm or nan), and number of layer comments."""
+class _Comments:
+    """Values of the comments before each extrusion: purpose, name, height (mm or nan), number of layer comments."""
 
     purpose: Int
     name: Int
     names: tuple[str, ...]
     height: Float
-    turn: Int
+    layer_comments: Int
 
 
-def _read_comments(text: bytes, line: Int) -> _Notes:
+def _read_comments(text: bytes, line: Int) -> _Comments:
     """Read the comments before the lines (B,) of extrusions."""
     breaks = np.flatnonzero(np.frombuffer(text, np.uint8) == ord("\n"))
-    notes = list(_NOTE.finditer(text))
-    place = np.searchsorted(breaks, np.array([note.start() for note in notes], np.int64)) + 1
-    kinds = [note[1] for note in notes]
+    comments = list(_COMMENT.finditer(text))
+    place = np.searchsorted(breaks, np.array([comment.start() for comment in comments], np.int64)) + 1
+    kinds = [comment[1] for comment in comments]
 
-    def latest(wanted: tuple[bytes, ...]) -> tuple[Int, list[str]]:
-        """Return the last comment of some kinds before each line, counted from 1, and the texts."""
-        of_kind = [i for i, kind in enumerate(kinds) if kind in wanted]
-        said = [notes[i][2].decode("utf-8", "replace").strip() for i in of_kind]
-        return np.searchsorted(place[of_kind], line), said
+    def find_latest(keys: tuple[bytes, ...]) -> tuple[Int, list[str]]:
+        """Return the number of the last comment with one of the keys before each line, from 1, and the texts."""
+        of_kind = [i for i, kind in enumerate(kinds) if kind in keys]
+        texts = [comments[i][2].decode("utf-8", "replace").strip() for i in of_kind]
+        return np.searchsorted(place[of_kind], line), texts
 
-    which, said = latest(_TYPES)
-    names = ("", *dict.fromkeys(said))
+    which, texts = find_latest(_TYPE_KEYS)
+    names = ("", *dict.fromkeys(texts))
     number = {name: i for i, name in enumerate(names)}
-    name = np.array([0, *map(number.__getitem__, said)], np.int64)[which]
+    name = np.array([0, *map(number.__getitem__, texts)], np.int64)[which]
     purpose = np.array([Purpose.UNKNOWN, *map(purpose_of, names[1:])], np.int64)[name]
-    which, said = latest(_HEIGHTS)
-    height = np.array([np.nan, *map(_height, said)])[which]
-    turn = latest(_LAYERS)[0]
-    # What is laid before the first layer primes the nozzle.
-    if turn.max(initial=0):
-        purpose[turn == 0] = Purpose.CUSTOM
-    return _Notes(purpose, name, names, height, turn)
+    which, texts = find_latest(_HEIGHT_KEYS)
+    height = np.array([np.nan, *map(_parse_height, texts)])[which]
+    layer_comments = find_latest(_LAYER_KEYS)[0]
+    # Extrusion before the first layer primes the nozzle.
+    if layer_comments.max(initial=0):
+        purpose[layer_comments == 0] = Purpose.CUSTOM
+    return _Comments(purpose, name, names, height, layer_comments)
 
 
-def _height(text: str) -> float:
+def _parse_height(text: str) -> float:
     """Parse a height, mm; nan if invalid."""
     found = _NUMBER.match(text)
     return float(found[0]) if found else np.nan

@@ -1,4 +1,4 @@
-"""Single layers of a file with all their extrusions, including supports, rafts and skirts."""
+"""Select single layers of a file with all their extrusions, including supports, rafts and skirts."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from printer_slicer.inspection.coverage.stack import Stack
 
 __all__ = ["FileLayers", "LayerExtrusions", "extrusions_of_layer", "file_layers_of"]
 
-_LEVEL: Final = 0.004  # mm: heights of the nozzle closer than this are one layer, as in a stack
+_SAME_HEIGHT: Final = 0.004  # mm; nozzle heights that differ by less are one layer, as in `stack`
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -22,8 +22,8 @@ class FileLayers:
     """The layers of a file: those of the part, and those with only supports or raft.
 
     Attributes:
-        beads: with their heights.
-        level: (B,) layer of each; -1 outside all layers, such as a priming line.
+        beads: the extrusions, with their heights.
+        level: (B,) layer of each extrusion; -1 outside all layers, such as a priming line.
         top: (L,) mm, ascending.
         bottom: (L,) mm.
         of_stack: (L,) the same layer in the stack of the part; -1 without one.
@@ -46,12 +46,12 @@ class FileLayers:
 
     @property
     def n_levels(self) -> int:
-        """How many."""
+        """Number of layers."""
         return len(self.top)
 
-    def at(self, z: float) -> int:
-        """Return the layer at a height, mm; the lower one where two meet; -1 without one."""
-        index = int(np.searchsorted(self.top, z - _LEVEL))
+    def layer_at(self, z: float) -> int:
+        """Return the index of the layer at a height, mm; the lower one where two meet; -1 if there is none."""
+        index = int(np.searchsorted(self.top, z - _SAME_HEIGHT))
         return index if z >= 0 and index < self.n_levels else -1
 
 
@@ -60,7 +60,7 @@ class LayerExtrusions:
     """The extrusions of one layer, in printing order.
 
     Attributes:
-        number: of the layer, from 0.
+        number: index of the layer, from 0.
         count: number of layers in the file.
         top, height: mm.
         beads: with their heights.
@@ -83,63 +83,65 @@ class LayerExtrusions:
         object.__setattr__(self, "travel", frozen_array(self.travel, np.float64, (-1, 2, 2)))
 
 
-def file_layers_of(deposit: GcodeExtrusions, stack: Stack) -> FileLayers:
+def file_layers_of(gcode: GcodeExtrusions, stack: Stack) -> FileLayers:
     """Return the layers of a file.
 
     Args:
-        deposit: its extrusions.
-        stack: the layers of the part in it.
+        gcode: extrusions of the file.
+        stack: layers of the part in the file.
     """
-    beads, comment_height = stack.beads, deposit.beads.height
-    loose = stack.layer < 0
-    more = _new_heights(beads.z_top[loose & (beads.purpose == Purpose.SUPPORT_MATERIAL)], stack.top)
-    top = np.concatenate([stack.top, more])
+    beads, comment_height = stack.beads, gcode.beads.height
+    outside_stack = stack.layer < 0
+    new_tops = _new_heights(
+        beads.z_top[outside_stack & (beads.purpose == Purpose.SUPPORT_MATERIAL)], stack.top
+    )
+    top = np.concatenate([stack.top, new_tops])
     if not len(top):
         return FileLayers(beads, np.full(beads.n_beads, -1), top, top, np.zeros(0, np.int64))
     order = np.argsort(top)
     top = top[order]
-    of_stack = np.append(np.arange(stack.n_layers), np.full(len(more), -1))[order]
+    of_stack = np.append(np.arange(stack.n_layers), np.full(len(new_tops), -1))[order]
     bottom = np.where(of_stack < 0, np.append(0.0, top[:-1]), np.append(stack.bottom, 0.0)[of_stack])
-    near = np.minimum(np.searchsorted(top, beads.z_top - _LEVEL), len(top) - 1)
-    hit = np.abs(top[near] - beads.z_top) <= 2 * _LEVEL
-    place = np.argsort(order)  # of what stood here before it was sorted
-    level = np.where(loose, np.where(hit, near, -1), place[stack.layer])
-    # A stack knows nothing of the thickness of what lies in none of its layers.
-    height = np.where(loose & np.isnan(comment_height) & hit, (top - bottom)[near], beads.height)
+    near = np.minimum(np.searchsorted(top, beads.z_top - _SAME_HEIGHT), len(top) - 1)
+    hit = np.abs(top[near] - beads.z_top) <= 2 * _SAME_HEIGHT
+    place = np.argsort(order)  # new index of each layer before sorting
+    level = np.where(outside_stack, np.where(hit, near, -1), place[stack.layer])
+    # Extrusions outside the layers of the stack get the height of their file layer.
+    height = np.where(outside_stack & np.isnan(comment_height) & hit, (top - bottom)[near], beads.height)
     return FileLayers(replace(beads, height=height), level, top, bottom, of_stack)
 
 
 def _new_heights(z: Float, known: Float) -> Float:
     """Return the heights in `z` that are not in `known`, merging those that differ by rounding."""
-    values = np.unique(np.round(z[z > _LEVEL], 4))
-    values = values[np.append(np.diff(values) > _LEVEL, True)[: len(values)]]
+    values = np.unique(np.round(z[z > _SAME_HEIGHT], 4))
+    values = values[np.append(np.diff(values) > _SAME_HEIGHT, True)[: len(values)]]
     if not len(known):
         return np.asarray(values)
-    return np.asarray(values[np.abs(values[:, None] - known).min(axis=1) > 2 * _LEVEL])
+    return np.asarray(values[np.abs(values[:, None] - known).min(axis=1) > 2 * _SAME_HEIGHT])
 
 
-def extrusions_of_layer(deposit: GcodeExtrusions, levels: FileLayers, number: int) -> LayerExtrusions:
+def extrusions_of_layer(gcode: GcodeExtrusions, file_layers: FileLayers, number: int) -> LayerExtrusions:
     """Return the extrusions of one layer.
 
     Args:
-        deposit: extrusions of the file.
-        levels: its layers.
-        number: of the layer, from 0.
+        gcode: extrusions of the file.
+        file_layers: layers of the file.
+        number: index of the layer, from 0.
 
     Raises:
         ValueError: there is no such layer.
     """
-    if not 0 <= number < levels.n_levels:
-        raise ValueError(f"layer {number} is not in the file, which has {levels.n_levels} layers")
-    mine: Bool = levels.level == number
-    leads = np.append(mine, False)[deposit.before]
+    if not 0 <= number < file_layers.n_levels:
+        raise ValueError(f"layer {number} is not in the file, which has {file_layers.n_levels} layers")
+    selected: Bool = file_layers.level == number
+    leads_to_selected = np.append(selected, False)[gcode.before]
     return LayerExtrusions(
         number=number,
-        count=levels.n_levels,
-        top=float(levels.top[number]),
-        height=float(levels.top[number] - levels.bottom[number]),
-        beads=levels.beads.take(mine),
-        name=deposit.name[mine],
-        names=deposit.names,
-        travel=deposit.travel[leads],
+        count=file_layers.n_levels,
+        top=float(file_layers.top[number]),
+        height=float(file_layers.top[number] - file_layers.bottom[number]),
+        beads=file_layers.beads.take(selected),
+        name=gcode.name[selected],
+        names=gcode.names,
+        travel=gcode.travel[leads_to_selected],
     )

@@ -1,4 +1,4 @@
-"""Compare a coverage with its limits: diagnostics with their places, the worst first."""
+"""Compare a coverage with its limits; report diagnostics with their positions, the worst first."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from printer_slicer.geometry import Areas, difference, intersection, offset, off
 from printer_slicer.inspection.coverage.measurement import Coverage
 from printer_slicer.inspection.deposition.unsupported import MIN_REPORTED_LENGTH
 
-__all__ = ["CoverageLimits", "excess", "findings", "largest_place", "line_near"]
+__all__ = ["CoverageLimits", "excess_ratio", "find_line_near", "findings", "place_of_largest_area"]
 
-_LITTLE: Final = 1.0  # mm² in a layer: less is not reported, whatever its share
-_DOTS: Final = 2.0  # squares of the extrusion width that may be missing or added at tips, whatever the share
-_FAR: Final = np.inf
+_MIN_AREA: Final = 1.0  # mm² in a layer; smaller areas are not reported
+_MIN_SQUARES: Final = 2.0  # squares of the extrusion width that may be missing or surplus at tips
+_INFINITE: Final = np.inf
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,8 +31,8 @@ class CoverageLimits:
         outside: largest area outside the section, mm².
         overlap: largest overlapping share of the covered area.
         unsupported: largest length of unsupported extrusion, mm.
-        underfilled: least material in the shell, as a share of what it needs.
-        overfilled: most material in the shell, as a share of what it needs.
+        underfilled: least material in the shell, as a share of the material it needs.
+        overfilled: most material in the shell, as a share of the material it needs.
         outline: largest 95th percentile of the distance of the outlines, mm.
     """
 
@@ -45,98 +45,99 @@ class CoverageLimits:
     outline: float = 0.15
 
 
-def excess(one: Diagnostic) -> float:
-    """Return the ratio of amount to limit; for missing material, limit to amount."""
-    amount, limit = one.amount or 0.0, one.limit or 0.0
-    if one.code == "underfilled":
+def excess_ratio(diagnostic: Diagnostic) -> float:
+    """Return the ratio of the amount to its limit; for missing material, of the limit to the amount."""
+    amount, limit = diagnostic.amount or 0.0, diagnostic.limit or 0.0
+    if diagnostic.code == "underfilled":
         amount, limit = limit, amount
-    return _FAR if limit <= 0 else amount / limit
+    return _INFINITE if limit <= 0 else amount / limit
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Kind:
-    """One measurement: (L,) amounts, (L,) whether they exceed the limit, the limit, text and place by layer."""
+class _Measure:
+    """One measurement: amounts (L,), mask of layers beyond the limit (L,), limit, message and position by layer."""
 
     name: str
     amount: Float
-    broken: Bool
+    exceeds: Bool
     limit: float
-    say: Callable[[int], str]
-    place: Callable[[int], tuple[float, float]]
+    describe: Callable[[int], str]
+    locate: Callable[[int], tuple[float, float]]
 
 
 def findings(coverage: Coverage, limits: CoverageLimits = CoverageLimits()) -> tuple[Diagnostic, ...]:
-    """Return a diagnostic for everything beyond the limits, the worst first."""
-    found = [one for kind in _kinds(coverage, limits) for one in _of_kind(coverage, kind)]
-    return tuple(sorted(found, key=lambda one: -excess(one)))
+    """Return a diagnostic for each run of layers beyond a limit, the worst first."""
+    found = [one for measure in _list_measures(coverage, limits) for one in _find_runs(coverage, measure)]
+    return tuple(sorted(found, key=lambda one: -excess_ratio(one)))
 
 
-def _of_kind(coverage: Coverage, kind: _Kind) -> Iterator[Diagnostic]:
-    """Yield one diagnostic for each run of consecutive layers."""
-    broken = np.flatnonzero(kind.broken & ~coverage.stack.ramps)
-    if not len(broken):
+def _find_runs(coverage: Coverage, measure: _Measure) -> Iterator[Diagnostic]:
+    """Yield a diagnostic for each run of consecutive layers beyond the limit."""
+    exceeding = np.flatnonzero(measure.exceeds & ~coverage.stack.ramps)
+    if not len(exceeding):
         return
-    cuts = [0, *(np.flatnonzero(np.diff(broken) > 1) + 1).tolist(), len(broken)]
+    cuts = [0, *(np.flatnonzero(np.diff(exceeding) > 1) + 1).tolist(), len(exceeding)]
     for begin, end in pairwise(cuts):
-        run = broken[begin:end]
-        amount = kind.amount[run]
-        layer = int(run[(amount.argmin if kind.name == "underfilled" else amount.argmax)()])
-        x, y = kind.place(layer)
+        run = exceeding[begin:end]
+        amount = measure.amount[run]
+        layer = int(run[(amount.argmin if measure.name == "underfilled" else amount.argmax)()])
+        x, y = measure.locate(layer)
         yield Diagnostic(
-            kind.name,
+            measure.name,
             "error",
-            kind.say(layer),
-            line=line_near(coverage, layer, x, y),
+            measure.describe(layer),
+            line=find_line_near(coverage, layer, x, y),
             layer=layer + 1,
             first=int(run[0]) + 1,
             last=int(run[-1]) + 1,
             z=float(coverage.stack.top[layer]),
             place=None if np.isnan(x) else (x, y),
-            amount=float(kind.amount[layer]),
-            limit=kind.limit,
+            amount=float(measure.amount[layer]),
+            limit=measure.limit,
         )
 
 
-def _kinds(coverage: Coverage, limits: CoverageLimits) -> Iterator[_Kind]:
+def _list_measures(coverage: Coverage, limits: CoverageLimits) -> Iterator[_Measure]:
+    """Yield all measurements of a coverage."""
     uncovered, shell, covered = coverage.uncovered.area(), coverage.shell.area(), coverage.covered.area()
     share = uncovered / np.maximum(shell, 1e-9)
-    yield _Kind(
+    yield _Measure(
         "uncovered",
         share,
-        (share > limits.uncovered) & (uncovered > _LITTLE),
+        (share > limits.uncovered) & (uncovered > _MIN_AREA),
         limits.uncovered,
         lambda k: f"{uncovered[k]:.1f} mm² ({share[k]:.0%}) of the shell are not covered",
-        lambda k: largest_place(coverage.uncovered, k),
+        lambda k: place_of_largest_area(coverage.uncovered, k),
     )
     outside = coverage.outside.area()
-    yield _Kind(
+    yield _Measure(
         "outside",
         outside,
         outside > limits.outside,
         limits.outside,
         lambda k: f"{outside[k]:.1f} mm² are printed outside the outline of the part",
-        lambda k: largest_place(coverage.outside, k),
+        lambda k: place_of_largest_area(coverage.outside, k),
     )
     fill = coverage.fill
-    twice = fill.overlap / np.maximum(covered, 1e-9)
-    yield _Kind(
+    overlap_share = fill.overlap / np.maximum(covered, 1e-9)
+    yield _Measure(
         "overlap",
-        twice,
-        (twice > limits.overlap) & (fill.overlap > _LITTLE),
+        overlap_share,
+        (overlap_share > limits.overlap) & (fill.overlap > _MIN_AREA),
         limits.overlap,
         lambda k: (
-            f"extrusions overlap on {fill.overlap[k]:.1f} mm² ({twice[k]:.0%} of the layer),"
+            f"extrusions overlap on {fill.overlap[k]:.1f} mm² ({overlap_share[k]:.0%} of the layer),"
             f" up to {fill.most[k]:.1f} times full"
         ),
         lambda k: (float(fill.place[k, 0]), float(fill.place[k, 1])),
     )
-    yield from _of_volume(coverage, limits)
-    yield _of_unsupported(coverage, limits)
+    yield from _volume_measures(coverage, limits)
+    yield _unsupported_measure(coverage, limits)
     outline, size = coverage.outline, np.maximum(coverage.sections.area(), covered)
-    yield _Kind(
+    yield _Measure(
         "outline",
         outline.p95,
-        (outline.p95 > limits.outline) & (size > _LITTLE),
+        (outline.p95 > limits.outline) & (size > _MIN_AREA),
         limits.outline,
         lambda k: (
             f"outline error {outline.p95[k]:.2f} mm (95th percentile), at most {outline.largest[k]:.2f} mm"
@@ -145,23 +146,23 @@ def _kinds(coverage: Coverage, limits: CoverageLimits) -> Iterator[_Kind]:
     )
 
 
-def _of_volume(coverage: Coverage, limits: CoverageLimits) -> Iterator[_Kind]:
-    """Yield missing and surplus material in the shell, beyond the limits and beyond a minimum area."""
+def _volume_measures(coverage: Coverage, limits: CoverageLimits) -> Iterator[_Measure]:
+    """Yield the measurements of missing and of surplus material in the shell."""
     fill, height, shell = coverage.fill.shell, coverage.stack.height, coverage.shell.area()
     width = coverage.stack.beads.take(np.flatnonzero(coverage.of_part)).usual_width
     surplus, missing = (fill - limits.overfilled) * shell, (limits.underfilled - fill) * shell
-    least = _DOTS * width**2
-    over, under = surplus > least, missing > least
-    if over.any():
-        over &= surplus - _beside_fins(coverage, over, width) > least
-    for name, limit, broken in (
-        ("underfilled", limits.underfilled, under),
-        ("overfilled", limits.overfilled, over),
+    min_area = _MIN_SQUARES * width**2
+    overfilled, underfilled = surplus > min_area, missing > min_area
+    if overfilled.any():
+        overfilled &= surplus - _area_beside_fins(coverage, overfilled, width) > min_area
+    for name, limit, exceeds in (
+        ("underfilled", limits.underfilled, underfilled),
+        ("overfilled", limits.overfilled, overfilled),
     ):
-        yield _Kind(
+        yield _Measure(
             name,
             fill,
-            broken,
+            exceeds,
             limit,
             lambda k: (
                 f"the shell has {fill[k]:.0%} of the material it needs (layer height {height[k]:.3g} mm)"
@@ -170,7 +171,7 @@ def _of_volume(coverage: Coverage, limits: CoverageLimits) -> Iterator[_Kind]:
         )
 
 
-def _beside_fins(coverage: Coverage, layers: Bool, width: float) -> Float:
+def _area_beside_fins(coverage: Coverage, layers: Bool, width: float) -> Float:
     """Return the area (L,) covered beside fins narrower than a line, mm²; `layers` (L,) selects layers."""
     sections = coverage.sections.of_layers(layers)
     fins = difference(sections, offset_open(sections, width / 2))
@@ -178,12 +179,12 @@ def _beside_fins(coverage: Coverage, layers: Bool, width: float) -> Float:
     return intersection(beside, offset(fins, width)).area()
 
 
-def _of_unsupported(coverage: Coverage, limits: CoverageLimits) -> _Kind:
+def _unsupported_measure(coverage: Coverage, limits: CoverageLimits) -> _Measure:
     """Return the measurement of unsupported extrusion."""
     length, place = coverage.unsupported_length, np.full((coverage.stack.n_layers, 2), np.nan)
     for one in reversed(coverage.unsupported):
         place[coverage.layer_at(one.z)] = one.x, one.y
-    return _Kind(
+    return _Measure(
         "unsupported",
         length,
         length > limits.unsupported,
@@ -193,8 +194,8 @@ def _of_unsupported(coverage: Coverage, limits: CoverageLimits) -> _Kind:
     )
 
 
-def largest_place(areas: Areas, layer: int) -> tuple[float, float]:
-    """Return the corner of the largest area of a layer that is nearest to its middle, mm; nan without one."""
+def place_of_largest_area(areas: Areas, layer: int) -> tuple[float, float]:
+    """Return the point of the largest area of a layer that is nearest to the middle of its box, mm; or nan."""
     rings = list(areas.rings(layer))
     if not rings:
         return np.nan, np.nan
@@ -205,13 +206,13 @@ def largest_place(areas: Areas, layer: int) -> tuple[float, float]:
     return x, y
 
 
-def line_near(coverage: Coverage, layer: int, x: float, y: float) -> int:
-    """Return the G-code line of the extrusion nearest to a place; of the first in the layer if the place is nan."""
-    own = np.flatnonzero((coverage.stack.layer == layer) & coverage.of_part)
-    if not len(own):
+def find_line_near(coverage: Coverage, layer: int, x: float, y: float) -> int:
+    """Return the G-code line of the extrusion nearest to (x, y); of the first one in the layer if x is nan."""
+    selected = np.flatnonzero((coverage.stack.layer == layer) & coverage.of_part)
+    if not len(selected):
         return 0
     if np.isnan(x):
-        return int(coverage.stack.beads.line[own[0]])
-    beads = coverage.stack.beads.take(own)
+        return int(coverage.stack.beads.line[selected[0]])
+    beads = coverage.stack.beads.take(selected)
     from_middle = np.hypot(*((beads.begin + beads.end) / 2 - (x, y)).T) - beads.length / 2
     return int(beads.line[from_middle.argmin()])

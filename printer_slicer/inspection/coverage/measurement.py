@@ -1,4 +1,4 @@
-"""Measure the coverage: the extrusions of all layers against the sections of the part."""
+"""Measure the coverage: compare the extrusions of all layers with the sections of the part."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ from printer_slicer.inspection.coverage.zones import (
 from printer_slicer.inspection.deposition.marks import NOT_PART, Marks
 from printer_slicer.inspection.deposition.unsupported import Unsupported, UnsupportedTracker
 
-__all__ = ["Coverage", "CoverageRules", "coverage_of", "overlapping"]
+__all__ = ["Coverage", "CoverageRules", "coverage_of", "find_overlaps"]
 
-_DOTS: Final = 3.0  # squares of the extrusion width: smaller islands may be missing
+_MAX_ISLAND_SQUARES: Final = 3.0  # squares of the extrusion width, area of an island that may be missing
 
 
-_FAR: Final = 50.0  # mm
-_LEVEL: Final = 0.02  # mm: heights that differ by less are one
-_INNER: Final = 1.25  # extrusion widths: walls thicker than twice this have inner perimeters
+_MAX_DISTANCE: Final = 50.0  # mm from the part; extrusions farther away are ignored
+_SAME_HEIGHT: Final = 0.02  # mm; heights that differ by less are one layer
+_MIN_INNER_DEPTH: Final = 1.25  # extrusion widths; a shell deeper than this has inner perimeters
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,11 +39,11 @@ class CoverageRules:
     """Parameters of the measurement.
 
     Attributes:
-        shell: mm from the outline that must be filled; None: as deep as the file's own perimeters reach.
-        surface_depth: mm under and over air that must be filled; 0: the layer that is next to it.
-        min_gap: mm; narrower gaps between beads do not count as uncovered.
-        outside_tolerance: mm; what sticks out of the section by less does not count as outside.
-        overlap_ratio: times the material a place needs, from which on it overlaps.
+        shell: mm, depth of the shell that must be filled; None: the depth of the file's own perimeters.
+        surface_depth: mm below and above air that must be filled; 0: only the layer next to air.
+        min_gap: mm; narrower gaps between extrusions do not count as uncovered.
+        outside_tolerance: mm; extrusions that protrude from the section by less do not count as outside.
+        overlap_ratio: ratio of the material to the material needed, above which extrusions overlap.
     """
 
     shell: float | None = None
@@ -58,22 +58,22 @@ class Coverage:
     """The extruded material compared with the part; areas in mm², volumes in mm³, lengths in mm.
 
     Attributes:
-        rules: by which it was measured.
-        stack: all beads in their layers.
-        of_part: (B,) which of them make up the part; the rest are supports, what lies beside it, and what is astray.
-        astray: (B,) which should make it up, but lie far from it; they are measured no further.
-        sections: of the part, one for each layer of the stack.
-        shell: where there must be no gap.
-        shell_depth: mm from the outline, as it was given or found.
-        covered: what the beads of the part cover.
-        uncovered: of the shell, but for slits.
-        outside: covered, but beyond the section.
-        outline: the distance of the outlines.
+        rules: parameters of the measurement.
+        stack: all extrusions in their layers.
+        of_part: (B,) mask of the extrusions of the part; the others are supports, skirts, priming, or `astray`.
+        astray: (B,) mask of extrusions with a role of the part that are far from it; they are not measured.
+        sections: sections of the part, one for each layer of the stack.
+        shell: area that must have no gap.
+        shell_depth: mm from the outline, given or measured.
+        covered: area that the extrusions of the part cover.
+        uncovered: gaps in the shell, without narrow slits.
+        outside: covered area outside the section.
+        outline: distances between the outlines.
         fill: overlap, and material in the shell.
-        unsupported: extrusion with nothing under it, by height; commands are the beads, counted from 1.
-        volume: (L,) laid for the part; of beads that fill several layers, in each what fills it.
-        section_volume: (L,) of the sections as high as their layers.
-        by_purpose: (P,) laid for each `Purpose`.
+        unsupported: unsupported extrusion, by height; commands are the numbers of extrusions, counted from 1.
+        volume: (L,) volume of the part's extrusions; those that fill several layers are split.
+        section_volume: (L,) volume of the sections with the heights of their layers.
+        by_purpose: (P,) extruded volume of each `Purpose`.
     """
 
     rules: CoverageRules
@@ -104,15 +104,15 @@ class Coverage:
 
     @property
     def unsupported_length(self) -> Float:
-        """(L,) mm of unsupported extrusion."""
+        """Length (L,) of unsupported extrusion in each layer, mm."""
         length = np.zeros(self.stack.n_layers)
         for one in self.unsupported:
             length[self.layer_at(one.z)] += one.length
         return length
 
     def layer_at(self, z: float) -> int:
-        """Return the index of the layer whose top is at a height, mm, or next above it."""
-        return min(int(np.searchsorted(self.stack.top, z - _LEVEL)), self.stack.n_layers - 1)
+        """Return the index of the lowest layer whose top is at or above a height, mm."""
+        return min(int(np.searchsorted(self.stack.top, z - _SAME_HEIGHT)), self.stack.n_layers - 1)
 
 
 def coverage_of(
@@ -121,30 +121,30 @@ def coverage_of(
     """Measure the coverage of extrusions against the sections of a part.
 
     Args:
-        stack: the beads.
-        sections: where the part lies among them, one layer for each of the stack's.
-        rules: what is measured.
-        beside: (B,) beads that are known to be no part of it, besides those whose purpose says so.
+        stack: the extrusions in their layers.
+        sections: sections of the part in its position in the file, one for each layer of the stack.
+        rules: parameters of the measurement.
+        beside: (B,) mask of extrusions that do not belong to the part, besides those with such a purpose.
 
     Raises:
         ValueError: the stacks have different numbers of layers.
     """
     if sections.n_layers != stack.n_layers:
-        raise ValueError(f"{stack.n_layers} layers of beads, {sections.n_layers} sections")
-    of_part, astray = _classify(stack, sections, beside)
+        raise ValueError(f"the stack has {stack.n_layers} layers, but there are {sections.n_layers} sections")
+    of_part, astray = _classify_extrusions(stack, sections, beside)
     depth = shell_depth(stack, sections) if rules.shell is None else rules.shell
     open_to_air = exposed_areas(sections, stack.top, stack.bottom, rules.surface_depth)
-    # A spiral is a wall without skins, and without an inside.
+    # A spiral is a wall without top, bottom and infill.
     open_to_air = open_to_air.of_layers(~stack.rising)
     core = difference(offset(sections, -depth), open_to_air)
     shell = difference(sections, core)
-    slabs, source = split_thick_extrusions(stack)
-    covered = footprint(slabs, of_part[source])
+    split_stack, source = split_thick_extrusions(stack)
+    covered = footprint(split_stack, of_part[source])
     body = printed_body(
         covered, difference(offset(sections, -0.75 * depth), open_to_air), sections, depth / 4
     )
-    inner, wanted = _inside_shell(sections, stack, depth, open_to_air)
-    own, laid = of_part[source], slabs.beads.volume
+    inner, area_to_fill = _inside_shell(sections, stack, depth, open_to_air)
+    split_of_part, volume = of_part[source], split_stack.beads.volume
     return Coverage(
         rules=rules,
         stack=stack,
@@ -156,19 +156,21 @@ def coverage_of(
         covered=covered,
         uncovered=offset_open(difference(shell, covered), rules.min_gap / 2),
         outside=difference(covered, offset(sections, rules.outside_tolerance)),
-        outline=_outline(sections, body, stack, rules),
-        fill=measure_fill(stack, of_part, inner, wanted, rules.overlap_ratio),
-        unsupported=_unsupported(stack, sections),
-        volume=np.bincount(slabs.layer[own], laid[own], stack.n_layers).astype(np.float64),
+        outline=_measure_outline(sections, body, stack, rules),
+        fill=measure_fill(stack, of_part, inner, area_to_fill, rules.overlap_ratio),
+        unsupported=_find_unsupported(stack, sections),
+        volume=np.bincount(split_stack.layer[split_of_part], volume[split_of_part], stack.n_layers).astype(
+            np.float64
+        ),
         section_volume=sections.area() * stack.height,
-        by_purpose=np.bincount(slabs.beads.purpose, laid, len(Purpose)).astype(np.float64),
+        by_purpose=np.bincount(split_stack.beads.purpose, volume, len(Purpose)).astype(np.float64),
     )
 
 
-def _unsupported(stack: Stack, sections: Areas) -> tuple[Unsupported, ...]:
-    """Find unsupported extrusion as `slice`, `print` and a dry run do; far from the part nothing is looked at."""
+def _find_unsupported(stack: Stack, sections: Areas) -> tuple[Unsupported, ...]:
+    """Find unsupported extrusion near the part, as `slice`, `print` and a dry run do."""
     beads, n_beads = stack.beads, stack.beads.n_beads
-    # What is printed before the first layer of the part primes the nozzle.
+    # Extrusion before the first layer of the part primes the nozzle.
     part = np.flatnonzero((stack.layer >= 0) & ~np.isin(beads.purpose, NOT_PART))
     if not sections.n_rings or not len(part):
         return ()
@@ -180,8 +182,8 @@ def _unsupported(stack: Stack, sections: Areas) -> tuple[Unsupported, ...]:
         removable=frozenset({int(Purpose.SUPPORT_MATERIAL)}),
     )
     (left, front), (right, back) = (
-        (sections.xy.min(axis=0) - _FAR).tolist(),
-        (sections.xy.max(axis=0) + _FAR).tolist(),
+        (sections.xy.min(axis=0) - _MAX_DISTANCE).tolist(),
+        (sections.xy.max(axis=0) + _MAX_DISTANCE).tolist(),
     )
     tracker = UnsupportedTracker(((left, front), (right, back)), 1.0, marks)
     start = np.column_stack([beads.begin, beads.z_top - beads.rise])
@@ -190,51 +192,52 @@ def _unsupported(stack: Stack, sections: Areas) -> tuple[Unsupported, ...]:
     return tracker.close()
 
 
-def _outline(sections: Areas, body: Areas, stack: Stack, rules: CoverageRules) -> OutlineError:
-    """Measure the distance between the outlines of the part and of the print."""
+def _measure_outline(sections: Areas, body: Areas, stack: Stack, rules: CoverageRules) -> OutlineError:
+    """Measure the distances between the outlines of the part and of the print."""
     part, printed = (remove_narrow_gaps(one, rules.min_gap) for one in (sections, body))
-    return outline_error(part, printed, _DOTS * stack.beads.usual_width**2)
+    return outline_error(part, printed, _MAX_ISLAND_SQUARES * stack.beads.usual_width**2)
 
 
 def _inside_shell(sections: Areas, stack: Stack, depth: float, open_to_air: Areas) -> tuple[Areas, Float]:
     """Return the areas inside the shell, and the area that the shell should fill in each layer, (L,) mm²."""
     # Rounded sides make extrusions smaller than their outline. Inner perimeters compensate for this.
     inner = difference(offset(sections, bead.side_loss(stack.height) - depth), open_to_air)
-    wanted = np.maximum(_to_be_full(sections, stack, depth).area() - inner.area(), 0.0)
-    return inner.of_layers(~stack.rising), wanted
+    area_to_fill = np.maximum(_areas_to_fill(sections, stack, depth).area() - inner.area(), 0.0)
+    return inner.of_layers(~stack.rising), area_to_fill
 
 
-def _to_be_full(sections: Areas, stack: Stack, depth: float) -> Areas:
-    """Return the part of each section that should be filled: all of it where inner perimeters fill the rounded sides.
+def _areas_to_fill(sections: Areas, stack: Stack, depth: float) -> Areas:
+    """Return the area of each section that should be filled.
 
-    Walls of one or two perimeters have no inner ones: there the gaps beside the rounded sides remain.
+    Inner perimeters fill the gaps beside the rounded sides of external perimeters. Walls of one or two perimeters have
+    no inner ones, so there these gaps remain.
     """
     inside_sides = offset(sections, -bead.side_loss(stack.height))
     width = stack.beads.usual_width
-    if depth < _INNER * width or stack.spiral:
+    if depth < _MIN_INNER_DEPTH * width or stack.spiral:
         return inside_sides
-    return union(inside_sides, offset_open(sections, _INNER * width))
+    return union(inside_sides, offset_open(sections, _MIN_INNER_DEPTH * width))
 
 
-def _classify(stack: Stack, sections: Areas, beside: Bool | None) -> tuple[Bool, Bool]:
-    """Return masks (B,) of the extrusions of the part, and of those that should be but lie far from it."""
-    mine = ~np.isin(stack.beads.purpose, NOT_PART) & (stack.layer >= 0)
-    mine &= True if beside is None else ~beside
-    astray = mine & _far_off(stack.beads, sections)
-    return mine & ~astray, astray
+def _classify_extrusions(stack: Stack, sections: Areas, beside: Bool | None) -> tuple[Bool, Bool]:
+    """Return masks (B,) of the extrusions of the part, and of those with a role of the part but far from it."""
+    of_part = ~np.isin(stack.beads.purpose, NOT_PART) & (stack.layer >= 0)
+    of_part &= True if beside is None else ~beside
+    astray = of_part & _find_far_off(stack.beads, sections)
+    return of_part & ~astray, astray
 
 
-def _far_off(beads: Extrusions, sections: Areas) -> Bool:
+def _find_far_off(beads: Extrusions, sections: Areas) -> Bool:
     """Return a mask (B,) of extrusions that start or end far from every section; none if there are no sections."""
     if not sections.n_rings:
         return np.zeros(beads.n_beads, np.bool_)
-    low, high = sections.xy.min(axis=0) - _FAR, sections.xy.max(axis=0) + _FAR
+    low, high = sections.xy.min(axis=0) - _MAX_DISTANCE, sections.xy.max(axis=0) + _MAX_DISTANCE
     far = [((ends < low) | (ends > high)).any(axis=1) for ends in (beads.begin, beads.end)]
     return np.asarray(far[0] | far[1])
 
 
-def overlapping(coverage: Coverage, layer: int) -> Areas:
-    """Return where the extrusions of a layer overlap, to one cell, as areas of one layer."""
+def find_overlaps(coverage: Coverage, layer: int) -> Areas:
+    """Return where the extrusions of a layer overlap, rounded to cells, as areas of one layer."""
     own = np.flatnonzero(coverage.of_part & (coverage.stack.layer == layer))
     height = float(coverage.stack.height[layer])
     return overlap_cells(

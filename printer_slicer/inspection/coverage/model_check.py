@@ -1,4 +1,4 @@
-"""Check G-code of any slicer against its model: find the position of the model and measure the coverage."""
+"""Check G-code of any slicer against its model: find the position of the model and measure coverage."""
 
 from __future__ import annotations
 
@@ -33,14 +33,20 @@ from printer_slicer.slicing import cut
 
 __all__ = ["Check", "CheckOptions", "check_gcode", "placed_sections", "read_gcode_extrusions"]
 
-_RESOLUTION: Final = 0.005  # mm; sections are measured with, so they are finer than what is printed
-_BESIDE: Final = 0.002  # mm over and under the middle of a layer: a flat there may be printed with either
-_DIFFERENT: Final = 1.0  # mm² by which those two differ where there is a flat
-_NEAR: Final = 3.0  # mm around the part: beads farther away make no layers
-_ROUNDED: Final = 0.01  # mm of heights in files
-_SEEN: Final = 1.0  # mm² printable in all missing layers together; a smaller tip may be missing
-_NEEDLE: Final = 1.0  # mm²; slicers print tips of this area, even if narrower than a usual line
-_FITS: Final = 0.5  # of the length of the outer perimeters: with less the file is of another part
+_RESOLUTION: Final = 0.005  # mm; sections for measurements are finer than printed ones
+_CUT_OFFSET: Final = (
+    0.002  # mm above and below the middle of a layer, where flat surfaces may be printed either way
+)
+_MIN_DIFFERENCE: Final = 1.0  # mm² between the sections above and below a flat surface
+_NEAR_DISTANCE: Final = 3.0  # mm around the part; extrusions farther away make no layers
+_ROUNDING: Final = 0.01  # mm; rounding of heights in files
+_MIN_MISSING_AREA: Final = (
+    1.0  # mm², printable area of all missing layers together; a smaller tip may be missing
+)
+_MIN_NEEDLE_AREA: Final = 1.0  # mm²; slicers print tips of this area, even if narrower than a usual line
+_MIN_MATCH_SHARE: Final = (
+    0.5  # of the length of the external perimeters; less means that the file is of another part
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,11 +54,11 @@ class Check:
     """The result of checking a G-code file against its model.
 
     Attributes:
-        name: of the file.
-        coverage: of its material.
-        match: position of the model relative to the mesh, and how well it fits.
-        matched: whether the position was searched; otherwise it was given.
-        z: mm that the model stands over where its mesh was.
+        name: name of the file.
+        coverage: the measured coverage.
+        match: position of the part relative to the mesh, and the quality of the fit.
+        matched: whether the position was searched for; otherwise it was given.
+        z: mm, height of the part above the z position of its mesh.
         part_top: z of the top of the part, mm.
         findings: diagnostics, the worst first.
         problems: problems of the whole file, as text.
@@ -79,13 +85,13 @@ class Check:
 
 @dataclass(frozen=True, slots=True)
 class CheckOptions:
-    """How to check: what is measured and let pass, and what is known about the file.
+    """Options of a check: parameters, limits, and what is known about the file.
 
     Attributes:
-        rules: of the coverage.
-        limits: what is let pass.
-        filament_diameter: mm; None: as the file says.
-        placement: where the part is; None looks for it.
+        rules: parameters of the measurement.
+        limits: limits that cause findings.
+        filament_diameter: mm; None takes the value in the file.
+        placement: position of the part; None searches for it.
     """
 
     rules: CoverageRules = field(default_factory=CoverageRules)
@@ -103,11 +109,11 @@ def check_gcode(
     """Check G-code against the part that it should print.
 
     Args:
-        text: of any slicer.
-        mesh: the part, repaired, scaled and turned, anywhere.
-        asked: how.
-        name: of the file, for messages.
-        report: is called with the name of each stage.
+        text: G-code of any slicer.
+        mesh: the part, repaired, scaled and rotated, at any position.
+        asked: options of the check.
+        name: name of the file, for messages.
+        report: function that is called with the name of each stage.
 
     Raises:
         UsageError: the file extrudes nothing, or is binary.
@@ -116,7 +122,7 @@ def check_gcode(
     report("reading")
     deposit, stack = read_gcode_extrusions(text, asked.filament_diameter, name)
     report("matching")
-    part, stack, sections, match = _matched(mesh, deposit.beads, stack, asked.placement)
+    part, stack, sections, match = _match_part(mesh, deposit.beads, stack, asked.placement)
     report("measuring")
     coverage = coverage_of(stack, sections, asked.rules, find_detached(stack, sections))
     return Check(
@@ -127,8 +133,8 @@ def check_gcode(
         float(part.bounds[0, 2] - mesh.bounds[0, 2]),
         part.height,
         findings(coverage, asked.limits),
-        tuple(_problems(coverage, match, part)),
-        tuple(_notes(deposit, coverage)),
+        tuple(_find_problems(coverage, match, part)),
+        tuple(_list_notes(deposit, coverage)),
         deposit,
     )
 
@@ -139,12 +145,12 @@ def read_gcode_extrusions(
     """Return the extrusions of G-code, and the layers of the part in it.
 
     Args:
-        text: of any slicer.
-        filament_diameter: mm; None: as the file says.
-        name: of the file, for messages.
+        text: G-code of any slicer.
+        filament_diameter: mm; None takes the value in the file.
+        name: name of the file, for messages.
 
     Raises:
-        UsageError: the text lays nothing, or is no text.
+        UsageError: the text extrudes nothing, or is binary.
     """
     if text.startswith(b"GCDE"):
         raise UsageError(
@@ -160,104 +166,104 @@ def read_gcode_extrusions(
 def placed_sections(
     mesh: Mesh, deposit: GcodeExtrusions, stack: Stack, placement: Placement | None = None
 ) -> tuple[Stack, Areas, Match]:
-    """Return the sections of a part at its position in a file, and how well they fit.
+    """Return the sections of a part at its position in a file, and the quality of the fit.
 
     Args:
-        mesh: the part, repaired, scaled and turned, anywhere.
-        deposit: the beads.
-        stack: the layers they are in.
-        placement: where the part is; None looks for it.
+        mesh: the part, repaired, scaled and rotated, at any position.
+        deposit: extrusions of the file.
+        stack: layers of the file.
+        placement: position of the part; None searches for it.
 
     Returns:
-        The layers that the beads of the part have, which may be fewer than those of the file; a section for each; and
-        the shift from where the mesh was.
+        The layers of the part, which may be fewer than those of the file; a section for each layer; and the shift from
+        the position of the mesh.
 
     Raises:
         PartError: the part cannot be cut.
     """
-    _, stack, sections, match = _matched(mesh, deposit.beads, stack, placement)
+    _, stack, sections, match = _match_part(mesh, deposit.beads, stack, placement)
     return stack, sections, match
 
 
-def _matched(
+def _match_part(
     mesh: Mesh, beads: Extrusions, stack: Stack, placement: Placement | None
 ) -> tuple[Mesh, Stack, Areas, Match]:
-    """Return the part in its position, its layers there, its section in each, and how well they match."""
-    part = _put(mesh, stack, placement)
+    """Return the part at its position, its layers, its section in each layer, and the quality of the fit."""
+    part = _place_part(mesh, stack, placement)
     pair = _cut_twice(part, stack)
-    match = _fit(stack, pair[0], look=placement is None)
+    match = _fit_position(stack, pair[0], is_searched=placement is None)
     part = part.moved((*match.shift, 0.0))
-    own = _near_part(part, beads)
-    again = stack_extrusions(beads, own)
-    if own.any() and not np.array_equal(again.top, stack.top):
-        # Extrusions beside the part made layers of their own, such as a line that primes the nozzle.
-        stack, pair = again, _cut_twice(part, again)
+    near = _find_extrusions_near(part, beads)
+    new_stack = stack_extrusions(beads, near)
+    if near.any() and not np.array_equal(new_stack.top, stack.top):
+        # Extrusions beside the part, such as a priming line, caused extra layers.
+        stack, pair = new_stack, _cut_twice(part, new_stack)
     else:
         pair = (shift_areas(pair[0], match.shift), shift_areas(pair[1], match.shift))
     x, y = (part.bounds[0] - mesh.bounds[0])[:2].tolist()
-    return part, stack, _choose_section(stack, *pair), replace(match, shift=(x, y))
+    return part, stack, _choose_sections(stack, *pair), replace(match, shift=(x, y))
 
 
-def _put(mesh: Mesh, stack: Stack, placement: Placement | None) -> Mesh:
-    """Return the part in the requested position, or on the raft or bed with its corner at the origin."""
+def _place_part(mesh: Mesh, stack: Stack, placement: Placement | None) -> Mesh:
+    """Move the part to the requested position; by default its corner is at the origin, on the raft or bed."""
     low, high = mesh.bounds
-    by = -low
+    shift = -low
     if placement is not None and placement.as_placed:
-        by[:2] = 0.0
+        shift[:2] = 0.0
     elif placement is not None and placement.center is not None:
-        by[:2] = np.asarray(placement.center) - (low + high)[:2] / 2
+        shift[:2] = np.asarray(placement.center) - (low + high)[:2] / 2
     if placement is not None and not placement.drop:
-        by[2] = 0.0
+        shift[2] = 0.0
     else:
-        by[2] += stack.bottom[0]
-    return mesh.moved(by)
+        shift[2] += stack.bottom[0]
+    return mesh.moved(shift)
 
 
 def _cut_twice(part: Mesh, stack: Stack) -> tuple[Areas, Areas]:
     """Return the sections just below and just above the middle of each layer."""
     middle = (stack.top + stack.bottom) / 2
     low, high = (
-        cut(part, LayerPlan(stack.top, middle + by), _RESOLUTION).solid for by in (-_BESIDE, _BESIDE)
+        cut(part, LayerPlan(stack.top, middle + by), _RESOLUTION).solid for by in (-_CUT_OFFSET, _CUT_OFFSET)
     )
     return low, high
 
 
-def _fit(stack: Stack, sections: Areas, *, look: bool) -> Match:
-    """Find the position of sections, or measure how well they match where they are."""
-    if not look:
+def _fit_position(stack: Stack, sections: Areas, *, is_searched: bool) -> Match:
+    """Find the position of sections, or measure the quality of the fit at their given position."""
+    if not is_searched:
         return replace(fit_sections(stack, sections, rounds=0), shift=(0.0, 0.0))
     guess = guess_shift(stack, sections)
     match = fit_sections(stack, shift_areas(sections, guess))
     return replace(match, shift=(guess[0] + match.shift[0], guess[1] + match.shift[1]))
 
 
-def _near_part(part: Mesh, beads: Extrusions) -> Bool:
-    """Return a mask (B,) of extrusions that start near the bounding box of a part."""
+def _find_extrusions_near(part: Mesh, beads: Extrusions) -> Bool:
+    """Return a mask (B,) of the part's extrusions that start near the bounding box of the mesh."""
     low, high = part.bounds[:, :2]
-    near = ((beads.begin > low - _NEAR) & (beads.begin < high + _NEAR)).all(axis=1)
+    near = ((beads.begin > low - _NEAR_DISTANCE) & (beads.begin < high + _NEAR_DISTANCE)).all(axis=1)
     return np.asarray(near) & ~np.isin(beads.purpose, NOT_PART)
 
 
-def _choose_section(stack: Stack, low: Areas, high: Areas) -> Areas:
-    """Choose between the sections below and above a flat surface the one more similar to the print.
+def _choose_sections(stack: Stack, low: Areas, high: Areas) -> Areas:
+    """Return the sections; at a flat surface, choose the one below or above it that is more similar to the print.
 
-    A flat in the very middle of a layer may be printed either way.
+    A flat surface exactly in the middle of a layer may be printed either way.
     """
-    doubtful = difference(low, high).area() + difference(high, low).area() > _DIFFERENT
-    if not doubtful.any():
+    is_ambiguous = difference(low, high).area() + difference(high, low).area() > _MIN_DIFFERENCE
+    if not is_ambiguous.any():
         return low
-    chosen = doubtful[stack.layer] & (stack.layer >= 0)
+    chosen = is_ambiguous[stack.layer] & (stack.layer >= 0)
     chosen &= ~np.isin(stack.beads.purpose, NOT_PART)
     printed = footprint(stack, chosen)
-    wrong = [difference(one, printed).area() + difference(printed, one).area() for one in (low, high)]
-    upper = doubtful & (wrong[1] < wrong[0])
+    differences = [difference(one, printed).area() + difference(printed, one).area() for one in (low, high)]
+    upper = is_ambiguous & (differences[1] < differences[0])
     return low.of_layers(~upper).merge(high.of_layers(upper))
 
 
-def _problems(coverage: Coverage, match: Match, part: Mesh) -> Iterator[str]:
-    """Yield problems of the whole file."""
+def _find_problems(coverage: Coverage, match: Match, part: Mesh) -> Iterator[str]:
+    """Yield the problems of the whole file as text."""
     stack = coverage.stack
-    if match.share < _FITS:
+    if match.share < _MIN_MATCH_SHARE:
         yield (
             f"only {match.share:.0%} of the external perimeters match this model: "
             "check model, scale and rotation"
@@ -266,31 +272,34 @@ def _problems(coverage: Coverage, match: Match, part: Mesh) -> Iterator[str]:
         lines = stack.beads.line[coverage.astray]
         many = f"{len(lines)} extrusions are" if len(lines) > 1 else "1 extrusion is"
         yield f"{many} far from the part, the first in line {lines[0]}"
-    over, height = part.height - float(stack.top[-1]), float(stack.height[-1])
-    if -over > height + _ROUNDED or _left_out(part, coverage, over):
-        where = "below" if over > 0 else "above"
-        yield f"the last layer ends at z {stack.top[-1]:.3g} mm, {abs(over):.3g} mm {where} the top of the part"
+    missing_height, height = part.height - float(stack.top[-1]), float(stack.height[-1])
+    if -missing_height > height + _ROUNDING or _has_missing_top(part, coverage, missing_height):
+        where = "below" if missing_height > 0 else "above"
+        distance = f"{abs(missing_height):.3g} mm {where} the top of the part"
+        yield f"the last layer ends at z {stack.top[-1]:.3g} mm, {distance}"
 
 
-def _left_out(part: Mesh, coverage: Coverage, over: float) -> bool:
-    """Return whether printable layers are missing above the last one; tips of needles are not printable."""
+def _has_missing_top(part: Mesh, coverage: Coverage, missing_height: float) -> bool:
+    """Return whether printable layers are missing above the last one; thin tips are not printable."""
     stack = coverage.stack
     height = float(stack.height[-1])
-    if over <= height / 2 + _ROUNDED:
+    if missing_height <= height / 2 + _ROUNDING:
         return False
-    count = max(int(over / height + 0.5), 1)
+    count = max(int(missing_height / height + 0.5), 1)
     top = float(stack.top[-1]) + height * np.arange(1.0, count + 1, dtype=np.float64)
     try:
         above = cut(part, LayerPlan(top, top - height / 2), _RESOLUTION).solid
     except PartError:  # the tip is too slender to have a section
         return False
     width = coverage.stack.beads.take(np.flatnonzero(coverage.of_part)).usual_width
-    room = offset_open(above, width / 2).area().sum() > _SEEN
-    return bool(room or (over > height + _ROUNDED and above.area().sum() > _NEEDLE))
+    is_printable = offset_open(above, width / 2).area().sum() > _MIN_MISSING_AREA
+    return bool(
+        is_printable or (missing_height > height + _ROUNDING and above.area().sum() > _MIN_NEEDLE_AREA)
+    )
 
 
-def _notes(deposit: GcodeExtrusions, coverage: Coverage) -> Iterator[str]:
-    """Yield assumptions, and volumes that are not of the part."""
+def _list_notes(deposit: GcodeExtrusions, coverage: Coverage) -> Iterator[str]:
+    """Yield the assumptions, and the volumes that do not belong to the part, as text."""
     stack = coverage.stack
     if not deposit.diameter_known:
         diameter = f"{deposit.diameter[0]:g} mm is assumed (set it with `filament_diameter`)"

@@ -13,10 +13,10 @@ from printer_slicer.geometry.segment_index import OutlineIndex
 
 __all__ = ["OutlineError", "outline_error", "sample_outlines"]
 
-_APART: Final = 0.5  # mm between samples along an outline, at most
-_ROUGH: Final = 0.005  # mm by which the distances of neighbouring samples may differ without a closer look
-_FINER: Final = 8  # as many samples there
-_SHORT: Final = 3.0  # mm of both outlines that are ignored: tips of fins narrower than any line
+_MAX_SPACING: Final = 0.5  # mm, largest spacing of samples along an outline
+_MAX_DIFFERENCE: Final = 0.005  # mm; more samples where the distances of neighbours differ by more
+_REFINEMENT: Final = 8  # number of samples instead of one there
+_IGNORED_LENGTH: Final = 3.0  # mm of both outlines, for tips of fins that are narrower than any line
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -24,9 +24,9 @@ class OutlineError:
     """Distances between two outlines of each layer, both ways, mm; nan where a layer lacks one of them.
 
     Attributes:
-        p95: (L,) exceeded on a twentieth of the length of both, and on 3 mm of it.
-        largest: (L,) the largest.
-        place: (L, 2) where that is.
+        p95: (L,) distance exceeded on a twentieth of the length of both outlines, and on at least 3 mm.
+        largest: (L,) largest distance.
+        place: (L, 2) mm, position of the largest distance.
     """
 
     p95: Float
@@ -47,9 +47,8 @@ def outline_error(sections: Areas, printed: Areas, speck: float = 0.0) -> Outlin
         printed: area covered by extrusions.
         speck: mm²; smaller islands of the sections may be missing, because no line fits.
 
-    Samples are 0.5 mm apart at most, and at every corner. Where the distances of two neighbours differ, as they do at
-    corners, which no bead fills, seven more lie between them: corners are short, and it is a share of the length that
-    is told.
+    Samples are at most 0.5 mm apart, and at every corner. Where the distances of two neighbours differ, seven more are
+    taken between them. This happens at corners, which no extrusion fills, and makes the share of their length exact.
     """
     n = sections.n_layers
     nothing = OutlineError(np.full(n, np.nan), np.full(n, np.nan), np.full((n, 2), np.nan))
@@ -57,14 +56,14 @@ def outline_error(sections: Areas, printed: Areas, speck: float = 0.0) -> Outlin
         return nothing
     low = np.minimum(sections.xy.min(axis=0), printed.xy.min(axis=0))
     high = np.maximum(sections.xy.max(axis=0), printed.xy.max(axis=0))
-    parts = []
+    samples = []
     area = sections.ring_area()
     counted = sections.select((area <= 0) | (area >= speck))
-    for own, other in ((counted, printed), (printed, sections)):
-        points, layer, weight, distance = _measured(own, OutlineIndex(other, low, high))
+    for outlines, other in ((counted, printed), (printed, sections)):
+        points, layer, weight, distance = _measure_distances(outlines, OutlineIndex(other, low, high))
         known = np.isfinite(distance)
-        parts.append((points[known], layer[known], weight[known], distance[known]))
-    points, layer, weight, distance = (np.concatenate(column) for column in zip(*parts, strict=True))
+        samples.append((points[known], layer[known], weight[known], distance[known]))
+    points, layer, weight, distance = (np.concatenate(column) for column in zip(*samples, strict=True))
     order = np.lexsort((distance, layer))
     layer, weight, distance = layer[order], weight[order], distance[order]
     used, first = np.unique(layer, return_index=True)
@@ -72,43 +71,47 @@ def outline_error(sections: Areas, printed: Areas, speck: float = 0.0) -> Outlin
     reached = np.cumsum(weight)
     before = reached[first] - weight[first]
     total = reached[last] - before
-    wanted = np.searchsorted(reached, before + np.maximum(total - np.maximum(0.05 * total, _SHORT), 0.0))
+    quantile_index = np.searchsorted(
+        reached, before + np.maximum(total - np.maximum(0.05 * total, _IGNORED_LENGTH), 0.0)
+    )
     p95, largest, place = nothing.p95.copy(), nothing.largest.copy(), nothing.place.copy()
-    p95[used], largest[used] = distance[np.minimum(wanted, last)], distance[last]
+    p95[used], largest[used] = distance[np.minimum(quantile_index, last)], distance[last]
     place[used] = points[order[last]]
     return OutlineError(p95, largest, place)
 
 
-def _measured(own: Areas, other: OutlineIndex) -> tuple[Float, Int, Float, Float]:
-    """Return points along all outlines (P, 2), their layers, the length each represents, and its distance, mm."""
-    points, layer, weight, after = sample_outlines(own)
+def _measure_distances(areas: Areas, other: OutlineIndex) -> tuple[Float, Int, Float, Float]:
+    """Return points along all outlines (P, 2), their layers, the length that each represents, and its distance, mm."""
+    points, layer, weight, after = sample_outlines(areas)
     distance = other.distance(points, layer)
-    # A layer has the other outline everywhere or nowhere.
-    rough = np.isfinite(distance)
-    rough[rough] = np.abs(distance[after[rough]] - distance[rough]) > _ROUGH
-    chosen = np.flatnonzero(rough)
-    share = np.arange(1, _FINER)[None, :, None] / _FINER
-    more = points[chosen, None] + share * (points[after[chosen]] - points[chosen])[:, None]
-    near = np.repeat(chosen, _FINER - 1)
-    weight[chosen] /= _FINER
+    # The distances of a layer are all finite or all infinite.
+    needs_refinement = np.isfinite(distance)
+    needs_refinement[needs_refinement] = (
+        np.abs(distance[after[needs_refinement]] - distance[needs_refinement]) > _MAX_DIFFERENCE
+    )
+    refined = np.flatnonzero(needs_refinement)
+    share = np.arange(1, _REFINEMENT)[None, :, None] / _REFINEMENT
+    extra_points = points[refined, None] + share * (points[after[refined]] - points[refined])[:, None]
+    source = np.repeat(refined, _REFINEMENT - 1)
+    weight[refined] /= _REFINEMENT
     return (
-        np.concatenate([points, more.reshape(-1, 2)]),
-        np.concatenate([layer, layer[near]]),
-        np.concatenate([weight, weight[near]]),
-        np.concatenate([distance, other.distance(more.reshape(-1, 2), layer[near])]),
+        np.concatenate([points, extra_points.reshape(-1, 2)]),
+        np.concatenate([layer, layer[source]]),
+        np.concatenate([weight, weight[source]]),
+        np.concatenate([distance, other.distance(extra_points.reshape(-1, 2), layer[source])]),
     )
 
 
 def sample_outlines(areas: Areas) -> tuple[Float, Int, Float, Int]:
-    """Return points along all outlines (P, 2), their layers, the length of each, mm, and the index of the next."""
+    """Return points along all outlines (P, 2), their layers, the length that each represents, and its successor."""
     way = areas.xy[areas.following] - areas.xy
     length = np.hypot(*way.T)
-    count = np.maximum(np.ceil(length / _APART), 1).astype(np.int64)
+    count = np.maximum(np.ceil(length / _MAX_SPACING), 1).astype(np.int64)
     side = np.repeat(np.arange(len(way)), count)
     share = consecutive(np.zeros(len(way), np.int64), count) / count[side]
     points = areas.xy[side] + share[:, None] * way[side]
     after = np.arange(1, len(side) + 1)
-    # After the last sample of a side comes the first one of the side that follows.
+    # The last sample of a side is followed by the first one of the next side.
     first = np.cumsum(count) - count
     after[first + count - 1] = first[areas.following]
     return points, areas.point_layer[side], (length / count)[side], after

@@ -1,4 +1,4 @@
-"""Areas to compare: the covered area, and the shell that must have no gaps."""
+"""Compute the areas to compare: the covered area, and the shell that must have no gaps."""
 
 from __future__ import annotations
 
@@ -18,40 +18,40 @@ from printer_slicer.geometry import (
     window_intersection,
 )
 from printer_slicer.geometry.segment_index import OutlineIndex
-from printer_slicer.inspection.coverage.extrusions import Extrusions, Purpose, spread_out
+from printer_slicer.inspection.coverage.extrusions import Extrusions, Purpose, sample_points
 from printer_slicer.inspection.coverage.stack import Stack
 
 __all__ = ["exposed_areas", "footprint", "path_numbers", "printed_body", "remove_narrow_gaps", "shell_depth"]
 
-_JOINED: Final = 1e-3  # mm: the next bead of a path begins where the one before ended
-_SAME_WIDTH: Final = 0.002  # mm: beads whose widths differ by less are drawn with one pen
-_WIDEST: Final = 10.0  # mm
+_MAX_JOINT_GAP: Final = 1e-3  # mm between the end of an extrusion and the start of the next one in a path
+_WIDTH_STEP: Final = 0.002  # mm; widths are rounded to this step
+_MAX_WIDTH: Final = 10.0  # mm
 _WALLS: Final = (Purpose.EXTERNAL_PERIMETER, Purpose.PERIMETER)
-_POINTS: Final = 10_000  # enough to know a depth
-_FARTHEST: Final = 4.0  # mm; perimeters deeper than this do not make a shell thicker
-_UPRIGHT: Final = 0.01  # mm from layer to layer: a spiral's wall that moves by less is upright
+_N_POINTS: Final = 10_000  # points along perimeters, enough for an exact depth
+_MAX_DEPTH: Final = 4.0  # mm; perimeters deeper than this do not make a shell thicker
+_MAX_UPRIGHT_MOVE: Final = 0.01  # mm from layer to layer, up to which the wall of a spiral is upright
 
 
 def path_numbers(beads: Extrusions, layer: Int) -> Int:
     """Return the path number (B,) of each extrusion; consecutive connected extrusions of a layer form a path."""
     new = np.diff(layer) != 0
-    new |= (np.abs(beads.begin[1:] - beads.end[:-1]) > _JOINED).any(axis=1)
+    new |= (np.abs(beads.begin[1:] - beads.end[:-1]) > _MAX_JOINT_GAP).any(axis=1)
     return np.concatenate([np.zeros(min(beads.n_beads, 1), np.int64), np.cumsum(new)])
 
 
 def footprint(stack: Stack, chosen: Bool) -> Areas:
     """Return the area that chosen extrusions (B,) cover in each layer: the union of their outlines with round ends.
 
-    Widths are rounded to 0.002 mm, and places to 0.01 µm. No bead is wider than 10 mm, whatever is fed.
+    Widths are rounded to 0.002 mm, and positions to 0.01 µm. No extrusion is wider than 10 mm, however much is fed.
     """
     kept = np.flatnonzero(chosen & (stack.layer >= 0))
     beads, layer = stack.beads.take(kept), stack.layer[kept]
-    width = np.clip(beads.width, _SAME_WIDTH, _WIDEST)
-    radius = np.round(width / _SAME_WIDTH) * (_SAME_WIDTH / 2)
+    width = np.clip(beads.width, _WIDTH_STEP, _MAX_WIDTH)
+    radius = np.round(width / _WIDTH_STEP) * (_WIDTH_STEP / 2)
     path = path_numbers(beads, layer)
     first = np.flatnonzero(np.append(True, (np.diff(path) != 0) | (np.diff(radius) != 0))[: len(kept)])
     size = np.diff(np.append(first, len(kept)))
-    # The points of a line are the beginning of its first bead and the ends of all.
+    # A line consists of the start of its first extrusion and the ends of all its extrusions.
     place = np.arange(len(kept)) + np.searchsorted(first, np.arange(len(kept)), side="right")
     xy = np.zeros((len(kept) + len(first), 2))
     xy[place] = beads.end
@@ -63,47 +63,47 @@ def footprint(stack: Stack, chosen: Bool) -> Areas:
 def shell_depth(stack: Stack, sections: Areas) -> float:
     """Return the depth of a file's perimeters in the part, mm; twice the usual width if roles are unknown.
 
-    It goes by where their centre lines lie, not by what they hold: too little material does not make the shell thinner.
+    It depends on the position of centre lines, not on volume: too little material does not make the shell thinner.
     """
     beads, layer = stack.beads, stack.layer
     if stack.spiral:
-        return _thickness(stack, sections)
+        return _spiral_wall_thickness(stack, sections)
     walls = np.flatnonzero(np.isin(beads.purpose, _WALLS) & (layer >= 0))
     if not len(walls):
         known = layer >= 0
         return 2 * float(np.average(beads.width[known], weights=beads.length[known])) if known.any() else 1.0
-    place, bead = spread_out(beads.take(walls), _POINTS)
+    place, bead = sample_points(beads.take(walls), _N_POINTS)
     bead = walls[bead]
     depth = OutlineIndex(sections, place.min(axis=0) - 1, place.max(axis=0) + 1).distance(place, layer[bead])
-    near = depth < _FARTHEST
+    near = depth < _MAX_DEPTH
     if not near.any():
         return 1.0
     outer = near & (beads.purpose[bead] == Purpose.EXTERNAL_PERIMETER)
     half = float(np.median(depth[outer] if outer.any() else beads.width[walls] / 2))
     if not (beads.purpose[walls] == Purpose.PERIMETER).any():
         return 2 * half
-    # Deeper ones stand in corners and narrow places only.
+    # Only perimeters in corners and narrow places are deeper.
     return float(np.quantile(depth[near], 0.9)) + half
 
 
-def _thickness(stack: Stack, sections: Areas) -> float:
+def _spiral_wall_thickness(stack: Stack, sections: Areas) -> float:
     """Return the wall thickness of a spiral, mm: twice the depth of its centre line at upright outlines.
 
-    Where the outline moves from turn to turn, what lies at the height of a bead is not what its section shows. If it
-    does so everywhere, the width of the beads tells more, unless it is greater.
+    Where the outline moves from turn to turn, the outline at the height of an extrusion is not that of its section. If
+    this is so everywhere, the result is the width of the extrusions, or twice their depth if that is less.
     """
     beads, layer = stack.beads, stack.layer
     turns = np.flatnonzero((layer >= 0) & stack.rising[layer])
-    place, bead = spread_out(beads.take(turns), _POINTS)
+    place, bead = sample_points(beads.take(turns), _N_POINTS)
     bead = turns[bead]
     outlines = OutlineIndex(sections, place.min(axis=0) - 1, place.max(axis=0) + 1)
     own = layer[bead]
     low, high = np.maximum(own - 1, 0), np.minimum(own + 1, stack.n_layers - 1)
     under, depth, over = (outlines.distance(place, one) for one in (low, own, high))
-    near = (under < _FARTHEST) & (depth < _FARTHEST) & (over < _FARTHEST)
+    near = (under < _MAX_DEPTH) & (depth < _MAX_DEPTH) & (over < _MAX_DEPTH)
     width = float(np.median(beads.width[bead]))
     moves = np.abs(over - under)[near] / np.maximum(high - low, 1)[near]
-    upright = moves < _UPRIGHT
+    upright = moves < _MAX_UPRIGHT_MOVE
     if not upright.any():
         return width if not near.any() else min(width, 2 * float(np.median(depth[near])))
     return 2 * float(np.median(depth[near][upright]))
@@ -112,7 +112,7 @@ def _thickness(stack: Stack, sections: Areas) -> float:
 def exposed_areas(sections: Areas, top: Float, bottom: Float, surface_depth: float) -> Areas:
     """Return the parts of each section with air within `surface_depth` mm above or below; the bed counts as air.
 
-    With 0 it is what the very next layer leaves open.
+    With a depth of 0, only the next layer counts.
     """
     n = sections.n_layers
     own, reach = np.arange(n), max(surface_depth, 1e-6)
@@ -126,7 +126,7 @@ def exposed_areas(sections: Areas, top: Float, bottom: Float, surface_depth: flo
 def printed_body(covered: Areas, core: Areas, sections: Areas, tolerance: float) -> Areas:
     """Return the printed body as seen from outside: covered areas and areas enclosed by the shell, without voids.
 
-    A void is a piece of the section that is left out, all deeper than `tolerance` under the outline.
+    A void is an uncovered piece of the section that is everywhere deeper than `tolerance` mm below the outline.
     """
     body = union(covered, core)
     missing = difference(sections, body)

@@ -102,8 +102,8 @@ def test_a_line_that_primes_the_nozzle_makes_no_layer() -> None:
 def test_a_height_is_looked_up_in_the_layer_that_holds_it() -> None:
     _, levels = read(*square(0.3, 0.3), *square(0.5))
 
-    assert [levels.at(z) for z in (0.0, 0.1, 0.3, 0.301, 0.35, 0.5)] == [0, 0, 0, 0, 1, 1]
-    assert [levels.at(z) for z in (-0.1, 0.51, 7.0)] == [-1, -1, -1]
+    assert [levels.layer_at(z) for z in (0.0, 0.1, 0.3, 0.301, 0.35, 0.5)] == [0, 0, 0, 0, 1, 1]
+    assert [levels.layer_at(z) for z in (-0.1, 0.51, 7.0)] == [-1, -1, -1]
 
 
 def test_ways_that_lay_nothing_belong_to_the_bead_they_lead_to() -> None:

@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from printer_slicer import bead
 from printer_slicer.geometry import Areas
 from printer_slicer.inspection.coverage.extrusions import Extrusions
-from printer_slicer.inspection.coverage.limits import excess, findings
+from printer_slicer.inspection.coverage.limits import excess_ratio, findings
 from printer_slicer.inspection.coverage.matching import fit_sections, guess_shift, shift_areas
-from printer_slicer.inspection.coverage.measurement import Coverage, CoverageRules, coverage_of, overlapping
+from printer_slicer.inspection.coverage.measurement import Coverage, CoverageRules, coverage_of, find_overlaps
 from printer_slicer.inspection.coverage.stack import stack_extrusions
 from printer_slicer.inspection.deposition.marks import Purpose
 from tests.effort import examples
@@ -177,7 +177,7 @@ def test_a_bead_laid_twice_overlaps_along_its_length() -> None:
     x, y = twice.fill.place[0]
     assert 0 <= x <= 18
     assert y == pytest.approx(5, abs=0.2)
-    assert overlapping(twice, 0).area()[0] == pytest.approx(twice.fill.overlap[0], abs=0.01)
+    assert find_overlaps(twice, 0).area()[0] == pytest.approx(twice.fill.overlap[0], abs=0.01)
 
 
 def test_short_beads_however_many_do_not_change_how_overlap_is_judged() -> None:
@@ -309,7 +309,7 @@ def test_a_box_is_found_wherever_it_is_printed(
 
 
 def test_layers_and_sections_must_be_as_many() -> None:
-    with pytest.raises(ValueError, match="1 layers of beads, 2 sections"):
+    with pytest.raises(ValueError, match="1 layers, but there are 2 sections"):
         coverage_of(stack_extrusions(ring(20)), Areas.empty(2))
 
 
@@ -319,7 +319,7 @@ def test_findings_are_runs_of_layers_and_the_worst_comes_first() -> None:
     outside = [one for one in found if one.code == "outside"]
 
     assert [(one.first, one.last) for one in outside] == [(4, 5)]
-    assert [excess(one) for one in found] == sorted(map(excess, found), reverse=True)
+    assert [excess_ratio(one) for one in found] == sorted(map(excess_ratio, found), reverse=True)
     assert outside[0].line > 0
 
 
