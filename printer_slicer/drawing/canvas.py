@@ -50,13 +50,13 @@ __all__ = [
 
 Anchor = Literal["start", "middle", "end"]
 
-_CONTROL: Final = re.compile("[^\x20-\x7e\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+_CONTROL_CHARACTERS: Final = re.compile("[^\x20-\x7e\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _FONT: Final = "Helvetica, Arial, 'Liberation Sans', sans-serif"
-_FINE: Final = 10  # SVG coordinates of areas are integers in tenths of a px
-_FINER: Final = 3  # PNGs are drawn this many times larger and then reduced, for smooth edges
+_SVG_SCALE: Final = 10  # SVG coordinates of areas are integers in tenths of a px
+_PNG_SCALE: Final = 3  # PNGs are drawn this many times larger and then reduced, for smooth edges
 _PIL_ANCHOR: Final = {"start": "ls", "middle": "ms", "end": "rs"}
-_RAISED: Final = {"²": "2", "³": "3"}
-_RAISED_SIZE, _RAISED_BY = 0.62, 0.36  # of the size of the text
+_SUPERSCRIPTS: Final = {"²": "2", "³": "3"}
+_SUPERSCRIPT_SIZE, _SUPERSCRIPT_RISE = 0.62, 0.36  # of the size of the text
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,7 +66,7 @@ class Fill:
     Attributes:
         rings: (n, 2) px each. Rings of the same orientation unite; holes have the opposite orientation.
         colour: "#rrggbb".
-        name: class in the SVG, for programs that read it; may be empty.
+        name: class in the SVG, for programs that read the picture; may be empty.
     """
 
     rings: tuple[Float, ...]
@@ -110,7 +110,7 @@ class Box:
 
 @dataclass(frozen=True, slots=True)
 class Text:
-    """One line of text; (x, y) is the begin, middle or end of its base line, see `anchor`."""
+    """One line of text; (x, y) is the start, middle or end of its baseline, see `anchor`."""
 
     x: float
     y: float
@@ -127,7 +127,7 @@ class Strokes:
 
     Attributes:
         lines: (n, 2) px each, at least two points.
-        widths: of each, px.
+        widths: width of each line, px.
         colour: "#rrggbb".
         name: as with `Fill`.
     """
@@ -174,7 +174,7 @@ class Picture:
             f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {self.width} {self.height}" role="img" '
             f'font-family="{_FONT}">'
         )
-        title = f"<title>{escape(_visible(self.title))}</title>"
+        title = f"<title>{escape(_replace_control_characters(self.title))}</title>"
         back = f'<rect width="{self.width}" height="{self.height}" fill="#ffffff"/>'
         return "\n".join([head, title, back, *_svg_parts(self.shapes), "</svg>"]) + "\n"
 
@@ -202,7 +202,7 @@ class Picture:
         """
         from PIL import Image, ImageDraw  # noqa: PLC0415 - only PNGs need it
 
-        image = Image.new("RGB", (self.width * _FINER, self.height * _FINER), "#ffffff")
+        image = Image.new("RGB", (self.width * _PNG_SCALE, self.height * _PNG_SCALE), "#ffffff")
         pen = ImageDraw.Draw(image)
         for shape in self.shapes:
             match shape:
@@ -220,39 +220,41 @@ class Picture:
                 case Raster():
                     _paint_raster(image, shape)
         stream = io.BytesIO()
-        image.reduce(_FINER).save(stream, "PNG")
+        image.reduce(_PNG_SCALE).save(stream, "PNG")
         return stream.getvalue()
 
 
-_BOLDER: Final = 1.08
-"""Width of bold letters as a multiple of that of regular ones."""
+_BOLD_FACTOR: Final = 1.08
+"""Width of bold letters divided by that of regular letters."""
 
 
 def text_width(text: str, size: float, *, bold: bool = False) -> float:
     """Estimate the width of a line of text in px; fonts of SVG viewers are hardly wider than this."""
-    wide = sum(unicodedata.east_asian_width(letter) in "WF" for letter in text)
-    return size * (0.58 * (len(text) - wide) + 1.02 * wide) * (_BOLDER if bold else 1)
+    n_wide = sum(unicodedata.east_asian_width(letter) in "WF" for letter in text)
+    return size * (0.58 * (len(text) - n_wide) + 1.02 * n_wide) * (_BOLD_FACTOR if bold else 1)
 
 
-def fit_text(text: str, size: float, room: float, *, bold: bool = False) -> str:
-    """Shorten a line of text with an ellipsis until it is at most `room` px wide."""
-    if text_width(text, size, bold=bold) <= room:
+def fit_text(text: str, size: float, max_width: float, *, bold: bool = False) -> str:
+    """Shorten a line of text with an ellipsis until it is at most `max_width` px wide."""
+    if text_width(text, size, bold=bold) <= max_width:
         return text
-    while text and text_width(f"{text}…", size, bold=bold) > room:
+    while text and text_width(f"{text}…", size, bold=bold) > max_width:
         text = text[:-1]
     return f"{text.rstrip()}…"
 
 
-def wrap_text(text: str, size: float, room: float, most: int = 2, *, bold: bool = False) -> list[str]:
-    """Break a text at spaces into at most `most` lines of at most `room` px; the last line is shortened if needed."""
+def wrap_text(
+    text: str, size: float, max_width: float, max_lines: int = 2, *, bold: bool = False
+) -> list[str]:
+    """Break a text at spaces into at most `max_lines` lines of at most `max_width` px; shorten the last one."""
     lines: list[str] = []
     for word in text.split(" "):
         longer = f"{lines[-1]} {word}" if lines else word
-        if lines and (len(lines) == most or text_width(longer, size, bold=bold) <= room):
+        if lines and (len(lines) == max_lines or text_width(longer, size, bold=bold) <= max_width):
             lines[-1] = longer
         else:
             lines.append(word)
-    return [fit_text(line, size, room, bold=bold) for line in lines]
+    return [fit_text(line, size, max_width, bold=bold) for line in lines]
 
 
 def check_picture(path: Path) -> None:
@@ -279,9 +281,9 @@ def picture_bytes(picture: Picture, path: Path) -> bytes:
     return picture.png() if path.suffix.lower() == ".png" else picture.svg().encode()
 
 
-def _visible(text: str) -> str:
-    """Replace control characters, which XML does not allow."""
-    return _CONTROL.sub("\N{REPLACEMENT CHARACTER}", text)
+def _replace_control_characters(text: str) -> str:
+    """Replace the control characters of a text, which XML does not allow."""
+    return _CONTROL_CHARACTERS.sub("\N{REPLACEMENT CHARACTER}", text)
 
 
 # SVG
@@ -293,21 +295,22 @@ _SVG_GROUPS: Final = {
 
 
 def _svg_parts(shapes: Sequence[Shape]) -> Iterator[str]:
-    """Return one element per line; areas and strokes are grouped, with coordinates in tenths of a px."""
+    """Yield one SVG element per shape; areas and strokes are grouped, with coordinates in tenths of a px."""
     for kind, several in groupby(shapes, type):
         style = _SVG_GROUPS.get(kind)
         if style is not None:
-            yield f'<g transform="scale({1 / _FINE:g})"{style}>'
+            yield f'<g transform="scale({1 / _SVG_SCALE:g})"{style}>'
         yield from map(_svg_part, several)
         if style is not None:
             yield "</g>"
 
 
 def _svg_part(shape: Shape) -> str:
+    """Return the SVG element of a shape."""
     match shape:
         case Fill():
             outline = "".join(map(_svg_ring, shape.rings))
-            return f'<path{_svg_name(shape.name)} fill="{shape.colour}" d="{outline}"/>'
+            return f'<path{_svg_class(shape.name)} fill="{shape.colour}" d="{outline}"/>'
         case Line():
             return _svg_line(shape)
         case Strokes():
@@ -316,7 +319,7 @@ def _svg_part(shape: Shape) -> str:
             edge = f' stroke="{shape.edge}" stroke-width="{_EDGE_WIDTH}"' if shape.edge else ""
             size = f'width="{shape.width:.2f}" height="{shape.height:.2f}"'
             place = f'x="{shape.x:.2f}" y="{shape.y:.2f}" {size}'
-            return f'<rect{_svg_name(shape.name)} {place} fill="{shape.colour}"{edge}/>'
+            return f'<rect{_svg_class(shape.name)} {place} fill="{shape.colour}"{edge}/>'
         case Raster():
             data = b64encode(encode_image(shape.pixels, "PNG")).decode("ascii")
             place = f'x="{shape.x:.2f}" y="{shape.y:.2f}" width="{shape.width}" height="{shape.height}"'
@@ -326,16 +329,17 @@ def _svg_part(shape: Shape) -> str:
             anchor = f' text-anchor="{shape.anchor}"' if shape.anchor != "start" else ""
             bold = ' font-weight="bold"' if shape.bold else ""
             style = f'fill="{shape.colour}"{anchor}{bold}'
-            return f"<text {place} {style}>{escape(_visible(shape.text))}</text>"
+            return f"<text {place} {style}>{escape(_replace_control_characters(shape.text))}</text>"
 
 
-def _svg_name(name: str) -> str:
+def _svg_class(name: str) -> str:
+    """Return the class attribute for a name; empty without a name."""
     return f' class="{name}"' if name else ""
 
 
 def _svg_ring(ring: Float) -> str:
-    """Return a closed outline in tenths of a px: its first point, then relative steps."""
-    place = np.rint(ring * _FINE).astype(np.int64)
+    """Return the SVG path of a closed outline in tenths of a px: its first point, then relative steps."""
+    place = np.rint(ring * _SVG_SCALE).astype(np.int64)
     steps = np.diff(place, axis=0)
     steps = steps[steps.any(axis=1)]
     x, y = place[0].tolist()
@@ -343,41 +347,42 @@ def _svg_ring(ring: Float) -> str:
 
 
 def _svg_strokes(strokes: Strokes) -> str:
-    """Return one path per width, with lengths in tenths of a px."""
-    ways: dict[str, list[str]] = {}
+    """Return one SVG path for each stroke width, with lengths in tenths of a px."""
+    paths_by_width: dict[str, list[str]] = {}
     for points, width in zip(strokes.lines, strokes.widths, strict=True):
-        place = np.rint(points * _FINE).astype(np.int64)
+        place = np.rint(points * _SVG_SCALE).astype(np.int64)
         steps = np.diff(place, axis=0)
         steps = steps[steps.any(axis=1)] if len(steps) > 1 else steps
         x, y = place[0].tolist()
-        way = f"M{x} {y}l{' '.join(map(str, steps.ravel().tolist() or [0, 0]))}"
-        ways.setdefault(f"{width * _FINE:.1f}".removesuffix(".0"), []).append(way)
-    name = _svg_name(strokes.name)
+        path = f"M{x} {y}l{' '.join(map(str, steps.ravel().tolist() or [0, 0]))}"
+        paths_by_width.setdefault(f"{width * _SVG_SCALE:.1f}".removesuffix(".0"), []).append(path)
+    name = _svg_class(strokes.name)
     return "".join(
-        f'<path{name} stroke="{strokes.colour}" stroke-width="{width}" d="{"".join(way)}"/>'
-        for width, way in ways.items()
+        f'<path{name} stroke="{strokes.colour}" stroke-width="{width}" d="{"".join(path)}"/>'
+        for width, path in paths_by_width.items()
     )
 
 
 def _svg_line(line: Line) -> str:
+    """Return the SVG path of a line."""
     points = "L".join(f"{x:.2f} {y:.2f}" for x, y in line.points.tolist())
     dash = f' stroke-dasharray="{line.dash[0]:g} {line.dash[1]:g}"' if line.dash else ""
     ends = ' stroke-linecap="round" stroke-linejoin="round"' if line.round else ""
     stroke = f'stroke="{line.colour}" stroke-width="{line.width:.2f}"{ends}{dash}'
-    return f'<path{_svg_name(line.name)} fill="none" d="M{points}" {stroke}/>'
+    return f'<path{_svg_class(line.name)} fill="none" d="M{points}" {stroke}/>'
 
 
 # PNG
 
 
-def _fine(points: Float) -> Float:
-    """Return the coordinates of points on the enlarged picture; Pillow counts the centres of pixels."""
-    return points * _FINER - 0.5
+def _to_png_pixels(points: Float) -> Float:
+    """Convert points from px to pixels of the enlarged PNG; Pillow counts the centres of pixels."""
+    return points * _PNG_SCALE - 0.5
 
 
 def _paint_fill(image: Image, pen: ImageDraw, fill: Fill) -> None:
-    rings = [_fine(ring) for ring in fill.rings if len(ring) > 2]
-    sizes = [_turned_area(ring) for ring in rings]
+    rings = [_to_png_pixels(ring) for ring in fill.rings if len(ring) > 2]
+    sizes = [_signed_area(ring) for ring in rings]
     if not any(size < 0 for size in sizes) or not any(size > 0 for size in sizes):
         for ring in rings:
             pen.polygon(ring.ravel().tolist(), fill=fill.colour)
@@ -388,7 +393,7 @@ def _paint_fill(image: Image, pen: ImageDraw, fill: Fill) -> None:
 
 
 def _paint_with_holes(image: Image, colour: str, rings: list[tuple[Float, float]]) -> None:
-    """Paint rings through a mask; from the largest to the smallest, each is added or cut out."""
+    """Paint rings through a mask: from the largest to the smallest, each is added or cut out."""
     from PIL import Image as images  # noqa: N813, PLC0415 - only PNGs need it
     from PIL import ImageDraw  # noqa: PLC0415
 
@@ -405,16 +410,16 @@ def _paint_with_holes(image: Image, colour: str, rings: list[tuple[Float, float]
     image.paste(colour, (int(low[0]), int(low[1])), mask)
 
 
-def _turned_area(ring: Float) -> float:
+def _signed_area(ring: Float) -> float:
     """Return the signed area of a ring, px²."""
     x, y = (ring - ring[0]).T
     return float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
 
 
 def _paint_line(pen: ImageDraw, line: Line) -> None:
-    width = max(round(line.width * _FINER), 1)
-    for piece in _dashes(line.points, line.dash) if line.dash else [line.points]:
-        places = _fine(piece)
+    width = max(round(line.width * _PNG_SCALE), 1)
+    for piece in _split_dashes(line.points, line.dash) if line.dash else [line.points]:
+        places = _to_png_pixels(piece)
         pen.line(
             places.ravel().tolist(), fill=line.colour, width=width, joint="curve" if line.round else None
         )
@@ -424,8 +429,8 @@ def _paint_line(pen: ImageDraw, line: Line) -> None:
                 pen.ellipse((x - reach, y - reach, x + reach, y + reach), fill=line.colour)
 
 
-def _dashes(points: Float, dash: tuple[float, float]) -> Iterator[Float]:
-    """Return the dashes of a line; the pattern restarts on each straight piece."""
+def _split_dashes(points: Float, dash: tuple[float, float]) -> Iterator[Float]:
+    """Yield the dashes of a line; the pattern restarts on each straight piece."""
     stroke, gap = dash
     for a, b in pairwise(points):
         length = float(np.hypot(*(b - a)))
@@ -435,47 +440,47 @@ def _dashes(points: Float, dash: tuple[float, float]) -> Iterator[Float]:
 
 
 def _paint_box(pen: ImageDraw, box: Box) -> None:
-    x0, y0 = round(box.x * _FINER), round(box.y * _FINER)
-    x1 = max(round((box.x + box.width) * _FINER) - 1, x0)
-    y1 = max(round((box.y + box.height) * _FINER) - 1, y0)
+    x0, y0 = round(box.x * _PNG_SCALE), round(box.y * _PNG_SCALE)
+    x1 = max(round((box.x + box.width) * _PNG_SCALE) - 1, x0)
+    y1 = max(round((box.y + box.height) * _PNG_SCALE) - 1, y0)
     pen.rectangle((x0, y0, x1, y1), fill=box.colour)
     if box.edge:
-        pen.rectangle((x0, y0, x1, y1), outline=box.edge, width=max(round(_EDGE_WIDTH * _FINER), 1))
+        pen.rectangle((x0, y0, x1, y1), outline=box.edge, width=max(round(_EDGE_WIDTH * _PNG_SCALE), 1))
 
 
 def _paint_raster(image: Image, raster: Raster) -> None:
     from PIL import Image as Images  # noqa: PLC0415 - only PNGs need it
 
-    size = raster.width * _FINER, raster.height * _FINER
+    size = raster.width * _PNG_SCALE, raster.height * _PNG_SCALE
     seen = Images.fromarray(raster.pixels).resize(size)
-    image.paste(seen, (round(raster.x * _FINER), round(raster.y * _FINER)), seen)
+    image.paste(seen, (round(raster.x * _PNG_SCALE), round(raster.y * _PNG_SCALE)), seen)
 
 
 def _paint_text(pen: ImageDraw, text: Text) -> None:
     """Paint text; superscripts are missing in Pillow's built-in font, so they are drawn small and raised."""
-    pieces = [piece for piece in re.split("([²³])", _visible(text.text)) if piece]
-    fonts = [_font(text.size * (_RAISED_SIZE if piece in _RAISED else 1)) for piece in pieces]
-    shown = [_RAISED.get(piece) or _plain(piece) for piece in pieces]
+    pieces = [piece for piece in re.split("([²³])", _replace_control_characters(text.text)) if piece]
+    fonts = [_load_font(text.size * (_SUPERSCRIPT_SIZE if piece in _SUPERSCRIPTS else 1)) for piece in pieces]
+    shown = [_SUPERSCRIPTS.get(piece) or _strip_accents(piece) for piece in pieces]
     widths = [font.getlength(piece) for font, piece in zip(fonts, shown, strict=True)]
-    x, y = text.x * _FINER, text.y * _FINER
+    x, y = text.x * _PNG_SCALE, text.y * _PNG_SCALE
     x -= sum(widths) * {"start": 0.0, "middle": 0.5, "end": 1.0}[text.anchor]
     # The font has one weight; bold letters get an outline in their own colour.
-    stroke = text.size * _FINER / 55 if text.bold else 0.0
+    stroke = text.size * _PNG_SCALE / 55 if text.bold else 0.0
     for piece, letters, font, width in zip(pieces, shown, fonts, widths, strict=True):
-        up = text.size * _FINER * _RAISED_BY if piece in _RAISED else 0.0
+        up = text.size * _PNG_SCALE * _SUPERSCRIPT_RISE if piece in _SUPERSCRIPTS else 0.0
         pen.text((x, y - up), letters, text.colour, font, "ls", stroke_width=stroke)
         x += width
 
 
 @cache
-def _font(size: float) -> FreeTypeFont | BitmapFont:
+def _load_font(size: float) -> FreeTypeFont | BitmapFont:
     from PIL import ImageFont  # noqa: PLC0415 - only PNGs need it
 
-    return ImageFont.load_default(size * _FINER)
+    return ImageFont.load_default(size * _PNG_SCALE)
 
 
-def _plain(text: str) -> str:
-    """Remove accents, which Pillow's built-in font lacks."""
+def _strip_accents(text: str) -> str:
+    """Remove the accents of a text, which Pillow's built-in font lacks."""
     return "".join(
         letter for letter in unicodedata.normalize("NFKD", text) if not unicodedata.combining(letter)
     )

@@ -14,7 +14,7 @@ import numpy as np
 from printer_slicer.arrays import Float
 from printer_slicer.roles import ROLES, Role
 
-__all__ = ["CALM", "ROLE_COLOURS", "WARNING", "height_colours", "mixed", "shaded"]
+__all__ = ["CALM", "ROLE_COLOURS", "WARNING", "darken", "height_colours", "mix_colours"]
 
 CALM: Final = "#5b8fb0"  # for pictures with a single colour
 WARNING: Final = "#d55e00"
@@ -24,43 +24,46 @@ _VIRIDIS: Final = (
     *("#440154", "#48186a", "#472d7b", "#424086", "#3b528b", "#33638d", "#2c728e", "#26828e", "#21918c"),
     *("#1f9f88", "#27ad81", "#3dbc74", "#5cc863", "#81d34d", "#aadc32", "#d5e21a", "#fde725"),
 )
-# The ends of the scale are unused: the darkest colours cannot be shaded, the lightest vanish on white.
-_MIDDLE, _REACH, _REACH_OF_TWO, _MANY = 0.53, 0.37, 0.29, 6
+# Middle of the used part of the scale, and its half length for 6 and for 2 heights. The ends of the scale are unused:
+# the darkest colours cannot be darkened, the lightest are invisible on white.
+_MIDDLE, _MAX_REACH, _MIN_REACH, _MANY_HEIGHTS = 0.53, 0.37, 0.29, 6
 
 
-def _numbers(colour: str) -> Float:
+def _parse_colour(colour: str) -> Float:
+    """Return red, green and blue (3,) of a colour "#rrggbb"."""
     return np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)], np.float64)
 
 
-def _name(numbers: Float) -> str:
+def _format_colour(numbers: Float) -> str:
+    """Return the colour "#rrggbb" for red, green and blue (3,)."""
     red, green, blue = np.clip(np.rint(numbers), 0, 255).astype(int).tolist()
     return f"#{red:02x}{green:02x}{blue:02x}"
 
 
 def height_colours(heights: Float) -> list[str]:
-    """Return the colour of each layer: dark for thin, light for thick layers; a single colour if all are equal.
+    """Return the colour of each layer: dark for thin, light for thick layers; one colour if all are equal.
 
     Args:
-        heights: (L,) mm.
+        heights: (L,) mm, layer heights.
     """
     values, which = np.unique(heights, return_inverse=True)
     if len(values) < 2:
         return [CALM] * len(heights)
     # Mix height and rank, so that nearly equal heights still look different.
     share = (values - values[0]) / (values[-1] - values[0]) / 2 + np.linspace(0, 0.5, len(values))
-    reach = float(np.interp(len(values), [2, _MANY], [_REACH_OF_TWO, _REACH]))
+    reach = float(np.interp(len(values), [2, _MANY_HEIGHTS], [_MIN_REACH, _MAX_REACH]))
     place = (_MIDDLE + reach * (2 * share - 1)) * (len(_VIRIDIS) - 1)
-    stops = np.array([_numbers(colour) for colour in _VIRIDIS])
+    stops = np.array([_parse_colour(colour) for colour in _VIRIDIS])
     table = np.column_stack([np.interp(place, np.arange(len(stops)), column) for column in stops.T])
-    names = [_name(row) for row in table]
+    names = [_format_colour(row) for row in table]
     return [names[i] for i in which.ravel().tolist()]
 
 
-def shaded(colour: str, light: float) -> str:
+def darken(colour: str, light: float) -> str:
     """Darken a colour: `light` 1 keeps it, 0 makes it black."""
-    return _name(_numbers(colour) * light)
+    return _format_colour(_parse_colour(colour) * light)
 
 
-def mixed(colour: str, other: str, share: float) -> str:
-    """Mix a colour with a share, 0 to 1, of another one."""
-    return _name(_numbers(colour) * (1 - share) + _numbers(other) * share)
+def mix_colours(colour: str, other: str, share: float) -> str:
+    """Mix a colour with a share, 0 to 1, of another colour."""
+    return _format_colour(_parse_colour(colour) * (1 - share) + _parse_colour(other) * share)

@@ -1,4 +1,4 @@
-"""Draw layers of a coverage from above, whole and close up, with their faults."""
+"""Draw layers of a coverage from above, as a whole and close up, with their findings."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ _TALLEST, _LOWEST = 620, 180  # px, limits of its height
 _GAP, _HEAD, _LEGEND = 24, 52, 40  # px
 _LETTERS: Final = 15  # px
 _BORDER: Final = 1.5  # mm around a layer
-_CLOSE: Final = 8.0  # mm, width of a close-up, or a third of the layer if that is less
-_SEEN: Final = 0.85  # share of the extrusion width that is drawn, so that neighbours stay apart
+_CLOSE_UP_WIDTH: Final = 8.0  # mm, width of a close-up, or a third of the layer if that is less
+_DRAWN_SHARE: Final = 0.85  # share of the extrusion width that is drawn, so that neighbours stay apart
 _INK: Final = "#222222"
-_BEAD: Final = {
+_ROLE_COLOURS: Final = {
     Purpose.EXTERNAL_PERIMETER: "#9fb4c4",
     Purpose.PERIMETER: "#b4c5d1",
     Purpose.OVERHANG_PERIMETER: "#9fb4c4",
@@ -35,20 +35,20 @@ _BEAD: Final = {
     Purpose.SKIRT: "#ece6d8",
     Purpose.CUSTOM: "#ece6d8",
 }
-_OTHER: Final = "#c8d4dc"
-_UNCOVERED, _OVERLAP, _OUTSIDE, _AIR = "#d7191c", "#f28e00", "#8e44ad", "#0050d8"
+_OTHER_COLOUR: Final = "#c8d4dc"
+_UNCOVERED, _OVERLAP, _OUTSIDE, _UNSUPPORTED = "#d7191c", "#f28e00", "#8e44ad", "#0050d8"
 _LEGENDS: Final = (
     ("uncovered", _UNCOVERED),
     ("overlap", _OVERLAP),
     ("outside the section", _OUTSIDE),
-    ("unsupported", _AIR),
-    ("extrusions", _OTHER),
+    ("unsupported", _UNSUPPORTED),
+    ("extrusions", _OTHER_COLOUR),
     ("section", _INK),
 )
 
 
 class _Row(NamedTuple):
-    """One row of the picture: a layer (index), a place for the close-up (mm) if any, and the heading."""
+    """One row of the picture: index of the layer, position of the close-up (mm) or None, and heading."""
 
     layer: int
     place: tuple[float, float] | None
@@ -70,8 +70,8 @@ class _View:
         """Width and height, px."""
         return (self.high[0] - self.low[0]) * self.scale, (self.high[1] - self.low[1]) * self.scale
 
-    def place(self, points: Float) -> Float:
-        """Return points (n, 2), mm, in px; y points down in the picture."""
+    def to_pixels(self, points: Float) -> Float:
+        """Convert points (n, 2) from mm to px; y points down in the picture."""
         return np.column_stack(
             [
                 self.left + (points[:, 0] - self.low[0]) * self.scale,
@@ -81,11 +81,11 @@ class _View:
 
 
 def coverage_picture(coverage: Coverage, shown: Sequence[Diagnostic], title: str) -> Picture:
-    """Draw the layers of some findings, each whole and close up; without findings, the worst layer.
+    """Draw the layer of each finding, as a whole and close up; without findings, draw the worst layer.
 
     Args:
         coverage: the measured coverage.
-        shown: one row for each finding; findings without a place have no close-up.
+        shown: findings, one row for each; findings without a position have no close-up.
         title: of the picture.
     """
     shapes: list[Shape] = []
@@ -94,23 +94,26 @@ def coverage_picture(coverage: Coverage, shown: Sequence[Diagnostic], title: str
     rows = [
         _Row(one.layer - 1, one.place, f"layer {one.layer}, z {one.z:.4g} mm: {one.message}") for one in shown
     ]
-    for row in rows or [_worst_layer(coverage)]:
+    for row in rows or [_find_worst_layer(coverage)]:
         y += 26
-        whole, close = _views(coverage, row, y)
+        whole, close = _make_views(coverage, row, y)
         for view in (close, whole):
             if view is not None:
-                shapes += _panel(coverage, row.layer, view)
+                shapes += _draw_panel(coverage, row.layer, view)
         if close is not None:
-            shapes.append(_frame_of(close, whole))
+            shapes.append(_draw_close_up_frame(close, whole))
         shapes.append(
             Text(_GAP, y - 12, fit_text(row.heading, _LETTERS, wide - 2 * _GAP), _LETTERS, bold=True)
         )
         y += max(view.size[1] for view in (whole, close) if view is not None) + _GAP
-    shapes += [Text(_GAP, 32, fit_text(title, 20, wide - 2 * _GAP), 20, bold=True), *_legend(_GAP, _HEAD + 4)]
+    shapes += [
+        Text(_GAP, 32, fit_text(title, 20, wide - 2 * _GAP), 20, bold=True),
+        *_draw_legend(_GAP, _HEAD + 4),
+    ]
     return Picture(round(wide), round(y), tuple(shapes), title)
 
 
-def _worst_layer(coverage: Coverage) -> _Row:
+def _find_worst_layer(coverage: Coverage) -> _Row:
     """Return the layer whose shell is least covered, with the largest gap in it."""
     shell, uncovered = coverage.shell.area(), coverage.uncovered.area()
     share = np.divide(uncovered, shell, out=np.zeros_like(shell), where=shell > 0)
@@ -118,20 +121,20 @@ def _worst_layer(coverage: Coverage) -> _Row:
     place = None
     rings = [ring for ring in coverage.uncovered.rings(layer) if len(ring) > 2]
     if rings:
-        x, y = max(rings, key=_extent).mean(axis=0).tolist()
+        x, y = max(rings, key=_ring_diagonal).mean(axis=0).tolist()
         place = x, y
     covered = f"{1 - share[layer]:.2%} of the shell is covered" if shell[layer] > 0 else "no shell"
     heading = f"no findings; worst layer: layer {layer + 1}, z {coverage.stack.top[layer]:.4g} mm, {covered}"
     return _Row(layer, place, heading)
 
 
-def _extent(ring: Float) -> float:
-    """Return the diagonal of the box around a ring, mm."""
+def _ring_diagonal(ring: Float) -> float:
+    """Return the diagonal of the bounding box of a ring, mm."""
     return float(np.hypot(*np.ptp(ring, axis=0)))
 
 
-def _views(coverage: Coverage, row: _Row, top: float) -> tuple[_View, _View | None]:
-    """Return views of the whole layer and of the surroundings of the row's place."""
+def _make_views(coverage: Coverage, row: _Row, top: float) -> tuple[_View, _View | None]:
+    """Return the view of the whole layer, and the close-up of the row's position or None."""
     member = coverage.of_part & (coverage.stack.layer == row.layer)
     beads = coverage.stack.beads.take(member)
     corners = np.concatenate([beads.begin, beads.end, *coverage.sections.rings(row.layer)])
@@ -141,7 +144,7 @@ def _views(coverage: Coverage, row: _Row, top: float) -> tuple[_View, _View | No
     whole = _View((low[0], low[1]), (high[0], high[1]), _GAP, top, float(scale))
     if row.place is None:
         return whole, None
-    reach = min(_CLOSE, float(size.max()) / 3) / 2
+    reach = min(_CLOSE_UP_WIDTH, float(size.max()) / 3) / 2
     tall = float(np.clip(whole.size[1], _LOWEST, _PANEL))
     up = reach * tall / _PANEL
     x, y = row.place
@@ -149,61 +152,61 @@ def _views(coverage: Coverage, row: _Row, top: float) -> tuple[_View, _View | No
     return whole, near
 
 
-def _panel(coverage: Coverage, layer: int, view: _View) -> Iterator[Shape]:
-    """Draw a view: extrusions, their faults, the outline of the section and a frame."""
+def _draw_panel(coverage: Coverage, layer: int, view: _View) -> Iterator[Shape]:
+    """Draw a view: extrusions, their faults, the outline of the section, and a frame."""
     width, height = view.size
     yield Box(view.left, view.top, width, height, "#fafafa", name="panel")
-    yield from _beads(coverage, layer, view)
-    yield from _filled(coverage.uncovered, layer, view, _UNCOVERED, "uncovered")
-    yield from _filled(coverage.outside, layer, view, _OUTSIDE, "outside")
-    yield from _filled(find_overlaps(coverage, layer), 0, view, _OVERLAP, "overlap")
-    for ring in _cut(coverage.sections, layer, view).rings(0):
-        yield Line(view.place(np.concatenate([ring, ring[:1]])), _INK, 1.2, name="section")
+    yield from _draw_extrusions(coverage, layer, view)
+    yield from _draw_areas(coverage.uncovered, layer, view, _UNCOVERED, "uncovered")
+    yield from _draw_areas(coverage.outside, layer, view, _OUTSIDE, "outside")
+    yield from _draw_areas(find_overlaps(coverage, layer), 0, view, _OVERLAP, "overlap")
+    for ring in _clip_areas(coverage.sections, layer, view).rings(0):
+        yield Line(view.to_pixels(np.concatenate([ring, ring[:1]])), _INK, 1.2, name="section")
     frame = np.array([(0, 0), (width, 0), (width, height), (0, height), (0, 0)]) + np.array(
         [view.left, view.top]
     )
     yield Line(frame, "#888888", 1.5, name="frame")
 
 
-def _beads(coverage: Coverage, layer: int, view: _View) -> Iterator[Shape]:
+def _draw_extrusions(coverage: Coverage, layer: int, view: _View) -> Iterator[Shape]:
     """Draw the extrusions of a layer in the colours of their roles, unsupported ones in their own colour."""
     stack = coverage.stack
-    hanging = np.zeros(stack.beads.n_beads, np.bool_)
-    hanging[[one.command - 1 for one in coverage.unsupported]] = True
-    own = np.flatnonzero(stack.layer == layer)
-    colour = np.where(hanging[own], len(Purpose), stack.beads.purpose[own])
-    for one in np.unique(colour).tolist():
-        beads = stack.beads.take(own[colour == one])
+    is_unsupported = np.zeros(stack.beads.n_beads, np.bool_)
+    is_unsupported[[one.command - 1 for one in coverage.unsupported]] = True
+    selected = np.flatnonzero(stack.layer == layer)
+    colour_index = np.where(is_unsupported[selected], len(Purpose), stack.beads.purpose[selected])
+    for one in np.unique(colour_index).tolist():
+        beads = stack.beads.take(selected[colour_index == one])
         ends = np.stack([beads.begin, beads.end], axis=1).reshape(-1, 2)
         n = beads.n_beads
-        radius = np.maximum(beads.width * _SEEN / 2, 0.01)
+        radius = np.maximum(beads.width * _DRAWN_SHARE / 2, 0.01)
         drawn = stroke_lines(ends, np.arange(n + 1) * 2, np.zeros(n, np.int64), radius, 1)
-        name = _AIR if one == len(Purpose) else _BEAD.get(Purpose(one), _OTHER)
-        yield from _filled(drawn, 0, view, name, "air" if one == len(Purpose) else "bead")
+        name = _UNSUPPORTED if one == len(Purpose) else _ROLE_COLOURS.get(Purpose(one), _OTHER_COLOUR)
+        yield from _draw_areas(drawn, 0, view, name, "air" if one == len(Purpose) else "bead")
 
 
-def _filled(areas: Areas, layer: int, view: _View, colour: str, name: str) -> Iterator[Shape]:
+def _draw_areas(areas: Areas, layer: int, view: _View, colour: str, name: str) -> Iterator[Shape]:
     """Draw the areas of a layer, clipped to a view."""
-    rings = [view.place(ring) for ring in _cut(areas, layer, view).rings(0)]
+    rings = [view.to_pixels(ring) for ring in _clip_areas(areas, layer, view).rings(0)]
     if rings:
         yield Fill(tuple(rings), colour, name)
 
 
-def _cut(areas: Areas, layer: int, view: _View) -> Areas:
+def _clip_areas(areas: Areas, layer: int, view: _View) -> Areas:
     """Clip the areas of one layer to a view; return a stack of one layer."""
     one = Areas.from_rings([list(areas.rings(layer))])
     (x0, y0), (x1, y1) = view.low, view.high
     return intersection(one, Areas.from_rings([[np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1)])]]))
 
 
-def _frame_of(close: _View, whole: _View) -> Shape:
+def _draw_close_up_frame(close: _View, whole: _View) -> Shape:
     """Draw the frame of the close-up in the view of the whole layer."""
     (x0, y0), (x1, y1) = close.low, close.high
     corners = np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0)])
-    return Line(whole.place(corners), "#d7191c", 1.5, (4, 3), name="close-up")
+    return Line(whole.to_pixels(corners), "#d7191c", 1.5, (4, 3), name="close-up")
 
 
-def _legend(x: float, y: float) -> Iterator[Shape]:
+def _draw_legend(x: float, y: float) -> Iterator[Shape]:
     """Draw the meaning of the colours in a row."""
     for name, colour in _LEGENDS:
         if name == "section":

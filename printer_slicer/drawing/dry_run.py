@@ -20,7 +20,7 @@ from printer_slicer.drawing.canvas import (
     text_width,
     wrap_text,
 )
-from printer_slicer.drawing.frame import Panel, marks
+from printer_slicer.drawing.frame import Panel, axis_marks
 from printer_slicer.inspection.deposition.height_map import PlateHeights
 from printer_slicer.inspection.deposition.record import Deposition, LayerDeposition
 from printer_slicer.inspection.deposition.timeline import Timeline
@@ -35,16 +35,16 @@ _WIDE: Final = 960  # px
 _SIZE: Final = 11.0  # px
 _TITLE: Final = 15.0  # px
 _ROW: Final = 16.0  # px, of a line of the faults
-_MOST: Final = 8  # faults that are listed
-_CELLS: Final = 260  # to a side of the drawn plate
-_PART: Final = 2.0  # first layers: skirts, brims and priming lines are lower than this
-_MARGIN: Final = 0.08  # of the part, around it
-_LEAST_MARGIN: Final = 2.0  # mm
+_MAX_FAULTS: Final = 8  # faults that are listed
+_MAX_CELLS: Final = 260  # cells along a side of the drawn plate
+_PART_RATIO: Final = 2.0  # times the first layer height; skirts, brims and priming lines are lower
+_MARGIN: Final = 0.08  # share of the part's size, around the part
+_MIN_MARGIN: Final = 2.0  # mm
 _PLATE: Final = Panel(30, 420, 50, 440)
 _TIME_CHART, _FLOW_CHART = Panel(490, 700, 50, 440), Panel(730, 930, 50, 440)
 _INSET: Final = Panel(30, 170, 500, 640)
-_OVER_TIME: Final = (Panel(230, 930, 500, 575), Panel(230, 930, 605, 660), Panel(230, 930, 690, 765))
-_FOOT: Final = 805.0  # px, where the faults begin
+_TIME_CHARTS: Final = (Panel(230, 930, 500, 575), Panel(230, 930, 605, 660), Panel(230, 930, 690, 765))
+_FOOT: Final = 805.0  # px, y at which the list of faults begins
 
 
 class _Bed(NamedTuple):
@@ -56,12 +56,12 @@ class _Bed(NamedTuple):
 
     @property
     def scale(self) -> float:
-        """Px per mm."""
+        """Scale, px per mm."""
         wide, deep = self.high[0] - self.low[0], self.high[1] - self.low[1]
         return min(self.panel.width / wide, self.panel.height / deep)
 
-    def at(self, x: float, y: float) -> tuple[float, float]:
-        """Return the position in the picture, px, of a position on the bed, mm."""
+    def to_pixels(self, x: float, y: float) -> tuple[float, float]:
+        """Convert a position on the bed, mm, to a position in the picture, px."""
         middle = (self.panel.left + self.panel.right) / 2, (self.panel.top + self.panel.bottom) / 2
         return (
             middle[0] + (x - (self.low[0] + self.high[0]) / 2) * self.scale,
@@ -70,7 +70,7 @@ class _Bed(NamedTuple):
 
     def box(self) -> tuple[float, float, float, float]:
         """Return left, upper, width and height of the rectangle in the picture, px."""
-        left, upper = self.at(self.low[0], self.high[1])
+        left, upper = self.to_pixels(self.low[0], self.high[1])
         return (
             left,
             upper,
@@ -78,9 +78,9 @@ class _Bed(NamedTuple):
             (self.high[1] - self.low[1]) * self.scale,
         )
 
-    def nearest(self, x: float, y: float) -> tuple[float, float]:
-        """Return the position in the picture; positions outside the rectangle are moved to its border."""
-        return self.at(min(max(x, self.low[0]), self.high[0]), min(max(y, self.low[1]), self.high[1]))
+    def clamp_to_pixels(self, x: float, y: float) -> tuple[float, float]:
+        """Convert a position on the bed to px; positions outside the rectangle are moved to its border."""
+        return self.to_pixels(min(max(x, self.low[0]), self.high[0]), min(max(y, self.low[1]), self.high[1]))
 
 
 class _Chart(NamedTuple):
@@ -133,18 +133,18 @@ def dry_run_picture(
     colour = _WRONG if found else _INK
     shapes: list[Shape] = [
         Text(30, 28, fit_text(title, _TITLE, _WIDE - 70), _TITLE, colour, bold=True),
-        *_plate(deposition.plate, bed, "#ffffff" if part else "#f7f7f7"),
-        *(_inset_shapes(deposition.plate, inset, bed) if inset else ()),
+        *_draw_plate(deposition.plate, bed, "#ffffff" if part else "#f7f7f7"),
+        *(_draw_inset(deposition.plate, inset, bed) if inset else ()),
         Text(_PLATE.left, _PLATE.bottom + 16, "plate from above; darker is higher", _SIZE),
-        *_heights(time.panel, top),
-        *_bars(time, top, layers),
-        *_bars(flow, top, layers),
-        *_over_time(deposition.timeline, set_points),
-        *_fault_lines(found[:_MOST], (time.panel, flow.panel), top),
+        *_draw_z_axis(time.panel, top),
+        *_draw_bars(time, top, layers),
+        *_draw_bars(flow, top, layers),
+        *_draw_time_charts(deposition.timeline, set_points),
+        *_draw_fault_lines(found[:_MAX_FAULTS], (time.panel, flow.panel), top),
     ]
-    for number, mark in enumerate(found[:_MOST], 1):
-        shapes += _marked(number, mark, [bed, *([inset] if inset else [])])
-    texts, bottom = _fault_texts(found)
+    for number, mark in enumerate(found[:_MAX_FAULTS], 1):
+        shapes += _mark_fault(number, mark, [bed, *([inset] if inset else [])])
+    texts, bottom = _list_faults(found)
     return Picture(_WIDE, int(bottom + 4), (*shapes, *texts), title)
 
 
@@ -152,41 +152,41 @@ def dry_run_picture(
 
 
 def _part_box(deposition: Deposition) -> tuple[tuple[float, float], tuple[float, float]] | None:
-    """Return two corners of the rectangle around the part, mm, without skirt and priming lines; None if empty."""
+    """Return two corners of the rectangle around the part, mm, without skirt and priming; None if it is empty."""
     plate = deposition.plate
     if not plate.top.size:
         return None
     first = min((layer.z for layer in deposition.layers if layer.number and layer.length), default=0.0)
-    tall = plate.top > _PART * first
+    tall = plate.top > _PART_RATIO * first
     if not tall.any():
         tall = plate.top > 0
     rows, columns = (np.flatnonzero(tall.any(axis=axis)) for axis in (1, 0))
     low = np.array([plate.left + columns[0] * plate.cell, plate.front + rows[0] * plate.cell])
     high = np.array([plate.left + (columns[-1] + 1) * plate.cell, plate.front + (rows[-1] + 1) * plate.cell])
-    margin = max(float((high - low).max()) * _MARGIN, _LEAST_MARGIN)
+    margin = max(float((high - low).max()) * _MARGIN, _MIN_MARGIN)
     (x0, y0), (x1, y1) = (low - margin).tolist(), (high + margin).tolist()
-    # A square, so that the panel is full.
+    # Extend it to a square, so that it fills the panel.
     more = (x1 - x0 - y1 + y0) / 2
     return (x0 + min(more, 0), y0 - max(more, 0)), (x1 - min(more, 0), y1 + max(more, 0))
 
 
-def _plate(plate: PlateHeights, bed: _Bed, paper: str) -> Iterator[Shape]:
+def _draw_plate(plate: PlateHeights, bed: _Bed, paper: str) -> Iterator[Shape]:
     """Draw the bed from above, with the height of the printed material as shades."""
     yield Box(*bed.box(), paper, _PALE, "bed")
-    part = _within(plate, bed)
+    part = _crop_plate(plate, bed)
     if not part.top.size:
         return
     steps = np.minimum(part.top / plate.top.max() * len(_SHADES), len(_SHADES) - 1).astype(np.int64)
     shade = np.where(part.top > 0, steps, -1)
-    corner = bed.at(part.left, part.front)
+    corner = bed.to_pixels(part.left, part.front)
     for index, colour in enumerate(_SHADES):
-        rings = tuple(_runs(shade == index, part.cell * bed.scale, *corner))
+        rings = tuple(_cell_rectangles(shade == index, part.cell * bed.scale, *corner))
         if rings:
             yield Fill(rings, colour, f"plastic {index}")
 
 
-def _within(plate: PlateHeights, bed: _Bed) -> PlateHeights:
-    """Return the part of the plate that a view shows, in cells that are not smaller than needed."""
+def _crop_plate(plate: PlateHeights, bed: _Bed) -> PlateHeights:
+    """Crop the plate to a view, and merge cells that are smaller than needed."""
     if not plate.top.size:
         return plate
     n_rows, n_columns = plate.top.shape
@@ -199,15 +199,15 @@ def _within(plate: PlateHeights, bed: _Bed) -> PlateHeights:
     top = plate.top[first[1] : last[1], first[0] : last[0]]
     if not top.size:
         return PlateHeights(np.zeros((0, 0)), plate.left, plate.front, plate.cell)
-    by = int(max(np.ceil(max(top.shape) / _CELLS), 1))
+    by = int(max(np.ceil(max(top.shape) / _MAX_CELLS), 1))
     top = np.pad(top, ((0, -top.shape[0] % by), (0, -top.shape[1] % by)))
     coarse = top.reshape(top.shape[0] // by, by, top.shape[1] // by, by).max(axis=(1, 3))
     left, front = plate.left + first[0] * plate.cell, plate.front + first[1] * plate.cell
     return PlateHeights(coarse, left, front, plate.cell * by)
 
 
-def _runs(cells: Bool, cell: float, x0: float, y0: float) -> Iterator[Float]:
-    """Return rectangles, px, around runs of cells in their rows."""
+def _cell_rectangles(cells: Bool, cell: float, x0: float, y0: float) -> Iterator[Float]:
+    """Yield rectangles, px, around the runs of cells in each row."""
     steps = np.diff(np.pad(cells.astype(np.int8), ((0, 0), (1, 1))), axis=1)
     rows, begins = np.nonzero(steps == 1)
     _, ends = np.nonzero(steps == -1)
@@ -217,11 +217,11 @@ def _runs(cells: Bool, cell: float, x0: float, y0: float) -> Iterator[Float]:
         yield np.array([(left, low), (right, low), (right, high), (left, high)])
 
 
-def _inset_shapes(plate: PlateHeights, inset: _Bed, bed: _Bed) -> Iterator[Shape]:
-    """Draw the whole bed small, with a frame around what the large view shows."""
-    yield from _plate(plate, inset, "#f7f7f7")
+def _draw_inset(plate: PlateHeights, inset: _Bed, bed: _Bed) -> Iterator[Shape]:
+    """Draw the whole bed in a small panel, with a frame around the part of it in the large view."""
+    yield from _draw_plate(plate, inset, "#f7f7f7")
     corners = [
-        inset.nearest(x, y)
+        inset.clamp_to_pixels(x, y)
         for x, y in (bed.low, (bed.high[0], bed.low[1]), bed.high, (bed.low[0], bed.high[1]))
     ]
     yield Line(np.array([*corners, corners[0]]), _INK, 1.0, name="view")
@@ -233,21 +233,21 @@ def _inset_shapes(plate: PlateHeights, inset: _Bed, bed: _Bed) -> Iterator[Shape
 # Charts over z
 
 
-def _heights(panel: Panel, top: float) -> Iterator[Shape]:
-    """Draw the z axis."""
-    for z in marks(top, 8).tolist():
+def _draw_z_axis(panel: Panel, top: float) -> Iterator[Shape]:
+    """Draw the z axis of the charts."""
+    for z in axis_marks(top, 8).tolist():
         y = panel.bottom - z / top * panel.height
         yield Text(panel.left - 6, y + 4, f"{z:g}", _SIZE, anchor="end")
         yield Line(np.array([(panel.left - 3, y), (panel.left, y)]), _INK)
     yield Text(panel.left - 6, panel.top - 14, "z mm", _SIZE, anchor="end")
 
 
-def _bars(chart: _Chart, top: float, layers: Sequence[LayerDeposition]) -> Iterator[Shape]:
+def _draw_bars(chart: _Chart, top: float, layers: Sequence[LayerDeposition]) -> Iterator[Shape]:
     """Draw a bar for each layer over z."""
     panel, limit = chart.panel, chart.limit
     most = max(*chart.values, limit, 1e-9) if chart.values else 1.0
     yield Box(panel.left, panel.top, panel.width, panel.height, _PAPER, _PALE)
-    for value in marks(most, 4).tolist():
+    for value in axis_marks(most, 4).tolist():
         x = panel.left + value / most * panel.width
         yield Line(np.array([(x, panel.top), (x, panel.bottom)]), _GRID)
         yield Text(x, panel.bottom + 16, f"{value:g}", _SIZE, anchor="middle")
@@ -269,98 +269,98 @@ def _bars(chart: _Chart, top: float, layers: Sequence[LayerDeposition]) -> Itera
 # Charts over time
 
 
-def _over_time(timeline: Timeline, set_points: SetPoints) -> Iterator[Shape]:
+def _draw_time_charts(timeline: Timeline, set_points: SetPoints) -> Iterator[Shape]:
     """Draw speed, fan speed and target temperatures over the time in motion."""
     total = timeline.seconds or 1.0
-    speed, fan, heat = _OVER_TIME
+    speed, fan, heat = _TIME_CHARTS
     samples = np.repeat(np.arange(len(timeline.speed) + 1) * timeline.step, 2)[1:-1]
     time = (
         timeline.time_of(set_points.command) if len(timeline.command) else np.zeros(len(set_points.command))
     )
-    yield from _axes(speed, "mean speed, mm/s", timeline.speed)
-    yield from _curve(speed, samples, np.repeat(timeline.speed, 2), (total, timeline.speed), _SPEED)
-    yield from _axes(fan, "fan, %", np.array([100.0]))
-    yield from _steps(fan, time, set_points.fan, (total, np.array([100.0])), _FAN)
+    yield from _draw_axes(speed, "mean speed, mm/s", timeline.speed)
+    yield from _draw_curve(speed, samples, np.repeat(timeline.speed, 2), (total, timeline.speed), _SPEED)
+    yield from _draw_axes(fan, "fan, %", np.array([100.0]))
+    yield from _draw_steps(fan, time, set_points.fan, (total, np.array([100.0])), _FAN)
     both = np.concatenate([set_points.nozzle, set_points.bed])
-    yield from _axes(heat, "target temperature, °C", both)
-    yield from _steps(heat, time, set_points.nozzle, (total, both), _NOZZLE)
-    yield from _steps(heat, time, set_points.bed, (total, both), _BED)
+    yield from _draw_axes(heat, "target temperature, °C", both)
+    yield from _draw_steps(heat, time, set_points.nozzle, (total, both), _NOZZLE)
+    yield from _draw_steps(heat, time, set_points.bed, (total, both), _BED)
     for name, colour, right in (("nozzle", _NOZZLE, 40.0), ("bed", _BED, 0.0)):
         yield Text(heat.right - right, heat.top - 8, name, _SIZE, colour, anchor="end")
     unit, per = ("h", 3600.0) if total > 3 * 3600 else ("min", 60.0) if total > 180 else ("s", 1.0)
-    for mark in marks(total / per, 8).tolist():
+    for mark in axis_marks(total / per, 8).tolist():
         x = heat.left + mark * per / total * heat.width
         yield Text(x, heat.bottom + 16, f"{mark:g}", _SIZE, anchor="middle" if x < heat.right - 30 else "end")
     yield Text(heat.left - 6, heat.bottom + 16, unit, _SIZE, anchor="end")
 
 
-def _axes(panel: Panel, name: str, values: Float) -> Iterator[Shape]:
+def _draw_axes(panel: Panel, name: str, values: Float) -> Iterator[Shape]:
     """Draw the frame of a chart over time, with its name and numbers at the left."""
     yield Box(panel.left, panel.top, panel.width, panel.height, _PAPER, _PALE)
     yield Text(panel.left, panel.top - 8, name, _SIZE)
-    most = _most(values)
-    for value in marks(most, 3).tolist():
+    most = _axis_end(values)
+    for value in axis_marks(most, 3).tolist():
         y = panel.bottom - value / most * panel.height
         yield Line(np.array([(panel.left, y), (panel.right, y)]), _GRID)
         yield Text(panel.left - 6, y + 4, f"{value:g}", _SIZE, anchor="end")
 
 
-def _most(values: Float) -> float:
-    """Return the end of an axis for values."""
+def _axis_end(values: Float) -> float:
+    """Return the largest value of an axis that shows all values."""
     return max(float(values.max(initial=0.0)) * 1.05, 1.0)
 
 
-def _steps(
+def _draw_steps(
     panel: Panel, time: Float, values: Float, scale: tuple[float, Float], colour: str
 ) -> Iterator[Shape]:
-    """Draw a value that changes at some times (m,) and stays in between."""
+    """Draw values (m,) that change at times (m,), s, and are constant in between; `scale` as for `_draw_curve`."""
     ends = np.append(time[1:], scale[0])
-    yield from _curve(panel, np.stack([time, ends], axis=1).ravel(), np.repeat(values, 2), scale, colour)
+    yield from _draw_curve(panel, np.stack([time, ends], axis=1).ravel(), np.repeat(values, 2), scale, colour)
 
 
-def _curve(
+def _draw_curve(
     panel: Panel, time: Float, values: Float, scale: tuple[float, Float], colour: str
 ) -> Iterator[Shape]:
-    """Draw values (n,) over times (n,), s; `scale` is the total time and all values of the axis."""
+    """Draw values (n,) over times (n,), s; `scale` is the total time and all values that share the axis."""
     if not len(time):
         return
     x = panel.left + np.minimum(time / scale[0], 1.0) * panel.width
-    y = panel.bottom - values / _most(scale[1]) * panel.height
+    y = panel.bottom - values / _axis_end(scale[1]) * panel.height
     yield Line(np.stack([x, y], axis=1), colour, 1.4, name="curve")
 
 
 # Faults
 
 
-def _fault_texts(found: Sequence[FaultMark]) -> tuple[list[Shape], float]:
-    """Return the list of faults under the charts, and where it ends, px."""
+def _list_faults(found: Sequence[FaultMark]) -> tuple[list[Shape], float]:
+    """Draw the list of faults under the charts; return its shapes and the y at which it ends, px."""
     shapes: list[Shape] = []
     y = _FOOT
-    for number, mark in enumerate(found[:_MOST], 1):
+    for number, mark in enumerate(found[:_MAX_FAULTS], 1):
         shapes.append(Text(30, y, str(number), _SIZE, _WRONG))
         for line in wrap_text(mark.text, _SIZE, _WIDE - 80):
             shapes.append(Text(46, y, line, _SIZE, _WRONG))
             y += _ROW
-    if len(found) > _MOST:
-        shapes.append(Text(30, y, f"... and {len(found) - _MOST} more", _SIZE, _WRONG))
+    if len(found) > _MAX_FAULTS:
+        shapes.append(Text(30, y, f"... and {len(found) - _MAX_FAULTS} more", _SIZE, _WRONG))
         y += _ROW
     return shapes, y
 
 
-def _marked(number: int, mark: FaultMark, beds: Sequence[_Bed]) -> Iterator[Shape]:
+def _mark_fault(number: int, mark: FaultMark, beds: Sequence[_Bed]) -> Iterator[Shape]:
     """Mark a fault on the views of the plate."""
     if mark.place is None:
         return
     for bed, size in zip(beds, (9.0, 5.0), strict=False):
-        x, y = bed.nearest(*mark.place)
+        x, y = bed.clamp_to_pixels(*mark.place)
         yield Strokes((np.array([(x, y), (x, y)]),), (size,), _WRONG, "fault")
-    panel, (x, y) = beds[0].panel, beds[0].nearest(*mark.place)
+    panel, (x, y) = beds[0].panel, beds[0].clamp_to_pixels(*mark.place)
     left = x > panel.right - 20
     x, y = x + (-7 if left else 7), max(y - 5, panel.top + 12)
     yield Text(x, y, str(number), 13, _WRONG, "end" if left else "start", bold=True)
 
 
-def _fault_lines(found: Sequence[FaultMark], charts: Sequence[Panel], top: float) -> Iterator[Shape]:
+def _draw_fault_lines(found: Sequence[FaultMark], charts: Sequence[Panel], top: float) -> Iterator[Shape]:
     """Draw lines at the heights of faults across the charts over z, with their numbers at the right."""
     labels: list[tuple[float, list[int]]] = []
     known = [(mark.z, number) for number, mark in enumerate(found, 1) if mark.z is not None]

@@ -8,7 +8,7 @@ import numpy as np
 
 from printer_slicer.arrays import Float
 
-__all__ = ["Panel", "ZAxis", "marks"]
+__all__ = ["Panel", "ZAxis", "axis_marks"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,18 +22,18 @@ class Panel:
 
     @property
     def width(self) -> float:
-        """Return the width, px."""
+        """Width, px."""
         return self.right - self.left
 
     @property
     def height(self) -> float:
-        """Return the height, px."""
+        """Height, px."""
         return self.bottom - self.top
 
 
 @dataclass(frozen=True, slots=True)
 class ZAxis:
-    """A z axis.
+    """A vertical axis for z in a picture.
 
     Attributes:
         floor: px, position of z = 0.
@@ -46,16 +46,16 @@ class ZAxis:
     total: float
 
     def y(self, z: float) -> float:
-        """Return the position of z, mm, in the picture, px."""
+        """Convert z, mm, to a position in the picture, px."""
         return self.floor - self.scale * z
 
-    def rows(self, z: Float) -> Float:
-        """Return the positions of several z, mm, in the picture, px."""
+    def y_positions(self, z: Float) -> Float:
+        """Convert several z, mm, to positions in the picture, px."""
         return self.floor - self.scale * z
 
 
-def marks(end: float, count: int) -> Float:
-    """Return round numbers from 0 to `end` for an axis, at most `count` + 1 of them."""
+def axis_marks(end: float, count: int) -> Float:
+    """Return at most `count` + 1 round numbers from 0 to `end`, to mark on an axis."""
     raw = end / count
     power = 10.0 ** np.floor(np.log10(raw))
     step = power * min(m for m in (1, 2, 5, 10) if m * power >= raw * (1 - 1e-12))

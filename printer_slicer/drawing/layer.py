@@ -19,8 +19,8 @@ _SIZE: Final = 800  # px, the longer side of what is drawn
 _BORDER: Final = 2.0  # mm around it
 _HEAD, _ROW = 34, 26  # px for the title, and for each row of the legend
 _LETTERS: Final = 15  # px
-_SEEN: Final = 0.92  # share of the extrusion width that is drawn, so that neighbours stay apart
-_OTHER: Final = "#4477aa"
+_DRAWN_SHARE: Final = 0.92  # share of the extrusion width that is drawn, so that neighbours stay apart
+_OTHER_COLOUR: Final = "#4477aa"
 
 
 def draw_layer(program: Program, layer: int) -> str:
@@ -50,37 +50,37 @@ def layer_picture(program: Program, layer: int) -> Picture:
     low, high = corners.min(axis=0) - _BORDER, corners.max(axis=0) + _BORDER
     scale = _SIZE / float((high - low).max())
     wide = max(float(high[0] - low[0]) * scale, text_width(title, _LETTERS) + 16)
-    legend, foot = _legend(role, wide)
+    legend, foot = _draw_legend(role, wide)
     tall = _HEAD + foot + float(high[1] - low[1]) * scale
     # y points up on the bed and down in the picture.
     flip, shift = np.array([scale, -scale]), np.array([-low[0] * scale, _HEAD + foot + high[1] * scale])
-    lines = _moves(start * flip + shift, end * flip + shift, role, width * scale)
+    lines = _draw_moves(start * flip + shift, end * flip + shift, role, width * scale)
     shapes = [*lines, Text(8, 24, title, _LETTERS), *legend]
     return Picture(round(wide), round(tall), tuple(shapes), title)
 
 
-def _moves(start: Float, end: Float, role: Int, width: Float) -> Iterator[Shape]:
+def _draw_moves(start: Float, end: Float, role: Int, width: Float) -> Iterator[Shape]:
     """Draw a line for each move."""
     pairs = np.stack([start, end], axis=1)
-    for points, why, wide in zip(pairs, role.tolist(), width.tolist(), strict=True):
-        colour = ROLE_COLOURS.get(Role(why), _OTHER)
+    for points, number, wide in zip(pairs, role.tolist(), width.tolist(), strict=True):
+        colour = ROLE_COLOURS.get(Role(number), _OTHER_COLOUR)
         if wide:
-            yield Line(points, colour, wide * _SEEN, round=True)
+            yield Line(points, colour, wide * _DRAWN_SHARE, round=True)
         else:
             yield Line(points, colour, 1.0, (1, 3))
 
 
-def _legend(role: Int, wide: float) -> tuple[list[Shape], float]:
-    """Return the legend of the roles in rows under the title, and its height, px."""
+def _draw_legend(role: Int, wide: float) -> tuple[list[Shape], float]:
+    """Draw the legend of the roles in rows under the title; return its shapes and its height, px."""
     shapes: list[Shape] = []
     x, y = 8.0, float(_HEAD)
     roles = [Role(number) for number in np.unique(role).tolist() if number != Role.TRAVEL]
     entries = {ROLES[one].type_comment: one for one in roles}
     for name, one in entries.items():
-        needs = 40 + text_width(name, _LETTERS)
-        if x + needs > wide and x > 8:
+        needed = 40 + text_width(name, _LETTERS)
+        if x + needed > wide and x > 8:
             x, y = 8.0, y + _ROW
-        shapes.append(Box(x, y, 18, 14, ROLE_COLOURS.get(one, _OTHER), name="legend"))
+        shapes.append(Box(x, y, 18, 14, ROLE_COLOURS.get(one, _OTHER_COLOUR), name="legend"))
         shapes.append(Text(x + 24, y + 12.5, name, _LETTERS))
-        x += needs
+        x += needed
     return shapes, (y + _ROW - _HEAD if roles else 0.0)

@@ -14,10 +14,10 @@ from printer_slicer.model import LayerPlan
 __all__ = ["LEGEND_HEIGHT", "HeightStep", "draw_legend", "height_steps"]
 
 LEGEND_HEIGHT: Final = 37
-"""px."""
+"""Height of the legend, px."""
 
-_MOST_STEPS: Final = 5
-_SIZE, _SWATCH, _STRIPES = 18, 40, 4
+_MAX_STEPS: Final = 5
+_SIZE, _SWATCH, _MAX_STRIPES = 18, 40, 4
 _DARK: Final = "#1f2430"
 
 
@@ -26,8 +26,8 @@ class HeightStep(NamedTuple):
 
     Attributes:
         low, high: mm, the lowest and the greatest height in it.
-        n_layers: how many layers have such a height.
-        layers: indices of layers, one for each of up to four heights in it.
+        n_layers: number of layers with such a height.
+        layers: indices of layers, one for each of up to four heights in the range.
     """
 
     low: float
@@ -37,7 +37,7 @@ class HeightStep(NamedTuple):
 
     @property
     def label(self) -> str:
-        """The number of layers and their heights."""
+        """Text of the legend: the number of layers and their heights."""
         heights = f"{self.low:.3g}" if self.low == self.high else f"{self.low:.3g} to {self.high:.3g}"
         return f"{self.n_layers} x {heights} mm"
 
@@ -48,20 +48,20 @@ def height_steps(plan: LayerPlan) -> list[HeightStep]:
     if not len(heights):
         return []
     step = np.arange(len(heights))
-    if len(heights) > _MOST_STEPS:
-        edges = np.linspace(heights[0], heights[-1], _MOST_STEPS + 1)[1:-1]
+    if len(heights) > _MAX_STEPS:
+        edges = np.linspace(heights[0], heights[-1], _MAX_STEPS + 1)[1:-1]
         step = np.searchsorted(edges, heights, side="right")
     result = []
     for number in np.unique(step).tolist():
         own = np.flatnonzero(step == number)
-        shown = own[np.linspace(0, len(own) - 1, min(len(own), _STRIPES)).round().astype(int)]
+        shown = own[np.linspace(0, len(own) - 1, min(len(own), _MAX_STRIPES)).round().astype(int)]
         low, high = float(heights[own[0]]), float(heights[own[-1]])
         result.append(HeightStep(low, high, int(counts[own].sum()), first[shown].tolist()))
     return result
 
 
 def draw_legend(plan: LayerPlan, colours: Sequence[str], panel: Panel) -> Iterator[Shape]:
-    """Draw at most five ranges of layer heights in a row.
+    """Draw the legend: at most five ranges of layer heights in a row.
 
     Args:
         plan: the layers.
@@ -69,7 +69,7 @@ def draw_legend(plan: LayerPlan, colours: Sequence[str], panel: Panel) -> Iterat
         panel: where to draw, `LEGEND_HEIGHT` px high.
     """
     steps = height_steps(plan)
-    across = panel.width / _MOST_STEPS
+    across = panel.width / _MAX_STEPS
     for number, step in enumerate(steps):
         x, wide = panel.left + across * number, _SWATCH / len(step.layers)
         for k, layer in enumerate(step.layers):

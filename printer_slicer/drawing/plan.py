@@ -14,7 +14,7 @@ from printer_slicer.drawing.canvas import Line, Picture, Shape, Text, fit_text, 
 from printer_slicer.drawing.colours import WARNING, height_colours
 from printer_slicer.drawing.frame import Panel, ZAxis
 from printer_slicer.drawing.legend import LEGEND_HEIGHT, draw_legend
-from printer_slicer.drawing.plan_side import draw_error, draw_front, draw_grid, draw_heights, z_axis
+from printer_slicer.drawing.plan_side import draw_error, draw_front, draw_grid, draw_heights, make_z_axis
 from printer_slicer.drawing.stack import draw_stack
 from printer_slicer.model import LayerPlan, Sections
 from printer_slicer.surface import Certificate
@@ -23,7 +23,7 @@ __all__ = ["draw_plan"]
 
 _WIDTH, _MARGIN = 1600, 40
 _LEGEND_TOP: Final = 212
-_APART: Final = 84  # px between the legend and the panels, for labels
+_LEGEND_GAP: Final = 84  # px between the legend and the panels, for labels
 _FOOT: Final = 94  # px under the panels, for labels
 _TALLEST: Final = 620  # px, height of the panels; less for parts that are not tall
 _FRONT, _ERROR, _HEIGHTS, _STACK = (108, 560), (616, 816), (872, 1032), (1084, 1570)  # px, from left to right
@@ -48,7 +48,7 @@ def draw_plan(
         sections: the part's solid areas, with the layer plan.
         certificate: of the same plan.
         title: one line above the picture.
-        tolerance: mm, largest wanted deviation, or None.
+        tolerance: mm, largest allowed deviation, or None.
         flats: mm, heights of flat surfaces, marked on the z axis.
 
     Raises:
@@ -60,70 +60,78 @@ def draw_plan(
     if not np.array_equal(certificate.plan.top, plan.top):
         raise ValueError("sections and certificate are of different plans")
     colours = height_colours(plan.height)
-    top = _LEGEND_TOP + LEGEND_HEIGHT + _APART
-    axis, scale = z_axis(sections, _FRONT[1] - _FRONT[0], _TALLEST, top)
+    top = _LEGEND_TOP + LEGEND_HEIGHT + _LEGEND_GAP
+    axis, scale = make_z_axis(sections, _FRONT[1] - _FRONT[0], _TALLEST, top)
     front, error, heights, stack = (
         Panel(*sides, top, axis.floor) for sides in (_FRONT, _ERROR, _HEIGHTS, _STACK)
     )
     prisms, step = draw_stack(sections, colours, replace(stack, top=top - 40))
-    over = certificate.ranges_above(tolerance) if tolerance is not None else []
+    ranges_beyond = certificate.ranges_above(tolerance) if tolerance is not None else []
     shapes = [
-        *_head(title, certificate, over, tolerance),
-        *draw_legend(plan, colours, Panel(_MARGIN, _WIDTH - _MARGIN, _LEGEND_TOP, top - _APART)),
+        *_draw_head(title, certificate, ranges_beyond, tolerance),
+        *draw_legend(plan, colours, Panel(_MARGIN, _WIDTH - _MARGIN, _LEGEND_TOP, top - _LEGEND_GAP)),
         *draw_grid(axis, replace(front, right=heights.right)),
-        *_flat_marks(axis, front, flats),
+        *_draw_flat_marks(axis, front, flats),
         *draw_front(sections, colours, axis, front, scale),
-        *draw_error(certificate, over, axis, error, tolerance=tolerance),
+        *draw_error(certificate, ranges_beyond, axis, error, tolerance=tolerance),
         *draw_heights(plan, colours, axis, heights),
         *prisms,
-        *_names(axis, axis.scale / scale, step, has_flats=len(flats) > 0),
+        *_draw_panel_titles(axis, axis.scale / scale, step, has_flats=len(flats) > 0),
     ]
     height = round(axis.floor + _FOOT)
-    return Picture(_WIDTH, height, tuple(shapes), f"{title}: layer plan, {_count(plan)}")
+    return Picture(_WIDTH, height, tuple(shapes), f"{title}: layer plan, {_format_layer_count(plan)}")
 
 
-def _head(
-    title: str, certificate: Certificate, over: Sequence[tuple[float, float, float]], tolerance: float | None
+def _draw_head(
+    title: str,
+    certificate: Certificate,
+    ranges_beyond: Sequence[tuple[float, float, float]],
+    tolerance: float | None,
 ) -> Iterator[Shape]:
     """Draw the title and the main numbers, in large letters."""
-    room = _WIDTH - 2 * _MARGIN
-    size = max(min(_TITLE, _TITLE * room / max(text_width(title, _TITLE), 1)), _SMALLEST_TITLE)
-    yield Text(_MARGIN, 64, fit_text(title, size, room), size, _DARK, bold=True)
+    max_width = _WIDTH - 2 * _MARGIN
+    size = max(min(_TITLE, _TITLE * max_width / max(text_width(title, _TITLE), 1)), _SMALLEST_TITLE)
+    yield Text(_MARGIN, 64, fit_text(title, size, max_width), size, _DARK, bold=True)
     places = (_MARGIN, 350, 790, 1180, _WIDTH)
     for (x, end), (fact, meaning, warns) in zip(
-        pairwise(places), _facts(certificate, over, tolerance), strict=True
+        pairwise(places), _list_facts(certificate, ranges_beyond, tolerance), strict=True
     ):
         yield Text(x, 142, fit_text(fact, _FACT, end - x - 16), _FACT, WARNING if warns else _DARK, bold=True)
         yield Text(x, 176, fit_text(meaning, _NAME, end - x - 16), _NAME, WARNING if warns else _SOFT)
 
 
-def _facts(
-    certificate: Certificate, over: Sequence[tuple[float, float, float]], tolerance: float | None
+def _list_facts(
+    certificate: Certificate, ranges_beyond: Sequence[tuple[float, float, float]], tolerance: float | None
 ) -> Iterator[tuple[str, str, bool]]:
-    """Return the main numbers: value, meaning, and whether it is a warning."""
+    """Yield the main numbers: value, meaning, and whether it is a warning."""
     plan, worst = certificate.plan, certificate.worst
     thin, thick = float(plan.height.min()), float(plan.height.max())
-    yield _count(plan), f"planner {plan.planner}" if plan.planner else "", False
-    heights = f"{_number(thin)} mm" if thin == thick else f"{_number(thin)} to {_number(thick)} mm"
+    yield _format_layer_count(plan), f"planner {plan.planner}" if plan.planner else "", False
+    heights = (
+        f"{_format_number(thin)} mm"
+        if thin == thick
+        else f"{_format_number(thin)} to {_format_number(thick)} mm"
+    )
     yield heights, "layer height", False
     where = f", z {worst.z:.4g} mm" if certificate.max_error > 0 else ""
-    limit = f", above {tolerance:g}" if over else where
-    yield f"{_number(certificate.max_error)} mm", f"max deviation{limit}", bool(over)
-    yield f"{_number(certificate.volume_error)} mm³", "volume error", False
+    limit = f", above {tolerance:g}" if ranges_beyond else where
+    yield f"{_format_number(certificate.max_error)} mm", f"max deviation{limit}", bool(ranges_beyond)
+    yield f"{_format_number(certificate.volume_error)} mm³", "volume error", False
 
 
-def _count(plan: LayerPlan) -> str:
+def _format_layer_count(plan: LayerPlan) -> str:
+    """Return the number of layers as text."""
     return f"{plan.n_layers} layer{'s' if plan.n_layers != 1 else ''}"
 
 
-def _number(value: float) -> str:
-    """Format a number with three figures; large numbers with spaces, tiny numbers as 0."""
+def _format_number(value: float) -> str:
+    """Format a number with three digits; large numbers with spaces, tiny numbers as 0."""
     if 999.5 <= value < 1e7:
         return f"{value:,.0f}".replace(",", " ")
     return f"{value:.3g}" if value >= 0.0005 else "0"
 
 
-def _flat_marks(axis: ZAxis, panel: Panel, flats: Float | Sequence[float]) -> Iterator[Shape]:
+def _draw_flat_marks(axis: ZAxis, panel: Panel, flats: Float | Sequence[float]) -> Iterator[Shape]:
     """Draw a tick for each flat surface, to the right of the part."""
     for z in np.asarray(flats, np.float64).tolist():
         if 0 <= z <= axis.total * 1.001:
@@ -131,12 +139,12 @@ def _flat_marks(axis: ZAxis, panel: Panel, flats: Float | Sequence[float]) -> It
             yield Line(np.array([(panel.right + 10, y), (panel.right + 28, y)]), _DARK, 2.5, name="flat")
 
 
-def _names(axis: ZAxis, stretched: float, step: float, *, has_flats: bool) -> Iterator[Shape]:
+def _draw_panel_titles(axis: ZAxis, z_stretch: float, step: float, *, has_flats: bool) -> Iterator[Shape]:
     """Draw the titles of the panels, below them."""
     low, lower = axis.floor + 1.3 * _SMALL, axis.floor + 66
     yield Text(_FRONT[0] - 12, axis.y(axis.total) - 22, "z mm", _SMALL, _SOFT, "end")
-    if stretched > 1.01:
-        yield Text(_FRONT[0], low, f"z drawn {stretched:.2g} times as large", _SMALL, _SOFT)
+    if z_stretch > 1.01:
+        yield Text(_FRONT[0], low, f"z drawn {z_stretch:.2g} times as large", _SMALL, _SOFT)
     if has_flats:
         yield Text(_FRONT[1] + 28, low, "flat surfaces", _SMALL, _SOFT, "end")
     yield Text(_FRONT[0], lower, "seen from the front", _NAME, _DARK, bold=True)

@@ -9,44 +9,44 @@ import numpy as np
 
 from printer_slicer.arrays import Float
 from printer_slicer.drawing.canvas import Box, Fill, Line, Shape, Text, text_width
-from printer_slicer.drawing.colours import WARNING, mixed, shaded
-from printer_slicer.drawing.frame import Panel, ZAxis, marks
+from printer_slicer.drawing.colours import WARNING, darken, mix_colours
+from printer_slicer.drawing.frame import Panel, ZAxis, axis_marks
 from printer_slicer.model import Areas, LayerPlan, Sections
 from printer_slicer.surface import Certificate
 
-__all__ = ["draw_error", "draw_front", "draw_grid", "draw_heights", "z_axis"]
+__all__ = ["draw_error", "draw_front", "draw_grid", "draw_heights", "make_z_axis"]
 
 _AXIS, _GRID, _LABEL = "#6b7280", "#e3e7eb", 22
-_LEAST_ROW: Final = 0.8  # px; thinner layers are drawn together
-_EDGED: Final = 3.0  # px; layers have outlines if none is thinner
-_UNDER: Final = 0.5  # px
-_OUTSIDE: Final = 12  # px by which marks may exceed the panel
-_LEAST_SHARE: Final = 0.55  # least height of a part, as a share of the tallest panels
+_MIN_ROW_HEIGHT: Final = 0.8  # px; thinner layers are drawn together
+_MIN_EDGED_HEIGHT: Final = 3.0  # px; layers have outlines if all are higher
+_OVERLAP: Final = 0.5  # px by which layers overlap the next lower one
+_MAX_PROTRUSION: Final = 12  # px by which marks may exceed the panel
+_MIN_HEIGHT_SHARE: Final = 0.55  # least height of a part, as a share of the tallest panels
 _DARK: Final = "#1f2430"
-_ERROR, _CURVE, _BEYOND = "#c5cfda", "#4a5b70", mixed(WARNING, "#ffffff", 0.45)
+_ERROR, _CURVE, _BEYOND = "#c5cfda", "#4a5b70", mix_colours(WARNING, "#ffffff", 0.45)
 
 
-def z_axis(sections: Sections, width: float, tallest: float, top: float) -> tuple[ZAxis, float]:
-    """Return the z axis of panels of a width, from `top` downward, and the scale along x, px per mm.
+def make_z_axis(sections: Sections, width: float, tallest: float, top: float) -> tuple[ZAxis, float]:
+    """Return the z axis for panels, from `top` downward, and the scale along x, px per mm.
 
     Both scales are the same, except for flat parts: these are stretched along z so that their layers are visible.
 
     Args:
         sections: the part's solid areas.
-        width: px for the part.
-        tallest: px; the height is no more than this.
-        top: px, position of the last layer's top.
+        width: px, width of the panel for the part.
+        tallest: px, largest height of the panels.
+        top: px, position of the top of the last layer.
     """
     total, xy = float(sections.plan.top[-1]), sections.solid.xy
     wide = float(np.ptp(xy[:, 0])) if len(xy) else 0.0
     level = min(width / max(wide, 1e-9), tallest / total)
-    scale = max(level, _LEAST_SHARE * tallest / total)
+    scale = max(level, _MIN_HEIGHT_SHARE * tallest / total)
     return ZAxis(top + scale * total, scale, total), level
 
 
 def draw_grid(axis: ZAxis, panel: Panel) -> Iterator[Shape]:
     """Draw horizontal lines at round z, with their values at the left."""
-    for z in marks(axis.total, 8).tolist():
+    for z in axis_marks(axis.total, 8).tolist():
         y = axis.y(z)
         yield Line(np.array([(panel.left, y), (panel.right, y)]), _GRID if z else _AXIS)
         yield Text(panel.left - 12, y + 0.35 * _LABEL, f"{z:g}", _LABEL, _AXIS, "end")
@@ -61,32 +61,32 @@ def draw_front(
         return
     low, high = float(solid.xy[:, 0].min()), float(solid.xy[:, 0].max())
     left = (panel.left + panel.right - scale * (high - low)) / 2
-    rows = _rows(sections.plan, axis)
-    edged = axis.scale * float(sections.plan.height.min()) > _EDGED
+    rows = _find_visible_rows(sections.plan, axis)
+    has_edges = axis.scale * float(sections.plan.height.min()) > _MIN_EDGED_HEIGHT
     # Draw from the top down; each layer overlaps the next lower one a little, so that no gap is visible.
-    for k, (x0, x1) in reversed(list(_spans(solid))):
+    for k, (x0, x1) in reversed(list(_find_x_ranges(solid))):
         if k not in rows:
             continue
         top, bottom = rows[k]
         size = axis.scale * (top - bottom)
-        edge = shaded(colours[k], 0.8) if edged else ""
-        tall = size + (_UNDER if bottom > 0 and not edge else 0)
+        edge = darken(colours[k], 0.8) if has_edges else ""
+        tall = size + (_OVERLAP if bottom > 0 and not edge else 0)
         yield Box(left + scale * (x0 - low), axis.y(top), scale * (x1 - x0), tall, colours[k], edge, "layer")
 
 
-def _rows(plan: LayerPlan, axis: ZAxis) -> dict[int, tuple[float, float]]:
-    """Return top and bottom, mm, of each drawn layer; the thickest represents neighbours too thin to see."""
+def _find_visible_rows(plan: LayerPlan, axis: ZAxis) -> dict[int, tuple[float, float]]:
+    """Return top and bottom, mm, of each drawn layer; of layers too thin to see, the thickest is drawn."""
     rows, begin = {}, 0
     bottom, top, height = plan.bottom.tolist(), plan.top.tolist(), plan.height
     for k in range(plan.n_layers):
-        if axis.scale * (top[k] - bottom[begin]) >= _LEAST_ROW or k + 1 == plan.n_layers:
+        if axis.scale * (top[k] - bottom[begin]) >= _MIN_ROW_HEIGHT or k + 1 == plan.n_layers:
             rows[begin + int(np.argmax(height[begin : k + 1]))] = (top[k], bottom[begin])
             begin = k + 1
     return rows
 
 
-def _spans(solid: Areas) -> Iterator[tuple[int, tuple[float, float]]]:
-    """Return the ranges of x that the section of each layer covers, seen from the front."""
+def _find_x_ranges(solid: Areas) -> Iterator[tuple[int, tuple[float, float]]]:
+    """Yield the ranges of x that the section of each layer covers, seen from the front."""
     start = solid.ring_start[:-1]
     low = np.minimum.reduceat(solid.xy[:, 0], start)
     high = np.maximum.reduceat(solid.xy[:, 0], start)
@@ -105,17 +105,17 @@ def _spans(solid: Areas) -> Iterator[tuple[int, tuple[float, float]]]:
 
 def draw_error(
     certificate: Certificate,
-    over: Sequence[tuple[float, float, float]],
+    ranges_beyond: Sequence[tuple[float, float, float]],
     axis: ZAxis,
     panel: Panel,
     *,
     tolerance: float | None,
 ) -> Iterator[Shape]:
-    """Draw the bound of each layer's deviation over z, the tolerance, and the ranges beyond it.
+    """Draw the largest possible deviation of each layer over z, the tolerance, and the ranges beyond it.
 
     Args:
-        certificate: of the plan.
-        over: (z_low, z_high, bound) of each range beyond the tolerance, mm.
+        certificate: certificate of the plan.
+        ranges_beyond: (z_low, z_high, bound) of each range beyond the tolerance, mm.
         axis: z axis.
         panel: where to draw.
         tolerance: mm, or None.
@@ -123,53 +123,53 @@ def draw_error(
     plan, bound = certificate.plan, certificate.bound
     most = 1.08 * (max(certificate.max_error, tolerance or 0.0) or float(plan.height.max()))
     scale = panel.width / most
-    yield from _x_axis(most, axis, panel)
-    curve = np.column_stack([panel.left + scale * np.repeat(bound, 2), _steps(plan, axis)])
+    yield from _draw_x_axis(most, axis, panel)
+    curve = np.column_stack([panel.left + scale * np.repeat(bound, 2), _layer_edges(plan, axis)])
     foot = np.array([(panel.left, axis.y(axis.total)), (panel.left, axis.floor)])
     yield Fill((np.concatenate([curve, foot]),), _ERROR, "error")
     if tolerance is not None:
         limit = panel.left + scale * tolerance
-        for low, high, worst in over:
+        for low, high, worst in ranges_beyond:
             # The missing part above the last layer may have any height.
-            top = max(axis.y(high), panel.top - _OUTSIDE)
+            top = max(axis.y(high), panel.top - _MAX_PROTRUSION)
             tall = max(axis.y(low) - top, 3)
             yield Box(limit, top, max(scale * (worst - tolerance), 3), tall, _BEYOND, name="over")
             yield Box(panel.right + 4, top, 8, tall, WARNING, name="over-mark")
-        ends = np.array([(limit, axis.floor), (limit, panel.top - _OUTSIDE)])
+        ends = np.array([(limit, axis.floor), (limit, panel.top - _MAX_PROTRUSION)])
         yield Line(ends, _DARK, 2.5, (9, 6), name="tolerance")
         label = f"tolerance {tolerance:g}"
         x = min(limit, panel.right + 24 - text_width(label, _LABEL) / 2)
         yield Text(x, axis.y(axis.total) - 24, label, _LABEL, _DARK, "middle")
-    yield Line(curve, _CURVE, _thin(1.6, plan, axis))
+    yield Line(curve, _CURVE, _limit_line_width(1.6, plan, axis))
 
 
 def draw_heights(plan: LayerPlan, colours: Sequence[str], axis: ZAxis, panel: Panel) -> Iterator[Shape]:
     """Draw layer height over z, each layer in its colour."""
     most = 1.08 * float(plan.height.max())
     scale = panel.width / most
-    yield from _x_axis(most, axis, panel)
+    yield from _draw_x_axis(most, axis, panel)
     k = plan.n_layers
     for count, height in reversed(plan.runs()):
         top, k = axis.y(float(plan.top[k - 1])), k - count
-        tall = axis.y(float(plan.bottom[k])) - top + (_UNDER if k else 0)
+        tall = axis.y(float(plan.bottom[k])) - top + (_OVERLAP if k else 0)
         yield Box(panel.left, top, scale * height, tall, colours[k], name="height")
-    curve = np.column_stack([panel.left + scale * np.repeat(plan.height, 2), _steps(plan, axis)])
-    yield Line(curve, "#444444", _thin(1.2, plan, axis))
+    curve = np.column_stack([panel.left + scale * np.repeat(plan.height, 2), _layer_edges(plan, axis)])
+    yield Line(curve, "#444444", _limit_line_width(1.2, plan, axis))
 
 
-def _thin(width: float, plan: LayerPlan, axis: ZAxis) -> float:
-    """Return the width of a line, px, reduced where it would cover thin layers."""
+def _limit_line_width(width: float, plan: LayerPlan, axis: ZAxis) -> float:
+    """Return the width of a line, px, reduced if it would cover thin layers."""
     return min(width, 0.4 * axis.scale * axis.total / plan.n_layers)
 
 
-def _steps(plan: LayerPlan, axis: ZAxis) -> Float:
-    """Return bottom and top of each layer in px, (2 L,)."""
-    return axis.rows(np.column_stack([plan.bottom, plan.top]).ravel())
+def _layer_edges(plan: LayerPlan, axis: ZAxis) -> Float:
+    """Return the position of bottom and top of each layer, (2 L,) px."""
+    return axis.y_positions(np.column_stack([plan.bottom, plan.top]).ravel())
 
 
-def _x_axis(most: float, axis: ZAxis, panel: Panel) -> Iterator[Shape]:
+def _draw_x_axis(most: float, axis: ZAxis, panel: Panel) -> Iterator[Shape]:
     """Draw vertical lines at round values, with the values below the axis."""
-    for value in marks(most, 3).tolist():
+    for value in axis_marks(most, 3).tolist():
         x = panel.left + panel.width * value / most
         yield Line(np.array([(x, axis.floor), (x, axis.y(axis.total))]), _GRID if value else _AXIS)
         yield Text(x, axis.floor + 1.3 * _LABEL, f"{value:g}", _LABEL, _AXIS, "middle")

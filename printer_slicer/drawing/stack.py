@@ -18,8 +18,8 @@ import numpy as np
 
 from printer_slicer.arrays import Float, Int
 from printer_slicer.drawing.canvas import Fill, Line, Shape
-from printer_slicer.drawing.colours import shaded
-from printer_slicer.drawing.frame import Panel, marks
+from printer_slicer.drawing.colours import darken
+from printer_slicer.drawing.frame import Panel, axis_marks
 from printer_slicer.geometry import simplify
 from printer_slicer.model import Areas, Sections
 
@@ -28,14 +28,11 @@ __all__ = ["draw_stack"]
 _TURN: Final = radians(-32)  # rotation of the part about z
 _DOWN: Final = radians(28)  # angle of the line of sight below the horizontal
 _LIGHT: Final = (-0.62, -0.78)  # direction of the light in the rotated plane, from the viewer's left
-_DARKEST, _BRIGHTEST, _TOP = (
-    0.58,
-    0.9,
-    1.0,
-)  # brightness of walls facing away from the light, towards it, and of top faces
+# Brightness of walls facing away from the light, of walls towards it, and of top faces.
+_DARKEST, _BRIGHTEST, _TOP = 0.58, 0.9, 1.0
 _SHADES: Final = 12  # steps from the darkest to the brightest wall
 _RESOLUTION: Final = 0.15  # px, tolerance of simplified outlines
-_LEAST_WALL: Final = 0.9  # px; thinner layers are drawn together
+_MIN_WALL: Final = 0.9  # px; thinner layers are drawn together
 _OVERLAP: Final = 0.35  # px by which walls overlap those below, so that no gap is visible between them
 _BORDER: Final = 0.1  # of the part's width, bed around it
 _BED, _GRID = "#eef1f4", "#d3d9df"
@@ -49,10 +46,10 @@ class _View:
     x: float
     y: float
 
-    def place(self, turned: Float, z: Float | float) -> Float:
-        """Return points (n, 2), mm, of the rotated plane at height z, mm, in px."""
-        x = self.x + self.scale * turned[:, 0]
-        y = self.y - self.scale * (turned[:, 1] * sin(_DOWN) + np.asarray(z) * cos(_DOWN))
+    def to_pixels(self, rotated: Float, z: Float | float) -> Float:
+        """Convert points (n, 2) of the rotated plane at height z from mm to px."""
+        x = self.x + self.scale * rotated[:, 0]
+        y = self.y - self.scale * (rotated[:, 1] * sin(_DOWN) + np.asarray(z) * cos(_DOWN))
         return np.column_stack([x, y])
 
 
@@ -72,27 +69,27 @@ def draw_stack(sections: Sections, colours: Sequence[str], panel: Panel) -> tupl
         return [], 0.0
     low, high = solid.xy.min(axis=0), solid.xy.max(axis=0)
     middle, reach = (low + high) / 2, max(float((high - low).max()), 1e-6)
-    step = float(marks(1.2 * reach, 8)[1])
+    step = float(axis_marks(1.2 * reach, 8)[1])
     half = (high - low) / 2 + _BORDER * reach
-    bed = _turned(half * [(-1, -1), (1, -1), (1, 1), (-1, 1)])
-    turned = _turned(solid.xy - middle)
-    view = _fitted(bed, turned, plan.top[solid.point_layer], panel)
-    shapes = list(_bed(half, step, view))
-    drawn, bottom, top = _resolved(sections, view.scale)
-    for layer, rings in _layers(drawn, middle):
-        shapes += _prism(rings, view, (float(bottom[layer]), float(top[layer])), colours[layer])
+    bed = _rotate(half * [(-1, -1), (1, -1), (1, 1), (-1, 1)])
+    rotated = _rotate(solid.xy - middle)
+    view = _fit_view(bed, rotated, plan.top[solid.point_layer], panel)
+    shapes = list(_draw_bed(half, step, view))
+    drawn, bottom, top = _reduce_to_visible(sections, view.scale)
+    for layer, rings in _split_layers(drawn, middle):
+        shapes += _draw_prism(rings, view, (float(bottom[layer]), float(top[layer])), colours[layer])
     return shapes, step
 
 
-def _turned(xy: Float) -> Float:
-    """Rotate points to the view: x to the right, y away from the viewer."""
+def _rotate(xy: Float) -> Float:
+    """Rotate points (n, 2) to the view: x to the right, y away from the viewer."""
     return np.asarray(xy @ np.array([[cos(_TURN), sin(_TURN)], [-sin(_TURN), cos(_TURN)]]))
 
 
-def _fitted(bed: Float, turned: Float, top: Float, panel: Panel) -> _View:
-    """Return the largest view that shows bed and part at the bottom of the panel."""
+def _fit_view(bed: Float, rotated: Float, top: Float, panel: Panel) -> _View:
+    """Return the largest view with bed and part at the bottom of the panel."""
     flat = _View(1.0, 0.0, 0.0)
-    seen = np.concatenate([flat.place(bed, 0.0), flat.place(turned, top)])
+    seen = np.concatenate([flat.to_pixels(bed, 0.0), flat.to_pixels(rotated, top)])
     low, high = seen.min(axis=0), seen.max(axis=0)
     wide, tall = np.maximum(high - low, 1e-9).tolist()
     scale = min(panel.width / wide, panel.height / tall)
@@ -100,24 +97,24 @@ def _fitted(bed: Float, turned: Float, top: Float, panel: Panel) -> _View:
     return _View(scale, (panel.left + panel.right) / 2 - scale * middle, panel.bottom - scale * lowest)
 
 
-def _bed(half: Float, step: float, view: _View) -> Iterator[Shape]:
+def _draw_bed(half: Float, step: float, view: _View) -> Iterator[Shape]:
     """Draw the bed under the part, `half` (2,) mm to each side of its middle, with lines every `step` mm."""
-    yield Fill((view.place(_turned(half * [(-1, -1), (1, -1), (1, 1), (-1, 1)]), 0.0),), _BED, "bed")
+    yield Fill((view.to_pixels(_rotate(half * [(-1, -1), (1, -1), (1, 1), (-1, 1)]), 0.0),), _BED, "bed")
     for axis in (0, 1):
         count = int(half[axis] / step)
         for at in (np.arange(-count, count + 1) * step).tolist():
             ends = half * [(-1, -1), (1, 1)]
             ends[:, axis] = at
-            yield Line(view.place(_turned(ends), 0.0), _GRID)
+            yield Line(view.to_pixels(_rotate(ends), 0.0), _GRID)
 
 
-def _resolved(sections: Sections, scale: float) -> tuple[Areas, Float, Float]:
-    """Reduce layers and points to those visible; also return bottom and top (L,) of the kept layers, mm.
+def _reduce_to_visible(sections: Sections, scale: float) -> tuple[Areas, Float, Float]:
+    """Reduce layers and points to the visible ones; also return bottom and top (L,) of the layers, mm.
 
     Of layers too thin to see, the one with the largest area represents its neighbours.
     """
     solid, plan = sections.solid, sections.plan
-    group = _groups(plan.top, _LEAST_WALL / (scale * cos(_DOWN)))
+    group = _group_layers(plan.top, _MIN_WALL / (scale * cos(_DOWN)))
     order = np.lexsort((-solid.area(), group))
     keep = np.zeros(plan.n_layers, np.bool_)
     keep[order[np.diff(group[order], prepend=-1) > 0]] = True
@@ -126,8 +123,8 @@ def _resolved(sections: Sections, scale: float) -> tuple[Areas, Float, Float]:
     return simplify(kept, _RESOLUTION / scale), plan.bottom[first], plan.top[last]
 
 
-def _groups(top: Float, least: float) -> Int:
-    """Group layers (L,) that are drawn as one, until a group is `least` mm high."""
+def _group_layers(top: Float, least: float) -> Int:
+    """Return the group (L,) of each layer; layers of a group, at least `least` mm high, are drawn as one."""
     group, number, bottom = [], 0, 0.0
     for z in top.tolist():
         group.append(number)
@@ -136,18 +133,18 @@ def _groups(top: Float, least: float) -> Int:
     return np.array(group, np.int64)
 
 
-def _layers(areas: Areas, middle: Float) -> Iterator[tuple[int, Areas]]:
-    """Return the layers with an area from the bed up, rotated to the view."""
-    turned = Areas(_turned(areas.xy - middle), areas.ring_start, areas.ring_layer, areas.n_layers)
-    for layer in np.flatnonzero(turned.used).tolist():
-        yield layer, turned.select(turned.ring_layer == layer)
+def _split_layers(areas: Areas, middle: Float) -> Iterator[tuple[int, Areas]]:
+    """Yield the layers that have an area from the bed up, rotated to the view."""
+    rotated = Areas(_rotate(areas.xy - middle), areas.ring_start, areas.ring_layer, areas.n_layers)
+    for layer in np.flatnonzero(rotated.used).tolist():
+        yield layer, rotated.select(rotated.ring_layer == layer)
 
 
-def _prism(rings: Areas, view: _View, z: tuple[float, float], colour: str) -> Iterator[Shape]:
-    """Draw the walls that face the viewer from far to near, then the top face."""
+def _draw_prism(rings: Areas, view: _View, z: tuple[float, float], colour: str) -> Iterator[Shape]:
+    """Draw a layer: the walls that face the viewer from far to near, then the top face."""
     bottom, top = z
-    begin, count, shade = _walls(rings)
-    upper = view.place(rings.xy, top)
+    begin, count, shade = _find_walls(rings)
+    upper = view.to_pixels(rings.xy, top)
     down = np.array([0.0, view.scale * (top - bottom) * cos(_DOWN) + _OVERLAP])
     following = rings.following
     for light, several in groupby(zip(begin, count, shade, strict=True), lambda wall: wall[2]):
@@ -156,13 +153,13 @@ def _prism(rings: Areas, view: _View, z: tuple[float, float], colour: str) -> It
             edge = np.concatenate([upper[first : first + length], upper[following[first + length - 1]][None]])
             strips.append(np.concatenate([edge, edge[::-1] + down]))
         yield Fill(
-            tuple(strips), shaded(colour, _DARKEST + light / _SHADES * (_BRIGHTEST - _DARKEST)), "wall"
+            tuple(strips), darken(colour, _DARKEST + light / _SHADES * (_BRIGHTEST - _DARKEST)), "wall"
         )
     faces = tuple(upper[a:b] for a, b in zip(rings.ring_start[:-1], rings.ring_start[1:], strict=True))
-    yield Fill(faces, shaded(colour, _TOP), "top")
+    yield Fill(faces, darken(colour, _TOP), "top")
 
 
-def _walls(rings: Areas) -> tuple[list[int], list[int], list[int]]:
+def _find_walls(rings: Areas) -> tuple[list[int], list[int], list[int]]:
     """Return first point, number of edges and brightness of the walls that face the viewer, from far to near.
 
     A wall is a run of edges of one ring with the same brightness. The solid is to the left of its edges, so a wall
@@ -171,8 +168,8 @@ def _walls(rings: Areas) -> tuple[list[int], list[int], list[int]]:
     following = rings.following
     step = rings.xy[following] - rings.xy
     length = np.maximum(np.hypot(step[:, 0], step[:, 1]), 1e-300)
-    toward = (step[:, 1] * _LIGHT[0] - step[:, 0] * _LIGHT[1]) / length
-    light = np.where(step[:, 0] > 0, np.rint(np.clip(toward, 0, 1) * _SHADES), -1).astype(np.int64)
+    toward_light = (step[:, 1] * _LIGHT[0] - step[:, 0] * _LIGHT[1]) / length
+    light = np.where(step[:, 0] > 0, np.rint(np.clip(toward_light, 0, 1) * _SHADES), -1).astype(np.int64)
     ring = rings.point_ring
     begin = np.flatnonzero((np.diff(light, prepend=-2) != 0) | (np.diff(ring, prepend=-1) != 0))
     count = np.diff(np.append(begin, len(light)))

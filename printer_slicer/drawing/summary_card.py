@@ -13,7 +13,7 @@ __all__ = ["summary_card"]
 _WIDE: Final = 760  # px
 _ROW, _LETTERS, _TITLE = 24, 15, 20  # px
 _GOOD, _DARK, _SOFT = "#009e73", "#1f2430", "#5b6472"
-_MOST: Final = 8  # problems shown
+_MAX_PROBLEMS: Final = 8  # problems shown
 
 
 def summary_card(title: str, facts: Mapping[str, str], problems: Sequence[str]) -> Picture:
@@ -35,7 +35,10 @@ def summary_card(title: str, facts: Mapping[str, str], problems: Sequence[str]) 
             Text(170, y, fit_text(fact, _LETTERS, _WIDE - 182), _LETTERS, _DARK),
         ]
         y += _ROW
-    shown = [*problems[:_MOST], *([f"and {len(problems) - _MOST} more"] if len(problems) > _MOST else [])]
+    shown = [
+        *problems[:_MAX_PROBLEMS],
+        *([f"and {len(problems) - _MAX_PROBLEMS} more"] if len(problems) > _MAX_PROBLEMS else []),
+    ]
     for problem in shown:
         shapes.append(Text(24, y, fit_text(problem, _LETTERS, _WIDE - 36), _LETTERS, WARNING))
         y += _ROW

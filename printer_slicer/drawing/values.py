@@ -25,7 +25,7 @@ from printer_slicer.drawing.canvas import (
     wrap_text,
 )
 from printer_slicer.drawing.colours import CALM, ROLE_COLOURS, height_colours
-from printer_slicer.drawing.frame import marks
+from printer_slicer.drawing.frame import axis_marks
 from printer_slicer.drawing.legend import height_steps
 from printer_slicer.drawing.summary_card import summary_card
 from printer_slicer.errors import UsageError
@@ -39,13 +39,13 @@ from printer_slicer.thumbnails import render
 __all__ = ["draw"]
 
 _WIDE: Final = 760  # px
-_ALONE: Final = 560  # px, the longer side of a layer that is drawn alone
-_SHOWN, _IN_A_ROW = 6, 3  # layers if none is chosen
-_NARROWEST: Final = 120  # px, column of a layer: its caption needs room
+_SINGLE_SIZE: Final = 560  # px, the longer side of a layer that is drawn alone
+_MAX_SHOWN, _MAX_COLUMNS = 6, 3  # layers if none is chosen
+_MIN_COLUMN_WIDTH: Final = 120  # px, column of a layer: its caption needs room
 _SMALL_LINE: Final = 15  # px
 _HEAD, _LINE, _ROW, _LETTERS, _SMALL, _SMALLEST = 34, 20, 22, 15, 12, 11  # px
-_SEEN: Final = 0.92  # share of the extrusion width that is drawn, so that neighbours stay apart
-_STEP: Final = 0.05  # mm: extrusions whose widths differ by less are drawn as one line
+_DRAWN_SHARE: Final = 0.92  # share of the extrusion width that is drawn, so that neighbours stay apart
+_WIDTH_STEP: Final = 0.05  # mm: extrusions whose widths differ by less are drawn as one line
 _SOFT, _OUTLINE, _TRAVEL = "#5b6472", "#222222", "#c2188b"
 _REGIONS: Final = {
     "bottom_solid_infill": ("Bottom solid infill", "#cc79a7"),
@@ -68,13 +68,13 @@ def draw(value: object, layer: int | None = None) -> Picture:
     Raises:
         UsageError: the value cannot be drawn, or it has no such layer.
     """
-    return _picture(
+    return _draw_value(
         value.drawable if isinstance(value, SvgRepr) else value, None if layer is None else layer - 1
     )
 
 
 @singledispatch
-def _picture(value: object, _layer: int | None) -> Picture:
+def _draw_value(value: object, _layer: int | None) -> Picture:
     raise UsageError(
         f"cannot draw {describe_type(value)}",
         remedy="Draw a mesh or a result of slicing: stages.plan, stages.sections, stages.program",
@@ -84,22 +84,22 @@ def _picture(value: object, _layer: int | None) -> Picture:
 # Meshes
 
 
-@_picture.register
-def _mesh(part: Mesh, _layer: int | None) -> Picture:
+@_draw_value.register
+def _draw_mesh(part: Mesh, _layer: int | None) -> Picture:
     """Draw a mesh, seen from above and from the front left."""
     if not part.n_facets:
-        return _note("a mesh without facets", part.name)
+        return _draw_note("a mesh without facets", part.name)
     x, y, z = part.size.tolist()
     title = f"{part.name}: {part.n_facets} facets, {x:.4g} x {y:.4g} x {z:.4g} mm"
-    lines = wrap_text(title, _LETTERS, _ALONE, bold=True)
+    lines = wrap_text(title, _LETTERS, _SINGLE_SIZE, bold=True)
     top = _HEAD + (len(lines) - 1) * _LINE
-    seen = Raster(8, top, _ALONE, _ALONE, render(part, 2 * _ALONE, 2 * _ALONE))
+    seen = Raster(8, top, _SINGLE_SIZE, _SINGLE_SIZE, render(part, 2 * _SINGLE_SIZE, 2 * _SINGLE_SIZE))
     heading = [Text(8, 24 + k * _LINE, line, _LETTERS, bold=True) for k, line in enumerate(lines)]
-    return Picture(_ALONE + 16, _ALONE + top + 8, (*heading, seen), title)
+    return Picture(_SINGLE_SIZE + 16, _SINGLE_SIZE + top + 8, (*heading, seen), title)
 
 
-def _note(text: str, title: str) -> Picture:
-    """Draw one line of text, for values with nothing to draw."""
+def _draw_note(text: str, title: str) -> Picture:
+    """Draw one line of text, for a value with nothing to draw."""
     return Picture(
         max(400, round(text_width(text, _LETTERS)) + 16), 40, (Text(8, 24, text, _LETTERS),), title
     )
@@ -108,42 +108,42 @@ def _note(text: str, title: str) -> Picture:
 # Values without a shape
 
 
-@_picture.register
-def _card(summary: Summary, _layer: int | None) -> Picture:
+@_draw_value.register
+def _draw_card(summary: Summary, _layer: int | None) -> Picture:
     return summary_card(summary.title, summary.facts, summary.problems)
 
 
 # Plans
 
 
-@_picture.register
-def _plan(plan: LayerPlan, _layer: int | None) -> Picture:
+@_draw_value.register
+def _draw_plan(plan: LayerPlan, _layer: int | None) -> Picture:
     """Draw a bar for each layer, as long as the layer is high."""
     title = f"{plan.n_layers} layers" + (f", planner {plan.planner}" if plan.planner else "")
-    return _bars(plan, plan.height, title, "layer height, mm")
+    return _draw_bars(plan, plan.height, title, "layer height, mm")
 
 
-@_picture.register
-def _certificate(certificate: Certificate, _layer: int | None) -> Picture:
-    """Draw a bar for each layer, as long as its error bound."""
+@_draw_value.register
+def _draw_certificate(certificate: Certificate, _layer: int | None) -> Picture:
+    """Draw a bar for each layer, as long as its largest possible deviation."""
     title = f"{certificate.plan.n_layers} layers, surface deviation at most {certificate.max_error:.3g} mm"
-    return _bars(certificate.plan, certificate.bound, title, "max deviation, mm")
+    return _draw_bars(certificate.plan, certificate.bound, title, "max deviation, mm")
 
 
-def _bars(plan: LayerPlan, lengths: Float, title: str, what: str) -> Picture:
+def _draw_bars(plan: LayerPlan, lengths: Float, title: str, axis_title: str) -> Picture:
     """Draw a horizontal bar for each layer, in the colour of its height."""
     if not plan.n_layers:
-        return _note("a plan without layers", title)
+        return _draw_note("a plan without layers", title)
     heights, total = plan.height, float(plan.top[-1])
     left, right, top, tall = 56.0, _WIDE - 200.0, 50.0, 360.0
     longest = float(lengths.max()) or 1.0
     across, down = (right - left) / longest, tall / total
     shapes: list[Shape] = [Text(8, 24, fit_text(title, _LETTERS, _WIDE - 24, bold=True), _LETTERS, bold=True)]
-    for z in marks(total, 6).tolist():
+    for z in axis_marks(total, 6).tolist():
         y = top + tall - z * down
         shapes += [Line(np.array([(left - 6, y), (right, y)]), "#dddddd")]
         shapes += [Text(left - 10, y + 4, f"{z:g}", _SMALL, _SOFT, "end")]
-    for length in marks(longest, 4).tolist()[1:]:
+    for length in axis_marks(longest, 4).tolist()[1:]:
         x = left + length * across
         shapes += [Line(np.array([(x, top), (x, top + tall)]), "#dddddd")]
         shapes += [Text(x, top + tall + 18, f"{length:g}", _SMALL, _SOFT, "middle")]
@@ -154,11 +154,13 @@ def _bars(plan: LayerPlan, lengths: Float, title: str, what: str) -> Picture:
         # Leave a gap between layers that are thick enough to be distinguished.
         shapes.append(Box(left, y, length * across, thick * (0.85 if thick > 3 else 1), colour, name="layer"))
     shapes += [Text(left - 10, top - 10, "z mm", _SMALL, _SOFT, "end")]
-    shapes += [Text((left + right) / 2, top + tall + 36, what, _SMALL, _SOFT, "middle")]
-    return Picture(_WIDE, round(top + tall + 50), (*shapes, *_counts(plan, colours, right + 24, top)), title)
+    shapes += [Text((left + right) / 2, top + tall + 36, axis_title, _SMALL, _SOFT, "middle")]
+    return Picture(
+        _WIDE, round(top + tall + 50), (*shapes, *_draw_height_legend(plan, colours, right + 24, top)), title
+    )
 
 
-def _counts(plan: LayerPlan, colours: Sequence[str], x: float, y: float) -> Iterator[Shape]:
+def _draw_height_legend(plan: LayerPlan, colours: Sequence[str], x: float, y: float) -> Iterator[Shape]:
     """Draw the legend: ranges of layer heights with their layer counts."""
     for k, step in enumerate(height_steps(plan)):
         wide = 16 / len(step.layers)
@@ -172,14 +174,14 @@ def _counts(plan: LayerPlan, colours: Sequence[str], x: float, y: float) -> Iter
 
 @dataclass(frozen=True, slots=True)
 class _Layers:
-    """Layers of any value that is drawn from above.
+    """Layers of a value that is drawn from above.
 
     Attributes:
         plan: the layers, if their heights are known.
         count: number of layers.
         boxes: (L, 2) lowest and highest corner of each layer; (inf, -inf) if it is empty.
         shapes: function from a layer, a mapping of points (n, 2) from mm to px, and px per mm to shapes.
-        names: function from layers to the legend: name and colour of their contents.
+        names: function from layers to the legend: names and colours of their contents.
         title: of the picture.
     """
 
@@ -190,30 +192,32 @@ class _Layers:
     names: Callable[[Sequence[int]], list[tuple[str, str]]]
     title: str
 
-    def used(self) -> Int:
-        """Return the layers that are not empty."""
+    def find_used(self) -> Int:
+        """Return the indices of the layers that are not empty."""
         return np.flatnonzero(np.isfinite(self.boxes[0][:, 0]))
 
 
-@_picture.register
-def _areas(areas: Areas, layer: int | None) -> Picture:
-    return _sheet(_of_areas(areas, None, [("area", CALM, areas)]), layer)
+@_draw_value.register
+def _draw_areas(areas: Areas, layer: int | None) -> Picture:
+    return _draw_layers(_layers_of_areas(areas, None, [("area", CALM, areas)]), layer)
 
 
-@_picture.register
-def _sections(sections: Sections, layer: int | None) -> Picture:
-    layers = _of_areas(sections.solid, sections.plan, [("section", CALM, sections.solid)])
-    return _sheet(layers, layer)
+@_draw_value.register
+def _draw_sections(sections: Sections, layer: int | None) -> Picture:
+    layers = _layers_of_areas(sections.solid, sections.plan, [("section", CALM, sections.solid)])
+    return _draw_layers(layers, layer)
 
 
-@_picture.register
-def _regions(regions: Regions, layer: int | None) -> Picture:
+@_draw_value.register
+def _draw_regions(regions: Regions, layer: int | None) -> Picture:
     named = [(label, colour, getattr(regions, name)) for name, (label, colour) in _REGIONS.items()]
-    return _sheet(_of_areas(regions.inside, regions.plan, named), layer)
+    return _draw_layers(_layers_of_areas(regions.inside, regions.plan, named), layer)
 
 
-def _of_areas(whole: Areas, plan: LayerPlan | None, named: Sequence[tuple[str, str, Areas]]) -> _Layers:
-    """Return layers of named areas; `whole` is their union."""
+def _layers_of_areas(
+    whole: Areas, plan: LayerPlan | None, named: Sequence[tuple[str, str, Areas]]
+) -> _Layers:
+    """Return layers that draw named areas; `whole` is the union of the areas."""
 
     def shapes(layer: int, place: Callable[[Float], Float], _scale: float) -> Iterator[Shape]:
         """Draw the areas of a layer with outlines."""
@@ -225,30 +229,32 @@ def _of_areas(whole: Areas, plan: LayerPlan | None, named: Sequence[tuple[str, s
                 yield Line(np.concatenate([ring, ring[:1]]), _OUTLINE, 0.6, name="outline")
 
     def names(layers: Sequence[int]) -> list[tuple[str, str]]:
-        """Return name and colour of the areas that any of the layers has."""
+        """Return the name and colour of each area that occurs in any of the layers."""
         return [(name, colour) for name, colour, areas in named if areas.used[list(layers)].any()]
 
     kind = "regions" if len(named) > 1 else f"{named[0][0]}s"
     return _Layers(plan, whole.n_layers, whole.boxes(), shapes, names, kind)
 
 
-@_picture.register
-def _toolpaths(paths: Toolpaths, layer: int | None) -> Picture:
+@_draw_value.register
+def _draw_toolpaths(paths: Toolpaths, layer: int | None) -> Picture:
     begin, end = paths.ends_of_beads
     owner = np.repeat(np.arange(paths.n_paths), paths.beads_of_each)
     width = (paths.width[begin] + paths.width[end]) / 2
-    beads = _Beads(paths.xy[begin], paths.xy[end], width, paths.role[owner], paths.layer[owner])
-    return _sheet(beads.layers(paths.plan, "toolpaths"), layer)
+    beads = _StraightMoves(paths.xy[begin], paths.xy[end], width, paths.role[owner], paths.layer[owner])
+    return _draw_layers(beads.layers(paths.plan, "toolpaths"), layer)
 
 
-@_picture.register
-def _program(program: Program, layer: int | None) -> Picture:
-    beads = _Beads(program.start[:, :2], program.xyz[:, :2], program.width, program.role, program.layer)
-    return _sheet(beads.layers(program.plan, "moves"), layer)
+@_draw_value.register
+def _draw_program(program: Program, layer: int | None) -> Picture:
+    beads = _StraightMoves(
+        program.start[:, :2], program.xyz[:, :2], program.width, program.role, program.layer
+    )
+    return _draw_layers(beads.layers(program.plan, "moves"), layer)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Beads:
+class _StraightMoves:
     """Straight moves from `begin` to `end`, (n, 2) mm, with width, role and ascending layer (n,)."""
 
     begin: Float
@@ -265,14 +271,16 @@ class _Beads:
         for points in (self.begin[laid], self.end[laid]):
             np.minimum.at(low, self.layer[laid], points)
             np.maximum.at(high, self.layer[laid], points)
-        return _Layers(plan, n_layers, (low, high), self._shapes, self._names, title)
+        return _Layers(plan, n_layers, (low, high), self._draw_moves, self._legend_entries, title)
 
-    def _of(self, layer: int) -> slice:
+    def _range_of_layer(self, layer: int) -> slice:
         first, last = np.searchsorted(self.layer, [layer, layer + 1]).tolist()
         return slice(first, last)
 
-    def _names(self, layers: Sequence[int]) -> list[tuple[str, str]]:
-        roles = np.unique(np.concatenate([self.role[self._of(layer)] for layer in layers])).tolist()
+    def _legend_entries(self, layers: Sequence[int]) -> list[tuple[str, str]]:
+        roles = np.unique(
+            np.concatenate([self.role[self._range_of_layer(layer)] for layer in layers])
+        ).tolist()
         return list(
             dict.fromkeys(
                 (
@@ -283,32 +291,32 @@ class _Beads:
             )
         )
 
-    def _shapes(self, layer: int, place: Callable[[Float], Float], scale: float) -> Iterator[Shape]:
-        """Draw consecutive moves of one role and one width as one stroke."""
-        own = self._of(layer)
-        begin, end, role = self.begin[own], self.end[own], self.role[own]
+    def _draw_moves(self, layer: int, place: Callable[[Float], Float], scale: float) -> Iterator[Shape]:
+        """Draw the moves of a layer; consecutive moves of one role and one width are one stroke."""
+        selected = self._range_of_layer(layer)
+        begin, end, role = self.begin[selected], self.end[selected], self.role[selected]
         if not len(role):
             return
-        steps = np.rint(self.width[own] / _STEP).astype(np.int64)
+        steps = np.rint(self.width[selected] / _WIDTH_STEP).astype(np.int64)
         first = np.ones(len(role), np.bool_)
         first[1:] = (begin[1:] != end[:-1]).any(axis=1) | (np.diff(role) != 0) | (np.diff(steps) != 0)
         places = np.flatnonzero(first).tolist()
         for low, high in pairwise([*places, len(role)]):
             line = place(np.concatenate([begin[low : low + 1], end[low:high]]))
-            why = Role(int(role[low]))
-            if why == Role.TRAVEL:
+            role_of_run = Role(int(role[low]))
+            if role_of_run == Role.TRAVEL:
                 yield Line(line, _TRAVEL, 0.6, (1.5, 2.5), name="travel")
             else:
-                wide = float(steps[low]) * _STEP * scale * _SEEN
-                yield Strokes((line,), (wide,), ROLE_COLOURS.get(why, CALM), why.name.lower())
+                wide = float(steps[low]) * _WIDTH_STEP * scale * _DRAWN_SHARE
+                yield Strokes((line,), (wide,), ROLE_COLOURS.get(role_of_run, CALM), role_of_run.name.lower())
 
 
 # Sheets
 
 
-def _sheet(layers: _Layers, layer: int | None) -> Picture:
+def _draw_layers(layers: _Layers, layer: int | None) -> Picture:
     """Draw one layer, or several side by side, with a legend."""
-    used = layers.used()
+    used = layers.find_used()
     if layer is not None:
         if not 0 <= layer < layers.count:
             raise UsageError(
@@ -316,23 +324,23 @@ def _sheet(layers: _Layers, layer: int | None) -> Picture:
             )
         chosen = [layer] if layer in used else []
     else:
-        some = np.linspace(0, len(used) - 1, min(len(used), _SHOWN)).round().astype(int)
-        chosen = used[some].tolist()
+        shown = np.linspace(0, len(used) - 1, min(len(used), _MAX_SHOWN)).round().astype(int)
+        chosen = used[shown].tolist()
     title = f"{layers.title}: " + (
-        _caption(layers, layer) if layer is not None else f"{len(chosen)} of {layers.count} layers"
+        _format_caption(layers, layer) if layer is not None else f"{len(chosen)} of {layers.count} layers"
     )
     if not chosen:
-        return _note(f"{title}: nothing there", title)
+        return _draw_note(f"{title}: nothing there", title)
     low, high = layers.boxes[0][chosen].min(axis=0) - 1, layers.boxes[1][chosen].max(axis=0) + 1
-    columns = min(len(chosen), _IN_A_ROW)
-    side = _ALONE if columns == 1 else (_WIDE - 16) / columns - 8
+    columns = min(len(chosen), _MAX_COLUMNS)
+    side = _SINGLE_SIZE if columns == 1 else (_WIDE - 16) / columns - 8
     scale = side / float((high - low).max())
     wide, tall = ((high - low) * scale).tolist()
-    column = max(wide, _NARROWEST) if columns > 1 else wide
+    column = max(wide, _MIN_COLUMN_WIDTH) if columns > 1 else wide
     width = max(16 + columns * (column + 8), text_width(title, _LETTERS, bold=True) + 24, 320)
-    legend, top = _legend(layers.names(chosen), width)
+    legend, top = _draw_legend(layers.names(chosen), width)
     shapes: list[Shape] = [Text(8, 24, title, _LETTERS, bold=True), *legend]
-    captions = [wrap_text(_caption(layers, number), _SMALLEST, column) for number in chosen]
+    captions = [wrap_text(_format_caption(layers, number), _SMALLEST, column) for number in chosen]
     head = 4 + _SMALL_LINE * max(map(len, captions)) if len(chosen) > 1 else 4
     for k, number in enumerate(chosen):
         x, y = 8 + (k % columns) * (column + 8), top + (k // columns) * (tall + head + 8)
@@ -340,31 +348,31 @@ def _sheet(layers: _Layers, layer: int | None) -> Picture:
             for row, line in enumerate(captions[k]):
                 shapes.append(Text(x, y + 12 + row * _SMALL_LINE, line, _SMALLEST, _SOFT))
         shift = np.array([x - low[0] * scale, y + head + high[1] * scale])
-        shapes += layers.shapes(number, _placed(shift, scale), scale)
+        shapes += layers.shapes(number, _mapping_to_pixels(shift, scale), scale)
     rows = -(-len(chosen) // columns)
     return Picture(round(width), round(top + rows * (tall + head + 8) + 4), tuple(shapes), title)
 
 
-def _placed(shift: Float, scale: float) -> Callable[[Float], Float]:
-    """Return the mapping from mm to px; y points up on the bed and down in the picture."""
+def _mapping_to_pixels(shift: Float, scale: float) -> Callable[[Float], Float]:
+    """Return a function that maps points from mm to px; y points up on the bed and down in the picture."""
     return lambda points: np.asarray(points * np.array([scale, -scale]) + shift)
 
 
-def _caption(layers: _Layers, index: int) -> str:
-    """Return the number of a layer, from 1, with its z and its height."""
+def _format_caption(layers: _Layers, index: int) -> str:
+    """Return the caption of a layer: its number, from 1, its z and its height."""
     if layers.plan is None:
         return f"layer {index + 1}"
     return f"layer {index + 1}, z {layers.plan.top[index]:.4g} mm, {layers.plan.height[index]:.3g} mm high"
 
 
-def _legend(entries: Sequence[tuple[str, str]], width: float) -> tuple[list[Shape], float]:
-    """Return the legend in rows under the title, and where it ends, px."""
+def _draw_legend(entries: Sequence[tuple[str, str]], width: float) -> tuple[list[Shape], float]:
+    """Draw the legend in rows under the title; return its shapes and the y at which it ends, px."""
     shapes: list[Shape] = []
     x, y = 8.0, float(_HEAD)
     for name, colour in entries:
-        needs = 34 + text_width(name, _SMALL + 1)
-        if x + needs > width and x > 8:
+        needed = 34 + text_width(name, _SMALL + 1)
+        if x + needed > width and x > 8:
             x, y = 8.0, y + _ROW
         shapes += [Box(x, y, 16, 14, colour, name="legend"), Text(x + 22, y + 12, name, _SMALL + 1)]
-        x += needs
+        x += needed
     return shapes, y + _ROW + 4
