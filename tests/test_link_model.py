@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from printer_slicer import link_model
 from printer_slicer.gcode import read_moves
 from printer_slicer.inspection.dry_run.machines import machine_of, simulated_firmware_for
-from printer_slicer.inspection.dry_run.underruns import timed_job
+from printer_slicer.inspection.dry_run.underruns import make_timed_job
 from printer_slicer.link_model import LinkRun, SerialLink, lateness
 from printer_slicer.motion.planner_clock import PlannerClock
 from printer_slicer.motion.rules import limits_of
@@ -90,7 +90,7 @@ def modelled(commands: Sequence[bytes], link: SerialLink, profile: Profile) -> L
     limits = limits_of(profile.printer)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(link_model, "PlannerClock", WatchedClock)
-        return LinkRun(timed_job(commands, read_moves(commands), limits), link, limits).run()
+        return LinkRun(make_timed_job(commands, read_moves(commands), limits), link, limits).run()
 
 
 def simulated(commands: Sequence[bytes], link: SerialLink, profile: Profile) -> Report:

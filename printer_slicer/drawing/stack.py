@@ -123,12 +123,12 @@ def _reduce_to_visible(sections: Sections, scale: float) -> tuple[Areas, Float, 
     return simplify(kept, _RESOLUTION / scale), plan.bottom[first], plan.top[last]
 
 
-def _group_layers(top: Float, least: float) -> Int:
-    """Return the group (L,) of each layer; layers of a group, at least `least` mm high, are drawn as one."""
+def _group_layers(top: Float, min_height: float) -> Int:
+    """Return the group (L,) of each layer; layers of a group, at least `min_height` mm high, are drawn as one."""
     group, number, bottom = [], 0, 0.0
     for z in top.tolist():
         group.append(number)
-        if z - bottom >= least:
+        if z - bottom >= min_height:
             number, bottom = number + 1, z
     return np.array(group, np.int64)
 

@@ -12,7 +12,7 @@ from printer_slicer.geometry import Areas, normalize
 from printer_slicer.inspection.coverage.extrusions import Extrusions, Purpose
 from printer_slicer.inspection.coverage.raster import (
     CellWindow,
-    cell_for,
+    choose_cell_width,
     covered_share,
     make_scan_lines,
     rasterize_fill,
@@ -68,7 +68,7 @@ def measure_fill(
     order = order[np.argsort(stack.layer[order], kind="stable")]
     beads = stack.beads.take(order)
     bounds = np.searchsorted(stack.layer[order], np.arange(n + 1)).tolist()
-    deep_layers, cell = _DeepLayers(stack, of_part), _choose_cell_width(beads)
+    deep_layers, cell = _DeepLayers(stack, of_part), _cell_width_around(beads)
     reach, rows = _window_reach(beads, cell), make_scan_lines(core, cell)
     for k in range(n):
         # Higher extrusions that reach down to this layer fill it, too.
@@ -128,10 +128,10 @@ class _DeepLayers:
         return self._beads.take(np.arange(self._bounds[k], self._bounds[k + 1]))
 
 
-def _choose_cell_width(beads: Extrusions) -> float:
+def _cell_width_around(beads: Extrusions) -> float:
     """Return the cell width for the bounding box of extrusions, mm."""
     ends = np.concatenate([np.zeros((1, 2)), beads.begin, beads.end][bool(beads.n_beads) :])
-    return cell_for(ends.min(axis=0), ends.max(axis=0))
+    return choose_cell_width(ends.min(axis=0), ends.max(axis=0))
 
 
 def _window_reach(beads: Extrusions, cell: float) -> int:

@@ -195,7 +195,7 @@ def _unsupported_measure(coverage: Coverage, limits: CoverageLimits) -> _Measure
 
 
 def place_of_largest_area(areas: Areas, layer: int) -> tuple[float, float]:
-    """Return the point of the largest area of a layer that is nearest to the middle of its box, mm; or nan."""
+    """Return the outline point nearest to the middle of a layer's largest area, mm; nan without an area."""
     rings = list(areas.rings(layer))
     if not rings:
         return np.nan, np.nan

@@ -74,7 +74,7 @@ def guess_shift(stack: Stack, sections: Areas) -> tuple[float, float]:
 
 
 def fit_sections(stack: Stack, sections: Areas, rounds: int = 6) -> Match:
-    """Return the shift that places the outlines half a width outside the external perimeters, by least squares.
+    """Find the shift that places external perimeters half a width inside the outlines, by least squares.
 
     Distances are measured along the normals of the outlines. Extrusions farther than half a width from their expected
     position are left out, such as inner perimeters in files without roles. With 0 rounds the shift stays 0.

@@ -17,7 +17,14 @@ from printer_slicer.arrays import Float, Int, consecutive
 from printer_slicer.geometry import Areas, Lines, hatch
 from printer_slicer.inspection.coverage.extrusions import Extrusions
 
-__all__ = ["CellWindow", "cell_for", "covered_share", "make_scan_lines", "rasterize_fill", "window_mean"]
+__all__ = [
+    "CellWindow",
+    "choose_cell_width",
+    "covered_share",
+    "make_scan_lines",
+    "rasterize_fill",
+    "window_mean",
+]
 
 _FINE_CELL, _COARSE_CELL = 0.1, 0.2  # mm
 _MAX_FINE_CELLS: Final = 2_000_000  # fine cells
@@ -73,7 +80,7 @@ class CellWindow:
         return (self.left + j + 0.5) * self.cell, (self.front + i + 0.5) * self.cell
 
 
-def cell_for(low: Float, high: Float) -> float:
+def choose_cell_width(low: Float, high: Float) -> float:
     """Return the cell width, mm, for a box from `low` to `high` (2,) mm."""
     return _FINE_CELL if float(np.prod((high - low) / _FINE_CELL)) <= _MAX_FINE_CELLS else _COARSE_CELL
 

@@ -22,7 +22,11 @@ from printer_slicer.inspection.deposition.height_map import (
     split_moves,
 )
 from printer_slicer.inspection.deposition.marks import Defect, Marks
-from printer_slicer.inspection.deposition.unsupported import MIN_REPORTED_LENGTH, deposit, unsupported_pieces
+from printer_slicer.inspection.deposition.unsupported import (
+    MIN_REPORTED_LENGTH,
+    deposit,
+    find_unsupported_pieces,
+)
 
 __all__ = ["COLLISION_DEPTH", "DefectFinder"]
 
@@ -110,7 +114,7 @@ class DefectFinder:
         if float(pieces.length[low].sum()) > MIN_REPORTED_LENGTH:
             first = int(pieces.move[np.flatnonzero(low)[0]])
             self._record(batch.make_defect("bed", first, layers, float(batch.end[first, 2])))
-        unsupported = unsupported_pieces(self._height_map, batch, pieces, cell, self._marks)
+        unsupported = find_unsupported_pieces(self._height_map, batch, pieces, cell, self._marks)
         length = float(pieces.length[unsupported].sum())
         if length > MIN_REPORTED_LENGTH:
             piece = unsupported[0]

@@ -18,7 +18,7 @@ __all__ = ["NOT_PART", "Defect", "Marks", "Purpose", "marks_of", "purpose_of", "
 
 
 class Purpose(IntEnum):
-    """Role of an extrusion, as far as the comments of a slicer name it; `label` is its name in `;TYPE:` comments."""
+    """Role of an extrusion in the comments of any slicer; `label` is its name in `;TYPE:` comments."""
 
     UNKNOWN = 0
     EXTERNAL_PERIMETER = 1

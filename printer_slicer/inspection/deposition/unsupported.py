@@ -34,8 +34,8 @@ __all__ = [
     "UnsupportedTracker",
     "deposit",
     "describe",
+    "find_unsupported_pieces",
     "unsupported_of_program",
-    "unsupported_pieces",
 ]
 
 MIN_REPORTED_LENGTH: Final = 3.0
@@ -48,7 +48,7 @@ _Box = tuple[tuple[float, float], tuple[float, float]]
 _MIN_STRAIGHTNESS: Final = 0.95  # chord divided by length of a bridge, at least
 
 
-def unsupported_pieces(
+def find_unsupported_pieces(
     height_map: HeightMap, moves: LevelMoves, pieces: MovePieces, cell: Int, marks: Marks
 ) -> Int:
     """Return the unsupported pieces of the extrusions of one height.
@@ -78,7 +78,7 @@ def unsupported_pieces(
 
 
 def deposit(height_map: HeightMap, moves: LevelMoves, pieces: MovePieces, cell: Int, marks: Marks) -> None:
-    """Add extrusions to the height map at their full width; arguments as for `unsupported_pieces`."""
+    """Add extrusions to the height map at their full width; arguments as for `find_unsupported_pieces`."""
     width = moves.width(-height_map.depth(cell, pieces.z))
     removable = np.isin(moves.role, [*marks.removable])[pieces.move]
     for is_removable in (True, False):
@@ -187,7 +187,7 @@ class UnsupportedTracker:
         height_map = self._height_map = self._height_map or HeightMap(*self._box)
         pieces = split_moves(moves.start, moves.end)
         cell = height_map.cells(pieces)
-        unsupported = unsupported_pieces(height_map, moves, pieces, cell, self._marks)
+        unsupported = find_unsupported_pieces(height_map, moves, pieces, cell, self._marks)
         length = float(pieces.length[unsupported].sum())
         if length > MIN_REPORTED_LENGTH:
             piece = int(unsupported[0])

@@ -31,7 +31,7 @@ _MIN_VOLUME_LOSS: Final = 0.5  # mm³ that a layer may lack
 
 
 class ExtrusionFault(NamedTuple):
-    """A wrong amount of material.
+    """A fault in the amount of extruded material.
 
     Attributes:
         command: index of the command at which it is reported, from 0.
@@ -184,7 +184,7 @@ def find_clog(job: Job, profile: Profile, deposition: Deposition, missing: float
 def _find_runs(
     layers: Sequence[LayerDeposition], is_faulty: Callable[[LayerDeposition], bool]
 ) -> Iterator[list[LayerDeposition]]:
-    """Yield runs of consecutive layers for which `first_empty` holds."""
+    """Yield the runs of consecutive layers for which `is_faulty` is true."""
     used = [one for one in layers if one.length + one.empty_length > 0]
     for faulty, run in groupby(used, is_faulty):
         if faulty:

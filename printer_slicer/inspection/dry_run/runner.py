@@ -185,7 +185,7 @@ def _run_over_port(simulation: _Simulation, on_event: Callable[[Event], None]) -
 
 
 def _run_fast(simulation: _Simulation, on_event: Callable[[Event], None]) -> Verdict:
-    """Simulate whole lines, each at the time it would have arrived."""
+    """Simulate whole lines, each at the time at which it would have arrived."""
     window = simulation.profile.printer.receive_buffer - 1
     link = SerialLink(simulation.baud, _LATENCY, _LATENCY, window_bytes=window)
     runner = FastRunner(simulation.printer, simulation.port, link, simulation.comparison.add_batch)

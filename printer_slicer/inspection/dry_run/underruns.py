@@ -25,7 +25,7 @@ from printer_slicer.link_model import LinkRun, SerialLink, TimedJob, line_sizes
 from printer_slicer.motion.rules import MotionLimits
 from printer_slicer.motion.vectorized import Blocks, find_moving, make_blocks
 
-__all__ = ["Underrun", "UnderrunReport", "find_underruns", "timed_job"]
+__all__ = ["Underrun", "UnderrunReport", "find_underruns", "make_timed_job"]
 
 _MIN_GAP: Final = 40  # commands without delay that separate two underruns
 _MIN_SLOWDOWN: Final = 0.05  # of its ideal duration; a move that takes longer by this share is delayed
@@ -101,7 +101,7 @@ def find_underruns(
         link: baud rate and latency of the link, and the window of the host.
         marks: command index -> layer, ascending.
     """
-    job = timed_job(commands, moves, limits)
+    job = make_timed_job(commands, moves, limits)
     actual = LinkRun(job, link, limits).run()
     ideal = LinkRun(job, replace(link, baud=0, latency_out=0.0, latency_back=0.0), limits).run()
     return UnderrunReport(
@@ -116,7 +116,7 @@ def find_underruns(
     )
 
 
-def timed_job(commands: Sequence[bytes], moves: Moves, limits: MotionLimits) -> TimedJob:
+def make_timed_job(commands: Sequence[bytes], moves: Moves, limits: MotionLimits) -> TimedJob:
     """Return the load of each command on the link and the planner; arguments as for `find_underruns`."""
     sizes, rooms = line_sizes(commands, 0)
     parts: list[Blocks] = []

@@ -171,6 +171,7 @@ class Readiness:
         return np.asarray(cooling & (since > _COOLING_TIME))
 
     def _record(self, name: str, message: str, reason: str, moves: Moves, fails: Bool) -> None:
+        """Record the first failing move, and the number of failing commands; `fails` (K,) is a mask."""
         failing = np.flatnonzero(fails)
         if not len(failing):
             return
