@@ -43,17 +43,19 @@ def plan_area(mesh: Mesh, profile: Profile) -> LayerPlan:
     if not isinstance(settings, AreaPlanner):
         settings = AreaPlanner()
     steps = ZSteps(mesh, profile)
-    thin, thick = steps.of(profile.thinnest), steps.of(profile.thickest)
+    thin, thick = steps.to_steps(profile.thinnest), steps.to_steps(profile.thickest)
     if settings.aligned:
         heights = _plan_aligned(mesh, steps, thin, thick, settings)
     else:
         heights = _plan_literal(mesh, steps, thin, thick, settings)
-    return steps.plan(heights, "area")
+    return steps.make_plan(heights, "area")
 
 
-def _are_equal(a: Float, b: Float, settings: AreaPlanner) -> Bool:
-    """Return where two areas are equal within the tolerance."""
-    return np.asarray(np.abs(a - b) <= settings.tolerance + settings.relative_tolerance * np.maximum(a, b))
+def _are_areas_equal(area: Float, other: Float, settings: AreaPlanner) -> Bool:
+    """Return which pairs of areas are equal within the tolerance, element by element."""
+    return np.asarray(
+        np.abs(area - other) <= settings.tolerance + settings.relative_tolerance * np.maximum(area, other)
+    )
 
 
 def _plan_literal(mesh: Mesh, steps: ZSteps, thin: int, thick: int, settings: AreaPlanner) -> Int:
@@ -69,14 +71,14 @@ def _plan_literal(mesh: Mesh, steps: ZSteps, thin: int, thick: int, settings: Ar
     while plane < steps.part:
         reach = np.arange(plane + thin, plane + (thick if settings.guarded else thin) + 1, thin)
         ahead = np.append(reach, plane + thick) if settings.guarded else reach
-        same = _are_equal(area[plane // pitch], area[np.unique(ahead) // pitch], settings).all()
+        same = _are_areas_equal(area[plane // pitch], area[np.unique(ahead) // pitch], settings).all()
         heights.append(thick if same else thin)
         plane += heights[-1]
     return np.array(heights, np.int64)
 
 
 def _snap_to_levels(planes: Float, mesh: Mesh) -> Float:
-    """Move planes that are within rounding of a z level of the part onto it; there they cut the part below it."""
+    """Move planes within rounding error of a z level of the part onto that level; they cut the part just below it."""
     level = np.unique(mesh.triangles[:, :, 2])
     above = np.minimum(np.searchsorted(level, planes), len(level) - 1)
     below = np.maximum(above - 1, 0)
@@ -85,13 +87,13 @@ def _snap_to_levels(planes: Float, mesh: Mesh) -> Float:
 
 
 def _plan_aligned(mesh: Mesh, steps: ZSteps, thin: int, thick: int, settings: AreaPlanner) -> Int:
-    """Return layer heights, region by region between z levels of the part, in z steps."""
-    level, constant = _constant_intervals(mesh, steps, thick, settings)
-    constant = _drop_short(level, constant, thick)
-    bottom, rest = steps.begin()
+    """Return layer heights in z steps; each region between z levels of the part is filled on its own."""
+    level, constant = _find_constant_intervals(mesh, steps, thick, settings)
+    constant = _drop_short_runs(level, constant, thick)
+    bottom, rest = steps.split_first_layer()
     heights = [np.array([bottom], np.int64)] if bottom else []
     flats = np.rint(find_flats(mesh)[0] / steps.size).astype(np.int64)
-    ends, is_thick = _region_ends(level, constant, flats, bottom, steps) if rest else ([], [])
+    ends, is_thick = _find_region_ends(level, constant, flats, bottom, steps) if rest else ([], [])
     for end, wide in zip(ends, is_thick, strict=True):
         layers = fill_with_layers(end - bottom, thick if wide else thin, steps.lowest, steps.highest)
         heights.append(layers)
@@ -99,7 +101,9 @@ def _plan_aligned(mesh: Mesh, steps: ZSteps, thin: int, thick: int, settings: Ar
     return np.concatenate(heights)
 
 
-def _constant_intervals(mesh: Mesh, steps: ZSteps, thick: int, settings: AreaPlanner) -> tuple[Int, Bool]:
+def _find_constant_intervals(
+    mesh: Mesh, steps: ZSteps, thick: int, settings: AreaPlanner
+) -> tuple[Int, Bool]:
     """Return the z levels of the part in steps, and whether the area is constant from each level to the next.
 
     Between neighbouring levels the area is a quadratic in z, so it is constant if three values are equal. Only
@@ -111,7 +115,7 @@ def _constant_intervals(mesh: Mesh, steps: ZSteps, thick: int, settings: AreaPla
     pitch = thick / 2
     planes = np.asarray(np.arange(0.5, steps.part / pitch) * (pitch * steps.size), dtype=np.float64)
     coarse = section_areas(mesh.triangles, planes)
-    pairs = np.flatnonzero(_are_equal(coarse[:-1], coarse[1:], settings))
+    pairs = np.flatnonzero(_are_areas_equal(coarse[:-1], coarse[1:], settings))
     first = np.searchsorted(level[1:], (pairs - 0.5) * pitch, side="right")
     last = np.searchsorted(level[:-1], (pairs + 2.5) * pitch)
     marks = np.zeros(len(level), np.int64)
@@ -124,23 +128,23 @@ def _constant_intervals(mesh: Mesh, steps: ZSteps, thick: int, settings: AreaPla
     planes = np.stack([low + margin, (low + high) / 2, high - margin], axis=1)
     area = section_areas(mesh.triangles, planes.ravel()).reshape(-1, 3)
     constant = np.zeros(len(near), np.bool_)
-    constant[near] = _are_equal(area[:, 0], area[:, 1], settings) & _are_equal(
+    constant[near] = _are_areas_equal(area[:, 0], area[:, 1], settings) & _are_areas_equal(
         area[:, 1], area[:, 2], settings
     )
     return level, constant
 
 
-def _drop_short(level: Int, constant: Bool, thick: int) -> Bool:
-    """Keep only constant runs with room for a thick layer; shorter ones save nothing."""
+def _drop_short_runs(level: Int, constant: Bool, thick: int) -> Bool:
+    """Keep only runs of constant area with room for a thick layer; shorter runs save nothing."""
     run = np.cumsum(np.diff(constant.astype(np.int64), prepend=0) != 0)
     length = np.bincount(run, weights=np.diff(level))
     return np.asarray(constant & (length[run] >= thick))
 
 
-def _region_ends(
+def _find_region_ends(
     level: Int, constant: Bool, flats: Int, bottom: int, steps: ZSteps
 ) -> tuple[list[int], list[bool]]:
-    """Return the ends of regions above `bottom`, in steps, and whether each has constant area."""
+    """Return the upper end of each region above `bottom`, in steps, and whether its area is constant."""
     thick_from = np.concatenate([constant, [False]])
     change = np.flatnonzero(np.diff(constant.astype(np.int64)) != 0) + 1
     wanted = np.unique(np.concatenate([level[change], flats, [steps.part]]))

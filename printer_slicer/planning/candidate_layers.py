@@ -12,7 +12,12 @@ from numpy.typing import NDArray
 from printer_slicer.arrays import Bool, Float, Int, frozen_array
 from printer_slicer.geometry.slab_projection import BESIDE
 from printer_slicer.model import Mesh
-from printer_slicer.planning.height_grid import HeightGrid, HeightRow, event_planes, list_layers
+from printer_slicer.planning.height_grid import (
+    HeightGrid,
+    HeightRow,
+    find_event_planes,
+    list_candidate_layers,
+)
 from printer_slicer.planning.layer_times import LayerTimes
 from printer_slicer.planning.shortest_path import ArcGraph
 from printer_slicer.planning.z_steps import ZSteps, fill_with_layers
@@ -35,7 +40,7 @@ class CandidateLayers:
         bound: (A,) mm, upper bound of the surface deviation.
         volume: (A,) mm³, upper bound of the volume error.
         seconds: (A,) s, modelled time.
-        per_mm3: modelled time per mm³ of the part in layers of `layer_height`, s.
+        seconds_per_mm3: modelled time per mm³ of the part in layers of `layer_height`, s.
         uniform: (U, 2) s and mm³ of uniform plans, one for each allowed height; only the last layer may have another
             height.
     """
@@ -47,7 +52,7 @@ class CandidateLayers:
     bound: Float
     volume: Float
     seconds: Float
-    per_mm3: float
+    seconds_per_mm3: float
     uniform: Float
 
     def __post_init__(self) -> None:
@@ -65,53 +70,56 @@ class CandidateLayers:
     def for_part(
         cls, mesh: Mesh, grid: HeightGrid, steps: ZSteps, profile: Profile, *, everywhere: bool = False
     ) -> CandidateLayers:
-        """List the candidate layers of a part; with `everywhere` of all heights that the printer can print."""
-        surface, planes = read_surface(mesh), event_planes(mesh, profile)
-        rows = list_layers(planes, grid, steps, profile, everywhere=everywhere)
+        """List the candidate layers of a part; with `everywhere`, layers of every printable height anywhere."""
+        surface, planes = read_surface(mesh), find_event_planes(mesh, profile)
+        rows = list_candidate_layers(planes, grid, steps, profile, everywhere=everywhere)
         containment = profile.quality.containment
         middles: Float = np.arange(2 * grid.n + 1, dtype=np.float64) * (grid.unit / 2)
-        times, volumes = LayerTimes(surface, profile, middles), _Volumes(surface, grid, containment)
+        times, volumes = LayerTimes(surface, profile, middles), _VolumeErrors(surface, grid, containment)
         seconds = (times.seconds(2 * row.end - row.height, row.height * grid.unit) for row in rows)
         end = _concatenate((row.end for row in rows), np.int64)
         start = _concatenate((row.end - row.height for row in rows), np.int64)
         # Sort by top; the sort is stable, so layers with equal tops stay sorted by height.
-        order = _by_end(end, grid.n)
+        order = _sort_by_end(end, grid.n)
         begin = np.append(0, np.cumsum(np.bincount(end, minlength=grid.n + 1)))
         return cls(
             grid,
             ArcGraph(begin, start.take(order)),
             _concatenate((row.listed for row in rows), np.bool_).take(order),
             _concatenate((row.free for row in rows), np.bool_).take(order),
-            _concatenate(_bounds(surface, grid, containment, rows), np.float64).take(order),
-            _concatenate((volumes.between(row.end - row.height, row.end) for row in rows), np.float64).take(
-                order
-            ),
+            _concatenate(_compute_bounds(surface, grid, containment, rows), np.float64).take(order),
+            _concatenate(
+                (volumes.bound_errors(row.end - row.height, row.end) for row in rows), np.float64
+            ).take(order),
             _concatenate(seconds, np.float64).take(order),
-            times.per_mm3(profile.quality.layer_height),
+            times.seconds_per_mm3(profile.quality.layer_height),
             np.reshape(
-                [_cost_of(layers, times, volumes, grid) for layers in _uniform_layers(steps)], (-1, 2)
+                [_estimate_plan_cost(layers, times, volumes, grid) for layers in _list_uniform_plans(steps)],
+                (-1, 2),
             ),
         )
 
     def with_bounds(self, layers: Int, bounds: Float) -> CandidateLayers:
-        """Return the candidates with new bounds, mm, for some of the layers."""
+        """Return a copy in which the given layers have new deviation bounds, mm."""
         bound = self.bound.copy()
         bound[layers] = bounds
         return replace(self, bound=bound)
 
 
-def _by_end(end: Int, n: int) -> Int:
-    """Return a stable sort order (A,) by end; numpy sorts 16-bit integers in linear time."""
+def _sort_by_end(end: Int, n: int) -> Int:
+    """Return the indices (A,) that sort layers stably by their end; numpy sorts 16-bit integers in linear time."""
     return np.argsort(end.astype(np.uint16) if n < 1 << 16 else end, kind="stable")
 
 
 def _concatenate(parts: Iterable[Bool | Float | Int], kind: type) -> NDArray[Any]:
-    """Concatenate the parts of a column."""
+    """Concatenate the parts of a column; without parts, return an empty array of this type."""
     return np.concatenate([np.zeros(0, kind), *parts]).astype(kind, copy=False)
 
 
-def _bounds(surface: Surface, grid: HeightGrid, containment: str, rows: list[HeightRow]) -> Iterable[Float]:
-    """Yield the deviation bounds of each row."""
+def _compute_bounds(
+    surface: Surface, grid: HeightGrid, containment: str, rows: list[HeightRow]
+) -> Iterable[Float]:
+    """Yield for each row the upper bounds of the deviation of its layers, mm."""
     n_cells, contained = grid.cells * grid.n, containment != "mid"
     # Runs go from the cut in the middle to either end, or through the whole layer if it is contained.
     share = grid.cells if contained else grid.cells // 2
@@ -128,7 +136,7 @@ def _bounds(surface: Surface, grid: HeightGrid, containment: str, rows: list[Hei
         yield np.maximum(up.take(start), down.take(turned)) + (2 * BESIDE if contained else 0.0)
 
 
-class _Volumes:
+class _VolumeErrors:
     """Upper bounds of the volume error of layers between two nodes."""
 
     def __init__(self, surface: Surface, grid: HeightGrid, containment: str) -> None:
@@ -138,8 +146,8 @@ class _Volumes:
         self._both = up + down
         self._over, self._under = (up, down) if containment != "negative" else (down, up)
 
-    def between(self, first: Int, last: Int) -> Float:
-        """Return the volume errors (m,), mm³, of layers between nodes (m,)."""
+    def bound_errors(self, first: Int, last: Int) -> Float:
+        """Return upper bounds (m,) of the volume errors of layers between nodes (m,), mm³."""
         start, end = self._grid.cells * first, self._grid.cells * last
         if self._containment == "mid":
             both = self._both
@@ -155,17 +163,19 @@ class _Volumes:
         return np.asarray(np.maximum(volume, 0.0))
 
 
-def _uniform_layers(steps: ZSteps) -> Iterable[Int]:
+def _list_uniform_plans(steps: ZSteps) -> Iterable[Int]:
     """Yield uniform plans as layer heights in z steps; only the last layer may have a height outside the list."""
-    first, rest = steps.begin()
+    first, rest = steps.split_first_layer()
     for height in steps.allowed.tolist():
         layers = fill_with_layers(rest, height, steps.lowest, steps.highest)
         if np.isin(layers[:-1], steps.allowed).all():
             yield np.append([first] if first else [], layers).astype(np.int64)
 
 
-def _cost_of(layers: Int, times: LayerTimes, volumes: _Volumes, grid: HeightGrid) -> tuple[float, float]:
-    """Return time, s, and volume error, mm³, of a plan given as heights in z steps, to the nearest grid node."""
+def _estimate_plan_cost(
+    layers: Int, times: LayerTimes, volumes: _VolumeErrors, grid: HeightGrid
+) -> tuple[float, float]:
+    """Return time, s, and volume error, mm³, of a plan of layer heights in z steps; tops are rounded to grid nodes."""
     end = np.rint(np.cumsum(layers) / grid.steps).astype(np.int64).clip(0, grid.n)
     start = np.append(0, end[:-1])
     thick = end - start
@@ -173,4 +183,4 @@ def _cost_of(layers: Int, times: LayerTimes, volumes: _Volumes, grid: HeightGrid
         float(times.seconds((start + end)[thick == one], one * grid.unit).sum())
         for one in set(thick.tolist()) - {0}
     )
-    return seconds, float(volumes.between(start, end).sum())
+    return seconds, float(volumes.bound_errors(start, end).sum())

@@ -9,12 +9,12 @@ import numpy as np
 from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.model import Mesh
 from printer_slicer.planning.candidate_layers import CandidateLayers
-from printer_slicer.planning.height_grid import overlaps_range, range_borders
+from printer_slicer.planning.height_grid import overlaps_range, range_ends
 from printer_slicer.planning.z_steps import ZSteps, layer_tolerances
 from printer_slicer.profile import Profile
 from printer_slicer.surface import find_flats
 
-__all__ = ["UNLISTED_FACTOR", "Constraint", "find_underrated", "rank_constraints"]
+__all__ = ["UNLISTED_FACTOR", "Constraint", "find_underestimated", "rank_constraints"]
 
 UNLISTED_FACTOR: Final = 1.1
 """Cost factor for a layer whose height is not on the list, next to an event plane."""
@@ -36,12 +36,12 @@ class Constraint(NamedTuple):
 def rank_constraints(
     mesh: Mesh, candidates: CandidateLayers, steps: ZSteps, profile: Profile
 ) -> list[Constraint]:
-    """Return the constraints that some layers violate, highest priority first, without those on neighbours.
+    """Return the constraints that some candidate layers violate, highest priority first.
 
-    The order is: heights not on the list; heights other than those of ranges; deviation above the tolerance; missed
-    flats and ends of ranges; heights outside the limits of the list. If the thinnest layers can deviate by more than
-    the tolerance, deviation above twice their bound comes before flats, and the rest after them. Deviations are squared
-    and multiplied by the layer height.
+    Limits for neighbouring layers are not among them. The order is: heights not on the list; heights that differ from
+    those of ranges; deviation above the tolerance; missed flats and ends of ranges; heights outside the limits of the
+    list. If the thinnest layers can deviate by more than the tolerance, deviation above twice their bound comes
+    before flats, and the rest after them. Deviations are squared and multiplied by the layer height.
 
     Args:
         mesh: the part.
@@ -51,47 +51,50 @@ def rank_constraints(
     """
     grid, graph = candidates.grid, candidates.graph
     start, end = graph.start, graph.end
-    height, tolerance = end - start, _tolerances(candidates, profile)
+    height, tolerance = end - start, _candidate_tolerances(candidates, profile)
     share = 0.5 if profile.quality.containment == "mid" else 1.0
     # The deviation bound of the thinnest layers; layers below twice their height can divide any interval.
     certain = np.float64(share * steps.allowed[0] * steps.size)
     mm: Float = np.asarray(grid.unit * height, np.float64)
     possible: Float = np.asarray(np.where(tolerance < certain, 2 * certain, tolerance), np.float64)
-    most: Float = np.asarray(share * mm)
-    over, beyond = _excess(candidates.bound, tolerance, most), _excess(candidates.bound, possible, most)
+    largest_possible: Float = np.asarray(share * mm)
+    over, beyond = (
+        _compute_excess(candidates.bound, tolerance, largest_possible),
+        _compute_excess(candidates.bound, possible, largest_possible),
+    )
     chosen = (start > 0) | (steps.first == 0)  # without a fixed first layer
     other = np.zeros(len(start))
     for height_range in profile.dials.ranges:
         if height_range.layer_height:
             inside = overlaps_range(height_range, grid, start, end) & chosen
-            other += inside & (height != grid.units(height_range.layer_height))
+            other += inside & (height != grid.to_units(height_range.layer_height))
     units = height * grid.steps
     outside = ((units < steps.allowed[0]) | (units > steps.allowed[-1])) & chosen
     constraints = [
         Constraint(1e14, np.asarray(~candidates.free, np.float64)),
         Constraint(1e12, other),
         Constraint(1e13, mm * beyond**2),
-        Constraint(1e5, _missed_planes(mesh, candidates, profile)),
+        Constraint(1e5, _count_missed_planes(mesh, candidates, profile)),
         Constraint(1e6, mm * over**2),
         Constraint(1e4, np.asarray(outside, np.float64)),
     ]
     return [constraint for constraint in constraints if constraint.cost.any()]
 
 
-def _excess(bound: Float, limit: Float, most: Float) -> Float:
+def _compute_excess(bound: Float, limit: Float, largest_possible: Float) -> Float:
     """Return the excess of bounds over their limit (A,), mm, rounded to 1 nm to hide rounding in 32-bit files.
 
     The excess is 0 for layers so thin that they cannot exceed the limit.
     """
     over, gap = np.zeros(len(bound)), bound - limit
-    some = np.flatnonzero((gap > 0) & (most > limit + _ROUNDING))
+    some = np.flatnonzero((gap > 0) & (largest_possible > limit + _ROUNDING))
     excess = np.round(gap.take(some), 6)
     over[some] = np.where(excess > _ROUNDING, excess, 0.0)
     return over
 
 
-def find_underrated(candidates: CandidateLayers, profile: Profile, layers: Int, bounds: Float) -> Bool:
-    """Return which layers (L,) exceed the tolerance by their exact bound, but not by their tabulated one.
+def find_underestimated(candidates: CandidateLayers, profile: Profile, layers: Int, bounds: Float) -> Bool:
+    """Return which layers (L,) exceed the tolerance by their exact bound, although their tabulated bound is within it.
 
     Args:
         candidates: the candidate layers.
@@ -99,11 +102,11 @@ def find_underrated(candidates: CandidateLayers, profile: Profile, layers: Int, 
         layers: (L,) the layers of a plan.
         bounds: (L,) their exact bounds, mm.
     """
-    tolerance = _tolerances(candidates, profile)[layers] + 2 * _ROUNDING
+    tolerance = _candidate_tolerances(candidates, profile)[layers] + 2 * _ROUNDING
     return np.asarray((candidates.bound[layers] <= tolerance) & (bounds > tolerance))
 
 
-def _tolerances(candidates: CandidateLayers, profile: Profile) -> Float:
+def _candidate_tolerances(candidates: CandidateLayers, profile: Profile) -> Float:
     """Return the tolerance of every layer (A,), mm."""
     if not any(height_range.tolerance for height_range in profile.dials.ranges):
         return np.broadcast_to(np.float64(profile.quality.tolerance), candidates.graph.start.shape)
@@ -113,11 +116,11 @@ def _tolerances(candidates: CandidateLayers, profile: Profile) -> Float:
     return layer_tolerances(profile, start, end)
 
 
-def _missed_planes(mesh: Mesh, candidates: CandidateLayers, profile: Profile) -> Float:
+def _count_missed_planes(mesh: Mesh, candidates: CandidateLayers, profile: Profile) -> Float:
     """Return the weighted number of flats and range ends inside each layer (A,); the largest flats count twice."""
     grid = candidates.grid
     flats, areas = find_flats(mesh)
-    borders = range_borders(profile, mesh.height)
+    borders = range_ends(profile, mesh.height)
     place = np.concatenate([flats, borders]) / grid.unit
     weight = np.concatenate([1 + areas / max(areas.sum(initial=0.0), 1e-9), np.full(len(borders), 2.0)])
     # With containment a flat snaps to the node above or below it, depending on the side of the layer.

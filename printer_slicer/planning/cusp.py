@@ -38,8 +38,8 @@ import numpy as np
 
 from printer_slicer.arrays import Float
 from printer_slicer.model import LayerPlan, Mesh
-from printer_slicer.planning.reachable_heights import event_planes, reachable_layers, stack_layers
-from printer_slicer.planning.slopes import Slopes, cusp_height, thickest_within
+from printer_slicer.planning.reachable_heights import find_event_planes, find_reachable_layers, stack_layers
+from printer_slicer.planning.slopes import Slopes, cusp_height, find_thickest_layers
 from printer_slicer.planning.z_steps import ZSteps
 from printer_slicer.profile import CuspPlanner, Profile
 
@@ -49,7 +49,7 @@ _BULGE: Final = (
     0.184  # deviation of the rounded side of an extrusion on a vertical wall, as a fraction of its height
 )
 _TRIANGLE: Final = 1.44
-_DIAGONAL: Final = sqrt(0.5)  # |n_z| of a slope of 45 degrees
+_N_Z_AT_45: Final = sqrt(0.5)  # |n_z| of a slope of 45 degrees
 
 
 class Metric(NamedTuple):
@@ -59,42 +59,46 @@ class Metric(NamedTuple):
         limit: (|n_z| (n,), height allowed at 45 degrees) -> maximum layer height (n,), mm.
         ends_on_flats: whether layers end on flats.
         sees_flats: whether flats inside a layer count as facets with |n_z| = 1.
-        seen: fraction of a layer, from its bottom, whose facets are considered.
+        considered: fraction of a layer, from its bottom, whose facets are considered.
     """
 
     limit: Callable[[Float, float], Float]
     ends_on_flats: bool
     sees_flats: bool = True
-    seen: float = 1.0
+    considered: float = 1.0
 
 
-def _cusp(n: Float, diagonal: float) -> Float:
-    return diagonal * _DIAGONAL / n
+def _limit_by_cusp(n_z: Float, height_at_45: float) -> Float:
+    """Return the maximum layer height by the height of the stair step."""
+    return height_at_45 * _N_Z_AT_45 / n_z
 
 
-def _triangle(n: Float, diagonal: float) -> Float:
-    d = diagonal / _TRIANGLE
-    return np.asarray(np.minimum(d / _BULGE, _TRIANGLE * d * np.sqrt(_level(n) / n)))
+def _limit_by_triangle(n_z: Float, height_at_45: float) -> Float:
+    """Return the maximum layer height by the area of the stair step."""
+    d = height_at_45 / _TRIANGLE
+    return np.asarray(np.minimum(d / _BULGE, _TRIANGLE * d * np.sqrt(_horizontal_component(n_z) / n_z)))
 
 
-def _wasserfall(n: Float, diagonal: float) -> Float:
-    return diagonal * (_BULGE + 0.5 * _DIAGONAL) / (_BULGE + 0.5 * n)
+def _limit_by_wasserfall(n_z: Float, height_at_45: float) -> Float:
+    """Return the maximum layer height by the stair step and the bulge of the extrusion, after Wasserfall et al."""
+    return height_at_45 * (_BULGE + 0.5 * _N_Z_AT_45) / (_BULGE + 0.5 * n_z)
 
 
-def _topography(n: Float, diagonal: float) -> Float:
-    return diagonal * _level(n) / n
+def _limit_by_topography(n_z: Float, height_at_45: float) -> Float:
+    """Return the maximum layer height by the width of the stair step."""
+    return height_at_45 * _horizontal_component(n_z) / n_z
 
 
-def _level(n: Float) -> Float:
-    """Return the horizontal component of a unit normal with vertical component `n`."""
-    return np.asarray(np.sqrt(np.maximum(1 - n * n, 0.0)))
+def _horizontal_component(n_z: Float) -> Float:
+    """Return the horizontal component of a unit normal with vertical component `n_z`."""
+    return np.asarray(np.sqrt(np.maximum(1 - n_z * n_z, 0.0)))
 
 
 METRICS: Final[Mapping[str, Metric]] = {
-    "cusp": Metric(_cusp, ends_on_flats=True),
-    "triangle": Metric(_triangle, ends_on_flats=False),
-    "wasserfall": Metric(_wasserfall, ends_on_flats=True),
-    "topography": Metric(_topography, ends_on_flats=False, sees_flats=False, seen=0.5),
+    "cusp": Metric(_limit_by_cusp, ends_on_flats=True),
+    "triangle": Metric(_limit_by_triangle, ends_on_flats=False),
+    "wasserfall": Metric(_limit_by_wasserfall, ends_on_flats=True),
+    "topography": Metric(_limit_by_topography, ends_on_flats=False, sees_flats=False, considered=0.5),
 }
 
 
@@ -106,8 +110,8 @@ def height_limit(metric: str, slope: Float, profile: Profile) -> Float:
         slope: 0 for a wall, 1 for a flat.
         profile: gives `quality.tolerance` and `quality.containment`.
     """
-    diagonal = cusp_height(profile) / _DIAGONAL
-    return METRICS[metric].limit(np.maximum(slope, 1e-12), diagonal)
+    height_at_45 = cusp_height(profile) / _N_Z_AT_45
+    return METRICS[metric].limit(np.maximum(slope, 1e-12), height_at_45)
 
 
 def plan_cusp(mesh: Mesh, profile: Profile) -> LayerPlan:
@@ -124,13 +128,16 @@ def plan_cusp(mesh: Mesh, profile: Profile) -> LayerPlan:
     name = settings.metric if isinstance(settings, CuspPlanner) else "cusp"
     metric = METRICS[name]
     steps = ZSteps(mesh, profile)
-    first, rest = steps.begin()
+    first, rest = steps.split_first_layer()
     heights = np.array([first] if first else [], np.int64)
     if rest:
         slopes = Slopes(mesh, steps, flats=metric.sees_flats)
-        limit = thickest_within(slopes, steps, lambda n: height_limit(name, n, profile), seen=metric.seen)
-        planes = event_planes(mesh, steps, first) if metric.ends_on_flats else [steps.part]
-        heights = np.append(
-            heights, stack_layers(reachable_layers(limit, planes, first, steps), limit, planes, first, steps)
+        limit = find_thickest_layers(
+            slopes, steps, lambda n: height_limit(name, n, profile), considered=metric.considered
         )
-    return steps.plan(heights, "cusp")
+        planes = find_event_planes(mesh, steps, first) if metric.ends_on_flats else [steps.part]
+        heights = np.append(
+            heights,
+            stack_layers(find_reachable_layers(limit, planes, first, steps), limit, planes, first, steps),
+        )
+    return steps.make_plan(heights, "cusp")

@@ -22,14 +22,18 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Int
 from printer_slicer.model import LayerPlan, Mesh
-from printer_slicer.planning.reachable_heights import event_planes, next_plane, reachable_layers
-from printer_slicer.planning.slopes import Slopes, cusp_height, thickest_within
+from printer_slicer.planning.reachable_heights import (
+    find_event_planes,
+    find_next_planes,
+    find_reachable_layers,
+)
+from printer_slicer.planning.slopes import Slopes, cusp_height, find_thickest_layers
 from printer_slicer.planning.z_steps import ZSteps
 from printer_slicer.profile import GeneticPlanner, Profile
 
 __all__ = ["plan_genetic"]
 
-_MARKED: Final = 0.15  # fraction of a child's layers that are selected for mutation
+_MUTATED_FRACTION: Final = 0.15  # fraction of a child's layers that are selected for mutation
 
 
 class _Rules(NamedTuple):
@@ -38,7 +42,7 @@ class _Rules(NamedTuple):
     Attributes:
         bottom: bottom of the lowest layer that may be chosen, z steps.
         limit: (part + 1,) maximum layer height at each z step, in steps.
-        ways: (part + 1,) at each z step a layer height from whose top the next event plane can be met; 0: none.
+        reachable: (part + 1,) at each z step a layer height from whose top the next event plane can be met; 0: none.
         plane: (part + 1,) the next event plane above each z step.
         allowed: (n,) allowed heights, in steps, ascending.
         listed: (highest * 2 + 1,) whether a height in steps is allowed.
@@ -46,7 +50,7 @@ class _Rules(NamedTuple):
 
     bottom: int
     limit: Int
-    ways: Int
+    reachable: Int
     plane: Int
     allowed: Int
     listed: Bool
@@ -56,9 +60,9 @@ class _Rules(NamedTuple):
         """Height of the part in z steps."""
         return len(self.limit) - 1
 
-    def can_fill(self, height: Int, here: Int, top: Int) -> Bool:
-        """Return whether layers of an allowed height may go from `here` to `top`."""
-        at = np.clip(here, 0, self.part)
+    def can_fill(self, height: Int, bottom: Int, top: Int) -> Bool:
+        """Return whether a layer of this height is allowed on z step `bottom`, and no event plane is below `top`."""
+        at = np.clip(bottom, 0, self.part)
         size = np.clip(height, 0, len(self.listed) - 1)
         listed = self.listed[size] & (size == height)
         return np.asarray(listed & (height <= self.limit[at]) & (top <= self.plane[at]))
@@ -78,27 +82,27 @@ def plan_genetic(mesh: Mesh, profile: Profile) -> LayerPlan:
     if not isinstance(settings, GeneticPlanner):
         settings = GeneticPlanner()
     steps = ZSteps(mesh, profile)
-    first, rest = steps.begin()
+    first, rest = steps.split_first_layer()
     heights = np.array([first] if first else [], np.int64)
     if rest:
-        best = _evolve(_rules(mesh, steps, cusp_height(profile), first), settings)
+        best = _evolve(_compute_rules(mesh, steps, cusp_height(profile), first), settings)
         heights = np.append(heights, best[best > 0])
-    return steps.plan(heights, "genetic")
+    return steps.make_plan(heights, "genetic")
 
 
-def _rules(mesh: Mesh, steps: ZSteps, cusp: float, bottom: int) -> _Rules:
+def _compute_rules(mesh: Mesh, steps: ZSteps, cusp: float, bottom: int) -> _Rules:
     """Compute the limits for the layers of a part."""
-    limit = thickest_within(Slopes(mesh, steps), steps, lambda slope: cusp / np.maximum(slope, 1e-12))
-    planes = event_planes(mesh, steps, bottom)
-    ways = reachable_layers(limit, planes, bottom, steps)
+    limit = find_thickest_layers(Slopes(mesh, steps), steps, lambda slope: cusp / np.maximum(slope, 1e-12))
+    planes = find_event_planes(mesh, steps, bottom)
+    reachable = find_reachable_layers(limit, planes, bottom, steps)
     listed = np.zeros(2 * steps.highest + 1, np.bool_)
     listed[steps.allowed] = True
     above, nothing = steps.allowed[:1], np.zeros(1, np.int64)
     return _Rules(
         bottom,
         np.append(limit, above),
-        np.append(ways, nothing),
-        next_plane(planes, steps),
+        np.append(reachable, nothing),
+        find_next_planes(planes, steps),
         steps.allowed,
         listed,
     )
@@ -107,20 +111,20 @@ def _rules(mesh: Mesh, steps: ZSteps, cusp: float, bottom: int) -> _Rules:
 def _evolve(rules: _Rules, settings: GeneticPlanner) -> Int:
     """Run the algorithm; return the layer heights (n,) of the best plan."""
     rng = np.random.default_rng(settings.seed)
-    alive = _first_population(rules, settings.population, rng)
-    alive = alive[np.argsort(_cost(alive, rules), kind="stable")]
+    alive = _build_first_population(rules, settings.population, rng)
+    alive = alive[np.argsort(_compute_costs(alive, rules), kind="stable")]
     for _ in range(settings.generations):
         parents = rng.integers(settings.population, size=(2, 2, settings.population)).min(axis=0)
         children = _cross_over(alive[parents[0]], alive[parents[1]], rules, rng)
         children = _remove_layers(_shift_tops(children, rules, rng), rules, rng)
         candidates = np.concatenate([alive, children])
-        best = np.argsort(_cost(candidates, rules), kind="stable")[: settings.population]
+        best = np.argsort(_compute_costs(candidates, rules), kind="stable")[: settings.population]
         alive = candidates[best]
         alive = alive[:, : int((alive > 0).sum(axis=1).max())]
     return np.asarray(alive[0])
 
 
-def _first_population(rules: _Rules, size: int, rng: np.random.Generator) -> Int:
+def _build_first_population(rules: _Rules, size: int, rng: np.random.Generator) -> Int:
     """Build plans (size, layers) by random walks from the bottom up, within the limits; 0 after the last layer."""
     part = rules.part
     choices = np.searchsorted(rules.allowed, rules.limit, side="right")
@@ -131,29 +135,29 @@ def _first_population(rules: _Rules, size: int, rng: np.random.Generator) -> Int
         height = rules.allowed[(rng.random(size) * choices[at]).astype(np.int64)]
         top = here + height
         leads_on = (top <= rules.plane[at]) & (
-            (rules.ways[np.minimum(top, part)] > 0) | (top == rules.plane[at])
+            (rules.reachable[np.minimum(top, part)] > 0) | (top == rules.plane[at])
         )
-        height = np.where(here < part, np.where(leads_on, height, rules.ways[at]), 0)
+        height = np.where(here < part, np.where(leads_on, height, rules.reachable[at]), 0)
         columns.append(height)
         here = here + height
     return np.stack(columns, axis=1)
 
 
-def _cost(plans: Int, rules: _Rules) -> Int:
+def _compute_costs(plans: Int, rules: _Rules) -> Int:
     """Return the cost (plans,): the number of layers, plus more than that for each z step above the limit."""
-    here = np.minimum(_bottoms(plans, rules), rules.part)
+    here = np.minimum(_layer_bottoms(plans, rules), rules.part)
     over = np.maximum(plans - rules.limit[here], 0).sum(axis=1)
     return np.asarray((plans > 0).sum(axis=1) + over * (plans.shape[1] + 1))
 
 
-def _tops(plans: Int, rules: _Rules) -> Int:
+def _layer_tops(plans: Int, rules: _Rules) -> Int:
     """Return the top of each layer in z steps (plans, layers); after the last layer the top of the plan."""
     return np.asarray(np.cumsum(plans, axis=1) + rules.bottom)
 
 
-def _bottoms(plans: Int, rules: _Rules) -> Int:
+def _layer_bottoms(plans: Int, rules: _Rules) -> Int:
     """Return the bottom of each layer in z steps (plans, layers); after the last layer the top of the plan."""
-    return _tops(plans, rules) - plans
+    return _layer_tops(plans, rules) - plans
 
 
 def _cross_over(lower: Int, upper: Int, rules: _Rules, rng: np.random.Generator) -> Int:
@@ -164,7 +168,7 @@ def _cross_over(lower: Int, upper: Int, rules: _Rules, rng: np.random.Generator)
     count, width = len(lower), lower.shape[1]
     rows, columns = np.arange(count), np.arange(width)
     seam = rng.integers(rules.bottom, rules.part, size=count)
-    tops = _tops(lower, rules)
+    tops = _layer_tops(lower, rules)
     kept = (tops <= seam[:, None]).sum(axis=1)
     here = np.where(kept > 0, tops[rows, kept - 1], rules.bottom)
     between, rest, joined = _find_joint(here, upper, rules)
@@ -188,7 +192,7 @@ def _find_joint(here: Int, upper: Int, rules: _Rules) -> tuple[Int, Int, Bool]:
         above it; (n,) whether they can be joined, by a layer to the next top of `upper` or to the one after that.
     """
     rows, last = np.arange(len(upper)), upper.shape[1] - 1
-    tops = _tops(upper, rules)
+    tops = _layer_tops(upper, rules)
     met = (tops == here[:, None]).any(axis=1) | (here == rules.bottom)
     over = (tops <= here[:, None]).sum(axis=1)
     near, far = np.minimum(over, last), np.minimum(over + 1, last)
@@ -201,12 +205,12 @@ def _find_joint(here: Int, upper: Int, rules: _Rules) -> tuple[Int, Int, Bool]:
 
 def _shift_tops(plans: Int, rules: _Rules, rng: np.random.Generator) -> Int:
     """Shift some layer tops up or down."""
-    unit, span = _unit(rules), int(rules.allowed[-1] - rules.allowed[0])
+    unit, span = _common_divisor(rules), int(rules.allowed[-1] - rules.allowed[0])
     farthest = max(span // (8 * unit), 1)
     marked = _pick_layers(plans, rng)[:, :-1]
     by = unit * rng.integers(-farthest, farthest + 1, size=marked.shape) * marked
     below, above = plans[:, :-1] + by, plans[:, 1:] - by
-    here = _bottoms(plans, rules)[:, :-1]
+    here = _layer_bottoms(plans, rules)[:, :-1]
     top = here + below
     fits = rules.can_fill(below, here, top) & rules.can_fill(above, top, top + above)
     # A top on an event plane must not move.
@@ -222,10 +226,10 @@ def _remove_layers(plans: Int, rules: _Rules, rng: np.random.Generator) -> Int:
     """Remove some layers by dividing their height among their neighbours."""
     if plans.shape[1] < 3:
         return plans
-    unit = _unit(rules)
+    unit = _common_divisor(rules)
     marked = _pick_layers(plans, rng)[:, 1:-1]
     gone, before, after = plans[:, 1:-1], plans[:, :-2], plans[:, 2:]
-    bottoms = _bottoms(plans, rules)
+    bottoms = _layer_bottoms(plans, rules)
     here, place, top = bottoms[:, :-2], bottoms[:, 1:-1], bottoms[:, 2:]
     down = np.minimum(unit * np.floor(rng.random(gone.shape) * (gone // unit + 1)).astype(np.int64), gone)
     # A layer beside an event plane goes wholly to the neighbour on the same side of the plane.
@@ -243,14 +247,14 @@ def _remove_layers(plans: Int, rules: _Rules, rng: np.random.Generator) -> Int:
     return np.take_along_axis(changed, order, axis=1)
 
 
-def _unit(rules: _Rules) -> int:
+def _common_divisor(rules: _Rules) -> int:
     """Return the greatest common divisor of the allowed heights, in z steps."""
     return int(np.gcd.reduce(rules.allowed))
 
 
 def _pick_layers(plans: Int, rng: np.random.Generator) -> Bool:
     """Select random layers (plans, layers), at least four apart."""
-    marked = rng.random(plans.shape) < _MARKED
+    marked = rng.random(plans.shape) < _MUTATED_FRACTION
     for apart in (1, 2, 3):
         marked[:, apart:] &= ~marked[:, :-apart]
     return marked

@@ -25,10 +25,10 @@ __all__ = [
     "FINEST",
     "HeightGrid",
     "HeightRow",
-    "event_planes",
-    "list_layers",
+    "find_event_planes",
+    "list_candidate_layers",
     "overlaps_range",
-    "range_borders",
+    "range_ends",
 ]
 
 FINEST: Final = 0.0025
@@ -65,9 +65,9 @@ class HeightGrid:
         return self.unit / self.cells
 
     @classmethod
-    def of(cls, steps: ZSteps, more: Sequence[float] = ()) -> HeightGrid:
-        """Build the coarsest grid that has all allowed heights and `more`, mm, and is fine enough for event planes."""
-        wanted = [steps.of(height) for height in more]
+    def of(cls, steps: ZSteps, extra: Sequence[float] = ()) -> HeightGrid:
+        """Build the coarsest grid for all allowed heights, `extra` heights in mm, and event planes."""
+        wanted = [steps.to_steps(height) for height in extra]
         common = gcd(*steps.allowed.tolist(), *wanted, steps.first)
         fits = [
             d for d in range(1, common + 1) if common % d == 0 and (d == 1 or d * steps.size <= FINEST + 1e-9)
@@ -77,17 +77,17 @@ class HeightGrid:
         low, high = -(-steps.lowest // size), steps.highest // size
         return cls(steps.size * size, size, n, steps.part - n * size, low, high)
 
-    def nearest(self, z: Float) -> Int:
+    def nearest_nodes(self, z: Float) -> Int:
         """Return the nodes nearest to heights in mm."""
         return np.rint(np.asarray(z) / self.unit).astype(np.int64).clip(0, self.n)
 
-    def steps_of(self, heights: Int) -> Int:
+    def to_steps(self, heights: Int) -> Int:
         """Convert the layer heights of a plan from units to z steps."""
         steps = heights * self.steps
         steps[-1] += self.rest
         return np.asarray(steps)
 
-    def units(self, height: float) -> int:
+    def to_units(self, height: float) -> int:
         """Convert a height in mm to units, rounded."""
         return round(height / self.unit)
 
@@ -108,27 +108,27 @@ class HeightRow(NamedTuple):
     free: Bool
 
 
-def range_borders(profile: Profile, height: float) -> Float:
-    """Return the ends of height ranges (n,) within a part of this height, mm."""
+def range_ends(profile: Profile, height: float) -> Float:
+    """Return the ends of height ranges (n,) that lie inside a part of this height, mm."""
     ends = [z for height_range in profile.dials.ranges for z in (height_range.low, height_range.high)]
     return np.array([z for z in ends if 0 < z < height], np.float64)
 
 
 def overlaps_range(height_range: HeightRange, grid: HeightGrid, start: Int, end: Int) -> Bool:
     """Return whether layers between two nodes overlap a range."""
-    return np.asarray((end > grid.units(height_range.low)) & (start < grid.units(height_range.high)))
+    return np.asarray((end > grid.to_units(height_range.low)) & (start < grid.to_units(height_range.high)))
 
 
-def event_planes(mesh: Mesh, profile: Profile) -> Float:
+def find_event_planes(mesh: Mesh, profile: Profile) -> Float:
     """Return the heights (n,) next to which layers may have any height, mm: flats, ridges, peaks, pits, range ends.
 
     Nearly horizontal flats are not events of the surface, so they are added.
     """
     events = read_surface(mesh).contacts.event_heights()
-    return np.concatenate([events, find_flats(mesh)[0], range_borders(profile, mesh.height)])
+    return np.concatenate([events, find_flats(mesh)[0], range_ends(profile, mesh.height)])
 
 
-def list_layers(
+def list_candidate_layers(
     planes: Float, grid: HeightGrid, steps: ZSteps, profile: Profile, *, everywhere: bool
 ) -> list[HeightRow]:
     """List the candidate layers, from the smallest height up.
@@ -142,7 +142,7 @@ def list_layers(
     """
     first = steps.first // grid.steps
     event = np.zeros(grid.n + 1, np.bool_)
-    event[grid.nearest(planes)] = True
+    event[grid.nearest_nodes(planes)] = True
     event[0], event[-1] = bool(first), True  # above a fixed first layer any height is allowed, as at a flat
     allowed = set((steps.allowed // grid.steps).tolist())
     rows = []
@@ -151,7 +151,7 @@ def list_layers(
         start = end - height
         listed = np.full(len(end), height in allowed)
         for height_range in profile.dials.ranges:
-            if height_range.layer_height and grid.units(height_range.layer_height) == height:
+            if height_range.layer_height and grid.to_units(height_range.layer_height) == height:
                 listed |= overlaps_range(height_range, grid, start, end)
         free = listed | event[end] | event[start]
         chosen = free | everywhere

@@ -33,14 +33,14 @@ from printer_slicer.surface import Surface
 
 __all__ = ["LayerTimes"]
 
-_TRAVELS: Final = (
+_TRAVELS_PER_LINE: Final = (
     3.5,
     0.03,
     0.25,
 )  # travels per contour, per line of solid infill, per line of internal infill
-_TRAVEL: Final = 0.15  # mean length of a travel, as a fraction of the section's extent
-_RETRACTIONS: Final = 0.75  # retractions per contour after the first
-_ON_BED: Final = 1e-6  # mm
+_TRAVEL_LENGTH_RATIO: Final = 0.15  # mean length of a travel, as a fraction of the section's extent
+_RETRACTIONS_PER_CONTOUR: Final = 0.75  # retractions per contour after the first
+_ROUNDING: Final = 1e-6  # mm
 
 
 class _LayerLineTimes(NamedTuple):
@@ -69,75 +69,80 @@ class LayerTimes:
 
     def __init__(self, surface: Surface, profile: Profile, z: Float) -> None:
         self._profile, self._z = profile, z
-        self._at = at = measure_sections(surface, profile)
+        self._sections = at = measure_sections(surface, profile)
         self._chord = np.clip(np.pi * at.area / np.maximum(at.length, 1e-9), 0.3, 500.0)
         self._infill_spacing = profile.extrusion_width / max(profile.quality.infill_density, 0.01)
         place = np.interp(z, at.z, np.arange(len(at.z)))
         self._below = np.minimum(place.astype(np.int64), max(len(at.z) - 2, 0))
         self._share = place - self._below
         self._above, self._on_bed = (self._time_lines(first=first) for first in (False, True))
-        self._between = self._travels()
-        self._known: dict[tuple[float, bool], Float] = {}
+        self._travel_seconds = self._time_travels()
+        self._cached_times: dict[tuple[float, bool], Float] = {}
 
-    def seconds(self, which: Int, height: float) -> Float:
+    def seconds(self, indices: Int, height: float) -> Float:
         """Return the time of layers (m,) of `height` mm that are cut at the heights `z[which]`, s."""
-        found = self._interpolate(self._layer(height, self._above), which)
-        on_bed = self._z.take(which) <= height / 2 + _ON_BED
+        found = self._interpolate(self._level_times(height, self._above), indices)
+        on_bed = self._z.take(indices) <= height / 2 + _ROUNDING
         if on_bed.any():
-            found[on_bed] = self._interpolate(self._layer(height, self._on_bed), which[on_bed])
+            found[on_bed] = self._interpolate(self._level_times(height, self._on_bed), indices[on_bed])
         return found
 
-    def per_mm3(self, height: float) -> float:
+    def seconds_per_mm3(self, height: float) -> float:
         """Return the time per mm³ of extruded material, s, in layers of `height` mm above the first."""
-        length, _ = self._lines(height, self._above)
+        length, _ = self._measure_lines(height, self._above)
         gap = float(bead.spacing(self._profile.extrusion_width, height))
-        return float(self._layer(height, self._above).sum() / max(length.sum() * gap * height, 1e-9))
+        return float(self._level_times(height, self._above).sum() / max(length.sum() * gap * height, 1e-9))
 
-    def _interpolate(self, values: Float, which: Int) -> Float:
+    def _interpolate(self, values: Float, indices: Int) -> Float:
         """Interpolate values (L,) of the levels at the heights `z[which]`, (m,)."""
-        below, share = self._below.take(which), self._share.take(which)
+        below, share = self._below.take(indices), self._share.take(indices)
         low = values.take(below)
         return np.asarray(low + share * (values.take(np.minimum(below + 1, len(values) - 1)) - low))
 
-    def _layer(self, height: float, times: _LayerLineTimes) -> Float:
-        """Return the time of a layer at each level (L,), s."""
-        known = self._known.get((height, times is self._on_bed))
+    def _level_times(self, height: float, times: _LayerLineTimes) -> Float:
+        """Return the time (L,) of a layer of `height` mm at each level, s; computed once for each height."""
+        known = self._cached_times.get((height, times is self._on_bed))
         if known is None:
-            known = self._known[height, times is self._on_bed] = self._time_layer(height, times)
+            known = self._cached_times[height, times is self._on_bed] = self._compute_level_times(
+                height, times
+            )
         return known
 
-    def _time_layer(self, height: float, times: _LayerLineTimes) -> Float:
+    def _compute_level_times(self, height: float, times: _LayerLineTimes) -> Float:
+        """Compute the times (L,) that `_level_times` caches."""
         material, printer = self._profile.material, self._profile.printer
-        length, printing = self._lines(height, times)
-        idle = self._between + time_moves(height, printer.max_speed_z, printer.max_acceleration_z)
+        length, printing = self._measure_lines(height, times)
+        idle = self._travel_seconds + time_moves(height, printer.max_speed_z, printer.max_acceleration_z)
         quick = printing + idle
         slowest = length / material.min_speed + idle
         return np.asarray(np.clip(material.min_layer_time, quick, np.maximum(slowest, quick)))
 
-    def _lines(self, height: float, times: _LayerLineTimes) -> tuple[Float, Float]:
+    def _measure_lines(self, height: float, times: _LayerLineTimes) -> tuple[Float, Float]:
         """Return the length of all extrusions of a layer at each level (L,), mm, and their print time (L,), s."""
-        quality, at, chord = self._profile.quality, self._at, self._chord
+        quality, at, chord = self._profile.quality, self._sections, self._chord
         gap = float(bead.spacing(self._profile.extrusion_width, height))
         fastest = times.flow / (gap * height * self._profile.material.flow_ratio)
         external, inner = min(quality.perimeters, 1), max(quality.perimeters - 1, 0)
-        kinds = self._kinds(height, gap, first=times is self._on_bed)
-        printing = at.at_levels(external * times.external.at(fastest) + inner * times.inner.at(fastest))
+        kinds = self._infill_lengths(height, gap, first=times is self._on_bed)
+        printing = at.at_levels(
+            external * times.external.at_speed(fastest) + inner * times.inner.at_speed(fastest)
+        )
         for kind, rows in zip(kinds, times.rows, strict=True):
-            printing += kind * rows.per_mm(chord, fastest)
+            printing += kind * rows.seconds_per_mm(chord, fastest)
         return (external + inner) * at.length + sum(kinds), printing
 
-    def _kinds(self, height: float, gap: float, *, first: bool) -> tuple[Float, ...]:
+    def _infill_lengths(self, height: float, gap: float, *, first: bool) -> tuple[Float, ...]:
         """Return the length of each kind of infill in a layer at each level (L,), mm.
 
         The kinds are solid, internal and top solid infill, bridges and internal bridges.
         """
-        at, nozzle = self._at, self._profile.printer.nozzle_diameter
+        at, nozzle = self._sections, self._profile.printer.nozzle_diameter
         density = self._profile.quality.infill_density / gap
         if first:
             none = np.zeros(len(at.z))
             return at.inside / gap, none, none, none, none
-        solid = at.solid(height)
-        top, bridges, internal_bridges = at.exposed(height, solid)
+        solid = at.solid_area(height)
+        top, bridges, internal_bridges = at.exposed_areas(height, solid)
         left = solid - top - bridges - internal_bridges
         # Bridge lines are as wide as the nozzle.
         return (
@@ -150,47 +155,51 @@ class LayerTimes:
 
     def _time_lines(self, *, first: bool) -> _LayerLineTimes:
         """Time lines in the first layer, or in those above it."""
-        profile, at = self._profile, self._at
+        profile, at = self._profile, self._sections
         speeds, hard, limits = profile.speeds, profile.accelerations, limits_of(profile.printer)
         thickest, width = profile.printer.max_layer, profile.extrusion_width
         flow = profile.max_flow * (profile.material.first_layer_max_flow_ratio if first else 1.0)
         slowest = flow / (float(bead.spacing(width, thickest)) * thickest * profile.material.flow_ratio)
 
-        def motion(name: str, like: str = "") -> LineMotion:
-            """Return speed and acceleration of a role; `like` names the role that gives the acceleration."""
-            speed, acceleration = getattr(speeds, name), getattr(hard, like or name)
+        def line_motion(role: str, acceleration_role: str = "") -> LineMotion:
+            """Return speed and acceleration of a role; the acceleration may be that of another role."""
+            speed, acceleration = getattr(speeds, role), getattr(hard, acceleration_role or role)
             if not first:
                 return LineMotion(speed, acceleration)
-            most = speeds.first_layer if name.endswith("perimeter") else speeds.first_layer_infill
+            most = speeds.first_layer if role.endswith("perimeter") else speeds.first_layer_infill
             return LineMotion(min(speed, most), hard.first_layer or acceleration)
 
         external, inner = (
-            time_contours(at.contours, motion(name), slowest, limits)
-            for name in ("external_perimeter", "perimeter")
+            time_contours(at.contours, line_motion(role), slowest, limits)
+            for role in ("external_perimeter", "perimeter")
         )
         rows = (
-            (width, motion("solid_infill")),
-            (self._infill_spacing, motion("internal_infill")),
-            (width, motion("top_solid_infill")),
-            (width, motion("bridge")),
-            (width, motion("internal_bridge", "bridge")),
+            (width, line_motion("solid_infill")),
+            (self._infill_spacing, line_motion("internal_infill")),
+            (width, line_motion("top_solid_infill")),
+            (width, line_motion("bridge")),
+            (width, line_motion("internal_bridge", "bridge")),
         )
         return _LayerLineTimes(
             external, inner, [time_rows(link, one, slowest, limits) for link, one in rows], flow
         )
 
-    def _travels(self) -> Float:
+    def _time_travels(self) -> Float:
         """Return the time of travels and retractions in a layer at each level (L,), s."""
-        printer, at = self._profile.printer, self._at
+        printer, at = self._profile.printer, self._sections
         limits = limits_of(printer)
-        travel = time_moves(_TRAVEL * at.extent, self._profile.speeds.travel, limits.travel_acceleration)
+        travel = time_moves(
+            _TRAVEL_LENGTH_RATIO * at.extent, self._profile.speeds.travel, limits.travel_acceleration
+        )
         pulled = sum(
             float(time_moves(printer.retract_length, speed, limits.retract_acceleration))
             for speed in (printer.retract_speed, printer.deretract_speed)
         )
         hop = float(time_moves(printer.z_hop, printer.max_speed_z, printer.max_acceleration_z))
-        area = at.solid(self._profile.quality.layer_height)
+        area = at.solid_area(self._profile.quality.layer_height)
         solid, infill = area / self._profile.extrusion_width, (at.inside - area) / self._infill_spacing
-        by_loop, by_solid, by_infill = _TRAVELS
+        by_loop, by_solid, by_infill = _TRAVELS_PER_LINE
         count = by_loop * at.loops + (by_solid * solid + by_infill * infill) / self._chord
-        return np.asarray(count * travel + _RETRACTIONS * np.maximum(at.loops - 1, 0) * (pulled + 2 * hop))
+        return np.asarray(
+            count * travel + _RETRACTIONS_PER_CONTOUR * np.maximum(at.loops - 1, 0) * (pulled + 2 * hop)
+        )

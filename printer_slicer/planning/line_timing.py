@@ -20,11 +20,11 @@ from printer_slicer.motion.vectorized import durations
 
 __all__ = ["LineMotion", "LineTimes", "RowTimes", "time_contours", "time_moves", "time_rows"]
 
-_LENGTHS: Final = 40
-_SHORTEST: Final = 0.2  # mm, shortest line in a row
-_LONGEST: Final = 1000.0
-_FILAMENT: Final = 0.03  # mm of filament per mm of line, roughly
-_PERIODS: Final = 5  # lines per row; the middle one is timed
+_N_LENGTHS: Final = 40
+_SHORTEST_LINE: Final = 0.2  # mm, shortest line in a row
+_LONGEST_LINE: Final = 1000.0
+_FILAMENT_PER_MM: Final = 0.03  # mm of filament per mm of line, roughly
+_LINES_PER_ROW: Final = 5  # lines per row; the middle one is timed
 
 
 class LineMotion(NamedTuple):
@@ -53,7 +53,7 @@ class LineTimes:
     at_slow: Float
     at_fast: Float
 
-    def at(self, speed: float) -> Float:
+    def at_speed(self, speed: float) -> Float:
         """Return the times (n,) at a speed, mm/s, clamped to the limits, s."""
         if self.fast <= self.slow:
             return self.at_fast
@@ -63,7 +63,7 @@ class LineTimes:
 
 
 def time_contours(contours: Areas, line: LineMotion, slowest: float, limits: MotionLimits) -> LineTimes:
-    """Time (L,) of a line along all contours of each layer, s.
+    """Return the time (L,) of a line along all contours of each layer, as a function of speed.
 
     Args:
         contours: contours of L layers.
@@ -76,17 +76,17 @@ def time_contours(contours: Areas, line: LineMotion, slowest: float, limits: Mot
     layer = np.repeat(contours.ring_layer, sizes)
     ends = np.zeros(len(steps), np.bool_)
     ends[contours.ring_start[1:] - 1] = True
-    delta = np.column_stack([steps, np.zeros(len(steps)), _FILAMENT * np.hypot(*steps.T)])
+    delta = np.column_stack([steps, np.zeros(len(steps)), _FILAMENT_PER_MM * np.hypot(*steps.T)])
 
-    def seconds(speed: float) -> Float:
-        """Time one row of each length, s."""
+    def contour_seconds(speed: float) -> Float:
+        """Return the time (L,) of the line along the contours of each layer at this speed, s."""
         speeds, accelerations = np.full(len(delta), speed), np.full(len(delta), line.acceleration)
         seconds_of_moves = durations(delta, speeds, limits, stop_after=ends, acceleration=accelerations)
         return np.asarray(
             np.bincount(layer, weights=seconds_of_moves, minlength=contours.n_layers), np.float64
         )
 
-    return _times_between(seconds, line.speed, slowest)
+    return _sample_times(contour_seconds, line.speed, slowest)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -101,44 +101,45 @@ class RowTimes:
     length: Float
     times: LineTimes
 
-    def per_mm(self, length: Float, speed: float) -> Float:
+    def seconds_per_mm(self, length: Float, speed: float) -> Float:
         """Return the time per mm of lines of lengths (n,), s/mm."""
-        rate = self.times.at(speed) / self.length
+        rate = self.times.at_speed(speed) / self.length
         share = np.interp(np.log(length), np.log(self.length), np.log(rate / rate[0]))
         return np.asarray(np.exp(share) * rate[0])
 
 
 def time_rows(link: float, line: LineMotion, slowest: float, limits: MotionLimits) -> RowTimes:
-    """Time zigzag lines joined by connections of `link` mm; other arguments as for `time_contours`."""
-    length = np.geomspace(_SHORTEST, _LONGEST, _LENGTHS)
-    to_and_fro = np.where(np.arange(_PERIODS) % 2 == 0, 1.0, -1.0)
-    moves = np.zeros((_LENGTHS, _PERIODS, 2, 4))
+    """Return the times of zigzag lines joined by connections of `link` mm; other arguments as for `time_contours`."""
+    length = np.geomspace(_SHORTEST_LINE, _LONGEST_LINE, _N_LENGTHS)
+    to_and_fro = np.where(np.arange(_LINES_PER_ROW) % 2 == 0, 1.0, -1.0)
+    moves = np.zeros((_N_LENGTHS, _LINES_PER_ROW, 2, 4))
     moves[:, :, 0, 0] = length[:, None] * to_and_fro
     moves[:, :, 1, 1] = link
-    moves[..., 3] = _FILAMENT * np.abs(moves[..., :2]).sum(axis=-1)
+    moves[..., 3] = _FILAMENT_PER_MM * np.abs(moves[..., :2]).sum(axis=-1)
     delta = moves.reshape(-1, 4)
-    stops = np.zeros((_LENGTHS, 2 * _PERIODS), np.bool_)
+    stops = np.zeros((_N_LENGTHS, 2 * _LINES_PER_ROW), np.bool_)
     stops[:, -1] = True
 
-    def seconds(speed: float) -> Float:
+    def row_seconds(speed: float) -> Float:
+        """Return the time (m,) of one line of each length and its connection at this speed, s."""
         speeds, accelerations = np.full(len(delta), speed), np.full(len(delta), line.acceleration)
         seconds_of_moves = durations(
             delta, speeds, limits, stop_after=stops.ravel(), acceleration=accelerations
         )
-        middle = seconds_of_moves.reshape(_LENGTHS, _PERIODS, 2)[:, _PERIODS // 2]
+        middle = seconds_of_moves.reshape(_N_LENGTHS, _LINES_PER_ROW, 2)[:, _LINES_PER_ROW // 2]
         return np.asarray(middle.sum(axis=1))
 
-    return RowTimes(length, _times_between(seconds, line.speed, slowest))
+    return RowTimes(length, _sample_times(row_seconds, line.speed, slowest))
 
 
 def time_moves(length: Float | float, speed: float, acceleration: float) -> Float:
-    """Time moves that start and end at rest, s, in the shape of their lengths, mm."""
+    """Return the time of moves that start and end at rest, s, in the shape of their lengths, mm."""
     reached = np.minimum(speed, np.sqrt(acceleration * length))
     return np.asarray(length / np.maximum(reached, 1e-9) + reached / acceleration)
 
 
-def _times_between(seconds: Callable[[float], Float], speed: float, slowest: float) -> LineTimes:
-    """Evaluate times (n,) at the slowest and the fastest speed."""
+def _sample_times(seconds: Callable[[float], Float], speed: float, slowest: float) -> LineTimes:
+    """Evaluate a function from speed to times (n,) at the slowest and the fastest speed."""
     slow = min(slowest, speed)
     fast = seconds(speed)
     return LineTimes(slow, speed, fast if slow >= speed else seconds(slow), fast)

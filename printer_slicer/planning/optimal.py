@@ -35,7 +35,7 @@ from printer_slicer.planning.candidate_layers import CandidateLayers
 from printer_slicer.planning.constraint_priorities import (
     UNLISTED_FACTOR,
     Constraint,
-    find_underrated,
+    find_underestimated,
     rank_constraints,
 )
 from printer_slicer.planning.height_grid import HeightGrid
@@ -57,13 +57,13 @@ __all__ = ["plan_optimal"]
 
 # Tabulated bounds treat coordinates just below a cell border as on it. If the exact bound of a layer in the plan
 # exceeds the tolerance, it replaces the tabulated one and the search is repeated, at most this many times.
-_ROUNDS: Final = 20
-_MOST_ARCS: Final = 50_000_000  # memory limit; an arc takes about 70 bytes
-_DIGITS: Final = 9  # decimals of costs, relative to the largest layer cost
-_LAYER: Final = (
+_MAX_ROUNDS: Final = 20
+_MAX_ARCS: Final = 50_000_000  # memory limit; an arc takes about 70 bytes
+_COST_DECIMALS: Final = 9  # decimals of costs, relative to the largest layer cost
+_COST_PER_LAYER: Final = (
     1e-6  # added per layer, relative to the largest cost, so that on ties the plan with fewer layers wins
 )
-_FACTORS: Final = (
+_PRICE_FACTORS: Final = (
     1.0,
     1.25,
     1.6,
@@ -76,9 +76,9 @@ _FACTORS: Final = (
     0.4,
     0.2,
 )  # price factors, in the order in which they are tried
-_BEATEN: Final = 1e-4  # smallest relative difference of time or volume error that is not rounding
+_LEAST_DIFFERENCE: Final = 1e-4  # smallest relative difference of time or volume error that is not rounding
 _STEP_PENALTY: Final = 0.5  # penalty for a large step next to a flat, in median layer costs
-_TIE: Final = 1e-4  # mm³ added per layer if the objective is the volume error alone
+_ERROR_PER_LAYER: Final = 1e-4  # mm³ added per layer if the objective is the volume error alone
 
 
 def plan_optimal(mesh: Mesh, profile: Profile) -> LayerPlan:
@@ -92,39 +92,39 @@ def plan_optimal(mesh: Mesh, profile: Profile) -> LayerPlan:
         PlanError: the part is thinner than the thinnest layer, or `max_layers` is too small.
     """
     steps = ZSteps(mesh, profile)
-    first, rest = steps.begin()
+    first, rest = steps.split_first_layer()
     if rest < steps.lowest or first != steps.first:  # too low for any choice
         heights = np.array([first, rest] if rest and first else [first or rest], np.int64)
-        return steps.plan(heights, "optimal")
+        return steps.make_plan(heights, "optimal")
     for everywhere in (False, True):
         plan = _search_plan(mesh, profile, steps, everywhere=everywhere)
         if plan is not None:
             return plan
     # No printable heights add up to the height of the part, so the last layer extends above it.
     above = fill_with_layers(rest, steps.lowest, steps.lowest, steps.highest)
-    return steps.plan(np.append([first] if first else [], above).astype(np.int64), "optimal")
+    return steps.make_plan(np.append([first] if first else [], above).astype(np.int64), "optimal")
 
 
 def _search_plan(mesh: Mesh, profile: Profile, steps: ZSteps, *, everywhere: bool) -> LayerPlan | None:
-    """Find the best plan of allowed layers, or with `everywhere` of all printable ones; None if there is none."""
+    """Find the best plan of allowed layers or, with `everywhere`, of all printable layers; None if there is none."""
     surface = read_surface(mesh)
     grid = HeightGrid.of(steps, [height_range.layer_height for height_range in profile.dials.ranges])
-    if grid.n * len(steps.allowed) > _MOST_ARCS:
+    if grid.n * len(steps.allowed) > _MAX_ARCS:
         raise PlanError(
-            f"{mesh.name}: {grid.n} possible layer tops and {len(steps.allowed)} layer heights are too many",
+            f"{mesh.name}: {grid.n} possible layer tops with {len(steps.allowed)} layer heights are too many to search",
             remedy="Set a coarser layer_step, a list of layer_heights, or a coarser printer.z_step",
         )
     candidates = CandidateLayers.for_part(mesh, grid, steps, profile, everywhere=everywhere)
     neighbours = neighbour_limits(mesh, grid, steps, profile)
-    for _ in range(_ROUNDS):
+    for _ in range(_MAX_ROUNDS):
         layers = _Search(
             mesh, candidates, profile, rank_constraints(mesh, candidates, steps, profile), neighbours
-        ).best()
+        ).find_best()
         if layers is None:
             return None
-        plan = steps.plan(grid.steps_of(candidates.graph.height[layers]), "optimal")
+        plan = steps.make_plan(grid.to_steps(candidates.graph.height[layers]), "optimal")
         bounds = layer_bounds(surface, plan)
-        worse = find_underrated(candidates, profile, layers, bounds)
+        worse = find_underestimated(candidates, profile, layers, bounds)
         if not worse.any():
             break
         candidates = candidates.with_bounds(layers[worse], bounds[worse])
@@ -148,54 +148,54 @@ class _Search:
         self._candidates, self._constraints = candidates, constraints
         # Every plan of these layers violates the constraints as little as possible.
         self._kept = optimal_arcs(candidates.graph, [constraint.cost for constraint in constraints])
-        self._graph = candidates.graph.of(self._kept)
+        self._graph = candidates.graph.with_arcs(self._kept)
 
-    def best(self) -> Int | None:
+    def find_best(self) -> Int | None:
         """Return the layers of the best plan; None if no plan reaches the top."""
         settings = self._settings
         if len(self._kept) == 0:
             return None
         if settings.max_layers:
-            return self._few(settings.max_layers)
+            return self._minimize_with_max_layers(settings.max_layers)
         if settings.time_budget:
-            return self._quick(settings.time_budget)
+            return self._minimize_within_time(settings.time_budget)
         if settings.objective == "balanced":
-            return self._balanced()
-        return self._search(self._objective())
+            return self._minimize_balanced_cost()
+        return self._minimize(self._layer_costs())
 
-    def _balanced(self) -> Int | None:
-        """Find the plan with the lowest cost of time and volume error that no uniform plan beats in both.
+    def _minimize_balanced_cost(self) -> Int | None:
+        """Find the plan with the lowest cost of time and volume error that no uniform plan dominates.
 
-        No plan within the constraints can beat it, because that would cost less. A uniform plan can, if it misses flats
-        or ends with a large step or a height outside the list. In that case large steps next to flats and heights
-        outside the list become free. If that does not help, the price is raised, then lowered, until no uniform plan is
-        better.
+        No plan within the constraints can dominate it, because that plan would cost less. A uniform plan can, if it
+        misses flats or ends with a large step or a height outside the list. In that case large steps next to flats and
+        heights outside the list become free. If that does not help, the price is raised, then lowered, until no uniform
+        plan is better.
         """
         candidates, settings = self._candidates, self._settings
-        price = settings.error_price or settings.error_price_ratio * candidates.per_mm3
+        price = settings.error_price or settings.error_price_ratio * candidates.seconds_per_mm3
 
         def search(factor: float) -> Int | None:
-            return self._search(candidates.seconds + price * factor * candidates.volume)
+            return self._minimize(candidates.seconds + price * factor * candidates.volume)
 
         first = found = search(1.0)
         self._unlisted_factor, self._step_penalty = 1.0, 0.0
-        factors = iter(_FACTORS)
-        while found is not None and self._is_beaten(found):
+        factors = iter(_PRICE_FACTORS)
+        while found is not None and self._is_dominated(found):
             factor = next(factors, None)
             if factor is None:
                 return first
             found = search(factor)
         return found
 
-    def _is_beaten(self, layers: Int) -> bool:
-        """Return whether a uniform plan is at least as fast and accurate, and better in one of the two."""
+    def _is_dominated(self, layers: Int) -> bool:
+        """Return whether a uniform plan is at least as fast and as accurate as these layers, and better in one."""
         mine = np.array([self._candidates.seconds[layers].sum(), self._candidates.volume[layers].sum()])
-        slack = _BEATEN * mine
+        slack = _LEAST_DIFFERENCE * mine
         theirs = self._candidates.uniform
         return bool(((theirs <= mine + 1e-9).all(axis=1) & (theirs < mine - slack - 1e-9).any(axis=1)).any())
 
-    def _objective(self) -> Float:
-        """Return the cost of every layer, without constraints."""
+    def _layer_costs(self) -> Float:
+        """Return the cost (A,) of every layer by the objective, without constraints."""
         candidates, kind = self._candidates, self._settings.objective
         # Upper bound of the volume error of any plan: all shadows times the thickest layer.
         surface = read_surface(self._mesh)
@@ -207,80 +207,82 @@ class _Search:
             )
         if kind == "layers":
             return np.asarray(1.0 + candidates.volume * (0.5 / most))
-        return candidates.volume + _TIE
+        return candidates.volume + _ERROR_PER_LAYER
 
-    def _cost(self, objective: Float) -> Float:
-        """Return the objective (A,), rounded so that rounding errors do not decide between equal plans."""
+    def _round_costs(self, objective: Float) -> Float:
+        """Round the costs (A,) of an objective, so that rounding errors do not decide between equal plans."""
         worth = _largest_cost(objective)
-        cost = np.round(objective / worth, _DIGITS) * worth + _LAYER * worth
+        cost = np.round(objective / worth, _COST_DECIMALS) * worth + _COST_PER_LAYER * worth
         cost[~self._candidates.listed] *= self._unlisted_factor
         return np.asarray(cost)
 
-    def _search(self, objective: Float) -> Int | None:
-        """Return the layers of the plan that is best by the constraints, then by an objective."""
-        found = self._cheapest(self._graph, self._cost(objective)[self._kept], _largest_cost(objective))
+    def _minimize(self, objective: Float) -> Int | None:
+        """Return the layers of the plan with the lowest cost among those that meet the constraints best."""
+        found = self._find_cheapest(
+            self._graph, self._round_costs(objective)[self._kept], _largest_cost(objective)
+        )
         return None if found is None else self._kept[found]
 
-    def _cheapest(self, graph: ArcGraph, cost: Float, worth: float) -> Int | None:
-        """Find the cheapest plan with as few disallowed neighbours as possible."""
+    def _find_cheapest(self, graph: ArcGraph, cost: Float, largest_cost: float) -> Int | None:
+        """Find the cheapest plan; each pair of neighbours that is not allowed costs more than any plan."""
         neighbours, height = self._neighbours, graph.height
         if (
             neighbours is None
             or not len(height)
-            or neighbours.allow_all_between(int(height.min()), int(height.max()))
+            or neighbours.allows_all_between(int(height.min()), int(height.max()))
         ):
             return cheapest_path(graph, cost)
         most_layers = graph.n / float(height.min()) + 1
         return cheapest_with_neighbours(
-            graph, cost, neighbours, worth * most_layers, self._step_penalty * median(cost)
+            graph, cost, neighbours, largest_cost * most_layers, self._step_penalty * median(cost)
         )
 
-    def _few(self, most: int) -> Int | None:
-        """Minimize the volume error with at most `most` layers; with `max_step`, by a price on layers.
+    def _minimize_with_max_layers(self, max_layers: int) -> Int | None:
+        """Minimize the volume error with at most `max_layers` layers; with `max_step`, by a price on layers.
 
         Raises:
-            PlanError: so few layers do not reach the top.
+            PlanError: `max_layers` layers do not reach the top.
         """
-        loss, graph, kept = self._candidates.volume + _TIE, self._graph, self._kept
-        worth, cost = _largest_cost(loss), self._cost(loss)
+        loss, graph, kept = self._candidates.volume + _ERROR_PER_LAYER, self._graph, self._kept
+        worth, cost = _largest_cost(loss), self._round_costs(loss)
         fewest = cheapest_path(graph, np.ones(len(kept)))
-        if fewest is None or len(fewest) > most:
+        if fewest is None or len(fewest) > max_layers:
             # So few layers cannot meet the constraints, so these become weighted costs.
             graph, kept = self._candidates.graph, np.arange(len(loss))
             cost += worth * np.sum([one.weight * one.cost for one in self._constraints], axis=0)
             fewest = cheapest_path(graph, np.ones(len(kept)))
-        if fewest is None or len(fewest) > most:
+        if fewest is None or len(fewest) > max_layers:
             raise PlanError(
-                f"{self._mesh.name}: no plan of {most} layers reaches the top with the heights allowed",
+                f"{self._mesh.name}: no plan of {max_layers} layers reaches the top with the heights allowed",
                 remedy=f"Set max_layers to {0 if fewest is None else len(fewest)} or more, or allow thicker layers",
             )
         if self._settings.max_step:
             found: Int | None = cheapest_within_budget(
-                lambda charged: self._cheapest(graph, charged, worth),
+                lambda charged: self._find_cheapest(graph, charged, worth),
                 cost[kept],
                 np.ones(len(kept)),
-                most,
+                max_layers,
                 fewest,
             )[0]
         else:
-            found = cheapest_with_max_layers(graph, cost[kept], most)
+            found = cheapest_with_max_layers(graph, cost[kept], max_layers)
         return None if found is None else kept[found]
 
-    def _quick(self, budget: float) -> Int | None:
+    def _minimize_within_time(self, budget: float) -> Int | None:
         """Minimize the volume error within the time budget, by a price on time; if impossible, minimize time."""
         seconds, loss, graph = (
             self._candidates.seconds[self._kept],
-            self._candidates.volume + _TIE,
+            self._candidates.volume + _ERROR_PER_LAYER,
             self._graph,
         )
         worth = _largest_cost(self._candidates.seconds)
-        quickest = self._cheapest(graph, self._cost(self._candidates.seconds)[self._kept], worth)
+        quickest = self._find_cheapest(graph, self._round_costs(self._candidates.seconds)[self._kept], worth)
         if quickest is None or seconds[quickest].sum() >= budget:
             return None if quickest is None else self._kept[quickest]
         worth = _largest_cost(loss)
         found, _ = cheapest_within_budget(
-            lambda charged: self._cheapest(graph, charged, worth),
-            self._cost(loss)[self._kept],
+            lambda charged: self._find_cheapest(graph, charged, worth),
+            self._round_costs(loss)[self._kept],
             seconds,
             budget,
             quickest,

@@ -23,10 +23,10 @@ from printer_slicer.planning.slopes import nearest_step
 from printer_slicer.planning.z_steps import ZSteps, fill_with_layers
 from printer_slicer.surface.flats import find_flats
 
-__all__ = ["event_planes", "is_fillable", "next_plane", "reachable_layers", "stack_layers"]
+__all__ = ["find_event_planes", "find_next_planes", "find_reachable_layers", "is_fillable", "stack_layers"]
 
 
-def event_planes(mesh: Mesh, steps: ZSteps, bottom: int) -> list[int]:
+def find_event_planes(mesh: Mesh, steps: ZSteps, bottom: int) -> list[int]:
     """Return the flats on which layers can end, and the top of the part, above `bottom`: z steps, ascending.
 
     Of flats too close together for the printer's layers, the larger ones are kept.
@@ -49,13 +49,13 @@ def is_fillable(total: int, steps: ZSteps) -> bool:
     return -(-total // steps.highest) * steps.lowest <= total
 
 
-def next_plane(planes: Sequence[int], steps: ZSteps) -> Int:
+def find_next_planes(planes: Sequence[int], steps: ZSteps) -> Int:
     """Return the first event plane above each z step (part + 1,); above the last one the top of the part."""
     place = np.searchsorted(planes, np.arange(steps.part + 1), side="right")
     return np.append(planes, steps.part)[place].astype(np.int64)
 
 
-def reachable_layers(limit: Int, planes: Sequence[int], bottom: int, steps: ZSteps) -> Int:
+def find_reachable_layers(limit: Int, planes: Sequence[int], bottom: int, steps: ZSteps) -> Int:
     """Return the thickest layer on each z step from whose top all event planes can be met; 0 if there is none.
 
     If no layers within the limit meet the next plane, the limit is exceeded by as few steps as possible, right below
@@ -72,20 +72,20 @@ def reachable_layers(limit: Int, planes: Sequence[int], bottom: int, steps: ZSte
         layers within the printer's limits can, the last one extends above the plane.
     """
     limits = np.minimum(limit, steps.highest).tolist()
-    masks = _masks(steps)
-    ways = [0] * len(limits)
+    masks = _build_height_masks(steps)
+    reachable = [0] * len(limits)
     for start, end in pairwise([bottom, *planes]):
-        ways[start:end] = _fill_interval(limits[start:end], masks, steps)
-    return np.array(ways, np.int64)
+        reachable[start:end] = _fill_interval(limits[start:end], masks, steps)
+    return np.array(reachable, np.int64)
 
 
-def stack_layers(ways: Int, limit: Int, planes: Sequence[int], bottom: int, steps: ZSteps) -> Int:
-    """Stack layers from `bottom` up with the heights of `reachable_layers`; return their heights (n,) in z steps.
+def stack_layers(reachable: Int, limit: Int, planes: Sequence[int], bottom: int, steps: ZSteps) -> Int:
+    """Stack layers from `bottom` up with the heights of `find_reachable_layers`; return their heights (n,) in z steps.
 
     If the last layer below a plane is thinner than the one before, both get half of their sum, if that is allowed.
     """
     heights: list[int] = []
-    here, tallest = bottom, ways.tolist()
+    here, tallest = bottom, reachable.tolist()
     ends, allowed = set(planes), set(steps.allowed.tolist())
     while here < len(tallest):
         height = tallest[here]
@@ -100,8 +100,8 @@ def stack_layers(ways: Int, limit: Int, planes: Sequence[int], bottom: int, step
     return np.array(heights, np.int64)
 
 
-def _masks(steps: ZSteps) -> list[int]:
-    """Return for each limit in steps the allowed heights up to it, as a bit mask."""
+def _build_height_masks(steps: ZSteps) -> list[int]:
+    """Return for each limit in steps a bit mask of the allowed heights up to it."""
     masks, allowed = [0], set(steps.allowed.tolist())
     for height in range(1, steps.highest + 1):
         masks.append(masks[-1] | ((height in allowed) << height))
@@ -109,7 +109,7 @@ def _masks(steps: ZSteps) -> list[int]:
 
 
 def _fill_interval(limits: list[int], masks: list[int], steps: ZSteps) -> list[int]:
-    """Compute `reachable_layers` for one interval between two planes.
+    """Compute `find_reachable_layers` for one interval between two planes.
 
     Tries in this order: allowed heights only; the last layer free between thinnest and thickest; the last two layers
     free; the last two free within the printer's limits; the same four with the limit exceeded by one step, two, ...
@@ -124,21 +124,24 @@ def _fill_interval(limits: list[int], masks: list[int], steps: ZSteps) -> list[i
             (2, thin, thick),
             (2, steps.lowest, steps.highest),
         ):
-            free = _free_ends(relaxed, low, high, count)
-            ways = _downward(limits, relaxed, masks, free)
-            if ways[0]:
-                return ways
+            free = _find_free_layers(relaxed, low, high, count)
+            reachable = _search_downward(limits, relaxed, masks, free)
+            if reachable[0]:
+                return reachable
         extra += max(extra // 2, 1)
-    ways, here = [0] * total, 0
+    reachable, here = [0] * total, 0
     step = masks[min(limits)].bit_length() - 1
     for height in fill_with_layers(total, step, steps.lowest, steps.highest).tolist():
-        ways[here] = height
+        reachable[here] = height
         here += height
-    return ways
+    return reachable
 
 
-def _free_ends(limits: list[int], low: int, high: int, count: int) -> dict[int, int]:
-    """Return layers of any height from `low` to `high` by their bottom, if up to `count` of them end the interval."""
+def _find_free_layers(limits: list[int], low: int, high: int, count: int) -> dict[int, int]:
+    """Return the heights, by bottom, of layers of any height from `low` to `high` that may end the interval.
+
+    At most the last `count` layers below the plane are free.
+    """
     end = len(limits)
     last = {
         end - height: height
@@ -155,14 +158,16 @@ def _free_ends(limits: list[int], low: int, high: int, count: int) -> dict[int, 
     return free
 
 
-def _downward(limits: list[int], relaxed: list[int], masks: list[int], free: dict[int, int]) -> list[int]:
+def _search_downward(
+    limits: list[int], relaxed: list[int], masks: list[int], free: dict[int, int]
+) -> list[int]:
     """Return for each step of an interval a layer height from whose top the plane can be reached; 0 if there is none.
 
     Prefers a free layer that ends the interval, then the thickest allowed one within the limit, then the one that
     exceeds it least, then the first of two free ones.
     """
     end = len(limits)
-    ways = [0] * end
+    reachable = [0] * end
     leads, full = 1, (1 << masks[-1].bit_length()) - 1  # bit i: the plane can be reached from i steps higher
     for here in range(end - 1, -1, -1):
         leads = (leads << 1) & full
@@ -171,6 +176,6 @@ def _downward(limits: list[int], relaxed: list[int], masks: list[int], free: dic
         height = free.get(here, 0)
         if hits and here + height != end:
             height = within.bit_length() - 1 if within else (hits & -hits).bit_length() - 1
-        ways[here] = height
+        reachable[here] = height
         leads |= height > 0
-    return ways
+    return reachable

@@ -15,15 +15,15 @@ from printer_slicer.surface import Surface
 
 __all__ = ["SectionSums", "Shadows", "measure_sections"]
 
-_PLANES: Final = 60  # maximum number of heights at which contours are cut
-_LEVELS: Final = 240  # maximum number of heights for all other values
-_CLOSEST: Final = 0.1  # mm, minimum distance between them
-_STEEP: Final = 1.0  # mm of width per mm of height: perimeters cover the area under steeper slopes
+_MAX_PLANES: Final = 60  # maximum number of heights at which contours are cut
+_MAX_LEVELS: Final = 240  # maximum number of heights for all other values
+_LEAST_DISTANCE: Final = 0.1  # mm, minimum distance between these heights
+_COVERED_WIDTH: Final = 1.0  # mm of width per mm of height: perimeters cover the area under steeper slopes
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Shadows:
-    """Upward and downward facing area of a part below a height.
+    """Upward and downward facing areas of a part below some heights.
 
     Attributes:
         z: (n,) mm, ascending.
@@ -82,8 +82,8 @@ class SectionSums:
         """Interpolate values of the planes (P,) at the levels (L,)."""
         return np.interp(self.z, self.planes, values)
 
-    def solid(self, height: float) -> Float:
-        """Return the area of solid infill in layers of `height` mm (L,), mm²: all within the shell thickness."""
+    def solid_area(self, height: float) -> Float:
+        """Return the area (L,) of solid infill in layers of `height` mm, mm²: what is within the shell thickness."""
         z, (top, bottom) = self.z, self.shell
         near = self.shadows.up_between(z, z + height / 2 + top)
         near += self.shadows.down_between(z - height / 2 - bottom, z)
@@ -91,8 +91,8 @@ class SectionSums:
         # Only part of this area lies inside the perimeters.
         return np.asarray(np.minimum(near * np.sqrt(self.inside / np.maximum(self.area, 1e-9)), self.inside))
 
-    def exposed(self, height: float, solid: Float) -> tuple[Float, Float, Float]:
-        """Return the areas of top solid infill, bridges and internal bridges in layers of `height` mm (L,), mm²."""
+    def exposed_areas(self, height: float, solid: Float) -> tuple[Float, Float, Float]:
+        """Return the areas (L,) of top solid infill, bridges and internal bridges in layers of `height` mm, mm²."""
         begins = self.z + self.shell[0]
         infill_below = np.interp(self.z - height, self.z, self.inside - solid)
         left, areas = solid, []
@@ -102,7 +102,7 @@ class SectionSums:
             np.minimum(self.shadows.up_between(begins - height / 2, begins + height / 2), infill_below),
         ):
             # Perimeters cover the area under steep slopes.
-            areas.append(np.clip(found - _STEEP * height * self.length, 0.0, left))
+            areas.append(np.clip(found - _COVERED_WIDTH * height * self.length, 0.0, left))
             left = left - areas[-1]
         return areas[0], areas[1], areas[2]
 
@@ -115,13 +115,13 @@ def measure_sections(surface: Surface, profile: Profile) -> SectionSums:
         profile: perimeters and their width, thickness of the solid shell, resolution.
     """
     quality = profile.quality
-    planes, z = _levels(surface, profile, _PLANES), _levels(surface, profile, _LEVELS)
+    planes, z = _sample_heights(surface, profile, _MAX_PLANES), _sample_heights(surface, profile, _MAX_LEVELS)
     n = len(planes)
     contours = simplify(section_contours(surface.triangles, planes), quality.resolution)
     loops = np.bincount(contours.ring_layer, minlength=n).astype(np.float64)
     length, loops, extent, area = (
         np.interp(z, planes, values)
-        for values in (contours.length(), loops, _extents(contours), np.maximum(contours.area(), 0.0))
+        for values in (contours.length(), loops, _contour_extents(contours), np.maximum(contours.area(), 0.0))
     )
     inside = np.maximum(area - length * quality.perimeters * profile.extrusion_width, 0.0)
     shadows = Shadows.of(surface, len(z))
@@ -129,15 +129,15 @@ def measure_sections(surface: Surface, profile: Profile) -> SectionSums:
     return SectionSums(z, planes, contours, length, loops, extent, area, inside, shadows, shell)
 
 
-def _levels(surface: Surface, profile: Profile, most: int) -> Float:
-    """Return up to `most` evenly spaced heights and one in the first layer (n,), mm."""
-    n = int(np.clip(surface.height / _CLOSEST, 1, most))
+def _sample_heights(surface: Surface, profile: Profile, max_heights: int) -> Float:
+    """Return up to `max_heights` evenly spaced heights and one in the first layer (n,), mm."""
+    n = int(np.clip(surface.height / _LEAST_DISTANCE, 1, max_heights))
     z: Float = (np.arange(n, dtype=np.float64) + 0.5) * (surface.height / n)
     on_bed = (profile.quality.first_layer_height or profile.thinnest) / 2
     return np.append(on_bed, z) if on_bed < z[0] else z
 
 
-def _extents(contours: Areas) -> Float:
+def _contour_extents(contours: Areas) -> Float:
     """Return the extents of the contours (P,), mm, see `SectionSums`; 0 where there are no contours."""
     xy, n = contours.xy, contours.n_layers
     after = xy.take(next_in_ring(contours.ring_start), axis=0)

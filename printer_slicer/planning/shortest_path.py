@@ -33,9 +33,9 @@ __all__ = [
 Search = Callable[[Float], Int | None]
 """Function: cost of every arc -> the arcs of the cheapest plan, from the bed up; None if none reaches the top."""
 
-_PRICES: Final = 60  # maximum number of prices to try; a dozen is usual
-_ALIKE: Final = 1e-9  # relative difference of totals below which plans are equal at a priority
-_SAME: Final = 1e-12  # relative rounding error of sums in another order
+_MAX_PRICES: Final = 60  # maximum number of prices to try; a dozen is usual
+_EQUAL: Final = 1e-9  # relative difference of totals below which plans are equal at a priority
+_ROUNDING: Final = 1e-12  # relative rounding error of sums in another order
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,8 +64,8 @@ class ArcGraph:
         """Return the node at which each arc ends (A,)."""
         return np.repeat(np.arange(self.n + 1), np.diff(self.begin))
 
-    def of(self, kept: Int) -> ArcGraph:
-        """Return the graph with only these arcs, given ascending."""
+    def with_arcs(self, kept: Int) -> ArcGraph:
+        """Return the graph of only the arcs `kept` (K,), which are ascending."""
         return ArcGraph(np.searchsorted(kept, self.begin), self.start[kept])
 
     @property
@@ -86,12 +86,12 @@ def cheapest_path(graph: ArcGraph, cost: Float) -> Int | None:
         return None
     chain, k = [], graph.n
     while k > 0:
-        chain.append(_arc_to(graph, k, best, cost))
+        chain.append(_find_last_arc(graph, k, best, cost))
         k = int(graph.start[chain[-1]])
     return np.array(chain[::-1], np.int64)
 
 
-def _arc_to(graph: ArcGraph, node: int, best: Float, cost: Float) -> int:
+def _find_last_arc(graph: ArcGraph, node: int, best: Float, cost: Float) -> int:
     """Return the last arc of the cheapest path to a node, given the costs `best` (n + 1,) of the nodes below."""
     a, b = graph.begin[node : node + 2].tolist()
     return int(a + (best[graph.start[a:b]] + cost[a:b]).argmin())
@@ -99,7 +99,7 @@ def _arc_to(graph: ArcGraph, node: int, best: Float, cost: Float) -> int:
 
 def _costs_through(graph: ArcGraph, cost: Float) -> tuple[Float, float]:
     """Return the cost of the cheapest plan through each arc (A,), and the cost of the cheapest plan."""
-    up, down = _costs_from_bed(graph, cost), _costs_from_bed(*_reverse(graph, cost))[::-1]
+    up, down = _costs_from_bed(graph, cost), _costs_from_bed(*_reverse_graph(graph, cost))[::-1]
     return up[graph.start] + cost + down[graph.end], float(up[-1])
 
 
@@ -120,26 +120,26 @@ def _costs_from_bed(graph: ArcGraph, cost: Float) -> Float:
     return best
 
 
-def optimal_arcs(graph: ArcGraph, levels: Sequence[Float]) -> Int:
+def optimal_arcs(graph: ArcGraph, costs: Sequence[Float]) -> Int:
     """Find the arcs of all plans that are cheapest by the first cost, among these by the second, and so on.
 
     Args:
         graph: the candidate layers.
-        levels: (A,) each, the cost of an arc at each priority, at least 0.
+        costs: (A,) each, the cost of an arc at each priority, at least 0.
 
     Returns:
         (K,) arcs, ascending; none if no plan reaches the top. Every path through them to the top is optimal.
     """
     kept = np.arange(len(graph.start))
-    free = np.flatnonzero(~np.any([level > 0 for level in levels], axis=0)) if levels else kept
-    if np.isfinite(_costs_from_bed(graph.of(free), np.zeros(len(free)))[-1]):
+    free = np.flatnonzero(~np.any([priority_cost > 0 for priority_cost in costs], axis=0)) if costs else kept
+    if np.isfinite(_costs_from_bed(graph.with_arcs(free), np.zeros(len(free)))[-1]):
         return free
-    for level in levels:
-        through, least = _costs_through(graph.of(kept), level[kept])
+    for priority_cost in costs:
+        through, least = _costs_through(graph.with_arcs(kept), priority_cost[kept])
         if not np.isfinite(least):
             return np.zeros(0, np.int64)
-        kept = kept[through <= least * (1 + _ALIKE)]
-    return kept if levels else np.zeros(0, np.int64)
+        kept = kept[through <= least * (1 + _EQUAL)]
+    return kept if costs else np.zeros(0, np.int64)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -160,8 +160,8 @@ class NeighbourLimits:
         for name, kind in (("least", np.int64), ("most", np.int64), ("spared", np.bool_)):
             object.__setattr__(self, name, frozen_array(getattr(self, name), kind, (-1,)))
 
-    def allow_all_between(self, lowest: int, highest: int) -> bool:
-        """Return whether all heights between two may be neighbours."""
+    def allows_all_between(self, lowest: int, highest: int) -> bool:
+        """Return whether any two heights from `lowest` to `highest` may be neighbours."""
         return bool(self.least[highest] <= lowest and self.most[lowest] >= highest)
 
     @classmethod
@@ -174,7 +174,7 @@ class NeighbourLimits:
 def cheapest_with_neighbours(
     graph: ArcGraph, cost: Float, limits: NeighbourLimits, penalty: float, reduced: float = 0.0
 ) -> Int | None:
-    """Find the cheapest path where neighbours that are not allowed cost a penalty.
+    """Find the cheapest path; each pair of neighbouring layers that is not allowed costs a penalty.
 
     Args:
         graph: the candidate layers.
@@ -187,7 +187,7 @@ def cheapest_with_neighbours(
     if len(height) == 0:
         return None
     low, rows = int(height.min()), int(np.ptp(height)) + 1
-    windows = _Windows(limits.least[low : low + rows] - low, limits.most[low : low + rows] - low)
+    windows = _WindowMinimum(limits.least[low : low + rows] - low, limits.most[low : low + rows] - low)
     # reach[k, r]: cheapest path to node k on which a layer of height low + r may follow; the bed allows any.
     reach, anyhow = np.full((n + 1, rows), np.inf), np.full(n + 1, np.inf)
     reach[0] = anyhow[0] = 0.0
@@ -207,7 +207,7 @@ def cheapest_with_neighbours(
         down = np.flatnonzero(from_spared[arcs])
         if len(down):
             np.minimum.at(best, end[arcs][down] - k, value[down] + reduced)
-        reach[nodes] = np.minimum(windows.least_of(total), best[:, None])
+        reach[nodes] = np.minimum(windows.over_windows(total), best[:, None])
     if not np.isfinite(anyhow[n]):
         return None
     return _trace_path(graph, cost, limits, (penalty, reduced), (reach, anyhow))
@@ -218,10 +218,10 @@ def _trace_path(
     cost: Float,
     limits: NeighbourLimits,
     penalties: tuple[float, float],
-    settled: tuple[Float, Float],
+    tables: tuple[Float, Float],
 ) -> Int:
     """Return the arcs of the path found by `cheapest_with_neighbours`, from the bed up."""
-    (penalty, reduced), (reach, anyhow) = penalties, settled
+    (penalty, reduced), (reach, anyhow) = penalties, tables
     low, chain, k, above = int(graph.height.min()), list[int](), graph.n, 0
     while k > 0:
         a, b = graph.begin[k : k + 2].tolist()
@@ -242,7 +242,7 @@ def _trace_path(
     return np.array(chain[::-1], np.int64)
 
 
-class _Windows:
+class _WindowMinimum:
     """Range minimum over a window of columns for each column (sparse table of runs of 1, 2, 4, ... columns).
 
     Args:
@@ -258,7 +258,7 @@ class _Windows:
         self._right = level * columns + last + 1 - (1 << level.astype(np.int64))
         self._runs: Float = np.zeros((0, 0))  # reused; entries beyond the columns stay infinite
 
-    def least_of(self, values: Float) -> Float:
+    def over_windows(self, values: Float) -> Float:
         """Return the minimum of values (m, R) over each window, (m, R)."""
         rows, columns = values.shape
         if rows > len(self._runs):
@@ -275,7 +275,7 @@ class _Windows:
 def cheapest_within_budget(
     search: Search, loss: Float, spent: Float, budget: float, within_budget: Int
 ) -> tuple[Int, float]:
-    """Minimize a loss within a budget, by a price on what is spent; return the plan and the price.
+    """Find the plan of least loss within a budget, by a price on the limited quantity; return plan and price.
 
     Some plans are optimal for no price. If the best one is among them, the next plan below the budget is returned.
 
@@ -287,7 +287,7 @@ def cheapest_within_budget(
         within_budget: the arcs of any plan within the budget.
     """
     found, price = search(loss), 0.0
-    for _ in range(_PRICES):
+    for _ in range(_MAX_PRICES):
         if found is None or spent[found].sum() <= budget:
             return (within_budget if found is None else found), price
         # Both plans cost the same at this price; one that costs less lies between them.
@@ -295,7 +295,7 @@ def cheapest_within_budget(
         price = float(loss[within_budget].sum() - loss[found].sum()) / saved
         charged = loss + price * spent
         between, least = search(charged), float(charged[within_budget].sum())
-        if between is None or charged[between].sum() >= least - _SAME * abs(least):
+        if between is None or charged[between].sum() >= least - _ROUNDING * abs(least):
             break
         if spent[between].sum() <= budget:
             within_budget = between
@@ -304,33 +304,33 @@ def cheapest_within_budget(
     return within_budget, price
 
 
-def cheapest_with_max_layers(graph: ArcGraph, cost: Float, most: int) -> Int | None:
-    """Find the cheapest plan of at most `most` layers; None if so few do not reach the top.
+def cheapest_with_max_layers(graph: ArcGraph, cost: Float, max_layers: int) -> Int | None:
+    """Find the cheapest plan of at most `max_layers` layers; None if so few do not reach the top.
 
     Args:
         graph: the candidate layers.
         cost: (A,) cost of each.
-        most: maximum number of layers.
+        max_layers: maximum number of layers.
     """
-    one = np.where(np.isfinite(cost), 1.0, np.inf)
-    fewest = cheapest_path(graph, one)
-    if fewest is None or len(fewest) > most:
+    count = np.where(np.isfinite(cost), 1.0, np.inf)
+    fewest = cheapest_path(graph, count)
+    if fewest is None or len(fewest) > max_layers:
         return None
     few, price = cheapest_within_budget(
-        lambda charged: cheapest_path(graph, charged), cost, np.ones_like(cost), most, fewest
+        lambda charged: cheapest_path(graph, charged), cost, np.ones_like(cost), max_layers, fewest
     )
     # With this price per layer: an upper bound of the best plan's cost, and a lower bound of any plan's cost.
     through, least = _costs_through(graph, cost + price)
-    spare = float(cost[few].sum()) + price * most - least
-    rounding = _SAME * (abs(least) + abs(spare))
+    spare = float(cost[few].sum()) + price * max_layers - least
+    rounding = _ROUNDING * (abs(least) + abs(spare))
     if spare <= rounding:
         return few
     kept = np.flatnonzero(through <= least + spare + rounding)
-    found = _cheapest_by_count(_subgraph(graph, kept), cost[kept], most)
+    found = _find_cheapest_by_count(_compact_subgraph(graph, kept), cost[kept], max_layers)
     return few if found is None else kept[found]
 
 
-def _reverse(graph: ArcGraph, cost: Float) -> tuple[ArcGraph, Float]:
+def _reverse_graph(graph: ArcGraph, cost: Float) -> tuple[ArcGraph, Float]:
     """Reverse the graph: arcs from the top of the part down."""
     end = graph.n - graph.start
     order = np.argsort(end, kind="stable")
@@ -338,7 +338,7 @@ def _reverse(graph: ArcGraph, cost: Float) -> tuple[ArcGraph, Float]:
     return ArcGraph(begin, (graph.n - graph.end)[order]), cost[order]
 
 
-def _subgraph(graph: ArcGraph, kept: Int) -> ArcGraph:
+def _compact_subgraph(graph: ArcGraph, kept: Int) -> ArcGraph:
     """Return the subgraph of some arcs, with only the nodes that they touch."""
     start, end = graph.start[kept], graph.end[kept]
     touched: Bool = np.zeros(graph.n + 1, np.bool_)
@@ -348,12 +348,12 @@ def _subgraph(graph: ArcGraph, kept: Int) -> ArcGraph:
     return ArcGraph(np.append(0, np.cumsum(count)), number[start])
 
 
-def _cheapest_by_count(graph: ArcGraph, cost: Float, most: int) -> Int | None:
-    """Find the cheapest plan of at most `most` layers, with one cost table per number of layers."""
+def _find_cheapest_by_count(graph: ArcGraph, cost: Float, max_layers: int) -> Int | None:
+    """Find the cheapest plan of at most `max_layers` layers, with one cost table per number of layers."""
     reached = np.flatnonzero(np.diff(graph.begin))
     tables = [np.full(graph.n + 1, np.inf)]
     tables[0][0] = 0.0
-    for _ in range(most):
+    for _ in range(max_layers):
         after = np.full(graph.n + 1, np.inf)
         after[reached] = np.minimum.reduceat(tables[-1][graph.start] + cost, graph.begin[reached])
         tables.append(after)
@@ -362,6 +362,6 @@ def _cheapest_by_count(graph: ArcGraph, cost: Float, most: int) -> Int | None:
         return None
     chain, k = [], graph.n
     for table in tables[:count][::-1]:
-        chain.append(_arc_to(graph, k, table, cost))
+        chain.append(_find_last_arc(graph, k, table, cost))
         k = int(graph.start[chain[-1]])
     return np.array(chain[::-1], np.int64)

@@ -24,9 +24,9 @@ from printer_slicer.planning.z_steps import ZSteps
 from printer_slicer.profile import Profile
 from printer_slicer.surface.range_maximum import compute_range_maxima
 
-__all__ = ["Slopes", "cusp_height", "nearest_step", "thickest_within"]
+__all__ = ["Slopes", "cusp_height", "find_thickest_layers", "nearest_step"]
 
-_LEVEL: Final = 1e-3  # rise over run below which a facet is a flat
+_FLAT_SLOPE: Final = 1e-3  # rise over run below which a facet is a flat
 _ROUNDING: Final = 1e-4  # mm; rounding error of coordinates in STL files, which have 24 bits
 _BLOCK: Final = 1 << 15  # facets per block, which fit the CPU cache
 _SLACK: Final = 1e-4  # steps; keeps a limit of a whole number of steps from losing one to rounding
@@ -62,8 +62,8 @@ class Slopes:
         width = 2 * steps.part + 1
         self._table = np.zeros((width.bit_length(), width))
         for block in range(0, mesh.n_facets, _BLOCK):
-            slope, low, high, flat = _facets(mesh.triangles[block : block + _BLOCK])
-            first, last = self._places(low, high, flat)
+            slope, low, high, flat = _measure_facets(mesh.triangles[block : block + _BLOCK])
+            first, last = self._find_places(low, high, flat)
             seen = slope if flats else np.where(flat, 0.0, slope)
             np.maximum(self._table[0], compute_range_maxima(first, last, seen, width), out=self._table[0])
         for level in range(1, len(self._table)):
@@ -71,8 +71,8 @@ class Slopes:
             self._table[level] = below
             np.maximum(below[:-half], below[half:], out=self._table[level, :-half])
 
-    def _places(self, low: Float, high: Float, flat: Bool) -> tuple[Int, Int]:
-        """Return the first and last place (n,) of facets between two heights in mm."""
+    def _find_places(self, low: Float, high: Float, flat: Bool) -> tuple[Int, Int]:
+        """Return the first and last place (n,) in the table of facets that reach from `low` to `high` mm."""
         size, part = self._steps.size, self._steps.part
         margin = min(_ROUNDING / size, 0.1)
         first = 2 * np.floor(low / size + margin).astype(np.int64) + 1
@@ -84,7 +84,7 @@ class Slopes:
         at_node = flat | (first > last)
         return np.where(at_node, node, first), np.where(at_node, node, last)
 
-    def largest(self, bottom: Int, top: Int) -> Float:
+    def largest_slope(self, bottom: Int, top: Int) -> Float:
         """Return the largest |n_z| strictly between z steps `bottom` (n,) and `top` (n,); 0 if there is no facet."""
         places = self._table.shape[1]
         first = 2 * np.asarray(bottom, np.int64) + 1
@@ -97,8 +97,8 @@ class Slopes:
         return np.where(empty, 0.0, np.maximum(left, right))
 
 
-def thickest_within(
-    slopes: Slopes, steps: ZSteps, limit: Callable[[Float], Float], *, seen: float = 1.0
+def find_thickest_layers(
+    slopes: Slopes, steps: ZSteps, limit: Callable[[Float], Float], *, considered: float = 1.0
 ) -> Int:
     """Return the thickest layer that may start at each z step (part,), in steps; the thinnest is always allowed.
 
@@ -106,7 +106,7 @@ def thickest_within(
         slopes: table of the part.
         steps: z steps of the printer.
         limit: maximum layer height in mm as a function of |n_z|; must not increase.
-        seen: fraction of a layer, from its bottom, whose facets are considered.
+        considered: fraction of a layer, from its bottom, whose facets are considered.
     """
     bottom = np.arange(steps.part)
     low = np.full(steps.part, steps.allowed[0], np.int64)
@@ -114,13 +114,15 @@ def thickest_within(
     # A thicker layer contains more facets, so its limit is not larger: bisection finds the thickest that fits.
     while (low < high).any():
         middle = (low + high + 1) // 2
-        window = np.ceil(middle * seen).astype(np.int64)
-        fits = middle * steps.size <= limit(slopes.largest(bottom, bottom + window)) + _SLACK * steps.size
+        window = np.ceil(middle * considered).astype(np.int64)
+        fits = (
+            middle * steps.size <= limit(slopes.largest_slope(bottom, bottom + window)) + _SLACK * steps.size
+        )
         low, high = np.where(fits, middle, low), np.where(fits, high, middle - 1)
     return low
 
 
-def _facets(triangles: Float) -> tuple[Float, Float, Float, Bool]:
+def _measure_facets(triangles: Float) -> tuple[Float, Float, Float, Bool]:
     """Return |n_z| (n,), lowest and highest z (n,), mm, and which facets are flats (n,)."""
     ax, ay, az, bx, by, bz, cx, cy, cz = np.ascontiguousarray(triangles.reshape(-1, 9).T)
     low, high = np.minimum(np.minimum(az, bz), cz), np.maximum(np.maximum(az, bz), cz)
@@ -128,5 +130,5 @@ def _facets(triangles: Float) -> tuple[Float, Float, Float, Bool]:
     level = np.hypot(by * cz - bz * cy, bz * cx - bx * cz)
     upright = np.abs(bx * cy - by * cx)
     slope = upright / np.maximum(np.hypot(level, upright), 1e-300)
-    flat = level <= _LEVEL * upright
+    flat = level <= _FLAT_SLOPE * upright
     return np.where(flat & (upright > 0), 1.0, slope), low, high, flat

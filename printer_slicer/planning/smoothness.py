@@ -8,7 +8,7 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Int
 from printer_slicer.model import Mesh
-from printer_slicer.planning.height_grid import HeightGrid, range_borders
+from printer_slicer.planning.height_grid import HeightGrid, range_ends
 from printer_slicer.planning.shortest_path import NeighbourLimits
 from printer_slicer.planning.z_steps import ZSteps
 from printer_slicer.profile import Profile
@@ -22,7 +22,7 @@ SMOOTH_STEP: Final = 0.06
 SMOOTH_STEP_RATIO: Final = 0.25
 """Step that is also allowed, as a fraction of the thicker neighbour."""
 
-_DUST: Final = 1e-6  # units
+_ROUNDING: Final = 1e-6  # units
 
 
 def neighbour_limits(mesh: Mesh, grid: HeightGrid, steps: ZSteps, profile: Profile) -> NeighbourLimits | None:
@@ -36,18 +36,18 @@ def neighbour_limits(mesh: Mesh, grid: HeightGrid, steps: ZSteps, profile: Profi
     highest = max(grid.highest, int(steps.allowed[-1]) // grid.steps)
     spare = abs(grid.rest) / grid.steps  # the last layer may be thicker or thinner by this
     if dials.max_step:
-        change = int(dials.max_step / grid.unit - spare + _DUST)
+        change = int(dials.max_step / grid.unit - spare + _ROUNDING)
         return NeighbourLimits.by_step(change, highest, grid.n)
     if not dials.smooth or dials.max_layers or (dials.objective != "balanced" and not dials.time_budget):
         return None
-    least = _least_neighbours(np.arange(highest + 1), grid, steps, spare)
+    least = _thinnest_neighbours(np.arange(highest + 1), grid, steps, spare)
     most = np.searchsorted(least, np.arange(highest + 1), side="right") - 1
-    return NeighbourLimits(least, most, _spared_nodes(mesh, grid, steps, profile))
+    return NeighbourLimits(least, most, _find_spared_nodes(mesh, grid, steps, profile))
 
 
-def _least_neighbours(height: Int, grid: HeightGrid, steps: ZSteps, spare: float) -> Int:
+def _thinnest_neighbours(height: Int, grid: HeightGrid, steps: ZSteps, spare: float) -> Int:
     """Return the thinnest allowed neighbour (H,) of each height from 0 up, in units; ascending."""
-    change = np.floor(np.maximum(SMOOTH_STEP / grid.unit, SMOOTH_STEP_RATIO * height) - spare + _DUST)
+    change = np.floor(np.maximum(SMOOTH_STEP / grid.unit, SMOOTH_STEP_RATIO * height) - spare + _ROUNDING)
     # Consecutive heights of the list may always be neighbours.
     allowed = steps.allowed // grid.steps
     place = np.searchsorted(allowed, height) - 1
@@ -55,13 +55,13 @@ def _least_neighbours(height: Int, grid: HeightGrid, steps: ZSteps, spare: float
     return np.maximum.accumulate(np.minimum(height - change.astype(np.int64), below))
 
 
-def _spared_nodes(mesh: Mesh, grid: HeightGrid, steps: ZSteps, profile: Profile) -> Bool:
+def _find_spared_nodes(mesh: Mesh, grid: HeightGrid, steps: ZSteps, profile: Profile) -> Bool:
     """Return at which nodes (n + 1,) large steps cost less."""
     free = np.zeros(grid.n + 1, np.bool_)
     free[0], free[-1] = bool(steps.first), True
-    planes = np.concatenate([find_flats(mesh)[0], range_borders(profile, mesh.height)]) / grid.unit
+    planes = np.concatenate([find_flats(mesh)[0], range_ends(profile, mesh.height)]) / grid.unit
     snap = max(profile.dials.snap_tolerance / grid.unit, 0.5)
-    lowest, highest = np.ceil(planes - snap - _DUST), np.floor(planes + snap + _DUST)
+    lowest, highest = np.ceil(planes - snap - _ROUNDING), np.floor(planes + snap + _ROUNDING)
     for first, last in zip(lowest.astype(np.int64).tolist(), highest.astype(np.int64).tolist(), strict=True):
         free[max(first, 0) : last + 1] = True
     return free

@@ -27,9 +27,9 @@ import numpy as np
 from printer_slicer.arrays import Int
 from printer_slicer.model import LayerPlan, Mesh
 from printer_slicer.planning.reachable_heights import (
-    event_planes,
+    find_event_planes,
+    find_reachable_layers,
     is_fillable,
-    reachable_layers,
     stack_layers,
 )
 from printer_slicer.planning.slopes import Slopes, cusp_height
@@ -39,7 +39,7 @@ from printer_slicer.profile import Profile
 __all__ = ["plan_stepwise"]
 
 _SLACK = 1e-4  # steps; keeps a limit of a whole number of steps from losing one to rounding
-_Cap = Callable[[int, int], int]
+_HeightLimit = Callable[[int, int], int]
 
 
 def plan_stepwise(mesh: Mesh, profile: Profile) -> LayerPlan:
@@ -53,40 +53,40 @@ def plan_stepwise(mesh: Mesh, profile: Profile) -> LayerPlan:
         PlanError: the part is thinner than the thinnest layer.
     """
     steps = ZSteps(mesh, profile)
-    first, rest = steps.begin()
+    first, rest = steps.split_first_layer()
     heights = [first] if first else []
     slopes, cusp = Slopes(mesh, steps), cusp_height(profile) / steps.size
 
-    def cap(bottom: int, top: int) -> int:
+    def height_limit(bottom: int, top: int) -> int:
         """Return the thickest allowed layer between two z steps, in steps; at least the thinnest one."""
-        slope = float(slopes.largest(np.array([bottom]), np.array([top]))[0])
+        slope = float(slopes.largest_slope(np.array([bottom]), np.array([top]))[0])
         return max(int(min(cusp / max(slope, 1e-12), steps.highest) + _SLACK), int(steps.allowed[0]))
 
-    for start, end in pairwise([first, *event_planes(mesh, steps, first)] if rest else []):
+    for start, end in pairwise([first, *find_event_planes(mesh, steps, first)] if rest else []):
         here = start
         while here < end:
-            slab = _slab(here, end, cap, steps)
+            slab = _plan_slab(here, end, height_limit, steps)
             heights += slab
             here += sum(slab)
-    return steps.plan(np.array(heights, np.int64), "stepwise")
+    return steps.make_plan(np.array(heights, np.int64), "stepwise")
 
 
-def _slab(here: int, end: int, cap: _Cap, steps: ZSteps) -> list[int]:
-    """Return layer heights, in steps, of the next slab above `here`; the rest below `end` can be filled."""
+def _plan_slab(here: int, end: int, height_limit: _HeightLimit, steps: ZSteps) -> list[int]:
+    """Return layer heights, in steps, of the next slab above `here`, such that layers can fill the rest up to `end`."""
     thick = int(steps.allowed[-1])
-    if not _leaves_room(here + thick, end, steps):
-        return _last(end - here, cap(here, end), steps)
-    limit = cap(here, here + thick)
-    slab = _even(thick, limit, steps) or _listed(thick, limit, steps)
-    return slab or _longer(here, end, cap, steps)
+    if not _is_rest_fillable(here + thick, end, steps):
+        return _plan_last_slab(end - here, height_limit(here, end), steps)
+    limit = height_limit(here, here + thick)
+    slab = _divide_evenly(thick, limit, steps) or _fill_with_listed_heights(thick, limit, steps)
+    return slab or _plan_thicker_slab(here, end, height_limit, steps)
 
 
-def _leaves_room(top: int, end: int, steps: ZSteps) -> bool:
-    """Return whether layers can fill the space between the top of a slab and the next plane."""
+def _is_rest_fillable(top: int, end: int, steps: ZSteps) -> bool:
+    """Return whether layers can fill the space between the top of a slab and the plane `end`."""
     return top <= end and is_fillable(end - top, steps)
 
 
-def _even(total: int, limit: int, steps: ZSteps) -> list[int]:
+def _divide_evenly(total: int, limit: int, steps: ZSteps) -> list[int]:
     """Divide a slab into the fewest equal layers within the limit; empty if their height is not allowed."""
     allowed = set(steps.allowed.tolist())
     for count in range(-(-total // limit), total // int(steps.allowed[0]) + 1):
@@ -96,28 +96,28 @@ def _even(total: int, limit: int, steps: ZSteps) -> list[int]:
     return []
 
 
-def _listed(total: int, limit: int, steps: ZSteps) -> list[int]:
+def _fill_with_listed_heights(total: int, limit: int, steps: ZSteps) -> list[int]:
     """Fill a slab with allowed heights within the limit, the thickest first; empty if that is impossible."""
-    heights = _fill(total, limit, steps).tolist()
+    heights = _fill_to_plane(total, limit, steps).tolist()
     return heights if max(heights) <= limit and set(heights) <= set(steps.allowed.tolist()) else []
 
 
-def _fill(total: int, limit: int, steps: ZSteps) -> Int:
+def _fill_to_plane(total: int, limit: int, steps: ZSteps) -> Int:
     """Return layers that fill `total` z steps below a plane, with the same limit everywhere."""
     limits = np.full(total, limit, np.int64)
-    return stack_layers(reachable_layers(limits, [total], 0, steps), limits, [total], 0, steps)
+    return stack_layers(find_reachable_layers(limits, [total], 0, steps), limits, [total], 0, steps)
 
 
-def _longer(here: int, end: int, cap: _Cap, steps: ZSteps) -> list[int]:
+def _plan_thicker_slab(here: int, end: int, height_limit: _HeightLimit, steps: ZSteps) -> list[int]:
     """Return a slab slightly thicker than the thickest layer: enough layers of one allowed height to reach its top."""
     thick = int(steps.allowed[-1])
     for height in steps.allowed[::-1].tolist():
         total = -(-thick // height) * height
-        if _leaves_room(here + total, end, steps) and height <= cap(here, here + total):
+        if _is_rest_fillable(here + total, end, steps) and height <= height_limit(here, here + total):
             return [height] * (total // height)
-    return _last(end - here, cap(here, end), steps)
+    return _plan_last_slab(end - here, height_limit(here, end), steps)
 
 
-def _last(total: int, limit: int, steps: ZSteps) -> list[int]:
-    """Return the layers of the last slab below a plane: equal if allowed, else close to the listed heights."""
-    return _even(total, limit, steps) or _fill(total, limit, steps).tolist()
+def _plan_last_slab(total: int, limit: int, steps: ZSteps) -> list[int]:
+    """Return the layers of the last slab below a plane: equal layers if allowed, otherwise listed heights."""
+    return _divide_evenly(total, limit, steps) or _fill_to_plane(total, limit, steps).tolist()

@@ -15,7 +15,9 @@ __all__ = ["plan_uniform"]
 
 
 def plan_uniform(mesh: Mesh, profile: Profile) -> LayerPlan:
-    """Plan layers of `quality.layer_height` above one of `quality.first_layer_height`; the last one fits the part.
+    """Plan layers of `quality.layer_height` above a first layer of `quality.first_layer_height`.
+
+    The last layer has the height that is left.
 
     Args:
         mesh: the part, standing on z = 0.
@@ -25,6 +27,6 @@ def plan_uniform(mesh: Mesh, profile: Profile) -> LayerPlan:
         PlanError: the part is thinner than the thinnest layer.
     """
     steps = ZSteps(mesh, profile)
-    first, rest = steps.begin()
-    layers = fill_with_layers(rest, steps.of(profile.quality.layer_height), steps.lowest, steps.highest)
-    return steps.plan(np.concatenate([[first] if first else [], layers]).astype(np.int64), "uniform")
+    first, rest = steps.split_first_layer()
+    layers = fill_with_layers(rest, steps.to_steps(profile.quality.layer_height), steps.lowest, steps.highest)
+    return steps.make_plan(np.concatenate([[first] if first else [], layers]).astype(np.int64), "uniform")

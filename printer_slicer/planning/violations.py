@@ -18,9 +18,9 @@ from printer_slicer.surface import Certificate, find_flats
 __all__ = ["PlanViolation", "find_violations"]
 
 _ROUNDING: Final = 1e-6  # mm
-_UNDIVIDED: Final = "the allowed heights do not divide the space between flats more finely"
-_UNREACHED: Final = "no allowed heights add up to it within the tolerance"
-_BLIND: Final = ("uniform", "area")  # planners that guarantee neither tolerance nor flats
+_CAUSE_UNDIVIDED: Final = "the allowed heights do not divide the space between flats more finely"
+_CAUSE_UNREACHED: Final = "no allowed layer heights add up to this height within the tolerance"
+_UNGUARANTEED: Final = ("uniform", "area")  # planners that guarantee neither tolerance nor flats
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,18 +49,23 @@ def find_violations(mesh: Mesh, certificate: Certificate, profile: Profile) -> l
         certificate: certificate of the plan.
         profile: the profile it was planned with.
     """
-    plan = _Plan(mesh, certificate, profile)
-    blind = certificate.plan.planner in _BLIND
+    plan = _PlanCheck(mesh, certificate, profile)
+    blind = certificate.plan.planner in _UNGUARANTEED
     rules = (
-        [plan.large_steps(), plan.ranges()]
+        [plan.find_large_steps(), plan.find_missed_ranges()]
         if blind
-        else [plan.bounds(), plan.flats(), plan.large_steps(), plan.ranges()]
+        else [
+            plan.find_deviations(),
+            plan.find_missed_flats(),
+            plan.find_large_steps(),
+            plan.find_missed_ranges(),
+        ]
     )
     return [violation for found in rules for violation in found]
 
 
-class _Plan:
-    """Compares a plan with the settings it was made with."""
+class _PlanCheck:
+    """Compares a plan with the settings from which it was made."""
 
     def __init__(self, mesh: Mesh, certificate: Certificate, profile: Profile) -> None:
         self._settings = profile.dials
@@ -69,14 +74,14 @@ class _Plan:
         share = 0.5 if self._plan.containment == "mid" else 1.0
         self._share, self._near = share, share * max(profile.printer.z_step, FINEST) + _ROUNDING
 
-    def bounds(self) -> Iterator[PlanViolation]:
+    def find_deviations(self) -> Iterator[PlanViolation]:
         """Yield layers whose certified deviation exceeds the tolerance."""
         plan, bound = self._plan, self._certificate.bound
         over = bound > layer_tolerances(self._profile, plan.bottom, plan.top) + _ROUNDING
-        causes = [self._why_thick(i) if over[i] else "" for i in range(plan.n_layers)]
+        causes = [self._explain_thick_layer(i) if over[i] else "" for i in range(plan.n_layers)]
         # Thinnest layers, and layers between them that meet flats, form one run.
-        kinds = ["thin" if cause in (self._thinnest, _UNDIVIDED) else cause for cause in causes]
-        for first, end in _runs(over, kinds):
+        kinds = ["thin" if cause in (self._thinnest_cause, _CAUSE_UNDIVIDED) else cause for cause in causes]
+        for first, end in _find_runs(over, kinds):
             low, high = float(plan.bottom[first]), float(plan.top[end - 1])
             worst = first + int(bound[first:end].argmax())
             yield PlanViolation("tolerance", low, high, float(bound[worst]), causes[worst])
@@ -85,7 +90,7 @@ class _Plan:
             top = float(plan.top[-1])
             yield PlanViolation("tolerance", top, top + missing, missing, "no printable layer fits there")
 
-    def flats(self) -> Iterator[PlanViolation]:
+    def find_missed_flats(self) -> Iterator[PlanViolation]:
         """Yield flats on which no layer ends."""
         ends, flats = np.append(0.0, self._plan.top), find_flats(self._mesh)[0]
         off = np.abs(ends[:, None] - flats).min(axis=0) if len(flats) else np.zeros(0)
@@ -96,10 +101,12 @@ class _Plan:
             thinnest = self._profile.printer.min_layer
             near = abs(other - z) < thinnest - self._near
             there = "the first layer" if 0 < other == self._first else f"z {other:g}"
-            between = f"it is closer to {there} than the thinnest layer of the printer, {thinnest:g} mm"
-            yield PlanViolation("flat", z, z, far, between if near else self._why_there(z, z))
+            between = (
+                f"the flat is less than the printer's thinnest layer, {thinnest:g} mm, away from {there}"
+            )
+            yield PlanViolation("flat", z, z, far, between if near else self._explain_interval(z, z))
 
-    def large_steps(self) -> Iterator[PlanViolation]:
+    def find_large_steps(self) -> Iterator[PlanViolation]:
         """Yield neighbouring layers whose heights differ by more than `max_step`."""
         most, height = self._settings.max_step, self._plan.height
         change = np.abs(np.diff(height))
@@ -109,7 +116,7 @@ class _Plan:
                 "max_step", z, z, float(change[i]), "flats, tolerance and allowed heights have priority"
             )
 
-    def ranges(self) -> Iterator[PlanViolation]:
+    def find_missed_ranges(self) -> Iterator[PlanViolation]:
         """Yield height ranges whose layer height or ends are not met, or that are above the part."""
         plan, top = self._plan, self._mesh.height
         for height_range in self._settings.ranges:
@@ -121,18 +128,20 @@ class _Plan:
             for z in (height_range.low, height_range.high):
                 off = float(np.abs(np.append(0.0, plan.top) - z).min())
                 if 0 < z < top and off > self._near:
-                    asked = f"layers of {height_range.layer_height:g} mm do not add up to it"
-                    why = self._why_first(z, z) or (asked if height_range.layer_height else _UNREACHED)
+                    asked = f"layers of {height_range.layer_height:g} mm do not add up to this height"
+                    why = self._explain_first_layer(z, z) or (
+                        asked if height_range.layer_height else _CAUSE_UNREACHED
+                    )
                     yield PlanViolation("range end", z, z, off, why)
             other = np.abs(plan.height - height_range.layer_height) > _ROUNDING
-            other &= self._inside(height_range) & (height_range.layer_height > 0)
-            causes = [self._why_other(i, height_range) for i in range(plan.n_layers)]
-            for first, end in _runs(other, causes):
+            other &= self._overlaps(height_range) & (height_range.layer_height > 0)
+            causes = [self._explain_other_height(i, height_range) for i in range(plan.n_layers)]
+            for first, end in _find_runs(other, causes):
                 low, high = float(plan.bottom[first]), float(plan.top[end - 1])
                 far = float(np.abs(plan.height[first:end] - height_range.layer_height).max())
                 yield PlanViolation("range height", low, high, far, causes[first])
 
-    def _inside(self, height_range: HeightRange) -> Bool:
+    def _overlaps(self, height_range: HeightRange) -> Bool:
         """Return which layers (L,) overlap a range."""
         plan = self._plan
         return np.asarray(
@@ -140,45 +149,45 @@ class _Plan:
         )
 
     @property
-    def _thinnest(self) -> str:
+    def _thinnest_cause(self) -> str:
         """Return the cause if even the thinnest layers exceed the tolerance."""
         thinnest = self._profile.thinnest
         return (
             f"layers of {thinnest:g} mm, the thinnest allowed, can deviate by {self._share * thinnest:g} mm"
         )
 
-    def _why_thick(self, layer: int) -> str:
-        """Return why a layer is not thin enough."""
+    def _explain_thick_layer(self, layer: int) -> str:
+        """Return the cause of a layer that is too thick for the tolerance."""
         plan = self._plan
         if plan.height[layer] <= self._profile.thinnest + _ROUNDING:
-            return self._thinnest
-        asked = self._why_there(float(plan.bottom[layer]), float(plan.top[layer]), otherwise="")
+            return self._thinnest_cause
+        asked = self._explain_interval(float(plan.bottom[layer]), float(plan.top[layer]), otherwise="")
         if asked:
             return asked
         if plan.planner != "optimal":
-            return f"planner {plan.planner!r} measures the deviation of a layer in another way"
-        return _UNDIVIDED
+            return f"planner {plan.planner!r} limits another measure of the deviation"
+        return _CAUSE_UNDIVIDED
 
-    def _why_other(self, layer: int, height_range: HeightRange) -> str:
-        """Return why a layer does not have the height of its range."""
-        first = self._why_first(float(self._plan.bottom[layer]), float(self._plan.top[layer]))
+    def _explain_other_height(self, layer: int, height_range: HeightRange) -> str:
+        """Return the cause of a layer that does not have the height of its range."""
+        first = self._explain_first_layer(float(self._plan.bottom[layer]), float(self._plan.top[layer]))
         few = self._settings.max_layers
         cause = f"layers of {height_range.layer_height:g} mm do not end where the part or the range does"
         return first or (f"no more than {few} layers are allowed" if few else cause)
 
-    def _why_first(self, low: float, high: float) -> str:
+    def _explain_first_layer(self, low: float, high: float) -> str:
         """Return the cause if a z interval lies within a fixed first layer, otherwise an empty string."""
         inside = self._first and low < self._first - _ROUNDING and high <= self._first + _ROUNDING
         return f"the first layer is set to {self._first:g} mm" if inside else ""
 
-    def _why_there(
+    def _explain_interval(
         self,
         low: float,
         high: float,
-        otherwise: str = _UNREACHED,
+        otherwise: str = _CAUSE_UNREACHED,
     ) -> str:
-        """Return the setting that determines the layers in a z interval, as a cause."""
-        if first := self._why_first(low, high):
+        """Return as a cause the setting that determines the layers in a z interval; `otherwise` if there is none."""
+        if first := self._explain_first_layer(low, high):
             return first
         for height_range in self._settings.ranges:
             if (
@@ -193,11 +202,11 @@ class _Plan:
         return otherwise
 
 
-def _runs(which: Bool, causes: list[str]) -> Iterator[tuple[int, int]]:
+def _find_runs(selected: Bool, causes: list[str]) -> Iterator[tuple[int, int]]:
     """Yield (first, end) of each run of selected layers with the same cause."""
     first = 0
-    for i in range(1, len(which) + 1):
-        if i == len(which) or which[i] != which[first] or causes[i] != causes[first]:
-            if which[first]:
+    for i in range(1, len(selected) + 1):
+        if i == len(selected) or selected[i] != selected[first] or causes[i] != causes[first]:
+            if selected[first]:
                 yield first, i
             first = i

@@ -12,12 +12,12 @@ from printer_slicer.profile import Profile
 __all__ = ["ZSteps", "fill_with_layers", "layer_tolerances"]
 
 _LIST_STEP = 0.01  # mm between allowed heights, if neither the profile nor the printer sets more
-_BORDER = 6e-3  # mm; layers end within this distance of the ends of ranges
-_NEARLY = 1e-2  # of a step; precision of heights in 32-bit coordinates
+_BORDER_TOLERANCE = 6e-3  # mm; layers end within this distance of the ends of ranges
+_STEP_TOLERANCE = 1e-2  # of a step; precision of heights in 32-bit coordinates
 
 
 def layer_tolerances(profile: Profile, bottom: Float, top: Float) -> Float:
-    """Return the tolerance of layers, mm: that of the quality, or that of the height ranges which they overlap.
+    """Return the tolerance of layers, mm: that of the quality, or that of the height ranges that they overlap.
 
     Args:
         profile: tolerance and ranges.
@@ -28,8 +28,8 @@ def layer_tolerances(profile: Profile, bottom: Float, top: Float) -> Float:
     for height_range in profile.dials.ranges:
         if height_range.tolerance:
             low, high = height_range.low, height_range.high
-            inside |= (bottom >= low - _BORDER) & (top <= high + _BORDER)
-            overlaps = (top > low + _BORDER) & (bottom < high - _BORDER)
+            inside |= (bottom >= low - _BORDER_TOLERANCE) & (top <= high + _BORDER_TOLERANCE)
+            overlaps = (top > low + _BORDER_TOLERANCE) & (bottom < high - _BORDER_TOLERANCE)
             np.minimum(tolerance, height_range.tolerance, out=tolerance, where=overlaps)
     np.minimum(tolerance, profile.quality.tolerance, out=tolerance, where=~inside)
     return tolerance
@@ -52,49 +52,54 @@ class ZSteps:
         self.lowest = int(np.ceil(profile.printer.min_layer / self.size - 1e-6))
         self.highest = int(np.floor(profile.printer.max_layer / self.size + 1e-6))
         self._containment = profile.quality.containment
-        self.part = max(self._whole(mesh.height), 1)
-        self.first = self.of(profile.quality.first_layer_height)
-        self.allowed = self._allowed(profile)
+        self.part = max(self._round_to_steps(mesh.height), 1)
+        self.first = self.to_steps(profile.quality.first_layer_height)
+        self.allowed = self._list_allowed_heights(profile)
         if self.part < self.lowest:
             raise PlanError(
                 f"{mesh.name}: {mesh.height:.4g} mm high, thinner than the thinnest layer of "
                 f"{profile.printer.name!r} ({profile.printer.min_layer:g} mm)",
-                remedy="is the part in another unit? otherwise scale it up or lower printer.min_layer",
+                remedy="Check the unit of the part; if it is right, scale the part up or lower printer.min_layer",
             )
 
-    def _allowed(self, profile: Profile) -> Int:
+    def _list_allowed_heights(self, profile: Profile) -> Int:
+        """Return the layer heights (n,) that the profile allows, in steps, ascending."""
         quality = profile.quality
         if quality.layer_heights:
-            listed = np.unique([self.of(height) for height in quality.layer_heights]).astype(np.int64)
+            listed = np.unique([self.to_steps(height) for height in quality.layer_heights]).astype(np.int64)
             return listed[(listed >= self.lowest) & (listed <= self.highest)]
-        thin = max(self.of(profile.thinnest), self.lowest)
-        thick = max(min(self.of(profile.thickest), self.highest), thin)
+        thin = max(self.to_steps(profile.thinnest), self.lowest)
+        thick = max(min(self.to_steps(profile.thickest), self.highest), thin)
         if not quality.layer_step and profile.printer.z_full_step:
-            return self._full_steps(thin, thick, profile.printer.z_full_step)
+            return self._list_full_steps(thin, thick, profile.printer.z_full_step)
         step = quality.layer_step or max(_LIST_STEP, self.size)
-        return np.arange(thin, thick + 1, max(self.of(step), 1), dtype=np.int64)
+        return np.arange(thin, thick + 1, max(self.to_steps(step), 1), dtype=np.int64)
 
-    def _full_steps(self, thin: int, thick: int, full: float) -> Int:
+    def _list_full_steps(self, thin: int, thick: int, full: float) -> Int:
         """Return the multiples of a full motor step from `thin` to `thick`; only `thin` if there are none."""
-        most = int(np.floor(thick * self.size / full + _NEARLY))
-        least = min(int(np.ceil(thin * self.size / full - _NEARLY)), most)
+        most = int(np.floor(thick * self.size / full + _STEP_TOLERANCE))
+        least = min(int(np.ceil(thin * self.size / full - _STEP_TOLERANCE)), most)
         heights = np.unique(np.round(np.arange(least, most + 1) * full / self.size)).astype(np.int64)
         within = heights[(heights >= thin) & (heights <= thick)]
         return within if len(within) else np.array([thin], np.int64)
 
-    def _whole(self, height: float) -> int:
-        """Return the height of the part in whole steps, rounded to nearest, up or down as containment requires."""
+    def _round_to_steps(self, height: float) -> int:
+        """Convert the height of the part to whole steps, rounded to nearest, up or down as containment requires."""
         steps = height / self.size
         if self._containment == "mid":
             return round(steps)
-        return int(np.ceil(steps - _NEARLY) if self._containment == "positive" else np.floor(steps + _NEARLY))
+        return int(
+            np.ceil(steps - _STEP_TOLERANCE)
+            if self._containment == "positive"
+            else np.floor(steps + _STEP_TOLERANCE)
+        )
 
-    def of(self, height: float) -> int:
+    def to_steps(self, height: float) -> int:
         """Convert a height in mm to steps, rounded."""
         return round(height / self.size)
 
-    def begin(self) -> tuple[int, int]:
-        """Return the height of a fixed first layer and the rest above it; (0, part) if the planner may choose it.
+    def split_first_layer(self) -> tuple[int, int]:
+        """Return the height of a fixed first layer and the height above it; (0, part) if the planner may choose it.
 
         If less than the thinnest layer would be left above, the part is one layer, or two equal ones.
         """
@@ -106,8 +111,8 @@ class ZSteps:
         upper = max(self.part // 2, self.lowest)  # a narrow range may have no two layers that fit
         return max(self.part - upper, self.lowest), upper
 
-    def plan(self, heights: Int, planner: str) -> LayerPlan:
-        """Build the plan of layers with these heights in steps."""
+    def make_plan(self, heights: Int, planner: str) -> LayerPlan:
+        """Build a layer plan from layer heights in steps."""
         top = np.round(np.cumsum(heights) * self.size, 7)
         bottom = np.concatenate([[0.0], top[:-1]])
         # A last layer that extends above the part by steps is cut in the middle of the part's material in it.

@@ -148,7 +148,7 @@ def test_neighbouring_layers_are_smooth_but_beside_flats(name: str, mesh: Mesh) 
 def test_smooth_layers_cost_three_percent_at_most(name: str, part: str) -> None:
     usual, mesh = machine(name), MOVED[part]
     surface = read_surface(mesh)
-    price = 45 * LayerTimes(surface, usual, np.array([1.0])).per_mm3(0.2)
+    price = 45 * LayerTimes(surface, usual, np.array([1.0])).seconds_per_mm3(0.2)
     smooth, free = (
         cost_of(mesh, one, plan_layers(mesh, one)) @ [1.0, price]
         for one in (usual, machine(name, planner__smooth=False))

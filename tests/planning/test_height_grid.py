@@ -9,7 +9,12 @@ import pytest
 
 from printer_slicer.model import Mesh
 from printer_slicer.planning import plan_layers
-from printer_slicer.planning.height_grid import HeightGrid, HeightRow, event_planes, list_layers
+from printer_slicer.planning.height_grid import (
+    HeightGrid,
+    HeightRow,
+    find_event_planes,
+    list_candidate_layers,
+)
 from printer_slicer.planning.z_steps import ZSteps
 from printer_slicer.profile import HeightRange, Profile
 from printer_slicer.surface import certify, read_surface
@@ -28,7 +33,9 @@ def optimal(**changes: Any) -> Profile:
 def rows(mesh: Mesh, wanted: Profile, *, everywhere: bool = False) -> tuple[HeightGrid, list[HeightRow]]:
     steps = ZSteps(mesh, wanted)
     grid = HeightGrid.of(steps, [stretch.layer_height for stretch in wanted.dials.ranges])
-    return grid, list_layers(event_planes(mesh, wanted), grid, steps, wanted, everywhere=everywhere)
+    return grid, list_candidate_layers(
+        find_event_planes(mesh, wanted), grid, steps, wanted, everywhere=everywhere
+    )
 
 
 def test_a_height_off_the_list_begins_or_ends_at_an_event_plane() -> None:

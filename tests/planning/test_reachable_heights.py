@@ -11,7 +11,12 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from printer_slicer.arrays import Int
-from printer_slicer.planning.reachable_heights import event_planes, next_plane, reachable_layers, stack_layers
+from printer_slicer.planning.reachable_heights import (
+    find_event_planes,
+    find_next_planes,
+    find_reachable_layers,
+    stack_layers,
+)
 from printer_slicer.planning.z_steps import ZSteps
 from tests.parts import box, profile, step_pyramid
 
@@ -26,7 +31,9 @@ def layers(limit: Int | int, planes: list[int], steps: ZSteps, bottom: int = 0) 
     limits = np.full(steps.part, limit) if isinstance(limit, int) else limit
     return [
         int(h)
-        for h in stack_layers(reachable_layers(limits, planes, bottom, steps), limits, planes, bottom, steps)
+        for h in stack_layers(
+            find_reachable_layers(limits, planes, bottom, steps), limits, planes, bottom, steps
+        )
     ]
 
 
@@ -65,19 +72,19 @@ def test_flats_too_near_to_each_other_are_met_by_size() -> None:
     steps = ZSteps(mesh, profile(first_layer_height=0))
 
     # 700 mm² at 1.00, 756 mm² at 1.04, 23 mm² at 1.07: only one of them can be an end.
-    assert event_planes(mesh, steps, 0) == [104, 207]
+    assert find_event_planes(mesh, steps, 0) == [104, 207]
 
 
 def test_flats_near_the_bed_the_first_layer_and_the_top_are_not_ends() -> None:
     mesh = step_pyramid([40, 30, 20, 10], [0.05, 0.2, 1.0, 0.03])
     steps = ZSteps(mesh, profile())
 
-    assert event_planes(mesh, steps, 20) == [128]
-    assert event_planes(mesh, steps, 0) == [25, 128]
+    assert find_event_planes(mesh, steps, 20) == [128]
+    assert find_event_planes(mesh, steps, 0) == [25, 128]
 
 
 def test_the_next_plane_over_a_plane_is_another_one() -> None:
-    assert next_plane([10, 30], steps_of(30))[[0, 9, 10, 29, 30]].tolist() == [10, 10, 30, 30, 30]
+    assert find_next_planes([10, 30], steps_of(30))[[0, 9, 10, 29, 30]].tolist() == [10, 10, 30, 30, 30]
 
 
 def can_be_met(limits: Int, start: int, end: int, allowed: list[int]) -> bool:

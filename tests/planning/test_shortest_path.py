@@ -328,7 +328,7 @@ def every_layer(mesh: Mesh, wanted: Profile) -> Layers:
             ends = np.arange(phase, steps.part + 1, height)
             tops = np.unique(np.append(ends, steps.part))
             tops = tops[tops > 0]
-            certificate = certify(surface, steps.plan(np.diff(tops, prepend=0), "all"))
+            certificate = certify(surface, steps.make_plan(np.diff(tops, prepend=0), "all"))
             for i, (low, high) in enumerate(zip([0, *tops[:-1].tolist()], tops.tolist(), strict=True)):
                 if (low, high) in seconds and high - low == height:
                     found[low, high] = Layer(

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from printer_slicer.arrays import Float, Int
 from printer_slicer.model import Mesh
-from printer_slicer.planning.slopes import Slopes, cusp_height, nearest_step, thickest_within
+from printer_slicer.planning.slopes import Slopes, cusp_height, find_thickest_layers, nearest_step
 from printer_slicer.planning.z_steps import ZSteps
 from printer_slicer.profile import Profile
 from tests.parts import box, cone, profile, pyramid, sphere, step_pyramid
@@ -43,7 +43,7 @@ def test_the_largest_slope_of_any_interval_is_that_of_its_steepest_facet(
     bottom = chance.integers(0, steps.part, size=200)
     top = np.minimum(bottom + chance.integers(1, 60, size=200), steps.part)
 
-    found = slopes.largest(bottom, top)
+    found = slopes.largest_slope(bottom, top)
 
     assert found == pytest.approx(one_by_one(mesh, bottom, top, steps.size), abs=1e-9)
 
@@ -52,19 +52,19 @@ def test_a_flat_is_seen_only_by_what_has_it_strictly_inside() -> None:
     slopes, _ = table(step_pyramid([20, 10], [1.0, 1.0]))
     bottom, top = np.array([80, 100, 90, 99, 0, 150]), np.array([100, 120, 110, 101, 200, 200])
 
-    assert slopes.largest(bottom, top).tolist() == [0, 0, 1, 1, 1, 0]
+    assert slopes.largest_slope(bottom, top).tolist() == [0, 0, 1, 1, 1, 0]
 
 
 def test_a_flat_between_two_steps_stands_on_the_nearer_one() -> None:
     slopes, _ = table(step_pyramid([20, 10], [1.003, 1.0]))
 
-    assert slopes.largest(np.array([90, 100, 99]), np.array([100, 110, 101])).tolist() == [0, 0, 1]
+    assert slopes.largest_slope(np.array([90, 100, 99]), np.array([100, 110, 101])).tolist() == [0, 0, 1]
 
 
 def test_flats_can_be_left_out() -> None:
     slopes, steps = table(step_pyramid([20, 10], [1.0, 1.0]), flats=False)
 
-    assert slopes.largest(np.array([0]), np.array([steps.part])).tolist() == [0]
+    assert slopes.largest_slope(np.array([0]), np.array([steps.part])).tolist() == [0]
 
 
 @pytest.mark.parametrize("containment", ["mid", "positive", "negative"])
@@ -72,13 +72,13 @@ def test_the_top_of_the_part_is_never_inside_its_last_layer(containment: str) ->
     for height in (2.0, 1.995, 2.001, 2.004, 1.9951, 2.005, 2.009, 2.015):
         slopes, steps = table(box((5, 5, height)), profile(containment=containment))
 
-        assert slopes.largest(np.array([0]), np.array([steps.part])).tolist() == [0]
+        assert slopes.largest_slope(np.array([0]), np.array([steps.part])).tolist() == [0]
 
 
 def test_over_the_part_there_is_no_slope() -> None:
     slopes, steps = table(cone())
 
-    assert slopes.largest(
+    assert slopes.largest_slope(
         np.array([steps.part, steps.part + 5]), np.array([steps.part + 9] * 2)
     ).tolist() == [
         0,
@@ -92,14 +92,16 @@ def test_the_table_does_not_depend_on_the_order_of_the_facets() -> None:
     (slopes, steps), (shuffled, _) = table(mesh), table(other)
     bottom = np.arange(steps.part - 20)
 
-    assert np.array_equal(slopes.largest(bottom, bottom + 20), shuffled.largest(bottom, bottom + 20))
+    assert np.array_equal(
+        slopes.largest_slope(bottom, bottom + 20), shuffled.largest_slope(bottom, bottom + 20)
+    )
 
 
 def test_facets_in_many_blocks_are_all_seen() -> None:
     many = np.concatenate([box((5, 5, 2)).triangles] * 9000)
     mesh = Mesh(np.concatenate([many, pyramid(10, 2).triangles]))  # 108 000 walls and flats first
 
-    assert table(mesh)[0].largest(np.array([50]), np.array([60])) == pytest.approx(5 / np.hypot(5, 2))
+    assert table(mesh)[0].largest_slope(np.array([50]), np.array([60])) == pytest.approx(5 / np.hypot(5, 2))
 
 
 @pytest.mark.parametrize(("containment", "cusp"), [("mid", 0.1), ("positive", 0.05), ("negative", 0.05)])
@@ -122,13 +124,13 @@ def test_the_thickest_layer_is_the_last_one_that_a_limit_lets_grow(seen: float) 
     def limit(slope: Float) -> Float:
         return np.asarray(0.2 / np.maximum(slope, 1e-9))
 
-    found = thickest_within(slopes, steps, limit, seen=seen)
+    found = find_thickest_layers(slopes, steps, limit, considered=seen)
 
     for bottom in range(0, steps.part, 7):
         height = steps.lowest
         while height < steps.highest:
             window = int(np.ceil((height + 1) * seen))
-            slope = slopes.largest(np.array([bottom]), np.array([bottom + window]))
+            slope = slopes.largest_slope(np.array([bottom]), np.array([bottom + window]))
             if (height + 1) * steps.size > limit(slope)[0] + 1e-6:
                 break
             height += 1

@@ -67,7 +67,7 @@ def test_of_two_flats_too_near_to_each_other_one_is_missed_and_the_other_one_is_
 
     assert violation.rule == "flat"
     assert (violation.low, violation.amount) == (pytest.approx(1.03), pytest.approx(0.03))
-    assert "closer to z 1 than the thinnest layer" in violation.cause
+    assert "thinnest layer, 0.08 mm, away from z 1" in violation.cause
 
 
 def test_a_flat_within_the_first_layer_is_missed_because_of_it() -> None:
@@ -123,7 +123,7 @@ def test_planners_that_measure_errors_in_another_way_say_so() -> None:
     found = judged(sphere(4), wanted)
     thick = {one.cause for one in found if "thinnest" not in one.cause}
 
-    assert thick == {"planner 'cusp' measures the deviation of a layer in another way"}
+    assert thick == {"planner 'cusp' limits another measure of the deviation"}
 
 
 @given(
