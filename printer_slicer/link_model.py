@@ -28,7 +28,7 @@ import numpy as np
 from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.motion.planner_clock import PlannerClock, PlannerState
 from printer_slicer.motion.rules import Block, MotionLimits
-from printer_slicer.motion.vectorized import Blocks, corner_squares
+from printer_slicer.motion.vectorized import Blocks, squared_corner_speeds
 from printer_slicer.motion.vectorized_lookahead import lookahead_seconds
 from printer_slicer.stream.window import QUESTION_ROOM
 
@@ -318,7 +318,7 @@ def _prepend_queued(planner: PlannerState, fresh: Blocks, limits: MotionLimits) 
         return blocks, known
     assert planner.last is not None
     row = _concatenate_blocks(_stack_blocks([planner.last]), fresh)
-    return blocks, np.append(known, corner_squares(limits, row.part(np.s_[:-1]), row.part(np.s_[1:])))
+    return blocks, np.append(known, squared_corner_speeds(limits, row.part(np.s_[:-1]), row.part(np.s_[1:])))
 
 
 def _stack_blocks(blocks: Sequence[Block]) -> Blocks:
@@ -499,7 +499,7 @@ class LinkRun:
                 retry.record_single_line()
                 count = 1
             at += count
-        self.end = self.clock.stand_still(self._state.executed)
+        self.end = self.clock.finish_moves(self._state.executed)
         return self
 
     def _record_start(self, line: int, now: float) -> None:
@@ -517,7 +517,7 @@ class LinkRun:
         for place in range(self._first_move[at], self._first_move[at + 1]):
             now = self.clock.push(block_at(job.blocks, place), now, at)
         if at in job.stands:
-            now = self.clock.stand_still(now) + job.stands[at]
+            now = self.clock.finish_moves(now) + job.stands[at]
         state.send_answer(_OK_BYTES, now)
         state.acknowledge(now)
 

@@ -79,9 +79,9 @@ class WatchedClock(PlannerClock):
 
     stood: list[tuple[int, float]]
 
-    def _start(self, at: float) -> None:
+    def _start_moving(self, at: float) -> None:
         before = self.stalls, self.stalled_seconds
-        super()._start(at)
+        super()._start_moving(at)
         if self.stalls > before[0]:
             self.__dict__.setdefault("stood", []).append((self.labels[0], self.stalled_seconds - before[1]))
 

@@ -104,12 +104,12 @@ class ReaderState:
     @property
     def relative(self) -> bool:
         """Whether x, y, z are relative."""
-        return self.counting.axes
+        return self.counting.has_relative_axes
 
     @property
     def relative_e(self) -> bool:
         """Whether e is relative."""
-        return self.counting.e
+        return self.counting.has_relative_e
 
     @property
     def unit_e(self) -> float:

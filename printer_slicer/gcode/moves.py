@@ -70,18 +70,18 @@ class Timer:
         """Add the next piece; where limits change, the machine is assumed to stand still."""
         self._dwells += moves.dwell_seconds
         if moves.starts_at_rest:
-            self._watch.rest()
+            self._watch.stop_and_sum()
         begin = 0
         for first, kind, values in moves.changes:
             self._add_range(moves, begin, first)
-            self._watch.rest()
+            self._watch.stop_and_sum()
             begin, self._limits = first, changed_limits(self._limits, kind, values)
             self._watch.limits = self._limits
         self._add_range(moves, begin, len(moves.speed))
 
     def seconds(self) -> float:
         """Return the time of all pieces, s; the machine comes to rest after the last one."""
-        return self._dwells + self._watch.rest()
+        return self._dwells + self._watch.stop_and_sum()
 
     def _add_range(self, moves: Moves, first: int, last: int) -> None:
         """Add moves that share the same limits."""

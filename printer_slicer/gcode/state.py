@@ -234,7 +234,15 @@ class MachineState:
         x, y, z, e = self._position
         counting = self.counting
         return ModalState(
-            *(x, y, z, e or 0.0, counting.axes, counting.e, counting.extruder),
+            *(
+                x,
+                y,
+                z,
+                e or 0.0,
+                counting.has_relative_axes,
+                counting.has_relative_e,
+                counting.has_relative_extruder,
+            ),
             *(self.speed, self.retracted, self.pulled, self.inches),
         )
 
@@ -280,7 +288,7 @@ class MachineState:
 
     def _is_relative_axis(self, axis: int) -> bool:
         """Return whether an axis (0 to 3 for x, y, z, e) is in relative mode."""
-        return self.counting.e if axis == 3 else self.counting.axes
+        return self.counting.has_relative_e if axis == 3 else self.counting.has_relative_axes
 
     def _apply_move(self, word: bytes, values: Mapping[bytes, float]) -> Move:
         """G0 to G3: update the position, and return the move."""
@@ -288,7 +296,7 @@ class MachineState:
         feed = values.get(b"F", 0.0)
         if feed > 0.0:
             self.speed = feed * unit / 60
-        relative, relative_e = self.counting.axes, self.counting.e
+        relative, relative_e = self.counting.has_relative_axes, self.counting.has_relative_e
         goal, delta = list(position), [0.0, 0.0, 0.0, 0.0]
         for axis, letter in enumerate(_AXES):
             value = values.get(letter)
@@ -340,7 +348,7 @@ class MachineState:
         move = self._apply_move(word, values)
         if not FLAVOURS[self.flavour].machine_coordinates:
             self._forget_axes(values)  # most builds do not support the command and ignore it
-        elif not self.counting.axes:
+        elif not self.counting.has_relative_axes:
             self._forget_axes(
                 letter
                 for axis, letter in enumerate(_AXES[:3])

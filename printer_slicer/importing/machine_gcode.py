@@ -137,7 +137,7 @@ def _measure_reach(lines: Sequence[str], bed: BedRectangle) -> float:
         command = strip(_PLACEHOLDER.sub("", line).encode())
         word, values = parse(command)
         before, unit = machine.position, machine.unit
-        if machine.apply(word, values, command) is None or machine.counting.axes:
+        if machine.apply(word, values, command) is None or machine.counting.has_relative_axes:
             continue
         centre_offset = {b"X": values.get(b"I", 0.0) * unit, b"Y": values.get(b"J", 0.0) * unit}
         radius = hypot(*centre_offset.values())

@@ -23,11 +23,11 @@ CHORDS_PER_TURN: Final = 72
 """Chords per turn; chords are limited to 0.1 to 1 mm. These are Marlin's defaults."""
 
 Place = tuple[float, float]
-"""x, y, mm."""
+"""Position in x and y, mm."""
 
 
 def centre_by_offset(start: Place, i: float, j: float) -> Place | None:
-    """Return the centre at (i, j) mm from the start; None if both are 0."""
+    """Return the centre of an arc at (i, j) mm from its start; None if i and j are 0."""
     return (start[0] + i, start[1] + j) if i or j else None
 
 
@@ -47,7 +47,7 @@ def centre_by_radius(start: Place, goal: Place, radius: float, *, clockwise: boo
 
 
 def arc_points(start: Axes, goal: Axes, centre: Place, *, clockwise: bool) -> Iterator[Axes]:
-    """Yield the end points of the chords; equal start and goal make a full circle."""
+    """Yield the end points of the chords of an arc; if start and goal are equal, the arc is a full circle."""
     ax, ay = start[0] - centre[0], start[1] - centre[1]
     radius = hypot(ax, ay)
     start_angle = atan2(ay, ax)

@@ -14,16 +14,16 @@ __all__ = [
     "SHORTEST",
     "SLOWEST",
     "SMALL_LENGTH",
-    "SMALL_TURN",
-    "SQUARE",
-    "STRAIGHT",
+    "SMALL_TURN_COSINE",
+    "SQUARE_CORNER_FACTOR",
+    "STRAIGHT_COSINE",
     "Axes",
     "Block",
     "MotionLimits",
     "corner_speed",
-    "corner_square",
     "make_block",
     "ramp_time",
+    "squared_corner_speed",
 ]
 
 Axes = tuple[float, float, float, float]
@@ -35,14 +35,14 @@ SLOWEST: Final = 0.05
 SHORTEST: Final = 1e-6
 """mm; shorter moves are rounding errors, because this is less than a motor step of any machine."""
 
-STRAIGHT: Final = 0.999999
+STRAIGHT_COSINE: Final = 0.999999
 """Cosine of the turn above which junction deviation detects no corner (0.08°)."""
 
 SMALL_LENGTH: Final = 1.0
-SMALL_TURN: Final = 0.7071067811865476
+SMALL_TURN_COSINE: Final = 0.7071067811865476
 """Blocks shorter than 1 mm that turn by less than 45° (cosine above this) are treated as parts of a curve."""
 
-SQUARE: Final = sqrt(2) - 1
+SQUARE_CORNER_FACTOR: Final = sqrt(2) - 1
 """Factor with which the deviation formula gives the square corner velocity at 90°."""
 
 
@@ -91,7 +91,7 @@ class Block(NamedTuple):
         unit: travel of x, y, z, e per mm of length.
         speed: cruise speed, mm/s along the length.
         acceleration: mm/s² along the length.
-        share: ratio of the acceleration to the requested one, above 0 to 1.
+        share: the acceleration divided by the requested acceleration, above 0 and at most 1.
     """
 
     length: float
@@ -114,18 +114,18 @@ def make_block(limits: MotionLimits, delta: Axes, speed: float) -> Block | None:
     length = sqrt(x * x + y * y + z * z)
     if length >= SHORTEST:
         unit = (x / length, y / length, z / length, e / length)
-        wanted = limits.acceleration if e else limits.travel_acceleration
+        requested = limits.acceleration if e else limits.travel_acceleration
     else:
         length = abs(e)
         if length < SHORTEST:
             return None
         unit = (0.0, 0.0, 0.0, 1.0 if e > 0.0 else -1.0)
-        wanted = limits.retract_acceleration
+        requested = limits.retract_acceleration
     if limits.min_segment_seconds * speed > length:
         speed = length / limits.min_segment_seconds
     if not speed > SLOWEST:
         speed = SLOWEST
-    acceleration = wanted
+    acceleration = requested
     for part, top_speed, top_acceleration in zip(
         unit, limits.max_speed, limits.max_acceleration, strict=True
     ):
@@ -135,7 +135,7 @@ def make_block(limits: MotionLimits, delta: Axes, speed: float) -> Block | None:
                 speed = top_speed / size
             if size * acceleration > top_acceleration:
                 acceleration = top_acceleration / size
-    return Block(length, unit, speed, acceleration, acceleration / wanted)
+    return Block(length, unit, speed, acceleration, acceleration / requested)
 
 
 def corner_speed(limits: MotionLimits, before: Block, after: Block) -> float:
@@ -144,21 +144,21 @@ def corner_speed(limits: MotionLimits, before: Block, after: Block) -> float:
     For moves of the extruder alone, "junction_deviation" and "jerk" treat e as one more axis, as Marlin does. With
     "square_corner" the machine stops before and after them, as Klipper does.
     """
-    return sqrt(corner_square(limits, before, after))
+    return sqrt(squared_corner_speed(limits, before, after))
 
 
-def corner_square(limits: MotionLimits, before: Block, after: Block) -> float:
+def squared_corner_speed(limits: MotionLimits, before: Block, after: Block) -> float:
     """Return the square of `corner_speed`, (mm/s)²."""
     slower = before.speed if before.speed < after.speed else after.speed
     if limits.corner == "junction_deviation":
-        return min(_deviation_square(limits, before, after), slower * slower)
+        return min(_squared_speed_by_deviation(limits, before, after), slower * slower)
     if limits.corner == "square_corner":
-        return _square_corner_square(limits, before, after, slower)
-    slower = _jerk_speed(limits.jerk, before.unit, after.unit, slower)
+        return _squared_speed_by_square_corner(limits, before, after, slower)
+    slower = _speed_by_jerk(limits.jerk, before.unit, after.unit, slower)
     return slower * slower
 
 
-def _deviation_square(limits: MotionLimits, before: Block, after: Block) -> float:
+def _squared_speed_by_deviation(limits: MotionLimits, before: Block, after: Block) -> float:
     """Return the squared corner speed by junction deviation.
 
     The corner is replaced by an arc at the deviation δ, traversed with the acceleration a:
@@ -177,7 +177,7 @@ def _deviation_square(limits: MotionLimits, before: Block, after: Block) -> floa
     bx, by, bz, be = bx / b_size, by / b_size, bz / b_size, be / b_size
     ax, ay, az, ae = ax / a_size, ay / a_size, az / a_size, ae / a_size
     cosine = ax * bx + ay * by + az * bz + ae * be
-    if cosine > STRAIGHT:
+    if cosine > STRAIGHT_COSINE:
         return inf
     size = sqrt(2.0 - 2.0 * cosine)
     acceleration = after.acceleration
@@ -187,13 +187,13 @@ def _deviation_square(limits: MotionLimits, before: Block, after: Block) -> floa
             acceleration = top / part
     half_sine = sqrt(max(0.0, 0.5 * (1.0 + cosine)))
     square = acceleration * limits.junction_deviation * half_sine / (1.0 - half_sine)
-    if after.length < SMALL_LENGTH and cosine > SMALL_TURN:
+    if after.length < SMALL_LENGTH and cosine > SMALL_TURN_COSINE:
         square = min(square, acceleration * after.length / acos(cosine))
     return square
 
 
-def _jerk_speed(jerk: Axes, before: Axes, after: Axes, speed: float) -> float:
-    """Return the corner speed by jerk, at most `speed`: no axis may change its speed abruptly by more than its limit.
+def _speed_by_jerk(jerk: Axes, before: Axes, after: Axes, speed: float) -> float:
+    """Return the corner speed by jerk, at most `speed`: the speed of no axis may jump by more than its limit.
 
     An axis that reverses stops in between, so the larger of its two jumps counts, not their sum.
 
@@ -206,7 +206,9 @@ def _jerk_speed(jerk: Axes, before: Axes, after: Axes, speed: float) -> float:
     return speed
 
 
-def _square_corner_square(limits: MotionLimits, before: Block, after: Block, slower: float) -> float:
+def _squared_speed_by_square_corner(
+    limits: MotionLimits, before: Block, after: Block, slower: float
+) -> float:
     """Return the squared corner speed by square corner velocity, at most that of the slower block.
 
     This is junction deviation in x, y, z with δ = v₉₀²·(√2 - 1) / a, so that a 90° corner is taken at v₉₀ for every
@@ -227,7 +229,7 @@ def _square_corner_square(limits: MotionLimits, before: Block, after: Block, slo
     half_sine = sqrt(max(0.0, 0.5 * (1.0 + cosine)))
     half_cosine = sqrt(max(0.0, 0.5 * (1.0 - cosine)))
     if half_sine < 1.0 and half_cosine > 0.0:
-        right = limits.square_corner_velocity * limits.square_corner_velocity * SQUARE
+        right = limits.square_corner_velocity * limits.square_corner_velocity * SQUARE_CORNER_FACTOR
         share = min(before.share, after.share)
         room = min(before.length * before.acceleration, after.length * after.acceleration)
         square = min(

@@ -22,10 +22,10 @@ __all__ = ["PlannerClock", "PlannerState"]
 _FIRST_MOVE_DELAY: Final = 0.1
 """s; delay before a machine at rest starts, to wait for more moves (Marlin's BLOCK_DELAY_FOR_1ST_MOVE)."""
 
-_ENOUGH: Final = 3
-"""Number of queued moves at which it starts at once."""
+_MOVES_TO_START: Final = 3
+"""Number of queued moves at which a machine at rest starts at once."""
 
-_LONGEST: Final = 2.0
+_LONGEST_UNDERRUN: Final = 2.0
 """s; a longer stop is not an underrun of the link."""
 
 
@@ -70,16 +70,16 @@ class PlannerClock:
         self._on_begin = on_begin
         self._labels: deque[int] = deque()
         self._running = False
-        self._meant = True  # the machine rests on command
-        self._dry_since = -inf
+        self._rests_on_command = True  # the machine rests on command
+        self._idle_since = -inf
 
-    def full(self, now: float) -> bool:
+    def is_full(self, now: float) -> bool:
         """Return whether the queue is full at time `now`, s."""
         self._advance(now)
         return len(self._labels) >= self._places
 
     def set_limits(self, limits: MotionLimits) -> None:
-        """Use other corner rules for the moves pushed from now on."""
+        """Set the motion limits for the corners of moves pushed from now on."""
         self._lookahead.limits = limits
 
     def push(self, block: Block, now: float, label: int = 0) -> float:
@@ -94,20 +94,20 @@ class PlannerClock:
             return now
         if self.ends == inf:
             self.ends = now + _FIRST_MOVE_DELAY
-            if self._meant or now - self._dry_since > _LONGEST:
-                self._dry_since = -inf
-            self._meant = False
-        elif len(self._labels) >= _ENOUGH:
+            if self._rests_on_command or now - self._idle_since > _LONGEST_UNDERRUN:
+                self._idle_since = -inf
+            self._rests_on_command = False
+        elif len(self._labels) >= _MOVES_TO_START:
             self.ends = min(self.ends, now)
         return now
 
-    def stand_still(self, now: float) -> float:
-        """Wait until all moves are done, from time `now`, s; return the time at which they are."""
+    def finish_moves(self, now: float) -> float:
+        """Advance from time `now`, s, until all moves are done; return that time, s."""
         self._advance(now)
         while self.ends != inf:
             now = max(now, self.ends)
             self._advance(now)
-        self._meant = True
+        self._rests_on_command = True
         return now
 
     @property
@@ -120,7 +120,7 @@ class PlannerClock:
         self._advance(now)
         if not self._running:
             return None
-        queue, last, square = self._lookahead.planned()
+        queue, last, square = self._lookahead.queue_state()
         return PlannerState(tuple(queue), last, square, self.ends)
 
     def skip_to(self, state: PlannerState, labels: Sequence[int], seconds: float) -> None:
@@ -144,7 +144,7 @@ class PlannerClock:
                 self._labels.popleft()
             if self._labels:
                 if not self._running:
-                    self._start(at)
+                    self._start_moving(at)
                 self._on_begin(self._labels[0], at)
                 seconds = self._lookahead.pop()
                 self.moving_seconds += seconds
@@ -152,11 +152,12 @@ class PlannerClock:
             else:
                 self._running = False
                 self.ends = inf
-                self._dry_since = at
+                self._idle_since = at
 
-    def _start(self, at: float) -> None:
+    def _start_moving(self, at: float) -> None:
+        """Start the machine at time `at`, s; count an underrun if it stopped for lack of moves."""
         self._running = True
-        if self._dry_since == -inf:
+        if self._idle_since == -inf:
             return
         self.stalls += 1
-        self.stalled_seconds += at - self._dry_since
+        self.stalled_seconds += at - self._idle_since

@@ -23,25 +23,26 @@ class PositioningMode(NamedTuple):
 
     Attributes:
         rule: rule of the firmware, see above.
-        axes: whether x, y, z are relative (G91).
-        extruder: whether e is relative by M82 or M83, or by G90 or G91 if these set e, too. It must be sent again if
-            the firmware has forgotten it.
+        has_relative_axes: whether x, y, z are relative (G91).
+        has_relative_extruder: whether the last command that sets e made it relative: M82, M83, or G90 and G91 if these
+            set e, too. It must be sent again if the firmware has forgotten it.
     """
 
     rule: CountingRule = "together"
-    axes: bool = False
-    extruder: bool = False
+    has_relative_axes: bool = False
+    has_relative_extruder: bool = False
 
     @property
-    def e(self) -> bool:
+    def has_relative_e(self) -> bool:
         """Whether e is relative."""
-        return self.extruder or (self.rule == "either" and self.axes)
+        return self.has_relative_extruder or (self.rule == "either" and self.has_relative_axes)
 
     def after(self, word: str) -> PositioningMode:
-        """Return the mode after a command; unchanged if the command does not set it."""
+        """Return the mode after the command `word`; unchanged if the command does not set it."""
         if word in {"M82", "M83"}:
-            return self._replace(extruder=word == "M83")
+            return self._replace(has_relative_extruder=word == "M83")
         if word not in {"G90", "G91"}:
             return self
-        axes = word == "G91"
-        return self._replace(axes=axes, extruder=axes if self.rule == "together" else self.extruder)
+        is_relative = word == "G91"
+        extruder = is_relative if self.rule == "together" else self.has_relative_extruder
+        return self._replace(has_relative_axes=is_relative, has_relative_extruder=extruder)

@@ -23,9 +23,9 @@ from printer_slicer.motion.blocks import (
     Block,
     MotionLimits,
     corner_speed,
-    corner_square,
     make_block,
     ramp_time,
+    squared_corner_speed,
 )
 
 if TYPE_CHECKING:
@@ -34,20 +34,20 @@ if TYPE_CHECKING:
     from printer_slicer.profile import Printer
 
 __all__ = [
-    "SAME",
+    "EQUAL_RATIO",
     "Axes",
     "Block",
     "Lookahead",
     "MotionLimits",
+    "block_times",
     "corner_speed",
     "limits_of",
     "make_block",
-    "plan",
     "ramp_time",
 ]
 
-SAME: Final = 1 - 1e-9
-"""Squared speeds closer than this ratio are equal, so that rounding does not decide whether a block can also brake."""
+EQUAL_RATIO: Final = 1 - 1e-9
+"""Squared speeds whose ratio is above this are equal, so that rounding does not decide whether a block also brakes."""
 
 
 class _Queued(NamedTuple):
@@ -68,7 +68,7 @@ class Lookahead:
     """The planner of a firmware: a queue of a few blocks, always planned such that the last one ends at rest.
 
     A block that leaves the queue keeps its planned exit speed; later blocks cannot change it. So a short queue, or
-    blocks too short for the machine to brake within the queue, make the machine slower than `plan`.
+    blocks too short for the machine to brake within the queue, make the machine slower than `block_times`.
 
     Attributes:
         limits: limits for the corners of blocks pushed from now on; may be replaced at any time.
@@ -90,21 +90,21 @@ class Lookahead:
         return len(self._queue)
 
     @property
-    def full(self) -> bool:
+    def is_full(self) -> bool:
         """Whether the queue is full."""
         return len(self._queue) >= self.limits.planner_blocks
 
     def push(self, block: Block) -> None:
-        """Add a block to the queue. To model a real planner, pop a block first while it is `full`."""
-        corner = 0.0 if self._last is None else corner_square(self.limits, self._last, block)
+        """Add a block to the queue. To model a real planner, pop a block first while the queue `is_full`."""
+        corner = 0.0 if self._last is None else squared_corner_speed(self.limits, self._last, block)
         self._last = block
         self._queue.append(_Queued(block, corner, 2.0 * block.acceleration * block.length))
 
     def stop(self) -> None:
-        """Make the machine stop after the queued blocks: the next block pushed starts at speed 0."""
+        """Make the machine stop after the queued blocks; the next block pushed starts at speed 0."""
         self._last = None
 
-    def planned(self) -> tuple[list[tuple[Block, float]], Block | None, float]:
+    def queue_state(self) -> tuple[list[tuple[Block, float]], Block | None, float]:
         """Return the state of the queue.
 
         Returns:
@@ -114,7 +114,7 @@ class Lookahead:
         return [(queued.block, queued.corner) for queued in self._queue], self._last, self._square
 
     def skip_to(self, queue: Iterable[tuple[Block, float]], last: Block | None, square: float) -> None:
-        """Continue from another state, as returned by `planned`; not supported with `minimum_cruise_ratio`."""
+        """Continue from another state, as returned by `queue_state`; not supported with `minimum_cruise_ratio`."""
         self._queue = deque(
             _Queued(block, corner, 2.0 * block.acceleration * block.length) for block, corner in queue
         )
@@ -134,17 +134,17 @@ class Lookahead:
             return 0.0
         queued = self._queue.popleft()
         block, entry = queued.block, self.exit_speed
-        square = min(self._reachable(1.0), self._square + queued.gain)
+        square = min(self._reachable_square(1.0), self._square + queued.gain)
         cruise = block.speed
         if self.limits.minimum_cruise_ratio > 0.0:
-            self._top = self._next_top(queued.gain)
+            self._top = self._next_cruise_limit(queued.gain)
             square = min(square, self._top)
             cruise = min(cruise, sqrt(self._top))
         self._square = square
         self.exit_speed = sqrt(square)
         return ramp_time(block.length, entry, cruise, self.exit_speed, block.acceleration)
 
-    def _reachable(self, scale: float, skip: int = 0) -> float:
+    def _reachable_square(self, scale: float, skip: int = 0) -> float:
         """Return the maximum squared speed at the start of queued block `skip` that allows all later corners.
 
         This is the backward pass of a planner, run from the front: a later corner allows its own squared speed plus
@@ -160,38 +160,40 @@ class Lookahead:
                 return best
         return min(best, braking)
 
-    def _next_top(self, gain: float) -> float:
-        """Return the squared cruise limit of the block just removed, see `_smoothed_tops`."""
+    def _next_cruise_limit(self, gain: float) -> float:
+        """Return the squared cruise limit of the block just removed, see `_squared_cruise_limits`."""
         scale = 1.0 - self.limits.minimum_cruise_ratio
         gain *= scale
         entry = self._smooth
-        self._smooth = exit_ = min(self._reachable(scale), entry + gain)
-        if _climbs(entry, exit_, gain):
-            return self._summit(exit_, scale)
-        return self._top if _climbs(exit_, entry, gain) else _peak(entry, exit_, gain)
+        self._smooth = exit_ = min(self._reachable_square(scale), entry + gain)
+        if _needs_full_gain(entry, exit_, gain):
+            return self._find_peak_ahead(exit_, scale)
+        return self._top if _needs_full_gain(exit_, entry, gain) else _squared_peak_speed(entry, exit_, gain)
 
-    def _summit(self, entry: float, scale: float) -> float:
+    def _find_peak_ahead(self, entry: float, scale: float) -> float:
         """Return the squared speed at which the current acceleration of the virtual machine will end."""
         for index, queued in enumerate(self._queue, start=1):
             gain = scale * queued.gain
-            exit_ = min(self._reachable(scale, index), entry + gain)
-            if not _climbs(entry, exit_, gain):
-                return entry if _climbs(exit_, entry, gain) else _peak(entry, exit_, gain)
+            exit_ = min(self._reachable_square(scale, index), entry + gain)
+            if not _needs_full_gain(entry, exit_, gain):
+                return (
+                    entry if _needs_full_gain(exit_, entry, gain) else _squared_peak_speed(entry, exit_, gain)
+                )
             entry = exit_
         return entry
 
 
-def plan(blocks: Iterable[Block], limits: MotionLimits) -> list[float]:
+def block_times(blocks: Iterable[Block], limits: MotionLimits) -> list[float]:
     """Return the time of each block, s, for a machine with unlimited look-ahead that starts and ends at rest."""
     queue = list(blocks)
     if not queue:
         return []
     gains = [2.0 * block.acceleration * block.length for block in queue]
-    corners = [0.0, *(corner_square(limits, before, after) for before, after in pairwise(queue))]
-    squares = _squares(corners, gains)
+    corners = [0.0, *(squared_corner_speed(limits, before, after) for before, after in pairwise(queue))]
+    squares = _max_squared_speeds(corners, gains)
     tops = [inf] * len(queue)
     if limits.minimum_cruise_ratio > 0.0:
-        tops = _smoothed_tops(corners, [gain * (1.0 - limits.minimum_cruise_ratio) for gain in gains])
+        tops = _squared_cruise_limits(corners, [gain * (1.0 - limits.minimum_cruise_ratio) for gain in gains])
     return [
         ramp_time(
             block.length,
@@ -204,7 +206,7 @@ def plan(blocks: Iterable[Block], limits: MotionLimits) -> list[float]:
     ]
 
 
-def _squares(corners: list[float], gains: list[float]) -> list[float]:
+def _max_squared_speeds(corners: list[float], gains: list[float]) -> list[float]:
     """Return the maximum squared speeds at the start of each block, and 0 at the end of the last."""
     squares = [*corners, 0.0]
     for i in range(len(gains) - 1, -1, -1):
@@ -214,7 +216,7 @@ def _squares(corners: list[float], gains: list[float]) -> list[float]:
     return squares
 
 
-def _smoothed_tops(corners: list[float], gains: list[float]) -> list[float]:
+def _squared_cruise_limits(corners: list[float], gains: list[float]) -> list[float]:
     """Return the squared cruise limit of each block that leaves the minimum fraction of cruise.
 
     A virtual machine with the lower acceleration (1 - ratio)·a takes the same corners; `gains` are its gains. Each
@@ -224,30 +226,30 @@ def _smoothed_tops(corners: list[float], gains: list[float]) -> list[float]:
 
     Source: Klipper documentation, "Kinematics: Minimum cruise ratio".
     """
-    squares = _squares(corners, gains)
+    squares = _max_squared_speeds(corners, gains)
     tops = [0.0] * len(gains)
     summit: float | None = None
     for i in range(len(gains) - 1, -1, -1):
         entry, exit_, gain = squares[i], squares[i + 1], gains[i]
-        if _climbs(entry, exit_, gain):
+        if _needs_full_gain(entry, exit_, gain):
             summit = tops[i] = exit_ if summit is None else summit
-        elif _climbs(exit_, entry, gain):
+        elif _needs_full_gain(exit_, entry, gain):
             summit, tops[i] = None, inf
         else:
-            summit = tops[i] = _peak(entry, exit_, gain)
+            summit = tops[i] = _squared_peak_speed(entry, exit_, gain)
     for i, top in enumerate(tops):
         if top == inf:
             tops[i] = tops[i - 1]
     return tops
 
 
-def _climbs(low: float, high: float, gain: float) -> bool:
-    """Return whether the whole gain of a block is needed to get from one squared speed to the other."""
-    return high >= (low + gain) * SAME
+def _needs_full_gain(low: float, high: float, gain: float) -> bool:
+    """Return whether a block needs its whole gain to get from the lower squared speed to the higher one."""
+    return high >= (low + gain) * EQUAL_RATIO
 
 
-def _peak(entry: float, exit_: float, gain: float) -> float:
-    """Return the squared speed where acceleration from the start meets braking for the end."""
+def _squared_peak_speed(entry: float, exit_: float, gain: float) -> float:
+    """Return the squared speed at which the acceleration from the start of a block meets the braking for its end."""
     return 0.5 * (entry + exit_ + gain)
 
 

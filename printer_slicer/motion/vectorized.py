@@ -1,4 +1,4 @@
-"""Move times over arrays: the same as `rules.plan`, but vectorized with numpy.
+"""Move times over arrays: the same as `rules.block_times`, but vectorized with numpy.
 
 The formulas, their order of operations and their sources are those of `motion.blocks` and `motion.rules`, so results
 agree up to rounding. Letters in shapes: K moves, B blocks (moves that are not zero).
@@ -12,8 +12,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int
-from printer_slicer.motion.blocks import SHORTEST, SLOWEST, SMALL_LENGTH, SMALL_TURN, SQUARE, STRAIGHT
-from printer_slicer.motion.rules import SAME
+from printer_slicer.motion.blocks import (
+    SHORTEST,
+    SLOWEST,
+    SMALL_LENGTH,
+    SMALL_TURN_COSINE,
+    SQUARE_CORNER_FACTOR,
+    STRAIGHT_COSINE,
+)
+from printer_slicer.motion.rules import EQUAL_RATIO
 
 if TYPE_CHECKING:
     from printer_slicer.motion.blocks import MotionLimits
@@ -21,17 +28,17 @@ if TYPE_CHECKING:
 __all__ = [
     "FLOW_WINDOW",
     "Blocks",
+    "CruiseLimits",
     "RequestedMoves",
-    "Smoothed",
     "SpeedProfile",
     "Stopwatch",
-    "corner_squares",
+    "accumulate_limited",
     "durations",
-    "find_moving",
+    "find_nonzero_moves",
     "make_blocks",
     "plan_speeds",
     "ramp_times",
-    "running_least",
+    "squared_corner_speeds",
     "volumetric_flow",
 ]
 
@@ -102,7 +109,7 @@ class SpeedProfile:
     blocks: Blocks
     corners: Float
     squares: Float
-    smoothed: Smoothed | None
+    smoothed: CruiseLimits | None
 
     def times(self, which: slice) -> Float:
         """Return the times of a slice of the blocks, s."""
@@ -117,33 +124,33 @@ class SpeedProfile:
         acceleration must also end there, and no braking may continue.
         """
         smoothed = self.smoothed
-        gains = _gains(self.blocks) if smoothed is None else smoothed.gains
+        gains = _squared_speed_gains(self.blocks) if smoothed is None else smoothed.gains
         room = np.cumsum(gains[::-1])[::-1]
         sure = self.corners <= room
         if smoothed is not None:
             last = int(np.flatnonzero(sure)[-1]) if sure.any() else 0
             sure[:last], sure[last:] = True, False  # a block is known where both its ends are
-            sure[1:] &= ~smoothed.climbs[:-1]
-            sure &= ~smoothed.falls
+            sure[1:] &= ~smoothed.only_accelerates[:-1]
+            sure &= ~smoothed.only_brakes
         found = np.flatnonzero(sure)
         return int(found[-1]) if len(found) else 0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Smoothed:
-    """Cruise limits for `minimum_cruise_ratio`, see `rules._smoothed_tops`.
+class CruiseLimits:
+    """Cruise limits for `minimum_cruise_ratio`, see `rules._squared_cruise_limits`.
 
     Attributes:
         gains: (B,) gain of the squared speed over each block on the virtual machine.
         squares: (B + 1,) squared speeds of the virtual machine.
-        climbs, falls: (B,) whether the virtual machine only accelerates, or only brakes.
+        only_accelerates, only_brakes: (B,) whether the virtual machine only accelerates or only brakes in the block.
         tops: (B,) maximum squared speed.
     """
 
     gains: Float
     squares: Float
-    climbs: Bool
-    falls: Bool
+    only_accelerates: Bool
+    only_brakes: Bool
     tops: Float
 
 
@@ -167,30 +174,34 @@ def plan_speeds(
         entry: squared speed before the first block, and that of the virtual machine of `minimum_cruise_ratio`.
     """
     columns = np.ascontiguousarray(delta.T, dtype=np.float64)
-    moving, length = find_moving(columns)
-    wanted = None if acceleration is None else np.asarray(acceleration, dtype=np.float64)[moving]
+    moving, length = find_nonzero_moves(columns)
+    requested = None if acceleration is None else np.asarray(acceleration, dtype=np.float64)[moving]
     speed = np.asarray(speed, dtype=np.float64)[moving]
-    blocks = make_blocks(np.ascontiguousarray(columns[:, moving]), length, speed, wanted, limits)
+    blocks = make_blocks(np.ascontiguousarray(columns[:, moving]), length, speed, requested, limits)
     corners = np.zeros(len(moving))
     corners[:1] = entry[0]
     if len(moving) > 1:
-        corners[1:] = corner_squares(limits, blocks.part(np.s_[:-1]), blocks.part(np.s_[1:]))
+        corners[1:] = squared_corner_speeds(limits, blocks.part(np.s_[:-1]), blocks.part(np.s_[1:]))
     if stop_after is not None:
         stops = np.concatenate([[0], np.cumsum(stop_after)])[moving]
         corners[1:][np.diff(stops) > 0] = 0.0
-    gains = _gains(blocks)
+    gains = _squared_speed_gains(blocks)
     ratio = limits.minimum_cruise_ratio
-    smoothed = _smooth(corners, gains * (1.0 - ratio), entry[1]) if ratio > 0.0 and len(moving) else None
-    return SpeedProfile(moving, blocks, corners, _squares(corners, gains, entry[0]), smoothed)
+    smoothed = (
+        _compute_cruise_limits(corners, gains * (1.0 - ratio), entry[1])
+        if ratio > 0.0 and len(moving)
+        else None
+    )
+    return SpeedProfile(moving, blocks, corners, _max_squared_speeds(corners, gains, entry[0]), smoothed)
 
 
-def _gains(blocks: Blocks) -> Float:
+def _squared_speed_gains(blocks: Blocks) -> Float:
     """Return the maximum change of the squared speed over each block (B,)."""
     return 2.0 * blocks.acceleration * blocks.length
 
 
-def find_moving(delta: Float) -> tuple[Int, Float]:
-    """Find the moves that are not zero, and their lengths, mm; delta (4, K)."""
+def find_nonzero_moves(delta: Float) -> tuple[Int, Float]:
+    """Return the indices and lengths, mm, of the moves that are not zero; `delta` is (4, K)."""
     x, y, z, e = delta
     length = np.sqrt(x * x + y * y + z * z)
     length = np.where(length >= SHORTEST, length, np.abs(e))
@@ -199,65 +210,65 @@ def find_moving(delta: Float) -> tuple[Int, Float]:
 
 
 def make_blocks(
-    delta: Float, length: Float, speed: Float, wanted: Float | None, limits: MotionLimits
+    delta: Float, length: Float, speed: Float, requested: Float | None, limits: MotionLimits
 ) -> Blocks:
-    """Build blocks within the limits of every axis; delta (4, B), the rest (B,)."""
+    """Build blocks within the limits of every axis; `delta` is (4, B), the other arrays (B,)."""
     x, y, z, e = delta
     head_moves = np.sqrt(x * x + y * y + z * z) >= SHORTEST
     unit = np.where(head_moves, delta, 0.0) / length
     unit[3] = np.where(head_moves, e / length, np.sign(e))
-    if wanted is None:
+    if requested is None:
         with_head = np.where(e != 0.0, float(limits.acceleration), float(limits.travel_acceleration))
-        wanted = np.where(head_moves, with_head, float(limits.retract_acceleration))
+        requested = np.where(head_moves, with_head, float(limits.retract_acceleration))
     if limits.min_segment_seconds > 0:
         speed = np.minimum(speed, length / limits.min_segment_seconds)
     speed = np.where(speed > SLOWEST, speed, SLOWEST)
-    acceleration = wanted
+    acceleration = requested
     for part, top_speed, top_acceleration in zip(
         np.abs(unit), limits.max_speed, limits.max_acceleration, strict=True
     ):
-        speed = _limit(speed, part, top_speed)
-        acceleration = _limit(acceleration, part, top_acceleration)
-    return Blocks(length, unit, speed, acceleration, acceleration / wanted)
+        speed = _limit_product(speed, part, top_speed)
+        acceleration = _limit_product(acceleration, part, top_acceleration)
+    return Blocks(length, unit, speed, acceleration, acceleration / requested)
 
 
-def _limit(value: Float, part: Float, top: float) -> Float:
-    """Lower `value` such that `part * value` is at most `top`."""
-    over = np.flatnonzero(part * value > top)
+def _limit_product(value: Float, part: Float, maximum: float) -> Float:
+    """Lower `value` such that `part * value` is at most `maximum`."""
+    over = np.flatnonzero(part * value > maximum)
     if len(over) == 0:
         return value
-    held = value.copy()
-    held[over] = top / part[over]
-    return held
+    limited = value.copy()
+    limited[over] = maximum / part[over]
+    return limited
 
 
-def corner_squares(limits: MotionLimits, before: Blocks, after: Blocks) -> Float:
+def squared_corner_speeds(limits: MotionLimits, before: Blocks, after: Blocks) -> Float:
     """Return the squared corner speeds between consecutive blocks (B - 1,)."""
     slower: Float = np.minimum(before.speed, after.speed)
     squares: Float
     if limits.corner == "junction_deviation":
-        squares = np.minimum(_deviation_squares(limits, before, after), slower * slower)
+        squares = np.minimum(_squared_speeds_by_deviation(limits, before, after), slower * slower)
     elif limits.corner == "square_corner":
-        squares = _square_corner_squares(limits, before, after, slower)
+        squares = _squared_speeds_by_square_corner(limits, before, after, slower)
     else:
-        squares = np.square(_jerk_speeds(limits, before, after, slower))
+        squares = np.square(_speeds_by_jerk(limits, before, after, slower))
     return squares
 
 
-def _deviation_squares(limits: MotionLimits, before: Blocks, after: Blocks) -> Float:
-    """Return the squared corner speeds by junction deviation, see `blocks._deviation_square`."""
+def _squared_speeds_by_deviation(limits: MotionLimits, before: Blocks, after: Blocks) -> Float:
+    """Return the squared corner speeds by junction deviation, see `blocks._squared_speed_by_deviation`."""
     bx, by, bz, be = before.unit / _column_norms(before.unit)
     ax, ay, az, ae = after.unit / _column_norms(after.unit)
     cosine = ax * bx + ay * by + az * bz + ae * be
-    straight = cosine > STRAIGHT
+    straight = cosine > STRAIGHT_COSINE
     cosine[straight] = 0.0  # any harmless value
     size = np.sqrt(2.0 - 2.0 * cosine)
     acceleration = after.acceleration
     for difference, top in zip((ax - bx, ay - by, az - bz, ae - be), limits.max_acceleration, strict=True):
-        acceleration = _limit(acceleration, np.abs(difference) / size, top)
+        acceleration = _limit_product(acceleration, np.abs(difference) / size, top)
     half_sine = np.sqrt(np.maximum(0.0, 0.5 * (1.0 + cosine)))
     squares: Float = acceleration * limits.junction_deviation * half_sine / (1.0 - half_sine)
-    curved = np.flatnonzero((after.length < SMALL_LENGTH) & (cosine > SMALL_TURN))
+    curved = np.flatnonzero((after.length < SMALL_LENGTH) & (cosine > SMALL_TURN_COSINE))
     room = acceleration[curved] * after.length[curved] / np.arccos(cosine[curved])
     squares[curved] = np.minimum(squares[curved], room)
     squares[straight] = np.inf
@@ -271,25 +282,27 @@ def _column_norms(unit: Float) -> Float:
     return sizes
 
 
-def _jerk_speeds(limits: MotionLimits, before: Blocks, after: Blocks, speed: Float) -> Float:
-    """Return the corner speeds by jerk, see `blocks._jerk_speed`."""
+def _speeds_by_jerk(limits: MotionLimits, before: Blocks, after: Blocks, speed: Float) -> Float:
+    """Return the corner speeds by jerk, see `blocks._speed_by_jerk`."""
     for b, a, limit in zip(before.unit, after.unit, limits.jerk, strict=True):
         jump = np.where(a * b > 0.0, np.abs(a - b), np.maximum(np.abs(a), np.abs(b)))
-        speed = _limit(speed, jump, limit)
+        speed = _limit_product(speed, jump, limit)
     return speed
 
 
-def _square_corner_squares(limits: MotionLimits, before: Blocks, after: Blocks, slower: Float) -> Float:
-    """Return the squared corner speeds by square corner velocity, see `blocks._square_corner_square`."""
+def _squared_speeds_by_square_corner(
+    limits: MotionLimits, before: Blocks, after: Blocks, slower: Float
+) -> Float:
+    """Return the squared corner speeds by square corner velocity, see `blocks._squared_speed_by_square_corner`."""
     bx, by, bz, be = before.unit
     ax, ay, az, ae = after.unit
     if limits.jerk[3] > 0.0:
-        slower = _limit(slower, np.abs(ae - be), limits.jerk[3])
+        slower = _limit_product(slower, np.abs(ae - be), limits.jerk[3])
     cosine = ax * bx + ay * by + az * bz
     half_sine = np.sqrt(np.maximum(0.0, 0.5 * (1.0 + cosine)))
     half_cosine = np.sqrt(np.maximum(0.0, 0.5 * (1.0 - cosine)))
     bent = (half_sine < 1.0) & (half_cosine > 0.0)
-    right = limits.square_corner_velocity * limits.square_corner_velocity * SQUARE
+    right = limits.square_corner_velocity * limits.square_corner_velocity * SQUARE_CORNER_FACTOR
     turn = right * np.minimum(before.share, after.share) * half_sine
     room = np.minimum(before.length * before.acceleration, after.length * after.acceleration)
     squares: Float = slower * slower
@@ -300,25 +313,25 @@ def _square_corner_squares(limits: MotionLimits, before: Blocks, after: Blocks, 
     return squares
 
 
-def _squares(corners: Float, gains: Float, entry: float) -> Float:
+def _max_squared_speeds(corners: Float, gains: Float, entry: float) -> Float:
     """Return the maximum squared speeds at the start of each block (B + 1,), and 0 at the end of the last."""
     if not len(gains):
         return np.array([entry])
-    braking = running_least(corners[::-1], gains[::-1])[::-1]
-    return np.concatenate([[entry], running_least(np.append(braking[1:], 0.0), gains, entry)])
+    braking = accumulate_limited(corners[::-1], gains[::-1])[::-1]
+    return np.concatenate([[entry], accumulate_limited(np.append(braking[1:], 0.0), gains, entry)])
 
 
-def running_least(limit: Float, gain: Float, first: float = 0.0) -> Float:
+def accumulate_limited(upper_bound: Float, gain: Float, first: float = 0.0) -> Float:
     """Compute y[i] = min(limit[i], y[i - 1] + gain[i]) for all i, starting from y[-1] = `first`.
 
     With the cumulative sums P of the gains this is P plus a running minimum of limit - P, but after a million moves P
     has too few digits for a slow corner. So the recurrence is run on about √B rows of √B moves in parallel: first to
     express the end of each row as min(bound, y + rise) of its start y, then, with known starts, for the values.
     """
-    n_rows = max(1, int(np.sqrt(len(limit))))
-    width = -(-len(limit) // n_rows)
+    n_rows = max(1, int(np.sqrt(len(upper_bound))))
+    width = -(-len(upper_bound) // n_rows)
     padded = np.zeros((2, n_rows * width))
-    padded[:, : len(limit)] = limit, gain
+    padded[:, : len(upper_bound)] = upper_bound, gain
     limits, gains = np.ascontiguousarray(padded.reshape(2, n_rows, width).transpose(0, 2, 1))
     bound = np.full(n_rows, np.inf)
     for top, step in zip(limits, gains, strict=True):
@@ -331,27 +344,27 @@ def running_least(limit: Float, gain: Float, first: float = 0.0) -> Float:
     row = np.array(starts)
     for top, step, value in zip(limits, gains, values, strict=True):
         row = np.minimum(top, np.add(row, step, out=value), out=value)
-    return values.T.reshape(-1)[: len(limit)]
+    return values.T.reshape(-1)[: len(upper_bound)]
 
 
-def _smooth(corners: Float, gains: Float, entry: float) -> Smoothed:
-    """Return squared cruise limits that leave the minimum fraction of cruise, see `rules._smoothed_tops`."""
-    squares = _squares(corners, gains, entry)
+def _compute_cruise_limits(corners: Float, gains: Float, entry: float) -> CruiseLimits:
+    """Return squared cruise limits that leave the minimum fraction of cruise, see `rules._squared_cruise_limits`."""
+    squares = _max_squared_speeds(corners, gains, entry)
     before, behind = squares[:-1], squares[1:]
     n_blocks, index = len(gains), np.arange(len(gains))
-    climbs = behind >= (before + gains) * SAME
-    falls = ~climbs & (before >= (behind + gains) * SAME)
-    tops: Float = np.where(climbs | falls, np.inf, 0.5 * (before + behind + gains))
+    only_accelerates = behind >= (before + gains) * EQUAL_RATIO
+    only_brakes = ~only_accelerates & (before >= (behind + gains) * EQUAL_RATIO)
+    tops: Float = np.where(only_accelerates | only_brakes, np.inf, 0.5 * (before + behind + gains))
     # An acceleration ends in a block that also brakes, or at the corner before a block that only brakes.
-    summits = np.append(np.where(falls, before, tops), 0.0)
-    end = np.minimum.accumulate(np.where(climbs, n_blocks, index)[::-1])[::-1]
-    tops[climbs] = summits[end[climbs]]
-    top_of = np.maximum.accumulate(np.where(falls, 0, index))
-    return Smoothed(gains, squares, climbs, falls, tops[top_of])
+    summits = np.append(np.where(only_brakes, before, tops), 0.0)
+    end = np.minimum.accumulate(np.where(only_accelerates, n_blocks, index)[::-1])[::-1]
+    tops[only_accelerates] = summits[end[only_accelerates]]
+    top_of = np.maximum.accumulate(np.where(only_brakes, 0, index))
+    return CruiseLimits(gains, squares, only_accelerates, only_brakes, tops[top_of])
 
 
 def ramp_times(blocks: Blocks, squares: Float, tops: Float) -> Float:
-    """Return the times of blocks (B,), s, see `blocks.ramp_time`; squares (B + 1,), tops (B,)."""
+    """Return the times of blocks (B,), s, see `blocks.ramp_time`; `squares` is (B + 1,), `tops` (B,)."""
     length, acceleration = blocks.length, blocks.acceleration
     entry = np.sqrt(np.minimum(squares[:-1], tops))
     exit_ = np.sqrt(np.minimum(squares[1:], tops))
@@ -383,13 +396,13 @@ class RequestedMoves:
             self.delta[which], self.speed[which], self.acceleration[which], self.stop[which]
         )
 
-    def then(self, others: RequestedMoves) -> RequestedMoves:
-        """Return these moves followed by others."""
+    def followed_by(self, moves: RequestedMoves) -> RequestedMoves:
+        """Return these moves followed by `moves`."""
         return RequestedMoves(
-            np.concatenate([self.delta, others.delta]),
-            np.concatenate([self.speed, others.speed]),
-            np.concatenate([self.acceleration, others.acceleration]),
-            np.concatenate([self.stop, others.stop]),
+            np.concatenate([self.delta, moves.delta]),
+            np.concatenate([self.speed, moves.speed]),
+            np.concatenate([self.acceleration, moves.acceleration]),
+            np.concatenate([self.stop, moves.stop]),
         )
 
 
@@ -416,7 +429,7 @@ class Stopwatch:
 
     def add(self, moves: RequestedMoves) -> None:
         """Add more moves."""
-        moves = self._waiting.then(moves) if self._waiting else moves
+        moves = self._waiting.followed_by(moves) if self._waiting else moves
         planned = self._plan(moves)
         known = planned.count_final()
         if known:
@@ -426,8 +439,8 @@ class Stopwatch:
             moves = moves.part(np.s_[int(planned.moving[known]) :])
         self._waiting = moves
 
-    def rest(self) -> float:
-        """Stop after the last move; return the total time of all moves so far, s."""
+    def stop_and_sum(self) -> float:
+        """Stop the machine after the last move; return the total time of all moves so far, s."""
         if self._waiting:
             self._seconds += float(self._plan(self._waiting).times(slice(None)).sum())
         self._waiting, self._entry = None, (0.0, 0.0)
@@ -448,7 +461,7 @@ class Stopwatch:
 FLOW_WINDOW = 0.2
 """mm³; over smaller volumes the rounding of E distorts the flow."""
 
-_DUST = 1e-7  # mm³, rounding error of sums
+_ROUNDING = 1e-7  # mm³, rounding error of sums
 
 
 def volumetric_flow(volume: Float, seconds: Float) -> Float:
@@ -464,8 +477,8 @@ def volumetric_flow(volume: Float, seconds: Float) -> Float:
         return np.zeros(0)
     extruded, spent = np.cumsum(volume), np.cumsum(seconds)
     # The last move from which enough volume is extruded up to each move.
-    first_move = np.searchsorted(extruded - volume, extruded - FLOW_WINDOW + _DUST, side="right") - 1
-    enough = extruded >= FLOW_WINDOW - _DUST
+    first_move = np.searchsorted(extruded - volume, extruded - FLOW_WINDOW + _ROUNDING, side="right") - 1
+    enough = extruded >= FLOW_WINDOW - _ROUNDING
     first_move = np.maximum(first_move, 0)
     pushed, took = extruded - (extruded - volume)[first_move], spent - (spent - seconds)[first_move]
     return np.asarray(np.where(enough & (took > 0), pushed / np.maximum(took, 1e-9), 0.0))

@@ -239,11 +239,11 @@ def _replacement(before: MachineState, after: MachineState, is_travel_next: bool
     new = after.modal
     _restore_origin(now, after, say_in_mm)
     for move in _height_and_travel(now.modal, new, is_travel_next):
-        if now.counting.axes:
+        if now.counting.has_relative_axes:
             say(b"G90")
         say_in_mm(move)
     if abs(pull := now.pulled - new.pulled) > _NEAR:
-        if not now.counting.e:
+        if not now.counting.has_relative_e:
             say(b"M83")
         say_in_mm(b"G1 E%s F1500" % number(pull))
     if now.retracted != new.retracted:
@@ -297,9 +297,9 @@ def _restore_modes(
     """Set the modes and the unit that the file has after the object."""
     if new.speed and abs(new.speed - now.speed) > _NEAR:
         say_in_mm(b"G1 F%s" % number(new.speed * 60))
-    if now.counting.axes != new.relative:
+    if now.counting.has_relative_axes != new.relative:
         say(b"G91" if new.relative else b"G90")
-    if now.counting.extruder != new.extruder:
+    if now.counting.has_relative_extruder != new.extruder:
         say(b"M83" if new.extruder else b"M82")
     if now.inches != new.inches:
         say(b"G20" if new.inches else b"G21")

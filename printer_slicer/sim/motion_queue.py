@@ -188,7 +188,7 @@ class MotionQueue:
         """State of the queue while the machine moves; None while it does not."""
         if not self._running:
             return None
-        queue, last, square = self._lookahead.planned()
+        queue, last, square = self._lookahead.queue_state()
         return Planned(
             tuple(queue), last, square, tuple(self.targets), self._rest_position, self._began, self.ends
         )

@@ -201,12 +201,12 @@ class LinkMeter:
         since = max(sent, self._last) if self._lines else sent
         word, values = parse(command)
         move = self._machine.apply(word, values, command)
-        held = self._last_waited or (self._clock is not None and self._clock.full(since))
+        held = self._last_waited or (self._clock is not None and self._clock.is_full(since))
         self._last_waited = word in _WAITS
         if self._last_waited:
             self._waiting_seconds += now - since
             if self._clock:
-                self._clock.stand_still(now)
+                self._clock.finish_moves(now)
         elif word in _QUICK and not held:
             self._latencies[floor(log2(max(now - sent, 1e-6)) * _STEPS)] += 1
         if move is not None and self._clock is not None and self._limits is not None:

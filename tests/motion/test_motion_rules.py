@@ -14,9 +14,9 @@ from printer_slicer.motion.rules import (
     Block,
     Lookahead,
     MotionLimits,
+    block_times,
     corner_speed,
     make_block,
-    plan,
     ramp_time,
 )
 
@@ -53,7 +53,7 @@ def run(blocks: list[Block], limits: MotionLimits) -> list[float]:
     """Seconds of each block through a queue that is kept full."""
     lookahead, seconds = Lookahead(limits), []
     for item in blocks:
-        if lookahead.full:
+        if lookahead.is_full:
             seconds.append(lookahead.pop())
         lookahead.push(item)
     return seconds + [lookahead.pop() for _ in range(len(lookahead))]
@@ -271,17 +271,17 @@ def test_an_empty_queue_takes_no_time() -> None:
     assert len(lookahead) == 0
     assert lookahead.pop() == 0.0
     assert lookahead.exit_speed == 0.0
-    assert plan([], MARLIN) == []
+    assert block_times([], MARLIN) == []
 
 
 def test_a_queue_is_full_at_the_planners_size() -> None:
     lookahead = Lookahead(replace(MARLIN, planner_blocks=2))
     lookahead.push(block(MARLIN, 1.0))
-    assert not lookahead.full
+    assert not lookahead.is_full
 
     lookahead.push(block(MARLIN, 1.0))
 
-    assert lookahead.full
+    assert lookahead.is_full
     assert len(lookahead) == 2
 
 
@@ -350,7 +350,7 @@ def test_a_queue_without_end_is_the_plan(path: tuple[MotionLimits, list[Block]],
     blocks = path[1]
     limits = replace(path[0], planner_blocks=ENDLESS, minimum_cruise_ratio=ratio)
 
-    assert run(blocks, limits) == pytest.approx(plan(blocks, limits), rel=1e-9, abs=0)
+    assert run(blocks, limits) == pytest.approx(block_times(blocks, limits), rel=1e-9, abs=0)
 
 
 @given(paths(), st.integers(1, 10))
@@ -359,7 +359,11 @@ def test_looking_further_ahead_is_never_slower(path: tuple[MotionLimits, list[Bl
     limits, blocks = path
     further = replace(limits, planner_blocks=limits.planner_blocks + more)
 
-    short, long, endless = sum(run(blocks, limits)), sum(run(blocks, further)), sum(plan(blocks, limits))
+    short, long, endless = (
+        sum(run(blocks, limits)),
+        sum(run(blocks, further)),
+        sum(block_times(blocks, limits)),
+    )
     assert endless * (1 - 1e-12) <= long <= short * (1 + 1e-12)
 
 
@@ -381,13 +385,15 @@ def test_the_minimum_cruise_ratio_is_the_share_of_the_way_at_cruise_speed(ratio:
     # Two ramps share what is not cruise: v²/2a each.
     top = sqrt(acceleration * length * (1 - ratio))
     expected = 2 * top / acceleration + ratio * length / top
-    assert plan([block(limits, length)], limits) == pytest.approx([expected])
+    assert block_times([block(limits, length)], limits) == pytest.approx([expected])
 
 
 def test_moves_that_reach_their_speed_do_not_feel_the_minimum_cruise_ratio() -> None:
     blocks = [block(KLIPPER, 80.0), block(KLIPPER, 0.0, 80.0)]
 
-    assert plan(blocks, replace(KLIPPER, minimum_cruise_ratio=0.5)) == pytest.approx(plan(blocks, KLIPPER))
+    assert block_times(blocks, replace(KLIPPER, minimum_cruise_ratio=0.5)) == pytest.approx(
+        block_times(blocks, KLIPPER)
+    )
 
 
 @given(
@@ -399,9 +405,9 @@ def test_a_line_cut_into_pieces_takes_as_long_as_the_line(
     firmware: MotionLimits, ratio: float, pieces: list[float]
 ) -> None:
     limits = replace(firmware, minimum_cruise_ratio=ratio)
-    whole = plan([block(limits, 3 * sum(pieces), 4 * sum(pieces))], limits)
+    whole = block_times([block(limits, 3 * sum(pieces), 4 * sum(pieces))], limits)
 
-    cut = plan([block(limits, 3 * piece, 4 * piece) for piece in pieces], limits)
+    cut = block_times([block(limits, 3 * piece, 4 * piece) for piece in pieces], limits)
 
     assert sum(cut) == pytest.approx(sum(whole), rel=1e-6)
 
@@ -411,9 +417,9 @@ def test_a_zigzag_is_smoothed_corner_by_corner() -> None:
     smoothed = replace(KLIPPER, minimum_cruise_ratio=0.5)
     corner = corner_speed(KLIPPER, *zigzag[:2])
 
-    inner = plan(zigzag, smoothed)[20]
+    inner = block_times(zigzag, smoothed)[20]
 
     length, acceleration = hypot(1, 1), 1500.0
     top = sqrt(corner**2 + 0.5 * acceleration * length)
     assert inner == pytest.approx(ramp_time(length, corner, top, corner, acceleration))
-    assert inner > plan(zigzag, KLIPPER)[20]
+    assert inner > block_times(zigzag, KLIPPER)[20]

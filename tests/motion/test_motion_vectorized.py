@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from printer_slicer.motion.rules import MotionLimits, make_block, plan, ramp_time
+from printer_slicer.motion.rules import MotionLimits, block_times, make_block, ramp_time
 from printer_slicer.motion.vectorized import RequestedMoves, Stopwatch, durations
 
 MARLIN = MotionLimits(
@@ -36,7 +36,7 @@ MACHINES.append(replace(MARLIN, min_segment_seconds=0.02))
 def one_by_one(delta: np.ndarray, speed: np.ndarray, limits: MotionLimits) -> np.ndarray:
     blocks = [make_block(limits, tuple(d), v) for d, v in zip(delta.tolist(), speed.tolist(), strict=True)]
     seconds = np.zeros(len(delta))
-    seconds[[b is not None for b in blocks]] = plan([b for b in blocks if b is not None], limits)
+    seconds[[b is not None for b in blocks]] = block_times([b for b in blocks if b is not None], limits)
     return seconds
 
 
@@ -179,7 +179,7 @@ def in_pieces(wanted: RequestedMoves, limits: MotionLimits, cuts: list[int]) -> 
     watch = Stopwatch(limits)
     for first, last in pairwise([0, *cuts, len(wanted.speed)]):
         watch.add(wanted.part(slice(first, last)))
-    return watch.rest()
+    return watch.stop_and_sum()
 
 
 def at_once(wanted: RequestedMoves, limits: MotionLimits) -> float:
@@ -225,11 +225,11 @@ def test_a_machine_that_rests_between_begins_anew() -> None:
     half = RequestedMoves(delta, speed, np.full(200, 900.0), np.zeros(200, np.bool_))
     watch = Stopwatch(limits)
     watch.add(half)
-    once = watch.rest()
+    once = watch.stop_and_sum()
     watch.add(half)
 
     assert once == pytest.approx(at_once(half, limits), rel=1e-12)
-    assert watch.rest() == pytest.approx(2 * once, rel=1e-12)
+    assert watch.stop_and_sum() == pytest.approx(2 * once, rel=1e-12)
 
 
 def test_what_is_certain_is_forgotten() -> None:

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.motion.rules import Lookahead, MotionLimits, limits_of, make_block
-from printer_slicer.motion.vectorized import corner_squares, find_moving, make_blocks
+from printer_slicer.motion.vectorized import find_nonzero_moves, make_blocks, squared_corner_speeds
 from printer_slicer.motion.vectorized_lookahead import lookahead_seconds
 from printer_slicer.profile import load_profile
 
@@ -48,12 +48,12 @@ def test_blocks_take_as_long_as_in_a_full_planner(
     corner: str, ways: list[tuple[float, float, float, float]], planner: int, speed: float
 ) -> None:
     own, table = limits(corner, planner), np.array(ways)
-    moving, length = find_moving(np.ascontiguousarray(table.T))
+    moving, length = find_nonzero_moves(np.ascontiguousarray(table.T))
     blocks = make_blocks(
         np.ascontiguousarray(table[moving].T), length, np.full(len(moving), speed), None, own
     )
     corners = np.zeros(len(moving))
-    corners[1:] = corner_squares(own, blocks.part(np.s_[:-1]), blocks.part(np.s_[1:]))
+    corners[1:] = squared_corner_speeds(own, blocks.part(np.s_[:-1]), blocks.part(np.s_[1:]))
     seconds, squares = lookahead_seconds(blocks, corners, planner - 1, 0.0)
 
     assert seconds == pytest.approx(one_by_one(table, speed, own), rel=1e-9, abs=1e-12)

@@ -18,7 +18,7 @@ from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.gcode.plain_moves import read_plain_moves
 from printer_slicer.link_model import LineBatch, line_sizes
 from printer_slicer.motion.rules import MotionLimits
-from printer_slicer.motion.vectorized import find_moving, make_blocks
+from printer_slicer.motion.vectorized import find_nonzero_moves, make_blocks
 from printer_slicer.sim.batch import BatchStart
 from printer_slicer.sim.parsed_command import Command
 
@@ -156,7 +156,7 @@ class CommandRun:
     def make_line_batch(self, chunk: Chunk, limits: MotionLimits) -> LineBatch:
         """Return these commands as a load of the link and of the planner."""
         selected = slice(self.begin, self.begin + len(self))
-        moving, length = find_moving(np.ascontiguousarray(self.delta.T))
+        moving, length = find_nonzero_moves(np.ascontiguousarray(self.delta.T))
         delta = np.ascontiguousarray(self.delta[moving].T)
         blocks = make_blocks(delta, length, self.speed[moving], self.acceleration[moving], limits)
         return LineBatch(chunk.sizes[selected], chunk.rooms[selected], self.reply_size, moving, blocks)

@@ -23,7 +23,7 @@ from printer_slicer.gcode.lexer import parse, parse_extended
 from printer_slicer.gcode.moves import choose_accelerations
 from printer_slicer.link_model import LinkRun, SerialLink, TimedJob, line_sizes
 from printer_slicer.motion.rules import MotionLimits
-from printer_slicer.motion.vectorized import Blocks, find_moving, make_blocks
+from printer_slicer.motion.vectorized import Blocks, find_nonzero_moves, make_blocks
 
 __all__ = ["Underrun", "UnderrunReport", "find_underruns", "make_timed_job"]
 
@@ -123,7 +123,7 @@ def make_timed_job(commands: Sequence[bytes], moves: Moves, limits: MotionLimits
     lines, changed, begin = [moves.line[:0]], {}, 0
     for first, kind, values in (*moves.changes, (len(moves.line), "", {})):
         selected = slice(begin, first)
-        moving, length = find_moving(np.ascontiguousarray(moves.delta[selected].T))
+        moving, length = find_nonzero_moves(np.ascontiguousarray(moves.delta[selected].T))
         delta = moves.delta[selected][moving]
         acceleration = choose_accelerations(delta, moves.acceleration[selected][moving], limits)
         parts.append(
