@@ -15,7 +15,7 @@ from printer_slicer.arrays import Float
 from printer_slicer.infill import infill_paths
 from printer_slicer.model import Areas, LayerPlan, Mesh, Sections, Toolpaths
 from printer_slicer.ordering import order
-from printer_slicer.ordering.loops import Loops, start_at
+from printer_slicer.ordering.loops import Loops, start_loops_at
 from printer_slicer.perimeters import lay_walls
 from printer_slicer.profile import Profile
 from printer_slicer.regions import classify
@@ -405,6 +405,6 @@ def test_a_seam_between_two_points_has_a_width_between_theirs(share: float) -> N
     role, closed = np.array([Role.EXTERNAL_PERIMETER]), np.array([True])
     paths = Toolpaths(plan, xy, width, np.array([0, 3]), np.array([0]), role, np.array([0.2]), closed)
 
-    begun = start_at(paths, Loops.of(paths, np.array([0])), np.array([10 * share]))
+    begun = start_loops_at(paths, Loops.of(paths, np.array([0])), np.array([10 * share]))
     assert begun.xy[0] == pytest.approx([10 * share, 0.0])
     assert begun.width[0] == pytest.approx(0.4 + 0.4 * share)

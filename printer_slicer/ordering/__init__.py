@@ -21,7 +21,7 @@ from printer_slicer.ordering.route import route_units
 from printer_slicer.ordering.scarf import add_scarfs
 from printer_slicer.ordering.seams import place_seams
 from printer_slicer.ordering.spiral import apply_spiral_settings, make_spiral, select_spiral_paths
-from printer_slicer.ordering.units import Units, group_units, inner_loops
+from printer_slicer.ordering.units import Units, find_inner_loops, group_units
 from printer_slicer.ordering.walls import cluster_walls
 from printer_slicer.profile import Profile
 
@@ -42,16 +42,19 @@ def order(paths: Toolpaths, sections: Sections, profile: Profile) -> Toolpaths:
 
 
 def _order_paths(paths: Toolpaths, sections: Sections, profile: Profile) -> Toolpaths:
+    """Place seams and start points, and put the paths in printing order."""
     paths = place_seams(close_loops(paths), profile)
     island = _find_islands(paths, sections.solid)
-    paths, clusters = cluster_walls(start_near_seams(paths, island, profile), inner_loops(paths), profile)
+    paths, clusters = cluster_walls(
+        start_near_seams(paths, island, profile), find_inner_loops(paths), profile
+    )
     units = group_units(paths, island, clusters, profile)
     ordered = _apply_order(paths, units, *route_units(units))
     return start_near_nozzle(ordered, profile)
 
 
 def _find_islands(paths: Toolpaths, solid: Areas) -> Int:
-    """Return the island of each path (M,), an outer ring of its layer; paths outside all islands share one."""
+    """Return the island (M,) of each path: an outer ring of its layer; paths outside all rings share one number."""
     island = np.zeros(paths.n_paths, np.int64)
     outlines = solid.select(solid.ring_area() > 0)
     many = np.flatnonzero(np.diff(outlines.layer_start) > 1)
@@ -62,13 +65,13 @@ def _find_islands(paths: Toolpaths, solid: Areas) -> Int:
     return island
 
 
-def _apply_order(paths: Toolpaths, units: Units, taken: Int, turned: Bool) -> Toolpaths:
-    """Return the paths of the units `taken` (U,) in this order; those `turned` (U,) are reversed."""
-    size = np.diff(units.start)[taken]
-    around = np.repeat(turned, size)
+def _apply_order(paths: Toolpaths, units: Units, sequence: Int, is_reversed: Bool) -> Toolpaths:
+    """Return the paths of the units in the order `sequence` (U,); paths of units `is_reversed` (U,) run backward."""
+    size = np.diff(units.start)[sequence]
+    around = np.repeat(is_reversed, size)
     step = consecutive(np.zeros_like(size), size)
     within = np.where(around, np.repeat(size, size) - 1 - step, step)
-    path = units.path[np.repeat(units.start[taken], size) + within]
+    path = units.path[np.repeat(units.start[sequence], size) + within]
     n_points = np.diff(paths.start)[path]
     owner, at = np.repeat(np.arange(len(path)), n_points), consecutive(np.zeros_like(n_points), n_points)
     back = around[owner]

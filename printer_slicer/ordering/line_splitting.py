@@ -15,28 +15,28 @@ from printer_slicer.roles import Phase, roles_with
 
 __all__ = ["split_lines"]
 
-_LEAST = 4.0  # mm that a split must save
+_LEAST_SAVING = 4.0  # mm that a split must save
 
 
 def split_lines(paths: Toolpaths) -> Toolpaths:
-    """Split some open paths in two; paths must be in printing order."""
+    """Split open infill paths in two where that shortens travels; paths must be in printing order."""
     first, last = paths.start[:-1], paths.start[1:] - 1
-    may = (
+    splittable = (
         ~paths.closed
         & (paths.chain_id < 0)
         & roles_with(phase=Phase.INFILL, is_infill=True)[paths.role]
         & (last - first > 2)
     )
-    may[[0, -1]] = False
-    line = np.flatnonzero(may)
+    splittable[[0, -1]] = False
+    line = np.flatnonzero(splittable)
     if not len(line):
         return paths
-    at, saved = _find_breaks(paths, line)
-    chosen = _select_breaks(line, saved)
-    return _split(paths, line[chosen], at[chosen]) if chosen.any() else paths
+    at, saved = _find_split_points(paths, line)
+    chosen = _select_lines_to_split(line, saved)
+    return _split_at_points(paths, line[chosen], at[chosen]) if chosen.any() else paths
 
 
-def _find_breaks(paths: Toolpaths, line: Int) -> tuple[Int, Float]:
+def _find_split_points(paths: Toolpaths, line: Int) -> tuple[Int, Float]:
     """Return the best inner split point of each open line (n,), and the travel that it saves, mm."""
     first, last = paths.start[:-1], paths.start[1:] - 1
     ends = np.where(paths.closed, first, last)
@@ -50,15 +50,15 @@ def _find_breaks(paths: Toolpaths, line: Int) -> tuple[Int, Float]:
     return point[chosen], _distances(come, one) + _distances(other, go) - least - _distances(one, other)
 
 
-def _select_breaks(line: Int, saved: Float) -> Bool:
+def _select_lines_to_split(line: Int, saved: Float) -> Bool:
     """Return which lines to split (n,); of two consecutive lines only the one that saves more."""
-    worth = np.where(saved > _LEAST, saved, 0.0)
+    worth = np.where(saved > _LEAST_SAVING, saved, 0.0)
     before = np.append(0.0, np.where(np.diff(line) == 1, worth[:-1], 0.0))
     after = np.append(np.where(np.diff(line) == 1, worth[1:], 0.0), 0.0)
     return np.asarray((worth > 0) & (worth > before) & (worth >= after))
 
 
-def _split(paths: Toolpaths, line: Int, at: Int) -> Toolpaths:
+def _split_at_points(paths: Toolpaths, line: Int, at: Int) -> Toolpaths:
     """Split lines (n,) in two: from the point `at` (n,) to the end, then from the start to that point."""
     n = paths.n_paths
     count = np.ones(n, np.int64)
@@ -72,4 +72,5 @@ def _split(paths: Toolpaths, line: Int, at: Int) -> Toolpaths:
 
 
 def _distances(one: Float, other: Float) -> Float:
+    """Return the distances (n,) between points (n, 2), mm."""
     return np.asarray(np.hypot(*(one - other).T))

@@ -13,9 +13,9 @@ from printer_slicer.arrays import Float, Int, consecutive, next_in_ring
 from printer_slicer.geometry.vectors import nearest_share, norm
 from printer_slicer.model import Toolpaths
 
-__all__ = ["Loops", "argmin_by_group", "close_loops", "start_at"]
+__all__ = ["Loops", "argmin_by_group", "close_loops", "start_loops_at"]
 
-_SAME = 2e-3  # mm; a position this close to a point of its loop is that point
+_SAME_POINT = 2e-3  # mm; a position this close to a point of its loop is that point
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,20 +54,20 @@ class Loops:
         object.__setattr__(self, "_mark", walked)
 
     @classmethod
-    def of(cls, paths: Toolpaths, chosen: Int) -> Loops:
-        """Select the paths `chosen` (R,), which must be closed."""
-        size = np.diff(paths.start)[chosen]
-        point = consecutive(paths.start[chosen], size)
+    def of(cls, paths: Toolpaths, selected: Int) -> Loops:
+        """Select the paths `selected` (R,), which must be closed."""
+        size = np.diff(paths.start)[selected]
+        point = consecutive(paths.start[selected], size)
         start = np.append(0, np.cumsum(size))
-        return cls(chosen, paths.xy.take(point, axis=0), start, point, paths.layer[chosen])
+        return cls(selected, paths.xy.take(point, axis=0), start, point, paths.layer[selected])
 
     @property
     def n_loops(self) -> int:
         """Number of loops."""
         return len(self.path)
 
-    def side(self, loop: Int, along: Float) -> tuple[Int, Float]:
-        """Return the segment of each position (Q,) on loops (Q,): its start point, and the distance from it, mm."""
+    def find_segments(self, loop: Int, along: Float) -> tuple[Int, Float]:
+        """Return for positions (Q,) on loops (Q,) the start point of their segment, and the distance from it, mm."""
         length = self.length[loop]
         within = np.where(length > 0, np.mod(along, np.maximum(length, 1e-12)), 0.0)
         mark = self._mark[self.start[loop]] + within
@@ -75,16 +75,16 @@ class Loops:
         point = np.clip(point, self.start[loop], self.start[loop + 1] - 1)
         return point, np.maximum(mark - self._mark[point], 0.0)
 
-    def at(self, loop: Int, along: Float) -> Float:
+    def points_at(self, loop: Int, along: Float) -> Float:
         """Return the points (Q, 2) at positions (Q,) on loops (Q,), mm."""
-        point, beyond = self.side(loop, along)
+        point, beyond = self.find_segments(loop, along)
         ends = self.following[point]
         delta = self.xy.take(ends, axis=0) - self.xy.take(point, axis=0)
         size = np.hypot(*delta.T)
         share = np.where(size > 0, np.minimum(beyond / np.maximum(size, 1e-12), 1.0), 0.0)
         return self.xy.take(point, axis=0) + delta * share[:, None]
 
-    def nearest_point(self, loop: Int, goal: Float) -> Float:
+    def nearest_vertices(self, loop: Int, goal: Float) -> Float:
         """Return the position (Q,) of the vertex of each loop (Q,) nearest to a goal (Q, 2), mm."""
         size = np.diff(self.start)[loop]
         point = consecutive(self.start[loop], size)
@@ -92,7 +92,7 @@ class Loops:
         chosen, _ = argmin_by_group((gap * gap).sum(axis=1), size)
         return np.asarray(self.reach[point[chosen]])
 
-    def nearest(self, loop: Int, goal: Float) -> tuple[Float, Float]:
+    def nearest_positions(self, loop: Int, goal: Float) -> tuple[Float, Float]:
         """Return the position (Q,) on each loop (Q,) nearest to a goal (Q, 2), and its distance (Q,), mm."""
         size = np.diff(self.start)[loop]
         point = consecutive(self.start[loop], size)
@@ -117,7 +117,7 @@ def argmin_by_group(values: Float, size: Int) -> tuple[Int, Float]:
 def close_loops(paths: Toolpaths) -> Toolpaths:
     """Close open paths that end at their start point, unless they belong to a chain."""
     start, last = paths.start[:-1], paths.start[1:] - 1
-    returns = np.hypot(*(paths.xy[start] - paths.xy[last]).T) < _SAME
+    returns = np.hypot(*(paths.xy[start] - paths.xy[last]).T) < _SAME_POINT
     returns &= ~paths.closed & (paths.chain_id < 0) & (last - start > 2)
     kept = np.ones(len(paths.xy), np.bool_)
     kept[last[returns]] = False
@@ -126,13 +126,13 @@ def close_loops(paths: Toolpaths) -> Toolpaths:
     return replace(some, closed=paths.closed | returns)
 
 
-def start_at(paths: Toolpaths, loops: Loops, along: Float) -> Toolpaths:
-    """Start loops at the positions `along` (R,), with a new point there if necessary."""
-    point, beyond = loops.side(np.arange(loops.n_loops), along)
+def start_loops_at(paths: Toolpaths, loops: Loops, along: Float) -> Toolpaths:
+    """Move the start of loops to the positions `along` (R,), mm, and add points there if necessary."""
+    point, beyond = loops.find_segments(np.arange(loops.n_loops), along)
     ends = loops.following[point]
     size = np.hypot(*(loops.xy[ends] - loops.xy[point]).T)
-    near_end = (size - beyond < _SAME) & (beyond >= _SAME)
-    new = (beyond >= _SAME) & ~near_end
+    near_end = (size - beyond < _SAME_POINT) & (beyond >= _SAME_POINT)
+    new = (beyond >= _SAME_POINT) & ~near_end
     first = np.where(near_end, ends, point)
     # With a new point the loop starts there and continues with the end of that segment.
     share = np.where(new, beyond / np.maximum(size, 1e-12), 0.0)
@@ -140,13 +140,16 @@ def start_at(paths: Toolpaths, loops: Loops, along: Float) -> Toolpaths:
     whole, other = loops.point[point], loops.point[ends]
     width = paths.width[whole] * (1 - share) + paths.width[other] * share
     head = np.where(new, other, loops.point[first])
-    return _rotate(paths, loops.path, head, new, (place, width, paths.support_ratio[whole]))
+    return _rotate_loops(paths, loops.path, head, new, (place, width, paths.support_ratio[whole]))
 
 
-def _rotate(
-    paths: Toolpaths, path: Int, head: Int, new: np.ndarray, given: tuple[Float, Float, Float]
+def _rotate_loops(
+    paths: Toolpaths, path: Int, head: Int, new: np.ndarray, new_points: tuple[Float, Float, Float]
 ) -> Toolpaths:
-    """Rotate loops `path` (R,) to start with their point `head` (R,), or with a `new` one before it."""
+    """Rotate the loops `path` (R,) so that they start with their point `head` (R,).
+
+    Where `new` (R,) is true, a new point is added before it: position, width and support ratio in `new_points`.
+    """
     size = np.diff(paths.start)
     turn = np.zeros(paths.n_paths, np.int64)
     turn[path] = head - paths.start[path]
@@ -159,5 +162,5 @@ def _rotate(
     some = paths.of_points(source, start, np.arange(paths.n_paths))
     xy, width, support_ratio = some.xy.copy(), some.width.copy(), some.support_ratio.copy()
     at = start[path[new]]
-    xy[at], width[at], support_ratio[at] = (column[new] for column in given)
+    xy[at], width[at], support_ratio[at] = (column[new] for column in new_points)
     return replace(some, xy=xy, width=width, support_ratio=support_ratio)

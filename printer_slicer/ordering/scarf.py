@@ -40,12 +40,12 @@ def _add_slopes(paths: Toolpaths, loops: Loops, length: float, start_ratio: floa
         minlength=loops.n_loops,
     )
     every = np.arange(loops.n_loops)
-    crest, _ = loops.side(every, np.full(loops.n_loops, length))
-    crest_xy = loops.at(every, np.full(loops.n_loops, length))
+    crest, _ = loops.find_segments(every, np.full(loops.n_loops, length))
+    crest_xy = loops.points_at(every, np.full(loops.n_loops, length))
     count = size.copy()
     count[loops.path] += within + 4
     start = np.append(0, np.cumsum(count))
-    source, along = _scarf_points(paths, loops, within, count, length)
+    source, along = _list_scarf_points(paths, loops, within, count, length)
     some = paths.of_points(source, start, np.arange(paths.n_paths))
     n = size[loops.path]
     first = start[loops.path]
@@ -57,7 +57,7 @@ def _add_slopes(paths: Toolpaths, loops: Loops, length: float, start_ratio: floa
     owner = np.repeat(every, count[loops.path])
     point = consecutive(first, count[loops.path])
     share, rise = some.flow_ratio.copy(), some.z_offset.copy()
-    share[point], rise[point] = _slope(
+    share[point], rise[point] = _compute_slope(
         along, loops.length[owner], paths.height[loops.path][owner], length, start_ratio
     )
     # The end of the turn occurs twice: with full flow before it, and with the remaining flow after it.
@@ -69,10 +69,10 @@ def _add_slopes(paths: Toolpaths, loops: Loops, length: float, start_ratio: floa
     )
 
 
-def _scarf_points(
+def _list_scarf_points(
     paths: Toolpaths, loops: Loops, within: Int, count: Int, length: float
 ) -> tuple[Int, Float]:
-    """Return the source point of each new point, and for the loops its position along the loop, mm."""
+    """Return the source of every new point, and the positions of the points of the loops along their loop, mm."""
     size = np.diff(paths.start)
     owner = np.repeat(np.arange(paths.n_paths), count)
     step = consecutive(np.zeros_like(count), count)
@@ -92,11 +92,11 @@ def _scarf_points(
     return source, along
 
 
-def _slope(
-    along: Float, around: Float, height: Float, length: float, start_ratio: float
+def _compute_slope(
+    along: Float, loop_length: Float, height: Float, length: float, start_ratio: float
 ) -> tuple[Float, Float]:
-    """Return flow ratio and z offset, mm, at positions along loops of length `around`, mm."""
+    """Return flow ratio and z offset, mm, at positions along loops of length `loop_length`, mm."""
     climbed = start_ratio + (1.0 - start_ratio) * np.clip(along / length, 0.0, 1.0)
-    left = (1.0 - start_ratio) * (1.0 - np.clip((along - around) / length, 0.0, 1.0))
-    again = along > around
+    left = (1.0 - start_ratio) * (1.0 - np.clip((along - loop_length) / length, 0.0, 1.0))
+    again = along > loop_length
     return np.where(again, left, climbed), np.where(again, 0.0, -height * (1.0 - climbed))

@@ -15,13 +15,13 @@ import numpy as np
 from printer_slicer.arrays import Float, Int, consecutive
 from printer_slicer.errors import PartError
 from printer_slicer.model import Toolpaths
-from printer_slicer.ordering.loops import Loops, start_at
+from printer_slicer.ordering.loops import Loops, start_loops_at
 from printer_slicer.profile import Profile, profile_with
 from printer_slicer.roles import Role
 
 __all__ = ["apply_spiral_settings", "make_spiral", "select_spiral_paths"]
 
-_SETTINGS: Final = {
+_SPIRAL_SETTINGS: Final = {
     "quality.perimeters": 1,
     "quality.infill_density": 0,
     "quality.top_thickness": 0,
@@ -30,21 +30,21 @@ _SETTINGS: Final = {
     "quality.seam": "aligned",
 }
 
-_BLENDED = 3.0  # maximum distance of the outline below for blending, in extrusion widths
+_MAX_BLEND_WIDTHS = 3.0  # maximum distance of the outline below for blending, in extrusion widths
 
 
 def apply_spiral_settings(profile: Profile) -> Profile:
     """Apply the settings that spiral mode requires, if the profile uses it."""
-    return profile_with(profile, _SETTINGS) if profile.quality.spiral else profile
+    return profile_with(profile, _SPIRAL_SETTINGS) if profile.quality.spiral else profile
 
 
 def select_spiral_paths(paths: Toolpaths, profile: Profile) -> Toolpaths:
-    """Keep only external loops above the bottom.
+    """Drop all paths above the bottom except the external loops.
 
     Raises:
         PartError: a layer above the bottom does not have exactly one outline.
     """
-    first = _first_turn(paths, profile)
+    first = _find_first_spiral_layer(paths, profile)
     outer = paths.closed & (paths.role == Role.EXTERNAL_PERIMETER) & (paths.layer >= first)
     n_loops = np.bincount(paths.layer[outer], minlength=paths.plan.n_layers)[first:]
     wrong = np.flatnonzero(n_loops != 1)
@@ -63,7 +63,7 @@ def select_spiral_paths(paths: Toolpaths, profile: Profile) -> Toolpaths:
 
 def make_spiral(paths: Toolpaths, profile: Profile) -> Toolpaths:
     """Join the external loops above the bottom into one rising extrusion; paths must be in printing order."""
-    first = _first_turn(paths, profile)
+    first = _find_first_spiral_layer(paths, profile)
     chosen = np.flatnonzero(paths.layer >= first)
     if not len(chosen):
         return paths
@@ -71,12 +71,12 @@ def make_spiral(paths: Toolpaths, profile: Profile) -> Toolpaths:
     loops = Loops.of(paths, chosen)
     below = np.flatnonzero(paths.layer == first - 1)
     base = below[paths.closed[below] & (paths.role[below] == Role.EXTERNAL_PERIMETER)]
-    turns = _climbing_turns(paths, loops, Loops.of(paths, base[:1]), profile)
+    turns = _make_rising_turns(paths, loops, Loops.of(paths, base[:1]), profile)
     return Toolpaths.joined(paths.plan, [paths.take(np.flatnonzero(paths.layer < first)), turns])
 
 
-def _first_turn(paths: Toolpaths, profile: Profile) -> int:
-    """Return the first layer above the bottom; never the one on the bed or raft, which must adhere."""
+def _find_first_spiral_layer(paths: Toolpaths, profile: Profile) -> int:
+    """Return the first layer above the bottom; the layer on the bed or raft must adhere and belongs to the bottom."""
     base = int(paths.layer[paths.role == Role.RAFT].max(initial=-1)) + 1
     bottom = paths.plan.bottom
     over = np.searchsorted(
@@ -91,12 +91,12 @@ def _align_starts(paths: Toolpaths, chosen: Int) -> Toolpaths:
     along = np.zeros(loops.n_loops)
     place = loops.xy[loops.start[0]][None]
     for turn in range(1, loops.n_loops):
-        along[turn : turn + 1], _ = loops.nearest(np.array([turn]), place)
-        place = loops.at(np.array([turn]), along[turn : turn + 1])
-    return start_at(paths, loops, along)
+        along[turn : turn + 1], _ = loops.nearest_positions(np.array([turn]), place)
+        place = loops.points_at(np.array([turn]), along[turn : turn + 1])
+    return start_loops_at(paths, loops, along)
 
 
-def _climbing_turns(paths: Toolpaths, loops: Loops, base: Loops, profile: Profile) -> Toolpaths:
+def _make_rising_turns(paths: Toolpaths, loops: Loops, base: Loops, profile: Profile) -> Toolpaths:
     """Convert the loops (R,) to open rising paths, and add one more turn at the top."""
     n = np.append(np.diff(loops.start), np.diff(loops.start)[-1])
     turn = np.repeat(np.arange(len(n)), n + 1)
@@ -107,10 +107,12 @@ def _climbing_turns(paths: Toolpaths, loops: Loops, base: Loops, profile: Profil
     share = around / np.maximum(loops.length[loop], 1e-9)
     layer = loops.layer[loop]
     height = paths.plan.height[layer]
-    under = np.append(0.0, paths.plan.height[loops.layer])[turn]  # of the turn below; nothing below the first
+    under = np.append(0.0, paths.plan.height[loops.layer])[
+        turn
+    ]  # height of the turn below; 0 below the first
     is_last = turn == loops.n_loops
     bead_height = np.where(is_last, (1 - share) * height, (1 - share) * under + share * height)
-    reach = _BLENDED * profile.extrusion_width
+    reach = _MAX_BLEND_WIDTHS * profile.extrusion_width
     xy = _join_turns(_blend_outlines(loops, base, (turn, point, share), reach), n + 1, reach)
     of_paths = loops.point[point]
     made = Toolpaths.gathered(
@@ -140,7 +142,10 @@ def _join_turns(xy: Float, size: Int, reach: float) -> Float:
 
 
 def _blend_outlines(loops: Loops, base: Loops, position: tuple[Int, Int, Float], reach: float) -> Float:
-    """Blend points from the outline below to their own: (n, 2), by turn, loop point and fraction of the turn."""
+    """Return points (n, 2) of turns, blended from the outline below to that of the layer.
+
+    `position` is the turn, the loop point and the fraction of the turn of each, (n,).
+    """
     turn, point, share = position
     xy = loops.xy[point].copy()
     for index in range(loops.n_loops):
@@ -149,9 +154,9 @@ def _blend_outlines(loops: Loops, base: Loops, position: tuple[Int, Int, Float],
             continue
         own = np.flatnonzero(turn == index)
         goal = loops.xy[point[own]]
-        along, gap = under.nearest(np.full(len(own), which), goal)
+        along, gap = under.nearest_positions(np.full(len(own), which), goal)
         near = gap < reach
-        beside = under.at(np.full(len(own), which), along)
+        beside = under.points_at(np.full(len(own), which), along)
         part = share[own][:, None]
         xy[own[near]] = ((1 - part) * beside + part * goal)[near]
     return xy

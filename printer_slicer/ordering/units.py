@@ -12,9 +12,9 @@ from printer_slicer.ordering.walls import WallClusters
 from printer_slicer.profile import Profile
 from printer_slicer.roles import ROLES, Phase, Role, roles_with
 
-__all__ = ["Units", "group_units", "inner_loops"]
+__all__ = ["Units", "find_inner_loops", "group_units"]
 
-_DEEPER = 1e-3  # mm
+_HIGHER = 1e-3  # mm
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,13 +47,13 @@ class Units:
         return len(self.layer)
 
 
-def inner_loops(paths: Toolpaths) -> Int:
-    """Return the inner perimeters that are loops and one layer high."""
+def find_inner_loops(paths: Toolpaths) -> Int:
+    """Return the indices of the inner perimeters that are closed and one layer high."""
     return np.flatnonzero(paths.closed & (paths.role == Role.PERIMETER) & ~_is_combined(paths))
 
 
 def group_units(paths: Toolpaths, island: Int, clusters: WallClusters, profile: Profile) -> Units:
-    """Group paths that lie in islands (M,) into units."""
+    """Group paths into units; `island` (M,) is the island of each path."""
     n = paths.n_paths
     around = roles_with(is_around=True)[paths.role] & (paths.closed | (paths.role != Role.RAFT))
     place = np.where(around, -1, island)
@@ -101,5 +101,6 @@ def _assign_steps(paths: Toolpaths, *, infill_first: bool) -> Int:
 
 
 def _is_combined(paths: Toolpaths) -> Bool:
-    higher = paths.height > paths.plan.height[paths.layer] + _DEEPER
+    """Return which paths (M,) are perimeters for several layers together."""
+    higher = paths.height > paths.plan.height[paths.layer] + _HIGHER
     return np.asarray(higher & (paths.role == Role.PERIMETER))

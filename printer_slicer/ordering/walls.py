@@ -15,15 +15,15 @@ from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.geometry.segment_index import distance_to_segments
 from printer_slicer.model import Toolpaths
-from printer_slicer.ordering.loops import Loops, start_at
-from printer_slicer.ordering.seams import external_loops
+from printer_slicer.ordering.loops import Loops, start_loops_at
+from printer_slicer.ordering.seams import find_external_loops
 from printer_slicer.profile import Profile
 
 __all__ = ["WallClusters", "cluster_walls"]
 
-_SAMPLES = 6  # points on an inner loop from which external loops are searched
-_BESIDE = 1.7  # maximum distance of loops that touch, in extrusion widths
-_STAGGER = 1.5  # mm along the loop between the seams of an inner and its external loop
+_N_SAMPLES = 6  # points on an inner loop from which external loops are searched
+_MAX_GAP_WIDTHS = 1.7  # maximum distance of loops that touch, in extrusion widths
+_SEAM_STAGGER = 1.5  # mm along the loop between the seams of an inner and its external loop
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,16 +42,16 @@ class WallClusters:
 
 
 def cluster_walls(paths: Toolpaths, inner: Int, profile: Profile) -> tuple[Toolpaths, WallClusters]:
-    """Assign inner loops `inner` (I,) to external loops, and start them near the seams of these."""
-    outer = Loops.of(paths, external_loops(paths))
+    """Assign inner loops `inner` (I,) to external loops, and start each near the seam of its external loop."""
+    outer = Loops.of(paths, find_external_loops(paths))
     loops = Loops.of(paths, inner)
     owner, gap, touching = _assign_owners(loops, outer, profile)
-    label = _connected_labels(outer.n_loops, touching)
+    label = _label_connected(outer.n_loops, touching)
     some = np.flatnonzero(owner >= 0)
-    along, _ = loops.nearest(some, paths.xy[paths.start[outer.path[owner[some]]]])
+    along, _ = loops.nearest_positions(some, paths.xy[paths.start[outer.path[owner[some]]]])
     if profile.quality.staggered_inner_seams:
-        along = along + np.where(loops.layer[some] % 2, _STAGGER, -_STAGGER)
-    begun = start_at(paths, Loops.of(paths, inner[some]), along)
+        along = along + np.where(loops.layer[some] % 2, _SEAM_STAGGER, -_SEAM_STAGGER)
+    begun = start_loops_at(paths, Loops.of(paths, inner[some]), along)
     path = np.concatenate([inner[some], outer.path])
     is_outer = np.arange(len(path)) >= len(some)
     of = np.concatenate([owner[some], np.arange(outer.n_loops)])
@@ -60,41 +60,44 @@ def cluster_walls(paths: Toolpaths, inner: Int, profile: Profile) -> tuple[Toolp
     return begun, WallClusters(path, outer.path[label[of]], turn)
 
 
-def _order_loops(cluster: Int, owner: Int, far: Float, is_outer: Bool, *, outside_in: bool) -> Int:
-    """Return the order of loops (R,): those of one kind owner by owner, then those of the other kind in reverse.
+def _order_loops(cluster: Int, owner: Int, distance: Float, is_outer: Bool, *, outside_in: bool) -> Int:
+    """Return the printing order (R,) of loops: inner or external ones by owner, then the other kind in reverse.
 
     External loops without inner loops come in between.
     """
     late = is_outer ^ outside_in
     lone = ~np.isin(owner, owner[~is_outer])
     direction = np.where(late, -owner, owner) + np.where(lone, len(owner) * np.where(late, 1, -1), 0)
-    order = np.lexsort((far if outside_in else -far, direction, late, cluster))
+    order = np.lexsort((distance if outside_in else -distance, direction, late, cluster))
     turn = np.zeros(len(order), np.int64)
     turn[order] = np.arange(len(order))
     return turn
 
 
 def _assign_owners(loops: Loops, outer: Loops, profile: Profile) -> tuple[Int, Float, tuple[Int, Int]]:
-    """Return the nearest external loop of each inner one (I,) or -1, its distance, and the pairs that one touches."""
+    """Return the nearest external loop (I,) of each inner loop, or -1, its distance, and pairs of external loops.
+
+    An inner loop touches both external loops of a pair.
+    """
     owner, gap = np.full(loops.n_loops, -1, np.int64), np.zeros(loops.n_loops)
     none = np.zeros(0, np.int64), np.zeros(0, np.int64)
     if not loops.n_loops or not outer.n_loops:
         return owner, gap, none
     widest = profile.bead_widths[1]
-    inner, other, distance = _distances(loops, outer, widest * (profile.quality.perimeters + 0.5))
+    inner, other, distance = _measure_distances(loops, outer, widest * (profile.quality.perimeters + 0.5))
     order = np.lexsort((other, distance, inner))
     inner, other, distance = inner[order], other[order], distance[order]
     first = np.diff(inner, prepend=-1) > 0
     owner[inner[first]], gap[inner[first]] = other[first], distance[first]
-    beside = ~first & (distance < _BESIDE * profile.extrusion_width)
+    beside = ~first & (distance < _MAX_GAP_WIDTHS * profile.extrusion_width)
     return owner, gap, (owner[inner[beside]], other[beside])
 
 
-def _distances(loops: Loops, outer: Loops, reach: float) -> tuple[Int, Int, Float]:
+def _measure_distances(loops: Loops, outer: Loops, reach: float) -> tuple[Int, Int, Float]:
     """Return pairs of inner and external loops within reach, and their distance, mm, measured at sample points."""
-    loop = np.repeat(np.arange(loops.n_loops), _SAMPLES)
-    share = (np.arange(len(loop)) % _SAMPLES) / _SAMPLES
-    place = loops.at(loop, share * loops.length[loop])
+    loop = np.repeat(np.arange(loops.n_loops), _N_SAMPLES)
+    share = (np.arange(len(loop)) % _N_SAMPLES) / _N_SAMPLES
+    place = loops.points_at(loop, share * loops.length[loop])
     of = np.repeat(np.arange(outer.n_loops), np.diff(outer.start))
     start, end = outer.xy, outer.xy[outer.following]
     sides = Boxes(np.minimum(start, end), np.maximum(start, end), outer.layer[of])
@@ -107,7 +110,7 @@ def _distances(loops: Loops, outer: Loops, reach: float) -> tuple[Int, Int, Floa
     return loop[sample[kept]], of[side[kept]], distance[kept]
 
 
-def _connected_labels(n: int, pairs: tuple[Int, Int]) -> Int:
+def _label_connected(n: int, pairs: tuple[Int, Int]) -> Int:
     """Return the label of the connected component of each item (n,), its lowest index."""
     label = np.arange(n)
     one, other = pairs
