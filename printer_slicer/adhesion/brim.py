@@ -1,4 +1,4 @@
-"""Make the brim: loops around the first layer, outside of it, in its holes, or at its corners.
+"""Make the brim: loops on the first layer, outside of the part, in its holes, or at its corners.
 
 The outlines of the first layer divide the bed into zones: one around everything, and one in each hole. Bodies that
 stand in a hole of another body have their outside there, so each zone has its own loops, and loops never leave their
@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from printer_slicer import bead
-from printer_slicer.adhesion.brim_ears import sharp_corners
-from printer_slicer.adhesion.loops import loop_paths, on_bed
+from printer_slicer.adhesion.brim_ears import find_sharp_corners
+from printer_slicer.adhesion.loops import is_on_bed, loop_paths
 from printer_slicer.arrays import Bool, Float, Int, polyline_lengths
 from printer_slicer.errors import PartError
 from printer_slicer.geometry import (
@@ -33,12 +33,12 @@ from printer_slicer.roles import Role
 __all__ = ["brim_paths"]
 
 # Loops that would be closer than this share of the spacing are left out, because they would overlap.
-_CLOSEST = 0.6
-_EAR_STEPS = 48  # corners of an ear
+_CLOSEST_RATIO = 0.6
+_EAR_CORNERS = 48  # corners of an ear
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _BrimLimits:
+class _BrimZones:
     """The zones of the first layer; zone 0 is around everything, the others are holes.
 
     Attributes:
@@ -51,7 +51,9 @@ class _BrimLimits:
 
 
 def brim_paths(sections: Sections, profile: Profile) -> Toolpaths:
-    """Return loops on the first layer, body by body, from the outside to the part; mouse ears cut them.
+    """Return the brim loops of the first layer, body by body, from the outside toward the part.
+
+    With mouse ears, the loops are cut to discs around corners.
 
     Raises:
         PartError: the brim leaves the bed.
@@ -65,21 +67,21 @@ def brim_paths(sections: Sections, profile: Profile) -> Toolpaths:
     zones = _find_zones(first)
     out = quality.brim_gap + width / 2 + gap * np.arange(count)
     reach = float(out[-1]) + width / 2
-    within = _limits(zones, reach, width, quality)
+    within = _limit_areas(zones, reach, width, quality)
     cuts = [
-        _cut(_loops(zones, float(distance), _CLOSEST * gap / 2, quality), within, width)
+        _clip_loops(_make_loops(zones, float(distance), _CLOSEST_RATIO * gap / 2, quality), within, width)
         for distance in out[::-1]
     ]
     lines = [line for some, _, _ in cuts for line in some]
     zone, closed = (np.concatenate([cut[i] for cut in cuts]) for i in (1, 2))
-    if not on_bed(np.concatenate([np.zeros((0, 2)), *lines]), profile, width):
+    if not is_on_bed(np.concatenate([np.zeros((0, 2)), *lines]), profile, width):
         raise PartError(
             f"a brim of {quality.brim_width:g} mm around the part leaves the bed of {profile.printer.name!r}",
             remedy="Lower quality.brim_width",
         )
     around = union(offset(zones.bodies, reach, join="round"), zones.holes)
     grounds = within if quality.brim_type == "ears" else around
-    order = _by_body(lines, zone, grounds.select(grounds.ring_area() > 0))
+    order = _order_by_body(lines, zone, grounds.select(grounds.ring_area() > 0))
     return loop_paths(
         plan,
         [lines[i] for i in order],
@@ -90,7 +92,8 @@ def brim_paths(sections: Sections, profile: Profile) -> Toolpaths:
     )
 
 
-def _find_zones(first: Areas) -> _BrimLimits:
+def _find_zones(first: Areas) -> _BrimZones:
+    """Divide the bed into zones at the outlines of the first layer."""
     solid = first.ring_area() > 0
     bodies, holes = first.select(solid), first.select(~solid)
     # Test the middle of a side, which lies on no other ring even where two touch at a corner.
@@ -102,27 +105,30 @@ def _find_zones(first: Areas) -> _BrimLimits:
     order = np.argsort(zone, kind="stable")
     placed = bodies.take(order)
     filled = [ring[::-1] for ring in holes.rings(0)]
-    return _BrimLimits(
+    return _BrimZones(
         Areas(placed.xy, placed.ring_start, zone[order] + 1, n_zones),
         Areas.from_rings([[], *([ring] for ring in filled)]),
     )
 
 
-def _loops(zones: _BrimLimits, distance: float, near: float, quality: Quality) -> Areas:
-    """Return the centre lines at one distance from the bodies, zone by zone."""
+def _make_loops(zones: _BrimZones, distance: float, half_gap: float, quality: Quality) -> Areas:
+    """Return the centre lines of the loops at a distance from the bodies, mm, zone by zone.
+
+    Lines that would come closer to each other than twice `half_gap` mm are left out.
+    """
     kind = quality.brim_type
     if kind == "inner":
-        return offset_open(offset(zones.holes, -distance, join="round"), near)
+        return offset_open(offset(zones.holes, -distance, join="round"), half_gap)
     # Growing too far and shrinking back closes gaps that are too narrow for two extrusions.
-    around = offset(offset(zones.bodies, distance + near, join="round"), -near, join="round")
+    around = offset(offset(zones.bodies, distance + half_gap, join="round"), -half_gap, join="round")
     if kind != "both":
         return around
-    free = offset_open(offset(difference(zones.holes, zones.bodies), -distance, join="round"), near)
+    free = offset_open(offset(difference(zones.holes, zones.bodies), -distance, join="round"), half_gap)
     return around.select(around.ring_layer == 0).merge(free)
 
 
-def _limits(zones: _BrimLimits, reach: float, width: float, quality: Quality) -> Areas:
-    """Return the limits of the centre lines of each zone, in addition to their distance."""
+def _limit_areas(zones: _BrimZones, reach: float, width: float, quality: Quality) -> Areas:
+    """Return the area in which the centre lines of each zone may lie."""
     clear = quality.brim_gap + width / 2
     if quality.brim_type == "inner":
         return difference(zones.holes, offset(zones.bodies, clear, join="round"))
@@ -134,14 +140,14 @@ def _limits(zones: _BrimLimits, reach: float, width: float, quality: Quality) ->
     free = union(Areas.from_rings(inside), offset(zones.holes, -clear, join="round"))
     if quality.brim_type == "outer":
         return free
-    corner, zone = sharp_corners(zones.bodies, quality.brim_ear_angle_deg, quality.brim_ear_scale)
-    turn = 2 * np.pi * np.arange(_EAR_STEPS) / _EAR_STEPS
+    corner, zone = find_sharp_corners(zones.bodies, quality.brim_ear_angle_deg, quality.brim_ear_scale)
+    turn = 2 * np.pi * np.arange(_EAR_CORNERS) / _EAR_CORNERS
     disc = reach * np.column_stack([np.cos(turn), np.sin(turn)])
     discs = [[disc + at for at in corner[zone == k]] for k in range(zones.bodies.n_layers)]
     return intersection(free, normalize(Areas.from_rings(discs)))
 
 
-def _cut(loops: Areas, within: Areas, width: float) -> tuple[list[Float], Int, Bool]:
+def _clip_loops(loops: Areas, within: Areas, width: float) -> tuple[list[Float], Int, Bool]:
     """Clip centre lines to their limits; return lines, zones and closedness, without stubs shorter than their width."""
     xy, size, ring, closed = clip_outlines(loops, within)
     start = np.append(0, np.cumsum(size))
@@ -149,8 +155,8 @@ def _cut(loops: Areas, within: Areas, width: float) -> tuple[list[Float], Int, B
     return [xy[start[i] : start[i + 1]] for i in kept.tolist()], loops.ring_layer[ring[kept]], closed[kept]
 
 
-def _by_body(lines: list[Float], zone: Int, grounds: Areas) -> list[int]:
-    """Return the printing order of lines: all lines of one connected area in sequence, then those of the nearest area.
+def _order_by_body(lines: list[Float], zone: Int, grounds: Areas) -> list[int]:
+    """Return the printing order of lines: all lines of a connected area, then those of the nearest other area.
 
     Args:
         lines: (n, 2) each.

@@ -8,13 +8,13 @@ from printer_slicer.arrays import Float, Int
 from printer_slicer.geometry.vectors import cross, dot
 from printer_slicer.model import Areas
 
-__all__ = ["sharp_corners"]
+__all__ = ["find_sharp_corners"]
 
-_STEPS = 12  # tested positions per `scale`
-_SIDES = 6  # on short outlines the scale is this fraction of their length
+_STEPS_PER_SCALE = 12  # tested positions per `scale`
+_SCALES_PER_RING = 6  # on short outlines the scale is their length divided by this
 
 
-def sharp_corners(outlines: Areas, angle_deg: float, scale: float) -> tuple[Float, Int]:
+def find_sharp_corners(outlines: Areas, angle_deg: float, scale: float) -> tuple[Float, Int]:
     """Find convex corners of outer rings where the smoothed outline turns by more than 180 - `angle_deg` degrees.
 
     The angle at a position is that between the chord from `scale` mm before it and the chord to `scale` mm after it,
@@ -31,25 +31,25 @@ def sharp_corners(outlines: Areas, angle_deg: float, scale: float) -> tuple[Floa
         (n, 2) points on the rings, in the order of the rings, and (n,) the layer of each.
     """
     found = [
-        _corners(outlines.ring(i), np.deg2rad(180.0 - angle_deg), scale) for i in range(outlines.n_rings)
+        _find_corners(outlines.ring(i), np.deg2rad(180.0 - angle_deg), scale) for i in range(outlines.n_rings)
     ]
     layer = np.repeat(outlines.ring_layer, [len(some) for some in found])
     return np.concatenate([np.zeros((0, 2)), *found]), layer
 
 
-def _corners(ring: Float, least: float, scale: float) -> Float:
-    """Return the corners (n, 2) of one ring."""
+def _find_corners(ring: Float, smallest_turn: float, scale: float) -> Float:
+    """Return the corners (n, 2) of one ring, where it turns by more than `smallest_turn` radians."""
     side = np.hypot(*(np.roll(ring, -1, axis=0) - ring).T)
     mark = np.append(0.0, np.cumsum(side))
     length = float(mark[-1])
-    reach = min(scale, length / _SIDES)
+    reach = min(scale, length / _SCALES_PER_RING)
     # Test the corners, and positions between them for rounded corners.
-    place = np.unique(np.append(mark[:-1], np.arange(0.0, length, reach / _STEPS)))
-    here = _at(place, ring, mark)
-    to, on = here - _at(place - reach, ring, mark), _at(place + reach, ring, mark) - here
+    place = np.unique(np.append(mark[:-1], np.arange(0.0, length, reach / _STEPS_PER_SCALE)))
+    here = _points_along(place, ring, mark)
+    to, on = here - _points_along(place - reach, ring, mark), _points_along(place + reach, ring, mark) - here
     turn = np.arctan2(cross(to, on), dot(to, on))
     chosen: list[int] = []
-    left = turn > least
+    left = turn > smallest_turn
     while left.any():
         corner = int(np.argmax(np.where(left, turn, -np.inf)))
         chosen.append(corner)
@@ -58,8 +58,8 @@ def _corners(ring: Float, least: float, scale: float) -> Float:
     return here[sorted(chosen)]
 
 
-def _at(place: Float, ring: Float, mark: Float) -> Float:
-    """Return the points (P, 2) at distances along a ring, mm; distances may exceed its length."""
+def _points_along(place: Float, ring: Float, mark: Float) -> Float:
+    """Return the points (P, 2) at these distances along a ring, mm; distances may exceed its length."""
     around = np.mod(place, mark[-1])
     closed = np.concatenate([ring, ring[:1]])
     return np.column_stack([np.interp(around, mark, closed[:, axis]) for axis in range(2)])

@@ -1,4 +1,4 @@
-"""Helpers of skirt, brim and raft: make paths from rings, and test the edge of the bed."""
+"""Helpers for skirt, brim and raft: make paths from rings, and test whether they lie on the bed."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from printer_slicer.model import LayerPlan, Toolpaths
 from printer_slicer.profile import Profile
 from printer_slicer.roles import Role
 
-__all__ = ["loop_paths", "on_bed"]
+__all__ = ["is_on_bed", "loop_paths"]
 
 
 def loop_paths(
@@ -23,7 +23,10 @@ def loop_paths(
     *,
     closed: bool | Bool = True,
 ) -> Toolpaths:
-    """Return polylines (n, 2) on their layers (M,) as paths of one role, with one width or one each (M,), mm."""
+    """Return polylines (n, 2) as paths of one role, each on its layer (M,).
+
+    `width` is one width for all, or one for each (M,), mm.
+    """
     return Toolpaths.gathered(
         plan,
         xy=np.concatenate([np.zeros((0, 2)), *lines]),
@@ -35,7 +38,7 @@ def loop_paths(
     )
 
 
-def on_bed(xy: Float, profile: Profile, width: float) -> bool:
+def is_on_bed(xy: Float, profile: Profile, width: float) -> bool:
     """Return whether extrusions through points (N, 2) lie on the bed with their whole width."""
     low, high = profile.printer.corners
     inside = (xy >= np.add(low, width / 2)) & (xy <= np.subtract(high, width / 2))

@@ -12,7 +12,7 @@ from math import ceil, floor
 import numpy as np
 
 from printer_slicer import bead
-from printer_slicer.adhesion.loops import loop_paths, on_bed
+from printer_slicer.adhesion.loops import is_on_bed, loop_paths
 from printer_slicer.arrays import Float
 from printer_slicer.errors import PartError, PlanError
 from printer_slicer.geometry import chain_rows, hatch, offset
@@ -22,12 +22,12 @@ from printer_slicer.roles import Role
 
 __all__ = ["place_on_raft", "raft_heights", "raft_paths"]
 
-_BASE_WIDTH = 2.0  # nozzle diameters; wide lines adhere to the bed
-_BASE_HEIGHT = 0.8  # nozzle diameters; a thick layer evens out the bed
-_INTERFACE_HEIGHT = 0.5  # nozzle diameters; thin layers make a smooth surface
-_LONGEST_TURN = 3.0  # row spacings
-_OVERLAP = 0.1  # of the spacing, overlap of lines with the loop around them
-_SLACK = 1e-6  # mm
+_BASE_WIDTH_RATIO = 2.0  # nozzle diameters; wide lines adhere to the bed
+_BASE_HEIGHT_RATIO = 0.8  # nozzle diameters; a thick layer evens out the bed
+_INTERFACE_HEIGHT_RATIO = 0.5  # nozzle diameters; thin layers make a smooth surface
+_LONGEST_TURN_ROWS = 3.0  # row spacings
+_OVERLAP_RATIO = 0.1  # of the spacing, overlap of lines with the loop around them
+_ROUNDING = 1e-6  # mm
 
 
 def place_on_raft(sections: Sections, profile: Profile) -> Sections:
@@ -47,7 +47,7 @@ def place_on_raft(sections: Sections, profile: Profile) -> Sections:
     lifted = quality.raft_height + quality.raft_gap
     top = np.round(np.concatenate([np.cumsum(heights), plan.top + lifted]), 9)
     cut = np.concatenate([np.cumsum(heights) - heights / 2, plan.cut + lifted])
-    if top[-1] > printer.bed_z + _SLACK:
+    if top[-1] > printer.bed_z + _ROUNDING:
         raise PartError(
             f"part and raft are {top[-1]:.5g} mm high, but {printer.name!r} prints up to {printer.bed_z:g} mm",
             remedy="Lower quality.raft_height, or print without a raft: quality.raft_height=0",
@@ -55,27 +55,27 @@ def place_on_raft(sections: Sections, profile: Profile) -> Sections:
     first = sections.solid.select(sections.solid.ring_layer == 0)
     if not first.n_rings:
         raise PartError(
-            "no raft is possible: the part does not touch the bed",
+            "the part does not touch the bed, so it cannot stand on a raft",
             remedy="Leave out `drop=False`, or print without a raft: quality.raft_height=0",
         )
-    area = _under(first, quality.raft_margin)
-    if not on_bed(area.xy, profile, 0.0):
+    area = _find_raft_area(first, quality.raft_margin)
+    if not is_on_bed(area.xy, profile, 0.0):
         raise PartError(
             f"a raft {quality.raft_margin:g} mm wider than the part leaves the bed of {printer.name!r}",
             remedy="Lower quality.raft_margin",
         )
-    solid = _stacked(area, sections.solid, len(heights))
+    solid = _stack_below(area, sections.solid, len(heights))
     base = np.concatenate([np.cumsum(heights) - heights, plan.base + lifted]) if len(plan.base) else plan.base
     return replace(sections, plan=replace(plan, top=top, cut=cut, base=base), solid=solid)
 
 
-def _under(first: Areas, margin: float) -> Areas:
+def _find_raft_area(first: Areas, margin: float) -> Areas:
     """Return the area of the raft below the first layer, as a stack of one layer."""
     one = Areas(first.xy, first.ring_start, first.ring_layer, 1)
     return offset(offset(one, 2 * margin, join="round"), -margin, join="round")
 
 
-def _stacked(area: Areas, solid: Areas, n_below: int) -> Areas:
+def _stack_below(area: Areas, solid: Areas, n_below: int) -> Areas:
     """Return a stack with the same area on the lowest layers, and another stack above them."""
     rings = np.tile(np.arange(area.n_rings), n_below)
     below = area.take(rings)
@@ -97,9 +97,14 @@ def raft_heights(profile: Profile) -> Float:
     """
     printer, step = profile.printer, profile.printer.z_step
     total = round(profile.quality.raft_height / step)
-    thinnest, thickest = ceil(printer.min_layer / step - _SLACK), floor(printer.max_layer / step + _SLACK)
-    wanted = _INTERFACE_HEIGHT * printer.nozzle_diameter / step
-    highest = max(min(thickest, floor(_BASE_HEIGHT * printer.nozzle_diameter / step + _SLACK)), thinnest)
+    thinnest, thickest = (
+        ceil(printer.min_layer / step - _ROUNDING),
+        floor(printer.max_layer / step + _ROUNDING),
+    )
+    wanted = _INTERFACE_HEIGHT_RATIO * printer.nozzle_diameter / step
+    highest = max(
+        min(thickest, floor(_BASE_HEIGHT_RATIO * printer.nozzle_diameter / step + _ROUNDING)), thinnest
+    )
     for base in range(min(highest, total - thinnest), thinnest - 1, -1):
         rest = total - base
         fewest, most = ceil(rest / thickest), rest // thinnest
@@ -115,10 +120,10 @@ def raft_heights(profile: Profile) -> Float:
 
 
 def raft_paths(printed: Sections, profile: Profile) -> Toolpaths:
-    """Return loops and lines of the raft; nothing without a raft.
+    """Return loops and lines of the raft; no paths without a raft.
 
-    Each layer has a loop around it and lines across those of its neighbours; the last lines cross those of the part's
-    first layer. The base has wide lines at `raft_base_density`.
+    Each layer has a loop along its border and lines perpendicular to those of its neighbours; the last lines cross
+    those of the part's first layer. The base has wide lines at `raft_base_density`.
 
     Args:
         printed: result of `place_on_raft`.
@@ -131,13 +136,13 @@ def raft_paths(printed: Sections, profile: Profile) -> Toolpaths:
     raft = printed.solid.select(printed.solid.ring_layer < n)
     area = Areas(raft.xy, raft.ring_start, raft.ring_layer, n)
     width = np.full(n, profile.extrusion_width)
-    width[0] = max(_BASE_WIDTH * profile.printer.nozzle_diameter, width[0])
+    width[0] = max(_BASE_WIDTH_RATIO * profile.printer.nozzle_diameter, width[0])
     gap = bead.spacing(width, heights)
     loop = offset(area, -width / 2)
     rows = np.where(np.arange(n) == 0, gap / profile.quality.raft_base_density, gap)
     angle = np.deg2rad(profile.quality.infill_angle_deg) + np.pi / 2 * (n - np.arange(n))
-    lines = hatch(offset(loop, -gap * (1 - _OVERLAP)), angle=angle, spacing=rows, phase=0.5)
-    xy, start, layer = chain_rows(lines, max_turn=_LONGEST_TURN * rows)
+    lines = hatch(offset(loop, -gap * (1 - _OVERLAP_RATIO)), angle=angle, spacing=rows, phase=0.5)
+    xy, start, layer = chain_rows(lines, max_turn=_LONGEST_TURN_ROWS * rows)
     loops = [loop.ring(i) for i in range(loop.n_rings)]
     rings = loop_paths(printed.plan, loops, loop.ring_layer, Role.RAFT, width[loop.ring_layer])
     filling = Toolpaths.gathered(

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from printer_slicer import bead
-from printer_slicer.adhesion.loops import loop_paths, on_bed
+from printer_slicer.adhesion.loops import is_on_bed, loop_paths
 from printer_slicer.arrays import Float, Int
 from printer_slicer.geometry import convex_hull, offset, simplify
 from printer_slicer.model import Areas, Sections, Toolpaths
@@ -29,10 +29,10 @@ def skirt_paths(sections: Sections, brim: Toolpaths, profile: Profile) -> Toolpa
         profile: loops, distance, height and length of the skirt.
     """
     quality, plan = profile.quality, sections.plan
-    tall = _layers(plan.bottom, quality.skirt_height)
+    tall = _count_layers(plan.bottom, quality.skirt_height)
     # The hull of a twisted part has thousands of corners; each would be a move on every layer.
     coarse = quality.resolution / 2 if tall > 1 else 0.0
-    hull = _hull(sections.solid, brim, first_only=tall == 1) if quality.skirt_loops else Areas.empty(1)
+    hull = _make_hull(sections.solid, brim, first_only=tall == 1) if quality.skirt_loops else Areas.empty(1)
     if not hull.n_rings:
         return loop_paths(plan, [], np.zeros(0, np.int64), Role.SKIRT, 0.0)
     hull = simplify(hull, coarse)
@@ -40,34 +40,34 @@ def skirt_paths(sections: Sections, brim: Toolpaths, profile: Profile) -> Toolpa
     # The first layer over the gap of a raft is higher than others, up to the highest extrusion of the nozzle.
     high = np.minimum(plan.height[:tall], profile.highest_bead)
     width = np.maximum(usual, high)
-    (heights, wide), which = np.unique(np.stack([high, width]), axis=1, return_inverse=True)
+    (heights, wide), variant_of_layer = np.unique(np.stack([high, width]), axis=1, return_inverse=True)
     stack = hull.take(np.zeros(len(heights), np.int64))
     stack = Areas(stack.xy, stack.ring_start, np.arange(len(heights)), len(heights))
     loops: list[Areas] = []
-    wanted = max(quality.skirt_loops, _loops_for_length(hull, sections, profile))
+    wanted = max(quality.skirt_loops, _count_loops_for_length(hull, sections, profile))
     for i in range(wanted):
         reach = coarse + quality.skirt_distance + wide / 2 + i * bead.spacing(wide, heights)
         loop = offset(stack, reach, join="round")
-        if not on_bed(loop.xy, profile, float(wide.max())):
+        if not is_on_bed(loop.xy, profile, float(wide.max())):
             break
         loops.append(loop)
-    lines, layer = _stacked(loops, which.ravel(), quality.skirt_loops)
+    lines, layer = _list_loops(loops, variant_of_layer.ravel(), quality.skirt_loops)
     return replace(loop_paths(plan, lines, layer, Role.SKIRT, width[layer]), height=high[layer])
 
 
-def _layers(bottom: Float, height: float) -> int:
-    """Return the number of layers of the skirt: those that begin below its height, at least one."""
+def _count_layers(bottom: Float, height: float) -> int:
+    """Return the number of layers of the skirt: all that begin below its height, at least one."""
     return max(int(np.searchsorted(bottom, height - 1e-6)), 1)
 
 
-def _hull(solid: Areas, brim: Toolpaths, *, first_only: bool) -> Areas:
+def _make_hull(solid: Areas, brim: Toolpaths, *, first_only: bool) -> Areas:
     """Return the convex hull of the sections and the brim."""
     xy = solid.select(solid.ring_layer == 0).xy if first_only else solid.xy
     beads = offset(convex_hull(brim.xy), float(brim.width.max(initial=0.0)) / 2, join="round")
     return convex_hull(np.concatenate([xy, beads.xy]))
 
 
-def _loops_for_length(hull: Areas, sections: Sections, profile: Profile) -> int:
+def _count_loops_for_length(hull: Areas, sections: Sections, profile: Profile) -> int:
     """Return the number of loops on the first layer that use `skirt_min_length` of filament, limited by the bed."""
     quality, printer, height = profile.quality, profile.printer, float(sections.plan.height[0])
     width = max(profile.width_on_bed, height)
@@ -85,11 +85,11 @@ def _loops_for_length(hull: Areas, sections: Sections, profile: Profile) -> int:
     )
 
 
-def _stacked(loops: list[Areas], which: Int, n_loops: int) -> tuple[list[Float], Int]:
+def _list_loops(loops: list[Areas], variant_of_layer: Int, n_loops: int) -> tuple[list[Float], Int]:
     """Return the loops of every layer from the outside inward: all on the first layer, `n_loops` on the others."""
     lines: list[Float] = []
     layer: list[int] = []
-    for k, variant in enumerate(which.tolist()):
+    for k, variant in enumerate(variant_of_layer.tolist()):
         some = loops if k == 0 else loops[:n_loops]
         lines += [loop.ring(variant) for loop in reversed(some)]
         layer += [k] * len(some)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from printer_slicer import bead
 from printer_slicer.adhesion import adhesion_paths
-from printer_slicer.adhesion.brim_ears import sharp_corners
+from printer_slicer.adhesion.brim_ears import find_sharp_corners
 from printer_slicer.arrays import Float
 from printer_slicer.errors import PartError
 from printer_slicer.geometry import Areas
@@ -163,7 +163,7 @@ def test_a_brim_that_leaves_the_bed_is_refused() -> None:
 
 
 def corners_of(ring: Float, angle: float = 125, scale: float = 2) -> Float:
-    return sharp_corners(Areas.from_rings([[ring]]), angle, scale)[0]
+    return find_sharp_corners(Areas.from_rings([[ring]]), angle, scale)[0]
 
 
 def rounded(side: float, radius: float) -> Float:
