@@ -16,7 +16,7 @@ import numpy as np
 from printer_slicer.arrays import Bool, Float, distinct, run_starts
 from printer_slicer.curves import merge_moves
 from printer_slicer.extrusion import extrude
-from printer_slicer.extrusion.move_rows import move_rows
+from printer_slicer.extrusion.move_rows import list_moves
 from printer_slicer.extrusion.timing import move_seconds
 from printer_slicer.link_model import lateness
 from printer_slicer.model import Program, Sections, Toolpaths, Travels
@@ -106,7 +106,7 @@ def limit_link(
 def _find_underrun_paths(paths: Toolpaths, travels: Travels, busy: Bool, profile: Profile) -> Bool:
     """Return a mask (M,) of the paths with a move in the mask `busy` (K,)."""
     found = np.zeros(paths.n_paths, np.bool_)
-    found[move_rows(paths, travels, profile).path[busy]] = True
+    found[list_moves(paths, travels, profile).path[busy]] = True
     return found
 
 

@@ -14,8 +14,8 @@ import numpy as np
 from printer_slicer.arrays import Float, Int
 from printer_slicer.extrusion.acceleration import acceleration_events
 from printer_slicer.extrusion.cooling import fan_events, slow_small_layers
-from printer_slicer.extrusion.extrusion_values import extrusion_beads, path_speeds
-from printer_slicer.extrusion.move_rows import APPROACH, move_rows
+from printer_slicer.extrusion.extrusion_values import compute_bead_values, move_speeds
+from printer_slicer.extrusion.move_rows import APPROACH, list_moves
 from printer_slicer.extrusion.timing import copy_times, move_seconds
 from printer_slicer.model import Event, Heat, Program, ToolChange, Toolpaths, Travels
 from printer_slicer.profile import Material, Profile
@@ -26,32 +26,35 @@ __all__ = ["extrude", "move_seconds"]
 _OVERHANG_SUPPORT = 0.5  # fraction of the width; perimeters with less support are overhang perimeters
 
 
-def extrude(paths: Toolpaths, travels: Travels, profile: Profile, rules: Sequence[Profile] = ()) -> Program:
+def extrude(
+    paths: Toolpaths, travels: Travels, profile: Profile, profiles: Sequence[Profile] = ()
+) -> Program:
     """Return the moves that print `paths` in order, with `travels` between them, fan and temperatures.
 
-    Speeds, accelerations and flow come from `rules`, by the `settings_id` of each path, or from `profile` if there are
-    no rules. Layers that take less than `material.min_layer_time` are slowed down, at most to `material.min_speed`.
+    Speeds, accelerations and flow come from `profiles`, by the `settings_id` of each path, or from `profile` if
+    `profiles` is empty. Layers that take less than `material.min_layer_time` are slowed down, at most to
+    `material.min_speed`.
     """
     # Timing takes the most memory, so it runs in a function without the inputs of the moves.
-    rules = tuple(rules) or (profile,)
-    program, support_ratio = _moves(paths, travels, profile, rules)
+    profiles = tuple(profiles) or (profile,)
+    program, support_ratio = _make_moves(paths, travels, profile, profiles)
     program = slow_small_layers(program, profile)
     events = [
-        *_heat(program, paths, profile.material, rules),
+        *_list_temperature_changes(program, paths, profile.material, profiles),
         *fan_events(program, support_ratio, profile),
         *program.events,
     ]
     return copy_times(replace(program, events=tuple(sorted(events, key=lambda event: event.index))), program)
 
 
-def _moves(
-    paths: Toolpaths, travels: Travels, profile: Profile, rules: tuple[Profile, ...]
+def _make_moves(
+    paths: Toolpaths, travels: Travels, profile: Profile, profiles: tuple[Profile, ...]
 ) -> tuple[Program, Float]:
-    """Return the moves at full speed, and the fraction of the width (K,) that rests on the layer below."""
-    rows = move_rows(paths, travels, profile)
-    beads = extrusion_beads(paths, rows, rules)
+    """Return the moves at full speed, and the fraction (K,) of the width of each that rests on the layer below."""
+    rows = list_moves(paths, travels, profile)
+    beads = compute_bead_values(paths, rows, profiles)
     role = np.where(rows.is_bead, paths.role[rows.path], Role.TRAVEL)
-    support_ratio = rows.spread(beads.support_ratio)
+    support_ratio = rows.to_moves(beads.support_ratio)
     role[is_perimeter(role) & (support_ratio < _OVERHANG_SUPPORT)] = Role.OVERHANG_PERIMETER
     diameter = np.array([extruder.material.filament_diameter for extruder in profile.extruders])
     layer, tool = paths.layer[rows.path], paths.tool[rows.path]
@@ -60,15 +63,15 @@ def _moves(
         paths.plan,
         origin=np.array([0.0, 0.0, float(paths.plan.top[0]) + APPROACH]),
         xyz=rows.xyz,
-        filament=rows.pulled + rows.spread(beads.filament(diameter[paths.tool[rows.bead_path]])),
-        speed=path_speeds(paths, rows, beads, rules),
+        filament=rows.pulled + rows.to_moves(beads.filament(diameter[paths.tool[rows.bead_path]])),
+        speed=move_speeds(paths, rows, beads, profiles),
         layer=layer,
         role=role,
-        width=rows.spread(beads.width),
-        height=rows.spread(beads.height * beads.share),
+        width=rows.to_moves(beads.width),
+        height=rows.to_moves(beads.height * beads.share),
         events=(
-            *_tool_changes(tool),
-            *acceleration_events(role, on_bed, paths.settings_id[rows.path], rules),
+            *_list_tool_changes(tool),
+            *acceleration_events(role, on_bed, paths.settings_id[rows.path], profiles),
         ),
         z_top=paths.z_top[rows.path],
         tool=tool,
@@ -80,8 +83,8 @@ def _moves(
     return program, support_ratio
 
 
-def _tool_changes(tool: Int) -> list[ToolChange]:
-    """Return the tool changes between moves with the tools `tool` (K,); the first tool is already active."""
+def _list_tool_changes(tool: Int) -> list[ToolChange]:
+    """Return the tool changes between moves, from the tool (K,) of each move; the first tool is already active."""
     changed = np.flatnonzero(np.diff(tool)) + 1
     return [
         ToolChange(index, number)
@@ -89,12 +92,14 @@ def _tool_changes(tool: Int) -> list[ToolChange]:
     ]
 
 
-def _heat(program: Program, paths: Toolpaths, material: Material, rules: tuple[Profile, ...]) -> list[Event]:
-    """Return temperature changes after the first layer, and those of overrides for height ranges.
+def _list_temperature_changes(
+    program: Program, paths: Toolpaths, material: Material, profiles: tuple[Profile, ...]
+) -> list[Event]:
+    """Return the temperature changes after the first layer, and those that overrides for height ranges require.
 
     If objects have different layer plans, the first change comes after the first layer of every object.
     """
-    of_rule = np.array([rule.material.nozzle_temperature for rule in rules])
+    of_rule = np.array([one.material.nozzle_temperature for one in profiles])
     layer_starts = np.flatnonzero(np.diff(program.layer, prepend=-1) > 0)
     temperature = np.full(paths.plan.n_layers, material.nozzle_temperature, np.float64)
     own = roles_with(is_part=True)[paths.role]

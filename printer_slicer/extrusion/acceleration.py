@@ -13,19 +13,19 @@ __all__ = ["acceleration_events", "move_accelerations"]
 
 
 def acceleration_events(
-    role: Int, on_bed: Bool, rule: Int, rules: tuple[Profile, ...]
+    role: Int, on_bed: Bool, settings_id: Int, profiles: tuple[Profile, ...]
 ) -> tuple[Acceleration, ...]:
-    """Return changes of acceleration before moves; none if the profiles have only one acceleration.
+    """Return the changes of acceleration between moves; none if all moves have the printer's acceleration.
 
     Args:
         role: (K,) role of each move.
         on_bed: (K,) whether the move belongs to a first layer.
-        rule: (K,) index of each move's profile in `rules`.
-        rules: the profiles.
+        settings_id: (K,) index of each move's profile in `profiles`.
+        profiles: the profiles.
     """
-    profile = rules[0]
+    profile = profiles[0]
     beads = np.flatnonzero(role != Role.TRAVEL)
-    acceleration = np.stack([_of_roles(one) for one in rules])[rule[beads], role[beads]]
+    acceleration = np.stack([_role_accelerations(one) for one in profiles])[settings_id[beads], role[beads]]
     first = profile.accelerations.first_layer
     if first:
         acceleration = np.where(on_bed[beads], first, acceleration)
@@ -51,6 +51,6 @@ def move_accelerations(program: Program, printer: Printer, first: int, last: int
     return np.where(moves & feeds, set_by_then, others)
 
 
-def _of_roles(profile: Profile) -> Float:
+def _role_accelerations(profile: Profile) -> Float:
     """Return the acceleration (roles,) of each role, mm/s²."""
     return np.array([getattr(profile.accelerations, row.acceleration) for row in ROLES])

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int
-from printer_slicer.extrusion.extrusion_values import SHARES
+from printer_slicer.extrusion.extrusion_values import SUPPORT_RATIOS
 from printer_slicer.extrusion.timing import move_seconds, retime_moves
 from printer_slicer.model import Event, Fan, Program
 from printer_slicer.profile import Material, Profile
@@ -16,11 +16,11 @@ from printer_slicer.roles import ROLES, Role, roles_with
 
 __all__ = ["fan_events", "slow_small_layers"]
 
-_ROUNDS = 30  # maximum number of rounds; lower speeds hardly slow down short moves
-_NEARLY = 0.995  # fraction of the minimum layer time that is enough
+_MAX_ROUNDS = 30  # maximum number of rounds; lower speeds hardly slow down short moves
+_ENOUGH_RATIO = 0.995  # fraction of the minimum layer time that is sufficient
 _FAN_STEP = 0.05  # smaller changes of the fan are not written
 # Hidden extrusions are slowed down first; bridges and overhangs last.
-_SLOWED_IN: Final = np.array([row.slowed_in for row in ROLES])
+_SLOWING_ROUND: Final = np.array([row.slowed_in for row in ROLES])
 
 
 def slow_small_layers(program: Program, profile: Profile) -> Program:
@@ -31,30 +31,30 @@ def slow_small_layers(program: Program, profile: Profile) -> Program:
     motion = program.speed, move_seconds(program, profile)
     # The lower bound must not make slower moves faster, such as those of the first layer.
     floor = np.minimum(program.speed, material.min_speed)
-    extrudes, slowed_in = program.role != Role.TRAVEL, _SLOWED_IN[program.role]
-    for last in range(int(_SLOWED_IN.max()) + 1):
+    extrudes, slowed_in = program.role != Role.TRAVEL, _SLOWING_ROUND[program.role]
+    for last in range(int(_SLOWING_ROUND.max()) + 1):
         motion = _slow_down(program, motion, floor, extrudes & (slowed_in <= last), profile)
     return program if motion[0] is program.speed else replace(program, speed=motion[0])
 
 
 def _slow_down(
-    program: Program, motion: tuple[Float, Float], floor: Float, may: Bool, profile: Profile
+    program: Program, motion: tuple[Float, Float], floor: Float, may_slow: Bool, profile: Profile
 ) -> tuple[Float, Float]:
-    """Slow down the moves `may` (K,) on layers that are too short; return speeds and times (K,), s."""
+    """Slow down moves on layers that are too short, where `may_slow` (K,); return speeds and times (K,), s."""
     speed, seconds = motion
     least, layer = profile.material.min_layer_time, program.layer
-    for _ in range(_ROUNDS):
-        total, slowable = (np.bincount(layer, weights=part) for part in (seconds, seconds * may))
+    for _ in range(_MAX_ROUNDS):
+        total, slowable = (np.bincount(layer, weights=part) for part in (seconds, seconds * may_slow))
         room = least - (total - slowable)
-        short = (total < least * _NEARLY) & (slowable > 0)
+        short = (total < least * _ENOUGH_RATIO) & (slowable > 0)
         factor = np.where(short, slowable / np.maximum(room, 1e-9), 1.0)[layer]
-        slower = np.where(may & (factor < 1), np.maximum(speed * factor, floor), speed)
-        changed = slower < speed * _NEARLY
+        slower = np.where(may_slow & (factor < 1), np.maximum(speed * factor, floor), speed)
+        changed = slower < speed * _ENOUGH_RATIO
         if not changed.any():  # layers that are still too short are at their lowest speed
             break
-        around = layer[slower < speed][[0, -1]]
+        changed_layers = layer[slower < speed][[0, -1]]
         speed = slower
-        seconds = retime_moves(program, seconds, speed, around, profile)
+        seconds = retime_moves(program, seconds, speed, changed_layers, profile)
     return speed, seconds
 
 
@@ -73,9 +73,13 @@ def fan_events(program: Program, support_ratio: Float, profile: Profile) -> list
     ramp = np.clip((plan.top - material.fan_off_below) / ramp_height, 0, 1)
     ratio = (by_time * ramp)[program.layer]
     is_bridge = roles_with(is_bridge=True)[program.role]
-    bridge = _is_next_extrusion(program.role, is_bridge) & (ramp[program.layer] > 0)
+    bridge = _is_next_extrusion_selected(program.role, is_bridge) & (ramp[program.layer] > 0)
     on_bridges = np.maximum(ratio, material.fan_ratio_bridge)
-    toward = np.interp(_of_next_extrusion(program.role, support_ratio, 1.0), SHARES, _overhang_fans(material))
+    toward = np.interp(
+        _take_from_next_extrusion(program.role, support_ratio, 1.0),
+        SUPPORT_RATIOS,
+        _overhang_fan_weights(material),
+    )
     toward = np.where(ramp[program.layer] > 0, toward, 0.0)
     ratio = np.where(bridge, on_bridges, ratio + toward * (on_bridges - ratio))
     steps = np.round(ratio / _FAN_STEP).astype(np.int64)
@@ -84,8 +88,8 @@ def fan_events(program: Program, support_ratio: Float, profile: Profile) -> list
     return [Fan(move, share) for move, share in zip(change.tolist(), ratios.tolist(), strict=True)]
 
 
-def _overhang_fans(material: Material) -> tuple[float, ...]:
-    """Return for each support ratio in `SHARES` the weight of the bridge fan speed."""
+def _overhang_fan_weights(material: Material) -> tuple[float, ...]:
+    """Return for each support ratio in `SUPPORT_RATIOS` the weight of the bridge fan speed."""
     return (
         material.fan_overhang_0_ratio,
         material.fan_overhang_25_ratio,
@@ -95,14 +99,14 @@ def _overhang_fans(material: Material) -> tuple[float, ...]:
     )
 
 
-def _of_next_extrusion(role: Int, values: Float, otherwise: float) -> Float:
+def _take_from_next_extrusion(role: Int, values: Float, default: float) -> Float:
     """Return the value of the next extrusion for each move (K,); extrusions keep their own value."""
     is_bead = role != Role.TRAVEL
     following = np.minimum.accumulate(np.where(is_bead, np.arange(len(role)), len(role))[::-1])[::-1]
-    return np.asarray(np.append(values, otherwise)[following])
+    return np.asarray(np.append(values, default)[following])
 
 
-def _is_next_extrusion(role: Int, selected: Bool) -> Bool:
+def _is_next_extrusion_selected(role: Int, selected: Bool) -> Bool:
     """Return whether the next extrusion of each move (K,) is selected."""
     is_bead = role != Role.TRAVEL
     following = np.minimum.accumulate(np.where(is_bead, np.arange(len(role)), len(role))[::-1])[::-1]

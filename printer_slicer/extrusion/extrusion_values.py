@@ -13,10 +13,10 @@ from printer_slicer.model import Toolpaths
 from printer_slicer.profile import Profile, Speeds
 from printer_slicer.roles import ROLES, Role, is_perimeter, roles_with
 
-__all__ = ["SHARES", "BeadValues", "extrusion_beads", "path_speeds"]
+__all__ = ["SUPPORT_RATIOS", "BeadValues", "compute_bead_values", "move_speeds"]
 
-SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
-"""Support ratios for which there are settings."""
+SUPPORT_RATIOS = (0.0, 0.25, 0.5, 0.75, 1.0)
+"""Support ratios for which there are settings of overhangs."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,7 +50,7 @@ class BeadValues:
         return self.length * per_mm * (self.share * self.flow)
 
 
-def extrusion_beads(paths: Toolpaths, rows: MoveRows, rules: tuple[Profile, ...]) -> BeadValues:
+def compute_bead_values(paths: Toolpaths, rows: MoveRows, profiles: tuple[Profile, ...]) -> BeadValues:
     """Return the values of extruding moves, with the flow of their paths' profiles."""
     start, end, path = rows.begin, rows.end, rows.bead_path
     delta = paths.xy.take(end, axis=0) - paths.xy.take(start, axis=0)
@@ -58,8 +58,8 @@ def extrusion_beads(paths: Toolpaths, rows: MoveRows, rules: tuple[Profile, ...]
     flow, first = (
         np.array(values)[paths.settings_id[path]]
         for values in (
-            [rule.material.flow_ratio for rule in rules],
-            [rule.quality.first_layer_flow for rule in rules],
+            [rule.material.flow_ratio for rule in profiles],
+            [rule.quality.first_layer_flow for rule in profiles],
         )
     )
     return BeadValues(
@@ -72,9 +72,9 @@ def extrusion_beads(paths: Toolpaths, rows: MoveRows, rules: tuple[Profile, ...]
     )
 
 
-def path_speeds(paths: Toolpaths, rows: MoveRows, beads: BeadValues, rules: tuple[Profile, ...]) -> Float:
+def move_speeds(paths: Toolpaths, rows: MoveRows, beads: BeadValues, profiles: tuple[Profile, ...]) -> Float:
     """Return the speed (K,) of each move, mm/s, from the profiles of their paths."""
-    printer, speeds = rules[0].printer, rules[0].speeds
+    printer, speeds = profiles[0].printer, profiles[0].speeds
     z_speed = min(speeds.travel, printer.max_speed_z)
     wipe = min(speeds.travel, printer.max_speed_x)
     lead = np.zeros(MoveKind.BEAD + 1)
@@ -93,8 +93,8 @@ def path_speeds(paths: Toolpaths, rows: MoveRows, beads: BeadValues, rules: tupl
             (rows.kind <= MoveKind.TRAVEL) & (rows.kind >= MoveKind.WIPE) & paths.begins_at(0)[rows.path]
         )
         speed[careful] = np.minimum(speed[careful], speeds.first_layer_travel)
-    printing = _extrusion_speeds(paths, path, beads, rules[0])
-    for number, rule in enumerate(rules[1:], 1):
+    printing = _extrusion_speeds(paths, path, beads, profiles[0])
+    for number, rule in enumerate(profiles[1:], 1):
         own = _extrusion_speeds(paths, path, beads, rule)
         printing = np.where(paths.settings_id[path] == number, own, printing)
     speed[rows.is_bead] = printing
@@ -106,18 +106,18 @@ def _extrusion_speeds(paths: Toolpaths, path: Int, beads: BeadValues, profile: P
     speeds = profile.speeds
     speed = _supported_speeds(paths, profile)[path]
     is_overhang = is_perimeter(paths.role[path]) & (beads.support_ratio < 1)
-    slower = speed * np.interp(beads.support_ratio, SHARES, _overhang_shares(speeds))
-    slower = np.minimum(slower, _overhang_limit(beads.support_ratio, speed, profile))
+    slower = speed * np.interp(beads.support_ratio, SUPPORT_RATIOS, _overhang_speed_ratios(speeds))
+    slower = np.minimum(slower, _overhang_speed_limits(beads.support_ratio, speed, profile))
     # Below a support ratio of a quarter, the speed blends into the bridge speed.
-    faster = np.maximum(speed - speeds.bridge, 0) * np.minimum(beads.support_ratio / SHARES[1], 1)
+    faster = np.maximum(speed - speeds.bridge, 0) * np.minimum(beads.support_ratio / SUPPORT_RATIOS[1], 1)
     speed = np.where(is_overhang, np.minimum(slower, speeds.bridge + faster), speed)
     on_bed = profile.material.first_layer_max_flow_ratio
     melted = np.where(paths.begins_at(0)[path], on_bed, 1.0) * profile.max_flow
     return np.minimum(speed, melted / np.maximum(beads.cross_section, 1e-9))
 
 
-def _overhang_limit(support_ratio: Float, full_speed: Float, profile: Profile) -> Float:
-    """Return the speed (B,) that the printer allows perimeters with these support ratios, mm/s.
+def _overhang_speed_limits(support_ratio: Float, full_speed: Float, profile: Profile) -> Float:
+    """Return the highest speed (B,) that the printer allows for perimeters with these support ratios, mm/s.
 
     The limits of the printer are interpolated. Where it has none, the limit is the speed `full_speed` (B,).
     """
@@ -126,8 +126,8 @@ def _overhang_limit(support_ratio: Float, full_speed: Float, profile: Profile) -
     if not any(points[1:]):
         return full_speed
     of_point = np.stack([np.minimum(full_speed, one) if one else full_speed for one in points])
-    below = np.clip((support_ratio / SHARES[1]).astype(np.int64), 0, len(SHARES) - 2)
-    share = support_ratio / SHARES[1] - below
+    below = np.clip((support_ratio / SUPPORT_RATIOS[1]).astype(np.int64), 0, len(SUPPORT_RATIOS) - 2)
+    share = support_ratio / SUPPORT_RATIOS[1] - below
     each = np.arange(len(support_ratio))
     return np.asarray(of_point[below, each] * (1 - share) + of_point[below + 1, each] * share)
 
@@ -135,7 +135,7 @@ def _overhang_limit(support_ratio: Float, full_speed: Float, profile: Profile) -
 def _supported_speeds(paths: Toolpaths, profile: Profile) -> Float:
     """Return the speed (M,) of paths where they are supported, mm/s."""
     speeds = profile.speeds
-    speed = _of_roles(speeds)[paths.role]
+    speed = _role_speeds(speeds)[paths.role]
     single = (paths.role == Role.PERIMETER) & ~paths.closed
     speed = np.where(single, speeds.gap_fill, speed)
     if speeds.small_perimeter:
@@ -166,7 +166,7 @@ def _even_flow_factors(paths: Toolpaths, profile: Profile) -> Float:
     return np.asarray(np.clip(factor, 1 / speeds.even_flow_most, speeds.even_flow_most))
 
 
-def _of_roles(speeds: Speeds) -> Float:
+def _role_speeds(speeds: Speeds) -> Float:
     """Return the speed (roles,) of each role, mm/s."""
     of_role = np.array([getattr(speeds, row.speed) for row in ROLES])
     # A draft shield continues above the first layer.
@@ -174,8 +174,8 @@ def _of_roles(speeds: Speeds) -> Float:
     return of_role
 
 
-def _overhang_shares(speeds: Speeds) -> tuple[float, ...]:
-    """Return for each support ratio in `SHARES` the ratio to the normal perimeter speed."""
+def _overhang_speed_ratios(speeds: Speeds) -> tuple[float, ...]:
+    """Return the speed of perimeters at each of `SUPPORT_RATIOS`, as a fraction of their normal speed."""
     return (
         speeds.overhang_0_ratio,
         speeds.overhang_25_ratio,

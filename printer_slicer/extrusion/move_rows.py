@@ -1,4 +1,4 @@
-"""List all moves: for each path the moves that lead to it, then its extrusions."""
+"""List all moves: for each path the moves to its start, then its extrusions."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from printer_slicer.extrusion.wiping import Wipes, find_wipes
 from printer_slicer.model import Toolpaths, Travels, find_travel_ends
 from printer_slicer.profile import Profile
 
-__all__ = ["APPROACH", "MoveKind", "MoveRows", "move_rows"]
+__all__ = ["APPROACH", "MoveKind", "MoveRows", "list_moves"]
 
 APPROACH = 2.0  # mm above the first layer: height of the first travel
-_SHORTEST = 0.003  # mm, of an extrusion
-_LEVEL = 1e-6  # mm
-_RAMP = 3.0  # mm of travel per mm of a ramped lift
+_SHORTEST_EXTRUSION = 0.003  # mm
+_ROUNDING = 1e-6  # mm
+_RAMP_SLOPE = 3.0  # mm of travel per mm of a ramped lift
 
 
 class MoveKind:
@@ -55,30 +55,30 @@ class MoveRows:
         """Return the path (B,) of each extrusion."""
         return self.path[self.is_bead]
 
-    def spread(self, values: Float) -> Float:
+    def to_moves(self, values: Float) -> Float:
         """Assign values (B,) of extrusions to their moves (K,); 0 for other moves."""
         result = np.zeros(len(self.path))
         result[self.is_bead] = values
         return result
 
 
-def move_rows(paths: Toolpaths, travels: Travels, profile: Profile) -> MoveRows:
-    """Return the moves that print paths in order."""
+def list_moves(paths: Toolpaths, travels: Travels, profile: Profile) -> MoveRows:
+    """List the moves that print paths in order."""
     wipes = find_wipes(paths, travels, profile)
-    ends = _travel_ends(paths, travels, profile)
-    count = _counts(paths, travels, wipes, ends)
+    ends = _find_travel_ends(paths, travels, profile)
+    count = _count_moves(paths, travels, wipes, ends)
     path = np.repeat(np.arange(paths.n_paths), count.sum(axis=1))
     kind = np.repeat(np.tile(np.arange(MoveKind.BEAD + 1), paths.n_paths), count.ravel())
     begin, end = paths.ends_of_beads
     # A sudden change of width repeats a point, and G-code is written in steps of 1 µm.
-    far = np.hypot(*(paths.xy.take(end, axis=0) - paths.xy.take(begin, axis=0)).T) > _SHORTEST
+    far = np.hypot(*(paths.xy.take(end, axis=0) - paths.xy.take(begin, axis=0)).T) > _SHORTEST_EXTRUSION
     kept = np.ones(len(path), np.bool_)
     kept[kind == MoveKind.BEAD] = far
     path, kind, begin, end = path[kept], kind[kept], begin[far], end[far]
-    xyz = _positions(paths, travels, wipes, ends, (path, kind, end))
+    xyz = _compute_positions(paths, travels, wipes, ends, (path, kind, end))
     xyz = _move_retractions(xyz, kind)
     if profile.printer.z_hop_ramp:
-        xyz = _ramp_lifts(xyz, path, kind, travels)
+        xyz = _turn_lifts_into_ramps(xyz, path, kind, travels)
     pulled = np.zeros(len(path))
     pulled[kind == MoveKind.RETRACT] = -wipes.standing[path[kind == MoveKind.RETRACT]]
     pulled[kind == MoveKind.WIPE] = -wipes.moving
@@ -113,7 +113,8 @@ class _TravelEnds:
     path_z: Float
 
 
-def _travel_ends(paths: Toolpaths, travels: Travels, profile: Profile) -> _TravelEnds:
+def _find_travel_ends(paths: Toolpaths, travels: Travels, profile: Profile) -> _TravelEnds:
+    """Return start, end and heights of the travel to each path."""
     first, last = paths.start[:-1], paths.start[1:] - 1
     top = paths.z_top
     start, end = top + paths.z_offset[first], top + paths.z_offset[np.where(paths.closed, first, last)]
@@ -124,26 +125,26 @@ def _travel_ends(paths: Toolpaths, travels: Travels, profile: Profile) -> _Trave
     return _TravelEnds(*find_travel_ends(paths), leave, np.maximum(leave, start) + hop, start)
 
 
-def _counts(paths: Toolpaths, travels: Travels, wipes: Wipes, ends: _TravelEnds) -> Int:
+def _count_moves(paths: Toolpaths, travels: Travels, wipes: Wipes, ends: _TravelEnds) -> Int:
     """Return the number (M, 7) of moves of each kind for each path."""
     first = np.arange(paths.n_paths) == 0
     count = np.zeros((paths.n_paths, MoveKind.BEAD + 1), np.int64)
     count[:, MoveKind.RETRACT] = travels.retract & (wipes.standing > 0)
     count[:, MoveKind.WIPE] = np.diff(wipes.start)
-    count[:, MoveKind.LIFT] = (ends.travel_z - ends.start_z > _LEVEL) & ~first
+    count[:, MoveKind.LIFT] = (ends.travel_z - ends.start_z > _ROUNDING) & ~first
     moves = (ends.end != ends.start).any(axis=1) | (count[:, MoveKind.WIPE] > 0)
     count[:, MoveKind.TRAVEL] = moves | first
     count[:, MoveKind.TRAVEL] += np.diff(travels.start)
-    count[:, MoveKind.DROP] = ends.travel_z - ends.path_z > _LEVEL
+    count[:, MoveKind.DROP] = ends.travel_z - ends.path_z > _ROUNDING
     count[:, MoveKind.DERETRACT] = travels.retract
     count[:, MoveKind.BEAD] = paths.beads_of_each
     return count
 
 
-def _positions(
+def _compute_positions(
     paths: Toolpaths, travels: Travels, wipes: Wipes, ends: _TravelEnds, moves: tuple[Int, Int, Int]
 ) -> Float:
-    """Return the end positions (K, 3) of moves, given by path, kind and, for extrusions, last point."""
+    """Return the end positions (K, 3), mm; `moves` is the path and kind of each, and the last point of extrusions."""
     path, kind, end = moves
     top = paths.z_top
     xyz = np.zeros((len(path), 3))
@@ -175,13 +176,13 @@ def _move_retractions(xyz: Float, kind: Int) -> Float:
     return xyz
 
 
-def _ramp_lifts(xyz: Float, path: Int, kind: Int, travels: Travels) -> Float:
+def _turn_lifts_into_ramps(xyz: Float, path: Int, kind: Int, travels: Travels) -> Float:
     """Change lifts into ramps: the nozzle rises during the travel."""
     lift = np.flatnonzero((kind == MoveKind.LIFT) & travels.retract[path])
     lift = lift[(lift > 0) & (lift + 1 < len(xyz))]
     delta = xyz[lift + 1, :2] - xyz[lift - 1, :2]
     far = np.hypot(*delta.T)
     rise = xyz[lift, 2] - xyz[lift - 1, 2]
-    share = np.where(far > 0, np.minimum(_RAMP * rise / np.maximum(far, 1e-9), 0.5), 0.0)
+    share = np.where(far > 0, np.minimum(_RAMP_SLOPE * rise / np.maximum(far, 1e-9), 0.5), 0.0)
     xyz[lift, :2] = xyz[lift - 1, :2] + delta * share[:, None]
     return xyz

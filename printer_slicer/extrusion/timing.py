@@ -16,7 +16,7 @@ from printer_slicer.profile import Profile
 
 __all__ = ["copy_times", "move_seconds", "retime_moves"]
 
-_timed: WeakKeyDictionary[Program, tuple[MotionLimits, Float]] = WeakKeyDictionary()
+_cached_times: WeakKeyDictionary[Program, tuple[MotionLimits, Float]] = WeakKeyDictionary()
 
 
 def move_seconds(program: Program, profile: Profile) -> Float:
@@ -27,31 +27,34 @@ def move_seconds(program: Program, profile: Profile) -> Float:
         profile: has the limits of the printer.
     """
     limits = limits_of(profile.printer)
-    known = _timed.get(program)
+    known = _cached_times.get(program)
     if known is None or known[0] != limits:
-        seconds = _seconds(program, program.speed, profile, 0, program.n_moves)
-        _timed[program] = known = limits, frozen_array(seconds, np.float64, (-1,))
+        seconds = _compute_seconds(program, program.speed, profile, 0, program.n_moves)
+        _cached_times[program] = known = limits, frozen_array(seconds, np.float64, (-1,))
     return known[1]
 
 
 def copy_times(program: Program, other: Program) -> Program:
     """Reuse the times of `other` for a program with the same moves; return the program."""
-    _timed[program] = _timed[other]
+    _cached_times[program] = _cached_times[other]
     return program
 
 
-def retime_moves(program: Program, seconds: Float, speed: Float, around: Int, profile: Profile) -> Float:
-    """Return the times (K,) of moves after the speeds of the layers from first to last of `around` changed.
+def retime_moves(
+    program: Program, seconds: Float, speed: Float, changed_layers: Int, profile: Profile
+) -> Float:
+    """Return the times (K,) of moves, s, after the speeds in a range of layers changed.
 
-    The change affects at most the adjacent layers, because the nozzle nearly stops at each layer change.
+    `changed_layers` is the first and the last of these layers. The change affects at most the adjacent layers,
+    because the nozzle nearly stops at each layer change.
     """
     # Include one more layer on both sides, because the first and last move of the range start and end at rest.
-    first, start, end, last = np.searchsorted(program.layer, around[[0, 0, 1, 1]] + [-2, -1, 2, 3])
-    again = _seconds(program, speed, profile, first, last)
+    first, start, end, last = np.searchsorted(program.layer, changed_layers[[0, 0, 1, 1]] + [-2, -1, 2, 3])
+    again = _compute_seconds(program, speed, profile, first, last)
     return np.concatenate([seconds[:start], again[start - first : end - first], seconds[end:]])
 
 
-def _seconds(program: Program, speed: Float, profile: Profile, first: int, last: int) -> Float:
+def _compute_seconds(program: Program, speed: Float, profile: Profile, first: int, last: int) -> Float:
     """Return the times (n,) of the moves from `first` up to `last` at speeds (K,), as if there were no others."""
     before = program.xyz[first - 1] if first else program.origin
     delta = np.diff(program.xyz[first:last], axis=0, prepend=before[None])

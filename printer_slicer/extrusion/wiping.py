@@ -12,7 +12,7 @@ from printer_slicer.profile import Profile
 
 __all__ = ["Wipes", "find_wipes"]
 
-_SHARE = 0.9  # fraction of the retraction speed that is used while wiping
+_WIPE_SPEED_RATIO = 0.9  # fraction of the retraction speed that is used while wiping
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,7 +61,8 @@ def find_wipes(paths: Toolpaths, travels: Travels, profile: Profile) -> Wipes:
     count[wiped] = np.bincount(owner, minlength=len(over))
     speed = profile.speeds.travel
     total = np.minimum(
-        printer.retract_length, _SHARE * printer.retract_speed * reach / min(speed, printer.max_speed_x)
+        printer.retract_length,
+        _WIPE_SPEED_RATIO * printer.retract_speed * reach / min(speed, printer.max_speed_x),
     )
     standing[wiped] -= np.where(count[wiped] > 0, total, 0.0)
     return Wipes(
