@@ -11,7 +11,7 @@ from printer_slicer.geometry import Polylines
 from printer_slicer.infill.combined_infill import group_layers
 from printer_slicer.infill.concentric import concentric_lines
 from printer_slicer.infill.cubic import cubic_lines
-from printer_slicer.infill.custom_pattern import Infill, checked_pattern
+from printer_slicer.infill.custom_pattern import Infill, make_checked_pattern
 from printer_slicer.infill.grid import grid_lines
 from printer_slicer.infill.gyroid import gyroid_lines
 from printer_slicer.infill.honeycomb import honeycomb_lines
@@ -46,7 +46,7 @@ PATTERNS: Final[Mapping[str, Pattern]] = {
 
 
 def infill_paths(
-    regions: Regions, profile: Profile, groups: Int | None = None, own: Infill | None = None
+    regions: Regions, profile: Profile, groups: Int | None = None, custom: Infill | None = None
 ) -> Toolpaths:
     """Fill every region with lines: solid regions completely, internal infill to `quality.infill_density`.
 
@@ -54,19 +54,19 @@ def infill_paths(
         regions: the area inside the perimeters.
         profile: pattern, density and anchors.
         groups: (L,) first layer of the group whose internal infill is printed together; None computes it.
-        own: custom pattern that replaces the profile's.
+        custom: custom pattern that replaces the profile's.
 
     Raises:
-        StrategyError: the lines of `own` cannot be printed, or miss the density.
+        StrategyError: the lines of `custom` cannot be printed, or do not have the density.
     """
     layered = settings_by_layer(profile, regions.plan)
     begins, limit = layered.run_starts(), min(profile.quality.internal_infill_every, profile.highest_bead)
-    groups = group_layers(regions.internal_infill, regions.plan, limit, groups, begins=begins)
-    layouts = [_laid_out(regions.of_layers(here), groups, one, own) for one, here in layered.each()]
-    carried = layers_below_bridges(regions)
-    bare = [lines_on_layers(layout, carried) for layout in layouts if layout]
-    if bare:
-        regions = support_internal_bridges(regions, Polylines.joined(bare), profile)
+    groups = group_layers(regions.internal_infill, regions.plan, limit, groups, lowest_allowed=begins)
+    layouts = [_lay_out_infill(regions.of_layers(here), groups, one, custom) for one, here in layered.each()]
+    supporting = layers_below_bridges(regions)
+    unconnected = [lines_on_layers(layout, supporting) for layout in layouts if layout]
+    if unconnected:
+        regions = support_internal_bridges(regions, Polylines.joined(unconnected), profile)
     parts: list[Toolpaths] = []
     for (one, here), layout in zip(layered.each(), layouts, strict=True):
         some = regions.of_layers(here)
@@ -75,15 +75,19 @@ def infill_paths(
     return Toolpaths.joined(regions.plan, parts)
 
 
-def _laid_out(regions: Regions, groups: Int, profile: Profile, own: Infill | None) -> PatternLayout | None:
-    """Lay out the profile's pattern or the custom one; None without infill."""
+def _lay_out_infill(
+    regions: Regions, groups: Int, profile: Profile, custom: Infill | None
+) -> PatternLayout | None:
+    """Lay out the custom pattern, or that of the profile if there is none; None if the density is 0."""
     quality = profile.quality
     if quality.infill_density == 0:
         return None
-    if own:
-        layout = lay_out_pattern(regions, groups, checked_pattern(own), profile, measured=own.measured)
-        return replace(layout, insisting_on=own.name if own.measured else "")
-    # Lightning trees have this density only below what they support.
+    if custom:
+        layout = lay_out_pattern(
+            regions, groups, make_checked_pattern(custom), profile, measured=custom.measured
+        )
+        return replace(layout, strict_name=custom.name if custom.measured else "")
+    # Lightning trees have this density only directly below the areas that they support.
     measured = quality.infill != "lightning"
     layout = lay_out_pattern(regions, groups, PATTERNS[quality.infill], profile, measured=measured)
     return layout if measured else replace(layout, pattern=lightning_pattern(layout.task))

@@ -19,9 +19,9 @@ from printer_slicer.geometry import (
 )
 from printer_slicer.infill.connections import MAX_CONNECTION, Zigzags
 
-__all__ = ["HatchGrids", "extensions_to_walls", "join_bridge_lines"]
+__all__ = ["HatchGrids", "join_bridge_lines", "measure_extensions"]
 
-_SLIVER = 0.01  # mm: half the width of gaps that rounding leaves between touching areas
+_HALF_SLIVER = 0.01  # mm: half the width of gaps that rounding leaves between touching areas
 _SLACK = 1.05  # of the longest extension, because curves are polygons
 
 
@@ -33,17 +33,17 @@ class HatchGrids:
     step: Float
     phase: Float
 
-    def rows(self, areas: Areas) -> Lines:
-        """Return the parts of the rows inside areas (P entries)."""
+    def clip_rows(self, areas: Areas) -> Lines:
+        """Return the parts of the rows that lie inside the areas (P entries)."""
         return hatch(areas, angle=self.angle, spacing=self.step, phase=self.phase)
 
 
-def join_bridge_lines(rows: Lines, way: Float, gap: Float, angle: Float) -> Zigzags:
-    """Join rows into bridge lines that start and end in the walls. Turns stay beside the walls.
+def join_bridge_lines(rows: Lines, extension: Float, gap: Float, angle: Float) -> Zigzags:
+    """Join rows into bridge lines that start and end in the walls; the turns between rows stay beside the walls.
 
     Args:
         rows: of P pieces.
-        way: (S, 2) mm from the ends of each to the wall, as `extensions_to_walls` gives it.
+        extension: (S, 2) mm from both ends of each row to the end in the wall, see `measure_extensions`.
         gap: (P,) mm between rows.
         angle: (P,) radians.
     """
@@ -51,12 +51,12 @@ def join_bridge_lines(rows: Lines, way: Float, gap: Float, angle: Float) -> Zigz
     xy, piece = rows.ends.reshape(-1, 2).take(end, axis=0), rows.layer[end[start[:-1]] // 2]
     loose = np.concatenate([start[:-1], start[1:] - 1])
     turn = np.tile(angle[piece], 2)
-    xy[loose] += way.ravel()[end[loose], None] * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    xy[loose] += extension.ravel()[end[loose], None] * np.stack([np.cos(turn), np.sin(turn)], axis=1)
     return Zigzags(xy, start, piece, np.zeros(len(xy), np.bool_))
 
 
-def extensions_to_walls(
-    rows: Lines, grid: HatchGrids, pieces: ConnectedAreas, inside: Areas, apart: Float
+def measure_extensions(
+    rows: Lines, grid: HatchGrids, pieces: ConnectedAreas, inside: Areas, distance: Float
 ) -> Float:
     """Return how far both ends of each row extend into the wall, (S, 2) mm; 0 where they do not.
 
@@ -64,15 +64,15 @@ def extensions_to_walls(
     the wall at a small angle, because a line runs along the wall there.
 
     Args:
-        rows: rows of the grid, inside the pieces and `apart` from their borders.
+        rows: rows of the grid, inside the pieces and `distance` from their borders.
         grid: hatch grids.
         pieces: areas.
         inside: area inside the walls, by layer.
-        apart: (P,) mm.
+        distance: (P,) mm between rows and borders.
     """
-    apart = np.maximum(apart, 0.0)
-    others = offset_open(difference(pieces.select_nearby_rings(inside), pieces.areas), _SLIVER)
-    longest = grid.rows(difference(pieces.areas, offset(others, apart)))
+    distance = np.maximum(distance, 0.0)
+    others = offset_open(difference(pieces.select_nearby_rings(inside), pieces.areas), _HALF_SLIVER)
+    longest = grid.clip_rows(difference(pieces.areas, offset(others, distance)))
     if not rows.n_lines or not longest.n_lines:
         return np.zeros((rows.n_lines, 2))
     # One sort key for piece, row and position along the row.
@@ -87,5 +87,5 @@ def extensions_to_walls(
     first = run_starts(own)
     outermost = np.stack([first, np.append(first[1:], True)], axis=1)
     way = longest.u[own] - rows.u
-    near = np.abs(way) <= _SLACK * MAX_CONNECTION * apart[rows.layer, None]
+    near = np.abs(way) <= _SLACK * MAX_CONNECTION * distance[rows.layer, None]
     return np.where(outermost & near & within[:, None], way, 0.0)

@@ -62,17 +62,22 @@ def combine_infill_areas(infill: Areas, plan: LayerPlan, groups: Int, narrowest:
     rest = difference(infill, common.copy_layers(last))
     wide = offset_open(rest.of_layers(several), narrowest / 2)
     return InfillAreas(
-        _stacked(rest.of_layers(~several).merge(wide), common),
+        _concatenate_stacks(rest.of_layers(~several).merge(wide), common),
         np.tile(own, 2),
         np.concatenate([plan.height, plan.top - plan.bottom[groups]]),
-        np.tile(_turns(groups), 2),
+        np.tile(_count_turns(groups), 2),
     )
 
 
 def group_layers(
-    infill: Areas, plan: LayerPlan, limit: float, groups: Int | None = None, *, begins: Int | None = None
+    infill: Areas,
+    plan: LayerPlan,
+    limit: float,
+    groups: Int | None = None,
+    *,
+    lowest_allowed: Int | None = None,
 ) -> Int:
-    """Divide the layers into groups whose infill is printed together; return the first layer of each one's group (L,).
+    """Divide the layers into groups whose infill is printed together; return the first layer (L,) of their groups.
 
     Groups are at most `limit` high and the same over the whole part. The division that saves the most extrusion is
     chosen, so groups end at solid infill and at changes of the outline.
@@ -82,23 +87,23 @@ def group_layers(
         plan: the layers.
         limit: mm, greatest height of a group; 0 or less than two layers: no groups.
         groups: (L,) known groups; those higher than `limit` are divided into single layers.
-        begins: (L,) lowest layer that each layer may be grouped with.
+        lowest_allowed: (L,) lowest layer that each layer may be grouped with.
     """
     lowest = tallest_groups(plan, limit)
-    lowest = lowest if begins is None else np.maximum(lowest, begins)
+    lowest = lowest if lowest_allowed is None else np.maximum(lowest, lowest_allowed)
     if groups is None:
         return choose_groups(area_savings(infill, lowest))
     return np.where(groups >= lowest[last_layers(groups)], groups, np.arange(plan.n_layers))
 
 
-def _turns(groups: Int) -> Int:
-    """Return the alternation counter (L,) of each layer; all groups and the layers within them are counted."""
+def _count_turns(groups: Int) -> Int:
+    """Return the counter (L,) for patterns that alternate: the number of the group plus that within the group."""
     own = np.arange(len(groups))
     number = np.cumsum(run_starts(groups)) - 1
     return np.asarray(number + last_layers(groups) - own, np.int64)
 
 
-def _stacked(one: Areas, another: Areas) -> Areas:
+def _concatenate_stacks(one: Areas, another: Areas) -> Areas:
     """Concatenate two stacks, the second above the first."""
     return Areas(
         np.concatenate([one.xy, another.xy]),

@@ -10,8 +10,8 @@ from printer_slicer.infill.infill_task import InfillTask
 
 __all__ = ["concentric_lines"]
 
-_SHORTEST = 3.0  # extrusion widths; smaller loops would be blobs
-_CUT = 0.01  # mm², least area that internal bridges take from the loops
+_SHORTEST_LOOP = 3.0  # extrusion widths; smaller loops would be blobs
+_LEAST_CUT_AREA = 0.01  # mm², least area that internal bridges take from the loops
 
 
 def concentric_lines(task: InfillTask) -> tuple[Polylines, Float]:
@@ -22,20 +22,20 @@ def concentric_lines(task: InfillTask) -> tuple[Polylines, Float]:
     outline, cut = task.area, np.zeros(task.area.n_layers, np.bool_)
     if outline.n_layers == task.regions.plan.n_layers:  # each layer by itself
         outline = offset(task.regions.internal_infill, -task.inset).of_layers(task.area.used)
-        cut = difference(outline, task.area).area() > _CUT
+        cut = difference(outline, task.area).area() > _LEAST_CUT_AREA
     loops, loop = [], offset(outline, -task.spacing / 2)
     while loop.n_rings:
-        loops += _lines(loop.select(loop.ring_length() > _SHORTEST * task.bead), task.area, cut)
+        loops += _cut_loops(loop.select(loop.ring_length() > _SHORTEST_LOOP * task.bead), task.area, cut)
         loop = offset(loop, -task.spacing)
     return Polylines.joined(loops or [Polylines.around(loop)]), np.ones(len(task.z))
 
 
-def _lines(loops: Areas, area: Areas, cut: Bool) -> list[Polylines]:
+def _cut_loops(loops: Areas, area: Areas, is_cut: Bool) -> list[Polylines]:
     """Return the loops as lines; on layers that are cut (L,), only their parts within the area."""
-    whole = Polylines.around(loops.of_layers(~cut))
-    if not cut.any():
+    whole = Polylines.around(loops.of_layers(~is_cut))
+    if not is_cut.any():
         return [whole]
-    some = loops.of_layers(cut)
+    some = loops.of_layers(is_cut)
     xy, size, ring, closed = clip_outlines(some, area)
     ends = np.full((len(size), 2), -1)
     return [whole, Polylines(xy, np.append(0, np.cumsum(size)), some.ring_layer[ring], ends, closed)]

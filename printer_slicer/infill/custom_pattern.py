@@ -14,11 +14,11 @@ from printer_slicer.infill.infill_task import InfillTask, Pattern
 from printer_slicer.profile import Profile
 from printer_slicer.texts import callable_name, describe_type
 
-__all__ = ["Infill", "check_density", "checked_pattern"]
+__all__ = ["Infill", "check_density", "make_checked_pattern"]
 
-_OFF: float = 0.1  # largest relative error of the density
-_ENOUGH: float = 20.0  # mm³; smaller volumes are not checked, because single lines decide
-_FARTHEST: float = 1e5  # mm
+_MAX_ERROR: float = 0.1  # largest relative error of the density
+_LEAST_VOLUME: float = 20.0  # mm³; smaller volumes are not checked, because single lines decide
+_MAX_COORDINATE: float = 1e5  # mm
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,19 +43,19 @@ class Infill:
         return callable_name(self.lines)
 
 
-def checked_pattern(own: Infill) -> Pattern:
-    """Return a custom pattern as a `Pattern` that checks its lines and clips them to the areas."""
+def make_checked_pattern(custom: Infill) -> Pattern:
+    """Make a `Pattern` from a custom one: check its lines, and clip them to the areas."""
 
     def pattern(task: InfillTask) -> tuple[Polylines, Float]:
         """Return the lines within the areas."""
-        lines = own.lines(task)
-        _check(own.name, lines, task.area.n_layers)
-        return clip_lines(task.area, _opened(lines)), np.ones(task.area.n_layers)
+        lines = custom.lines(task)
+        _check_lines(custom.name, lines, task.area.n_layers)
+        return clip_lines(task.area, _open_loops(lines)), np.ones(task.area.n_layers)
 
     return pattern
 
 
-def _check(name: str, lines: object, n_layers: int) -> None:
+def _check_lines(name: str, lines: object, n_layers: int) -> None:
     """Raise StrategyError unless `lines` are finite polylines on these layers."""
     if not isinstance(lines, Polylines):
         raise StrategyError(
@@ -72,8 +72,8 @@ def _check(name: str, lines: object, n_layers: int) -> None:
             f"infill {name}: the lines are not sorted by area",
             remedy="Sort them by layer, or use ps.Polylines.from_lines",
         )
-    if not (np.abs(lines.xy) < _FARTHEST).all():  # also true for nan
-        where = int(np.flatnonzero(~(np.abs(lines.xy) < _FARTHEST).all(axis=1))[0])
+    if not (np.abs(lines.xy) < _MAX_COORDINATE).all():  # also true for nan
+        where = int(np.flatnonzero(~(np.abs(lines.xy) < _MAX_COORDINATE).all(axis=1))[0])
         x, y = lines.xy[where].tolist()
         raise StrategyError(
             f"infill {name}: point {where} is at x {x:g}, y {y:g}, far outside of any bed",
@@ -81,7 +81,7 @@ def _check(name: str, lines: object, n_layers: int) -> None:
         )
 
 
-def _opened(lines: Polylines) -> Polylines:
+def _open_loops(lines: Polylines) -> Polylines:
     """Turn loops into open lines that end at their first point."""
     if not lines.closed.any():
         return lines
@@ -90,22 +90,22 @@ def _opened(lines: Polylines) -> Polylines:
     return Polylines.of(lines.xy[points], lines.size + lines.closed, lines.layer)
 
 
-def check_density(name: str, laid: float, wanted: float, profile: Profile) -> None:
+def check_density(name: str, volume: float, nominal: float, profile: Profile) -> None:
     """Check that the lines of a custom pattern reach the density.
 
     Args:
         name: of the pattern.
-        laid: mm³ in its lines and connections, with corrected widths.
-        wanted: mm³ for the density of the profile.
+        volume: volume of its lines and connections with corrected widths, mm³.
+        nominal: volume for the density of the profile, mm³.
         profile: has the density.
 
     Raises:
         StrategyError: the volume is off by more than a tenth.
     """
-    if wanted < _ENOUGH or abs(laid / wanted - 1) <= _OFF:
+    if nominal < _LEAST_VOLUME or abs(volume / nominal - 1) <= _MAX_ERROR:
         return
     density = profile.quality.infill_density
     raise StrategyError(
-        f"infill {name}: extrudes {laid / wanted:.2g} times the volume of infill_density = {density:g}",
+        f"infill {name}: extrudes {volume / nominal:.2g} times the volume of infill_density = {density:g}",
         remedy="Place lines task.spacing apart, or pass ps.Infill(function, measured=False) to skip this check",
     )

@@ -18,10 +18,10 @@ from printer_slicer.infill.periodic_lines import PeriodicLines, clip_periodic_li
 __all__ = ["CHORD_ERROR", "gyroid_lines"]
 
 CHORD_ERROR = 0.05
-"""mm, largest distance between the waves and the straight lines that replace them, about."""
+"""mm, approximate largest distance between the waves and the straight lines that replace them."""
 
-_SAMPLES = 256  # of one period, to measure curvature and length
-_FEWEST = 6  # points of a period
+_N_SAMPLES = 256  # of one period, to measure curvature and length
+_LEAST_POINTS = 6  # points of a period
 
 
 def gyroid_lines(task: InfillTask) -> tuple[Polylines, Float]:
@@ -30,20 +30,20 @@ def gyroid_lines(task: InfillTask) -> tuple[Polylines, Float]:
     The length of sections varies by up to a quarter where waves along x change to waves along y. The second result is
     this ratio (E,), so that the extrusion width can be corrected.
     """
-    scale = 1 / (task.spacing * _mean_density())  # radians in a mm
+    scale = 1 / (task.spacing * _mean_line_density())  # radians in a mm
     z = task.z * scale
     along_y = np.abs(np.sin(z)) > np.abs(np.cos(z))
-    u = np.linspace(-np.pi, np.pi, _SAMPLES + 1)
-    v = _wave(u[None, :], z[:, None], along_y[:, None])
+    u = np.linspace(-np.pi, np.pi, _N_SAMPLES + 1)
+    v = _wave_position(u[None, :], z[:, None], along_y[:, None])
     length = np.hypot(np.diff(u)[None, :], np.diff(v, axis=1))
-    chosen, size = _points(u, v, length, CHORD_ERROR * scale)
+    chosen, size = _choose_points(u, v, length, CHORD_ERROR * scale)
     owner = np.repeat(np.arange(len(z)), size)
-    first = np.stack([chosen, _wave(chosen, z[owner], along_y[owner])], axis=1)
+    first = np.stack([chosen, _wave_position(chosen, z[owner], along_y[owner])], axis=1)
     # The second line of each period is the first one turned by 180° about a point, or shifted and mirrored.
     mirrored = np.stack(
         [-first[:, 0], np.where(along_y[owner], first[:, 1] - np.pi, np.pi - first[:, 1])], axis=1
     )
-    uv, start = _paired(first, mirrored, size)
+    uv, start = _interleave_lines(first, mirrored, size)
     waves = PeriodicLines(
         uv / scale,
         start,
@@ -52,11 +52,11 @@ def gyroid_lines(task: InfillTask) -> tuple[Polylines, Float]:
         angle=task.angle,
         swapped=along_y,
     )
-    return clip_periodic_lines(task.area, waves), _density(length) / _mean_density()
+    return clip_periodic_lines(task.area, waves), _line_density(length) / _mean_line_density()
 
 
-def _wave(u: Float, z: Float, along_y: Bool) -> Float:
-    """Return the position across of the section's first line at position u along, radians."""
+def _wave_position(u: Float, z: Float, along_y: Bool) -> Float:
+    """Return the position across the wave, radians, of the section's first line at positions `u` along it."""
     # Along x: cos z sin y + sin x cos y = - sin z cos x. Along y: sin z cos x + cos y sin x = - cos z sin y.
     upright = np.where(along_y, np.sin(z), np.cos(z))
     flat = np.where(along_y, np.cos(z), np.sin(z)) * np.where(upright < 0, -1.0, 1.0)
@@ -69,7 +69,7 @@ def _wave(u: Float, z: Float, along_y: Bool) -> Float:
     return np.asarray(np.where(along_y, turned + np.arccos(share), np.arcsin(share) - turned))
 
 
-def _points(u: Float, v: Float, length: Float, error: float) -> tuple[Float, Int]:
+def _choose_points(u: Float, v: Float, length: Float, error: float) -> tuple[Float, Int]:
     """Choose points along one period of each wave (E, n + 1); return their positions and their number per wave.
 
     A chord of length c over a curve of curvature k deviates by k c² / 8, so chords have the length sqrt(8 error / k).
@@ -79,7 +79,7 @@ def _points(u: Float, v: Float, length: Float, error: float) -> tuple[Float, Int
     reach = (length + np.roll(length, -1, axis=1)) / 2
     wanted = np.sqrt(turn * reach / (8 * error)) + 1e-9
     total = wanted.sum(axis=1)
-    size = np.maximum(np.ceil(total), _FEWEST).astype(np.int64)
+    size = np.maximum(np.ceil(total), _LEAST_POINTS).astype(np.int64)
     # All waves follow each other on one axis; the k-th point of a wave is at k shares of its total.
     steps = np.concatenate([np.zeros((len(v), 1)), np.cumsum(wanted / total[:, None], axis=1)], axis=1)
     owner = np.repeat(np.arange(len(v)), size)
@@ -89,7 +89,7 @@ def _points(u: Float, v: Float, length: Float, error: float) -> tuple[Float, Int
     return place, size
 
 
-def _paired(first: Float, second: Float, size: Int) -> tuple[Float, Int]:
+def _interleave_lines(first: Float, second: Float, size: Int) -> tuple[Float, Int]:
     """Interleave the first and second line of each entry, both in ascending order."""
     start = np.cumsum(size) - size
     owner = np.repeat(np.arange(len(size)), size)
@@ -100,14 +100,14 @@ def _paired(first: Float, second: Float, size: Int) -> tuple[Float, Int]:
     return uv, np.append(0, np.cumsum(np.repeat(size, 2)))
 
 
-def _density(length: Float) -> Float:
-    """Return the line length per area (E,) of two lines in a square of side 2 pi, from the steps (E, n) of one."""
+def _line_density(length: Float) -> Float:
+    """Return the line length per area (E,) of sections, from the steps (E, n) of one of two lines per period."""
     return np.asarray(length.sum(axis=1) / (2 * np.pi**2))
 
 
-def _mean_density() -> float:
+def _mean_line_density() -> float:
     """Return the mean density over all z; by symmetry an eighth of the period is enough."""
     z = (np.arange(64) + 0.5)[:, None] * np.pi / 256
-    u = np.linspace(-np.pi, np.pi, _SAMPLES + 1)
-    v = _wave(u[None, :], z, np.zeros_like(z, dtype=np.bool_))
-    return float(_density(np.hypot(np.diff(u)[None, :], np.diff(v, axis=1))).mean())
+    u = np.linspace(-np.pi, np.pi, _N_SAMPLES + 1)
+    v = _wave_position(u[None, :], z, np.zeros_like(z, dtype=np.bool_))
+    return float(_line_density(np.hypot(np.diff(u)[None, :], np.diff(v, axis=1))).mean())

@@ -19,7 +19,7 @@ def honeycomb_lines(task: InfillTask) -> tuple[Polylines, Float]:
     the lines consist of two extrusions next to each other. The cell size takes them into account.
     """
     n, bead = len(task.z), task.bead
-    side = _side(task.spacing, bead)
+    side = _hexagon_side(task.spacing, bead)
     pitch = np.sqrt(0.75) * side
     low, high = bead / 2, pitch - bead / 2
     u = side * np.array([0.0, 1.0, 1.5, 2.5])
@@ -38,7 +38,7 @@ def honeycomb_lines(task: InfillTask) -> tuple[Polylines, Float]:
     ), np.ones(n)
 
 
-def _side(spacing: float, bead: float) -> float:
+def _hexagon_side(spacing: float, bead: float) -> float:
     """Return the side of the hexagons, mm, for zigzags as long as parallel lines `spacing` mm apart.
 
     Zigzags one pitch p = √(3/4) a apart have two straight walls a and two slanted ones that rise by p - bead in each

@@ -33,33 +33,33 @@ from printer_slicer.profile import Profile
 
 __all__ = ["layers_below_bridges", "support_internal_bridges"]
 
-_DIRECTIONS = 12
-_WORTH = 0.95  # share of the best sag so far that another direction must be below
-_NEAR = 1e-3  # mm; engines round to 0.01 µm
+_N_DIRECTIONS = 12
+_CLEARLY_BETTER = 0.95  # share of the best sag so far that another direction must be below
+_ROUNDING = 1e-3  # mm; engines round to 0.01 µm
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Ground:
-    """Areas for internal bridges, and where they are unsupported.
+class _BridgeAreas:
+    """Areas in which internal bridges may lie, and their unsupported part.
 
     Attributes:
-        room: inside the perimeters and not at a surface.
-        air: the part of it with nothing directly below.
-        grip: mm, least overlap of a row with its support, if the support is that wide.
+        allowed: inside the perimeters and not at a surface.
+        unsupported: the part of `allowed` with nothing directly below.
+        overlap: least overlap of a row with its support, if the support is that wide, mm.
     """
 
-    room: Areas
-    air: Areas
-    grip: float
+    allowed: Areas
+    unsupported: Areas
+    overlap: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Rows:
-    """Rows across pieces, and how far they must be extended.
+class _ExtendedRows:
+    """Rows across pieces, extended to their supports.
 
     Attributes:
         lines: rows across the pieces.
-        u: (S, 2) mm, begin and end of each row if it is supported at both ends.
+        u: (S, 2) mm, begin and end of each extended row.
         sag: (S,) mm³, sum of the cubed spans; a span sags by its square, over its length.
     """
 
@@ -85,29 +85,36 @@ def support_internal_bridges(regions: Regions, lines: Polylines, profile: Profil
         profile: extrusion width and bridge anchors.
     """
     bridge, width = regions.internal_bridge, profile.extrusion_width
-    used, second = _by_turns(bridge)
-    regions = _laid(regions, bridge.of_layers(used & ~second), lines, profile, used & ~second)
+    used, second = _split_stacked_layers(bridge)
+    regions = _extend_bridges(regions, bridge.of_layers(used & ~second), lines, profile, used & ~second)
     # The bridges of the layer below have grown, so fewer areas lie over internal infill now.
     below = regions.internal_infill.shift_layers(1).of_layers(second)
     own = find_internal_bridges(bridge.of_layers(second), below, width, profile.quality.bridge_anchor)
-    return _laid(regions, own, lines, profile, second)
+    return _extend_bridges(regions, own, lines, profile, second)
 
 
-def _by_turns(bridge: Areas) -> tuple[Bool, Bool]:
-    """Return the layers (L,) with bridges, and every second one of those directly above each other."""
+def _split_stacked_layers(bridge: Areas) -> tuple[Bool, Bool]:
+    """Return which layers (L,) have bridges, and every second one in runs of such layers."""
     own, used = np.arange(bridge.n_layers), bridge.used
     since = own - np.maximum.accumulate(np.where(used, -1, own))
     return used, used & (since % 2 == 0)
 
 
-def _laid(regions: Regions, own: Areas, lines: Polylines, profile: Profile, here: Bool) -> Regions:
-    """Extend the bridges `own` of the layers `here` (L,); other internal bridges there become solid infill."""
-    width, wanted = profile.extrusion_width, regions.internal_bridge.of_layers(here)
-    pieces, ground = split_connected(own), _ground(regions, lines, width, profile.quality.bridge_anchor, here)
+def _extend_bridges(
+    regions: Regions, own: Areas, lines: Polylines, profile: Profile, is_affected: Bool
+) -> Regions:
+    """Extend the bridges `own` on some layers (L,); other internal bridges on these layers become solid infill."""
+    width, wanted = profile.extrusion_width, regions.internal_bridge.of_layers(is_affected)
+    pieces, bridge_areas = (
+        split_connected(own),
+        _find_bridge_areas(regions, lines, width, profile.quality.bridge_anchor, is_affected),
+    )
     # The usual direction lies between the lines of the usual pattern; other directions are compared to it.
     usual = np.deg2rad(profile.quality.infill_angle_deg + 45)
-    done, turn = _grown(pieces, _best_angles(pieces, ground, width, float(usual)), ground, width)
-    elsewhere = ~here[regions.internal_bridge.ring_layer]
+    done, turn = _extend_pieces(
+        pieces, _find_best_angles(pieces, bridge_areas, width, float(usual)), bridge_areas, width
+    )
+    elsewhere = ~is_affected[regions.internal_bridge.ring_layer]
     layer = np.concatenate([regions.internal_bridge.ring_layer[elsewhere], done.ring_layer])
     turns = np.concatenate([regions.internal_bridge_angle[elsewhere], turn])
     return replace(
@@ -119,22 +126,28 @@ def _laid(regions: Regions, own: Areas, lines: Polylines, profile: Profile, here
     )
 
 
-def _grown(pieces: ConnectedAreas, angle: Float, ground: _Ground, width: float) -> tuple[Areas, Float]:
+def _extend_pieces(
+    pieces: ConnectedAreas, angle: Float, bridge_areas: _BridgeAreas, width: float
+) -> tuple[Areas, Float]:
     """Return the extended pieces on their layers, without overlaps, and the direction (R,) of each ring."""
-    n = ground.room.n_layers
+    n = bridge_areas.allowed.n_layers
     done, of_ring = Areas.empty(n), np.zeros(0)
     for turn in distinct(angle).tolist():
         chosen = np.flatnonzero(angle == turn)
         own = pieces.on_layers(n, chosen)
         others = done.merge(pieces.on_layers(n, np.flatnonzero(angle != turn)))  # they may overlap
-        grown = difference(_stretched(own, pieces.take(chosen), ground, width, turn), difference(others, own))
+        grown = difference(
+            _extend_along_rows(own, pieces.take(chosen), bridge_areas, width, turn), difference(others, own)
+        )
         order = np.argsort(np.concatenate([done.ring_layer, grown.ring_layer]), kind="stable")
         of_ring = np.concatenate([of_ring, np.full(grown.n_rings, turn)])[order]
         done = done.merge(grown)
     return done, of_ring
 
 
-def _ground(regions: Regions, lines: Polylines, width: float, grip: float, used: Bool) -> _Ground:
+def _find_bridge_areas(
+    regions: Regions, lines: Polylines, width: float, overlap: float, used: Bool
+) -> _BridgeAreas:
     """Return the areas for bridges on some layers (L,)."""
     n = regions.plan.n_layers
     closed = regions.bottom_solid_infill.merge(regions.bridge).merge(regions.top_solid_infill).of_layers(used)
@@ -146,25 +159,29 @@ def _ground(regions: Regions, lines: Polylines, width: float, grip: float, used:
     pens = stroke_lines(some.xy, some.start, some.layer + 1, np.full(some.n_lines, width / 2), n)
     hollow = intersection(room, regions.internal_infill.shift_layers(1).of_layers(used))
     # Gaps narrower than half a width are ignored.
-    return _Ground(room, offset_open(difference(hollow, pens), width / 4), grip)
+    return _BridgeAreas(room, offset_open(difference(hollow, pens), width / 4), overlap)
 
 
-def _best_angles(pieces: ConnectedAreas, ground: _Ground, width: float, usual: float) -> Float:
+def _find_best_angles(
+    pieces: ConnectedAreas, bridge_areas: _BridgeAreas, width: float, usual: float
+) -> Float:
     """Return the direction (P,) in which the lines of each piece sag least."""
     best, record = np.full(pieces.count, usual), np.full(pieces.count, np.inf)
-    for turn in (np.arange(_DIRECTIONS) * np.pi / _DIRECTIONS).tolist():
-        rows = _rows(pieces, ground, 2 * width, usual + turn)
+    for turn in (np.arange(_N_DIRECTIONS) * np.pi / _N_DIRECTIONS).tolist():
+        rows = _make_extended_rows(pieces, bridge_areas, 2 * width, usual + turn)
         sag = np.bincount(rows.lines.layer, rows.sag, minlength=pieces.count)
-        better = sag < (record * _WORTH - _NEAR if turn else record)
+        better = sag < (record * _CLEARLY_BETTER - _ROUNDING if turn else record)
         best[better], record[better] = usual + turn, sag[better]
     return best
 
 
-def _stretched(own: Areas, pieces: ConnectedAreas, ground: _Ground, width: float, angle: float) -> Areas:
-    """Return the pieces, extended along rows of this direction."""
+def _extend_along_rows(
+    own: Areas, pieces: ConnectedAreas, bridge_areas: _BridgeAreas, width: float, angle: float
+) -> Areas:
+    """Return the pieces extended to their supports along rows of one direction."""
     step = width / 2
-    rows = _rows(pieces, ground, step, angle)
-    longer = np.flatnonzero(np.abs(rows.u - rows.lines.u).max(axis=1, initial=0.0) > _NEAR)
+    rows = _make_extended_rows(pieces, bridge_areas, step, angle)
+    longer = np.flatnonzero(np.abs(rows.u - rows.lines.u).max(axis=1, initial=0.0) > _ROUNDING)
     if not len(longer):
         return own
     # Strips are twice as wide as the row distance, so that lines between rows are as long as their neighbours.
@@ -176,36 +193,44 @@ def _stretched(own: Areas, pieces: ConnectedAreas, ground: _Ground, width: float
     whole = own.merge(strips)
     # Close notches between strips that are too narrow for a row.
     smooth = offset(offset(whole, width / 2), -width / 2)
-    return intersection(whole.merge(smooth), ground.room)
+    return intersection(whole.merge(smooth), bridge_areas.allowed)
 
 
-def _rows(pieces: ConnectedAreas, ground: _Ground, step: float, angle: float) -> _Rows:
+def _make_extended_rows(
+    pieces: ConnectedAreas, bridge_areas: _BridgeAreas, step: float, angle: float
+) -> _ExtendedRows:
     """Return rows of one direction across the pieces, extended until both ends are supported."""
     lines, room, air = (
         hatch(areas, angle=angle, spacing=step)
-        for areas in (pieces.areas, ground.room.of_layers(pieces.layer), ground.air.of_layers(pieces.layer))
+        for areas in (
+            pieces.areas,
+            bridge_areas.allowed.of_layers(pieces.layer),
+            bridge_areas.unsupported.of_layers(pieces.layer),
+        )
     )
-    keys = _Keys.of(lines, room, air)
+    keys = _RowKeys.of(lines, room, air)
     own, rooms, gaps = (
-        keys.of_lines(one, layer)
+        keys.keys_of(one, layer)
         for one, layer in (
             (lines, pieces.layer[lines.layer]),
             (room, room.layer),
             (air, air.layer),
         )
     )
-    bounds = _around(own, rooms)
-    low = _reached(own[:, 0], own[:, 1], bounds[:, 0], gaps, ground.grip)
-    high = -_reached(-own[:, 1], -own[:, 0], -bounds[:, 1], -gaps[::-1, ::-1], ground.grip)
+    bounds = _find_allowed_ranges(own, rooms)
+    low = _find_supported_begins(own[:, 0], own[:, 1], bounds[:, 0], gaps, bridge_areas.overlap)
+    high = -_find_supported_begins(
+        -own[:, 1], -own[:, 0], -bounds[:, 1], -gaps[::-1, ::-1], bridge_areas.overlap
+    )
     spans = np.append(0.0, np.cumsum((gaps[:, 1] - gaps[:, 0]) ** 3))
-    first = np.searchsorted(gaps[:, 1], low + _NEAR)
-    last = np.searchsorted(gaps[:, 0], high - _NEAR)
+    first = np.searchsorted(gaps[:, 1], low + _ROUNDING)
+    last = np.searchsorted(gaps[:, 0], high - _ROUNDING)
     u = lines.u + np.stack([low - own[:, 0], high - own[:, 1]], axis=1)
-    return _Rows(lines, u, spans[np.maximum(last, first)] - spans[first])
+    return _ExtendedRows(lines, u, spans[np.maximum(last, first)] - spans[first])
 
 
 @dataclass(frozen=True, slots=True)
-class _Keys:
+class _RowKeys:
     """Sort keys for positions along the rows of all layers, so that all can be searched at once."""
 
     row: int
@@ -214,8 +239,8 @@ class _Keys:
     pitch: float
 
     @classmethod
-    def of(cls, *parts: Lines) -> _Keys:
-        """Return keys that suit all these lines."""
+    def of(cls, *parts: Lines) -> _RowKeys:
+        """Return the keys for positions on all these lines."""
         row = np.concatenate([part.row for part in parts])
         u = np.concatenate([part.u for part in parts]).ravel()
         if not len(u):
@@ -223,14 +248,14 @@ class _Keys:
         low = float(u.min())
         return cls(int(row.min()), int(row.max() - row.min()) + 1, low, float(u.max()) - low + 1.0)
 
-    def of_lines(self, lines: Lines, layer: Int) -> Float:
-        """Return the keys (S, 2) of both ends of lines on `layer` (S,)."""
+    def keys_of(self, lines: Lines, layer: Int) -> Float:
+        """Return the keys (S, 2) of both ends of lines; `layer` (S,) is their layer."""
         group = layer * self.rows + (lines.row - self.row)
         return group[:, None] * self.pitch + (lines.u - self.low)
 
 
-def _around(own: Float, rooms: Float) -> Float:
-    """Return begin and end (S, 2) of the allowed area around each row, at least those of the row."""
+def _find_allowed_ranges(own: Float, rooms: Float) -> Float:
+    """Return begin and end (S, 2) of the allowed area along each row; the area includes at least the row."""
     if not len(rooms):
         return own
     found = np.maximum(np.searchsorted(rooms[:, 0], own.mean(axis=1), side="right") - 1, 0)
@@ -240,22 +265,22 @@ def _around(own: Float, rooms: Float) -> Float:
     return np.where(within[:, None], wider, own)
 
 
-def _reached(begin: Float, end: Float, limit: Float, gaps: Float, grip: float) -> Float:
-    """Return where rows (S,) must begin to be supported, at `limit` at the farthest.
+def _find_supported_begins(begin: Float, end: Float, limit: Float, gaps: Float, overlap: float) -> Float:
+    """Return where rows (S,) must begin so that their begin is supported; never before `limit`.
 
     Args:
         begin: (S,) present begin of the rows.
         end: (S,) end of the rows.
         limit: (S,) end of the allowed area.
         gaps: (G, 2) ascending, unsupported spans along all rows.
-        grip: mm of overlap with the support.
+        overlap: mm of overlap with the support.
     """
     if not len(gaps):
         return begin
     # Find the first gap that ends after the row begins; the support lies in front of it.
-    gap = np.searchsorted(gaps[:, 1], begin + _NEAR)
+    gap = np.searchsorted(gaps[:, 1], begin + _ROUNDING)
     exists = gap < len(gaps)
     shore = np.where(exists, gaps[np.minimum(gap, len(gaps) - 1), 0], np.inf)
     before = np.where(gap > 0, gaps[np.maximum(gap - 1, 0), 1], -np.inf)
     farthest = np.maximum(limit, before)
-    return np.where(shore < end, np.minimum(begin, np.maximum(shore - grip, farthest)), begin)
+    return np.where(shore < end, np.minimum(begin, np.maximum(shore - overlap, farthest)), begin)

@@ -23,32 +23,32 @@ from printer_slicer.roles import Role
 
 __all__ = ["PatternLayout", "internal_infill_paths", "lay_out_pattern", "lines_on_layers"]
 
-_TRIED = 24  # entries used to find the spacing
+_N_TRIED = 24  # entries used to find the spacing
 _WIDEST_STEP = 1.25  # times the spacing of lines without anchors
-_REACHES = (1.0, 0.5, 0.25, 0.125, 0.0)  # of the longest anchors, tried until they leave room for lines
-_SHORTEST = 0.7  # extrusion widths: shorter lines consist of their round ends
-_BEAD_CHANGE = 0.2  # largest change of the extrusion width to correct the density
+_ANCHOR_RATIOS = (1.0, 0.5, 0.25, 0.125, 0.0)  # of the longest anchors, tried until they leave room for lines
+_SHORTEST_LINE = 0.7  # extrusion widths: shorter lines consist of their round ends
+_MAX_WIDTH_CHANGE = 0.2  # largest change of the extrusion width to correct the density
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PatternLayout:
-    """Position of a pattern's lines, for the whole part.
+    """Layout of the lines of a pattern for the whole part.
 
     Attributes:
         task: the task, with the spacing for the whole part.
         pattern: function that makes the lines.
-        reach: share of the longest anchors that leaves room for lines.
-        measured: whether the density is measured and corrected; else the pattern decides.
+        anchor_ratio: share of the longest anchors that leaves room for lines.
+        measured: whether the density is measured and corrected; otherwise the pattern determines it.
         groups: (L,) first layer of the group whose infill is printed together.
-        insisting_on: name of a pattern that must reach the density; empty: it may miss the density in small areas.
+        strict_name: name of the pattern if it must have the density everywhere; empty if small areas may differ.
     """
 
     task: InfillTask
     pattern: Pattern
-    reach: float
+    anchor_ratio: float
     measured: bool
     groups: Int
-    insisting_on: str = ""
+    strict_name: str = ""
 
 
 def lay_out_pattern(
@@ -63,9 +63,11 @@ def lay_out_pattern(
         profile: density and anchors.
         measured: whether to measure and correct the density.
     """
-    task, reach = _task(regions, regions.internal_infill, groups, profile), 1.0
+    task, reach = _make_task(regions, regions.internal_infill, groups, profile), 1.0
     if measured:
-        task, reach = _spaced(task, pattern, _volume(task, regions.internal_infill, profile), profile)
+        task, reach = _fit_spacing(
+            task, pattern, _wanted_volumes(task, regions.internal_infill, profile), profile
+        )
     return PatternLayout(task, pattern, reach, measured, groups)
 
 
@@ -73,7 +75,7 @@ def lines_on_layers(layout: PatternLayout, layers: Int) -> Polylines:
     """Return the lines of some layers without the connections between them, on the layers of the part."""
     task = layout.task
     some = replace(task, area=task.area.of_layers(np.isin(task.layer, layers)))
-    lines, _ = _drawn(some, layout.pattern)
+    lines, _ = _draw_pattern(some, layout.pattern)
     # Turn loops into open lines that end at their first point.
     points = np.insert(
         np.arange(len(lines.xy)), lines.start[1:][lines.closed], lines.start[:-1][lines.closed]
@@ -84,34 +86,37 @@ def lines_on_layers(layout: PatternLayout, layers: Int) -> Polylines:
 
 
 def internal_infill_paths(layout: PatternLayout, regions: Regions, profile: Profile) -> Toolpaths:
-    """Return the connected lines of a pattern in internal infill regions.
+    """Return paths along the connected lines of a pattern in internal infill regions.
 
     Args:
-        layout: of the lines; its regions include these.
+        layout: layout of the lines; its regions include the regions to fill.
         regions: the regions to fill, and those beside them.
         profile: density, anchors and extrusion width.
     """
-    own = _task(layout.task.regions, regions.internal_infill, layout.groups, profile)
+    own = _make_task(layout.task.regions, regions.internal_infill, layout.groups, profile)
     # The overlap is a share of the mean of both spacings, which are equal here.
     overlap = profile.quality.internal_infill_overlap * own.bead if profile.quality.perimeters else 0.0
     # Lines overlap the perimeters to bond to them, except where the ends of bridges are already.
     around = own.bead / 2 + overlap
     bridges = offset(regions.bridge.merge(regions.internal_bridge), around).copy_layers(own.layer)
     task = replace(own, spacing=layout.task.spacing, area=difference(own.area, bridges))
-    bare, more = _drawn(task, layout.pattern)
-    lines = _anchored(task, bare, profile, layout.reach)
+    bare, more = _draw_pattern(task, layout.pattern)
+    lines = _add_anchors(task, bare, profile, layout.anchor_ratio)
     if overlap:
         lines = extend_ends(lines, bare, task.area, overlap, task.bead)
     share = np.ones_like(more)
     if layout.measured:
-        laid, volume = _laid(task, lines, more), _volume(own, regions.internal_infill, profile)
-        share = _share(laid, volume)
-        if layout.insisting_on:
-            check_density(layout.insisting_on, float((laid * share).sum()), float(volume.sum()), profile)
-    return _toolpaths(task, lines, task.bead * share / more)
+        laid, volume = (
+            _line_volumes(task, lines, more),
+            _wanted_volumes(own, regions.internal_infill, profile),
+        )
+        share = _width_factors(laid, volume)
+        if layout.strict_name:
+            check_density(layout.strict_name, float((laid * share).sum()), float(volume.sum()), profile)
+    return _make_toolpaths(task, lines, task.bead * share / more)
 
 
-def _task(regions: Regions, infill: Areas, groups: Int, profile: Profile) -> InfillTask:
+def _make_task(regions: Regions, infill: Areas, groups: Int, profile: Profile) -> InfillTask:
     """Return the task of filling internal infill areas, with the usual spacing."""
     quality, width = profile.quality, profile.extrusion_width
     filled = combine_infill_areas(infill, regions.plan, groups, width)
@@ -133,41 +138,43 @@ def _task(regions: Regions, infill: Areas, groups: Int, profile: Profile) -> Inf
     )
 
 
-def _volume(task: InfillTask, infill: Areas, profile: Profile) -> Float:
+def _wanted_volumes(task: InfillTask, infill: Areas, profile: Profile) -> Float:
     """Return the wanted volume of each entry, (E,) mm³."""
     density, inset = profile.quality.infill_density, task.inset
-    volume = density * _around(task.area, inset) * task.height
+    volume = density * _grown_areas(task.area, inset) * task.height
     if task.area.n_layers > infill.n_layers:
         # Strips between the outlines of combined layers stay empty; the other extrusions make up for them.
-        each = density * _around(offset(infill, -inset), inset) * task.regions.plan.height
+        each = density * _grown_areas(offset(infill, -inset), inset) * task.regions.plan.height
         volume *= each.sum() / max(float(volume.sum()), 1e-9)
     return np.asarray(volume)
 
 
-def _around(area: Areas, inset: float) -> Float:
-    """Return the area (E,) mm² of entries grown by `inset`, approximately."""
+def _grown_areas(area: Areas, inset: float) -> Float:
+    """Return the approximate area (E,) of entries after an offset outward by `inset` mm, mm²."""
     return np.asarray(area.area() + inset * area.length())
 
 
-def _drawn(task: InfillTask, pattern: Pattern) -> tuple[Polylines, Float]:
-    """Return the pattern's lines without very short ones, and their length ratio for each entry."""
+def _draw_pattern(task: InfillTask, pattern: Pattern) -> tuple[Polylines, Float]:
+    """Return the lines of the pattern except very short ones, and the length ratio (E,), see `Pattern`."""
     lines, more = pattern(task)
     # Lines between perimeters that nearly touch shrink to dots; each would cost a stop.
-    return lines.take(np.flatnonzero(lines.length() >= _SHORTEST * task.bead)), more
+    return lines.take(np.flatnonzero(lines.length() >= _SHORTEST_LINE * task.bead)), more
 
 
-def _anchored(task: InfillTask, lines: Polylines, profile: Profile, reach: float) -> Polylines:
-    """Connect lines along the perimeters; `reach` is the share of the longest anchors to use."""
-    longest = reach * profile.quality.infill_anchor_max
-    hook = min(reach * profile.quality.infill_anchor, longest)
+def _add_anchors(task: InfillTask, lines: Polylines, profile: Profile, anchor_ratio: float) -> Polylines:
+    """Connect lines along the perimeters; `anchor_ratio` is the share of the longest anchors to use."""
+    longest = anchor_ratio * profile.quality.infill_anchor_max
+    hook = min(anchor_ratio * profile.quality.infill_anchor, longest)
     return anchor(task.area, lines, longest=longest, hook=hook, apart=task.bead)
 
 
-def _spaced(task: InfillTask, pattern: Pattern, volume: Float, profile: Profile) -> tuple[InfillTask, float]:
-    """Increase the spacing so that lines and anchors together have the wanted volume.
+def _fit_spacing(
+    task: InfillTask, pattern: Pattern, volume: Float, profile: Profile
+) -> tuple[InfillTask, float]:
+    """Fit the spacing so that lines and anchors together have the wanted volume.
 
-    In small areas, where anchors would make up most of the volume, they become shorter. The second result is their
-    share of the longest length.
+    In small areas, where anchors would make up most of the volume, they become shorter. The second result is the
+    share of the longest anchors to use.
 
     The length of anchors hardly depends on the spacing; the length of lines is inverse to it. Both are measured on
     some entries. One spacing for the whole part keeps lines above each other.
@@ -175,46 +182,48 @@ def _spaced(task: InfillTask, pattern: Pattern, volume: Float, profile: Profile)
     used = np.flatnonzero(task.area.used)
     if not len(used):
         return task, 1.0
-    tried = used[distinct(np.linspace(0, len(used) - 1, _TRIED).astype(np.int64))]
+    tried = used[distinct(np.linspace(0, len(used) - 1, _N_TRIED).astype(np.int64))]
     some, wanted = replace(task, area=task.area.of_layers(tried)), float(volume[tried].sum())
-    drawn = _drawn(some, pattern)
-    lines, left, reach = float(_laid(some, *drawn).sum()), 0.0, 0.0
-    for reach in _REACHES:
-        left = wanted - (_with_anchors(some, drawn, profile, reach) - lines)
-        if left * _WIDEST_STEP * (1 + _BEAD_CHANGE) >= lines:
+    drawn = _draw_pattern(some, pattern)
+    lines, left, reach = float(_line_volumes(some, *drawn).sum()), 0.0, 0.0
+    for reach in _ANCHOR_RATIOS:
+        left = wanted - (_measure_with_anchors(some, drawn, profile, reach) - lines)
+        if left * _WIDEST_STEP * (1 + _MAX_WIDTH_CHANGE) >= lines:
             break
     step = lines / left if left * _WIDEST_STEP > lines else _WIDEST_STEP
     spacing = task.spacing * max(step, 1 / _WIDEST_STEP) if lines else task.spacing
     # In small areas a new spacing can change the anchors completely, so they are checked again.
     some = replace(some, spacing=spacing)
-    drawn = _drawn(some, pattern)
-    for shorter in _REACHES:
-        laid = _with_anchors(some, drawn, profile, min(shorter, reach))
-        if laid * (1 - _BEAD_CHANGE) <= wanted:
+    drawn = _draw_pattern(some, pattern)
+    for shorter in _ANCHOR_RATIOS:
+        laid = _measure_with_anchors(some, drawn, profile, min(shorter, reach))
+        if laid * (1 - _MAX_WIDTH_CHANGE) <= wanted:
             break
     return replace(task, spacing=spacing), min(shorter, reach)
 
 
-def _with_anchors(task: InfillTask, drawn: tuple[Polylines, Float], profile: Profile, reach: float) -> float:
+def _measure_with_anchors(
+    task: InfillTask, drawn: tuple[Polylines, Float], profile: Profile, anchor_ratio: float
+) -> float:
     """Return the volume of lines and anchors at the usual width, mm³."""
-    return float(_laid(task, _anchored(task, drawn[0], profile, reach), drawn[1]).sum())
+    return float(_line_volumes(task, _add_anchors(task, drawn[0], profile, anchor_ratio), drawn[1]).sum())
 
 
-def _laid(task: InfillTask, lines: Polylines, more: Float) -> Float:
+def _line_volumes(task: InfillTask, lines: Polylines, more: Float) -> Float:
     """Return the volume of lines at the usual width, (E,) mm³."""
     length = np.bincount(lines.layer, lines.length(), minlength=len(more))
     return np.asarray(length / more * task.height * task.bead)
 
 
-def _share(laid: Float, volume: Float) -> Float:
-    """Return width factors (E,) that correct the volume of each entry, then that of the part."""
-    low, high = 1 - _BEAD_CHANGE, 1 + _BEAD_CHANGE
+def _width_factors(laid: Float, volume: Float) -> Float:
+    """Return the width factors (E,) that correct the volume of each entry, then the volume of the part."""
+    low, high = 1 - _MAX_WIDTH_CHANGE, 1 + _MAX_WIDTH_CHANGE
     each = np.clip(np.divide(volume, laid, out=np.ones_like(laid), where=laid > 0), low, high)
     there = float((each * laid).sum())
     return np.asarray(np.clip(each * float(volume.sum()) / there, low, high) if there else each)
 
 
-def _toolpaths(task: InfillTask, lines: Polylines, across: Float) -> Toolpaths:
+def _make_toolpaths(task: InfillTask, lines: Polylines, across: Float) -> Toolpaths:
     """Return the lines as paths on the layers that print them; `across` (E,) is the extrusion spacing, mm."""
     width = np.maximum(np.round(bead.width_for_spacing(across, task.height), 4), task.height)
     entry = lines.layer

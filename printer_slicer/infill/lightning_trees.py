@@ -16,8 +16,8 @@ from printer_slicer.geometry.vectors import nearest_on_segments
 __all__ = ["AT_WALL", "Tree", "WallDistance", "attach_trees", "clip_trees", "grow_trees", "shrink_trees"]
 
 AT_WALL = 0.004  # mm; nodes nearer to the perimeter than this are on it
-_TOGETHER = 0.02  # mm; nodes nearer than this are merged
-_MANY = 2500  # most points that are connected to each other; more are connected to existing branches only
+_MERGE_DISTANCE = 0.02  # mm; nodes nearer than this are merged
+_MAX_POINTS = 2500  # number of points that may be connected to each other; more connect to branches only
 
 
 class Tree(NamedTuple):
@@ -27,42 +27,42 @@ class Tree(NamedTuple):
     parent: Int
 
     @classmethod
-    def none(cls) -> Tree:
-        """Return no trees."""
+    def empty(cls) -> Tree:
+        """Return a layer without trees."""
         return cls(np.zeros((0, 2)), np.zeros(0, np.int64))
 
     @property
-    def branch(self) -> Int:
+    def branch_nodes(self) -> Int:
         """Return the nodes that have a parent; each is the end of one branch segment."""
         return np.flatnonzero(self.parent >= 0)
 
-    def children(self) -> Int:
-        """Return the number of children (n,)."""
-        return np.bincount(self.parent[self.branch], minlength=len(self.parent))
+    def count_children(self) -> Int:
+        """Return the number of children of each node (n,)."""
+        return np.bincount(self.parent[self.branch_nodes], minlength=len(self.parent))
 
-    def ends(self) -> Float:
+    def branch_ends(self) -> Float:
         """Return both ends (S, 2, 2) of every branch segment."""
-        return np.stack([self.xy[self.branch], self.xy[self.parent[self.branch]]], axis=1)
+        return np.stack([self.xy[self.branch_nodes], self.xy[self.parent[self.branch_nodes]]], axis=1)
 
-    def keep(self, nodes: Bool) -> Tree:
-        """Return some of the nodes; nodes that lose their parent become roots."""
+    def keep_nodes(self, nodes: Bool) -> Tree:
+        """Return the trees of only the selected `nodes` (n,); nodes that lose their parent become roots."""
         number = np.append(np.where(nodes, np.cumsum(nodes) - 1, -1), -1)
         return Tree(self.xy[nodes], number[self.parent[nodes]])
 
-    def moved(self, xy: Float, gone: Bool) -> Tree:
-        """Return the trees with new positions, without nodes that are gone and without very short segments."""
+    def with_positions(self, xy: Float, removed: Bool) -> Tree:
+        """Return the trees with nodes at `xy` (n, 2), without the `removed` nodes (n,) and very short segments."""
         short = self.parent >= 0
-        short[short] = np.hypot(*(xy[short] - xy[self.parent[short]]).T) < _TOGETHER
+        short[short] = np.hypot(*(xy[short] - xy[self.parent[short]]).T) < _MERGE_DISTANCE
         goal = find_chain_ends(np.where(short, self.parent, np.arange(len(xy))))
         parent = np.where(self.parent >= 0, goal[self.parent], -1)
-        return Tree(xy, parent).keep(~gone & ~short)
+        return Tree(xy, parent).keep_nodes(~removed & ~short)
 
 
 class WallDistance:
     """Distance to the outlines of one layer's area."""
 
     def __init__(self, area: Areas) -> None:
-        """Store the clean area of one layer, which must not be empty."""
+        """Index the outlines of the clean area of one layer, which must not be empty."""
         self.area = area
         self.ends = np.stack([area.xy, area.xy[area.following]], axis=1)
         self._tree = SegmentTree(self.ends)
@@ -79,7 +79,7 @@ def shrink_trees(tree: Tree, reach: float) -> Tree:
 
     Every point of the given trees is within `reach` of the result, except tips shorter than that.
     """
-    has, children = tree.parent >= 0, tree.children()
+    has, children = tree.parent >= 0, tree.count_children()
     toward = np.where(has[:, None], tree.xy[tree.parent], tree.xy) - tree.xy
     long = np.hypot(*toward.T)
     tip = has & (children == 0)
@@ -97,13 +97,15 @@ def shrink_trees(tree: Tree, reach: float) -> Tree:
     step = goal - tree.xy[bent]
     far = np.maximum(np.hypot(*step.T), 1e-12)
     xy[bent] += step * np.minimum(reach / 2 / far, 1.0)[:, None]
-    return tree.moved(xy, gone)
+    return tree.with_positions(xy, gone)
 
 
 def clip_trees(tree: Tree, area: Areas) -> Tree:
     """Clip trees to the area of a layer; branches that leave it get a root on the outline."""
-    branch = tree.branch
-    lines = Polylines.of(tree.ends().reshape(-1, 2), np.full(len(branch), 2), np.zeros(len(branch), np.int64))
+    branch = tree.branch_nodes
+    lines = Polylines.of(
+        tree.branch_ends().reshape(-1, 2), np.full(len(branch), 2), np.zeros(len(branch), np.int64)
+    )
     parts, line = clip_with_sources(area, lines)
     begin, end = branch[line], tree.parent[branch[line]]
     xy, n = [tree.xy], len(tree.xy)
@@ -115,7 +117,7 @@ def clip_trees(tree: Tree, area: Areas) -> Tree:
     parent, used = np.full(n, -1), np.zeros(n, np.bool_)
     parent[begin] = end
     used[begin] = used[end] = True
-    return Tree(np.concatenate(xy), parent).keep(used)
+    return Tree(np.concatenate(xy), parent).keep_nodes(used)
 
 
 def attach_trees(tree: Tree, wall: WallDistance, reach: float) -> Tree:
@@ -133,14 +135,14 @@ def attach_trees(tree: Tree, wall: WallDistance, reach: float) -> Tree:
     tree = Tree(xy, parent)
     if not len(far):
         return tree
-    branch = tree.branch
+    branch = tree.branch_nodes
     key = np.where(gap > reach, gap, 0.0)
     owner = find_chain_ends(np.where(parent >= 0, parent, np.arange(len(parent))))  # the root of each
     key_of = np.zeros(len(parent))
     key_of[root] = key
     on_tree = np.full(len(far), -1)
     share = np.zeros(len(far))
-    ends = tree.ends()
+    ends = tree.branch_ends()
     for i, one in enumerate(far.tolist()):
         places, along = nearest_on_segments(xy[root[one]], ends[:, 0], ends[:, 1])
         distance = np.hypot(*(places - xy[root[one]]).T)
@@ -148,11 +150,11 @@ def attach_trees(tree: Tree, wall: WallDistance, reach: float) -> Tree:
         nearest = int(np.argmin(distance)) if len(branch) else -1
         if nearest >= 0 and distance[nearest] < gap[one]:
             on_tree[i], share[i], foot[one] = branch[nearest], along[nearest], places[nearest]
-    return _joined(tree, root[far], on_tree, share, foot[far])
+    return _connect_nodes(tree, root[far], on_tree, share, foot[far])
 
 
-def _joined(tree: Tree, node: Int, branch: Int, share: Float, foot: Float) -> Tree:
-    """Connect some nodes (m,) to a point on a branch, or on the perimeter where `branch` is -1.
+def _connect_nodes(tree: Tree, node: Int, branch: Int, share: Float, foot: Float) -> Tree:
+    """Connect nodes (m,) to points on branches, or on the perimeter where `branch` is -1.
 
     Args:
         tree: the trees.
@@ -164,7 +166,7 @@ def _joined(tree: Tree, node: Int, branch: Int, share: Float, foot: Float) -> Tr
     parent = tree.parent.copy()
     up = parent[branch]
     to_child, to_parent = (
-        (branch >= 0) & (np.hypot(*(foot - tree.xy[end]).T) < _TOGETHER) for end in (branch, up)
+        (branch >= 0) & (np.hypot(*(foot - tree.xy[end]).T) < _MERGE_DISTANCE) for end in (branch, up)
     )
     parent[node[to_parent]], parent[node[to_child]] = up[to_parent], branch[to_child]
     new = np.flatnonzero(~(to_child | to_parent))
@@ -172,7 +174,7 @@ def _joined(tree: Tree, node: Int, branch: Int, share: Float, foot: Float) -> Tr
     order = new[np.lexsort((share[new], branch[new]))]
     xy = foot[order]
     same = np.append(False, (np.diff(branch[order]) == 0) & (branch[order][1:] >= 0))[: len(order)]
-    same[1:] &= np.hypot(*np.diff(xy, axis=0).T) < _TOGETHER
+    same[1:] &= np.hypot(*np.diff(xy, axis=0).T) < _MERGE_DISTANCE
     number = len(parent) + np.cumsum(~same) - 1
     parent[node[order]] = number
     order, xy, number = order[~same], xy[~same], number[~same]
@@ -198,30 +200,39 @@ def grow_trees(tree: Tree, wall: WallDistance, points: Float, level: Int, radius
         radius: mm.
     """
     for one in np.unique(level)[::-1].tolist():
-        asking = points[level == one]
-        branch = tree.branch
-        segments = np.concatenate([tree.ends(), wall.ends])
-        which = SegmentTree(segments).nearest(asking)
-        foot, share = nearest_on_segments(asking, segments[which, 0], segments[which, 1])
-        gap = np.hypot(*(foot - asking).T)
+        unsupported = points[level == one]
+        branch = tree.branch_nodes
+        segments = np.concatenate([tree.branch_ends(), wall.ends])
+        which = SegmentTree(segments).nearest(unsupported)
+        foot, share = nearest_on_segments(unsupported, segments[which, 0], segments[which, 1])
+        gap = np.hypot(*(foot - unsupported).T)
         free = gap > radius
         if not free.any():
             continue
-        asking, gap, foot, share, which = asking[free], gap[free], foot[free], share[free], which[free]
-        node = len(tree.xy) + np.arange(len(asking))
-        friend = _friends(asking, gap)
-        parent = np.where(friend >= 0, node[friend], -1)
-        tree = Tree(np.concatenate([tree.xy, asking]), np.concatenate([tree.parent, parent]))
-        alone = np.flatnonzero(friend < 0)
+        unsupported, gap, foot, share, which = (
+            unsupported[free],
+            gap[free],
+            foot[free],
+            share[free],
+            which[free],
+        )
+        node = len(tree.xy) + np.arange(len(unsupported))
+        nearer = _find_nearer_points(unsupported, gap)
+        parent = np.where(nearer >= 0, node[nearer], -1)
+        tree = Tree(np.concatenate([tree.xy, unsupported]), np.concatenate([tree.parent, parent]))
+        alone = np.flatnonzero(nearer < 0)
         on = np.append(branch, -1)[np.minimum(which[alone], len(branch))]
-        tree = _joined(tree, node[alone], on, share[alone], foot[alone])
+        tree = _connect_nodes(tree, node[alone], on, share[alone], foot[alone])
     return tree
 
 
-def _friends(points: Float, gap: Float) -> Int:
-    """Return for each point (P,) the nearest point that is closer to a branch or perimeter; -1 if none."""
+def _find_nearer_points(points: Float, gap: Float) -> Int:
+    """Return for each point (P,) its nearest neighbour that is closer to a branch or perimeter; -1 if there is none.
+
+    A neighbour farther away than the branch or perimeter at `gap` (P,) mm does not count.
+    """
     n = len(points)
-    if n < 2 or n > _MANY:
+    if n < 2 or n > _MAX_POINTS:
         return np.full(n, -1)
     rank = np.zeros(n, np.int64)
     rank[np.lexsort((np.arange(n), gap))] = np.arange(n)

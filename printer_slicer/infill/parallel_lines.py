@@ -1,4 +1,4 @@
-"""Fill solid areas with parallel lines, and the wedges they leave with extrusions of variable width."""
+"""Fill solid areas with parallel lines, and the wedges between lines and border with variable extrusion width."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from printer_slicer.geometry import (
     split_connected,
     unite_row_rectangles,
 )
-from printer_slicer.infill.bridge_anchors import HatchGrids, extensions_to_walls, join_bridge_lines
+from printer_slicer.infill.bridge_anchors import HatchGrids, join_bridge_lines, measure_extensions
 from printer_slicer.infill.connections import MAX_CONNECTION, Zigzags, join_rows
 from printer_slicer.infill.variable_width import fill_gaps
 from printer_slicer.model import LayerPlan, Toolpaths
@@ -28,12 +28,12 @@ from printer_slicer.roles import Role, roles_with
 __all__ = ["RowSettings", "fill_with_rows"]
 
 _NARROWEST, _WIDEST = 0.7, 1.5  # limits of the row spacing, as a share of the usual spacing
-_HAIR = 2e-4  # mm; more than the geometry's rounding
-_THIN = 1 / 3  # width of connections as a share of the row width; at least as wide as high
-_SLIT = 0.06  # mm, half the width of gaps that close when extrusions are pressed flat
-_SPECK = 0.08  # mm²; smaller gaps are not worth a stop
-_AMID = 3  # most extrusions side by side in gaps between rows
-_MORE, _LESS = 1.15, 0.85  # limits of the flow factor that gives a piece its nominal volume
+_INSET = 2e-4  # mm; more than the geometry's rounding
+_CONNECTION_RATIO = 1 / 3  # width of connections as a share of the row width; at least as wide as high
+_HALF_SLIT = 0.06  # mm, half the width of gaps that close when extrusions are pressed flat
+_LEAST_GAP_AREA = 0.08  # mm²; smaller gaps are not worth a stop
+_MAX_BEADS_BETWEEN = 3  # most extrusions side by side in gaps between rows
+_MAX_FLOW, _MIN_FLOW = 1.15, 0.85  # limits of the flow factor that gives a piece its nominal volume
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,46 +62,52 @@ def fill_with_rows(
 
     Bridge lines start and end in the walls around `inside`, if given.
     """
-    overlap = _overlap(plan, pieces, beads, profile)
-    rows, area, gap, grid = _hatched(pieces, beads)
+    overlap = _end_overlap(plan, pieces, beads, profile)
+    rows, area, gap, grid = _hatch_pieces(pieces, beads)
     shortest = np.minimum(gap, profile.extrusion_width) / 2
     if beads.width.any():  # bridge lines have a constant width
         if inside is None:
-            threads = Zigzags.plain(rows, area, beads.angle, gap, overlap)
+            threads = Zigzags.with_uniform_width(rows, area, beads.angle, gap, overlap)
         else:
-            way = extensions_to_walls(rows, grid, pieces, inside, gap / 2)
+            way = measure_extensions(rows, grid, pieces, inside, gap / 2)
             threads = join_bridge_lines(rows, way, gap, beads.angle)
-        threads = _without_dots(threads, shortest)
-        laid = [_toolpaths(plan, pieces, beads, threads, beads.width[threads.entry])]
+        threads = _drop_short_lines(threads, shortest)
+        laid = [_make_toolpaths(plan, pieces, beads, threads, beads.width[threads.entry])]
         if (beads.role == Role.BRIDGE).any():  # extrusions beside the rows are supported by the perimeters
-            laid.append(_amid(plan, pieces, _stairs(rows, area, beads.angle, gap), beads.role, profile)[0])
+            laid.append(
+                _fill_between_rows(
+                    plan, pieces, _rows_area(rows, area, beads.angle, gap), beads.role, profile
+                )[0]
+            )
         return laid
-    turn = _of_turns(gap, beads.height, profile)
-    lines = _without_dots(join_rows(rows, area, beads.angle, gap, turn, overlap=overlap), shortest)
+    turn = _connection_spacing(gap, beads.height, profile)
+    lines = _drop_short_lines(join_rows(rows, area, beads.angle, gap, turn, overlap=overlap), shortest)
     between: list[Toolpaths] = []
     filled = np.zeros(pieces.count)
     if (
         beads.role != Role.INTERNAL_BRIDGE
     ).any():  # its rows are supported; extrusions between them would not be
-        amid, filled = _amid(plan, pieces, _stairs(rows, area, beads.angle, gap), beads.role, profile)
+        amid, filled = _fill_between_rows(
+            plan, pieces, _rows_area(rows, area, beads.angle, gap), beads.role, profile
+        )
         between = [amid]
     long, turns = (np.bincount(lines.entry, part, minlength=pieces.count) for part in lines.length().T)
-    gap = gap * _share(pieces.areas, long * gap, filled + turns * turn)
+    gap = gap * _flow_factors(pieces.areas, long * gap, filled + turns * turn)
     piece = np.repeat(lines.entry, np.diff(lines.start))
     fits = bead.width_for_spacing(np.where(lines.thin, turn[piece], gap[piece]), beads.height[piece])
     width = np.maximum(fits, beads.height[piece]).round(4)  # as written to the file
-    return [_toolpaths(plan, pieces, beads, lines, width), *between]
+    return [_make_toolpaths(plan, pieces, beads, lines, width), *between]
 
 
-def _of_turns(gap: Float, height: Float, profile: Profile) -> Float:
+def _connection_spacing(gap: Float, height: Float, profile: Profile) -> Float:
     """Return the spacing (P,) of connections between rows that are `gap` (P,) mm apart; see `join_rows`."""
     if not profile.quality.perimeters:  # round ends would be visible
         return gap
-    return np.minimum(np.maximum(_THIN * gap, bead.spacing(height, height)), gap)
+    return np.minimum(np.maximum(_CONNECTION_RATIO * gap, bead.spacing(height, height)), gap)
 
 
-def _overlap(plan: LayerPlan, pieces: ConnectedAreas, beads: RowSettings, profile: Profile) -> Float:
-    """Return the overlap (P,) of row ends with the perimeter, mm: a share of the mean of both spacings."""
+def _end_overlap(plan: LayerPlan, pieces: ConnectedAreas, beads: RowSettings, profile: Profile) -> Float:
+    """Return the overlap (P,) of row ends with the perimeter, mm: a share of the mean of the two spacings."""
     if not profile.quality.perimeters:
         return np.zeros(pieces.count)
     wide = bead.layer_widths(plan.n_layers, profile.width_of_first_layer, profile.extrusion_width)
@@ -110,26 +116,26 @@ def _overlap(plan: LayerPlan, pieces: ConnectedAreas, beads: RowSettings, profil
     return np.asarray(share * (perimeter + beads.gap) / 2)
 
 
-def _hatched(pieces: ConnectedAreas, beads: RowSettings) -> tuple[Lines, Areas, Float, HatchGrids]:
+def _hatch_pieces(pieces: ConnectedAreas, beads: RowSettings) -> tuple[Lines, Areas, Float, HatchGrids]:
     """Hatch pieces: return rows, areas of their centre lines (P entries), (P,) row spacing in mm, and the grid."""
-    low, high = _across(pieces.areas, beads.angle)
+    low, high = _extents_across(pieces.areas, beads.angle)
     count = np.maximum(np.rint((high - low) / beads.gap), 1)
     gap = np.clip((high - low) / count, _NARROWEST * beads.gap, _WIDEST * beads.gap)
     # Centre lines stay half a width inside. The outermost rows would lie on the border, where rounding could lose
     # them, so they are moved inward a little.
     area = offset(pieces.areas, -gap / 2)
-    first = np.where(count > 1, low + gap / 2 + _HAIR, (low + high) / 2)
-    step = np.where(count > 1, (high - low - gap - 2 * _HAIR) / np.maximum(count - 1, 1), gap)
+    first = np.where(count > 1, low + gap / 2 + _INSET, (low + high) / 2)
+    step = np.where(count > 1, (high - low - gap - 2 * _INSET) / np.maximum(count - 1, 1), gap)
     grid = HatchGrids(beads.angle, step, first / step)
-    return grid.rows(area), area, gap, grid
+    return grid.clip_rows(area), area, gap, grid
 
 
-def _without_dots(lines: Zigzags, shortest: Float) -> Zigzags:
+def _drop_short_lines(lines: Zigzags, shortest: Float) -> Zigzags:
     """Drop lines shorter than `shortest` (P,) mm; each would cost a stop."""
     return lines.take(np.flatnonzero(lines.length().sum(axis=1) >= shortest[lines.entry]))
 
 
-def _toolpaths(
+def _make_toolpaths(
     plan: LayerPlan, pieces: ConnectedAreas, beads: RowSettings, lines: Zigzags, width: Float
 ) -> Toolpaths:
     """Return the zigzags as paths, with a width for each path or point."""
@@ -148,26 +154,26 @@ def _toolpaths(
     )
 
 
-def _share(areas: Areas, laid: Float, filled: Float) -> Float:
+def _flow_factors(areas: Areas, laid: Float, filled: Float) -> Float:
     """Return the flow factor (P,) that gives each piece its nominal volume."""
     wanted = areas.area() - filled
     share = np.divide(wanted, laid, out=np.ones_like(laid), where=laid > 0)
-    return np.asarray(np.clip(share, _LESS, _MORE), dtype=np.float64)
+    return np.asarray(np.clip(share, _MIN_FLOW, _MAX_FLOW), dtype=np.float64)
 
 
-def _amid(
+def _fill_between_rows(
     plan: LayerPlan, pieces: ConnectedAreas, stairs: Areas, role: Int, profile: Profile
 ) -> tuple[Toolpaths, Float]:
     """Fill gaps between rows; return the paths and the area (P,) mm² that they fill in each piece."""
-    left = split_connected(offset_open(difference(pieces.areas, stairs), _SLIT))
-    left = left.take(np.flatnonzero(left.areas.area() > _SPECK))
+    left = split_connected(offset_open(difference(pieces.areas, stairs), _HALF_SLIT))
+    left = left.take(np.flatnonzero(left.areas.area() > _LEAST_GAP_AREA))
     gaps = ConnectedAreas(left.areas, pieces.layer[left.layer], left.of_ring)
-    paths, _, filled = fill_gaps(plan, gaps, role[left.layer], profile, beads=_AMID)
+    paths, _, filled = fill_gaps(plan, gaps, role[left.layer], profile, beads=_MAX_BEADS_BETWEEN)
     return paths, np.bincount(left.layer, filled, minlength=pieces.count).astype(np.float64)
 
 
-def _stairs(rows: Lines, area: Areas, angle: Float, gap: Float) -> Areas:
-    """Return the area filled by rows (P entries): rectangles, extended where connections fill the space beyond.
+def _rows_area(rows: Lines, area: Areas, angle: Float, gap: Float) -> Areas:
+    """Return the area (P entries) that rows fill: rectangles, extended to where connections fill the space beyond.
 
     Rows are not extended where the border meets them at a small angle, because there are no connections there.
     """
@@ -184,7 +190,7 @@ def _stairs(rows: Lines, area: Areas, angle: Float, gap: Float) -> Areas:
     )
 
 
-def _across(areas: Areas, angle: Float) -> tuple[Float, Float]:
+def _extents_across(areas: Areas, angle: Float) -> tuple[Float, Float]:
     """Return the extent (P,) of each piece perpendicular to its rows: lowest and highest position, mm."""
     if not areas.n_rings:
         return np.zeros(areas.n_layers), np.zeros(areas.n_layers)

@@ -8,25 +8,27 @@ import numpy as np
 
 from printer_slicer.arrays import Float, Int
 from printer_slicer.geometry import Areas, Polylines
-from printer_slicer.infill.connections import extension_room
+from printer_slicer.infill.connections import measure_extension_room
 
 __all__ = ["extend_ends"]
 
 
-def extend_ends(joined: Polylines, lines: Polylines, area: Areas, overlap: float, back: float) -> Polylines:
-    """Extend the remaining ends of joined lines by `overlap` beyond the border of the area.
+def extend_ends(
+    joined: Polylines, lines: Polylines, area: Areas, overlap: float, return_distance: float
+) -> Polylines:
+    """Extend the ends of lines that are left after joining by `overlap` mm beyond the border of the area.
 
-    A connection along the border reaches the border within `back` mm of such an end.
+    A connection that starts at an extended end returns to the border within `return_distance` mm of it.
 
     Args:
         joined: lines joined along the border; some ends may be cut off.
         lines: the lines before joining, clipped to the area.
         area: the area for centre lines.
         overlap: length, mm.
-        back: distance along the border, mm.
+        return_distance: distance along the border, mm.
     """
-    places, tips, out = _tips(lines, area, overlap)
-    point, of = _found(joined, places)
+    places, tips, out = _find_line_ends(lines, area, overlap)
+    point, of = _match_points(joined, places)
     if not len(point):
         return joined
     xy = joined.xy.copy()
@@ -36,31 +38,31 @@ def extend_ends(joined: Polylines, lines: Polylines, area: Areas, overlap: float
     before, after = joined.xy[point - 1], joined.xy[np.minimum(point + 1, len(xy) - 1)]
     here, out = joined.xy[point], out[of]
     # The line comes from inside, against `out`; the other neighbour lies along the border.
-    inward = [-((other - here) * out).sum(axis=1) / _length(other - here) for other in (before, after)]
+    inward = [-((other - here) * out).sum(axis=1) / _lengths(other - here) for other in (before, after)]
     ahead = np.where(first | last, False, inward[0] > inward[1])
     way = np.where(ahead[:, None], after, before) - here
-    far = ~(first | last) & (_length(way) > 2 * back)
+    far = ~(first | last) & (_lengths(way) > 2 * return_distance)
     at = (point + ahead)[far]
-    between = (here + back * way / _length(way)[:, None])[far]
+    between = (here + return_distance * way / _lengths(way)[:, None])[far]
     size = joined.size + np.bincount(
         np.searchsorted(joined.start, point[far], side="right") - 1, minlength=joined.n_lines
     )
     return replace(joined, xy=np.insert(xy, at, between, axis=0), start=np.append(0, np.cumsum(size)))
 
 
-def _tips(lines: Polylines, area: Areas, overlap: float) -> tuple[tuple[Float, Int], Float, Float]:
-    """Return position and layer of the line ends (E,) on the border, their (E, 2) targets, and (E, 2) displacements."""
+def _find_line_ends(lines: Polylines, area: Areas, overlap: float) -> tuple[tuple[Float, Int], Float, Float]:
+    """Return positions and layers of the line ends (E,) on the border, their extended positions, and directions."""
     end = np.flatnonzero(lines.edge.ravel() >= 0)
     point = np.stack([lines.start[:-1], lines.start[1:] - 1], axis=1).ravel()[end]
     here = lines.xy[point]
     out = here - lines.xy[np.where(end % 2 == 1, point - 1, point + 1)]
-    out /= _length(out)[:, None]
-    room = extension_room(here, out, area, lines.edge.ravel()[end], np.full(len(end), overlap))
+    out /= _lengths(out)[:, None]
+    room = measure_extension_room(here, out, area, lines.edge.ravel()[end], np.full(len(end), overlap))
     return (here, lines.layer[end // 2]), here + room[:, None] * out, out
 
 
-def _found(joined: Polylines, places: tuple[Float, Int]) -> tuple[Int, Int]:
-    """Find the points of joined lines at given end positions (E,); return indices of points and of ends."""
+def _match_points(joined: Polylines, places: tuple[Float, Int]) -> tuple[Int, Int]:
+    """Find the points of joined lines at the positions of ends (E,); return the indices of both."""
     layer = np.repeat(joined.layer, joined.size)
     rows = [np.column_stack([of, xy]) for of, xy in ((places[1], places[0]), (layer, joined.xy))]
     known = [np.ascontiguousarray(one).view(np.dtype((np.void, 24))).ravel() for one in rows]
@@ -69,6 +71,6 @@ def _found(joined: Polylines, places: tuple[Float, Int]) -> tuple[Int, Int]:
     return point[order], of[order]
 
 
-def _length(vectors: Float) -> Float:
+def _lengths(vectors: Float) -> Float:
     """Return the length (n,) of vectors (n, 2), never zero."""
     return np.asarray(np.maximum(np.hypot(*vectors.T), 1e-12))

@@ -11,7 +11,7 @@ from printer_slicer.geometry import Areas, Polylines, clip_lines
 
 __all__ = ["PeriodicLines", "clip_periodic_lines"]
 
-_AT_ONCE = 500_000  # points that are clipped at once
+_MAX_POINTS = 500_000  # points that are clipped at once
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,7 +41,7 @@ class PeriodicLines:
 
 def clip_periodic_lines(area: Areas, waves: PeriodicLines) -> Polylines:
     """Clip the pattern to the areas."""
-    entry, low, high = _boxes(area, waves)
+    entry, low, high = _find_boxes(area, waves)
     line = np.stack([2 * entry, 2 * entry + 1], axis=1).ravel()
     size = np.diff(waves.start)
     across = waves.uv[:, 1]
@@ -53,17 +53,17 @@ def clip_periodic_lines(area: Areas, waves: PeriodicLines) -> Polylines:
     # One more period at both ends, so that every line begins and ends outside.
     first_period = np.floor(low[:, 0] / waves.period).astype(np.int64) - 1
     periods = np.floor(high[:, 0] / waves.period).astype(np.int64) + 2 - first_period
-    block = np.cumsum(rows * periods * size[line]) // _AT_ONCE
+    block = np.cumsum(rows * periods * size[line]) // _MAX_POINTS
     parts = []
     for some in np.split(np.arange(len(line)), np.flatnonzero(np.diff(block)) + 1):
         row = consecutive(first_row[some], rows[some])
         which, count = (np.repeat(column[some], rows[some]) for column in (line, periods))
-        laid = _laid(waves, which, row, np.repeat(first_period[some], rows[some]), count)
+        laid = _repeat_lines(waves, which, row, np.repeat(first_period[some], rows[some]), count)
         parts.append(clip_lines(area, laid))
     return Polylines.joined(parts)
 
 
-def _laid(waves: PeriodicLines, line: Int, row: Int, first: Int, periods: Int) -> Polylines:
+def _repeat_lines(waves: PeriodicLines, line: Int, row: Int, first: Int, periods: Int) -> Polylines:
     """Return one polyline for each row: a line of the pattern, repeated `periods` times."""
     size = np.diff(waves.start)[line]
     owner = np.repeat(np.arange(len(line)), periods)
@@ -81,8 +81,8 @@ def _laid(waves: PeriodicLines, line: Int, row: Int, first: Int, periods: Int) -
     return Polylines.of(xy, size * periods, entry)
 
 
-def _boxes(area: Areas, waves: PeriodicLines) -> tuple[Int, Float, Float]:
-    """Return the entries with an area, and the corners of their boxes along and across the pattern."""
+def _find_boxes(area: Areas, waves: PeriodicLines) -> tuple[Int, Float, Float]:
+    """Return the entries with an area, and the corners of their bounding boxes along and across the pattern."""
     cos, sin = np.cos(waves.angle), np.sin(waves.angle)
     x, y = area.xy.T
     x, y = x * cos + y * sin, y * cos - x * sin

@@ -16,14 +16,14 @@ from printer_slicer.roles import Role
 
 __all__ = ["solid_paths"]
 
-_APART = 0.05  # mm between bridge lines; touching round strands would push each other aside
+_STRAND_GAP = 0.05  # mm between bridge lines; touching round strands would push each other aside
 
 
 def solid_paths(regions: Regions, profile: Profile) -> list[Toolpaths]:
     """Fill bridges, top, bottom and other solid infill; lines turn by 90° from layer to layer."""
     plan = regions.plan
     turned = np.deg2rad(profile.quality.infill_angle_deg) + np.pi / 2 * (np.arange(plan.n_layers) % 2)
-    parts = _bridges(regions, profile) + _internal_bridges(regions, profile)
+    parts = _fill_bridges(regions, profile) + _fill_internal_bridges(regions, profile)
     even, others = thin_solid_paths(regions, split_connected(regions.solid_infill), profile)
     pieces, which = ConnectedAreas.joined(
         [split_connected(regions.bottom_solid_infill), others, split_connected(regions.top_solid_infill)]
@@ -31,25 +31,29 @@ def solid_paths(regions: Regions, profile: Profile) -> list[Toolpaths]:
     role = np.array([Role.BOTTOM_SOLID_INFILL, Role.SOLID_INFILL, Role.TOP_SOLID_INFILL])[which]
     along, left = fill_narrow_pieces(plan, pieces, role, profile)
     across = pieces.take(left)
-    beads = _usual(plan, across, role[left], turned[across.layer], profile)
+    beads = _make_row_settings(plan, across, role[left], turned[across.layer], profile)
     parts += [even, along, *fill_with_rows(plan, across, beads, profile)]
     if profile.quality.ironing:
-        parts += _ironed(plan, split_connected(regions.top_solid_infill), turned, profile)
+        parts += _make_ironing_lines(plan, split_connected(regions.top_solid_infill), turned, profile)
     return parts
 
 
-def _ironed(plan: LayerPlan, skins: ConnectedAreas, turned: Float, profile: Profile) -> list[Toolpaths]:
+def _make_ironing_lines(
+    plan: LayerPlan, skins: ConnectedAreas, turned: Float, profile: Profile
+) -> list[Toolpaths]:
     """Return ironing lines across the lines of top solid infill."""
     quality = profile.quality
     height = quality.ironing_flow_ratio * plan.height[skins.layer]
     gap = np.full(skins.count, quality.ironing_spacing)
     across = turned[skins.layer] + np.pi / 2
     width = np.round(bead.width_for_spacing(gap, height), 4)
-    beads = RowSettings(_all(skins, Role.IRONING), across, gap, width, height)
+    beads = RowSettings(_repeat_role(skins, Role.IRONING), across, gap, width, height)
     return fill_with_rows(plan, skins, beads, profile)
 
 
-def _usual(plan: LayerPlan, pieces: ConnectedAreas, role: Int, angle: Float, profile: Profile) -> RowSettings:
+def _make_row_settings(
+    plan: LayerPlan, pieces: ConnectedAreas, role: Int, angle: Float, profile: Profile
+) -> RowSettings:
     """Return settings for rows of the usual spacing whose width is fitted to the piece."""
     height = plan.height[pieces.layer]
     wide = bead.layer_widths(plan.n_layers, profile.width_of_first_layer, profile.extrusion_width)
@@ -57,40 +61,40 @@ def _usual(plan: LayerPlan, pieces: ConnectedAreas, role: Int, angle: Float, pro
     return RowSettings(role, angle, gap, np.zeros(pieces.count), height)
 
 
-def _all(pieces: ConnectedAreas, role: Role) -> Int:
+def _repeat_role(pieces: ConnectedAreas, role: Role) -> Int:
     """Return the same role (P,) for each piece."""
     return np.full(pieces.count, role)
 
 
-def _bridges(regions: Regions, profile: Profile) -> list[Toolpaths]:
-    """Return bridge lines: round strands for thick bridges, else lines with the bridge flow."""
+def _fill_bridges(regions: Regions, profile: Profile) -> list[Toolpaths]:
+    """Fill bridges with round strands for thick bridges, otherwise with flat lines of the bridge flow."""
     quality, plan, pieces = profile.quality, regions.plan, split_connected(regions.bridge)
     angle = np.zeros(pieces.count)
     angle[pieces.of_ring] = regions.bridge_angle
-    beads = _usual(plan, pieces, _all(pieces, Role.BRIDGE), angle, profile)
+    beads = _make_row_settings(plan, pieces, _repeat_role(pieces, Role.BRIDGE), angle, profile)
     if quality.thick_bridges:
         thread = np.full(pieces.count, profile.printer.nozzle_diameter * np.sqrt(quality.bridge_flow_ratio))
-        beads = RowSettings(beads.role, angle, thread + _APART, thread, thread)
+        beads = RowSettings(beads.role, angle, thread + _STRAND_GAP, thread, thread)
     else:
-        beads = _with_flow(beads, quality.bridge_flow_ratio, profile)
+        beads = _with_flow_ratio(beads, quality.bridge_flow_ratio, profile)
     walled = regions.inside if quality.perimeters and regions.inside.n_rings else None
     return fill_with_rows(plan, pieces, beads, profile, walled)
 
 
-def _internal_bridges(regions: Regions, profile: Profile) -> list[Toolpaths]:
-    """Return the lines of internal bridges."""
+def _fill_internal_bridges(regions: Regions, profile: Profile) -> list[Toolpaths]:
+    """Fill internal bridges with lines of their flow."""
     plan, quality = regions.plan, profile.quality
     pieces = split_connected(regions.internal_bridge)
     angle = np.zeros(pieces.count)
     angle[pieces.of_ring] = regions.internal_bridge_angle
-    beads = _usual(plan, pieces, _all(pieces, Role.INTERNAL_BRIDGE), angle, profile)
+    beads = _make_row_settings(plan, pieces, _repeat_role(pieces, Role.INTERNAL_BRIDGE), angle, profile)
     if quality.internal_bridge_flow_ratio != 1:
-        beads = _with_flow(beads, quality.internal_bridge_flow_ratio, profile)
+        beads = _with_flow_ratio(beads, quality.internal_bridge_flow_ratio, profile)
     return fill_with_rows(plan, pieces, beads, profile)
 
 
-def _with_flow(beads: RowSettings, ratio: float, profile: Profile) -> RowSettings:
-    """Return the settings with another flow at the same spacing; lines are never narrower than high."""
+def _with_flow_ratio(beads: RowSettings, ratio: float, profile: Profile) -> RowSettings:
+    """Return the settings with `ratio` times the usual flow at the same spacing; lines are never narrower than high."""
     usual = bead.spacing(profile.extrusion_width, beads.height)
     width = np.maximum(np.round(bead.width_for_spacing(usual * ratio, beads.height), 4), beads.height)
     return RowSettings(beads.role, beads.angle, beads.gap, width, beads.height)

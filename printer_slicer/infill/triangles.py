@@ -10,7 +10,7 @@ from printer_slicer.infill.infill_task import InfillTask, line_families
 
 __all__ = ["triangle_lines"]
 
-_APART = 1.5  # extrusion widths between the crossings at a corner
+_CROSSING_DISTANCE = 1.5  # extrusion widths between the crossings at a corner
 
 
 def triangle_lines(task: InfillTask) -> tuple[Polylines, Float]:
@@ -21,6 +21,6 @@ def triangle_lines(task: InfillTask) -> tuple[Polylines, Float]:
     spacing, which gives hexagons with triangles between them.
     """
     # With u, v, w the positions across the three directions, v = u + w; the middle set moves by `aside` spacings.
-    aside = min(0.5, _APART * task.bead * np.sqrt(0.75) / (3 * task.spacing))
+    aside = min(0.5, _CROSSING_DISTANCE * task.bead * np.sqrt(0.75) / (3 * task.spacing))
     phases = np.outer([0.0, aside, 0.0], np.ones(len(task.z)))
     return line_families(task, np.deg2rad([0.0, 60.0, 120.0]), phases)

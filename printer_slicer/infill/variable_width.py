@@ -13,9 +13,9 @@ from printer_slicer.profile import Profile
 
 __all__ = ["fill_gaps", "fill_narrow_pieces"]
 
-_BEADS = 5  # extrusions side by side; wider places are filled with parallel lines
-_OFF = 0.15  # largest volume error; pieces with more are filled with parallel lines
-_DOT = 0.2  # mm², volume errors this small are accepted in any piece
+_MAX_BEADS = 5  # extrusions side by side; wider places are filled with parallel lines
+_MAX_ERROR = 0.15  # largest volume error; pieces with more are filled with parallel lines
+_SMALL_ERROR = 0.2  # mm², volume errors this small are accepted in any piece
 
 
 def fill_narrow_pieces(
@@ -23,13 +23,13 @@ def fill_narrow_pieces(
 ) -> tuple[Toolpaths, Int]:
     """Fill the pieces that are narrow everywhere; return the paths and the indices (n,) of the other pieces."""
     gap = bead.spacing(profile.extrusion_width, plan.height)[pieces.layer]
-    slim = np.flatnonzero(pieces.mean_width() < _BEADS * gap)
-    core = offset(pieces.take(slim).areas, -_BEADS / 2 * gap[slim])
+    slim = np.flatnonzero(pieces.mean_width() < _MAX_BEADS * gap)
+    core = offset(pieces.take(slim).areas, -_MAX_BEADS / 2 * gap[slim])
     narrow = slim[~core.used]
     some = pieces.take(narrow)
-    paths, owner, laid = fill_gaps(plan, some, role[narrow], profile, beads=_BEADS)
+    paths, owner, laid = fill_gaps(plan, some, role[narrow], profile, beads=_MAX_BEADS)
     area = some.areas.area()
-    fits = np.abs(laid - area) < _OFF * area + _DOT
+    fits = np.abs(laid - area) < _MAX_ERROR * area + _SMALL_ERROR
     left = np.ones(pieces.count, np.bool_)
     left[narrow[fits]] = False
     return paths.take(np.flatnonzero(fits[owner])), np.flatnonzero(left)
