@@ -19,7 +19,7 @@ from printer_slicer.profile import Profile
 
 __all__ = ["FillResult", "fill_narrow", "fill_pieces", "lay_walls"]
 
-_OVERHANG_BEADS = 3  # extra perimeters side by side; wider overhangs are bridged
+_MAX_OVERHANG_BEADS = 3  # extra perimeters side by side; wider overhangs are bridged
 
 
 def lay_walls(sections: Sections, profile: Profile) -> Walls:
@@ -31,16 +31,16 @@ def lay_walls(sections: Sections, profile: Profile) -> Walls:
     the edges of overhangs get more perimeters.
     """
     layered = settings_by_layer(profile, sections.plan)
-    parts = [_walls_of(sections, here, own) for own, here in layered.each()]
+    parts = [_make_walls(sections, here, own) for own, here in layered.each()]
     return Walls.joined(parts)
 
 
-def _walls_of(sections: Sections, here: Bool, profile: Profile) -> Walls:
-    """Make the perimeters of some layers (L,), with the settings of one profile."""
-    plan, solid, quality = sections.plan, sections.solid.of_layers(here), profile.quality
+def _make_walls(sections: Sections, selected: Bool, profile: Profile) -> Walls:
+    """Make the perimeters of the `selected` layers (L,) with the settings of one profile."""
+    plan, solid, quality = sections.plan, sections.solid.of_layers(selected), profile.quality
     top = Areas.empty(plan.n_layers)
     if quality.single_top_perimeter and quality.perimeters > 1:
-        top = _open_top(sections.solid, profile.extrusion_width).of_layers(here)
+        top = _find_exposed_top(sections.solid, profile.extrusion_width).of_layers(selected)
     # Make external perimeters first and the others inside them, because hidden borders may be simplified.
     external = profile.with_external_width
     apart = top.used | ((quality.varying_walls or external is not profile) and quality.perimeters > 0)
@@ -54,8 +54,8 @@ def _walls_of(sections: Sections, here: Bool, profile: Profile) -> Walls:
         inside, lost = inside.merge(rest), lost + outer.lost + inner.lost
         parts += [inner.paths, outer.paths]
     if quality.extra_perimeters and quality.perimeters:
-        hanging = _hanging(sections.solid, inside, profile.extrusion_width, here)
-        extra = fill_narrow(hanging, plan, profile, beads=_OVERHANG_BEADS)
+        hanging = _find_unsupported_strips(sections.solid, inside, profile.extrusion_width, selected)
+        extra = fill_narrow(hanging, plan, profile, beads=_MAX_OVERHANG_BEADS)
         inside = difference(inside, difference(hanging, extra.rest))
         parts = [extra.paths, *parts]
     width = bead.layer_widths(plan.n_layers, profile.width_of_first_layer, profile.extrusion_width)
@@ -63,15 +63,15 @@ def _walls_of(sections: Sections, here: Bool, profile: Profile) -> Walls:
     return Walls(plan, width, paths, inside, lost)
 
 
-def _open_top(solid: Areas, width: float) -> Areas:
-    """Return the areas with nothing above that are wide enough to be a surface, not the edge of a layer."""
+def _find_exposed_top(solid: Areas, width: float) -> Areas:
+    """Return the areas with nothing above that are too wide to be only the edge of a layer."""
     return offset_open(difference(solid, solid.shift_layers(-1)), 1.5 * width)
 
 
-def _hanging(solid: Areas, inside: Areas, width: float, here: Bool) -> Areas:
-    """Return narrow unsupported strips inside of some layers (L,), beside unsupported perimeters."""
-    above_bed = here & (np.arange(solid.n_layers) > 0)
-    reach = _OVERHANG_BEADS * width
+def _find_unsupported_strips(solid: Areas, inside: Areas, width: float, selected: Bool) -> Areas:
+    """Return the narrow unsupported strips beside unsupported perimeters, on the `selected` layers (L,)."""
+    above_bed = selected & (np.arange(solid.n_layers) > 0)
+    reach = _MAX_OVERHANG_BEADS * width
     # Short spans are supported at both ends.
     below = offset(offset(solid.shift_layers(1), (width + reach) / 2), -reach / 2)
     walls = difference(difference(solid, inside), below).of_layers(above_bed)

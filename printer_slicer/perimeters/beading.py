@@ -19,9 +19,9 @@ from printer_slicer.arrays import Float, Int
 __all__ = ["Beading"]
 
 _ROUNDING = 1e-4  # mm; rounding must not decide over walls of exactly the least thickness
-_TWO_FROM = 1.5  # spacings of room from which on two beads replace one
-_THIN = 0.6  # of the thinnest feature; beads continue through dips down to this thickness
-_LEAST_MIDDLE = 0.3  # spacings, least width of a middle bead
+_TWO_BEADS_FROM = 1.5  # spacings of room from which on two beads replace one
+_THIN_RATIO = 0.6  # of the thinnest feature; beads continue through dips down to this thickness
+_LEAST_MIDDLE_BEAD = 0.3  # spacings, least width of a middle bead
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,7 +30,7 @@ class Beading:
 
     Attributes:
         loops: most loops.
-        amid: whether one more bead in the middle of all loops is allowed.
+        has_middle: whether one more bead in the middle of all loops is allowed.
         spacing: (L,) of a usual bead.
         rounding: (L,) width minus spacing of a bead.
         margin: (L,) distance from the outline to the outer border of the outermost bead's spacing.
@@ -40,7 +40,7 @@ class Beading:
     """
 
     loops: int
-    amid: bool
+    has_middle: bool
     spacing: Float
     rounding: Float
     margin: Float
@@ -49,21 +49,21 @@ class Beading:
     thinnest: Float
 
     @property
-    def full(self) -> int:
-        """Return the count that stands for all loops with space inside them."""
-        return 2 * self.loops + 1 + self.amid
+    def full_count(self) -> int:
+        """Return the count that means that all loops fit, with space inside them."""
+        return 2 * self.loops + 1 + self.has_middle
 
     def room(self, radius: Float, layer: Int) -> Float:
-        """Return the room for beads in a thickness of twice the radius."""
+        """Return the room for beads (n,), mm, where the thickness is twice the radius (n,)."""
         return np.asarray(2 * (radius - self.margin[layer]))
 
     def thresholds(self) -> Float:
-        """Return the radii (full, L) from which on there are 1, 2, ... beads, last for all loops and space."""
+        """Return the radii (full_count, L) from which 1, 2, ... beads fit; the last is that of `full_count`."""
         one = self.spacing
-        pair = np.clip(_TWO_FROM * one, 2 * self.narrowest, np.maximum(self.widest, 2 * self.narrowest))
-        middle = np.clip(self.narrowest, _LEAST_MIDDLE * one, one)
+        pair = np.clip(_TWO_BEADS_FROM * one, 2 * self.narrowest, np.maximum(self.widest, 2 * self.narrowest))
+        middle = np.clip(self.narrowest, _LEAST_MIDDLE_BEAD * one, one)
         rows = [self.thinnest / 2 + _ROUNDING]
-        for count in range(1, self.full):
+        for count in range(1, self.full_count):
             below = 2 * (count // 2) * one
             rows.append((below + (pair if count % 2 else middle)) / 2 + self.margin)
         return np.maximum.accumulate(np.array(rows), axis=0)
@@ -76,20 +76,20 @@ class Beading:
         """
         usual, narrowest = self.spacing[layer], self.narrowest[layer]
         result = np.repeat(usual[None], self.loops + 1, axis=0)
-        pairs, middle = np.minimum(count // 2, self.loops), (count % 2 == 1) & (count < self.full)
+        pairs, middle = np.minimum(count // 2, self.loops), (count % 2 == 1) & (count < self.full_count)
         left = room - 2 * pairs * usual
         alone = np.where(pairs == 0, narrowest, 0.0)  # a single bead is never narrower
         given = np.clip((narrowest - left) / 2, 0.0, np.maximum(usual - narrowest, 0.0))
-        gives = np.flatnonzero((pairs > 0) & (middle | (count >= self.full)))
+        gives = np.flatnonzero((pairs > 0) & (middle | (count >= self.full_count)))
         result[pairs[gives] - 1, gives] -= given[gives]
         left[gives] += 2 * given[gives]
         result[-1] = np.where(middle, np.maximum(left, alone), usual)
-        even = np.flatnonzero((count > 0) & ~middle & (count < self.full))
+        even = np.flatnonzero((count > 0) & ~middle & (count < self.full_count))
         result[pairs[even] - 1, even] = room[even] / 2 - (pairs[even] - 1) * usual[even]
         return np.maximum(result, 0.0)
 
-    def deepest_dip(self, layer: Int) -> Float:
-        """Return the strain up to which the middle bead continues through a short thin stretch, in spacings.
+    def max_dip_strain(self, layer: Int) -> Float:
+        """Return the strain up to which the middle bead continues through a short thin run, in spacings.
 
         Up to it, the loops beside the middle bead stay within their limits, and closer to their usual width than
         without the bead: with it they give up half of the missing width, without it they take half of the rest.
@@ -99,15 +99,15 @@ class Beading:
         return np.asarray(short / usual)
 
     def strain(self, radius: Float, count: Int, layer: Int) -> Float:
-        """Return how far the adapted bead exceeds its limits, in spacings, if all other loops have the usual width."""
+        """Return by how much the adapted bead exceeds its limits, in spacings, if other loops have the usual width."""
         room = self.room(radius, layer)
         spacings = self.spacings(room, count, layer)
         pairs, odd = np.minimum(count // 2, self.loops), count % 2 == 1
         own = np.take_along_axis(spacings, np.where(odd, self.loops, pairs - 1)[None], axis=0)[0]
-        inmost = (odd & (pairs > 0)) | (count >= self.full)
+        inmost = (odd & (pairs > 0)) | (count >= self.full_count)
         own = np.where(inmost, room - 2 * pairs * self.spacing[layer], own)
         low = self.narrowest[layer]
-        over = np.where(count >= self.full, 0.0, own - self.widest[layer])
+        over = np.where(count >= self.full_count, 0.0, own - self.widest[layer])
         strain = np.maximum(np.maximum(low - own, over), 0.0) / self.spacing[layer]
-        hopeless = (count <= 0) | (2 * radius < _THIN * self.thinnest[layer])
+        hopeless = (count <= 0) | (2 * radius < _THIN_RATIO * self.thinnest[layer])
         return np.asarray(np.where(hopeless, np.inf, strain))

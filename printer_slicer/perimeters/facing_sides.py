@@ -20,24 +20,25 @@ __all__ = ["find_facing_sides"]
 
 _SMALL_TURN = 1e-4  # radians; smaller turns count as straight
 _SLACK = 1e-6  # mm
-_SMALL = 1.8  # the side of an equilateral triangle is 1.73 times the diameter of its inscribed circle
+# The side of an equilateral triangle is 1.73 times the diameter of its inscribed circle.
+_SMALL_RING_RATIO = 1.8
 
 
-def find_facing_sides(areas: Areas, distance: Float, lean: float) -> Boxes:
-    """Return boxes around the parts of sides that face each other.
+def find_facing_sides(areas: Areas, distance: Float, max_angle: float) -> Boxes:
+    """Return boxes around the parts of outlines where sides or corners face each other.
 
     Args:
         areas: clean areas.
         distance: (L,) mm, largest distance between facing sides or corners.
-        lean: radians, largest angle between facing sides.
+        max_angle: radians, largest angle between facing sides.
     """
     boxes = Boxes.of_sides(areas)
     low, high, layer = boxes.low, boxes.high, boxes.layer
     a, b = boxes.expand(distance[layer] / 2).find_neighbours()
-    found = _Sides.of(areas).face(a, b, lean, distance[layer[a]])
+    found = _OutlineSides.of(areas).are_facing(a, b, max_angle, distance[layer[a]])
     a, b = a[found], b[found]
     reach = distance[layer[a], None]
-    small = _of_small_rings(areas, distance)
+    small = _mark_small_rings(areas, distance)
     between_low = np.maximum(low[a], low[b] - reach), np.maximum(low[b], low[a] - reach)
     between_high = np.minimum(high[a], high[b] + reach), np.minimum(high[b], high[a] + reach)
     box_low, box_high = np.full_like(low, np.inf), np.full_like(low, -np.inf)
@@ -46,10 +47,12 @@ def find_facing_sides(areas: Areas, distance: Float, lean: float) -> Boxes:
         np.maximum.at(box_high, side, some_high)
     box_low[small], box_high[small] = np.minimum(box_low, low)[small], np.maximum(box_high, high)[small]
     chosen = np.flatnonzero(box_low[:, 0] < np.inf)
-    return _merged(Boxes(box_low[chosen], box_high[chosen], layer[chosen]), float(distance.max(initial=0.0)))
+    return _merge_boxes(
+        Boxes(box_low[chosen], box_high[chosen], layer[chosen]), float(distance.max(initial=0.0))
+    )
 
 
-def _merged(boxes: Boxes, size: float) -> Boxes:
+def _merge_boxes(boxes: Boxes, size: float) -> Boxes:
     """Merge consecutive boxes whose corners lie in the same cells of `size` mm."""
     if not len(boxes.layer):
         return boxes
@@ -59,18 +62,21 @@ def _merged(boxes: Boxes, size: float) -> Boxes:
     return Boxes(low, high, boxes.layer[first])
 
 
-def _of_small_rings(areas: Areas, distance: Float) -> Bool:
-    """Return the sides (S,) of outer rings hardly longer than the distance; their sides may not face each other."""
+def _mark_small_rings(areas: Areas, distance: Float) -> Bool:
+    """Return which sides (S,) belong to outer rings hardly longer than the distance.
+
+    The sides of such a ring need not face each other.
+    """
     if not areas.n_rings:
         return np.zeros(0, np.bool_)
     starts, size = areas.ring_start[:-1], np.diff(areas.ring_start)
     extent = np.maximum.reduceat(areas.xy, starts) - np.minimum.reduceat(areas.xy, starts)
-    small = (extent.max(axis=1) < _SMALL * distance[areas.ring_layer]) & (areas.ring_area() > 0)
+    small = (extent.max(axis=1) < _SMALL_RING_RATIO * distance[areas.ring_layer]) & (areas.ring_area() > 0)
     return np.repeat(small, size)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Sides:
+class _OutlineSides:
     """Sides of outlines, and the corners at their beginnings.
 
     Attributes:
@@ -88,8 +94,8 @@ class _Sides:
     inward: Bool
 
     @classmethod
-    def of(cls, areas: Areas) -> _Sides:
-        """Return the sides in the order of their first points."""
+    def of(cls, areas: Areas) -> _OutlineSides:
+        """Return the sides of areas, in the order of their first points."""
         begin, end = areas.xy, areas.xy.take(areas.following, axis=0)
         way = end - begin
         way = way / np.maximum(norm(way), 1e-12)[:, None]
@@ -98,15 +104,15 @@ class _Sides:
         turn = cross(way.take(before, axis=0), way)
         return cls(begin, end, normal, normal.take(before, axis=0), turn < -_SMALL_TURN)
 
-    def face(self, a: Int, b: Int, lean: float, reach: Float) -> Bool:
+    def are_facing(self, a: Int, b: Int, max_angle: float, reach: Float) -> Bool:
         """Test whether sides, or the corners at their beginnings, face each other within `reach` (n,) mm."""
-        found = self.lean(a, b, np.cos(lean), reach)
-        found |= self.corner_to_side(a, b, reach) | self.corner_to_side(b, a, reach)
-        return found | self.corner_to_corner(a, b, reach)
+        found = self.are_parallel(a, b, np.cos(max_angle), reach)
+        found |= self.corner_faces_side(a, b, reach) | self.corner_faces_side(b, a, reach)
+        return found | self.corners_face(a, b, reach)
 
-    def lean(self, a: Int, b: Int, cosine: float, reach: Float) -> Bool:
+    def are_parallel(self, a: Int, b: Int, cosine: float, reach: Float) -> Bool:
         """Test whether two sides (n,) face each other and are nearly parallel."""
-        opposite = np.flatnonzero(_dots(self.normal, a, self.normal, b) <= -cosine)
+        opposite = np.flatnonzero(_row_products(self.normal, a, self.normal, b) <= -cosine)
         result = np.zeros(len(a), np.bool_)
         a, b, reach = a[opposite], b[opposite], reach[opposite]
         near = np.zeros(len(a), np.bool_)
@@ -119,40 +125,40 @@ class _Sides:
         result[opposite] = near
         return result
 
-    def corner_to_side(self, a: Int, b: Int, reach: Float) -> Bool:
+    def corner_faces_side(self, a: Int, b: Int, reach: Float) -> Bool:
         """Test whether the corner at the beginning of `a` (n,) faces the side `b` at a right angle."""
         result = np.zeros(len(a), np.bool_)
         some = np.flatnonzero(self.inward[a])
         a, b, reach = a[some], b[some], reach[some]
-        height = _dots(self.begin, a, self.normal, b) - _dots(self.begin, b, self.normal, b)
+        height = _row_products(self.begin, a, self.normal, b) - _row_products(self.begin, b, self.normal, b)
         within = np.flatnonzero((height > _SLACK) & (height <= reach))
         some, a, b, height = some[within], a[within], b[within], height[within]
         foot = self.begin[a] - height[:, None] * self.normal[b]
         along = self.end[b] - self.begin[b]
         place = dot(foot - self.begin[b], along)
         square = (place > -_SLACK) & (place < dot(along, along) + _SLACK)
-        result[some] = square & self._sees(a, -self.normal[b])
+        result[some] = square & self._contains_direction(a, -self.normal[b])
         return result
 
-    def corner_to_corner(self, a: Int, b: Int, reach: Float) -> Bool:
+    def corners_face(self, a: Int, b: Int, reach: Float) -> Bool:
         """Test whether the corners at the beginnings of `a` and `b` (n,) face each other."""
         result = np.zeros(len(a), np.bool_)
         some = np.flatnonzero(self.inward[a] & self.inward[b])
         way = self.begin[b[some]] - self.begin[a[some]]
         near = np.flatnonzero(dot(way, way) <= reach[some] ** 2)
         some, way = some[near], way[near]
-        result[some] = self._sees(a[some], way) & self._sees(b[some], -way)
+        result[some] = self._contains_direction(a[some], way) & self._contains_direction(b[some], -way)
         return result
 
-    def _sees(self, corner: Int, way: Float) -> Bool:
+    def _contains_direction(self, corner: Int, direction: Float) -> Bool:
         """Test whether directions (n,) lie between the normals of the two sides of a corner."""
         first, second = self.normal_before[corner], self.normal[corner]
-        size = np.maximum(norm(way), 1e-12) * 1e-3
-        between = (cross(first, way) <= size) & (cross(second, way) >= -size)
-        return np.asarray(between & (dot(first + second, way) > 0))
+        size = np.maximum(norm(direction), 1e-12) * 1e-3
+        between = (cross(first, direction) <= size) & (cross(second, direction) >= -size)
+        return np.asarray(between & (dot(first + second, direction) > 0))
 
 
-def _dots(one: Float, a: Int, other: Float, b: Int) -> Float:
+def _row_products(one: Float, a: Int, other: Float, b: Int) -> Float:
     """Return the scalar products (n,) of rows `a` of one array with rows `b` of another one."""
     (x, y), (u, v) = one.T, other.T
     return np.asarray(x.take(a) * u.take(b) + y.take(a) * v.take(b))

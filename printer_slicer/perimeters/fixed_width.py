@@ -10,8 +10,8 @@ from printer_slicer.geometry import Areas, offset, offset_open
 __all__ = ["fixed_width_loops"]
 
 # Loops whose two sides come closer than this share of the spacing would overlap.
-_CLOSEST = 0.6
-_SHARPEST = 4.65  # corners down to 25° keep their points
+_CLOSEST_RATIO = 0.6
+_MITRE_LIMIT = 4.65  # corners down to 25° keep their points
 
 
 def fixed_width_loops(solid: Areas, width: Float, gap: Float, count: int) -> tuple[list[Areas], Areas, Float]:
@@ -29,7 +29,7 @@ def fixed_width_loops(solid: Areas, width: Float, gap: Float, count: int) -> tup
     lost = np.zeros(solid.n_layers)
     inside, step = solid, width / 2
     for _ in range(count):
-        loop = offset_open(offset(inside, -step), gap * _CLOSEST / 2, _SHARPEST)
+        loop = offset_open(offset(inside, -step), gap * _CLOSEST_RATIO / 2, _MITRE_LIMIT)
         # The area between the inner side of the last extrusion and the outer side of this one stays empty. Mitred
         # joins restore slightly more than the opening removes; that is not a loss.
         room = offset(inside, -gap / 2) if loops else inside

@@ -10,7 +10,7 @@ from printer_slicer.arrays import Float, Int, compact_ids, consecutive
 from printer_slicer.geometry.medial_axis import MedialAxis, follow_parts
 from printer_slicer.geometry.vectors import norm
 
-__all__ = ["AxisGraph", "crossings", "low_and_high"]
+__all__ = ["AxisGraph", "find_crossings", "thin_and_thick_ends"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,8 +77,8 @@ class AxisGraph:
         low, high = self.radius.take(self.ends.T)
         return np.asarray((low + high) / 2)
 
-    def only(self, kept: Int) -> AxisGraph:
-        """Return the graph of some pieces (n,), ascending; walks around removed pieces continue past their ends."""
+    def with_pieces(self, kept: Int) -> AxisGraph:
+        """Return the graph of only the pieces `kept` (n,), ascending; walks skip removed pieces."""
         number = np.full(len(self.start), -1)
         half = np.stack([2 * kept, 2 * kept + 1], axis=1).ravel()
         number[half] = np.arange(len(half))
@@ -102,7 +102,7 @@ class AxisGraph:
             self.origin[kept],
         )
 
-    def divided(self, piece: Int, share: Float) -> AxisGraph:
+    def divide_pieces(self, piece: Int, share: Float) -> AxisGraph:
         """Divide pieces at positions (0 to 1) along them, given in any order."""
         order = np.lexsort((share, piece))
         piece, share = piece[order], share[order]
@@ -120,44 +120,44 @@ class AxisGraph:
         )
         low, high = np.zeros(len(owner)), np.ones(len(owner))
         low[~is_first], high[~is_last] = share, share
-        along = _between(self.xy.take(ends[piece], axis=0), share[:, None])
+        along = _interpolate(self.xy.take(ends[piece], axis=0), share[:, None])
         return AxisGraph(
             np.concatenate([self.xy, along]),
-            np.concatenate([self.radius, _between(self.radius[ends[piece]], share)]),
+            np.concatenate([self.radius, _interpolate(self.radius[ends[piece]], share)]),
             np.concatenate([self.layer, self.layer[ends[piece, 0]]]),
             points.ravel(),
-            _feet(self.foot, owner, low, high),
+            _interpolate_feet(self.foot, owner, low, high),
             follow_parts(self.following, count),
             self.steepness[owner],
             self.origin[owner],
         )
 
 
-def _between(ends: Float, share: Float) -> Float:
+def _interpolate(ends: Float, share: Float) -> Float:
     """Interpolate between the values at both ends (n, 2, ...)."""
     return np.asarray(ends[:, 0] + (ends[:, 1] - ends[:, 0]) * share)
 
 
-def _feet(foot: Float, owner: Int, low: Float, high: Float) -> Float:
-    """Return the feet (H, 2, 2) of the parts of pieces from `low` to `high`."""
+def _interpolate_feet(foot: Float, owner: Int, low: Float, high: Float) -> Float:
+    """Return the feet (H, 2, 2) of parts of pieces `owner`, which extend from position `low` to `high`."""
     up, down = foot.take(2 * owner, axis=0), foot.take(2 * owner + 1, axis=0)
     low, high = low[:, None], high[:, None]
     parts = [
-        np.stack([_between(up, low), _between(up, high)], axis=1),
-        np.stack([_between(down, 1 - high), _between(down, 1 - low)], axis=1),
+        np.stack([_interpolate(up, low), _interpolate(up, high)], axis=1),
+        np.stack([_interpolate(down, 1 - high), _interpolate(down, 1 - low)], axis=1),
     ]
     return np.stack(parts, axis=1).reshape(-1, 2, 2)
 
 
-def low_and_high(ends: Int, radius: Float) -> tuple[Int, Int]:
-    """Return for pieces (n, 2) the end (n,) with the smaller radius (V,), and the other end."""
+def thin_and_thick_ends(ends: Int, radius: Float) -> tuple[Int, Int]:
+    """Return of pieces with ends (n, 2) the end (n,) at which the radius (V,) is smaller, and the other end (n,)."""
     first, second = ends.T
     falls = radius.take(first) >= radius.take(second)
     return np.where(falls, second, first), np.where(falls, first, second)
 
 
-def crossings(ends: Float, level: Float) -> tuple[Int, Float]:
-    """Find where values that change linearly from end to end (n, 2) pass `level` (n,): items and positions, 0 to 1."""
+def find_crossings(ends: Float, level: Float) -> tuple[Int, Float]:
+    """Return items and positions, 0 to 1, where values that are linear between both ends (n, 2) cross `level` (n,)."""
     low, high = (ends - level[:, None]).T
     item = np.flatnonzero(low * high < 0)
     share = low[item] / (low[item] - high[item])

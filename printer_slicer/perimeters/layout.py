@@ -13,13 +13,12 @@ from printer_slicer.arrays import Bool, Float, Int, unique_inverse
 from printer_slicer.geometry.connectivity import find_chain_ends
 from printer_slicer.perimeters.bead_counts import CountedGraph
 from printer_slicer.perimeters.beading import Beading
-from printer_slicer.perimeters.graph import AxisGraph, crossings, low_and_high
+from printer_slicer.perimeters.graph import AxisGraph, find_crossings, thin_and_thick_ends
 
 __all__ = ["BeadLayout", "lay_out_beads"]
 
-_TRANSITION = (
-    0.2  # mm on either side of a change of the count, within which beads move to their new positions
-)
+# Length, mm, on either side of a change of the count, within which beads move to their new positions.
+_TRANSITION_LENGTH = 0.2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,33 +52,35 @@ class BeadLayout:
     wide: Bool
 
 
-def lay_out_beads(given: CountedGraph, beading: Beading) -> BeadLayout:
+def lay_out_beads(counted: CountedGraph, beading: Beading) -> BeadLayout:
     """Lay out the beads of a graph with known counts."""
     # Divide where beads have reached their new positions, and where ending loops turn around.
-    ports, half = _PieceEnds.of(given, beading), beading.spacing[given.graph.piece_layer] / 2
-    given = _divided(given, [ports.passing(far) for far in (np.full(len(half), _TRANSITION), half)])
-    # Divide where the room for a level ends.
-    ports, room = _PieceEnds.of(given, beading), given.graph.radius.take(given.graph.ends)
-    inset, _ = ports.beads(beading)
-    given = _divided(
-        given, [crossings(room - level.take(ports.port), np.zeros(len(room))) for level in inset]
+    ports, half = _PieceEnds.of(counted, beading), beading.spacing[counted.graph.piece_layer] / 2
+    counted = _divide_pieces(
+        counted, [ports.find_distant_positions(far) for far in (np.full(len(half), _TRANSITION_LENGTH), half)]
     )
-    return _PieceEnds.of(given, beading).layout(beading)
+    # Divide where the room for a level ends.
+    ports, room = _PieceEnds.of(counted, beading), counted.graph.radius.take(counted.graph.ends)
+    inset, _ = ports.compute_beads(beading)
+    counted = _divide_pieces(
+        counted, [find_crossings(room - level.take(ports.port), np.zeros(len(room))) for level in inset]
+    )
+    return _PieceEnds.of(counted, beading).make_layout(beading)
 
 
-def _divided(given: CountedGraph, cuts: list[tuple[Int, Float]]) -> CountedGraph:
+def _divide_pieces(counted: CountedGraph, cuts: list[tuple[Int, Float]]) -> CountedGraph:
     """Divide pieces (n,) at positions (n,) along them, 0 to 1."""
-    relabelled = replace(given.graph, origin=np.arange(len(given.used)))
+    relabelled = replace(counted.graph, origin=np.arange(len(counted.used)))
     piece, share = (np.concatenate(column) for column in zip(*cuts, strict=True))
-    parts = relabelled.divided(piece, share)
+    parts = relabelled.divide_pieces(piece, share)
     part = parts.origin
     return CountedGraph(
         parts,
-        given.used[part],
-        given.central[part],
-        given.corner[part],
-        given.wide[part],
-        given.count[part],
+        counted.used[part],
+        counted.central[part],
+        counted.corner[part],
+        counted.wide[part],
+        counted.count[part],
     )
 
 
@@ -88,63 +89,63 @@ class _PieceEnds:
     """The ports of a graph; see `BeadLayout`.
 
     Attributes:
-        given: the graph and its counts.
+        counted: the graph and its counts.
         port: (E, 2).
         point: (P,).
         leader: (P,) point whose thickness determines the beads.
         count: (P,).
         change: (P,) port at the nearest change of the count, -1 if none is near.
-        distance: (P,) mm along the axis to that change.
-        open: (P,) mm along the axis to the nearest wide piece.
+        distance: (P,) mm along the axis to `change`.
+        to_wide: (P,) mm along the axis to the nearest wide piece.
         spacing: (loops + 1, P) from the room at the port, before the transition.
         moved: (loops + 1, P) added at the change.
         fewest: (P,) fewest loops on any side of the port's point.
     """
 
-    given: CountedGraph
+    counted: CountedGraph
     port: Int
     point: Int
     leader: Int
     count: Int
     change: Int
     distance: Float
-    open: Float
+    to_wide: Float
     spacing: Float
     moved: Float
     fewest: Int
 
     @classmethod
-    def of(cls, given: CountedGraph, beading: Beading) -> _PieceEnds:
+    def of(cls, counted: CountedGraph, beading: Beading) -> _PieceEnds:
         """Return the ports of a graph with known counts."""
-        graph, base, n = given.graph, beading.full + 1, len(given.graph.xy)
-        leader, count = _leaders(given, beading)
+        graph, base, n = counted.graph, beading.full_count + 1, len(counted.graph.xy)
+        leader, count = _find_leaders(counted, beading)
         keys, number = unique_inverse(((graph.ends * n + leader) * base + count).ravel())
         port, point, leader, count = number.reshape(-1, 2), keys // base // n, keys // base % n, keys % base
         layer = graph.layer[point]
         spacing = beading.spacings(beading.room(graph.radius[leader], layer), count, layer)
         own = np.zeros(len(keys), np.bool_)
-        own[port[given.used]] = True
+        own[port[counted.used]] = True
         pairs = np.minimum(count // 2, beading.loops)
-        moved, fewest, changing = _moved(point, own, pairs, spacing)
+        moved, fewest, changing = _compute_shifts(point, own, pairs, spacing)
         # A corner moves together with the point where it begins.
-        lengths = np.where(given.corner, 0.0, np.where(given.used, graph.length, np.inf))
-        reach = 2 * _TRANSITION + float(beading.spacing.max(initial=0))
-        change, distance = _nearest_change(port, lengths, changing, reach)
+        lengths = np.where(counted.corner, 0.0, np.where(counted.used, graph.length, np.inf))
+        reach = 2 * _TRANSITION_LENGTH + float(beading.spacing.max(initial=0))
+        change, distance = _find_nearest_changes(port, lengths, changing, reach)
         mouth = np.zeros(len(graph.xy), np.bool_)
-        mouth[graph.ends[given.wide]] = True
-        beyond = _nearest_change(port, lengths, mouth[point], reach)[1]
-        return cls(given, port, point, leader, count, change, distance, beyond, spacing, moved, fewest)
+        mouth[graph.ends[counted.wide]] = True
+        beyond = _find_nearest_changes(port, lengths, mouth[point], reach)[1]
+        return cls(counted, port, point, leader, count, change, distance, beyond, spacing, moved, fewest)
 
-    def passing(self, distance: Float) -> tuple[Int, Float]:
-        """Find pieces and positions on them that are `distance` (E,) along the axis from a change."""
-        length = np.maximum(self.given.graph.length, 1e-12)
+    def find_distant_positions(self, distance: Float) -> tuple[Int, Float]:
+        """Find the pieces, and the positions on them, that are `distance` (E,) mm along the axis from a change."""
+        length = np.maximum(self.counted.graph.length, 1e-12)
         ends = self.distance.take(self.port)
         found = []
         for end in (0, 1):
             share = (distance - ends[:, end]) / length
             there = np.flatnonzero(
-                self.given.used
-                & ~self.given.corner
+                self.counted.used
+                & ~self.counted.corner
                 & (share > 1e-3)
                 & (share < 1 - 1e-3)
                 & (self.change[self.port[:, end]] >= 0)
@@ -152,33 +153,33 @@ class _PieceEnds:
             found.append((there, share[there] if end == 0 else 1 - share[there]))
         return np.concatenate([piece for piece, _ in found]), np.concatenate([share for _, share in found])
 
-    def beads(self, beading: Beading) -> tuple[Float, Float]:
-        """Return insets and widths (loops + 1, P)."""
-        layer = self.given.graph.layer[self.point]
+    def compute_beads(self, beading: Beading) -> tuple[Float, Float]:
+        """Return the insets and widths (loops + 1, P) of beads at each port, mm."""
+        layer = self.counted.graph.layer[self.point]
         near = self.change >= 0
         # In front of a wide place the beads must have reached the positions of the fixed-width loops.
-        within = np.maximum(np.minimum(self.distance + self.open, _TRANSITION), 1e-9)
-        ease = np.where(near & (self.open > 0), np.maximum(1 - self.distance / within, 0.0), 0.0)
+        within = np.maximum(np.minimum(self.distance + self.to_wide, _TRANSITION_LENGTH), 1e-9)
+        ease = np.where(near & (self.to_wide > 0), np.maximum(1 - self.distance / within, 0.0), 0.0)
         spacing = self.spacing + np.where(near, self.moved[:, np.maximum(self.change, 0)], 0.0) * ease
         pairs, rounding = np.minimum(self.count // 2, beading.loops), beading.rounding[layer]
         outside = np.concatenate([np.zeros((1, len(layer))), np.cumsum(spacing[:-1], axis=0)])
         inset = beading.margin[layer] + outside
         inset[:-1] += spacing[:-1] / 2
-        room = beading.room(self.given.graph.radius[self.leader], layer)
+        room = beading.room(self.counted.graph.radius[self.leader], layer)
         left = room - 2 * np.take_along_axis(outside, pairs[None], axis=0)[0]
         width = spacing + rounding
         width[-1] = np.where(pairs > 0, left, spacing[-1]) + rounding
         return inset, width
 
-    def layout(self, beading: Beading) -> BeadLayout:
+    def make_layout(self, beading: Beading) -> BeadLayout:
         """Return the layout, with the active levels of each piece."""
-        given, graph = self.given, self.given.graph
-        inset, width = self.beads(beading)
+        counted, graph = self.counted, self.counted.graph
+        inset, width = self.compute_beads(beading)
         count = self.count[self.port[:, 0]]
         pairs = np.minimum(count // 2, beading.loops)
-        rest = _sums(graph.radius.take(graph.ends)) - _sums(inset.take(self.port, axis=1))
+        rest = _sum_ends(graph.radius.take(graph.ends)) - _sum_ends(inset.take(self.port, axis=1))
         level = np.arange(beading.loops + 1)[:, None]
-        there = np.where(level < beading.loops, pairs > level, count == beading.full)
+        there = np.where(level < beading.loops, pairs > level, count == beading.full_count)
         # The loop of an ending level turns around on its own side of the change, not over the bead beyond.
         nearest = np.argmin(self.distance[self.port], axis=1)
         end = np.take_along_axis(self.port, nearest[:, None], axis=1)[:, 0]
@@ -186,10 +187,10 @@ class _PieceEnds:
         half = beading.spacing[graph.piece_layer] / 2
         # In front of a wide place there may be no room to turn; the loop turns where it ends.
         middle = self.distance[end] + graph.length / 2
-        close = (middle < half) & ((self.distance + self.open)[end] > half)
+        close = (middle < half) & ((self.distance + self.to_wide)[end] > half)
         ending = (change >= 0) & close & (self.fewest[change] <= level) & (level < beading.loops)
-        active = there & (rest > 0) & ~ending & given.used
-        middle = given.central & (count % 2 == 1) & (count < beading.full)
+        active = there & (rest > 0) & ~ending & counted.used
+        middle = counted.central & (count % 2 == 1) & (count < beading.full_count)
         return BeadLayout(
             graph,
             self.port,
@@ -200,28 +201,28 @@ class _PieceEnds:
             width,
             active,
             middle,
-            given.used,
-            given.wide,
+            counted.used,
+            counted.wide,
         )
 
 
-def _sums(ends: Float) -> Float:
+def _sum_ends(ends: Float) -> Float:
     """Return the sums (..., n) of values at both ends (..., n, 2)."""
     return np.asarray(ends[..., 0] + ends[..., 1])
 
 
-def _leaders(given: CountedGraph, beading: Beading) -> tuple[Int, Int]:
-    """Return the point (E, 2) whose thickness determines the beads at both ends of each piece, and its count.
+def _find_leaders(counted: CountedGraph, beading: Beading) -> tuple[Int, Int]:
+    """Return the points (E, 2) whose thickness determines the beads at both ends of each piece, and their counts.
 
     For central pieces these are their own ends; for other used pieces, the point from which they descend.
     """
-    graph = given.graph
+    graph = counted.graph
     ends, radius = graph.ends, graph.radius
     top = np.full(len(radius), -1)
-    np.maximum.at(top, ends[given.central].ravel(), np.repeat(given.count[given.central], 2))
-    np.maximum.at(top, ends[given.wide].ravel(), beading.full)
-    others = np.flatnonzero(given.used & ~given.central)
-    low, high = low_and_high(ends.take(others, axis=0), radius)
+    np.maximum.at(top, ends[counted.central].ravel(), np.repeat(counted.count[counted.central], 2))
+    np.maximum.at(top, ends[counted.wide].ravel(), beading.full_count)
+    others = np.flatnonzero(counted.used & ~counted.central)
+    low, high = thin_and_thick_ends(ends.take(others, axis=0), radius)
     above = np.arange(len(radius))
     rises = (radius[high] > radius[low]) & (top[low] < 0)
     order = np.argsort(radius[high[rises]])
@@ -233,18 +234,21 @@ def _leaders(given: CountedGraph, beading: Beading) -> tuple[Int, Int]:
     leader = ends.copy()
     leader[others] = above[high][:, None]
     count = top[leader]
-    count[given.central] = given.count[given.central][:, None]
-    count[given.wide] = beading.full
+    count[counted.central] = counted.count[counted.central][:, None]
+    count[counted.wide] = beading.full_count
     return leader, count
 
 
-def _moved(point: Int, own: Bool, pairs: Int, spacing: Float) -> tuple[Float, Int, Bool]:
-    """Return the shift that joins both sides of each change half-way, the fewest loops of a side, and the changes."""
+def _compute_shifts(point: Int, is_used: Bool, pairs: Int, spacing: Float) -> tuple[Float, Int, Bool]:
+    """Return for each port the shift of beads (loops + 1, P), the fewest loops (P,), and whether the count changes.
+
+    The shift moves the beads of all sides of a change to their mean position.
+    """
     # Ports of a point follow each other.
     total = np.zeros((len(spacing), int(point.max(initial=0)) + 1))
     sides = np.zeros_like(total, np.int64)
     fewest = np.full(total.shape[1], np.iinfo(np.int64).max)
-    chosen = np.flatnonzero(own)
+    chosen = np.flatnonzero(is_used)
     np.minimum.at(fewest, point[chosen], pairs[chosen])
     changing = np.bincount(point[chosen], minlength=total.shape[1])[point] > 1
     for level in range(len(spacing) - 1):
@@ -252,12 +256,12 @@ def _moved(point: Int, own: Bool, pairs: Int, spacing: Float) -> tuple[Float, In
         total[level] = np.bincount(point[there], spacing[level, there], total.shape[1])
         sides[level] = np.bincount(point[there], minlength=total.shape[1])
     moved = np.where(sides > 1, total / np.maximum(sides, 1), 0.0)[:, point]
-    moved = np.where((sides[:, point] > 1) & own & changing, moved - spacing, 0.0)
-    return moved, fewest[point], changing & own
+    moved = np.where((sides[:, point] > 1) & is_used & changing, moved - spacing, 0.0)
+    return moved, fewest[point], changing & is_used
 
 
-def _nearest_change(port: Int, length: Float, changing: Bool, reach: float) -> tuple[Int, Float]:
-    """Return the nearest port at a change (P,), along the axis, -1 if none is within reach, and its distance."""
+def _find_nearest_changes(port: Int, length: Float, changing: Bool, reach: float) -> tuple[Int, Float]:
+    """Return for each port (P,) the port at the nearest change along the axis, or -1, and its distance, mm."""
     distance = np.where(changing, 0.0, np.inf)
     change = np.where(changing, np.arange(len(changing)), -1)
     a, b = np.concatenate([port, port[:, ::-1]]).T

@@ -12,14 +12,14 @@ from printer_slicer.geometry.connectivity import find_cycles
 from printer_slicer.geometry.facet_topology import expand_counts
 from printer_slicer.geometry.vectors import dot, norm
 from printer_slicer.perimeters.beading import Beading
-from printer_slicer.perimeters.graph import low_and_high
+from printer_slicer.perimeters.graph import thin_and_thick_ends
 from printer_slicer.perimeters.layout import BeadLayout
 
 __all__ = ["MiddleLines", "trace_middle_lines"]
 
-_SAME = 1e-6  # mm
-_LEAST = 0.4  # bead widths; shorter lines are not worth a start and a stop
-_CORNERS = 6  # corners of the ring that replaces a dot
+_ROUNDING = 1e-6  # mm
+_LEAST_LENGTH = 0.4  # bead widths; shorter lines are not worth a start and a stop
+_RING_CORNERS = 6  # corners of the ring that replaces a dot
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,20 +52,20 @@ class MiddleLines:
         """Return the lengths (M,), mm; the last side of closed lines is not counted."""
         return polyline_lengths(self.xy, np.append(0, np.cumsum(self.size)), closed=False)
 
-    def take(self, keep: Bool) -> MiddleLines:
-        """Return the lines for which `keep` is true."""
-        points = np.repeat(keep, self.size)
+    def take(self, is_selected: Bool) -> MiddleLines:
+        """Return the lines for which `is_selected` is true."""
+        points = np.repeat(is_selected, self.size)
         return MiddleLines(
             self.xy.compress(points, axis=0),
             self.width[points],
-            self.size[keep],
-            self.layer[keep],
-            self.depth[keep],
-            self.closed[keep],
+            self.size[is_selected],
+            self.layer[is_selected],
+            self.depth[is_selected],
+            self.closed[is_selected],
         )
 
     def merge(self, other: MiddleLines) -> MiddleLines:
-        """Concatenate both."""
+        """Return these lines followed by the other ones."""
         return MiddleLines(
             np.concatenate([self.xy, other.xy]),
             np.concatenate([self.width, other.width]),
@@ -78,12 +78,12 @@ class MiddleLines:
 
 def trace_middle_lines(layout: BeadLayout, beading: Beading) -> MiddleLines:
     """Return a polyline along every run of pieces with a middle bead, and small rings where only a dot fits."""
-    lines, short = _along(layout, beading)
-    dots = _as_dots(short).merge(_dots(layout, beading))
-    return lines.merge(dots.take(~_beside(dots, lines)))
+    lines, short = _trace_lines(layout, beading)
+    dots = _replace_by_rings(short).merge(_make_dots(layout, beading))
+    return lines.merge(dots.take(~_find_overlapping_dots(dots, lines)))
 
 
-def _beside(dots: MiddleLines, lines: MiddleLines) -> Bool:
+def _find_overlapping_dots(dots: MiddleLines, lines: MiddleLines) -> Bool:
     """Return which dots (m,) overlap a line or an earlier dot."""
     low, high = (
         side.reduceat(dots.xy, np.cumsum(dots.size) - dots.size, axis=0) for side in (np.minimum, np.maximum)
@@ -95,40 +95,44 @@ def _beside(dots: MiddleLines, lines: MiddleLines) -> Bool:
     return result
 
 
-def _dots(layout: BeadLayout, beading: Beading) -> MiddleLines:
-    """Return a small ring in the middle of each place that is about as wide as long and has room for one more bead.
+def _make_dots(layout: BeadLayout, beading: Beading) -> MiddleLines:
+    """Return a small ring in the middle of each place about as long as wide with room for one more bead.
 
     The ring is pi/4 widths long, so its volume is that of a disc of the bead's width.
     """
     count = layout.count
     port = distinct(layout.port[layout.used].ravel())
     port = port[
-        (layout.point[port] == layout.leader[port]) & (count[port] % 2 == 1) & (count[port] < beading.full)
+        (layout.point[port] == layout.leader[port])
+        & (count[port] % 2 == 1)
+        & (count[port] < beading.full_count)
     ]
     taken = np.zeros(len(layout.graph.xy), np.bool_)
     taken[layout.graph.ends[layout.middle]] = True
     port = port[~taken[layout.point[port]]]
     width, middle = layout.width[-1, port], layout.graph.xy[layout.point[port]]
-    return _rings(middle, width, np.pi / 4 * width, layout.graph.layer[layout.point[port]], count[port] // 2)
+    return _make_rings(
+        middle, width, np.pi / 4 * width, layout.graph.layer[layout.point[port]], count[port] // 2
+    )
 
 
-def _rings(middle: Float, width: Float, length: Float, layer: Int, depth: Int) -> MiddleLines:
+def _make_rings(middle: Float, width: Float, length: Float, layer: Int, depth: Int) -> MiddleLines:
     """Make small rings (m,) of given length around points (m, 2)."""
-    turn = np.arange(_CORNERS) * (2 * np.pi / _CORNERS)
-    ring = np.column_stack([np.cos(turn), np.sin(turn)]) / (2 * np.sin(np.pi / _CORNERS) * _CORNERS)
+    turn = np.arange(_RING_CORNERS) * (2 * np.pi / _RING_CORNERS)
+    ring = np.column_stack([np.cos(turn), np.sin(turn)]) / (2 * np.sin(np.pi / _RING_CORNERS) * _RING_CORNERS)
     n = len(middle)
     return MiddleLines(
         (middle[:, None] + ring * length[:, None, None]).reshape(-1, 2),
-        np.repeat(width, _CORNERS),
-        np.full(n, _CORNERS),
+        np.repeat(width, _RING_CORNERS),
+        np.full(n, _RING_CORNERS),
         layer,
         depth,
         np.ones(n, np.bool_),
     )
 
 
-def _along(layout: BeadLayout, beading: Beading) -> tuple[MiddleLines, MiddleLines]:
-    """Return a polyline along every run of pieces with a middle bead, and those too short for a line.
+def _trace_lines(layout: BeadLayout, beading: Beading) -> tuple[MiddleLines, MiddleLines]:
+    """Return a polyline along every run of pieces with a middle bead, and separately those too short for a line.
 
     Where three runs meet, the straightest two form one line; the others end at its side.
     """
@@ -138,7 +142,7 @@ def _along(layout: BeadLayout, beading: Beading) -> tuple[MiddleLines, MiddleLin
         return MiddleLines.empty(), MiddleLines.empty()
     number = np.full(len(graph.start), -1)
     number[half] = np.arange(len(half))
-    partner, met = _partners(
+    partner, met = _find_continuations(
         graph.start[half],
         graph.xy.take(graph.start[half ^ 1], axis=0) - graph.xy.take(graph.start[half], axis=0),
     )
@@ -156,23 +160,23 @@ def _along(layout: BeadLayout, beading: Beading) -> tuple[MiddleLines, MiddleLin
     chosen = np.where(closed[lowest], half[lowest] % 2 == 0, 2 * rank < turn[lowest])
     order = np.flatnonzero(chosen)
     order = order[np.lexsort((rank[order], lowest[order]))]
-    steps = _Chosen(half[order], lowest[order], closed[lowest[order]], met[order], met[twin[order]])
-    lines, tips = _polylines(layout, steps)
-    short = lines.length() < _LEAST * lines.width[np.cumsum(lines.size) - 1]
+    steps = _LineSteps(half[order], lowest[order], closed[lowest[order]], met[order], met[twin[order]])
+    lines, tips = _build_polylines(layout, steps)
+    short = lines.length() < _LEAST_LENGTH * lines.width[np.cumsum(lines.size) - 1]
     needed = ((lines.depth == 0) | tips.all(axis=0)) & (beading.loops > 0)
-    return _lengthened(lines.take(~short), tips[:, ~short]), lines.take(short & needed)
+    return _lengthen_tips(lines.take(~short), tips[:, ~short]), lines.take(short & needed)
 
 
-def _as_dots(lines: MiddleLines) -> MiddleLines:
+def _replace_by_rings(lines: MiddleLines) -> MiddleLines:
     """Replace lines shorter than their width by rings, because such lines would lack the volume of their round ends."""
     first = np.cumsum(lines.size) - lines.size
     middle = np.add.reduceat(lines.xy, first, axis=0) / lines.size[:, None]
     width = lines.width[first]
-    return _rings(middle, width, np.pi / 4 * width + lines.length(), lines.layer, lines.depth)
+    return _make_rings(middle, width, np.pi / 4 * width + lines.length(), lines.layer, lines.depth)
 
 
-def _partners(point: Int, way: Float) -> tuple[Int, Bool]:
-    """Return for each half-piece (h,) the straightest continuation, -1 if none, and whether others meet there."""
+def _find_continuations(point: Int, way: Float) -> tuple[Int, Bool]:
+    """Return for each half-piece (h,) its straightest continuation or -1, and whether it ends at a passing line."""
     order = np.argsort(point, kind="stable")
     point = point[order]
     starts = np.flatnonzero(run_starts(point))
@@ -195,8 +199,8 @@ def _partners(point: Int, way: Float) -> tuple[Int, Bool]:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Chosen:
-    """Half-pieces (h,) in the order of the lines, with line, closedness and whether their ends meet other lines."""
+class _LineSteps:
+    """Half-pieces (h,) in the order of the lines: their line, whether it is closed and whether it meets others."""
 
     half: Int
     line: Int
@@ -205,8 +209,8 @@ class _Chosen:
     met_after: Bool
 
 
-def _polylines(layout: BeadLayout, chosen: _Chosen) -> tuple[MiddleLines, Bool]:
-    """Return lines through ordered half-pieces, and (2, M) whether they begin and end where the axis does.
+def _build_polylines(layout: BeadLayout, chosen: _LineSteps) -> tuple[MiddleLines, Bool]:
+    """Return lines through ordered half-pieces, and whether (2, M) they begin and end at ends of the axis.
 
     Ends at the side of another line are cut back. Steps shorter than a rounding error become one point.
     """
@@ -223,17 +227,17 @@ def _polylines(layout: BeadLayout, chosen: _Chosen) -> tuple[MiddleLines, Bool]:
     xy[slot], width[slot] = graph.xy.take(graph.start[half], axis=0), layout.width[-1, port]
     xy[end], width[end] = graph.xy[graph.start[half[last] ^ 1]], layout.width[-1, far[last]]
     depth = layout.count[port[begins]] // 2
-    turned = _turned(layout)
+    turned = _find_turning_points(layout)
     stops = turned[depth, graph.start[half[begins]]], turned[depth, graph.start[half[last] ^ 1]]
     trim = [
         np.where(chosen.met_before[begins] | stops[0], layout.width[-1, port[begins]] / 2, 0.0),
         np.where(chosen.met_after[last] | stops[1], layout.width[-1, far[last]] / 2, 0.0),
     ]
-    xy, width = _trimmed(xy, width, size + 1, trim[0], trim[1])
+    xy, width = _trim_ends(xy, width, size + 1, trim[0], trim[1])
     owner = np.repeat(np.arange(len(size)), size + 1)
     new = run_starts(owner)
     step = np.abs(xy[1:] - xy[:-1])
-    new[1:] |= (step[:, 0] > _SAME) | (step[:, 1] > _SAME)
+    new[1:] |= (step[:, 0] > _ROUNDING) | (step[:, 1] > _ROUNDING)
     ring = chosen.closed[begins]
     new[end[ring]] = False
     lines = MiddleLines(
@@ -244,10 +248,10 @@ def _polylines(layout: BeadLayout, chosen: _Chosen) -> tuple[MiddleLines, Bool]:
         depth,
         ring,
     )
-    return lines, _tips(layout)[np.stack([graph.start[half[begins]], graph.start[half[last] ^ 1]])]
+    return lines, _find_axis_ends(layout)[np.stack([graph.start[half[begins]], graph.start[half[last] ^ 1]])]
 
 
-def _turned(layout: BeadLayout) -> Bool:
+def _find_turning_points(layout: BeadLayout) -> Bool:
     """Return the points (loops + 1, N) of the graph at which loops of each level may turn around."""
     result = np.zeros((len(layout.active), len(layout.graph.xy)), np.bool_)
     for level, active in enumerate(layout.active):
@@ -255,17 +259,18 @@ def _turned(layout: BeadLayout) -> Bool:
     return result
 
 
-def _tips(layout: BeadLayout) -> Bool:
+def _find_axis_ends(layout: BeadLayout) -> Bool:
     """Return which points (N,) of the graph are ends of the axis; pieces into corners do not count."""
     graph, other = layout.graph, layout.point[layout.port] != layout.leader[layout.port]
-    led = layout.used & other.any(axis=1)  # by a wider place: up from their lower ends, or down into corners
+    # Pieces whose beads follow a wider place: they rise from their thin end, or lead into a corner.
+    led = layout.used & other.any(axis=1)
     ends = np.append(
-        graph.ends[(layout.used | layout.wide) & ~led], low_and_high(graph.ends[led], graph.radius)[0]
+        graph.ends[(layout.used | layout.wide) & ~led], thin_and_thick_ends(graph.ends[led], graph.radius)[0]
     )
     return np.asarray(np.bincount(ends.ravel(), minlength=len(layout.graph.xy)) == 1)
 
 
-def _lengthened(lines: MiddleLines, tips: Bool) -> MiddleLines:
+def _lengthen_tips(lines: MiddleLines, tips: Bool) -> MiddleLines:
     """Add the volume of half a disc to lines of two points or more where they begin or end at tips (2, M)."""
     last = np.cumsum(lines.size) - 1
     xy = lines.xy.copy()
@@ -276,7 +281,7 @@ def _lengthened(lines: MiddleLines, tips: Bool) -> MiddleLines:
     return replace(lines, xy=xy)
 
 
-def _trimmed(xy: Float, width: Float, size: Int, before: Float, after: Float) -> tuple[Float, Float]:
+def _trim_ends(xy: Float, width: Float, size: Int, before: Float, after: Float) -> tuple[Float, Float]:
     """Cut `before` and `after` (m,) mm off polylines; points of the cut parts coincide with the new ends."""
     owner, step = expand_counts(size)
     length = norm(np.diff(xy, axis=0, prepend=xy[:1]))

@@ -32,39 +32,39 @@ def points_to_keep(xy: Float, width: Float, size: Int, closed: Bool, tolerance: 
     path = np.repeat(np.arange(len(size)), size)
     kept, moved = np.ones(n, np.bool_), np.zeros(n)  # `moved` is of the segment that begins at each point
     points = np.column_stack([xy, width])
-    ask = np.flatnonzero(~fixed & (left[path] > 2))
-    while len(ask):
-        prior, next_one = before[ask], after[ask]
-        off = _off(*(points.take(index, axis=0) for index in (ask, prior, next_one)))
-        total = off + np.maximum(moved[prior], moved[ask])
+    candidates = np.flatnonzero(~fixed & (left[path] > 2))
+    while len(candidates):
+        prior, next_one = before[candidates], after[candidates]
+        off = _compute_deviations(*(points.take(index, axis=0) for index in (candidates, prior, next_one)))
+        total = off + np.maximum(moved[prior], moved[candidates])
         good = total <= tolerance
-        ask, off, total = ask[good], off[good], total[good]
-        first = _least(ask, off, before, after)
-        going = np.bincount(path[ask[first]], minlength=len(size))
-        first &= (left - going >= 3)[path[ask]] | ~closed[path[ask]]
-        gone = ask[first]
+        candidates, off, total = candidates[good], off[good], total[good]
+        first = _find_local_minima(candidates, off, before, after)
+        going = np.bincount(path[candidates[first]], minlength=len(size))
+        first &= (left - going >= 3)[path[candidates]] | ~closed[path[candidates]]
+        gone = candidates[first]
         if not len(gone):
             break
         moved[before[gone]] = total[first]
         before[after[gone]], after[before[gone]] = before[gone], after[gone]
         kept[gone] = False
         left = left - np.bincount(path[gone], minlength=len(size))
-        ask = ask[~first]
+        candidates = candidates[~first]
     return kept
 
 
-def _least(ask: Int, off: Float, before: Int, after: Int) -> Bool:
-    """Return which points `ask` (n,) deviate less than both neighbours; the lower index wins ties."""
+def _find_local_minima(candidates: Int, off: Float, before: Int, after: Int) -> Bool:
+    """Return which candidates (n,) deviate less than both neighbours; of equal ones, the lower index counts."""
     rank = np.full(len(before), np.inf)
-    rank[ask] = off
-    prior, next_one = before[ask], after[ask]
+    rank[candidates] = off
+    prior, next_one = before[candidates], after[candidates]
     low, high = rank[prior], rank[next_one]
-    under_prior = (off < low) | ((off == low) & (ask < prior))
-    return np.asarray(under_prior & ((off < high) | ((off == high) & (ask < next_one))))
+    under_prior = (off < low) | ((off == low) & (candidates < prior))
+    return np.asarray(under_prior & ((off < high) | ((off == high) & (candidates < next_one))))
 
 
-def _off(point: Float, begin: Float, end: Float) -> Float:
-    """Return the deviation (n,) of points (n, 3) of position and width from a straight segment, mm."""
+def _compute_deviations(point: Float, begin: Float, end: Float) -> Float:
+    """Return the deviation (n,) of points (n, 3), of x, y and width, from straight segments, mm."""
     along = end - begin
     gap = point - begin
     length2 = np.maximum(dot(along[:, :2], along[:, :2]), 1e-18)

@@ -18,10 +18,10 @@ from printer_slicer.geometry.connectivity import find_cycles
 from printer_slicer.geometry.vectors import cross, nearest_on_segments, norm
 from printer_slicer.perimeters.layout import BeadLayout
 
-__all__ = ["BeadRings", "TracedBeads", "closed_loops", "trace_beads"]
+__all__ = ["BeadRings", "TracedBeads", "join_loops", "trace_beads"]
 
-_SAME = 1e-6  # mm
-_ON = 0.02  # mm, largest distance between a mouth and its fixed-width loop
+_ROUNDING = 1e-6  # mm
+_MAX_MOUTH_DISTANCE = 0.02  # mm, largest distance between a mouth and its fixed-width loop
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,7 +33,7 @@ class TracedBeads:
         layer: (A,).
         xy: (A, 2, 2) mm, begin and end of the step.
         width: (A, 2) mm.
-        following: (A,) next step; -1 at a mouth, -2 where the axis is not known.
+        following: (A,) next step; -1 at the mouth to a wide place, -2 where the axis is not known.
     """
 
     level: Int
@@ -61,19 +61,19 @@ class BeadRings:
     level: Int
     layer: Int
 
-    def take(self, keep: Bool) -> BeadRings:
-        """Return the loops for which `keep` is true."""
-        points = np.repeat(keep, self.size)
+    def take(self, is_selected: Bool) -> BeadRings:
+        """Return the loops for which `is_selected` is true."""
+        points = np.repeat(is_selected, self.size)
         return BeadRings(
             self.xy.compress(points, axis=0),
             self.width[points],
-            self.size[keep],
-            self.level[keep],
-            self.layer[keep],
+            self.size[is_selected],
+            self.level[is_selected],
+            self.layer[is_selected],
         )
 
     def merge(self, other: BeadRings) -> BeadRings:
-        """Concatenate both."""
+        """Return these loops followed by the other ones."""
         return BeadRings(
             np.concatenate([self.xy, other.xy]),
             np.concatenate([self.width, other.width]),
@@ -97,7 +97,7 @@ def trace_beads(layout: BeadLayout, active: Bool, inset: Float, width: Float) ->
     level, half = np.nonzero(np.repeat(active, 2, axis=1))
     number = np.full(active.shape[0] * n_halves, -1)
     number[level * n_halves + half] = np.arange(len(half))
-    following = _onward(layout, number, level, half)
+    following = _find_next_steps(layout, number, level, half)
     # Half-piece 2e begins at the first end of piece e, half-piece 2e + 1 at its second end.
     ports = layout.port.take(half >> 1, axis=0)
     ports = np.where((half & 1)[:, None] == 1, ports[:, ::-1], ports)
@@ -110,8 +110,8 @@ def trace_beads(layout: BeadLayout, active: Bool, inset: Float, width: Float) ->
     return TracedBeads(level, graph.layer[points[:, 0]], xy, width[level[:, None], ports], following)
 
 
-def _onward(layout: BeadLayout, number: Int, level: Int, half: Int) -> Int:
-    """Return the next step (A,) of each: the first active half-piece around its end point."""
+def _find_next_steps(layout: BeadLayout, number: Int, level: Int, half: Int) -> Int:
+    """Return the next step (A,) of each step: the first active half-piece around its end point."""
     graph, n_halves = layout.graph, len(layout.graph.start)
     following = np.full(len(half), -2)
     left = np.arange(len(half))
@@ -127,10 +127,10 @@ def _onward(layout: BeadLayout, number: Int, level: Int, half: Int) -> Int:
     return following
 
 
-def closed_loops(
+def join_loops(
     walk: TracedBeads, ordinary: list[Areas], layout: BeadLayout, width: Float
 ) -> tuple[BeadRings, Int]:
-    """Return closed loops: of steps only, or of steps and parts of fixed-width loops.
+    """Join steps, and parts of fixed-width loops between mouths, to closed loops.
 
     Args:
         walk: the steps.
@@ -145,7 +145,7 @@ def closed_loops(
     loops = [_FixedLoops.of(areas, level, walk, layout) for level, areas in enumerate(ordinary)]
     after, bad = [walk.following.copy()], [walk.layer[walk.following == -2]]
     for loop in loops:
-        links, lost = loop.links(sum(map(len, after)), after[0])
+        links, lost = loop.link_points(sum(map(len, after)), after[0])
         after.append(links)
         bad.append(lost)
     following, broken = np.concatenate(after), distinct(np.concatenate(bad))
@@ -159,13 +159,13 @@ def closed_loops(
     size = np.where(np.arange(len(following)) < len(walk.level), 2, 1)
     first = np.cumsum(size) - size
     labels = level[chosen], layer[chosen]
-    return _gathered(number[following[chosen]], first[chosen], size[chosen], (xy, widths), labels), broken
+    return _gather_rings(number[following[chosen]], first[chosen], size[chosen], (xy, widths), labels), broken
 
 
-def _gathered(
+def _gather_rings(
     following: Int, first: Int, count: Int, points: tuple[Float, Float], labels: tuple[Int, Int]
 ) -> BeadRings:
-    """Return cycles of items as rings, reversed and without repeated points."""
+    """Return the cycles of items as rings, in reverse direction and without repeated points."""
     lowest, place = find_cycles(following)
     order = np.lexsort((-place, lowest))
     counts = count[order]
@@ -178,7 +178,7 @@ def _gathered(
     before = np.arange(len(owner)) - 1
     before[starts] = np.append(starts[1:], len(owner))[: len(starts)] - 1
     step = np.abs(xy - xy.take(before, axis=0))
-    apart = (step[:, 0] > _SAME) | (step[:, 1] > _SAME)
+    apart = (step[:, 0] > _ROUNDING) | (step[:, 1] > _ROUNDING)
     size = np.bincount(ring[apart], minlength=len(starts))
     whole = size >= 3
     apart &= whole[ring]
@@ -210,21 +210,21 @@ class _FixedLoops:
 
     @classmethod
     def of(cls, areas: Areas, level: int, walk: TracedBeads, layout: BeadLayout) -> _FixedLoops:
-        """Find the mouths of a level on its loops; loops within narrow places without a mouth are left out."""
+        """Find the mouths on the loops of a level; loops inside narrow places without a mouth are left out."""
         entered = np.zeros(len(walk.level), np.bool_)
         entered[walk.following[walk.following >= 0]] = True
         own = walk.level == level
         leaves, joins = np.flatnonzero(own & ~entered), np.flatnonzero(own & (walk.following == -1))
         mouth = np.concatenate([walk.xy[leaves, 0], walk.xy[joins, 1]])
         layer = walk.layer[np.concatenate([leaves, joins])]
-        side, share, gap = _on_rings(areas, mouth, layer)
-        lost = layer[gap > _ON]
+        side, share, gap = _find_nearest_sides(areas, mouth, layer)
+        lost = layer[gap > _MAX_MOUTH_DISTANCE]
         ring_of_point = areas.point_ring
         touched = np.zeros(areas.n_rings, np.bool_)
-        touched[ring_of_point[side[gap <= _ON]]] = True
-        touched[~touched] = ~_lie_beside(areas.select(~touched), layout)
+        touched[ring_of_point[side[gap <= _MAX_MOUTH_DISTANCE]]] = True
+        touched[~touched] = ~_are_beside_pieces(areas.select(~touched), layout)
         points = np.flatnonzero(touched[ring_of_point])
-        found = gap <= _ON
+        found = gap <= _MAX_MOUTH_DISTANCE
         at = np.concatenate([points.astype(np.float64), (side + np.clip(share, 1e-9, 1 - 1e-9))[found]])
         ring = ring_of_point[np.concatenate([points, side[found]])]
         order = np.lexsort((-at, ring))
@@ -241,7 +241,7 @@ class _FixedLoops:
             lost,
         )
 
-    def links(self, first: int, following: Int) -> tuple[Int, Int]:
+    def link_points(self, first: int, following: Int) -> tuple[Int, Int]:
         """Return the item (n,) after each point, and the layers where mouths do not alternate; update `following`.
 
         Items are numbered from `first`. Points between an arrival and the next departure are kept; other points are
@@ -273,7 +273,7 @@ class _FixedLoops:
         return links, lost
 
 
-def _lie_beside(rings: Areas, layout: BeadLayout) -> Bool:
+def _are_beside_pieces(rings: Areas, layout: BeadLayout) -> Bool:
     """Return whether rings (R,) lie between the outline and used pieces.
 
     Two points are tested, a corner and the middle of the longest side, because a ring in a wide area may touch the
@@ -281,15 +281,15 @@ def _lie_beside(rings: Areas, layout: BeadLayout) -> Bool:
     """
     corner = rings.xy.take(rings.ring_start[:-1], axis=0)
     beside = np.zeros(rings.n_rings, np.bool_)
-    beside[_beside(np.arange(rings.n_rings), corner, rings, layout)] = True
+    beside[_find_rings_beside(np.arange(rings.n_rings), corner, rings, layout)] = True
     left = np.flatnonzero(beside)
     beside[:] = False
-    beside[_beside(left, _longest_middles(rings)[left], rings, layout)] = True
+    beside[_find_rings_beside(left, _longest_side_middles(rings)[left], rings, layout)] = True
     return beside
 
 
-def _beside(ring: Int, point: Float, rings: Areas, layout: BeadLayout) -> Int:
-    """Return the rings with their point (n, 2) between the outline and a piece in use; may repeat."""
+def _find_rings_beside(ring: Int, point: Float, rings: Areas, layout: BeadLayout) -> Int:
+    """Return the rings whose point (n, 2) lies between the outline and a used piece; a ring may occur repeatedly."""
     graph, layer = layout.graph, np.zeros(rings.n_layers, np.bool_)
     layer[rings.ring_layer[ring]] = True
     half = np.flatnonzero(np.repeat(layout.used & layer[graph.piece_layer], 2))
@@ -299,16 +299,16 @@ def _beside(ring: Int, point: Float, rings: Areas, layout: BeadLayout) -> Int:
     corners = [*ends, foot[:, 1], foot[:, 0]]
     low, high = reduce(np.minimum, corners), reduce(np.maximum, corners)
     found, piece = Boxes(point, point, rings.ring_layer[ring]).find_overlapping(
-        Boxes(low, high, graph.layer[start]).expand(_SAME)
+        Boxes(low, high, graph.layer[start]).expand(_ROUNDING)
     )
     # The outline lies on the left: counter-clockwise, what is inside lies to the left of all four sides.
     corner, place = np.stack([some.take(piece, axis=0) for some in corners], axis=1), point[found]
     sides = np.roll(corner, -1, axis=1) - corner
-    inside = (cross(sides, place[:, None] - corner) >= -_SAME * norm(sides)).all(axis=1)
+    inside = (cross(sides, place[:, None] - corner) >= -_ROUNDING * norm(sides)).all(axis=1)
     return ring[found[inside]]
 
 
-def _longest_middles(rings: Areas) -> Float:
+def _longest_side_middles(rings: Areas) -> Float:
     """Return the middle (R, 2) of the longest side of each ring, mm."""
     way = rings.xy.take(rings.following, axis=0) - rings.xy
     order = np.lexsort((norm(way), rings.point_ring))
@@ -316,12 +316,12 @@ def _longest_middles(rings: Areas) -> Float:
     return np.asarray(rings.xy.take(longest, axis=0) + way.take(longest, axis=0) / 2)
 
 
-def _on_rings(areas: Areas, points: Float, layer: Int) -> tuple[Int, Float, Float]:
+def _find_nearest_sides(areas: Areas, points: Float, layer: Int) -> tuple[Int, Float, Float]:
     """Return for each point (n,) the nearest side of the rings of its layer, the position on it and the distance.
 
     Points that lie on no ring get side 0 at an infinite distance.
     """
-    point, side = Boxes(points, points, layer).find_overlapping(Boxes.of_sides(areas).expand(_ON))
+    point, side = Boxes(points, points, layer).find_overlapping(Boxes.of_sides(areas).expand(_MAX_MOUTH_DISTANCE))
     begin, end = (areas.xy.take(one, axis=0) for one in (side, areas.following[side]))
     place = points.take(point, axis=0)
     foot, share = nearest_on_segments(place, begin, end)

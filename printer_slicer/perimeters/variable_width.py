@@ -19,17 +19,18 @@ from printer_slicer.perimeters.facing_sides import find_facing_sides
 from printer_slicer.perimeters.graph import AxisGraph
 from printer_slicer.perimeters.layout import BeadLayout, lay_out_beads
 from printer_slicer.perimeters.middle_lines import MiddleLines, trace_middle_lines
-from printer_slicer.perimeters.tracing import BeadRings, closed_loops, trace_beads
+from printer_slicer.perimeters.tracing import BeadRings, join_loops, trace_beads
 
 __all__ = ["NarrowFill", "fill_narrow_areas"]
 
-_LEAN = np.deg2rad(26)  # slightly more than the angle of corners that get middle beads
-_BEYOND = 0.02  # mm of radius by which narrow places are followed into wider ones, to bridge short bulges
+_MAX_FACING_ANGLE = np.deg2rad(26)  # slightly more than the angle of corners that get middle beads
+# Radius, mm, by which narrow places are followed into wider ones, to bridge short bulges.
+_EXTRA_RADIUS = 0.02
 _CELL = 0.4  # mm
-_APART = 2e-5  # mm; two steps of the grid that areas are rounded to
-_BENT = 0.8  # tolerance of the medial axis, as a share of that of outlines
-_SAME = 1e-3  # mm of an outline
-_ROOM = 0.5  # mm around narrow places within which the medial axis must be known
+_SEPARATION = 2e-5  # mm; two steps of the grid that areas are rounded to
+_CHORD_RATIO = 0.8  # tolerance of the medial axis, as a share of that of outlines
+_ROUNDING = 1e-3  # mm of an outline
+_AXIS_MARGIN = 0.5  # mm around narrow places within which the medial axis must be known
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,7 +53,7 @@ class NarrowFill:
 
     @classmethod
     def empty(cls, n_layers: int) -> NarrowFill:
-        """Return a fill without any layer."""
+        """Return the fill of `n_layers` layers without narrow places."""
         none, of_none = np.zeros((0, 2)), np.zeros(0, np.int64)
         rings = BeadRings(none, np.zeros(0), of_none, of_none, of_none)
         return cls(
@@ -84,48 +85,48 @@ def fill_narrow_areas(solid: Areas, beading: Beading, tolerance: float = 0.0) ->
     """
     if not solid.n_rings:
         return NarrowFill.empty(solid.n_layers)
-    widest = beading.thresholds()[-1] + _BEYOND
+    widest = beading.thresholds()[-1] + _EXTRA_RADIUS
     if tolerance:
         simple = simplify(solid, tolerance)
-        near = find_facing_sides(simple, 2 * widest, _LEAN)
+        near = find_facing_sides(simple, 2 * widest, _MAX_FACING_ANGLE)
         solid = normalize(simple.of_layers(near.layer))
     else:
-        near = find_facing_sides(solid, 2 * widest, _LEAN)
+        near = find_facing_sides(solid, 2 * widest, _MAX_FACING_ANGLE)
         solid = solid.of_layers(near.layer)
     if not len(near.layer):
         return NarrowFill.empty(solid.n_layers)
-    chord = max(CHORD, _BENT * tolerance)
-    narrow, broken = _filled(solid, near, (beading, widest), chord)
+    chord = max(CHORD, _CHORD_RATIO * tolerance)
+    narrow, broken = _fill_along_axis(solid, near, (beading, widest), chord)
     if broken.any():
         # Layers whose narrow places cannot be joined to fixed-width loops are traced completely. A small inset
         # separates outlines that touch themselves because of rounding.
-        apart = offset(solid.of_layers(broken), -_APART)
-        rest, _ = _filled(apart, None, (beading, np.full_like(widest, np.inf)), chord)
+        apart = offset(solid.of_layers(broken), -_SEPARATION)
+        rest, _ = _fill_along_axis(apart, None, (beading, np.full_like(widest, np.inf)), chord)
         narrow = narrow.merge(rest)
     return narrow
 
 
-def _filled(
+def _fill_along_axis(
     solid: Areas, near: Boxes | None, limits: tuple[Beading, Float], chord: float
 ) -> tuple[NarrowFill, Bool]:
-    """Fill with the medial axis near narrow places, or all of it; also return the layers (L,) where that failed."""
+    """Fill along the medial axis near narrow places, or along all of it; return the fill and the failed layers (L,)."""
     beading, widest = limits
     sides = np.ones(len(solid.xy), np.bool_)
     if near is not None:
-        sides = Boxes.of_sides(solid).touches_any(near.expand(2 * float(widest.max()) + _ROOM))
+        sides = Boxes.of_sides(solid).touches_any(near.expand(2 * float(widest.max()) + _AXIS_MARGIN))
     axis = medial_axis(solid, float(widest.max(initial=0.0)), sides, chord=chord)
-    real = _real(solid, sides, axis.source, axis.corner)
-    given, layers, broken = _needed(
+    real = _have_real_sides(solid, sides, axis.source, axis.corner)
+    counted, layers, broken = _select_narrow_pieces(
         count_beads(AxisGraph.of(axis), real, beading, widest), beading, solid.n_layers
     )
     broken[axis.left_out] = True
     if near is not None:
-        broken |= _beyond(given, near, float(widest.max()) + _ROOM, solid.n_layers)
-    layout = lay_out_beads(given, beading)
+        broken |= _find_unknown_layers(counted, near, float(widest.max()) + _AXIS_MARGIN, solid.n_layers)
+    layout = lay_out_beads(counted, beading)
     walk = trace_beads(layout, layout.active, layout.inset, layout.width)
     width = beading.spacing + beading.rounding
-    around = solid.select(layers[solid.ring_layer] & _partly_wide(solid, axis, given))
-    rings, failed = closed_loops(walk, _fixed_loops(around, beading), layout, width)
+    around = solid.select(layers[solid.ring_layer] & _find_partly_wide_rings(solid, axis, counted))
+    rings, failed = join_loops(walk, _make_fixed_loops(around, beading), layout, width)
     broken[failed] = True
     layers &= ~broken
     lines = trace_middle_lines(layout, beading)
@@ -135,28 +136,28 @@ def _filled(
             layers,
             rings.take((rings.level < beading.loops) & layers[rings.layer]),
             lines.take(layers[lines.layer]),
-            _areas(within, solid.n_layers).of_layers(layers),
-            _lost(layout, solid.n_layers) * layers,
+            _rings_to_areas(within, solid.n_layers).of_layers(layers),
+            _lost_area(layout, solid.n_layers) * layers,
         ),
         broken,
     )
 
 
-def _partly_wide(solid: Areas, axis: MedialAxis, given: CountedGraph) -> Bool:
-    """Return the rings (R,) of areas that are not narrow everywhere; only these have fixed-width loops."""
-    graph = given.graph
-    half = np.flatnonzero(np.repeat(given.used, 2))
+def _find_partly_wide_rings(solid: Areas, axis: MedialAxis, counted: CountedGraph) -> Bool:
+    """Return which rings (R,) belong to areas that are not narrow everywhere; only these have fixed-width loops."""
+    graph = counted.graph
+    half = np.flatnonzero(np.repeat(counted.used, 2))
     ring = solid.point_ring[axis.source[2 * graph.origin[half >> 1] + (half & 1)]]
     foot = graph.foot.take(half, axis=0)
     way = foot[:, 1] - foot[:, 0]
     covered = np.bincount(ring, norm(way), minlength=solid.n_rings)
     area = label_components(ring.reshape(-1, 2).T, solid.n_rings)
     wide = np.zeros(solid.n_rings, np.bool_)
-    wide[area[covered < solid.ring_length() - _SAME]] = True
+    wide[area[covered < solid.ring_length() - _ROUNDING]] = True
     return wide[area]
 
 
-def _fixed_loops(solid: Areas, beading: Beading) -> list[Areas]:
+def _make_fixed_loops(solid: Areas, beading: Beading) -> list[Areas]:
     """Return the fixed-width loops of each level, and the border of the remaining area.
 
     Round joins keep a constant distance from the outline, like the loops around the medial axis.
@@ -166,8 +167,8 @@ def _fixed_loops(solid: Areas, beading: Beading) -> list[Areas]:
     return [offset(solid, -one, join="round") for one in inset]
 
 
-def _real(solid: Areas, sides: Bool, source: Int, corner: Bool) -> Bool:
-    """Return whether both neighbours of a piece (E,), sides or corners, belong to the chosen sides."""
+def _have_real_sides(solid: Areas, sides: Bool, source: Int, corner: Bool) -> Bool:
+    """Return whether the sides or corners on both sides of each piece (E,) belong to the chosen `sides`."""
     both = np.zeros(len(sides), np.bool_)
     both[solid.following] = sides
     both &= sides
@@ -175,10 +176,10 @@ def _real(solid: Areas, sides: Bool, source: Int, corner: Bool) -> Bool:
     return np.asarray(half[::2] & half[1::2])
 
 
-def _beyond(given: CountedGraph, near: Boxes, reach: float, n_layers: int) -> Bool:
-    """Return the layers (L,) with pieces so far from narrow places that sides not chosen may be nearer."""
-    graph = given.graph
-    point = distinct(graph.ends[given.used].ravel())
+def _find_unknown_layers(counted: CountedGraph, near: Boxes, reach: float, n_layers: int) -> Bool:
+    """Return the layers (L,) with pieces so far from narrow places that sides outside the selection may be nearer."""
+    graph = counted.graph
+    point = distinct(graph.ends[counted.used].ravel())
     result = np.zeros(n_layers, np.bool_)
     if not len(point):
         return result
@@ -194,8 +195,8 @@ def _beyond(given: CountedGraph, near: Boxes, reach: float, n_layers: int) -> Bo
     return result
 
 
-def _lost(layout: BeadLayout, n_layers: int) -> Float:
-    """Return the area (L,) around pieces that no bead follows, mm²; they are thinner than the thinnest feature."""
+def _lost_area(layout: BeadLayout, n_layers: int) -> Float:
+    """Return the area (L,) around pieces too thin for any bead, mm²."""
     graph = layout.graph
     piece = np.flatnonzero(layout.used & (layout.count[layout.port] == 0).all(axis=1))
     half = np.stack([2 * piece, 2 * piece + 1], axis=1).ravel()
@@ -205,19 +206,21 @@ def _lost(layout: BeadLayout, n_layers: int) -> Float:
     return np.bincount(graph.layer[graph.start[half]], area, n_layers).astype(np.float64)
 
 
-def _needed(given: CountedGraph, beading: Beading, n_layers: int) -> tuple[CountedGraph, Bool, Bool]:
-    """Return the connected pieces with a narrow place, their layers (L,), and the layers with incomplete ones."""
-    graph = given.graph
+def _select_narrow_pieces(
+    counted: CountedGraph, beading: Beading, n_layers: int
+) -> tuple[CountedGraph, Bool, Bool]:
+    """Return the connected pieces with a narrow place, their layers (L,), and layers (L,) with incomplete ones."""
+    graph = counted.graph
     ends, layer = graph.ends, graph.piece_layer
-    group = label_components(ends[given.used].T, len(graph.xy))
-    narrow = given.central & (given.count < beading.full)
+    group = label_components(ends[counted.used].T, len(graph.xy))
+    narrow = counted.central & (counted.count < beading.full_count)
     open_ended = np.zeros(len(graph.xy), np.bool_)
-    open_ended[group[ends[given.wide].ravel()]] = True
-    apart = ~given.used & ~given.wide
+    open_ended[group[ends[counted.wide].ravel()]] = True
+    apart = ~counted.used & ~counted.wide
     open_ended[group[ends[apart].ravel()]] = True
     is_narrow = ~open_ended  # small islands without a long side
     is_narrow[group[ends[narrow, 0]]] = True
-    used = given.used & is_narrow[group[ends[:, 0]]]
+    used = counted.used & is_narrow[group[ends[:, 0]]]
     layers = np.zeros(n_layers, np.bool_)
     layers[layer[used]] = True
     touched = np.zeros(len(graph.xy), np.bool_)
@@ -226,17 +229,17 @@ def _needed(given: CountedGraph, beading: Beading, n_layers: int) -> tuple[Count
     broken = np.zeros(n_layers, np.bool_)
     broken[layer[cut]] = True
     # Keep the first pieces of wide places, because they show where the narrow places end.
-    kept = np.flatnonzero(used | (given.wide & touched[ends].any(axis=1)))
-    central, corner = (given.central & used)[kept], (given.corner & used)[kept]
-    count = np.where(used, given.count, 0)[kept]
+    kept = np.flatnonzero(used | (counted.wide & touched[ends].any(axis=1)))
+    central, corner = (counted.central & used)[kept], (counted.corner & used)[kept]
+    count = np.where(used, counted.count, 0)[kept]
     return (
-        CountedGraph(graph.only(kept), used[kept], central, corner, given.wide[kept], count),
+        CountedGraph(graph.with_pieces(kept), used[kept], central, corner, counted.wide[kept], count),
         layers,
         broken,
     )
 
 
-def _areas(rings: BeadRings, n_layers: int) -> Areas:
+def _rings_to_areas(rings: BeadRings, n_layers: int) -> Areas:
     """Return the rings as clean areas."""
     order = np.argsort(rings.layer, kind="stable")
     (x, y), size = reorder_ragged((rings.xy[:, 0], rings.xy[:, 1]), rings.size, order)

@@ -1,4 +1,4 @@
-"""Make loops and middle lines of areas, inside a contour or between other extrusions."""
+"""Make loops and middle lines in areas, inside a contour or between other extrusions."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from printer_slicer.roles import Role
 
 __all__ = ["FillResult", "fill_narrow", "fill_pieces", "make_loops"]
 
-_SIMPLER = 0.025  # mm; borders between extrusions are hidden and may be simplified by this
-_EVEN = 0.004  # mm, tolerance of removed points
-_HAIR = 1e-3  # mm; remaining areas lie this far inside, so that rounding cannot move them over the outlines
-_LEAST_STRIP = 0.5  # of the narrowest spacing; thinner strips between loops stay empty
+_BORDER_TOLERANCE = 0.025  # mm; borders between extrusions are hidden and may be simplified by this
+_POINT_TOLERANCE = 0.004  # mm, tolerance of removed points
+_INSET = 1e-3  # mm; remaining areas lie this far inside, so that rounding cannot move them over the outlines
+_LEAST_STRIP_RATIO = 0.5  # of the narrowest spacing; thinner strips between loops stay empty
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,17 +55,26 @@ def make_loops(
     """
     width = bead.layer_widths(plan.n_layers, profile.width_of_first_layer, profile.extrusion_width)
     gap = bead.spacing(width, plan.height)
-    varying, amid = profile.quality.varying_walls, not outermost
-    least = np.full(plan.n_layers, profile.thinnest_feature) if outermost else _least(plan.height, profile)
-    margin = (width - gap) / 2 if outermost else np.full(plan.n_layers, _HAIR)
-    count = _beading((width, plan.height), profile, loops=loops, amid=amid, margin=margin, thinnest=least)
-    given = areas if varying and (loops or amid) else Areas.empty(plan.n_layers)
-    narrow = fill_narrow_areas(given, count, 0.0 if outermost else _SIMPLER)
+    varying, has_middle = profile.quality.varying_walls, not outermost
+    least = (
+        np.full(plan.n_layers, profile.thinnest_feature)
+        if outermost
+        else _least_thickness(plan.height, profile)
+    )
+    margin = (width - gap) / 2 if outermost else np.full(plan.n_layers, _INSET)
+    count = _make_beading(
+        (width, plan.height), profile, loops=loops, has_middle=has_middle, margin=margin, thinnest=least
+    )
+    given = areas if varying and (loops or has_middle) else Areas.empty(plan.n_layers)
+    narrow = fill_narrow_areas(given, count, 0.0 if outermost else _BORDER_TOLERANCE)
     wide = areas.of_layers(~narrow.layers)
     ordinary, inside, lost = fixed_width_loops(wide, width if outermost else gap, gap, loops)
     role = Role.EXTERNAL_PERIMETER if outermost else Role.PERIMETER
     own = np.arange(plan.n_layers)
-    paths = [_loops(plan, ordinary, width, role), _varying(plan, own, narrow, role, Role.PERIMETER)[0]]
+    paths = [
+        _make_loop_paths(plan, ordinary, width, role),
+        _make_varying_paths(plan, own, narrow, role, Role.PERIMETER)[0],
+    ]
     return FillResult(Toolpaths.joined(plan, paths), inside.merge(narrow.inside), lost + narrow.lost)
 
 
@@ -82,9 +91,9 @@ def fill_narrow(
         role: role of the paths.
     """
     own = np.arange(plan.n_layers)
-    narrow = fill_narrow_areas(areas, _amid_others(plan, own, profile, beads), _SIMPLER)
+    narrow = fill_narrow_areas(areas, _beading_between(plan, own, profile, beads), _BORDER_TOLERANCE)
     rest = areas.of_layers(~narrow.layers).merge(narrow.inside)
-    return FillResult(_varying(plan, own, narrow, role, role)[0], rest, narrow.lost)
+    return FillResult(_make_varying_paths(plan, own, narrow, role, role)[0], rest, narrow.lost)
 
 
 def fill_pieces(
@@ -95,29 +104,39 @@ def fill_pieces(
     Returns:
         The paths, and the piece (M,) of each path.
     """
-    narrow = fill_narrow_areas(pieces.areas, _amid_others(plan, pieces.layer, profile, beads), _SIMPLER)
-    return _varying(plan, pieces.layer, narrow, role, role)
+    narrow = fill_narrow_areas(
+        pieces.areas, _beading_between(plan, pieces.layer, profile, beads), _BORDER_TOLERANCE
+    )
+    return _make_varying_paths(plan, pieces.layer, narrow, role, role)
 
 
-def _amid_others(plan: LayerPlan, layer: Int, profile: Profile, beads: int) -> Beading:
+def _beading_between(plan: LayerPlan, layer: Int, profile: Profile, beads: int) -> Beading:
     """Return the beading of areas on layers (E,) that lie between other extrusions."""
     width = bead.layer_widths(plan.n_layers, profile.width_of_first_layer, profile.extrusion_width)[layer]
     height = plan.height[layer]
-    hair, least = np.full(len(layer), _HAIR), _least(height, profile)
+    hair, least = np.full(len(layer), _INSET), _least_thickness(height, profile)
     size = width, height
-    return _beading(size, profile, loops=beads // 2, amid=beads % 2 == 1, margin=hair, thinnest=least)
+    return _make_beading(
+        size, profile, loops=beads // 2, has_middle=beads % 2 == 1, margin=hair, thinnest=least
+    )
 
 
-def _least(height: Float, profile: Profile) -> Float:
-    """Return the least thickness (E,) of strips to fill, mm."""
+def _least_thickness(height: Float, profile: Profile) -> Float:
+    """Return the thickness (E,) of the thinnest strips to fill, mm."""
     narrowest = np.maximum(profile.bead_widths[0], height)
-    return _LEAST_STRIP * bead.spacing(narrowest, height)
+    return _LEAST_STRIP_RATIO * bead.spacing(narrowest, height)
 
 
-def _beading(
-    size: tuple[Float, Float], profile: Profile, *, loops: int, amid: bool, margin: Float, thinnest: Float
+def _make_beading(
+    size: tuple[Float, Float],
+    profile: Profile,
+    *,
+    loops: int,
+    has_middle: bool,
+    margin: Float,
+    thinnest: Float,
 ) -> Beading:
-    """Return the number of beads by thickness; `size` is their usual width and height (E,)."""
+    """Make the rules for the number of beads by thickness; `size` is their usual width and height (E,)."""
     width, height = size
     spacing = bead.spacing(width, height)
     low, high = profile.bead_widths
@@ -125,10 +144,10 @@ def _beading(
         bead.spacing(np.maximum(limit, height), height)
         for limit in (np.minimum(low, width), np.maximum(high, width))
     )
-    return Beading(loops, amid, spacing, width - spacing, margin, narrowest, widest, thinnest)
+    return Beading(loops, has_middle, spacing, width - spacing, margin, narrowest, widest, thinnest)
 
 
-def _loops(plan: LayerPlan, loops: list[Areas], width: Float, outermost: Role) -> Toolpaths:
+def _make_loop_paths(plan: LayerPlan, loops: list[Areas], width: Float, outermost: Role) -> Toolpaths:
     """Return one closed path per ring; inner loops come first within each layer."""
     layer, role, widths, xy, size = [], [], [], [], []
     for depth, loop in reversed(list(enumerate(loops))):
@@ -148,27 +167,27 @@ def _loops(plan: LayerPlan, loops: list[Areas], width: Float, outermost: Role) -
     )
 
 
-def _varying(
-    plan: LayerPlan, home: Int, narrow: NarrowFill, outermost: int | Int, inner: int | Int
+def _make_varying_paths(
+    plan: LayerPlan, entry_layer: Int, narrow: NarrowFill, outermost: int | Int, inner: int | Int
 ) -> tuple[Toolpaths, Int]:
     """Return loops and lines of variable width, inner ones first within each entry, and the entry (M,) of each.
 
     Args:
         plan: the layers.
-        home: (E,) ascending, layer of each filled entry.
+        entry_layer: (E,) ascending, layer of each filled entry.
         narrow: the loops and lines.
         outermost: role of the loops along outlines, one or (E,).
-        inner: role of the others, one or (E,).
+        inner: role of the other loops and of lines, one or (E,).
     """
     rings, lines = narrow.rings, narrow.lines
     entry = np.concatenate([rings.layer, lines.layer])
     depth = np.concatenate([rings.level, lines.depth])
     size = np.concatenate([rings.size, lines.size])
     xy, width = np.concatenate([rings.xy, lines.xy]), np.concatenate([rings.width, lines.width])
-    height = np.repeat(plan.height[home[entry]], size)
+    height = np.repeat(plan.height[entry_layer[entry]], size)
     width = np.round(np.maximum(width, height), 3)  # as written to the file
     closed: Bool = np.concatenate([np.ones(len(rings.size), np.bool_), lines.closed])
-    kept = points_to_keep(xy, width, size, closed, _EVEN)
+    kept = points_to_keep(xy, width, size, closed, _POINT_TOLERANCE)
     xy, width, size = (
         xy[kept],
         width[kept],
@@ -177,12 +196,12 @@ def _varying(
     order = np.lexsort((-depth, entry))
     (x, y, width), size = reorder_ragged((*xy.T, width), size, order)
     entry = entry[order]
-    roles = [np.broadcast_to(role, len(home))[entry] for role in (inner, outermost)]
+    roles = [np.broadcast_to(role, len(entry_layer))[entry] for role in (inner, outermost)]
     paths = Toolpaths.gathered(
         plan,
         xy=np.column_stack([x, y]),
         size=size,
-        layer=home[entry],
+        layer=entry_layer[entry],
         role=np.where(depth[order] > 0, *roles),
         width=width,
         closed=closed[order],
