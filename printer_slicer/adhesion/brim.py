@@ -80,8 +80,8 @@ def brim_paths(sections: Sections, profile: Profile) -> Toolpaths:
             remedy="Lower quality.brim_width",
         )
     around = union(offset(zones.bodies, reach, join="round"), zones.holes)
-    grounds = within if quality.brim_type == "ears" else around
-    order = _order_by_body(lines, zone, grounds.select(grounds.ring_area() > 0))
+    areas = within if quality.brim_type == "ears" else around
+    order = _order_by_body(lines, zone, areas.select(areas.ring_area() > 0))
     return loop_paths(
         plan,
         [lines[i] for i in order],
@@ -148,27 +148,27 @@ def _limit_areas(zones: _BrimZones, reach: float, width: float, quality: Quality
 
 
 def _clip_loops(loops: Areas, within: Areas, width: float) -> tuple[list[Float], Int, Bool]:
-    """Clip centre lines to their limits; return lines, zones and closedness, without stubs shorter than their width."""
+    """Clip loops to their limits and drop short stubs; return the lines, their zones, and which are closed."""
     xy, size, ring, closed = clip_outlines(loops, within)
     start = np.append(0, np.cumsum(size))
     kept = np.flatnonzero(closed | (polyline_lengths(xy, start, closed=False) >= width))
     return [xy[start[i] : start[i + 1]] for i in kept.tolist()], loops.ring_layer[ring[kept]], closed[kept]
 
 
-def _order_by_body(lines: list[Float], zone: Int, grounds: Areas) -> list[int]:
+def _order_by_body(lines: list[Float], zone: Int, areas: Areas) -> list[int]:
     """Return the printing order of lines: all lines of a connected area, then those of the nearest other area.
 
     Args:
         lines: (n, 2) each.
         zone: (M,) zone of each line.
-        grounds: outer rings of connected areas, zone by zone.
+        areas: outer rings of connected areas, zone by zone.
     """
     begin = np.array([line[0] for line in lines]).reshape(-1, 2)
     # A clipped line ends on a border; its middle is certainly inside.
     middle = np.array([line[len(line) // 2 - 1 : len(line) // 2 + 1].mean(axis=0) for line in lines])
     by_zone = np.argsort(zone, kind="stable")
     ground = np.zeros(len(lines), np.int64)
-    ground[by_zone] = find_enclosing_rings(grounds, middle.reshape(-1, 2)[by_zone], zone[by_zone])
+    ground[by_zone] = find_enclosing_rings(areas, middle.reshape(-1, 2)[by_zone], zone[by_zone])
     groups = [np.flatnonzero(ground == one) for one in np.unique(ground).tolist()]
     order: list[int] = []
     here = begin[0] if len(lines) else np.zeros(2)

@@ -76,7 +76,7 @@ def _find_raft_area(first: Areas, margin: float) -> Areas:
 
 
 def _stack_below(area: Areas, solid: Areas, n_below: int) -> Areas:
-    """Return a stack with the same area on the lowest layers, and another stack above them."""
+    """Return the stack `solid` above `n_below` more layers, which all have the same area."""
     rings = np.tile(np.arange(area.n_rings), n_below)
     below = area.take(rings)
     return Areas(

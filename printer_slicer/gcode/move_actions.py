@@ -334,7 +334,7 @@ def _make_mode_action(word: str) -> Action:
 
     def run(state: ReaderState, _words: Mapping[str, float], _index: int) -> None:
         """Set the mode by the firmware's rule."""
-        state.counting = state.counting.after(word)
+        state.counting = state.counting.with_command(word)
 
     return run
 

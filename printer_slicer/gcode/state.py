@@ -277,7 +277,7 @@ class MachineState:
         if (action := self._ACTIONS.get(word)) is not None:
             action(self, word, values, command)
         elif word in _MODES:
-            self.counting = self.counting.after(word.decode())
+            self.counting = self.counting.with_command(word.decode())
         elif word in _MOVES_UNSEEN:
             self.forget_position()
         elif word in _MOVES_ORIGIN:

@@ -52,7 +52,7 @@ class Zigzags:
         return cls(xy, start, entry[start[:-1]], np.zeros(len(xy), np.bool_))
 
     def take(self, chosen: Int) -> Zigzags:
-        """Return some of the zigzags, by index."""
+        """Return the zigzags with the indices `chosen`."""
         size = np.diff(self.start)[chosen]
         point = consecutive(self.start[chosen], size)
         return Zigzags(self.xy[point], np.append(0, np.cumsum(size)), self.entry[chosen], self.thin[point])

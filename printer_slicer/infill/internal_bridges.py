@@ -101,12 +101,12 @@ def _split_stacked_layers(bridge: Areas) -> tuple[Bool, Bool]:
 
 
 def _extend_bridges(
-    regions: Regions, own: Areas, lines: Polylines, profile: Profile, is_affected: Bool
+    regions: Regions, bridges: Areas, lines: Polylines, profile: Profile, is_affected: Bool
 ) -> Regions:
-    """Extend the bridges `own` on some layers (L,); other internal bridges on these layers become solid infill."""
+    """Extend the bridges `bridges` on some layers (L,); other internal bridges on these layers become solid infill."""
     width, wanted = profile.extrusion_width, regions.internal_bridge.of_layers(is_affected)
     pieces, bridge_areas = (
-        split_connected(own),
+        split_connected(bridges),
         _find_bridge_areas(regions, lines, width, profile.quality.bridge_anchor, is_affected),
     )
     # The usual direction lies between the lines of the usual pattern; other directions are compared to it.
@@ -121,7 +121,7 @@ def _extend_bridges(
         regions,
         internal_bridge=regions.internal_bridge.select(elsewhere).merge(done),
         internal_bridge_angle=turns[np.argsort(layer, kind="stable")],
-        solid_infill=difference(union(regions.solid_infill, difference(wanted, own)), done),
+        solid_infill=difference(union(regions.solid_infill, difference(wanted, bridges)), done),
         internal_infill=difference(regions.internal_infill, done),
     )
 
@@ -146,18 +146,20 @@ def _extend_pieces(
 
 
 def _find_bridge_areas(
-    regions: Regions, lines: Polylines, width: float, overlap: float, used: Bool
+    regions: Regions, lines: Polylines, width: float, overlap: float, selected: Bool
 ) -> _BridgeAreas:
-    """Return the areas for bridges on some layers (L,)."""
+    """Return the areas for internal bridges on the `selected` layers (L,)."""
     n = regions.plan.n_layers
-    closed = regions.bottom_solid_infill.merge(regions.bridge).merge(regions.top_solid_infill).of_layers(used)
+    closed = (
+        regions.bottom_solid_infill.merge(regions.bridge).merge(regions.top_solid_infill).of_layers(selected)
+    )
     inside = regions.inside
     if not inside.n_rings:
         inside = union(regions.internal_bridge, union(regions.solid_infill, regions.internal_infill))
-    room = difference(inside.of_layers(used), closed)
-    some = lines.take(np.flatnonzero(np.append(used[1:], False)[lines.layer]))
+    room = difference(inside.of_layers(selected), closed)
+    some = lines.take(np.flatnonzero(np.append(selected[1:], False)[lines.layer]))
     pens = stroke_lines(some.xy, some.start, some.layer + 1, np.full(some.n_lines, width / 2), n)
-    hollow = intersection(room, regions.internal_infill.shift_layers(1).of_layers(used))
+    hollow = intersection(room, regions.internal_infill.shift_layers(1).of_layers(selected))
     # Gaps narrower than half a width are ignored.
     return _BridgeAreas(room, offset_open(difference(hollow, pens), width / 4), overlap)
 
@@ -176,21 +178,21 @@ def _find_best_angles(
 
 
 def _extend_along_rows(
-    own: Areas, pieces: ConnectedAreas, bridge_areas: _BridgeAreas, width: float, angle: float
+    bridges: Areas, pieces: ConnectedAreas, bridge_areas: _BridgeAreas, width: float, angle: float
 ) -> Areas:
     """Return the pieces extended to their supports along rows of one direction."""
     step = width / 2
     rows = _make_extended_rows(pieces, bridge_areas, step, angle)
     longer = np.flatnonzero(np.abs(rows.u - rows.lines.u).max(axis=1, initial=0.0) > _ROUNDING)
     if not len(longer):
-        return own
+        return bridges
     # Strips are twice as wide as the row distance, so that lines between rows are as long as their neighbours.
     strips = unite_row_rectangles(
         rows.lines.take(longer), rows.u[longer], angle=angle, half=step, n_layers=pieces.count
     )
-    strips = strips.restacked(np.arange(strips.n_rings), pieces.layer[strips.ring_layer], own.n_layers)
+    strips = strips.restacked(np.arange(strips.n_rings), pieces.layer[strips.ring_layer], bridges.n_layers)
     # Offsetting and intersecting unite overlapping areas.
-    whole = own.merge(strips)
+    whole = bridges.merge(strips)
     # Close notches between strips that are too narrow for a row.
     smooth = offset(offset(whole, width / 2), -width / 2)
     return intersection(whole.merge(smooth), bridge_areas.allowed)
@@ -254,15 +256,15 @@ class _RowKeys:
         return group[:, None] * self.pitch + (lines.u - self.low)
 
 
-def _find_allowed_ranges(own: Float, rooms: Float) -> Float:
+def _find_allowed_ranges(rows: Float, ranges: Float) -> Float:
     """Return begin and end (S, 2) of the allowed area along each row; the area includes at least the row."""
-    if not len(rooms):
-        return own
-    found = np.maximum(np.searchsorted(rooms[:, 0], own.mean(axis=1), side="right") - 1, 0)
-    around = rooms[found]
-    within: Bool = (around[:, 0] <= own.mean(axis=1)) & (around[:, 1] >= own.mean(axis=1))
-    wider = np.stack([np.minimum(around[:, 0], own[:, 0]), np.maximum(around[:, 1], own[:, 1])], axis=1)
-    return np.where(within[:, None], wider, own)
+    if not len(ranges):
+        return rows
+    found = np.maximum(np.searchsorted(ranges[:, 0], rows.mean(axis=1), side="right") - 1, 0)
+    around = ranges[found]
+    within: Bool = (around[:, 0] <= rows.mean(axis=1)) & (around[:, 1] >= rows.mean(axis=1))
+    wider = np.stack([np.minimum(around[:, 0], rows[:, 0]), np.maximum(around[:, 1], rows[:, 1])], axis=1)
+    return np.where(within[:, None], wider, rows)
 
 
 def _find_supported_begins(begin: Float, end: Float, limit: Float, gaps: Float, overlap: float) -> Float:

@@ -100,24 +100,24 @@ def internal_infill_paths(layout: PatternLayout, regions: Regions, profile: Prof
     around = own.bead / 2 + overlap
     bridges = offset(regions.bridge.merge(regions.internal_bridge), around).copy_layers(own.layer)
     task = replace(own, spacing=layout.task.spacing, area=difference(own.area, bridges))
-    bare, more = _draw_pattern(task, layout.pattern)
+    bare, length_ratio = _draw_pattern(task, layout.pattern)
     lines = _add_anchors(task, bare, profile, layout.anchor_ratio)
     if overlap:
         lines = extend_ends(lines, bare, task.area, overlap, task.bead)
-    share = np.ones_like(more)
+    share = np.ones_like(length_ratio)
     if layout.measured:
         laid, volume = (
-            _line_volumes(task, lines, more),
+            _line_volumes(task, lines, length_ratio),
             _wanted_volumes(own, regions.internal_infill, profile),
         )
         share = _width_factors(laid, volume)
         if layout.strict_name:
             check_density(layout.strict_name, float((laid * share).sum()), float(volume.sum()), profile)
-    return _make_toolpaths(task, lines, task.bead * share / more)
+    return _make_toolpaths(task, lines, task.bead * share / length_ratio)
 
 
 def _make_task(regions: Regions, infill: Areas, groups: Int, profile: Profile) -> InfillTask:
-    """Return the task of filling internal infill areas, with the usual spacing."""
+    """Make the task to fill internal infill areas, with the usual spacing."""
     quality, width = profile.quality, profile.extrusion_width
     filled = combine_infill_areas(infill, regions.plan, groups, width)
     highest = float(filled.height[filled.area.used].max(initial=0.0))
@@ -156,9 +156,9 @@ def _grown_areas(area: Areas, inset: float) -> Float:
 
 def _draw_pattern(task: InfillTask, pattern: Pattern) -> tuple[Polylines, Float]:
     """Return the lines of the pattern except very short ones, and the length ratio (E,), see `Pattern`."""
-    lines, more = pattern(task)
+    lines, length_ratio = pattern(task)
     # Lines between perimeters that nearly touch shrink to dots; each would cost a stop.
-    return lines.take(np.flatnonzero(lines.length() >= _SHORTEST_LINE * task.bead)), more
+    return lines.take(np.flatnonzero(lines.length() >= _SHORTEST_LINE * task.bead)), length_ratio
 
 
 def _add_anchors(task: InfillTask, lines: Polylines, profile: Profile, anchor_ratio: float) -> Polylines:
@@ -209,23 +209,23 @@ def _measure_with_anchors(
     return float(_line_volumes(task, _add_anchors(task, drawn[0], profile, anchor_ratio), drawn[1]).sum())
 
 
-def _line_volumes(task: InfillTask, lines: Polylines, more: Float) -> Float:
+def _line_volumes(task: InfillTask, lines: Polylines, length_ratio: Float) -> Float:
     """Return the volume of lines at the usual width, (E,) mm³."""
-    length = np.bincount(lines.layer, lines.length(), minlength=len(more))
-    return np.asarray(length / more * task.height * task.bead)
+    length = np.bincount(lines.layer, lines.length(), minlength=len(length_ratio))
+    return np.asarray(length / length_ratio * task.height * task.bead)
 
 
-def _width_factors(laid: Float, volume: Float) -> Float:
+def _width_factors(measured: Float, wanted: Float) -> Float:
     """Return the width factors (E,) that correct the volume of each entry, then the volume of the part."""
     low, high = 1 - _MAX_WIDTH_CHANGE, 1 + _MAX_WIDTH_CHANGE
-    each = np.clip(np.divide(volume, laid, out=np.ones_like(laid), where=laid > 0), low, high)
-    there = float((each * laid).sum())
-    return np.asarray(np.clip(each * float(volume.sum()) / there, low, high) if there else each)
+    each = np.clip(np.divide(wanted, measured, out=np.ones_like(measured), where=measured > 0), low, high)
+    there = float((each * measured).sum())
+    return np.asarray(np.clip(each * float(wanted.sum()) / there, low, high) if there else each)
 
 
-def _make_toolpaths(task: InfillTask, lines: Polylines, across: Float) -> Toolpaths:
-    """Return the lines as paths on the layers that print them; `across` (E,) is the extrusion spacing, mm."""
-    width = np.maximum(np.round(bead.width_for_spacing(across, task.height), 4), task.height)
+def _make_toolpaths(task: InfillTask, lines: Polylines, spacing: Float) -> Toolpaths:
+    """Return the lines as paths on the layers that print them; `spacing` (E,) is the extrusion spacing, mm."""
+    width = np.maximum(np.round(bead.width_for_spacing(spacing, task.height), 4), task.height)
     entry = lines.layer
     return Toolpaths.gathered(
         task.regions.plan,

@@ -154,18 +154,18 @@ def _make_toolpaths(
     )
 
 
-def _flow_factors(areas: Areas, laid: Float, filled: Float) -> Float:
+def _flow_factors(areas: Areas, laid_area: Float, filled_area: Float) -> Float:
     """Return the flow factor (P,) that gives each piece its nominal volume."""
-    wanted = areas.area() - filled
-    share = np.divide(wanted, laid, out=np.ones_like(laid), where=laid > 0)
+    wanted = areas.area() - filled_area
+    share = np.divide(wanted, laid_area, out=np.ones_like(laid_area), where=laid_area > 0)
     return np.asarray(np.clip(share, _MIN_FLOW, _MAX_FLOW), dtype=np.float64)
 
 
 def _fill_between_rows(
-    plan: LayerPlan, pieces: ConnectedAreas, stairs: Areas, role: Int, profile: Profile
+    plan: LayerPlan, pieces: ConnectedAreas, rows_area: Areas, role: Int, profile: Profile
 ) -> tuple[Toolpaths, Float]:
     """Fill gaps between rows; return the paths and the area (P,) mm² that they fill in each piece."""
-    left = split_connected(offset_open(difference(pieces.areas, stairs), _HALF_SLIT))
+    left = split_connected(offset_open(difference(pieces.areas, rows_area), _HALF_SLIT))
     left = left.take(np.flatnonzero(left.areas.area() > _LEAST_GAP_AREA))
     gaps = ConnectedAreas(left.areas, pieces.layer[left.layer], left.of_ring)
     paths, _, filled = fill_gaps(plan, gaps, role[left.layer], profile, beads=_MAX_BEADS_BETWEEN)

@@ -72,5 +72,5 @@ def _match_points(joined: Polylines, places: tuple[Float, Int]) -> tuple[Int, In
 
 
 def _lengths(vectors: Float) -> Float:
-    """Return the length (n,) of vectors (n, 2), never zero."""
+    """Return the lengths (n,) of vectors (n, 2), at least 1e-12."""
     return np.asarray(np.maximum(np.hypot(*vectors.T), 1e-12))

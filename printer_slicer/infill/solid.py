@@ -54,7 +54,7 @@ def _make_ironing_lines(
 def _make_row_settings(
     plan: LayerPlan, pieces: ConnectedAreas, role: Int, angle: Float, profile: Profile
 ) -> RowSettings:
-    """Return settings for rows of the usual spacing whose width is fitted to the piece."""
+    """Return the settings of rows with the usual spacing, and with a width that is fitted to the piece."""
     height = plan.height[pieces.layer]
     wide = bead.layer_widths(plan.n_layers, profile.width_of_first_layer, profile.extrusion_width)
     gap = bead.spacing(wide[pieces.layer], height)

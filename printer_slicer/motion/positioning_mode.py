@@ -37,7 +37,7 @@ class PositioningMode(NamedTuple):
         """Whether e is relative."""
         return self.has_relative_extruder or (self.rule == "either" and self.has_relative_axes)
 
-    def after(self, word: str) -> PositioningMode:
+    def with_command(self, word: str) -> PositioningMode:
         """Return the mode after the command `word`; unchanged if the command does not set it."""
         if word in {"M82", "M83"}:
             return self._replace(has_relative_extruder=word == "M83")

@@ -50,7 +50,7 @@ EQUAL_RATIO: Final = 1 - 1e-9
 """Squared speeds whose ratio is above this are equal, so that rounding does not decide whether a block also brakes."""
 
 
-class _Queued(NamedTuple):
+class _QueuedBlock(NamedTuple):
     """A block in the planner.
 
     Attributes:
@@ -80,7 +80,7 @@ class Lookahead:
     def __init__(self, limits: MotionLimits) -> None:
         self.limits = limits
         self.exit_speed = 0.0
-        self._queue: deque[_Queued] = deque()
+        self._queue: deque[_QueuedBlock] = deque()
         self._last: Block | None = None
         self._square = 0.0  # of exit_speed
         self._smooth = 0.0  # the same for the virtual machine of `minimum_cruise_ratio`
@@ -98,7 +98,7 @@ class Lookahead:
         """Add a block to the queue. To model a real planner, pop a block first while the queue `is_full`."""
         corner = 0.0 if self._last is None else squared_corner_speed(self.limits, self._last, block)
         self._last = block
-        self._queue.append(_Queued(block, corner, 2.0 * block.acceleration * block.length))
+        self._queue.append(_QueuedBlock(block, corner, 2.0 * block.acceleration * block.length))
 
     def stop(self) -> None:
         """Make the machine stop after the queued blocks; the next block pushed starts at speed 0."""
@@ -116,7 +116,7 @@ class Lookahead:
     def skip_to(self, queue: Iterable[tuple[Block, float]], last: Block | None, square: float) -> None:
         """Continue from another state, as returned by `queue_state`; not supported with `minimum_cruise_ratio`."""
         self._queue = deque(
-            _Queued(block, corner, 2.0 * block.acceleration * block.length) for block, corner in queue
+            _QueuedBlock(block, corner, 2.0 * block.acceleration * block.length) for block, corner in queue
         )
         self._last = last
         self._square = square

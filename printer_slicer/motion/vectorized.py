@@ -322,7 +322,7 @@ def _max_squared_speeds(corners: Float, gains: Float, entry: float) -> Float:
 
 
 def accumulate_limited(upper_bound: Float, gain: Float, first: float = 0.0) -> Float:
-    """Compute y[i] = min(limit[i], y[i - 1] + gain[i]) for all i, starting from y[-1] = `first`.
+    """Compute y[i] = min(upper_bound[i], y[i - 1] + gain[i]) for all i, starting from y[-1] = `first`.
 
     With the cumulative sums P of the gains this is P plus a running minimum of limit - P, but after a million moves P
     has too few digits for a slow corner. So the recurrence is run on about √B rows of √B moves in parallel: first to
@@ -423,12 +423,12 @@ class Stopwatch:
         self._entry = (0.0, 0.0)
 
     @property
-    def waiting(self) -> int:
+    def n_waiting(self) -> int:
         """Number of moves whose time is not final yet."""
         return len(self._waiting.speed) if self._waiting else 0
 
     def add(self, moves: RequestedMoves) -> None:
-        """Add more moves."""
+        """Add moves; sum up the times that no later move can change."""
         moves = self._waiting.followed_by(moves) if self._waiting else moves
         planned = self._plan(moves)
         known = planned.count_final()

@@ -58,15 +58,15 @@ def _select_lines_to_split(line: Int, saved: Float) -> Bool:
     return np.asarray((worth > 0) & (worth > before) & (worth >= after))
 
 
-def _split_at_points(paths: Toolpaths, line: Int, at: Int) -> Toolpaths:
-    """Split lines (n,) in two: from the point `at` (n,) to the end, then from the start to that point."""
+def _split_at_points(paths: Toolpaths, line: Int, split_point: Int) -> Toolpaths:
+    """Split lines (n,) in two: from `split_point` (n,) to the end, then from the start to `split_point`."""
     n = paths.n_paths
     count = np.ones(n, np.int64)
     count[line] = 2
     source = np.repeat(np.arange(n), count)
     first, stop = paths.start[:-1][source], paths.start[1:][source].copy()
     head = np.cumsum(count)[line] - 2
-    first[head], stop[head + 1] = at, at + 1
+    first[head], stop[head + 1] = split_point, split_point + 1
     point = consecutive(first, stop - first)
     return paths.of_points(point, np.append(0, np.cumsum(stop - first)), source)
 

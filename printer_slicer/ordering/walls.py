@@ -111,7 +111,7 @@ def _measure_distances(loops: Loops, outer: Loops, reach: float) -> tuple[Int, I
 
 
 def _label_connected(n: int, pairs: tuple[Int, Int]) -> Int:
-    """Return the label of the connected component of each item (n,), its lowest index."""
+    """Return for each item (n,) the lowest index in its connected component."""
     label = np.arange(n)
     one, other = pairs
     while True:

@@ -53,14 +53,14 @@ def points_to_keep(xy: Float, width: Float, size: Int, closed: Bool, tolerance: 
     return kept
 
 
-def _find_local_minima(candidates: Int, off: Float, before: Int, after: Int) -> Bool:
+def _find_local_minima(candidates: Int, deviation: Float, before: Int, after: Int) -> Bool:
     """Return which candidates (n,) deviate less than both neighbours; of equal ones, the lower index counts."""
     rank = np.full(len(before), np.inf)
-    rank[candidates] = off
+    rank[candidates] = deviation
     prior, next_one = before[candidates], after[candidates]
     low, high = rank[prior], rank[next_one]
-    under_prior = (off < low) | ((off == low) & (candidates < prior))
-    return np.asarray(under_prior & ((off < high) | ((off == high) & (candidates < next_one))))
+    under_prior = (deviation < low) | ((deviation == low) & (candidates < prior))
+    return np.asarray(under_prior & ((deviation < high) | ((deviation == high) & (candidates < next_one))))
 
 
 def _compute_deviations(point: Float, begin: Float, end: Float) -> Float:

@@ -69,23 +69,23 @@ class Metric(NamedTuple):
 
 
 def _limit_by_cusp(n_z: Float, height_at_45: float) -> Float:
-    """Return the maximum layer height by the height of the stair step."""
+    """Return the maximum layer height, given by the height of the stair step."""
     return height_at_45 * _N_Z_AT_45 / n_z
 
 
 def _limit_by_triangle(n_z: Float, height_at_45: float) -> Float:
-    """Return the maximum layer height by the area of the stair step."""
+    """Return the maximum layer height, given by the area of the stair step."""
     d = height_at_45 / _TRIANGLE
     return np.asarray(np.minimum(d / _BULGE, _TRIANGLE * d * np.sqrt(_horizontal_component(n_z) / n_z)))
 
 
 def _limit_by_wasserfall(n_z: Float, height_at_45: float) -> Float:
-    """Return the maximum layer height by the stair step and the bulge of the extrusion, after Wasserfall et al."""
+    """Return the maximum layer height, given by the stair step and the bulge of the extrusion (Wasserfall et al.)."""
     return height_at_45 * (_BULGE + 0.5 * _N_Z_AT_45) / (_BULGE + 0.5 * n_z)
 
 
 def _limit_by_topography(n_z: Float, height_at_45: float) -> Float:
-    """Return the maximum layer height by the width of the stair step."""
+    """Return the maximum layer height, given by the width of the stair step."""
     return height_at_45 * _horizontal_component(n_z) / n_z
 
 

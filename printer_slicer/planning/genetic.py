@@ -125,7 +125,7 @@ def _evolve(rules: _Rules, settings: GeneticPlanner) -> Int:
 
 
 def _build_first_population(rules: _Rules, size: int, rng: np.random.Generator) -> Int:
-    """Build plans (size, layers) by random walks from the bottom up, within the limits; 0 after the last layer."""
+    """Build random plans (size, layers) from the bottom up, within the limits; heights after the last layer are 0."""
     part = rules.part
     choices = np.searchsorted(rules.allowed, rules.limit, side="right")
     here = np.full(size, rules.bottom, np.int64)
@@ -144,7 +144,7 @@ def _build_first_population(rules: _Rules, size: int, rng: np.random.Generator) 
 
 
 def _compute_costs(plans: Int, rules: _Rules) -> Int:
-    """Return the cost (plans,): the number of layers, plus more than that for each z step above the limit."""
+    """Return the cost (plans,): the number of layers, plus a larger penalty for each z step above the limit."""
     here = np.minimum(_layer_bottoms(plans, rules), rules.part)
     over = np.maximum(plans - rules.limit[here], 0).sum(axis=1)
     return np.asarray((plans > 0).sum(axis=1) + over * (plans.shape[1] + 1))

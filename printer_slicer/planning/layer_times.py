@@ -80,7 +80,7 @@ class LayerTimes:
         self._cached_times: dict[tuple[float, bool], Float] = {}
 
     def seconds(self, indices: Int, height: float) -> Float:
-        """Return the time of layers (m,) of `height` mm that are cut at the heights `z[which]`, s."""
+        """Return the time of layers (m,) of `height` mm that are cut at the heights `z[indices]`, s."""
         found = self._interpolate(self._level_times(height, self._above), indices)
         on_bed = self._z.take(indices) <= height / 2 + _ROUNDING
         if on_bed.any():
@@ -94,7 +94,7 @@ class LayerTimes:
         return float(self._level_times(height, self._above).sum() / max(length.sum() * gap * height, 1e-9))
 
     def _interpolate(self, values: Float, indices: Int) -> Float:
-        """Interpolate values (L,) of the levels at the heights `z[which]`, (m,)."""
+        """Interpolate values (L,) of the levels at the heights `z[indices]` (m,)."""
         below, share = self._below.take(indices), self._share.take(indices)
         low = values.take(below)
         return np.asarray(low + share * (values.take(np.minimum(below + 1, len(values) - 1)) - low))
@@ -154,7 +154,7 @@ class LayerTimes:
         )
 
     def _time_lines(self, *, first: bool) -> _LayerLineTimes:
-        """Time lines in the first layer, or in those above it."""
+        """Compute the times of lines in the first layer, or in the layers above it."""
         profile, at = self._profile, self._sections
         speeds, hard, limits = profile.speeds, profile.accelerations, limits_of(profile.printer)
         thickest, width = profile.printer.max_layer, profile.extrusion_width
@@ -181,7 +181,7 @@ class LayerTimes:
             (width, line_motion("internal_bridge", "bridge")),
         )
         return _LayerLineTimes(
-            external, inner, [time_rows(link, one, slowest, limits) for link, one in rows], flow
+            external, inner, [time_rows(connection, one, slowest, limits) for connection, one in rows], flow
         )
 
     def _time_travels(self) -> Float:

@@ -108,13 +108,13 @@ class RowTimes:
         return np.asarray(np.exp(share) * rate[0])
 
 
-def time_rows(link: float, line: LineMotion, slowest: float, limits: MotionLimits) -> RowTimes:
-    """Return the times of zigzag lines joined by connections of `link` mm; other arguments as for `time_contours`."""
+def time_rows(connection: float, line: LineMotion, slowest: float, limits: MotionLimits) -> RowTimes:
+    """Return the times of zigzag lines with connections of this length, mm; other arguments as for `time_contours`."""
     length = np.geomspace(_SHORTEST_LINE, _LONGEST_LINE, _N_LENGTHS)
     to_and_fro = np.where(np.arange(_LINES_PER_ROW) % 2 == 0, 1.0, -1.0)
     moves = np.zeros((_N_LENGTHS, _LINES_PER_ROW, 2, 4))
     moves[:, :, 0, 0] = length[:, None] * to_and_fro
-    moves[:, :, 1, 1] = link
+    moves[:, :, 1, 1] = connection
     moves[..., 3] = _FILAMENT_PER_MM * np.abs(moves[..., :2]).sum(axis=-1)
     delta = moves.reshape(-1, 4)
     stops = np.zeros((_N_LENGTHS, 2 * _LINES_PER_ROW), np.bool_)

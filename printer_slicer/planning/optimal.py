@@ -175,6 +175,7 @@ class _Search:
         price = settings.error_price or settings.error_price_ratio * candidates.seconds_per_mm3
 
         def search(factor: float) -> Int | None:
+            """Find the cheapest plan for `factor` times the price."""
             return self._minimize(candidates.seconds + price * factor * candidates.volume)
 
         first = found = search(1.0)

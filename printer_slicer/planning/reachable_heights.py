@@ -45,7 +45,7 @@ def find_event_planes(mesh: Mesh, steps: ZSteps, bottom: int) -> list[int]:
 
 
 def is_fillable(total: int, steps: ZSteps) -> bool:
-    """Return whether layers within the printer's limits, or no layers, can have this total height in z steps."""
+    """Return whether zero or more layers within the printer's limits can have this total height in z steps."""
     return -(-total // steps.highest) * steps.lowest <= total
 
 
@@ -138,10 +138,7 @@ def _fill_interval(limits: list[int], masks: list[int], steps: ZSteps) -> list[i
 
 
 def _find_free_layers(limits: list[int], low: int, high: int, count: int) -> dict[int, int]:
-    """Return the heights, by bottom, of layers of any height from `low` to `high` that may end the interval.
-
-    At most the last `count` layers below the plane are free.
-    """
+    """Return layers {bottom: height} of any height from `low` to `high` among the last `count` layers."""
     end = len(limits)
     last = {
         end - height: height

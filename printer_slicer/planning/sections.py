@@ -36,7 +36,7 @@ class Shadows:
 
     @classmethod
     def of(cls, surface: Surface, n: int) -> Shadows:
-        """Measure a part at the borders of `n` levels."""
+        """Measure the areas of a part at the borders of `n` levels of equal height."""
         z = np.linspace(0.0, surface.height, n + 1)
         up, down = (shadow.area_below(z, including=True) for shadow in (surface.up, surface.down))
         return cls(z, up, down - down[0])
@@ -83,7 +83,7 @@ class SectionSums:
         return np.interp(self.z, self.planes, values)
 
     def solid_area(self, height: float) -> Float:
-        """Return the area (L,) of solid infill in layers of `height` mm, mm²: what is within the shell thickness."""
+        """Return the area (L,) of solid infill in layers of `height` mm, mm²: the area within the shell thickness."""
         z, (top, bottom) = self.z, self.shell
         near = self.shadows.up_between(z, z + height / 2 + top)
         near += self.shadows.down_between(z - height / 2 - bottom, z)

@@ -121,7 +121,7 @@ def _costs_from_bed(graph: ArcGraph, cost: Float) -> Float:
 
 
 def optimal_arcs(graph: ArcGraph, costs: Sequence[Float]) -> Int:
-    """Find the arcs of all plans that are cheapest by the first cost, among these by the second, and so on.
+    """Find the arcs of the plans that are cheapest by the first cost; of these plans by the second, and so on.
 
     Args:
         graph: the candidate layers.
@@ -243,7 +243,7 @@ def _trace_path(
 
 
 class _WindowMinimum:
-    """Range minimum over a window of columns for each column (sparse table of runs of 1, 2, 4, ... columns).
+    """Minimum over a window of columns for each column, by a sparse table of runs of 1, 2, 4, ... columns.
 
     Args:
         first, last: (R,) columns of each window; columns that do not exist are ignored.
@@ -339,7 +339,7 @@ def _reverse_graph(graph: ArcGraph, cost: Float) -> tuple[ArcGraph, Float]:
 
 
 def _compact_subgraph(graph: ArcGraph, kept: Int) -> ArcGraph:
-    """Return the subgraph of some arcs, with only the nodes that they touch."""
+    """Return the graph of only the arcs `kept` (K,), with only the nodes that they touch."""
     start, end = graph.start[kept], graph.end[kept]
     touched: Bool = np.zeros(graph.n + 1, np.bool_)
     touched[[0, graph.n]] = touched[start] = touched[end] = True

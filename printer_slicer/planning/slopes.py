@@ -123,7 +123,7 @@ def find_thickest_layers(
 
 
 def _measure_facets(triangles: Float) -> tuple[Float, Float, Float, Bool]:
-    """Return |n_z| (n,), lowest and highest z (n,), mm, and which facets are flats (n,)."""
+    """Return of each facet (n,) |n_z|, lowest and highest z in mm, and whether it is a flat."""
     ax, ay, az, bx, by, bz, cx, cy, cz = np.ascontiguousarray(triangles.reshape(-1, 9).T)
     low, high = np.minimum(np.minimum(az, bz), cz), np.maximum(np.maximum(az, bz), cz)
     bx, by, bz, cx, cy, cz = bx - ax, by - ay, bz - az, cx - ax, cy - ay, cz - az

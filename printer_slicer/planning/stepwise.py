@@ -109,7 +109,7 @@ def _fill_to_plane(total: int, limit: int, steps: ZSteps) -> Int:
 
 
 def _plan_thicker_slab(here: int, end: int, height_limit: _HeightLimit, steps: ZSteps) -> list[int]:
-    """Return a slab slightly thicker than the thickest layer: enough layers of one allowed height to reach its top."""
+    """Return a slab of equal layers of an allowed height, at least as thick as the thickest layer."""
     thick = int(steps.allowed[-1])
     for height in steps.allowed[::-1].tolist():
         total = -(-thick // height) * height

@@ -150,7 +150,7 @@ class _PlanCheck:
 
     @property
     def _thinnest_cause(self) -> str:
-        """Return the cause if even the thinnest layers exceed the tolerance."""
+        """Return the cause of a violation by the thinnest layers."""
         thinnest = self._profile.thinnest
         return (
             f"layers of {thinnest:g} mm, the thinnest allowed, can deviate by {self._share * thinnest:g} mm"

@@ -404,7 +404,7 @@ def _babystep(state: FirmwareState, command: Command) -> Steps | None:
 
 def _set_positioning_mode(state: FirmwareState, command: Command) -> None:
     """G90, G91, M82, M83: set absolute or relative mode."""
-    state.positioning = state.positioning.after(command.code)
+    state.positioning = state.positioning.with_command(command.code)
     state.relative, state.relative_e = state.positioning.has_relative_axes, state.positioning.has_relative_e
 
 

@@ -242,4 +242,4 @@ def test_what_is_certain_is_forgotten() -> None:
         some = delta[at : at + 1000]
         n = len(some)
         watch.add(RequestedMoves(some, np.full(n, 60.0), np.full(n, 1000.0), np.zeros(n, np.bool_)))
-        assert watch.waiting < 500
+        assert watch.n_waiting < 500
