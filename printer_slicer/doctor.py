@@ -25,7 +25,7 @@ from printer_slicer.stream.events import Accepted, Event, Halted, Identified, Te
 from printer_slicer.stream.framing import frame
 from printer_slicer.stream.link_meter import LinkMeter, LinkStatistics, MeteredTransport
 from printer_slicer.stream.protocol import Streamer
-from printer_slicer.stream.serial_port import holders
+from printer_slicer.stream.serial_port import find_processes_using
 from printer_slicer.stream.session import Transport, run
 
 if sys.platform != "win32":
@@ -202,7 +202,7 @@ def _find_holders(device: str, proc: Path) -> Iterator[tuple[int, str]]:
 
     The server of a pseudo-terminal always has it open.
     """
-    return iter(()) if device.startswith(_PSEUDO_TERMINALS) else holders(device, proc)
+    return iter(()) if device.startswith(_PSEUDO_TERMINALS) else find_processes_using(device, proc)
 
 
 _TEST_LINE: Final = b"G4 P0.000000000000000000000"  # 38 bytes with number, checksum and line break

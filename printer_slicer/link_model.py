@@ -30,7 +30,7 @@ from printer_slicer.motion.planner_clock import PlannerClock, PlannerState
 from printer_slicer.motion.rules import Block, MotionLimits
 from printer_slicer.motion.vectorized import Blocks, squared_corner_speeds
 from printer_slicer.motion.vectorized_lookahead import lookahead_seconds
-from printer_slicer.stream.window import QUESTION_ROOM
+from printer_slicer.stream.window import PROBE_BYTES
 
 __all__ = [
     "HANDSHAKE_LINES",
@@ -87,7 +87,7 @@ class SerialLink:
     @property
     def line_bytes(self) -> int:
         """Maximum number of bytes of lines in flight."""
-        return self.window_bytes - QUESTION_ROOM
+        return self.window_bytes - PROBE_BYTES
 
     def lines_per_second(self, size: float) -> float:
         """Return the throughput for lines of `size` bytes, lines/s, limited by baud rate or waits for answers."""

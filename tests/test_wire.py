@@ -247,7 +247,7 @@ def test_the_printer_says_who_it_is() -> None:
     (who,) = (e for e in Print([], MARLIN_2_1_ADVANCED).run().events if isinstance(e, Identified))
 
     assert who.firmware.startswith("Marlin bugfix-2.1.x")
-    assert who.can("EMERGENCY_PARSER")
+    assert who.has_capability("EMERGENCY_PARSER")
 
 
 # Lost and doubled answers.

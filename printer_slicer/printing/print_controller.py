@@ -40,7 +40,7 @@ from printer_slicer.stream.framing import check_commands
 from printer_slicer.stream.heater_watchdog import HeaterWatchdog
 from printer_slicer.stream.protocol import Streamer
 from printer_slicer.stream.replies import Position, Unknown, read_reply
-from printer_slicer.stream.send_history import ASK
+from printer_slicer.stream.send_history import PROBE_COMMAND
 from printer_slicer.stream.states import State
 
 __all__ = ["REPORT", "PrintController", "PrintPhase", "Prompts", "Request", "TemperaturePoll"]
@@ -145,9 +145,9 @@ class PrintController:
                 request.done(error)
         if self.phase is PrintPhase.STOPPING:
             self._stop_moving()
-        elif self.phase is PrintPhase.LEAVING and self._streamer.idle:
+        elif self.phase is PrintPhase.LEAVING and self._streamer.is_idle:
             self._change(PrintPhase.WAITING)
-        elif self.phase is PrintPhase.RETURNING and not self._streamer.injected:
+        elif self.phase is PrintPhase.RETURNING and not self._streamer.injected_count:
             self._go_on()
         if now >= self.heat.due:
             self._poll()
@@ -159,12 +159,12 @@ class PrintController:
         journal = self._journal
         for event in events:
             if isinstance(event, stream_events.LineSent):
-                self._job.follow(event.job - (not event.command))
+                self._job.follow(event.entries - (not event.command))
                 if event.command:
-                    self.watchdog.sent(event.command, self._now)
+                    self.watchdog.on_sent(event.command, self._now)
                     self._job.modes.follow(event.command, self._origin(event.command))
                 if journal:
-                    journal.numbered(event.number, event.job, event.command)
+                    journal.numbered(event.number, event.entries, event.command)
             elif isinstance(event, stream_events.Accepted):
                 self._job.follow(event.acknowledged)
                 if journal:
@@ -194,7 +194,7 @@ class PrintController:
         """Process an event of the streamer and pass it to the listener."""
         if isinstance(event, stream_events.LineSent):
             return
-        if warning := self.watchdog.heard(event, self._now):
+        if warning := self.watchdog.on_event(event, self._now):
             self._listen(stream_events.StreamWarning(str(warning)))
         if isinstance(event, stream_events.Identified):
             self._identified(event)
@@ -265,12 +265,12 @@ class PrintController:
     def _stop_moving(self) -> None:
         """Discard the planned moves (M410) once no line in flight could be planned after them."""
         streamer = self._streamer
-        if not self._stop_sent and streamer.idle:
+        if not self._stop_sent and streamer.is_idle:
             self._streamer.send_at_once(b"M410")
             streamer.inject(b"M400")
             streamer.inject(b"M114")
             self._stop_sent, self._stop_due = 1, self._now + _GIVE_UP
-        elif self._stop_sent and self._reported_position and streamer.idle:
+        elif self._stop_sent and self._reported_position and streamer.is_idle:
             self._on_stopped(self._reported_position)
         elif self._stop_sent and self._now >= self._stop_due:
             self._listen(stream_events.StreamWarning("the printer does not report where it stopped"))
@@ -480,8 +480,8 @@ class PrintController:
     def _poll(self) -> None:
         """Query temperatures if nothing else is queued."""
         self.heat.wait(self._now)
-        if self._streamer.state in {State.STREAMING, State.PAUSED} and not self._streamer.injected:
-            self._streamer.inject(ASK)
+        if self._streamer.state in {State.STREAMING, State.PAUSED} and not self._streamer.injected_count:
+            self._streamer.inject(PROBE_COMMAND)
 
 
 class PrintPhase(Enum):
@@ -573,7 +573,7 @@ class TemperaturePoll:
 
     def identified(self, who: Identified, now: float) -> bool:
         """Process the capabilities; return whether to make the firmware report by itself."""
-        self._reports = who.can("AUTOREPORT_TEMP")
+        self._reports = who.has_capability("AUTOREPORT_TEMP")
         self.wait(now)
         return self._reports
 

@@ -36,7 +36,13 @@ from printer_slicer.printing.reattach import (
 from printer_slicer.stream.events import Event, Finished, Halted, StreamWarning
 from printer_slicer.stream.link_meter import LinkMeter, MeteredTransport
 from printer_slicer.stream.protocol import Streamer
-from printer_slicer.stream.serial_port import PortInfo, SerialPort, find_again, identity, open_port
+from printer_slicer.stream.serial_port import (
+    PortInfo,
+    SerialPort,
+    find_device_of_board,
+    find_port_info,
+    open_port,
+)
 from printer_slicer.stream.session import run
 
 if TYPE_CHECKING:
@@ -286,7 +292,7 @@ class PrintSession:
     def _connect(self, transport: SerialPort, found: ResumePlan | None) -> None:
         """Stream over one connection until the end; if a listener fails, cancel the print first."""
         self._transport = transport
-        self._board = identity(self._port) or self._board
+        self._board = find_port_info(self._port) or self._board
         live = found.job if found else LiveJob(self._job.commands, self._spans, flavour=self._setup.flavour)
         streamer = Streamer(
             live,
@@ -343,7 +349,7 @@ class PrintSession:
         def hear(event: Event) -> None:
             """Pass an event and the warnings of the link meter to the controller."""
             self._meter.on_event(event)
-            for one in (event, *self._meter.warnings()):
+            for one in (event, *self._meter.new_warnings()):
                 controller.hear(one)
 
         while True:
@@ -353,7 +359,7 @@ class PrintSession:
                     cable,
                     monotonic,
                     on_event=hear,
-                    on_turn=controller.on_turn,
+                    before_send=controller.before_send,
                     record=controller.record,
                 )
             except KeyboardInterrupt:
@@ -396,7 +402,7 @@ class PrintSession:
         while monotonic() < give_up and not self._controls.has_end_request and not self._interrupts:
             self._controls.requested.wait(_LOOK_FOR_PORT)
             self._controls.requested.clear()
-            address = (find_again(self._board) if self._board else "") or self._port
+            address = (find_device_of_board(self._board) if self._board else "") or self._port
             with suppress(PortError):
                 transport = open_port(address, self._baud, dtr=self._dtr)
                 self._port = address

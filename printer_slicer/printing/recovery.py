@@ -22,7 +22,7 @@ from printer_slicer.printing.parking import ParkedState, parking_position, parse
 from printer_slicer.printing.power_loss_position import find_stop_position
 from printer_slicer.printing.reattach import ResumePlan, rebuild
 from printer_slicer.printing.resume_approach import extruded_points, find_approach
-from printer_slicer.stream.protocol import RESET
+from printer_slicer.stream.protocol import RESET_REASON
 
 __all__ = ["Point", "RecoveryPlan", "find_recovery_point", "plan_recovery", "recovery_script"]
 
@@ -156,7 +156,7 @@ def find_recovery_point(
     steps = [step for step in modes.recent if step.entry < journal_data.entries]
     if not steps:
         return Point(journal_data.entries, modes.stand)
-    noticed = journal_data.stopped if journal_data.reason.startswith(RESET) else None
+    noticed = journal_data.stopped if journal_data.reason.startswith(RESET_REASON) else None
     index, share = find_stop_position(steps, journal_data.accepted, lost, setup.limits, noticed=noticed)
     step = steps[index]
     stand = state_at(step, share)

@@ -6,9 +6,9 @@ A plain ok does not name its line. The first row that applies decides:
     with a number                                  everything up to it
     with temperatures, a probe in flight           everything up to the newest probe
     with temperatures, right after such an ok      nothing: it answers an older probe
-    right after a rejection, or its remains        nothing
+    right after a rejection, also a damaged one    nothing
     after the lines in flight at an M108 or M110   nothing: it answers that command
-    plain, where the answer has temperatures       nothing
+    plain, for a probe whose ok has temperatures   nothing
     for a rejected line                            nothing
     any other                                      the oldest line in flight
 """
@@ -22,10 +22,10 @@ from typing import TYPE_CHECKING, Final
 from printer_slicer.gcode.commands import Effect, commands_that
 from printer_slicer.gcode.lexer import parse
 from printer_slicer.stream.ack_timer import AckTimer
-from printer_slicer.stream.framing import LONGEST, frame_crc
+from printer_slicer.stream.framing import MAX_LINE_BYTES, frame_crc
 from printer_slicer.stream.resend_burst import ResendBurst, ResendDecision
-from printer_slicer.stream.send_history import ASK, SendHistory
-from printer_slicer.stream.window import QUESTION_ROOM, Window
+from printer_slicer.stream.send_history import PROBE_COMMAND, SendHistory
+from printer_slicer.stream.window import PROBE_BYTES, Window
 
 if TYPE_CHECKING:
     from printer_slicer.firmware import WireDialect
@@ -34,18 +34,18 @@ if TYPE_CHECKING:
 
 __all__ = ["AckTracker"]
 
-_COUNT: Final = b"\nM110\n"
-"""Queries the number of the last line; with a line number it would set it instead."""
+_QUERY_LAST_LINE: Final = b"\nM110\n"
+"""Query of the last line number. It has no line number itself, because M110 would then set the number instead."""
 
 _BREAK_WAIT: Final = b"\nM108\n"
-_BREAK_AGAIN: Final = 2.0
-_MOST_BREAKS: Final = 6
+_BREAK_INTERVAL: Final = 2.0
+_MAX_BREAKS: Final = 6
 """Maximum number of M108 per waiting command; all of them fit into any receive buffer."""
 
-_WAITS: Final = commands_that(Effect.ENDED_BY_M108)
+_BREAKABLE_WAITS: Final = commands_that(Effect.ENDED_BY_M108)
 
-_ECHO: Final = 0.5
-"""s in which a printer that was busy answers the probes that have piled up."""
+_LATE_ANSWER_TIME: Final = 0.5
+"""Time within which a printer that was busy answers all queued probes, s."""
 
 
 class AckTracker:
@@ -56,9 +56,10 @@ class AckTracker:
         resends: resend requests of the current error.
         timer: timeouts of the oldest line in flight.
         window: limit of lines in flight.
-        unacked: the single line in flight without acknowledgement, where the firmware ignores line numbers, else None.
+        unacked: the line in flight whose acknowledgement is missing, if the firmware ignores line numbers; else None.
         has_executed_stray: whether the printer executed a line that was not sent.
-        lost_count: line requested by a printer that already has it or cannot need it yet; None if none.
+        lost_count: line requested by a printer that has lost count, since it already has this line or cannot expect it
+            yet; None if none.
     """
 
     def __init__(self, window: Window, give_up: float) -> None:
@@ -69,167 +70,171 @@ class AckTracker:
         self.unacked: UnackedLine | None = None
         self.has_executed_stray = False
         self.lost_count: int | None = None
-        self._counts = self._ok_when_read = False
-        # Timeouts of the lines that may be ahead of a line when it is read.
+        self._reports_last_line = self._ok_when_read = False
+        # Timeouts of the lines that the printer may still have to execute when it reads a line.
         self._timeouts: deque[float] = deque(maxlen=1)
-        self._sequence = True
-        self._counted: int | None = None  # next line when the query M110 was sent
-        self._longest = LONGEST
-        self._requested: int | None = None
+        self._checks_line_numbers = True
+        self._next_line_at_query: int | None = None  # next line when the query M110 was sent
+        self._max_line_bytes = MAX_LINE_BYTES
+        self._requested_line: int | None = None
         self._late_answers_until = -inf
         self._ok_has_temperatures = False
         # Acknowledged probes whose temperatures follow in a separate report.
         self._expected_temperatures = 0
-        self._expected_until = -inf
-        self._idle_at = -inf
+        self._temperatures_expected_until = -inf
+        self._last_idle_at = -inf
         self._lone_probe: int | None = None  # probe sent to a printer that was idle
         self._unnumbered: deque[int] = deque()  # last line sent before each unnumbered command
-        self._breaks, self._last_break = 0, -inf
+        self._n_breaks, self._last_break_at = 0, -inf
 
     def set_dialect(self, dialect: WireDialect, *, emergency_parser: bool) -> None:
         """Apply the rules of the reported firmware."""
-        self._counts = dialect.reports_last_line
+        self._reports_last_line = dialect.reports_last_line
         self._ok_when_read = dialect.ok_when_read
         if dialect.ok_when_read:
             self._timeouts = deque(maxlen=dialect.queue_size + 2)
-        self._sequence = dialect.checks_line_numbers
-        self._longest = dialect.max_line_bytes
+        self._checks_line_numbers = dialect.checks_line_numbers
+        self._max_line_bytes = dialect.max_line_bytes
         if dialect.checksum == "crc16":
             self.history.frame = frame_crc
         self.window.set_dialect(dialect, emergency_parser=emergency_parser)
 
-    def add(self, command: bytes, job: int, timeout: float) -> None:
-        """Assign the next line number to a command, which is acknowledged within `timeout`, s, once its turn comes."""
+    def add(self, command: bytes, entries: int, timeout: float) -> None:
+        """Assign the next line number to a command.
+
+        Args:
+            command: the command.
+            entries: number of job entries that are accepted once this command is.
+            timeout: maximum time, s, from the acceptance of the previous line to the ok of this one.
+        """
         self._timeouts.append(timeout)
-        self.history.add(command, job, sum(self._timeouts))
+        self.history.add(command, entries, sum(self._timeouts))
 
     @property
-    def due(self) -> float | None:
-        """Return when to act if nothing arrives, s; None for never."""
+    def next_action_at(self) -> float | None:
+        """Return when to probe or resend if nothing arrives, s; None for never."""
         if self.resends.is_active:
-            return self.resends.until
+            return self.resends.deadline
         if self.history.in_flight:
-            return self.timer.due(self.history.oldest)
-        return self._expected_until if self._expected_temperatures else None
+            return self.timer.next_probe_at(self.history.oldest)
+        return self._temperatures_expected_until if self._expected_temperatures else None
 
-    def room(self) -> int:
-        """Return how many bytes the next line may have, with its line break, to be sent now."""
+    def available_bytes(self) -> int:
+        """Return the maximum length of a line, with its line break, that may be sent now, bytes."""
         history = self.history
-        if not history.in_flight or history.cursor == self._requested:
-            return self._longest + 1
+        if not history.in_flight or history.cursor == self._requested_line:
+            return self._max_line_bytes + 1
         window = self.window
         if history.in_flight >= window.lines:
             return 0
-        return window.size - QUESTION_ROOM - history.bytes_in_flight
+        return window.size - PROBE_BYTES - history.bytes_in_flight
 
     def can_resend(self) -> bool:
         """Return whether the next line, which already has a number, may be sent now."""
-        return len(self.history.next.text) < self.room()
+        return len(self.history.next_line.text) < self.available_bytes()
 
     def is_overdue(self, now: float) -> bool:
         """Return whether an acknowledgement is overdue."""
-        return self.history.in_flight > 0 and now >= self.timer.due(self.history.oldest)
+        return self.history.in_flight > 0 and now >= self.timer.next_probe_at(self.history.oldest)
 
     def probe(self, now: float) -> bytes:
-        """Send the next line early as a probe, so that the printer must name the line it wants."""
+        """Send the next line early as a probe, so that the printer must name the line it expects."""
         self.window.on_error()
         self.resends.ignore_next_ok = False
         self.timer.on_probe(now)
-        if self.history.line(self.history.cursor - 1).sent <= self._idle_at:
+        if self.history.line(self.history.cursor - 1).sent <= self._last_idle_at:
             self._lone_probe = self.history.cursor
         return self.history.send_next(now, break_first=True)
 
     @property
-    def can_probe_last_line(self) -> bool:
-        """Return whether to query the number of the last line first.
+    def can_query_last_line(self) -> bool:
+        """Return whether the number of the last line may be queried instead of probing.
 
         That query has no checksum, so it is not used on a cable that damages lines: one flipped bit turns it into M112.
         """
-        return self._counts and not self.timer.probes and not self.window.is_careful
+        return self._reports_last_line and not self.timer.probes and not self.window.is_careful
 
-    def probe_last_line(self, now: float) -> bytes:
+    def query_last_line(self, now: float) -> bytes:
         """Query the number of the last accepted line."""
-        self._counted = self.history.cursor
+        self._next_line_at_query = self.history.cursor
         self._unnumbered.append(self.history.cursor - 1)
         self.resends.ignore_next_ok = False
         self.timer.on_probe(now)
-        return _COUNT
+        return _QUERY_LAST_LINE
 
-    def probe_position(self, unacked: UnackedLine, now: float) -> bytes:
+    def query_position(self, unacked: UnackedLine, now: float) -> bytes:
         """Query the position, then the temperatures, whose answer shows that the first answer has arrived."""
         self.window.on_error()
         self.timer.on_probe(now)
-        questions = (b"M114", ASK) if unacked.needs_position else (ASK,)
+        queries = (b"M114", PROBE_COMMAND) if unacked.needs_position else (PROBE_COMMAND,)
         unacked.needs_position = False
         # The firmware ignores the numbers, but it checks the checksum behind a number.
-        return b"\n" + b"".join(
-            self.history.frame(self.history.cursor, question) + b"\n" for question in questions
-        )
+        return b"\n" + b"".join(self.history.frame(self.history.cursor, query) + b"\n" for query in queries)
 
     def on_last_line(self, last: int, now: float) -> int | None:
-        """Handle a reported last line; return the line up to which to accept, None if none.
+        """Handle a reported last line number; return the line up to which to accept, None if none.
 
-        The printer read that query after all lines sent before, so a line that it does not count was lost.
+        The printer read the query after all lines sent before it, so any later line number was lost.
         """
-        counted, self._counted = self._counted, None
+        next_line_at_query, self._next_line_at_query = self._next_line_at_query, None
         history = self.history
-        if counted is None:
+        if next_line_at_query is None:
             return None
         self.resends.ignore_next_ok = True
         if self._unnumbered:  # otherwise another ok was taken for the answer to this query
             self._unnumbered.pop()
         if not history.accepted <= last < history.cursor:
-            # The report is damaged, or the printer has restarted; the next line shows which.
+            # The report is damaged, or the printer has restarted; a probe shows which.
             self.timer.expect_loss(now)
             return None
-        if last + 1 < counted:
+        if last + 1 < next_line_at_query:
             self.on_resend(last + 1, now)
         return last if last > history.accepted else None
 
     @property
-    def break_due(self) -> float:
-        """Return when to break the wait of the oldest line, for heating or for a user; infinite if it does not wait."""
+    def next_break_at(self) -> float:
+        """Return when to send the next M108, which ends the wait of the oldest line, s; infinite if none waits."""
         history = self.history
         if (
             not history.in_flight
-            or parse(history.oldest.command)[0] not in _WAITS
-            or self._breaks >= _MOST_BREAKS
+            or parse(history.oldest.command)[0] not in _BREAKABLE_WAITS
+            or self._n_breaks >= _MAX_BREAKS
         ):
             return inf
-        return self._last_break + _BREAK_AGAIN
+        return self._last_break_at + _BREAK_INTERVAL
 
     def break_wait(self, now: float) -> bytes:
-        """Return an M108 that breaks the wait of the oldest line; empty if none is due.
+        """Return an M108 that ends the wait of the oldest line, for heating or for a user; empty if it is not yet due.
 
-        It has no number, because firmware handles only unnumbered lines while it executes another command. A waiting
-        command starts to wait when its turn comes, so the M108 is repeated until the command is acknowledged.
+        It has no number, because firmware handles only unnumbered lines while it executes another command. The
+        command may not have started to wait, so the M108 is repeated until the command is acknowledged.
         """
-        if now < self.break_due:
+        if now < self.next_break_at:
             return b""
-        self._breaks += 1
-        self._last_break = now
+        self._n_breaks += 1
+        self._last_break_at = now
         self.expect_unnumbered()
         return _BREAK_WAIT
 
     def expect_unnumbered(self) -> None:
-        """Record that an unnumbered command is sent now; its ok follows those of the lines in flight."""
+        """Record that an unnumbered command is sent now; its ok arrives after the oks of the lines in flight."""
         self._unnumbered.append(self.history.cursor - 1)
 
-    def accept(self, number: int, now: float, *, settled: bool = False) -> int:
+    def accept(self, number: int, now: float, *, is_conclusive: bool = False) -> int:
         """Mark the lines up to `number` as accepted; return the number of accepted job entries."""
         history = self.history
         if number == history.accepted + 1:
             self.timer.learn_response_time(history.oldest, now)
         self.window.on_accepted(number - history.accepted)
-        job = history.accept(number)
+        entries = history.accept(number)
         self.unacked = None
-        self._breaks, self._last_break = 0, -inf
+        self._n_breaks, self._last_break_at = 0, -inf
         self.resends.on_accepted(number)
-        self.timer.on_answer(now, settled=settled or not history.in_flight)
-        return job
+        self.timer.on_answer(now, is_conclusive=is_conclusive or not history.in_flight)
+        return entries
 
     def match_ok(self, ok: Ok, now: float) -> int | None:
-        """Return the line up to which an ok acknowledges, None if it acknowledges nothing."""
+        """Return the last line that an ok acknowledges, None if it acknowledges none."""
         history = self.history
         if ok.planner is not None and ok.places is not None:
             self.window.on_queue_report(ok.planner, ok.places)
@@ -238,26 +243,26 @@ class AckTracker:
                 return None
             self._drop_unnumbered(ok.number)
             return ok.number
-        if ok.heat:
+        if ok.has_temperatures:
             self._ok_has_temperatures = True
-            number = history.find(ASK)
+            number = history.find_newest(PROBE_COMMAND)
             if number is not None:
                 return self._match_probe(number, now)
-            if now < self._late_answers_until or not self._sequence:
+            if now < self._late_answers_until or not self._checks_line_numbers:
                 return None
         return None if self._is_unmatched(ok, now) else self._match_oldest(now)
 
     def _match_probe(self, number: int, now: float) -> int:
         """Handle an ok with temperatures that answers this probe."""
         self.resends.ignore_next_ok = False
-        self._late_answers_until = now + _ECHO
+        self._late_answers_until = now + _LATE_ANSWER_TIME
         self._drop_unnumbered(number)
         line = self.history.line(number)
         self.window.on_probe_answer(len(line.text), now - line.sent)
         return number
 
     def _is_unmatched(self, ok: Ok, now: float) -> bool:
-        """Return whether an ok belongs to a rejection, to an unnumbered command, or to nothing that was sent."""
+        """Return whether an ok answers no numbered line: it belongs to a rejection or an unnumbered command."""
         history, resends = self.history, self.resends
         if resends.claimed_line is not None:
             # The resend request before this ok was lost, but the error has named the line.
@@ -269,7 +274,7 @@ class AckTracker:
             self._unnumbered.popleft()
             return True
         if ok.planner is not None and history.in_flight:
-            # Such firmware names the line, so an ok without a number belongs to a line that the host has not sent.
+            # Firmware that reports the planner also names the line, so this ok belongs to a line that was not sent.
             self.has_executed_stray = True
         return self.has_executed_stray or not history.in_flight
 
@@ -277,57 +282,57 @@ class AckTracker:
         """Return the oldest line in flight if a plain ok may acknowledge it, else None."""
         history, resends = self.history, self.resends
         oldest = history.accepted + 1
-        if resends.wanted is not None and oldest >= resends.wanted:
+        if resends.requested_line is not None and oldest >= resends.requested_line:
             return None
-        if history.oldest.command == ASK:
+        if history.oldest.command == PROBE_COMMAND:
             if self._ok_has_temperatures:
-                # This ok is surplus. Where answers identify their lines, the count is correct again.
+                # This ok is surplus: a probe is answered by an ok with temperatures.
                 self.timer.on_answer(now)
                 return None
             if self._ok_when_read:
                 self._expected_temperatures += 1
-                self._expected_until = now + history.oldest.timeout
+                self._temperatures_expected_until = now + history.oldest.timeout
         return oldest
 
     def expects_temperatures(self, now: float) -> bool:
         """Return whether the printer still has to report queried temperatures."""
-        return self._expected_temperatures > 0 and now < self._expected_until
+        return self._expected_temperatures > 0 and now < self._temperatures_expected_until
 
     def clear_expected_temperatures(self) -> bool:
-        """Forget overdue temperature reports; return whether there were none."""
-        owed, self._expected_temperatures = self._expected_temperatures, 0
-        return not owed
+        """Stop expecting temperature reports; return whether none were expected."""
+        n_expected, self._expected_temperatures = self._expected_temperatures, 0
+        return not n_expected
 
     def on_idle(self, now: float) -> None:
         """Handle an idle report: all answers to earlier lines have been sent."""
         self._expected_temperatures = 0
-        self._idle_at = now
+        self._last_idle_at = now
         if self.history.in_flight:
             self.timer.on_idle(self.history.oldest, now)
 
     def match_temperatures(self) -> int | None:
-        """Match a temperature report without ok; return the probe whose ok was lost, else None."""
-        alone, self._lone_probe = self._lone_probe, None
-        if alone is not None:
+        """Handle a temperature report without ok; return the number of the probe whose ok was lost, else None."""
+        number, self._lone_probe = self._lone_probe, None
+        if number is not None:
             self._expected_temperatures = 0
-            return alone if alone > self.history.accepted else None
+            return number if number > self.history.accepted else None
         if self._expected_temperatures:
             self._expected_temperatures -= 1
             return None
-        return self.history.find_oldest(ASK)
+        return self.history.find_oldest(PROBE_COMMAND)
 
     def _drop_unnumbered(self, number: int) -> None:
-        """Drop unnumbered commands before a line that is acknowledged, because answers keep their order."""
+        """Drop unnumbered commands that were sent before an acknowledged line, because answers keep their order."""
         while self._unnumbered and self._unnumbered[0] < number:
             self._unnumbered.popleft()
-            self._counted = None
+            self._next_line_at_query = None
 
     def is_conclusive(self, ok: Ok) -> bool:
-        """Return whether such an ok shows reliably which lines arrived."""
-        return ok.number is not None or ok.heat
+        """Return whether an ok shows reliably which lines arrived."""
+        return ok.number is not None or ok.has_temperatures
 
     def on_resend(self, number: int | None, now: float) -> None:
-        """Handle a resend request for a line; None: the line that an error has named."""
+        """Handle a resend request for line `number`; None: for the line that the error named."""
         resends, history = self.resends, self.history
         if number is None:
             number = resends.claimed_line
@@ -339,21 +344,21 @@ class AckTracker:
         elif decision is ResendDecision.LOST_COUNT:
             self.lost_count = number
 
-    def on_stray_reply(self, now: float, *, refusal: bool) -> None:
+    def on_stray_reply(self, now: float, *, may_reject: bool) -> None:
         """Handle a reply that is unreadable or answers none of the lines in flight.
 
         Args:
             now: time, s.
-            refusal: whether a following ok would belong to a rejection.
+            may_reject: whether a following ok would belong to a rejection.
         """
         if self.history.in_flight and self.unacked is None:
-            self.resends.ignore_next_ok = self.resends.ignore_next_ok or refusal
+            self.resends.ignore_next_ok = self.resends.ignore_next_ok or may_reject
             self.timer.expect_loss(now)
 
-    def go_back(self, wanted: int, now: float) -> int:
-        """Go back to line `wanted`; return the number of job entries that stay accepted."""
-        self._requested = wanted
+    def go_back(self, number: int, now: float) -> int:
+        """Go back to line `number`; return the number of job entries that stay accepted."""
+        self._requested_line = number
         self.unacked = self._lone_probe = None
         self.window.on_error()
-        self.timer.on_answer(now, settled=True)
-        return self.history.rewind(wanted)
+        self.timer.on_answer(now, is_conclusive=True)
+        return self.history.rewind(number)

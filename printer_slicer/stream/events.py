@@ -36,7 +36,7 @@ AxisPositions: TypeAlias = tuple[float | None, float | None, float | None]
 
 @dataclass(frozen=True, slots=True)
 class Accepted:
-    """The printer has accepted the first `acknowledged` entries of the job."""
+    """Acknowledgement: the printer has accepted the first `acknowledged` entries of the job."""
 
     acknowledged: int
 
@@ -47,12 +47,12 @@ class LineSent:
 
     Attributes:
         number: line number; lower than the previous one if numbering has restarted.
-        job: number of job entries that are accepted once this line is accepted.
+        entries: number of job entries that are accepted once this line is accepted.
         command: the command; empty for an entry of the job that follows skipped entries.
     """
 
     number: int
-    job: int
+    entries: int
     command: bytes
 
 
@@ -65,14 +65,14 @@ class ResendRequested:
 
 @dataclass(frozen=True, slots=True)
 class Probe:
-    """An acknowledgement is missing or unreadable, so line `number` probes what the printer has received."""
+    """An acknowledgement is missing or unreadable, so line `number` is sent as a probe of what the printer received."""
 
     number: int
 
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """One heater: its name in reports (T, T0, B, C), its temperature and, if reported, its target, °C."""
+    """Reading of one heater: its name in reports (T, T0, B, C), temperature, and target if reported, °C."""
 
     name: str
     actual: float
@@ -81,7 +81,7 @@ class Reading:
 
 @dataclass(frozen=True, slots=True)
 class Temperature:
-    """Temperature report of all heaters; `waiting` while the printer waits for them to heat up."""
+    """Temperature report of all heaters; `waiting` means that the printer is waiting for them to heat up."""
 
     readings: tuple[Reading, ...]
     waiting: bool = False
@@ -89,7 +89,7 @@ class Temperature:
 
 @dataclass(frozen=True, slots=True)
 class Busy:
-    """The printer is busy and cannot answer yet; reasons are "processing", "paused for user" and others."""
+    """The printer is busy and cannot answer yet; `reason` is text such as "processing" or "paused for user"."""
 
     reason: str
 
@@ -110,7 +110,7 @@ class Identified:
     dialect: str = "marlin"
     advice: str = ""
 
-    def can(self, name: str) -> bool:
+    def has_capability(self, name: str) -> bool:
         """Return whether the firmware reports this capability as enabled."""
         return (name, True) in self.capabilities
 
@@ -124,7 +124,7 @@ class Action:
 
 @dataclass(frozen=True, slots=True)
 class Prompt:
-    """Prompt of the printer for the user: untrusted text and buttons; the text is empty once it is closed."""
+    """Prompt of the printer for the user, with untrusted text and buttons; the text is empty once it is closed."""
 
     text: str
     buttons: tuple[str, ...]

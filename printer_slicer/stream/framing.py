@@ -19,18 +19,18 @@ from printer_slicer.gcode.lexer import strip
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-__all__ = ["LONGEST", "check_commands", "checksum", "command_room", "frame", "frame_crc"]
+__all__ = ["MAX_LINE_BYTES", "check_commands", "checksum", "frame", "frame_crc", "max_command_length"]
 
-LONGEST: Final = 95
+MAX_LINE_BYTES: Final = 95
 """Maximum length of a numbered line in bytes, without its line break."""
 
-_FRAME_ROOM: Final = 15  # b"N", nine digits, a blank, a star, three digits
+_FRAME_BYTES: Final = 15  # b"N", nine digits, a blank, a star, three digits
 
 
 def checksum(data: bytes) -> int:
-    """Return the exclusive or of all bytes, 0 to 255."""
+    """Return the XOR of all bytes, 0 to 255."""
     bits = int.from_bytes(data, "little")
-    # Fold the number in halves, which is faster than a loop over the bytes; reduce long data to 256 bytes first.
+    # XOR the two halves of the number repeatedly, which is faster than a loop; reduce long data to 256 bytes first.
     while bits >> 2048:
         bits = (bits >> 2048) ^ (bits & (1 << 2048) - 1)
     bits ^= bits >> 1024
@@ -56,12 +56,12 @@ def frame_crc(number: int, command: bytes) -> bytes:
     return b"%s*%05d" % (body, crc_hqx(body, 0))
 
 
-def command_room(number: int, room: int) -> int:
-    """Return the maximum length of a command whose numbered line, with its line break, fits into `room` bytes."""
-    return room - len(b"N%d *255\n" % number)
+def max_command_length(number: int, line_bytes: int) -> int:
+    """Return the maximum length of a command whose numbered line, with its line break, fits into `line_bytes`."""
+    return line_bytes - len(b"N%d *255\n" % number)
 
 
-def check_commands(commands: Sequence[bytes], longest: int = LONGEST) -> None:
+def check_commands(commands: Sequence[bytes], longest: int = MAX_LINE_BYTES) -> None:
     """Reject commands that can never be sent.
 
     Args:
@@ -72,18 +72,24 @@ def check_commands(commands: Sequence[bytes], longest: int = LONGEST) -> None:
         UsageError: a line is too long with its number and checksum, or contains a line break or a NUL.
     """
     for index, command in enumerate(commands):
-        # Nearly all lines are short and clean: check only the others in detail.
-        if len(command) > LONGEST - _FRAME_ROOM or b"\n" in command or b"\r" in command or b"\0" in command:
-            _check_command(index, strip(command), longest - _FRAME_ROOM)
+        # Nearly all lines are short and valid: check only long or suspicious lines in detail.
+        if (
+            len(command) > MAX_LINE_BYTES - _FRAME_BYTES
+            or b"\n" in command
+            or b"\r" in command
+            or b"\0" in command
+        ):
+            _check_command(index, strip(command), longest - _FRAME_BYTES)
 
 
-def _check_command(index: int, command: bytes, room: int) -> None:
+def _check_command(index: int, command: bytes, max_length: int) -> None:
+    """Reject a command that contains a line break or a NUL, or is longer than `max_length` bytes."""
     shown = command[:40].decode(errors="replace")
     if any(break_ in command for break_ in (b"\n", b"\r", b"\0")):
         message = f"line {index + 1} contains a line break or a NUL: {shown!r}"
         raise UsageError(message, remedy="Put each command on its own line")
-    if len(command) > room:
+    if len(command) > max_length:
         message = f"line {index + 1} is {len(command)} bytes long: {shown!r}..."
         raise UsageError(
-            message, remedy=f"Shorten it to {room} bytes; printers truncate longer lines silently"
+            message, remedy=f"Shorten it to {max_length} bytes; printers truncate longer lines silently"
         )

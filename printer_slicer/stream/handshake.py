@@ -1,4 +1,4 @@
-"""Handshake with the printer: restart line numbers and ask for firmware and capabilities."""
+"""Handshake with the printer: reset line numbers and query firmware and capabilities."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from typing import Final
 from printer_slicer.firmware import WIRE_DIALECTS, WireDialect, wire_dialect_name
 from printer_slicer.stream.events import Identified
 from printer_slicer.stream.replies import Capability, Identity
-from printer_slicer.stream.send_history import ASK
+from printer_slicer.stream.send_history import PROBE_COMMAND
 
 __all__ = ["Handshake"]
 
-_RESTART_COUNT: Final = b"\nN0 M110 N0*125\n"
-_AGAIN: Final = 1.0
-_MOST_INTRODUCTIONS: Final = 4
-"""Number of the last line that asks for the name of the firmware."""
+_RESET_LINE_NUMBERS: Final = b"\nN0 M110 N0*125\n"
+_REQUEST_INTERVAL: Final = 1.0
+_LAST_FIRMWARE_QUERY: Final = 4
+"""Number of the last line that queries the name of the firmware."""
 
 
 class Handshake:
@@ -33,54 +33,54 @@ class Handshake:
     """
 
     def __init__(self, timeout: float, dialect: str | None = None) -> None:
-        self._at = -inf
+        self._next_request_at = -inf
         self._dialect = dialect
         self.firmware: str | None = None
         self._capabilities: dict[str, bool] = {}
         self._timeout = timeout
-        self._opened: float | None = None
+        self._timeout_start: float | None = None
 
     @property
     def has_started(self) -> bool:
         """Return whether a request was sent."""
-        return self._opened is not None
+        return self._timeout_start is not None
 
     @property
-    def due(self) -> float:
+    def next_request_at(self) -> float:
         """Return when to send the next request, s."""
-        return self._at
+        return self._next_request_at
 
     def has_timed_out(self, now: float) -> bool:
         """Return whether the printer has not answered in time."""
-        return self._opened is not None and now >= self._opened + self._timeout
+        return self._timeout_start is not None and now >= self._timeout_start + self._timeout
 
     def on_busy(self, now: float) -> None:
         """Restart the timeout, because the printer reports that it is busy."""
-        if self._opened is not None:
-            self._opened = now
+        if self._timeout_start is not None:
+            self._timeout_start = now
 
     def send(self, now: float) -> bytes:
-        """Return the bytes to write now."""
-        if self._opened is None:
-            self._opened = now
-        if now < self._at:
+        """Return the request to write now; empty if none is due."""
+        if self._timeout_start is None:
+            self._timeout_start = now
+        if now < self._next_request_at:
             return b""
-        self._at = now + _AGAIN
-        return _RESTART_COUNT
+        self._next_request_at = now + _REQUEST_INTERVAL
+        return _RESET_LINE_NUMBERS
 
     def query(self, number: int) -> bytes | None:
-        """Return the query for line `number`; None after the last one.
+        """Return the query to send as line `number`; None after the last query.
 
-        The answer to line 2 shows how this firmware reports temperatures, which later resolves lost acknowledgements.
-        If the name of the firmware got lost, it is requested again, because the dialect depends on it.
+        The answer to line 2 shows how this firmware reports temperatures, which helps to resolve lost acknowledgements
+        later. If the name of the firmware was lost, it is queried again, because the dialect depends on it.
         """
         if number == 2:
-            return ASK
-        return b"M115" if number == 1 or (self.firmware is None and number <= _MOST_INTRODUCTIONS) else None
+            return PROBE_COMMAND
+        return b"M115" if number == 1 or (self.firmware is None and number <= _LAST_FIRMWARE_QUERY) else None
 
     def restart(self, now: float) -> None:
-        """Start again at once, within the same timeout: the printer has restarted or counts wrongly."""
-        self._at = now
+        """Repeat the handshake at once, because the printer was reset; the timeout continues."""
+        self._next_request_at = now
         self.firmware = None
         self._capabilities.clear()
 
@@ -100,7 +100,7 @@ class Handshake:
         """Return the chosen dialect, or the dialect of the reported firmware."""
         return WIRE_DIALECTS[self._dialect or wire_dialect_name(self.firmware or "")]
 
-    def identified(self) -> Identified:
-        """Return what is known about the printer."""
+    def make_identified(self) -> Identified:
+        """Return the event with the firmware, capabilities and dialect of the printer."""
         name = self._dialect or wire_dialect_name(self.firmware or "")
         return Identified(self.firmware or "", tuple(self._capabilities.items()), name, self.dialect.advice)

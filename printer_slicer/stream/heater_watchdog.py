@@ -34,22 +34,22 @@ if TYPE_CHECKING:
 
 __all__ = ["HeaterAlarm", "HeaterWatchdog", "NoThermalProtection"]
 
-_SILENCE: Final = 10.0
-"""s without an answer or a report while heaters are on; busy firmware reports every 2 s."""
+_MAX_SILENCE: Final = 10.0
+"""Time without an answer or a report while heaters are on, s; busy firmware reports every 2 s."""
 
-_REPORTED: Final = {"nozzle": "T", "bed": "B", "chamber": "C"}
+_REPORT_NAMES: Final = {"nozzle": "T", "bed": "B", "chamber": "C"}
 """Name of each heater in reports."""
 
-_FROM_PRINTER: Final = (Accepted, Action, Busy, Identified, Message, ResendRequested, Temperature)
+_PRINTER_EVENTS: Final = (Accepted, Action, Busy, Identified, Message, ResendRequested, Temperature)
 """Events that come from the printer; all others come from the host."""
 
-_MAY_HEAT: Final = (b"M", b"m", b"T", b"t", b"G10", b"g10")  # nearly all commands are moves
-_OFF: Final = {"T": b"M104%s S0", "B": b"M140 S0", "C": b"M141 S0"}
+_HEATING_PREFIXES: Final = (b"M", b"m", b"T", b"t", b"G10", b"g10")  # nearly all commands are moves
+_OFF_COMMANDS: Final = {"T": b"M104%s S0", "B": b"M140 S0", "C": b"M141 S0"}
 
 
 @dataclass(frozen=True, slots=True)
 class HeaterAlarm:
-    """The printer was silent for `seconds` while heaters were on.
+    """Alarm: the printer was silent for `seconds` while heaters were on.
 
     Attributes:
         seconds: s of silence.
@@ -60,120 +60,125 @@ class HeaterAlarm:
     heaters: tuple[tuple[str, float], ...]
 
     def __str__(self) -> str:
-        warm = ", ".join(f"{name} {target:g} °C" for name, target in self.heaters)
-        return f"no answer from the printer for {self.seconds:.0f} s while heaters are on ({warm}): check the printer"
+        heated = ", ".join(f"{name} {target:g} °C" for name, target in self.heaters)
+        return f"no answer from the printer for {self.seconds:.0f} s while heaters are on ({heated}): check the printer"
 
 
 @dataclass(frozen=True, slots=True)
 class NoThermalProtection:
-    """The firmware reports that it has no thermal protection."""
+    """Warning: the firmware reports that it has no thermal protection."""
 
     firmware: str
 
     def __str__(self) -> str:
         name = self.firmware or "the firmware"
-        return f"{name} has no thermal protection: nothing stops a heater fault; do not leave it unattended"
+        return f"{name} has no thermal protection against heater faults: do not leave the printer unattended"
 
 
 @dataclass(slots=True)
 class HeaterWatchdog:
     """Heater watchdog of one connection.
 
-    Call `sent` with each sent command, `heard` with each event (or `alive` for an answer without an event), and `check`
-    once `due` has passed. `shutdown_lines` returns what to write when the host ends early.
+    Call `on_sent` with each sent command, `on_event` with each event (or `on_answer` for an answer without an event),
+    and `check` once `alarm_at` has passed. `shutdown_lines` returns what to write when the host ends early.
 
     Attributes:
         silence: s of silence after which the alarm is raised, once per silence.
         targets: target temperature, °C, of each heater that is on, by its name in commands and reports.
     """
 
-    silence: float = _SILENCE
+    silence: float = _MAX_SILENCE
     targets: dict[str, float] = field(default_factory=dict)
-    _heard: float = -inf
-    _raised: bool = False
-    _used: set[str] = field(default_factory=set)
-    _tool: str = ""
+    _last_answer_at: float = -inf
+    _has_alarmed: bool = False
+    _heated: set[str] = field(default_factory=set)
+    _active_tool: str = ""
 
-    def sent(self, command: bytes, now: float) -> None:
+    def on_sent(self, command: bytes, now: float) -> None:
         """Record a command sent to the printer, without number and checksum."""
         word, values = parse(command)
         if word.startswith(b"T") and word[1:].isdigit():
-            self._tool = word[1:].decode()
+            self._active_tool = word[1:].decode()
             return
         target = find_heater_target(word, values)
         if target is None:
             return
-        heater = _REPORTED[target.heater]
+        heater = _REPORT_NAMES[target.heater]
         if heater == "T":
-            heater += self._tool if target.tool is None else f"{target.tool}"
+            heater += self._active_tool if target.tool is None else f"{target.tool}"
         if not self.targets:
-            self._heard = max(self._heard, now)  # a cold printer may have been silent for long
+            self._last_answer_at = max(
+                self._last_answer_at, now
+            )  # a cold printer may have been silent for long
         self._set_target(heater, target.celsius)
 
-    def heard(self, event: Event, now: float) -> NoThermalProtection | None:
-        """Process an event; return a warning if the firmware has no thermal protection."""
-        if isinstance(event, _FROM_PRINTER):
-            self.alive(now)
+    def on_event(self, event: Event, now: float) -> NoThermalProtection | None:
+        """Process an event of the streamer; return a warning if the firmware has no thermal protection."""
+        if isinstance(event, _PRINTER_EVENTS):
+            self.on_answer(now)
         if isinstance(event, Temperature):
             for reading in event.readings:
                 if reading.target is not None:
-                    self._set_target(self._heater_of_report(reading.name), reading.target)
+                    self._set_target(self._resolve_heater_name(reading.name), reading.target)
         if isinstance(event, Identified) and ("THERMAL_PROTECTION", False) in event.capabilities:
             return NoThermalProtection(event.firmware)
         return None
 
-    def alive(self, now: float) -> None:
+    def on_answer(self, now: float) -> None:
         """Record that the printer answered."""
-        self._heard = now
-        self._raised = False
+        self._last_answer_at = now
+        self._has_alarmed = False
 
     @property
-    def due(self) -> float:
-        """Return when to call `check`, s; infinite while no heater is on, and after the alarm."""
-        return self._heard + self.silence if self.targets and not self._raised else inf
+    def alarm_at(self) -> float:
+        """Return when the alarm is due, s; infinite while no heater is on, and after the alarm."""
+        return self._last_answer_at + self.silence if self.targets and not self._has_alarmed else inf
 
     def check(self, now: float) -> HeaterAlarm | None:
-        """Return the alarm if it is due."""
-        if now < self.due:
+        """Return the alarm if it is due, once per silence."""
+        if now < self.alarm_at:
             return None
-        self._raised = True
-        return HeaterAlarm(now - self._heard, tuple(sorted(self.targets.items())))
+        self._has_alarmed = True
+        return HeaterAlarm(now - self._last_answer_at, tuple(sorted(self.targets.items())))
 
-    def shutdown_lines(self, commands: Iterable[bytes] = (), *, anyway: bool = False) -> bytes:
+    def shutdown_lines(self, commands: Iterable[bytes] = (), *, assume_heated: bool = False) -> bytes:
         """Return the lines that switch the heaters off; empty if none was ever switched on.
 
-        Heaters that were switched off before are included, because that line may have been lost.
+        Heaters that were already switched off are included, because that command may have been lost.
 
         Args:
-            commands: sent commands that were not passed to `sent`.
-            anyway: include nozzle and bed in any case, because a macro of the printer may have switched them on.
+            commands: sent commands that were not passed to `on_sent`.
+            assume_heated: include nozzle and bed in any case, because a macro of the printer may have switched them on.
 
         Returns:
             Lines without numbers, which most firmware accepts at any time, then the same lines with new numbers, for
-            firmware that accepts no others. M108 comes first, because the printer reads nothing else while it waits
-            for a heater.
+            firmware that accepts only numbered lines. M108 comes first, because the printer reads nothing else while it
+            waits for a heater.
         """
         for command in commands:
-            if command.startswith(_MAY_HEAT):
-                self.sent(command, self._heard)
-        self._used |= {"T", "B"} if anyway else set()
-        if not self._used:
+            if command.startswith(_HEATING_PREFIXES):
+                self.on_sent(command, self._last_answer_at)
+        self._heated |= {"T", "B"} if assume_heated else set()
+        if not self._heated:
             return b""
         lines = [b"M108"]
-        for name in sorted(self._used):
+        for name in sorted(self._heated):
             tool = b" T" + name[1:].encode() if name[1:] else b""
-            lines.append(_OFF[name[0]] % tool if name[0] == "T" else _OFF.get(name[0], b"M104 S0"))
+            lines.append(
+                _OFF_COMMANDS[name[0]] % tool if name[0] == "T" else _OFF_COMMANDS.get(name[0], b"M104 S0")
+            )
         lines.append(b"M107")
-        counted = [frame(number, line) for number, line in enumerate([b"M110 N0", *lines])]
-        return b"\n" + b"\n".join([*lines, *counted]) + b"\n"
+        numbered = [frame(number, line) for number, line in enumerate([b"M110 N0", *lines])]
+        return b"\n" + b"\n".join([*lines, *numbered]) + b"\n"
 
-    def _heater_of_report(self, name: str) -> str:
-        """Return the heater that a report means: T is the active tool."""
-        return "T" + self._tool if name == "T" else name
+    def _resolve_heater_name(self, name: str) -> str:
+        """Return the name of a reported heater with its tool number: T is the active tool."""
+        return "T" + self._active_tool if name == "T" else name
 
     def _set_target(self, heater: str, target: float) -> None:
+        """Record the target temperature of a heater, °C."""
         if target > 0:
             self.targets[heater] = target
-            self._used.add(heater)
+            self._heated.add(heater)
         else:
             self.targets.pop(heater, None)

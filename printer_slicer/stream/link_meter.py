@@ -27,22 +27,22 @@ if TYPE_CHECKING:
     from printer_slicer.stream.events import Event
     from printer_slicer.stream.session import Transport
 
-__all__ = ["LinkMeter", "LinkQuality", "LinkStatistics", "MeteredTransport", "poor_link"]
+__all__ = ["LinkMeter", "LinkQuality", "LinkStatistics", "MeteredTransport", "check_link_quality"]
 
 _OK: Final = re.compile(rb"ok\b(?: N(\d+))?")
 _RESEND: Final = re.compile(rb"(?:Resend:|rs )\s*N?:?\s*(\d+)")
 
-_STEPS: Final = 16
-"""Steps of the latency histogram per doubling: 4 %."""
+_STEPS_PER_DOUBLING: Final = 16
+"""Number of histogram steps per doubling of the latency; a step is 4 %."""
 
 _WAITS: Final = commands_that(Effect.WAITS)
-_QUICK: Final = (
+_IMMEDIATE: Final = (
     commands_that(Effect.MOVES | Effect.MODE | Effect.SETS_POSITION | Effect.FAN)
     | {code for code, row in TABLE.items() if row.heater}
 ) - _WAITS
 """Commands that are acknowledged at once if the queue has room."""
 
-_PARTIAL: Final = 1024
+_MAX_PARTIAL_LINE: Final = 1024
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,168 +106,178 @@ class LinkMeter:
         self._limits = limits
         self._clock = PlannerClock(limits) if limits is not None else None
         self._machine = MachineState()
-        self._pending: deque[tuple[int, bytes, float]] = deque()
+        self._lines_in_flight: deque[tuple[int, bytes, float]] = deque()
         self._partial = b""
-        self._swallow = False
-        self._highest = 0
+        self._ignore_next_ok = False
+        self._highest_line = 0
         self._latencies: Counter[int] = Counter()
-        self._second: tuple[int, int] = (0, 0)
-        self._most = 0
-        self._lines = self._bytes = self._resends = self._repeated = 0
+        self._current_second: tuple[int, int] = (0, 0)
+        self._peak_rate = 0
+        self._n_lines = self._n_bytes = self._n_resends = self._n_resent_lines = 0
         self._quality = LinkQuality()
-        self._first = self._last = inf
+        self._first_sent_at = self._last_ack_at = inf
         self._waiting_seconds = 0.0  # s that waiting commands took
-        self._last_waited = (
-            False  # whether the last line was one that waits, so that the next line was delayed
+        self._last_line_waits = (
+            False  # whether the last line was a waiting command, which delayed the next line
         )
 
-    def sent(self, data: bytes, now: float) -> None:
+    def on_sent(self, data: bytes, now: float) -> None:
         """Record bytes sent at `now`, s."""
-        self._bytes += len(data)
+        self._n_bytes += len(data)
         for line in data.split(b"\n"):
             number, command = split_line_number(line)
             if number is None:
                 continue
             if not strip(command):  # M110
-                self._pending.clear()
-                self._highest = 0
+                self._lines_in_flight.clear()
+                self._highest_line = 0
                 continue
-            if number <= self._highest:
-                self._repeated += 1
-            self._highest = max(self._highest, number)
-            self._first = min(self._first, now)
-            self._pending.append((number, command, now))
+            if number <= self._highest_line:
+                self._n_resent_lines += 1
+            self._highest_line = max(self._highest_line, number)
+            self._first_sent_at = min(self._first_sent_at, now)
+            self._lines_in_flight.append((number, command, now))
 
     def on_event(self, event: Event) -> None:
-        """Count an event of the streamer: only the streamer knows which lines are probes."""
+        """Count an event of the streamer, because only the streamer knows which lines are probes."""
         self._quality.on_event(event)
 
-    def warnings(self) -> tuple[PoorLink, ...]:
-        """Return a warning about the cable whenever its errors have doubled; otherwise nothing."""
-        found = self._quality.warning(self._lines)
+    def new_warnings(self) -> tuple[PoorLink, ...]:
+        """Return a warning about the cable if its errors have doubled since the last warning; otherwise nothing."""
+        found = self._quality.find_new_warning(self._n_lines)
         return () if found is None else (found,)
 
-    def received(self, data: bytes, now: float) -> None:
+    def on_received(self, data: bytes, now: float) -> None:
         """Record bytes received at `now`, s."""
         if not data:
             return
         *lines, self._partial = (self._partial + data).split(b"\n")
-        self._partial = self._partial[-_PARTIAL:]
+        self._partial = self._partial[-_MAX_PARTIAL_LINE:]
         for line in lines:
             if found := _OK.match(line):
-                self._acknowledge(int(found[1]) if found[1] else None, now)
+                self._on_ok(int(found[1]) if found[1] else None, now)
             elif found := _RESEND.match(line):
-                self._go_back(int(found[1]))
+                self._on_resend_request(int(found[1]))
 
     def statistics(self) -> LinkStatistics:
         """Return the statistics so far."""
-        seconds = max(self._last - self._first - self._waiting_seconds, 0.0) if self._lines else 0.0
+        seconds = (
+            max(self._last_ack_at - self._first_sent_at - self._waiting_seconds, 0.0)
+            if self._n_lines
+            else 0.0
+        )
         return LinkStatistics(
-            lines=self._lines,
+            lines=self._n_lines,
             seconds=seconds,
-            lines_per_second=self._lines / seconds if seconds > 0 else 0.0,
-            most_lines_per_second=self._most,
-            bytes_sent=self._bytes,
-            latency=self._quantile(0.5),
-            latency_95=self._quantile(0.95),
-            resends=self._resends,
-            resent_lines=self._repeated,
+            lines_per_second=self._n_lines / seconds if seconds > 0 else 0.0,
+            most_lines_per_second=self._peak_rate,
+            bytes_sent=self._n_bytes,
+            latency=self._find_latency_quantile(0.5),
+            latency_95=self._find_latency_quantile(0.95),
+            resends=self._n_resends,
+            resent_lines=self._n_resent_lines,
             lost_answers=self._quality.lost_answers,
             underruns=self._clock.stalls if self._clock else 0,
             underrun_seconds=self._clock.stalled_seconds if self._clock else 0.0,
-            warning=poor_link(self._lines, self._quality.resends, self._quality.lost_answers),
+            warning=check_link_quality(self._n_lines, self._quality.resends, self._quality.lost_answers),
         )
 
-    def _go_back(self, number: int) -> None:
+    def _on_resend_request(self, number: int) -> None:
         """Handle a resend request: lines from `number` on will be sent again."""
-        self._resends += 1
-        self._swallow = True
-        while self._pending and self._pending[-1][0] >= number:
-            self._pending.pop()
+        self._n_resends += 1
+        self._ignore_next_ok = True
+        while self._lines_in_flight and self._lines_in_flight[-1][0] >= number:
+            self._lines_in_flight.pop()
 
-    def _acknowledge(self, number: int | None, now: float) -> None:
-        """Handle an ok, for one line or for all lines up to a number."""
-        if self._swallow:
-            self._swallow = False
+    def _on_ok(self, number: int | None, now: float) -> None:
+        """Handle an ok: it acknowledges all lines up to `number`, or one line if None."""
+        if self._ignore_next_ok:
+            self._ignore_next_ok = False
             if number is None:
                 return
-        last = number if number is not None else (self._pending[0][0] if self._pending else 0)
-        while self._pending and self._pending[0][0] <= last:
-            _, command, sent = self._pending.popleft()
-            self._record(command, sent, now)
+        last = number if number is not None else (self._lines_in_flight[0][0] if self._lines_in_flight else 0)
+        while self._lines_in_flight and self._lines_in_flight[0][0] <= last:
+            _, command, sent = self._lines_in_flight.popleft()
+            self._record_acknowledgement(command, sent, now)
 
-    def _record(self, command: bytes, sent: float, now: float) -> None:
-        """Record the acknowledgement of a line."""
-        since = max(sent, self._last) if self._lines else sent
+    def _record_acknowledgement(self, command: bytes, sent: float, now: float) -> None:
+        """Record the acknowledgement of a command that was sent at `sent`, s."""
+        since = max(sent, self._last_ack_at) if self._n_lines else sent
         word, values = parse(command)
         move = self._machine.apply(word, values, command)
-        held = self._last_waited or (self._clock is not None and self._clock.is_full(since))
-        self._last_waited = word in _WAITS
-        if self._last_waited:
+        is_delayed = self._last_line_waits or (self._clock is not None and self._clock.is_full(since))
+        self._last_line_waits = word in _WAITS
+        if self._last_line_waits:
             self._waiting_seconds += now - since
             if self._clock:
                 self._clock.finish_moves(now)
-        elif word in _QUICK and not held:
-            self._latencies[floor(log2(max(now - sent, 1e-6)) * _STEPS)] += 1
+        elif word in _IMMEDIATE and not is_delayed:
+            self._latencies[floor(log2(max(now - sent, 1e-6)) * _STEPS_PER_DOUBLING)] += 1
         if move is not None and self._clock is not None and self._limits is not None:
             block = make_block(self._limits, move.delta, move.speed)
             if block is not None:
                 self._clock.push(block, now)
-        self._lines += 1
-        self._last = now
-        second, count = self._second
-        self._second = (floor(now), count + 1 if floor(now) == second else 1)
-        self._most = max(self._most, self._second[1])
+        self._n_lines += 1
+        self._last_ack_at = now
+        second, count = self._current_second
+        self._current_second = (floor(now), count + 1 if floor(now) == second else 1)
+        self._peak_rate = max(self._peak_rate, self._current_second[1])
 
-    def _quantile(self, share: float) -> float | None:
-        """Return the latency at this quantile: the middle of its histogram step."""
-        wanted = share * self._latencies.total()
+    def _find_latency_quantile(self, share: float) -> float | None:
+        """Return the latency at a quantile `share`, s: the middle of its histogram step; None if there is no data."""
+        remaining = share * self._latencies.total()
         for step in sorted(self._latencies):
-            wanted -= self._latencies[step]
-            if wanted <= 0:
-                return exp2((step + 0.5) / _STEPS)
+            remaining -= self._latencies[step]
+            if remaining <= 0:
+                return exp2((step + 0.5) / _STEPS_PER_DOUBLING)
         return None
 
 
 class MeteredTransport:
-    """Transport that passes all bytes to a meter."""
+    """Transport that also reports all bytes to a meter."""
 
-    def __init__(self, inner: Transport, meter: LinkMeter, clock: Callable[[], float]) -> None:
-        self._inner = inner
+    def __init__(self, transport: Transport, meter: LinkMeter, clock: Callable[[], float]) -> None:
+        self._transport = transport
         self._meter = meter
         self._clock = clock
 
     def write(self, data: bytes) -> None:
         """Write all bytes."""
-        self._meter.sent(data, self._clock())
-        self._inner.write(data)
+        self._meter.on_sent(data, self._clock())
+        self._transport.write(data)
 
     def read(self, timeout: float) -> bytes:
         """Return received bytes; wait at most `timeout` s for the first."""
-        data = self._inner.read(timeout)
-        self._meter.received(data, self._clock())
+        data = self._transport.read(timeout)
+        self._meter.on_received(data, self._clock())
         return data
 
     def close(self) -> None:
-        """Close the inner transport."""
-        self._inner.close()
+        """Close the wrapped transport."""
+        self._transport.close()
 
 
-_MISSED: Final = 1 / 256
-_SAME_COLUMN: Final = 1 / 16
-_LIKELY: Final = 0.25
-"""Expected number of undetected damaged lines from which damage is called likely."""
+_UNDETECTED_SHARE: Final = 1 / 256
+"""Share of the lines with several damaged bytes that the checksum does not detect."""
 
-_FEW: Final = 5
+_SAME_BIT_SHARE: Final = 1 / 16
+"""Share of the lines with two flipped bits where both flips have the same bit position."""
+
+_LIKELY_UNDETECTED: Final = 0.25
+"""Expected number of undetected damaged lines from which the warning calls undetected damage likely."""
+
+_HARMLESS_COUNT: Final = 5
 """Number of resends or lost acknowledgements that is normal on any cable."""
 
-_PER_1000: Final = 2.0
+_HARMLESS_PER_1000: Final = 2.0
 """Rate of resends or lost acknowledgements per 1000 lines that a good cable stays below."""
 
-_MANY: Final = 50
+_WARNING_COUNT: Final = 50
 """Number of resends or lost acknowledgements that causes a warning in a print of any length."""
 
-_CHECK: Final = "Use a short cable with ferrites, away from motors and heaters, and a USB port of its own"
+_CABLE_REMEDY: Final = (
+    "Use a short cable with ferrites, away from motors and heaters, and a USB port of its own"
+)
 
 
 class LinkQuality:
@@ -284,25 +294,25 @@ class LinkQuality:
 
     def __init__(self) -> None:
         self.resends = self.lost_answers = 0
-        self._warned_at = 0
+        self._count_at_warning = 0
 
     def on_event(self, event: Event) -> None:
         """Count an event."""
         self.resends += isinstance(event, ResendRequested)
         self.lost_answers += isinstance(event, Probe)
 
-    def warning(self, lines: int) -> PoorLink | None:
-        """Return a warning after this number of lines; None if there is nothing new."""
+    def find_new_warning(self, lines: int) -> PoorLink | None:
+        """Return a warning after `lines` lines; None if there is nothing new to report."""
         count = self.resends + self.lost_answers
-        if count < 2 * self._warned_at:
+        if count < 2 * self._count_at_warning:
             return None
-        found = poor_link(lines, self.resends, self.lost_answers)
+        found = check_link_quality(lines, self.resends, self.lost_answers)
         if found is not None:
-            self._warned_at = count
+            self._count_at_warning = count
         return found
 
 
-def poor_link(lines: int, resends: int, lost_answers: int) -> PoorLink | None:
+def check_link_quality(lines: int, resends: int, lost_answers: int) -> PoorLink | None:
     """Return a warning about a bad cable; None if the cable is good.
 
     Args:
@@ -312,15 +322,15 @@ def poor_link(lines: int, resends: int, lost_answers: int) -> PoorLink | None:
     """
     worst = max(resends, lost_answers)
     per_1000 = 1000 * resends / max(lines, 1)
-    if worst < _MANY and (worst <= _FEW or 1000 * worst <= _PER_1000 * lines):
+    if worst < _WARNING_COUNT and (worst <= _HARMLESS_COUNT or 1000 * worst <= _HARMLESS_PER_1000 * lines):
         return None
-    undetected = max(resends * _MISSED, lines * (resends / max(lines, 1)) ** 2 * _SAME_COLUMN)
+    undetected = max(resends * _UNDETECTED_SHARE, lines * (resends / max(lines, 1)) ** 2 * _SAME_BIT_SHARE)
     parts = [f"{resends} resends ({per_1000:.3g} per 1000 lines)"] if resends else []
     if lost_answers:
         parts.append(
             f"{lost_answers} lost acknowledgements, each of which may have stopped the nozzle on the part"
         )
-    if undetected >= _LIKELY:
+    if undetected >= _LIKELY_UNDETECTED:
         parts.append("undetected damage is likely")
-    text = f"bad cable: {'; '.join(parts)}. {_CHECK}"
+    text = f"bad cable: {'; '.join(parts)}. {_CABLE_REMEDY}"
     return PoorLink(lines, resends, lost_answers, round(per_1000, 3), round(undetected, 3), text)

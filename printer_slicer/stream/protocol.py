@@ -24,9 +24,9 @@ from printer_slicer.firmware import DEFAULT_WIRE_DIALECT, get_wire_dialect
 from printer_slicer.stream import events as stream_events
 from printer_slicer.stream import replies
 from printer_slicer.stream.ack_tracker import AckTracker
-from printer_slicer.stream.framing import check_commands, command_room
+from printer_slicer.stream.framing import check_commands, max_command_length
 from printer_slicer.stream.handshake import Handshake
-from printer_slicer.stream.send_history import ASK
+from printer_slicer.stream.send_history import PROBE_COMMAND
 from printer_slicer.stream.send_queue import SendQueue
 from printer_slicer.stream.states import ENDED, TRANSITIONS, State, Trigger
 from printer_slicer.stream.unacked_line import LineFate
@@ -37,14 +37,14 @@ if TYPE_CHECKING:
 
     from printer_slicer.motion.rules import MotionLimits
 
-__all__ = ["RESET", "Streamer"]
+__all__ = ["RESET_REASON", "Streamer"]
 
-RESET: Final = "the printer was reset"
-"""First words of the reason for a print that ended because of a reset."""
+RESET_REASON: Final = "the printer was reset"
+"""Start of the reason of a halt because of a printer reset."""
 
-_LONGEST_REPLY: Final = 1024
-_CAUSE_WITHIN: Final = 1.0
-"""Seconds before "halted" in which messages since the last ok explain the halt."""
+_MAX_REPLY_BYTES: Final = 1024
+_CAUSE_SECONDS: Final = 1.0
+"""A message counts as the cause of a halt if it arrived within this time before it, s, and after the last ok."""
 
 _EMERGENCY: Final = b"\nM112\n"
 _NO_MESSAGE: Final = (-inf, "")
@@ -70,7 +70,7 @@ class Streamer:
         UsageError: an entry can never be sent, or the dialect is unknown.
     """
 
-    def __init__(  # noqa: PLR0913 - each is a choice of its own, and all have names
+    def __init__(  # noqa: PLR0913 - independent options with default values
         self,
         commands: Sequence[bytes],
         *,
@@ -96,8 +96,8 @@ class Streamer:
         self._ended = False
         self._events: list[stream_events.Event] = []
         self._urgent = b""
-        self._numbered_job = self._first = first
-        self._handles_actions = handle_actions if obeys is None else _former_obeys(obeys)
+        self._numbered_job = self._n_received_before = first
+        self._handles_actions = handle_actions if obeys is None else _read_former_obeys(obeys)
         self._partial = b""
         self._last_message: tuple[float, str] = _NO_MESSAGE
         self._handlers: Mapping[type, Callable[[Any, float], None]] = {
@@ -126,7 +126,7 @@ class Streamer:
 
     @property
     def done(self) -> bool:
-        """Return whether nothing is left to send or to wait for."""
+        """Return whether the print has ended and nothing is left to send."""
         return self._ended and not self._urgent
 
     @property
@@ -141,23 +141,23 @@ class Streamer:
 
     @property
     def accepted_line(self) -> int:
-        """Return the number of the last accepted line."""
+        """Return the number of the last accepted line, as counted by the serial protocol."""
         return self._tracker.history.accepted
 
     @property
     def next_line(self) -> int:
         """Return the next unused line number."""
-        return self._tracker.history.top
+        return self._tracker.history.next_number
 
     @property
-    def injected(self) -> int:
+    def injected_count(self) -> int:
         """Return the number of injected commands that have no line number yet."""
-        return self._queue.injected
+        return self._queue.injected_count
 
     @property
-    def idle(self) -> bool:
+    def is_idle(self) -> bool:
         """Return whether no line is in flight and no injected command is queued."""
-        return not self._tracker.history.in_flight and not self._queue.injected
+        return not self._tracker.history.in_flight and not self._queue.injected_count
 
     def events(self) -> list[stream_events.Event]:
         """Return the events since the last call, in order."""
@@ -173,7 +173,7 @@ class Streamer:
         self._apply(Trigger.RESUME)
 
     def inject(self, command: bytes) -> None:
-        """Send a command ahead of the rest of the job, also while paused.
+        """Queue a command ahead of the rest of the job; it is also sent while paused.
 
         Raises:
             UsageError: it can never be sent.
@@ -197,12 +197,14 @@ class Streamer:
                 )
 
     def emergency_stop(self) -> None:
-        """Halt the printer: M112 is sent ahead of everything, and nothing after it."""
+        """Halt the printer with M112, which is sent ahead of all queued lines; nothing is sent after it."""
         self._urgent = _EMERGENCY
         self._halt("emergency stop")
 
     def send_at_once(self, command: bytes) -> None:
-        """Send an unnumbered command ahead of everything: M108, M410 or M876, which firmware handles early.
+        """Send M108, M410 or M876 without a number and ahead of all queued lines.
+
+        Firmware handles these commands early.
 
         Raises:
             UsageError: it can never be sent.
@@ -216,7 +218,7 @@ class Streamer:
         """Process received bytes."""
         before = self._acknowledged
         *lines, self._partial = (self._partial + data).split(b"\n")
-        if len(self._partial) > _LONGEST_REPLY:
+        if len(self._partial) > _MAX_REPLY_BYTES:
             lines.append(self._partial)
             self._partial = b""
         for line in lines:
@@ -234,14 +236,14 @@ class Streamer:
             return urgent
         if self._state is State.CONNECTING:
             return urgent + self._connect(now)
-        if self._tracker.resends.is_active and not self._go_back(now):
+        if self._tracker.resends.is_active and not self._go_back_if_settled(now):
             return urgent
         out = [urgent]
         if self._state is State.CANCELLING:
             out.append(self._tracker.break_wait(now))
         if self._tracker.is_overdue(now):
             out.append(self._probe(now))
-        while self._has_next(now):
+        while self._prepare_next_line(now):
             out.append(self._tracker.history.send_next(now))
         return b"".join(out)
 
@@ -251,40 +253,47 @@ class Streamer:
             return 0.0
         if self._ended:
             return None
-        due = self._handshake.due if self._state is State.CONNECTING else self._tracker.due
+        due = (
+            self._handshake.next_request_at
+            if self._state is State.CONNECTING
+            else self._tracker.next_action_at
+        )
         if self._state is State.CANCELLING and due is not None:
-            due = max(min(due, self._tracker.break_due), 0.0)
+            due = max(min(due, self._tracker.next_break_at), 0.0)
         return due if due is not None and isfinite(due) else None
 
     # Sending.
 
     def _connect(self, now: float) -> bytes:
+        """Return the request of the handshake to write now; halt if no printer has answered in time."""
         if self._handshake.has_timed_out(now):
             self._halt("no printer answered: check the port, the baud rate and the cable")
             return b""
         return self._handshake.send(now)
 
-    def _go_back(self, now: float) -> bool:
-        """Go back after an error once it is settled; return whether sending may continue."""
+    def _go_back_if_settled(self, now: float) -> bool:
+        """Go back to the requested line once all requests have arrived; return whether sending may continue."""
         tracker, resends = self._tracker, self._tracker.resends
         if not resends.is_settled(now):
             return False
         if resends.claimed_line is not None:
             # The resend request after this error was lost, but the error has named the line.
             tracker.on_resend(None, now)
-            self._check_count(now)
-        wanted = resends.wanted
+            self._check_lost_count(now)
+        wanted = resends.requested_line
         if wanted is None:
             return not self._ended
         if not resends.finish():
             self._halt(f"the printer keeps rejecting line {wanted}")
             return False
-        self._acknowledged = min(self._acknowledged, max(tracker.go_back(wanted, now), self._first))
+        self._acknowledged = min(
+            self._acknowledged, max(tracker.go_back(wanted, now), self._n_received_before)
+        )
         self._events.append(stream_events.ResendRequested(wanted))
         return True
 
     def _probe(self, now: float) -> bytes:
-        """Probe which line the printer wants, or whether the single line in flight was executed."""
+        """Return a probe that shows which line the printer expects, or whether the only line in flight was executed."""
         tracker, history = self._tracker, self._tracker.history
         if tracker.timer.has_given_up(history.oldest, now):
             self._halt("the printer has stopped answering")
@@ -292,69 +301,70 @@ class Streamer:
         self._events.append(stream_events.Probe(history.cursor))
         if not self._dialect.checks_line_numbers and self._state is not State.IDENTIFYING:
             tracker.unacked = tracker.unacked or self._queue.make_unacked_line()
-            return tracker.probe_position(tracker.unacked, now)
-        if tracker.can_probe_last_line:
-            return tracker.probe_last_line(now)
-        if history.cursor == history.top:
-            self._assign_number(ASK)
+            return tracker.query_position(tracker.unacked, now)
+        if tracker.can_query_last_line:
+            return tracker.query_last_line(now)
+        if history.cursor == history.next_number:
+            self._assign_number(PROBE_COMMAND)
         return tracker.probe(now)
 
-    def _has_next(self, now: float) -> bool:
-        """Return whether a line may be sent now; assign a number to the next command if needed."""
+    def _prepare_next_line(self, now: float) -> bool:
+        """Return whether a line may be sent now; assign a number to the next command if no numbered line is waiting."""
         tracker = self._tracker
         if self._ended or self._state is State.CONNECTING:
             return False
-        if tracker.history.cursor < tracker.history.top:
+        if tracker.history.cursor < tracker.history.next_number:
             return tracker.can_resend()
-        room = command_room(tracker.history.top, tracker.room())
-        command = self._next_command(room, now) if room > 0 else None
+        max_length = max_command_length(tracker.history.next_number, tracker.available_bytes())
+        command = self._next_command(max_length, now) if max_length > 0 else None
         if command is None:
             return False
         self._assign_number(command)
         return True
 
-    def _next_at_end(self, now: float) -> bytes | None:
-        """Return the next closing query; None while an answer is awaited and after the last one."""
+    def _next_closing_query(self, now: float) -> bytes | None:
+        """Return the next closing query; None while an answer is expected and after the last query."""
         tracker = self._tracker
         if tracker.expects_temperatures(now):
             return None
         if not tracker.clear_expected_temperatures():
-            self._queue.restart_closing()
+            self._queue.restart_closing_queries()
         command = self._queue.next_closing_query()
         if command is None:
             self._apply(Trigger.FINISH)
             self._events.append(self._queue.make_finished(self._acknowledged))
         return command
 
-    def _next_command(self, room: int, now: float) -> bytes | None:
-        """Return the next command of at most `room` bytes, None if there is none now."""
+    def _next_command(self, max_length: int, now: float) -> bytes | None:
+        """Return the next command of at most `max_length` bytes, None if there is none now."""
         queue, idle = self._queue, not self._tracker.history.in_flight
         if self._state is State.IDENTIFYING:
-            return self._handshake.query(self._tracker.history.top) if idle else None
-        command = queue.next_injected(room)
+            return self._handshake.query(self._tracker.history.next_number) if idle else None
+        command = queue.next_injected(max_length)
         if command is None and (self._state is State.STREAMING or self._state is State.CANCELLING):
-            command = queue.next_of_job(room)
+            command = queue.next_job_command(max_length)
             if command is None and idle:
                 self._accept_all()
         if command is None and self._state is State.FINISHING and idle:
-            command = self._next_at_end(now)
+            command = self._next_closing_query(now)
         return command
 
     def _accept_all(self) -> None:
-        """Finish the job after its last line was accepted; comments may follow it."""
+        """Mark all entries as accepted, since only comments follow the last accepted line, and start finishing."""
         if self._queue.taken > self._acknowledged:
             self._acknowledged = self._queue.taken
             self._events.append(stream_events.Accepted(self._acknowledged))
-        self._queue.restart_closing()
+        self._queue.restart_closing_queries()
         self._apply(Trigger.ACCEPTED)
 
     def _assign_number(self, command: bytes) -> None:
-        job = self._queue.taken
-        if job != self._numbered_job + 1:
-            own = b"" if job > self._numbered_job else command
-            self._events.append(stream_events.LineSent(self._tracker.history.top, job, own))
-        self._numbered_job = job
-        self._tracker.add(command, self._queue.taken, self._queue.track(command))
+        """Assign the next line number to a command; report it if it is not simply the next job entry."""
+        entries = self._queue.taken
+        if entries != self._numbered_job + 1:
+            inserted = b"" if entries > self._numbered_job else command
+            self._events.append(stream_events.LineSent(self._tracker.history.next_number, entries, inserted))
+        self._numbered_job = entries
+        self._tracker.add(command, self._queue.taken, self._queue.track_command(command))
 
     # Receiving.
 
@@ -366,24 +376,26 @@ class Streamer:
         if tracker.unacked is not None:
             self._on_ok_of_unacked(ok, now)
             return
-        settled = tracker.is_conclusive(ok)
+        is_conclusive = tracker.is_conclusive(ok)
         # An ok may be left over from the handshake; only the name of the firmware proves that line 1 arrived.
-        proven = settled or self._handshake.firmware is not None or tracker.timer.probes
+        proven = is_conclusive or self._handshake.firmware is not None or tracker.timer.probes
         if self._state is State.IDENTIFYING and not (proven or tracker.history.accepted):
             return
         number = tracker.match_ok(ok, now)
-        self._check_count(now)
+        self._check_lost_count(now)
         if tracker.has_executed_stray and self._state is not State.IDENTIFYING:
             self._halt(
                 "the printer executed something that was not sent: the rest of a line whose start was lost"
             )
         if number is None:
             return
-        self._accept(number, now, settled=settled)
+        self._accept(number, now, is_conclusive=is_conclusive)
 
-    def _accept(self, number: int, now: float, *, settled: bool) -> None:
+    def _accept(self, number: int, now: float, *, is_conclusive: bool) -> None:
         """Handle the acknowledgement of the lines up to `number`."""
-        self._acknowledged = max(self._acknowledged, self._tracker.accept(number, now, settled=settled))
+        self._acknowledged = max(
+            self._acknowledged, self._tracker.accept(number, now, is_conclusive=is_conclusive)
+        )
         if self._state is State.IDENTIFYING and self._handshake.query(number + 1) is None:
             self._apply(Trigger.IDENTIFIED)
             self._tracker.history.mark_proven(1)
@@ -391,33 +403,33 @@ class Streamer:
             parser = self._handshake.has_capability("EMERGENCY_PARSER")
             self._tracker.set_dialect(self._dialect, emergency_parser=parser)
             self._queue.set_dialect(self._dialect)
-            self._events.append(self._handshake.identified())
+            self._events.append(self._handshake.make_identified())
 
     def _on_ok_of_unacked(self, ok: replies.Ok, now: float) -> None:
         """Handle an ok while it is unknown whether the line in flight was executed."""
         tracker = self._tracker
         unacked, number = tracker.unacked, tracker.history.accepted + 1
         assert unacked is not None
-        if not ok.heat:
+        if not ok.has_temperatures:
             unacked.on_bare_ok()
             return
         fate = unacked.resolve()
         if fate is LineFate.EXECUTED:
-            self._accept(number, now, settled=True)
+            self._accept(number, now, is_conclusive=True)
         elif fate is LineFate.LOST:
             tracker.go_back(number, now)
             self._events.append(stream_events.ResendRequested(number))
         elif fate is LineFate.UNKNOWN:
-            said = tracker.history.oldest.command.decode(errors="replace")
-            self._halt(f"unknown whether line {number} was executed: {said}")
-        elif fate is LineFate.OPEN:
+            command = tracker.history.oldest.command.decode(errors="replace")
+            self._halt(f"it is unknown whether the printer executed line {number}: {command}")
+        elif fate is LineFate.UNDECIDED:
             tracker.timer.on_answer(now)
             tracker.timer.expect_loss(now)
 
     def _on_handshake_ok(self, ok: replies.Ok) -> None:
         if self._tracker.resends.ignore_next_ok:
             self._tracker.resends.ignore_next_ok = False
-        elif self._handshake.has_started and not ok.heat:
+        elif self._handshake.has_started and not ok.has_temperatures:
             self._apply(Trigger.GREETED)
 
     def _on_resend(self, resend: replies.Resend, now: float) -> None:
@@ -426,53 +438,56 @@ class Streamer:
             self._handshake.restart(now)
         elif self._tracker.unacked is None:
             self._tracker.on_resend(resend.number, now)
-            self._check_count(now)
+            self._check_lost_count(now)
 
-    def _check_count(self, now: float) -> None:
+    def _check_lost_count(self, now: float) -> None:
+        """Treat a printer that has lost count of the lines like a printer that was reset."""
         tracker = self._tracker
         if tracker.lost_count is not None:
             evidence = f"it requests line {tracker.lost_count}, but line {tracker.history.cursor} is next"
-            self._restarted(evidence, now)
+            self._on_reset(evidence, now)
             # The ok of this rejection is still to come; it must not count as an answer to the handshake.
             self._tracker.resends.ignore_next_ok = tracker.resends.ignore_next_ok
 
     def _on_line_error(self, error: replies.LineError, now: float) -> None:
         if self._state is not State.CONNECTING and self._tracker.unacked is None:
-            self._tracker.resends.on_error(error.wanted, now)
+            self._tracker.resends.on_error(error.expected_line, now)
         self._events.append(stream_events.Message(error.text))
 
     def _on_wait(self, _: replies.Wait, now: float) -> None:
         self._tracker.on_idle(now)
 
     def _on_started(self, _: replies.Started, now: float) -> None:
-        self._restarted("it has restarted", now)
+        self._on_reset("it has restarted", now)
 
-    def _restarted(self, evidence: str, now: float) -> None:
-        """Handle a reset of the printer: start again if nothing was printed, otherwise halt."""
+    def _on_reset(self, evidence: str, now: float) -> None:
+        """Handle a reset of the printer: repeat the handshake if nothing was printed, otherwise halt."""
         self._apply(Trigger.RESTARTED)
         if self._ended:
-            self._events.append(stream_events.Halted(f"{RESET}: {evidence}", self._acknowledged))
+            self._events.append(stream_events.Halted(f"{RESET_REASON}: {evidence}", self._acknowledged))
         else:
             self._tracker = AckTracker(Window(*self._window_rules), self._give_up)
             self._handshake.restart(now)
 
     def _on_stopped(self, stopped: replies.Stopped, now: float) -> None:
         when, cause = self._last_message
-        because = f" ({cause})" if cause and now - when <= _CAUSE_WITHIN else ""
+        because = f" ({cause})" if cause and now - when <= _CAUSE_SECONDS else ""
         self._halt(f"the printer stopped: {stopped.text}{because}")
 
     def _on_unknown(self, unknown: replies.Unknown, now: float) -> None:
         self._on_text(unknown, now)
-        said = unknown.command
-        if not said or not any(command.startswith(said) for command in self._tracker.history.commands()):
-            # It read the remains of a line as a separate line: the next ok answers none of the sent lines.
+        received = unknown.command
+        if not received or not any(
+            command.startswith(received) for command in self._tracker.history.commands_in_flight()
+        ):
+            # The printer read part of a line as a separate line: the next ok answers none of the sent lines.
             if self._tracker.unacked is not None:
                 self._tracker.unacked.on_stray_command()
-            self._tracker.on_stray_reply(now, refusal=True)
+            self._tracker.on_stray_reply(now, may_reject=True)
 
-    def _on_identity(self, said: replies.Identity | replies.Capability, _: float) -> None:
+    def _on_identity(self, reply: replies.Identity | replies.Capability, _: float) -> None:
         if self._state is State.IDENTIFYING:
-            self._handshake.on_reply(said)
+            self._handshake.on_reply(reply)
 
     def _on_position(self, position: replies.Position, now: float) -> None:
         self._queue.position = (position.x, position.y, position.z)
@@ -483,11 +498,11 @@ class Streamer:
     def _on_last_line(self, line: replies.LastLine, now: float) -> None:
         number = self._tracker.on_last_line(line.number, now) if self._state is not State.CONNECTING else None
         if number is not None:
-            self._accept(number, now, settled=True)
+            self._accept(number, now, is_conclusive=True)
 
     def _on_garbled(self, garbled: replies.Garbled, now: float) -> None:
         self._on_text(garbled, now)
-        self._tracker.on_stray_reply(now, refusal=garbled.refusal)
+        self._tracker.on_stray_reply(now, may_reject=garbled.may_reject)
 
     def _on_temperature(self, temperature: stream_events.Temperature, now: float) -> None:
         if temperature.waiting:
@@ -495,7 +510,7 @@ class Streamer:
         elif self._handshake.dialect.ok_when_read:
             number = self._tracker.match_temperatures()
             if number is not None:
-                self._accept(number, now, settled=True)
+                self._accept(number, now, is_conclusive=True)
         self._events.append(temperature)
 
     def _on_busy(self, busy: stream_events.Busy, now: float) -> None:
@@ -510,12 +525,12 @@ class Streamer:
             self.resume()
         self._events.append(action)
 
-    def _on_text(self, said: replies.WithText, _: float) -> None:
-        self._events.append(stream_events.Message(said.text))
+    def _on_text(self, reply: replies.ReplyWithText, _: float) -> None:
+        self._events.append(stream_events.Message(reply.text))
 
-    def _on_message(self, said: stream_events.Message, now: float) -> None:
-        self._last_message = (now, said.text)
-        self._events.append(said)
+    def _on_message(self, message: stream_events.Message, now: float) -> None:
+        self._last_message = (now, message.text)
+        self._events.append(message)
 
     def _apply(self, trigger: Trigger) -> bool:
         """Apply a trigger; return False if it is not valid in the current state."""
@@ -527,11 +542,12 @@ class Streamer:
         return True
 
     def _halt(self, reason: str) -> None:
+        """End the print early and report why."""
         if self._apply(Trigger.HALT):
             self._events.append(stream_events.Halted(reason, self._acknowledged))
 
 
-def _former_obeys(obeys: bool) -> bool:
+def _read_former_obeys(obeys: bool) -> bool:
     """Return the value of the former keyword `obeys`, with a warning."""
     warn_renamed("Streamer(obeys=)", "Streamer(handle_actions=)", stacklevel=4)
     return obeys

@@ -1,6 +1,6 @@
 """Parse the lines of a printer into replies that do not depend on the firmware.
 
-Replies have no checksum, so damage cannot be detected with certainty. A line that looks like the remains of an answer
+Replies have no checksum, so damage cannot be detected with certainty. A line that looks like part of an answer
 becomes `Garbled` instead of `Message`, and the streamer then sends a probe.
 """
 
@@ -24,12 +24,12 @@ __all__ = [
     "Ok",
     "Position",
     "Reply",
+    "ReplyWithText",
     "Resend",
     "Started",
     "Stopped",
     "Unknown",
     "Wait",
-    "WithText",
     "read_reply",
 ]
 
@@ -39,14 +39,14 @@ class Ok:
     """Acknowledgement of a line.
 
     Attributes:
-        number: line up to which it acknowledges, None if not reported.
-        heat: whether it contains temperatures, as the answer to M105 does.
+        number: the last line that it acknowledges, None if not reported.
+        has_temperatures: whether it contains temperatures, as the answer to M105 does.
         planner: free places of the planner, None if not reported.
         places: free places of the command queue, None if not reported.
     """
 
     number: int | None = None
-    heat: bool = False
+    has_temperatures: bool = False
     planner: int | None = None
     places: int | None = None
 
@@ -60,9 +60,9 @@ class Resend:
 
 @dataclass(frozen=True, slots=True)
 class LineError:
-    """Error about a rejected line; it names the wanted line before the `Resend` does."""
+    """Error about a rejected line; it names the line that the printer expects and precedes the `Resend`."""
 
-    wanted: int
+    expected_line: int
     text: str
 
 
@@ -85,7 +85,7 @@ class Stopped:
 
 @dataclass(frozen=True, slots=True)
 class Unknown:
-    """Report of an unknown command, as the printer read it."""
+    """Report of a command that the firmware does not know; `command` is the text that the printer received."""
 
     command: bytes
     text: str
@@ -93,7 +93,7 @@ class Unknown:
 
 @dataclass(frozen=True, slots=True)
 class LastLine:
-    """Number of the last accepted line, the answer to a plain M110."""
+    """Report of the number of the last accepted line, the answer to an unnumbered M110."""
 
     number: int
 
@@ -126,10 +126,15 @@ class Position:
 
 @dataclass(frozen=True, slots=True)
 class Garbled:
-    """Damaged answer; `refusal`: it may have been a `Resend`, so the next ok may belong to a rejection."""
+    """Damaged answer.
+
+    Attributes:
+        text: the text.
+        may_reject: whether it may have been a `Resend`, so that the next ok may belong to a rejection.
+    """
 
     text: str
-    refusal: bool
+    may_reject: bool
 
 
 Reply: TypeAlias = (
@@ -151,16 +156,16 @@ Reply: TypeAlias = (
     | Message
 )
 
-WithText: TypeAlias = Unknown | Position | Garbled
+ReplyWithText: TypeAlias = Unknown | Position | Garbled
 """Replies that are also reported as text."""
 
-_REPORTS: Final = (Temperature, Position, Identity)
-_PLAIN_OK: Final = (Ok(),)  # nearly every line is this one
+_REPORT_KINDS: Final = (Temperature, Position, Identity)
+_PLAIN_OK: Final = (Ok(),)  # the most frequent reply
 _NUMBER: Final = rb"(-?\d+(?:\.\d*)?)"
 _OK: Final = re.compile(rb"ok(?: N(\d{1,9}))?(?: P(\d{1,4}))?(?: B(\d{1,4}))?")
-_OK_AND: Final = re.compile(rb"ok\s")
-_HEATERS: Final = re.compile(rb"\s*(?:T\d?|B|C):\s*-?\d")
-_HEATER: Final = re.compile(rb"\b(T\d?|B|C):\s*" + _NUMBER + rb"(?:\s*/\s*" + _NUMBER + rb")?")
+_OK_AND_MORE: Final = re.compile(rb"ok\s")
+_TEMPERATURE_REPORT: Final = re.compile(rb"\s*(?:T\d?|B|C):\s*-?\d")
+_HEATER_READING: Final = re.compile(rb"\b(T\d?|B|C):\s*" + _NUMBER + rb"(?:\s*/\s*" + _NUMBER + rb")?")
 _POSITION: Final = re.compile(
     rb"(?<!Count )X:\s*"
     + _NUMBER
@@ -176,47 +181,49 @@ _STARTED: Final = re.compile(
     rb"^[^ -~]*(?:start|External Reset|Brown out Reset|Watchdog Reset|Software Reset|Smoothie)$"
     rb"|^RepRapFirmware .* is up and running|^// Klipper state: Ready"
 )
-"""A board reports its start, often after bytes sent at another baud rate."""
-_SENSIBLE_CONTROL: Final = re.compile(r"[^\x00-\x08\x0a-\x1f\x7f]*")
+"""Report of a board that it has started, often after bytes sent at another baud rate."""
+_PRINTABLE: Final = re.compile(r"[^\x00-\x08\x0a-\x1f\x7f]*")
 _RESEND_LETTERS: Final = "Resend:"
-_RESEND_LONGEST: Final = 20  # "Resend: " with a number of nine digits, and some damage
+_MAX_RESEND_LENGTH: Final = 20  # "Resend: " with a number of nine digits, and some damage
 
 
-def _position(found: re.Match[bytes]) -> tuple[Reply, ...]:
+def _parse_position(found: re.Match[bytes]) -> tuple[Reply, ...]:
+    """Return the position report of a match."""
     x, y, z = (float(value) for value in found.groups()[:3])
-    return (Position(x, y, z, _text(found.string), float(found[4]) if found[4] else None),)
+    return (Position(x, y, z, _decode(found.string), float(found[4]) if found[4] else None),)
 
 
-def _resend(found: re.Match[bytes]) -> tuple[Reply, ...]:
-    asked = Resend(int(found[1]))
+def _parse_resend(found: re.Match[bytes]) -> tuple[Reply, ...]:
+    """Return the resend request of a match, and the ok that follows on the same line, if any."""
+    request = Resend(int(found[1]))
     # The line break between the request and its ok was lost.
-    return (asked, Ok()) if found[2] else (asked,)
+    return (request, Ok()) if found[2] else (request,)
 
 
 _PATTERNS: Final[tuple[tuple[re.Pattern[bytes], Callable[[re.Match[bytes]], tuple[Reply, ...]]], ...]] = (
-    (re.compile(rb"(?:Resend:|^rs )\s*N?:?\s*(\d{1,9})(ok)?(?=\s|$)"), _resend),
-    (re.compile(rb"Last Line: *(\d{1,9})\s*$"), lambda m: (LineError(int(m[1]) + 1, _text(m.string)),)),
-    (re.compile(rb"expected line (\d{1,9}) got"), lambda m: (LineError(int(m[1]), _text(m.string)),)),
+    (re.compile(rb"(?:Resend:|^rs )\s*N?:?\s*(\d{1,9})(ok)?(?=\s|$)"), _parse_resend),
+    (re.compile(rb"Last Line: *(\d{1,9})\s*$"), lambda m: (LineError(int(m[1]) + 1, _decode(m.string)),)),
+    (re.compile(rb"expected line (\d{1,9}) got"), lambda m: (LineError(int(m[1]), _decode(m.string)),)),
     (_STARTED, lambda _: (Started(),)),
     (re.compile(rb"^wait$"), lambda _: (Wait(),)),
     (re.compile(rb"^(?:echo: ?)?M110 N(-?\d{1,9})$"), lambda m: (LastLine(int(m[1])),)),
-    (re.compile(rb"^skip \d+$"), lambda m: (Garbled(_text(m.string), refusal=True),)),
-    (re.compile(rb"\bbusy:\s*(.*)"), lambda m: (Busy(_text(m[1])),)),
+    (re.compile(rb"^skip \d+$"), lambda m: (Garbled(_decode(m.string), may_reject=True),)),
+    (re.compile(rb"\bbusy:\s*(.*)"), lambda m: (Busy(_decode(m[1])),)),
     (
         re.compile(
             rb"^!!(?: [ -~]+)?$|^fatal:|insufficient axes homed"
             rb"|kill\(\) called|Printer halted|system stopped|(?i:emergency (?:shutdown|stop))"
             rb"|^// Klipper state: (?:Shutdown|Disconnect)"
         ),
-        lambda m: (Stopped(_text(m.string)),),
+        lambda m: (Stopped(_decode(m.string)),),
     ),
-    (re.compile(rb"^//\s*action:\s*(.*)"), lambda m: (Action(_text(m[1])),)),
-    (re.compile(rb'Unknown command:\s*"(.*)"'), lambda m: (Unknown(m[1], _text(m.string)),)),
-    (re.compile(rb"FIRMWARE_NAME:\s*(.*?)(?:\s+[A-Z_]+:.*)?$"), lambda m: (Identity(_text(m[1])),)),
-    (re.compile(rb"^Cap:(\w+):([01])$"), lambda m: (Capability(_text(m[1]), m[2] == b"1"),)),
-    (_POSITION, _position),
+    (re.compile(rb"^//\s*action:\s*(.*)"), lambda m: (Action(_decode(m[1])),)),
+    (re.compile(rb'Unknown command:\s*"(.*)"'), lambda m: (Unknown(m[1], _decode(m.string)),)),
+    (re.compile(rb"FIRMWARE_NAME:\s*(.*?)(?:\s+[A-Z_]+:.*)?$"), lambda m: (Identity(_decode(m[1])),)),
+    (re.compile(rb"^Cap:(\w+):([01])$"), lambda m: (Capability(_decode(m[1]), m[2] == b"1"),)),
+    (_POSITION, _parse_position),
 )
-"""The first match wins; urgent and unambiguous patterns come first."""
+"""Pattern of each kind of reply and its parser. The first match counts; urgent and unambiguous patterns come first."""
 
 
 def read_reply(line: bytes) -> tuple[Reply, ...]:
@@ -232,50 +239,53 @@ def read_reply(line: bytes) -> tuple[Reply, ...]:
     if found := _OK.fullmatch(line):
         number, planner, places = (int(value) if value else None for value in found.groups())
         return (Ok(number, planner=planner, places=places),)
-    if _OK_AND.match(line):
-        parsed = [reply for reply in _read_text(line[3:]) if not isinstance(reply, Garbled | Message)]
+    if _OK_AND_MORE.match(line):
+        parsed = [reply for reply in _parse_text(line[3:]) if not isinstance(reply, Garbled | Message)]
         # In a position report `B:` and `C:` are motors.
-        placed = any(isinstance(reply, Position) for reply in parsed)
-        ok = Ok(heat=not placed and _HEATER.search(line) is not None)
+        has_position = any(isinstance(reply, Position) for reply in parsed)
+        ok = Ok(has_temperatures=not has_position and _HEATER_READING.search(line) is not None)
         # A report belongs to its ok; anything else is the next answer after a damaged line break.
-        return (*parsed, ok) if all(isinstance(reply, _REPORTS) for reply in parsed) else (ok, *parsed)
-    return _read_text(line)
+        return (*parsed, ok) if all(isinstance(reply, _REPORT_KINDS) for reply in parsed) else (ok, *parsed)
+    return _parse_text(line)
 
 
-def _read_text(line: bytes) -> tuple[Reply, ...]:
+def _parse_text(line: bytes) -> tuple[Reply, ...]:
+    """Parse a line that does not start with a valid ok."""
     for pattern, build in _PATTERNS:
         if found := pattern.search(line):
             return build(found)
-    if _HEATERS.match(line):
-        return (_temperature(line),)
-    text = _text(line)
-    damaged = "\ufffd" in text or not _SENSIBLE_CONTROL.fullmatch(text)
-    refusal = _resembles_resend(text) or (damaged and len(text) > len("ok N1"))
-    if refusal or damaged or len(line) <= 3 or line.startswith(b"ok"):
-        return (Garbled(text, refusal),)
+    if _TEMPERATURE_REPORT.match(line):
+        return (_parse_temperature(line),)
+    text = _decode(line)
+    damaged = "\ufffd" in text or not _PRINTABLE.fullmatch(text)
+    may_reject = _resembles_resend(text) or (damaged and len(text) > len("ok N1"))
+    if may_reject or damaged or len(line) <= 3 or line.startswith(b"ok"):
+        return (Garbled(text, may_reject),)
     return (Message(text),)
 
 
-def _temperature(line: bytes) -> Temperature:
+def _parse_temperature(line: bytes) -> Temperature:
+    """Parse a temperature report."""
     readings = tuple(
         Reading(name.decode(), float(actual), float(target) if target else None)
-        for name, actual, target in _HEATER.findall(line)
+        for name, actual, target in _HEATER_READING.findall(line)
     )
     return Temperature(readings, waiting=b"W:" in line)
 
 
 def _resembles_resend(text: str) -> bool:
     """Return whether the text contains at least five of the seven characters of `Resend:` in order."""
-    if len(text) > _RESEND_LONGEST:
+    if len(text) > _MAX_RESEND_LENGTH:
         return False
-    position = kept = 0
+    position = n_found = 0
     for letter in _RESEND_LETTERS:
         found = text.find(letter, position)
         if found >= 0:
             position = found + 1
-            kept += 1
-    return kept >= 5
+            n_found += 1
+    return n_found >= 5
 
 
-def _text(data: bytes) -> str:
+def _decode(data: bytes) -> str:
+    """Decode received text without surrounding whitespace; invalid bytes become U+FFFD."""
     return data.decode(errors="replace").strip()

@@ -1,10 +1,10 @@
 """Resynchronize with a printer that is still running: find its last accepted line and the end of its planned motion.
 
 No motion command is sent, and line numbers are not reset. A query with a number far ahead is rejected, and the
-rejection names the wanted line. Oks of earlier lines may still arrive, so the next number queries the temperatures,
+rejection names the expected line. Oks of earlier lines may still arrive, so the next number queries the temperatures,
 whose answer follows all of them. The last query asks for the position.
 
-Like the streamer, it works on bytes without I/O. `done` says when there is a result.
+Like the streamer, it works on bytes without I/O. `done` is True once there is a result.
 """
 
 from __future__ import annotations
@@ -18,24 +18,26 @@ from printer_slicer.stream.framing import frame
 
 __all__ = ["Resync"]
 
-_AHEAD: Final = 100_000
+_NUMBER_OFFSET: Final = 100_000
 """Distance of the rejected line number from the highest number that may have been sent."""
 
-_QUIET: Final = 0.3
-"""s after a rejection in which it may be repeated."""
+_REPEAT_TIME: Final = 0.3
+"""Time after a rejection within which the printer may repeat it, s."""
 
-_AGAIN: Final = 2.0
-_PATIENCE: Final = 30.0
-"""s without an answer until the printer counts as unresponsive."""
+_QUERY_INTERVAL: Final = 2.0
+_MAX_SILENCE: Final = 30.0
+"""Time without an answer after which the printer counts as unresponsive, s."""
 
-_NO_REFUSAL: Final = 8
-"""Number of answers to a query that should be rejected; six of them may belong to earlier lines."""
+_MAX_UNREJECTED: Final = 8
+"""Number of oks, where a rejection is expected, after which the firmware counts as ignoring line numbers.
+
+Six of them may belong to earlier lines."""
 
 _QUERIES: Final = (b"M105", b"M114")
 
 
 class Resync:
-    """Queries to a printer whose host has gone.
+    """Queries to a printer whose previous host has ended.
 
     Args:
         last: highest line number that may have been used.
@@ -54,38 +56,38 @@ class Resync:
         self.temperature: Temperature | None = None
         self.reason = ""
         self.done = False
-        self._invalid_number = last + _AHEAD
-        self._rejected: int | None = None
-        self._answers = 0
+        self._invalid_number = last + _NUMBER_OFFSET
+        self._rejected_line: int | None = None
+        self._n_temperature_oks = 0
         self._n_answered = 0  # number of answered queries
-        self._due = -inf
-        self._sent = False
+        self._next_query_at = -inf
+        self._is_query_sent = False
         self._last_heard: float | None = None
         self._partial = b""
 
     def queries(self) -> tuple[tuple[int, bytes], ...]:
-        """Return the queries that follow once `line` is known, with their line numbers."""
+        """Return the queries to send once `line` is known, with their line numbers."""
         line = self.line
         return () if line is None else tuple((line + 1 + i, query) for i, query in enumerate(_QUERIES))
 
     def send(self, now: float) -> bytes:
-        """Return the bytes to write now; may be empty."""
+        """Return the query to write now; may be empty."""
         if self._last_heard is None:
             self._last_heard = now
-        if self.done or now < self._due:
+        if self.done or now < self._next_query_at:
             return b""
-        if now >= self._last_heard + _PATIENCE:
+        if now >= self._last_heard + _MAX_SILENCE:
             self._fail("the printer does not answer")
             return b""
-        self._due = now + _AGAIN
-        self._sent = self.line is not None
+        self._next_query_at = now + _QUERY_INTERVAL
+        self._is_query_sent = self.line is not None
         if self.line is None:
             return b"\n%s\n" % frame(self._invalid_number, b"M105")
         return b"\n%s\n" % frame(*self.queries()[self._n_answered])
 
     def wakeup(self) -> float | None:
         """Return when to call `send` even if nothing arrives, s; None if done."""
-        return None if self.done else max(self._due, 0.0)
+        return None if self.done else max(self._next_query_at, 0.0)
 
     def receive(self, data: bytes, now: float) -> None:
         """Process received bytes."""
@@ -101,9 +103,11 @@ class Resync:
             return
         if not isinstance(reply, Temperature) or reply.waiting:  # temperature reports come without a query
             self._last_heard = now
-        self._check_end(reply)
+        self._check_for_restart(reply)
         if isinstance(reply, replies.Resend | replies.LineError):
-            self._on_rejection(reply.number if isinstance(reply, replies.Resend) else reply.wanted, now)
+            self._on_rejection(
+                reply.number if isinstance(reply, replies.Resend) else reply.expected_line, now
+            )
         elif isinstance(reply, replies.Ok):
             self._on_ok(reply, now)
         elif isinstance(reply, Busy | Temperature):
@@ -111,8 +115,8 @@ class Resync:
         elif isinstance(reply, replies.Position) and self._n_answered == 1:
             self.position = (reply.x, reply.y, reply.z)
 
-    def _check_end(self, reply: replies.Reply) -> None:
-        """Fail if the printer has restarted or stopped."""
+    def _check_for_restart(self, reply: replies.Reply) -> None:
+        """Set the reason of a failure if the printer has restarted or stopped."""
         if isinstance(reply, replies.Started):
             self._fail("it was reset")
         elif isinstance(reply, replies.Stopped):
@@ -127,42 +131,46 @@ class Resync:
 
     def _postpone(self, now: float) -> None:
         """Postpone the next query while the printer is busy, so that its buffer does not fill up."""
-        if self.line is not None and self._sent:
-            self._due = max(self._due, now + _AGAIN)
+        if self.line is not None and self._is_query_sent:
+            self._next_query_at = max(self._next_query_at, now + _QUERY_INTERVAL)
 
-    def _on_rejection(self, wanted: int, now: float) -> None:
+    def _on_rejection(self, expected: int, now: float) -> None:
+        """Handle a rejection that names the line that the printer expects."""
         if self.line is None:
-            if wanted == self._rejected:
-                self.line = wanted - 1
-                self._due = now + _QUIET
-            self._rejected = wanted
+            if expected == self._rejected_line:
+                self.line = expected - 1
+                self._next_query_at = now + _REPEAT_TIME
+            self._rejected_line = expected
             return
         first = self.line + 1
-        if wanted == first + self._n_answered + 1:
-            self._answered(now)  # the answer was lost
-        elif wanted == first + self._n_answered:
-            self._due = now + _QUIET  # an earlier rejection was repeated, or the query was lost
+        if expected == first + self._n_answered + 1:
+            self._finish_query(now)  # the answer was lost
+        elif expected == first + self._n_answered:
+            self._next_query_at = (
+                now + _REPEAT_TIME
+            )  # an earlier rejection was repeated, or the query was lost
         else:
-            self._fail(f"it requests line {wanted} after line {first + self._n_answered}")
+            self._fail(f"it requests line {expected} after line {first + self._n_answered}")
 
     def _on_ok(self, ok: replies.Ok, now: float) -> None:
         if self.line is None:
             # Some answers may belong to earlier queries. Firmware that never rejects ignores line numbers.
-            self._answers += ok.heat
-            if ok.heat:  # the printer answers, so the next query can follow soon
-                self._due = min(self._due, now + _QUIET)
-            if self._answers >= _NO_REFUSAL and self._rejected is None:
+            self._n_temperature_oks += ok.has_temperatures
+            if ok.has_temperatures:  # the printer answers, so the next query can follow soon
+                self._next_query_at = min(self._next_query_at, now + _REPEAT_TIME)
+            if self._n_temperature_oks >= _MAX_UNREJECTED and self._rejected_line is None:
                 self._fail("its firmware does not check line numbers")
             return
-        if (self._n_answered == 0 and ok.heat) or (
-            self._n_answered == 1 and not ok.heat and self.position is not None
+        if (self._n_answered == 0 and ok.has_temperatures) or (
+            self._n_answered == 1 and not ok.has_temperatures and self.position is not None
         ):
-            self._answered(now)
+            self._finish_query(now)
 
-    def _answered(self, now: float) -> None:
+    def _finish_query(self, now: float) -> None:
+        """Count a query as answered, and allow the next query."""
         self._n_answered += 1
-        self._sent = False
-        self._due = now
+        self._is_query_sent = False
+        self._next_query_at = now
         if self._n_answered >= len(_QUERIES):
             self.done = True
 

@@ -1,8 +1,8 @@
-"""History of the numbered lines: which exist, which were sent, which were accepted.
+"""History of the numbered lines, and how many of them were sent and accepted.
 
-The lines in flight are those between `accepted` and `cursor`. An acknowledgement moves the first and a resend moves the
-second, so no separate count can drift. A number always belongs to the same line. Therefore it is safe to send whatever
-line the printer requests.
+The lines in flight are those between `accepted` and `cursor`. An acknowledgement moves `accepted` and a resend moves
+`cursor`, so there is no separate count that could become wrong. A number always belongs to the same line. Therefore it
+is safe to send whatever line the printer requests.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from printer_slicer.stream.framing import frame
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-__all__ = ["ASK", "NumberedLine", "SendHistory"]
+__all__ = ["PROBE_COMMAND", "NumberedLine", "SendHistory"]
 
-ASK: Final = b"M105"
+PROBE_COMMAND: Final = b"M105"
 """Probe: a harmless command whose answer cannot be mistaken for the answer to another line."""
 
 _CERTAIN_AFTER: Final = 16
-"""A line was certainly accepted once this many later lines were: each of them would have exposed the gap."""
+"""Number of later accepted lines that prove that a line was accepted: each of them would have exposed a gap."""
 
-_KEPT: Final = 2 * _CERTAIN_AFTER
+_LINES_KEPT: Final = 2 * _CERTAIN_AFTER
 
 
 @dataclass(slots=True)
@@ -33,15 +33,15 @@ class NumberedLine:
 
     Attributes:
         command: command without number and checksum.
-        text: line with both.
-        job: number of job entries that are accepted once this line is.
+        text: the line as sent, with number and checksum, without line break.
+        entries: number of job entries that are accepted once this line is.
         timeout: maximum time, s, from the acceptance of the previous line to the ok of this one.
         sent: time at which it was last sent, s.
     """
 
     command: bytes
     text: bytes
-    job: int
+    entries: int
     timeout: float
     sent: float = -inf
 
@@ -53,7 +53,7 @@ class SendHistory:
         accepted: highest line that counts as accepted.
         proven: highest line that was certainly accepted; a printer that requests one up to it has lost count.
         cursor: number of the next line to send.
-        top: next unused number.
+        next_number: next unused number.
         frame: function that frames a number and a command as a line.
     """
 
@@ -61,7 +61,7 @@ class SendHistory:
         self.accepted = 0
         self.proven = 0
         self.cursor = 1
-        self.top = 1
+        self.next_number = 1
         self.frame: Callable[[int, bytes], bytes] = frame
         self._lines: dict[int, NumberedLine] = {}
 
@@ -72,23 +72,25 @@ class SendHistory:
 
     @property
     def bytes_in_flight(self) -> int:
-        """Return the bytes of these lines, with their line breaks."""
+        """Return the total length of the lines in flight, with their line breaks, bytes."""
         return sum(len(self._lines[number].text) + 1 for number in range(self.accepted + 1, self.cursor))
 
     @property
     def oldest(self) -> NumberedLine:
-        """Return the line whose answer is due next. Valid only while lines are in flight."""
+        """Return the oldest line in flight. Valid only while lines are in flight."""
         return self._lines[self.accepted + 1]
 
     @property
-    def next(self) -> NumberedLine:
-        """Return the line to send next. Valid only while `cursor` is below `top`."""
+    def next_line(self) -> NumberedLine:
+        """Return the line to send next. Valid only while `cursor` is below `next_number`."""
         return self._lines[self.cursor]
 
-    def add(self, command: bytes, job: int, timeout: float) -> None:
-        """Assign the next number to a command."""
-        self._lines[self.top] = NumberedLine(command, self.frame(self.top, command), job, timeout)
-        self.top += 1
+    def add(self, command: bytes, entries: int, timeout: float) -> None:
+        """Assign the next number to a command; see `NumberedLine` for the arguments."""
+        self._lines[self.next_number] = NumberedLine(
+            command, self.frame(self.next_number, command), entries, timeout
+        )
+        self.next_number += 1
 
     def send_next(self, now: float, *, break_first: bool = False) -> bytes:
         """Return the bytes of the next line, which is then in flight; `break_first` puts a line break in front.
@@ -96,7 +98,7 @@ class SendHistory:
         A resent line always starts with a line break. If the break of the previous copy were lost, the copies would
         otherwise be read as one line, and the XOR of three copies equals that of one.
         """
-        line = self.next
+        line = self.next_line
         start = b"\n" if break_first or line.sent != -inf else b""
         line.sent = now
         self.cursor += 1
@@ -105,10 +107,10 @@ class SendHistory:
     def accept(self, number: int) -> int:
         """Mark the lines up to `number`, a line in flight, as accepted; return the number of accepted job entries."""
         for old in range(self.accepted + 1, number + 1):
-            self._lines.pop(old - _KEPT, None)
+            self._lines.pop(old - _LINES_KEPT, None)
         self.accepted = number
         self.mark_proven(number - _CERTAIN_AFTER)
-        return self._lines[number].job
+        return self._lines[number].entries
 
     def mark_proven(self, number: int) -> None:
         """Mark all lines up to `number` as certainly accepted."""
@@ -118,7 +120,7 @@ class SendHistory:
         """Return a line in flight."""
         return self._lines[number]
 
-    def find(self, command: bytes) -> int | None:
+    def find_newest(self, command: bytes) -> int | None:
         """Return the number of the newest line in flight with this command, None if none."""
         for number in range(self.cursor - 1, self.accepted, -1):
             if self._lines[number].command == command:
@@ -130,7 +132,7 @@ class SendHistory:
         numbers = range(self.accepted + 1, self.cursor)
         return next((number for number in numbers if self._lines[number].command == command), None)
 
-    def commands(self) -> list[bytes]:
+    def commands_in_flight(self) -> list[bytes]:
         """Return the commands in flight."""
         return [self._lines[number].command for number in range(self.accepted + 1, self.cursor)]
 
@@ -138,4 +140,4 @@ class SendHistory:
         """Go back so that line `number`, above `proven`, is sent next; return the number of accepted job entries."""
         self.cursor = number
         self.accepted = min(self.accepted, number - 1)
-        return self._lines[self.accepted].job if self.accepted else 0
+        return self._lines[self.accepted].entries if self.accepted else 0

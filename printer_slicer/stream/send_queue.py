@@ -10,8 +10,8 @@ from printer_slicer.gcode.lexer import is_macro, parse, strip
 from printer_slicer.gcode.state import MachineState, Place
 from printer_slicer.stream.ack_timer import ResponseTimeout
 from printer_slicer.stream.events import AxisPositions, Finished
-from printer_slicer.stream.framing import LONGEST, check_commands
-from printer_slicer.stream.send_history import ASK
+from printer_slicer.stream.framing import MAX_LINE_BYTES, check_commands
+from printer_slicer.stream.send_history import PROBE_COMMAND
 from printer_slicer.stream.unacked_line import UnackedLine, is_repeatable
 
 if TYPE_CHECKING:
@@ -25,8 +25,8 @@ __all__ = ["POSITION_TOLERANCE", "SendQueue"]
 POSITION_TOLERANCE: Final = 0.05
 """mm; printers report two decimals of single-precision numbers."""
 
-_CLOSING: Final = (b"M400", ASK)
-_MOST_POSITION_QUERIES: Final = 5
+_CLOSING_QUERIES: Final = (b"M400", PROBE_COMMAND)
+_MAX_POSITION_QUERIES: Final = 5
 
 
 class SendQueue:
@@ -41,20 +41,20 @@ class SendQueue:
     """
 
     def __init__(
-        self, commands: Sequence[bytes], limits: MotionLimits | None, longest: int = LONGEST
+        self, commands: Sequence[bytes], limits: MotionLimits | None, longest: int = MAX_LINE_BYTES
     ) -> None:
         check_commands(commands, longest)
-        self._longest = longest
+        self._max_line_bytes = longest
         self.taken = 0
         self.position: AxisPositions | None = None
         self._commands = commands
         self._end_script: deque[bytes] | None = None
         self._injected: deque[bytes] = deque()
-        self._closing = deque(_CLOSING)
+        self._closing_queries = deque(_CLOSING_QUERIES)
         self._position_queries = 0
         self._timeout = ResponseTimeout(limits)
         self._machine = MachineState()
-        self._command, self._before = b"", self._machine.place
+        self._last_command, self._position_before = b"", self._machine.place
 
     def set_dialect(self, dialect: WireDialect) -> None:
         """Apply the rules of the reported firmware."""
@@ -66,12 +66,12 @@ class SendQueue:
         Raises:
             UsageError: it can never be sent.
         """
-        check_commands([command], self._longest)
+        check_commands([command], self._max_line_bytes)
         self._injected.append(command)
-        self.restart_closing()
+        self.restart_closing_queries()
 
     @property
-    def injected(self) -> int:
+    def injected_count(self) -> int:
         """Return the number of injected commands that are still queued."""
         return len(self._injected)
 
@@ -80,25 +80,25 @@ class SendQueue:
         self._end_script = deque(end_script)
         self._injected.clear()
 
-    def restart_closing(self) -> None:
+    def restart_closing_queries(self) -> None:
         """Send the closing queries again, because the motion continues."""
-        self._closing = deque(_CLOSING)
+        self._closing_queries = deque(_CLOSING_QUERIES)
         self._position_queries = 0
 
-    def next_injected(self, room: int) -> bytes | None:
-        """Return the next injected command; None if there is none or it is longer than `room` bytes."""
-        return _next_of(self._injected, room)
+    def next_injected(self, max_length: int) -> bytes | None:
+        """Return the next injected command; None if there is none or it is longer than `max_length` bytes."""
+        return _pop_next(self._injected, max_length)
 
-    def next_of_job(self, room: int) -> bytes | None:
-        """Return the next command of the job, or of the end script after a cancel.
+    def next_job_command(self, max_length: int) -> bytes | None:
+        """Return the next command of the job, or of the end script after a cancel; None at the end.
 
-        None at the end, and if the next command is longer than `room` bytes; then it stays in the queue.
+        None also if the next command is longer than `max_length` bytes; then it stays in the queue.
         """
         if self._end_script is not None:
-            return _next_of(self._end_script, room)
+            return _pop_next(self._end_script, max_length)
         while self.taken < len(self._commands):
             command = strip(self._commands[self.taken])
-            if len(command) > room:
+            if len(command) > max_length:
                 return None
             self.taken += 1
             if command:
@@ -106,27 +106,27 @@ class SendQueue:
         return None
 
     def next_closing_query(self) -> bytes | None:
-        """Return the next command that waits for the end of the motion and queries the position; None after the last.
+        """Return the next query that waits for the end of the motion or asks for the position; None after the last.
 
         The temperature query between them has a unique answer, so a surplus ok cannot suggest an early end. A printer
-        that has lost the last lines reports another position than expected.
+        that has lost the last lines reports a position that differs from the expected one.
         """
-        if self._closing:
-            return self._closing.popleft()
+        if self._closing_queries:
+            return self._closing_queries.popleft()
         # A report may be lost or damaged: query again before reporting a wrong position.
         if self._position_queries == 0 or (
-            self._position_queries < _MOST_POSITION_QUERIES and not self._satisfied()
+            self._position_queries < _MAX_POSITION_QUERIES and not self._has_good_position()
         ):
             self._position_queries += 1
             self.position = None
             return b"M114"
         return None
 
-    def track(self, command: bytes) -> float:
-        """Track a command that gets its line number now; return its timeout, s."""
+    def track_command(self, command: bytes) -> float:
+        """Apply a command to the machine state when it gets its line number; return its timeout, s."""
         word, values = parse(command)
-        self._before = self._place
-        self._command = command
+        self._position_before = self._expected_position
+        self._last_command = command
         move = self._machine.apply(word, values, command)
         macro = is_macro(command)
         if macro:
@@ -134,15 +134,20 @@ class SendQueue:
         return self._timeout.estimate(b"" if macro else word or b"SET", values, move)
 
     @property
-    def _place(self) -> Place:
+    def _expected_position(self) -> Place:
         """Return the position that the printer must report; unknown in inch mode, where firmwares differ."""
         return (None, None, None, None) if self._machine.inches else self._machine.place
 
     def make_unacked_line(self) -> UnackedLine:
-        """Return the queries about the last command that got a line number."""
-        word, values = parse(self._command)
+        """Return an `UnackedLine` for the last command that got a line number."""
+        word, values = parse(self._last_command)
         repeatable = is_repeatable(word, relative=self._machine.is_relative(values))
-        return UnackedLine(self._before, self._place, repeatable=repeatable, is_probe=self._command == ASK)
+        return UnackedLine(
+            self._position_before,
+            self._expected_position,
+            repeatable=repeatable,
+            is_probe=self._last_command == PROBE_COMMAND,
+        )
 
     def make_finished(self, acknowledged: int) -> Finished:
         """Return the result of the print."""
@@ -150,26 +155,32 @@ class SendQueue:
             acknowledged=acknowledged,
             cancelled=self._end_script is not None,
             position=self.position,
-            expected=self._place[:3],
-            verified=self._verified(),
+            expected=self._expected_position[:3],
+            verified=self._is_at_end_position(),
         )
 
-    def _satisfied(self) -> bool:
-        return self.position is not None and self._verified() is not False
+    def _has_good_position(self) -> bool:
+        """Return whether a position was reported that does not contradict the commands."""
+        return self.position is not None and self._is_at_end_position() is not False
 
-    def _verified(self) -> bool | None:
+    def _is_at_end_position(self) -> bool | None:
         """Return whether the printer is at the end position of the commands, None if unknown."""
         if self.position is None:
             return None
-        pairs = zip(self.position, self._place[:3], strict=True)
-        misses = [abs(is_at - to_be) for is_at, to_be in pairs if is_at is not None and to_be is not None]
-        return max(misses) <= POSITION_TOLERANCE if misses else None
+        pairs = zip(self.position, self._expected_position[:3], strict=True)
+        deviations = [
+            abs(reported - demanded)
+            for reported, demanded in pairs
+            if reported is not None and demanded is not None
+        ]
+        return max(deviations) <= POSITION_TOLERANCE if deviations else None
 
 
-def _next_of(commands: deque[bytes], room: int) -> bytes | None:
+def _pop_next(commands: deque[bytes], max_length: int) -> bytes | None:
+    """Remove and return the next command, without comments; None if there is none or it is longer than `max_length`."""
     while commands:
         command = strip(commands[0])
-        if len(command) > room:
+        if len(command) > max_length:
             return None
         commands.popleft()
         if command:

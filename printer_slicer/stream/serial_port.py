@@ -26,17 +26,25 @@ if TYPE_CHECKING:
 
     from serial.tools.list_ports_common import ListPortInfo
 
-__all__ = ["PortInfo", "SerialPort", "find_again", "holders", "identity", "list_ports", "open_port"]
+__all__ = [
+    "PortInfo",
+    "SerialPort",
+    "find_device_of_board",
+    "find_port_info",
+    "find_processes_using",
+    "list_ports",
+    "open_port",
+]
 
 if sys.platform != "win32":
     import termios
 
 _BY_ID: Final = Path("/dev/serial/by-id")
 _WRITE_TIMEOUT: Final = 5.0
-_CHUNK: Final = 4096
+_MAX_READ_BYTES: Final = 4096
 
-_OVER_TELNET: Final = "rfc2217://"
-_TELNET_TIMEOUT: Final = 0.02
+_RFC2217: Final = "rfc2217://"
+_RFC2217_TIMEOUT: Final = 0.02
 """Fixed short timeout, s: over RFC 2217 every change of the timeout negotiates all settings of the port again."""
 
 
@@ -71,19 +79,20 @@ def list_ports(by_id: Path = _BY_ID) -> list[PortInfo]:
     Args:
         by_id: folder of persistent names, which are links to the devices.
     """
-    names = _persistent_names(by_id)
-    ports = [_port_info(port, names) for port in serial_list.comports()]
+    names = _read_persistent_names(by_id)
+    ports = [_make_port_info(port, names) for port in serial_list.comports()]
     return sorted(ports, key=lambda port: (port.vid is None, port.device))
 
 
-def _persistent_names(folder: Path) -> dict[str, str]:
-    """Return the persistent name of each device."""
+def _read_persistent_names(folder: Path) -> dict[str, str]:
+    """Read the persistent name of each device from a folder of links."""
     if not folder.is_dir():
         return {}
     return {str(link.resolve()): str(link) for link in sorted(folder.iterdir())}
 
 
-def _port_info(port: ListPortInfo, names: dict[str, str]) -> PortInfo:
+def _make_port_info(port: ListPortInfo, names: dict[str, str]) -> PortInfo:
+    """Convert a port found by pyserial; `names` holds the persistent name of each device."""
     return PortInfo(
         device=port.device,
         by_id=names.get(str(Path(port.device).resolve()), ""),
@@ -94,24 +103,24 @@ def _port_info(port: ListPortInfo, names: dict[str, str]) -> PortInfo:
     )
 
 
-def identity(address: str, ports: Sequence[PortInfo] | None = None) -> PortInfo | None:
-    """Return the port information of a device; None for a URL or an unknown device."""
-    there = list_ports() if ports is None else ports
+def find_port_info(address: str, ports: Sequence[PortInfo] | None = None) -> PortInfo | None:
+    """Find the port of an address; return None for a URL or an unknown device."""
+    connected = list_ports() if ports is None else ports
     real = os.path.realpath(address)
-    return next((port for port in there if real in {os.path.realpath(port.device), port.by_id}), None)
+    return next((port for port in connected if real in {os.path.realpath(port.device), port.by_id}), None)
 
 
-def find_again(board: PortInfo, ports: Sequence[PortInfo] | None = None) -> str:
-    """Return the current device of a board, empty if it is not connected.
+def find_device_of_board(board: PortInfo, ports: Sequence[PortInfo] | None = None) -> str:
+    """Find the current device name of a board; return an empty text if the board is not connected.
 
-    The device name may have changed after the cable was unplugged.
+    The name may have changed after the cable was unplugged.
 
     Args:
-        board: the board, as returned by `identity`.
+        board: the board, as returned by `find_port_info`.
         ports: connected ports; None lists them.
     """
-    there = list_ports() if ports is None else ports
-    for port in there:
+    connected = list_ports() if ports is None else ports
+    for port in connected:
         if board.vid is not None and (port.vid, port.pid, port.serial) == (
             board.vid,
             board.pid,
@@ -139,9 +148,9 @@ def open_port(address: str, baud: int = 115200, *, dtr: bool | None = None) -> S
         port = serial.serial_for_url(
             address,
             baudrate=baud,
-            timeout=_TELNET_TIMEOUT if address.startswith(_OVER_TELNET) else 0,
+            timeout=_RFC2217_TIMEOUT if address.startswith(_RFC2217) else 0,
             # pyserial's RFC 2217 port rejects a write timeout; it writes into a socket.
-            write_timeout=None if address.startswith(_OVER_TELNET) else _WRITE_TIMEOUT,
+            write_timeout=None if address.startswith(_RFC2217) else _WRITE_TIMEOUT,
             exclusive=exclusive,
             do_not_open=True,
         )
@@ -149,8 +158,8 @@ def open_port(address: str, baud: int = 115200, *, dtr: bool | None = None) -> S
             port.dtr = dtr
         port.open()
     except (serial.SerialException, OSError, ValueError, TypeError) as error:
-        raise _open_error(address, error) from error
-    # The usual latency timer of 16 ms would cost two thirds of the throughput. Not every port supports the switch.
+        raise _make_open_error(address, error) from error
+    # The default latency timer of 16 ms would cost two thirds of the throughput. Not every port supports this mode.
     with contextlib.suppress(AttributeError, NotImplementedError, OSError, ValueError):
         port.set_low_latency_mode(True)
     _preserve_dtr(port)
@@ -173,8 +182,10 @@ class SerialPort:
     def __init__(self, port: serial.Serial, address: str) -> None:
         self._port = port
         self._address = address
-        self._descriptor = _descriptor(port)
-        self._wake_reader, self._wake_writer = os.pipe() if self._descriptor is not None else (-1, -1)
+        self._selectable_descriptor = _find_selectable_descriptor(port)
+        self._wake_reader, self._wake_writer = (
+            os.pipe() if self._selectable_descriptor is not None else (-1, -1)
+        )
         if self._wake_writer >= 0:
             os.set_blocking(self._wake_reader, False)
             os.set_blocking(self._wake_writer, False)
@@ -195,7 +206,7 @@ class SerialPort:
         Raises:
             PortError: the connection is lost, or the printer accepts no data for 5 s.
         """
-        with self._port_errors():
+        with self._translate_port_errors():
             self._port.write(data)
 
     def read(self, timeout: float) -> bytes:
@@ -204,19 +215,21 @@ class SerialPort:
         Raises:
             PortError: the connection is lost.
         """
-        with self._port_errors():
-            if self._descriptor is not None:
-                # Changing pyserial's own timeout would reconfigure the port each time.
-                ready, _, _ = select.select([self._descriptor, self._wake_reader], [], [], timeout)
+        with self._translate_port_errors():
+            if self._selectable_descriptor is not None:
+                # `select` is used, because changing the timeout of pyserial would reconfigure the port each time.
+                ready, _, _ = select.select([self._selectable_descriptor, self._wake_reader], [], [], timeout)
                 if self._wake_reader in ready:
-                    os.read(self._wake_reader, _CHUNK)
-                return bytes(self._port.read(_CHUNK)) if self._descriptor in ready else b""
-            first = self._first_byte(timeout)
+                    os.read(self._wake_reader, _MAX_READ_BYTES)
+                return (
+                    bytes(self._port.read(_MAX_READ_BYTES)) if self._selectable_descriptor in ready else b""
+                )
+            first = self._read_first_byte(timeout)
             return first + bytes(self._port.read(self._port.in_waiting)) if first else b""
 
-    def _first_byte(self, timeout: float) -> bytes:
-        """Return one byte, or none if none arrives within `timeout` seconds."""
-        if not self._address.startswith(_OVER_TELNET):
+    def _read_first_byte(self, timeout: float) -> bytes:
+        """Return one byte; empty if none arrives within `timeout` seconds."""
+        if not self._address.startswith(_RFC2217):
             self._port.timeout = timeout
             return bytes(self._port.read(1))
         until = monotonic() + timeout
@@ -227,7 +240,7 @@ class SerialPort:
 
     def close(self) -> None:
         """Close the port."""
-        self._descriptor = None
+        self._selectable_descriptor = None
         for end in {self._wake_reader, self._wake_writer} - {-1}:
             os.close(end)
         self._wake_reader = self._wake_writer = -1
@@ -236,7 +249,8 @@ class SerialPort:
             self._port.close()
 
     @contextlib.contextmanager
-    def _port_errors(self) -> Iterator[None]:
+    def _translate_port_errors(self) -> Iterator[None]:
+        """Turn errors of pyserial within a `with` block into `PortError`."""
         try:
             yield
         except serial.SerialTimeoutException as error:
@@ -248,7 +262,7 @@ class SerialPort:
             raise PortError(message, remedy="Check the cable and power of the printer") from error
 
 
-def _descriptor(port: serial.Serial) -> int | None:
+def _find_selectable_descriptor(port: serial.Serial) -> int | None:
     """Return a file descriptor that `select` can wait for, None if there is none."""
     try:
         descriptor = port.fileno()
@@ -258,7 +272,7 @@ def _descriptor(port: serial.Serial) -> int | None:
     return int(descriptor)
 
 
-def _open_error(address: str, error: Exception) -> PortError:
+def _make_open_error(address: str, error: Exception) -> PortError:
     """Return the error for a port that cannot be opened, with a remedy."""
     code = getattr(error, "errno", None)
     if code in {errno.EACCES, errno.EPERM}:
@@ -267,13 +281,17 @@ def _open_error(address: str, error: Exception) -> PortError:
     if code in {errno.EBUSY, errno.EAGAIN}:
         remedy = "Close the other program: a slicer, a serial monitor, or another print"
         owner = next(
-            (f"{name} (process {number})" for number, name in holders(os.path.realpath(address))), ""
+            (
+                f"{name} (process {number})"
+                for number, name in find_processes_using(os.path.realpath(address))
+            ),
+            "",
         )
         return PortError(f"{address} is in use by {owner or 'another program'}", remedy=remedy)
     if code in {errno.ENOENT, errno.ENODEV, errno.ENXIO}:
-        return PortError(f"there is no port {address}", remedy=_available_ports(list_ports()))
+        return PortError(f"there is no port {address}", remedy=_describe_available_ports(list_ports()))
     if code == errno.ENOTTY or "Inappropriate ioctl" in str(error):
-        return PortError(f"{address} is not a serial port", remedy=_available_ports(list_ports()))
+        return PortError(f"{address} is not a serial port", remedy=_describe_available_ports(list_ports()))
     if "://" in address:
         remedy = "Use socket://HOST:PORT or rfc2217://HOST:PORT for an address on the network"
         # pyserial raises an internal error if the port number is missing.
@@ -282,14 +300,15 @@ def _open_error(address: str, error: Exception) -> PortError:
     return PortError(f"{address} cannot be opened: {error}", remedy="Check the port name and the baud rate")
 
 
-def _available_ports(ports: list[PortInfo]) -> str:
+def _describe_available_ports(ports: list[PortInfo]) -> str:
+    """Return a remedy that lists the available ports."""
     if not ports:
         return "No serial port was found. Check the cable and power"
     return "Available ports: " + ", ".join(port.address for port in ports)
 
 
-def holders(device: str, proc: Path = Path("/proc")) -> Iterator[tuple[int, str]]:
-    """Yield number and name of each other process that has a device open.
+def find_processes_using(device: str, proc: Path = Path("/proc")) -> Iterator[tuple[int, str]]:
+    """Yield the id and name of each other process that has a device open.
 
     Processes of other users are not visible, and systems without `proc` yield none. Source: Linux documentation of
     /proc/PID/fd and /proc/PID/comm.
@@ -303,11 +322,12 @@ def holders(device: str, proc: Path = Path("/proc")) -> Iterator[tuple[int, str]
             continue
         # Processes may end meanwhile, and those of other users do not show their open files.
         with contextlib.suppress(OSError):
-            if any(_points_to(link, device) for link in (folder / "fd").iterdir()):
+            if any(_is_link_to(link, device) for link in (folder / "fd").iterdir()):
                 yield int(folder.name), (folder / "comm").read_text(errors="replace").strip()
 
 
-def _points_to(link: Path, device: str) -> bool:
+def _is_link_to(link: Path, device: str) -> bool:
+    """Return whether a symbolic link points to a device; False if the link cannot be read."""
     try:
         return str(link.readlink()) == device
     except OSError:

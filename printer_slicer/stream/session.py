@@ -13,27 +13,27 @@ if TYPE_CHECKING:
 __all__ = ["Transport", "run"]
 
 
-def run(  # noqa: PLR0913 - all but three have a good default
+def run(  # noqa: PLR0913 - optional callbacks with default values
     streamer: Streamer,
     transport: Transport,
     clock: Callable[[], float],
     *,
     on_event: Callable[[Event], None] = lambda _: None,
-    on_turn: Callable[[float], None] = lambda _: None,
+    before_send: Callable[[float], None] = lambda _: None,
     record: Callable[[Sequence[Event]], None] = lambda _: None,
     longest_wait: float = 0.25,
 ) -> None:
-    """Stream until the print is done or halted; `streamer.state` says which.
+    """Stream until the print is done or halted; `streamer.state` tells which.
 
     After any exception, such as Ctrl-C, it may be called again with the same streamer: truncated lines are detected and
-    sent again. So a caller may cancel in between and run the end script.
+    sent again. So a caller may cancel the print and call it again to run the end script.
 
     Args:
         streamer: the streamer to run.
         transport: connection to the printer.
         clock: monotonic time, s.
         on_event: called with each event; it may call methods of the streamer.
-        on_turn: called with the time before each write, to execute commands of other threads.
+        before_send: called with the time before each call of `streamer.send`, to execute commands of other threads.
         record: called with the events before the corresponding bytes are written.
         longest_wait: maximum delay of a command from another thread, s.
 
@@ -41,7 +41,7 @@ def run(  # noqa: PLR0913 - all but three have a good default
         PortError: the connection is lost.
     """
     while True:
-        on_turn(clock())
+        before_send(clock())
         data = streamer.send(clock())
         events = streamer.events()
         record(events)

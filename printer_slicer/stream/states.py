@@ -12,12 +12,12 @@ __all__ = ["ENDED", "TRANSITIONS", "State", "Trigger"]
 
 
 class State(Enum):
-    """State of the streamer."""
+    """State of a streamer."""
 
     CONNECTING = "connecting"
     """Resets line numbers until the printer answers."""
     IDENTIFYING = "identifying"
-    """Waits for the firmware's answer to line 1; a printer that requests line 1 after that was reset."""
+    """Waits for the answer to line 1. If the printer requests line 1 again later, it was reset."""
     STREAMING = "streaming"
     PAUSED = "paused"
     """Sends only injected commands, nothing of the job."""
@@ -30,7 +30,7 @@ class State(Enum):
 
 
 class Trigger(Enum):
-    """Event that changes the state."""
+    """Trigger of a state transition."""
 
     GREETED = "the printer answered"
     IDENTIFIED = "line 1 is answered"
@@ -83,6 +83,6 @@ TRANSITIONS: Final[Mapping[State, Mapping[Trigger, State]]] = {
     State.DONE: {},
     State.HALTED: {},
 }
-"""A trigger that is not listed has no effect."""
+"""Next state for each state and trigger. A trigger that is not listed has no effect."""
 
-ENDED: Final = frozenset(state for state, ways in TRANSITIONS.items() if not ways)
+ENDED: Final = frozenset(state for state, transitions in TRANSITIONS.items() if not transitions)

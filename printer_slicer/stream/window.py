@@ -1,8 +1,8 @@
 """Limit of lines in flight: two at first, one after an error, more only where it is safe.
 
-More are not always safe: after a damaged line Marlin discards received data. The data that arrives next then starts in
-the middle of a line. Without a number it needs no checksum and is executed. With two lines in flight the second has
-arrived before the error is reported; with three the third has not.
+More than two lines are not always safe: after a damaged line Marlin discards received data. The data that it reads next
+may start in the middle of a line. Without a number it needs no checksum and is executed. With two lines in flight the
+second has arrived before the error is reported; with three, the third has not.
 
 lines          condition
 one            the firmware ignores line numbers, see `unacked_line`
@@ -25,39 +25,40 @@ from typing import TYPE_CHECKING, Final
 if TYPE_CHECKING:
     from printer_slicer.firmware import WireDialect
 
-__all__ = ["QUESTION_ROOM", "Window"]
+__all__ = ["PROBE_BYTES", "Window"]
 
-QUESTION_ROOM: Final = 16
+PROBE_BYTES: Final = 16
 """Bytes of the window reserved for a probe."""
 
 _CAREFUL_LINES: Final = 300
-"""Lines sent one at a time after an error."""
+"""Number of lines that are sent one at a time after an error."""
 
 _CLEAN_LINES: Final = 200
-"""Lines without an error before more than two may be in flight."""
+"""Number of lines without an error before more than two may be in flight."""
 
-_CLEAN_FOR_ADVANCED: Final = 500
+_CLEAN_LINES_FOR_ADVANCED_OK: Final = 500
+"""The same number if only `ok N P B` shows that more lines are needed."""
 
 _QUICK_ANSWERS: Final = 3
 """Number of answers faster than the baud rate allows before the link counts as native USB."""
 
 _SHORTEST_ANSWER: Final = len("ok T:20.0 /0.0\n")
-_BITS: Final = 10  # of a byte, with start and stop
-_FAR_TOO_SOON: Final = 0.7
+_BITS_PER_BYTE: Final = 10  # with start and stop bit
+_USB_TIME_RATIO: Final = 0.7
 
-_DRY: Final = 0.75
-"""Free share of the planner from which it counts as running empty."""
+_EMPTY_SHARE: Final = 0.75
+"""Free share of the planner from which the planner counts as running empty."""
 
-_DRY_ANSWERS: Final = 32
-"""Number of consecutive answers that report it."""
+_EMPTY_ANSWERS: Final = 32
+"""Number of consecutive answers that report an almost empty planner before more lines may be in flight."""
 
 
 class Window:
     """The limit of lines and bytes in flight.
 
     Args:
-        lines: limit of lines at the start, and on any cable that is not known to be better.
-        size: limit of bytes; the receive buffer holds one more.
+        lines: limit of lines at the start, and on any cable that has not proved to be good.
+        size: limit of bytes; the receive buffer holds one byte more.
         baud: baud rate of the serial port; None: native USB is not detected.
 
     Attributes:
@@ -67,72 +68,75 @@ class Window:
 
     def __init__(self, lines: int, size: int, baud: int | None = None) -> None:
         self.lines, self.size = lines, size
-        self._first = lines
+        self._initial_lines = lines
         self._baud = baud
-        self._most = lines
-        self._places = 0  # size of the command queue as `ok B` shows; 0 while unknown
-        self._planner = 0  # size of the planner as `ok P` shows
-        self._dry = 0  # consecutive answers that report an almost empty planner
+        self._queue_size = 0  # size of the command queue as `ok B` shows; 0 while unknown
+        self._planner_size = 0  # size of the planner as `ok P` shows
+        self._n_empty_answers = 0  # consecutive answers that report an almost empty planner
         self._dialect: WireDialect | None = None
-        self._parser = False
-        self._careful = self._clean = self._quick = 0
-        self._bad = False
+        self._has_emergency_parser = False
+        self._careful_lines_left = self._n_clean_lines = self._n_quick_answers = 0
+        self._has_had_error = False
 
     def set_dialect(self, dialect: WireDialect, *, emergency_parser: bool) -> None:
         """Apply the rules of the reported firmware."""
-        self._dialect, self._parser = dialect, emergency_parser
+        self._dialect, self._has_emergency_parser = dialect, emergency_parser
         if not dialect.checks_line_numbers:
-            # A line after a lost one would be executed without it.
-            self._first = 1
-        self._settle()
+            # The firmware would execute the line after a lost line.
+            self._initial_lines = 1
+        self._update_limits()
 
     @property
     def is_careful(self) -> bool:
         """Return whether there was an error recently."""
-        return self._careful > 0
+        return self._careful_lines_left > 0
 
     def on_error(self) -> None:
-        """Handle a lost or damaged line or answer: one line at a time for a while, then never more than two."""
-        self._careful = _CAREFUL_LINES
-        self._bad = True
+        """Limit the lines in flight to one for a while, then to two, because a line or an answer was lost."""
+        self._careful_lines_left = _CAREFUL_LINES
+        self._has_had_error = True
         self.lines = 1
 
     def on_accepted(self, count: int) -> None:
         """Count accepted lines."""
-        self._clean += count
-        if self._careful:
-            self._careful = max(0, self._careful - count)
-            if not self._careful:
-                self._settle()
-        elif self._clean % _CLEAN_LINES < count:
-            self._settle()
+        self._n_clean_lines += count
+        if self._careful_lines_left:
+            self._careful_lines_left = max(0, self._careful_lines_left - count)
+            if not self._careful_lines_left:
+                self._update_limits()
+        elif self._n_clean_lines % _CLEAN_LINES < count:
+            self._update_limits()
 
     def on_probe_answer(self, size: int, seconds: float) -> None:
         """Record the response time, s, of a probe of `size` bytes."""
         if self._baud is None:
             return
-        soonest = (size + _SHORTEST_ANSWER) * _BITS / self._baud
-        self._quick = self._quick + 1 if seconds < _FAR_TOO_SOON * soonest else 0
+        shortest_time = (size + _SHORTEST_ANSWER) * _BITS_PER_BYTE / self._baud
+        self._n_quick_answers = self._n_quick_answers + 1 if seconds < _USB_TIME_RATIO * shortest_time else 0
 
     def on_queue_report(self, planner: int, places: int) -> None:
         """Handle an ok that reports the free places of the planner and of the command queue."""
-        self._planner = max(self._planner, planner)
+        self._planner_size = max(self._planner_size, planner)
         # The acknowledged command still occupies its place.
-        self._places = max(self._places, places + 1)
-        self._dry = self._dry + 1 if planner >= _DRY * self._planner else 0
+        self._queue_size = max(self._queue_size, places + 1)
+        self._n_empty_answers = (
+            self._n_empty_answers + 1 if planner >= _EMPTY_SHARE * self._planner_size else 0
+        )
 
-    def _settle(self) -> None:
+    def _update_limits(self) -> None:
         """Recompute the limits."""
-        if self._careful:
+        if self._careful_lines_left:
             return
-        self.lines = self._first
-        if self._dialect is None or self._bad or self._clean < _CLEAN_LINES:
+        self.lines = self._initial_lines
+        if self._dialect is None or self._has_had_error or self._n_clean_lines < _CLEAN_LINES:
             return
-        usb = self._quick >= _QUICK_ANSWERS
-        needed = self._clean >= _CLEAN_FOR_ADVANCED and self._dry >= _DRY_ANSWERS
-        if usb or needed or self._dialect.unnumbered_lines == "refused":
-            places = self._places or self._dialect.queue_size
-            free = places if self._parser else places - 1
-            self.lines = max(self._first, min(self._dialect.max_lines_in_flight, free))
-        if usb:
+        is_usb = self._n_quick_answers >= _QUICK_ANSWERS
+        needs_lines = (
+            self._n_clean_lines >= _CLEAN_LINES_FOR_ADVANCED_OK and self._n_empty_answers >= _EMPTY_ANSWERS
+        )
+        if is_usb or needs_lines or self._dialect.unnumbered_lines == "refused":
+            places = self._queue_size or self._dialect.queue_size
+            free = places if self._has_emergency_parser else places - 1
+            self.lines = max(self._initial_lines, min(self._dialect.max_lines_in_flight, free))
+        if is_usb:
             self.size = max(self.size, self._dialect.max_lines_in_flight * (self._dialect.max_line_bytes + 1))

@@ -118,7 +118,7 @@ def test_all_interpreters_agree_on_any_program(flavour: str, data: st.DataObject
         state.follow(command)
         reader.feed([command])
         job.follow(index)
-        script.track(command)
+        script.track_command(command)
 
         assert_state_is_that_of(state, reader._state, board, flavour)
         assert_hosts_follow(state, script, job)

@@ -176,20 +176,20 @@ class Rig:
         self.events.append(event)
         self.on_event(event)
 
-    def run(self, on_turn: Callable[[float], None] = lambda _: None) -> None:
+    def run(self, before_send: Callable[[float], None] = lambda _: None) -> None:
         """Print until the end."""
 
         def turn(now: float) -> None:
             """The test has its say first."""
-            on_turn(now)
-            self.controller.on_turn(now)
+            before_send(now)
+            self.controller.before_send(now)
 
         run(
             self.streamer,
             self.port,
             self.port.now,
             on_event=self.controller.hear,
-            on_turn=turn,
+            before_send=turn,
             record=self.controller.record,
             longest_wait=0.25,
         )

@@ -310,17 +310,22 @@ def test_numbers_tell_how_far_the_job_is(bytewise: bool) -> None:
     talk, _ = printing(moves(5), bytewise=bytewise)
     streamer = talk.streamer
     assert (streamer.taken, streamer.accepted_line, streamer.next_line) == (2, 2, 5)
-    assert not streamer.idle
+    assert not streamer.is_idle
 
     streamer.pause()
     streamer.inject(b"M117 hello")
-    assert streamer.injected == 1
+    assert streamer.injected_count == 1
     talk.says("ok")
-    assert (streamer.injected, streamer.taken, streamer.accepted_line, streamer.next_line) == (0, 2, 3, 6)
+    assert (streamer.injected_count, streamer.taken, streamer.accepted_line, streamer.next_line) == (
+        0,
+        2,
+        3,
+        6,
+    )
     talk.says("ok")
-    assert not streamer.idle
+    assert not streamer.is_idle
     talk.says("ok")
-    assert streamer.idle
+    assert streamer.is_idle
 
 
 def test_what_firmware_looks_at_early_goes_out_ahead_of_everything_and_counts_for_no_line(

@@ -71,7 +71,7 @@ def test_a_firmware_is_recognised_by_its_name(firmware: str, name: str) -> None:
 def test_its_request_for_a_line_is_understood(name: str) -> None:
     asked = [reply for line in WIRE_DIALECTS[name].resend_request for reply in read_reply(line.encode())]
     wanted = [r.number for r in asked if isinstance(r, Resend)]
-    wanted += [r.wanted for r in asked if isinstance(r, LineError)]
+    wanted += [r.expected_line for r in asked if isinstance(r, LineError)]
 
     assert set(wanted) == ({7} if WIRE_DIALECTS[name].resend_request else set())
 
@@ -287,7 +287,7 @@ def test_what_cannot_be_known_ends_the_print() -> None:
 
     (halted,) = talk.happened(Halted)
     assert isinstance(halted, Halted)
-    assert halted.reason == "unknown whether line 6 was executed: G2 X0 Y0 I5 F6000"
+    assert halted.reason == "it is unknown whether the printer executed line 6: G2 X0 Y0 I5 F6000"
     assert halted.acknowledged == 3
 
 
@@ -328,7 +328,7 @@ def test_a_position_that_fits_both_or_neither_tells_nothing() -> None:
 
     for place in ((5.0, 0.0, 0.0, 0.0), None):
         unacked.position = place
-        assert unacked.resolve() is LineFate.OPEN
+        assert unacked.resolve() is LineFate.UNDECIDED
     unacked.on_bare_ok()
     unacked.on_bare_ok()
     assert unacked.resolve() is LineFate.EXECUTED

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from printer_slicer.errors import UsageError
 from printer_slicer.gcode.lexer import strip
-from printer_slicer.stream.framing import LONGEST, check_commands, checksum, command_room, frame
+from printer_slicer.stream.framing import MAX_LINE_BYTES, check_commands, checksum, frame, max_command_length
 
 COMMANDS = st.binary(min_size=1, max_size=80).filter(lambda c: not set(c) & set(b"\n\r\0"))
 
@@ -40,8 +40,8 @@ def test_a_command_that_passes_the_check_fits_into_the_line_buffer_whatever_its_
     check_commands([command])
 
     line = frame(number, strip(command))
-    assert len(line) <= LONGEST
-    assert len(strip(command)) <= command_room(number, len(line) + 1) + 2  # a checksum may be short
+    assert len(line) <= MAX_LINE_BYTES
+    assert len(strip(command)) <= max_command_length(number, len(line) + 1) + 2  # a checksum may be short
 
 
 @pytest.mark.parametrize(

@@ -25,8 +25,8 @@ def test_the_count_begins_anew_then_the_printer_says_who_it_is_then_the_job_begi
     assert talk.says(HOT) == [first(3, "G28"), first(4, "G90")]
     (identified,) = talk.happened(Identified)
     assert identified == Identified("Marlin 2.1", (("EMERGENCY_PARSER", False),))
-    assert not identified.can("EMERGENCY_PARSER")
-    assert not identified.can("ADVANCED_OK")
+    assert not identified.has_capability("EMERGENCY_PARSER")
+    assert not identified.has_capability("ADVANCED_OK")
 
 
 def test_a_printer_that_does_not_answer_is_greeted_every_second_and_given_up_after_half_a_minute(

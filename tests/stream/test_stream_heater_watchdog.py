@@ -17,11 +17,11 @@ from printer_slicer.stream.heater_watchdog import HeaterAlarm, HeaterWatchdog, N
 
 def test_silence_is_an_alarm_only_while_something_is_hot() -> None:
     dog = HeaterWatchdog()
-    assert dog.due == inf
+    assert dog.alarm_at == inf
     assert dog.check(1e6) is None
 
-    dog.sent(b"M104 S200", 5.0)
-    assert dog.due == 15.0
+    dog.on_sent(b"M104 S200", 5.0)
+    assert dog.alarm_at == 15.0
     assert dog.check(14.9) is None
     alarm = dog.check(15.0)
     assert alarm == HeaterAlarm(10.0, (("T", 200.0),))
@@ -32,58 +32,58 @@ def test_silence_is_an_alarm_only_while_something_is_hot() -> None:
 
 def test_what_the_host_does_by_itself_is_no_sign_of_the_printer() -> None:
     dog = HeaterWatchdog()
-    dog.sent(b"M104 S200", 5.0)
-    dog.heard(Probe(7), 9.0)
-    assert dog.due == 15.0
-    dog.heard(Temperature((Reading("T", 180.0, None),)), 9.0)  # no target told: as it was
-    assert (dog.due, dog.targets) == (19.0, {"T": 200.0})
+    dog.on_sent(b"M104 S200", 5.0)
+    dog.on_event(Probe(7), 9.0)
+    assert dog.alarm_at == 15.0
+    dog.on_event(Temperature((Reading("T", 180.0, None),)), 9.0)  # no target told: as it was
+    assert (dog.alarm_at, dog.targets) == (19.0, {"T": 200.0})
 
 
 def test_an_alarm_is_raised_once_for_each_silence() -> None:
     dog = HeaterWatchdog()
-    dog.sent(b"M140 S60", 0.0)
+    dog.on_sent(b"M140 S60", 0.0)
     assert dog.check(11.0) is not None
-    assert (dog.due, dog.check(500.0)) == (inf, None)
+    assert (dog.alarm_at, dog.check(500.0)) == (inf, None)
 
-    dog.alive(501.0)
+    dog.on_answer(501.0)
     assert dog.check(505.0) is None
     assert dog.check(511.0) == HeaterAlarm(10.0, (("B", 60.0),))
 
 
 def test_answers_and_reports_put_it_off() -> None:
     dog = HeaterWatchdog()
-    dog.sent(b"M190 S60", 0.0)
+    dog.on_sent(b"M190 S60", 0.0)
     for now in range(1, 100, 9):
-        assert dog.heard(Message("echo:busy: processing"), float(now)) is None
+        assert dog.on_event(Message("echo:busy: processing"), float(now)) is None
         assert dog.check(now + 9.0) is None
 
 
 def test_what_is_switched_off_is_not_watched_any_more() -> None:
     dog = HeaterWatchdog()
-    dog.sent(b"M109 R210", 0.0)
-    dog.sent(b"M140 S60", 0.0)
-    dog.sent(b"M104 S0", 1.0)
+    dog.on_sent(b"M109 R210", 0.0)
+    dog.on_sent(b"M140 S60", 0.0)
+    dog.on_sent(b"M104 S0", 1.0)
     assert dog.targets == {"B": 60.0}
-    dog.sent(b"M140 S0", 2.0)
-    assert (dog.targets, dog.due) == ({}, inf)
+    dog.on_sent(b"M140 S0", 2.0)
+    assert (dog.targets, dog.alarm_at) == ({}, inf)
 
 
 def test_targets_are_learnt_from_reports_too() -> None:
     """A host that joins a running print, or a person at the display."""
     dog = HeaterWatchdog()
-    dog.heard(Temperature((Reading("T", 180.0, 210.0), Reading("B", 50.0, 60.0))), 3.0)
-    assert dog.due == 13.0
-    dog.heard(Temperature((Reading("T", 180.0, 0.0), Reading("B", 50.0, 0.0))), 5.0)
-    assert dog.due == inf
+    dog.on_event(Temperature((Reading("T", 180.0, 210.0), Reading("B", 50.0, 60.0))), 3.0)
+    assert dog.alarm_at == 13.0
+    dog.on_event(Temperature((Reading("T", 180.0, 0.0), Reading("B", 50.0, 0.0))), 5.0)
+    assert dog.alarm_at == inf
 
 
 def test_tools_are_told_apart() -> None:
     dog = HeaterWatchdog()
-    dog.sent(b"M104 T1 S200", 0.0)
-    dog.sent(b"T0", 0.0)
-    dog.sent(b"M104 S210", 0.0)
+    dog.on_sent(b"M104 T1 S200", 0.0)
+    dog.on_sent(b"T0", 0.0)
+    dog.on_sent(b"M104 S210", 0.0)
     assert dog.targets == {"T1": 200.0, "T0": 210.0}
-    dog.heard(
+    dog.on_event(
         Temperature((Reading("T", 20.0, 0.0), Reading("T0", 20.0, 0.0), Reading("T1", 20.0, 200.0))), 1.0
     )
     assert dog.targets == {"T1": 200.0}
@@ -92,12 +92,12 @@ def test_tools_are_told_apart() -> None:
 def test_firmware_without_thermal_protection_is_worth_a_warning() -> None:
     dog = HeaterWatchdog()
 
-    assert dog.heard(Identified("Marlin", (("THERMAL_PROTECTION", False),)), 0.0) == NoThermalProtection(
+    assert dog.on_event(Identified("Marlin", (("THERMAL_PROTECTION", False),)), 0.0) == NoThermalProtection(
         "Marlin"
     )
-    assert dog.heard(Identified("Marlin", (("THERMAL_PROTECTION", True),)), 0.0) is None
-    assert dog.heard(Identified("Marlin", ()), 0.0) is None
-    assert "do not leave it unattended" in str(NoThermalProtection(""))
+    assert dog.on_event(Identified("Marlin", (("THERMAL_PROTECTION", True),)), 0.0) is None
+    assert dog.on_event(Identified("Marlin", ()), 0.0) is None
+    assert "do not leave the printer unattended" in str(NoThermalProtection(""))
 
 
 @pytest.mark.parametrize("firmware", SIMULATED_FIRMWARES)
@@ -105,7 +105,7 @@ def test_its_last_words_make_a_printer_cold_that_waits_for_heat(firmware: str) -
     printer = SimulatedPrinter(Machine(), SIMULATED_FIRMWARES[firmware], boots=False)
     dog = HeaterWatchdog()
     for command in (b"M140 S60", b"M104 S200", b"M109 S200"):
-        dog.sent(command, 1.0)
+        dog.on_sent(command, 1.0)
         printer.receive(command + b"\n", 1.0)
     printer.send(5.0)
     printer.receive(dog.shutdown_lines(), 5.0)
@@ -118,10 +118,10 @@ def test_its_last_words_make_a_printer_cold_that_waits_for_heat(firmware: str) -
 
 def test_last_words_name_what_was_ever_on_and_nothing_else() -> None:
     dog = HeaterWatchdog()
-    dog.sent(b"M104 S0", 0.0)
+    dog.on_sent(b"M104 S0", 0.0)
     assert dog.shutdown_lines() == b""
-    dog.sent(b"M104 S200", 0.0)
-    dog.sent(b"M104 S0", 0.0)
+    dog.on_sent(b"M104 S200", 0.0)
+    dog.on_sent(b"M104 S0", 0.0)
     assert b"\nM104 S0\n" in dog.shutdown_lines()
     assert b"M140" not in dog.shutdown_lines()
 
@@ -143,8 +143,8 @@ COMMANDS = st.sampled_from(
 def test_whatever_is_sent_the_alarm_comes_at_due_and_not_before(steps: list[tuple[bytes, float]]) -> None:
     dog, now = HeaterWatchdog(), 0.0
     for command, pause in steps:
-        dog.sent(command, now)
-        due = dog.due
+        dog.on_sent(command, now)
+        due = dog.alarm_at
         assert (due == inf) or dog.targets
         if due < inf:
             assert dog.check(max(due - 1e-3, 0.0)) is None or due <= now
@@ -152,7 +152,7 @@ def test_whatever_is_sent_the_alarm_comes_at_due_and_not_before(steps: list[tupl
         alarm = dog.check(now)
         assert (alarm is not None) == (due <= now)
         if alarm is None and pause < 5:
-            dog.alive(now)
+            dog.on_answer(now)
     for name in dog.targets:
         assert name[0].encode() in (b"T", b"B")
     assert dog.shutdown_lines().count(b" S0") >= 2 * len(dog.targets)

@@ -18,7 +18,7 @@ from printer_slicer.sim.machine import Machine
 from printer_slicer.sim.printer import SimulatedPrinter
 from printer_slicer.sim.statistics import Report
 from printer_slicer.stream.events import Event, PoorLink, ResendRequested
-from printer_slicer.stream.link_meter import LinkMeter, LinkStatistics, MeteredTransport, poor_link
+from printer_slicer.stream.link_meter import LinkMeter, LinkStatistics, MeteredTransport, check_link_quality
 from printer_slicer.stream.protocol import Streamer
 from printer_slicer.stream.session import run
 
@@ -123,9 +123,9 @@ def test_resends_and_questions_are_counted() -> None:
 def test_any_bytes_are_taken(there: list[bytes], back: list[bytes]) -> None:
     meter = LinkMeter(LIMITS)
     for i, data in enumerate([*there, b"N3 G1 X5 F300*9\n", b"N4 G1 X1*9\n"]):
-        meter.sent(data, i)
+        meter.on_sent(data, i)
     for i, data in enumerate([*back, b"\nok\nok N9\nResend: 2\nok\nok\nok\n"]):
-        meter.received(data, 1000.0 + i)
+        meter.on_received(data, 1000.0 + i)
     told = meter.statistics()
 
     assert told.lines >= 0
@@ -143,11 +143,11 @@ def test_it_does_not_matter_how_bytes_are_cut() -> None:
     meters = LinkMeter(LIMITS), LinkMeter(LIMITS)
     for meter in meters:
         for number in range(1, 6):
-            meter.sent(b"N%d G1 X%d F600*99\n" % (number, number), float(number))
+            meter.on_sent(b"N%d G1 X%d F600*99\n" % (number, number), float(number))
     answers = b"ok\nok N2\n T:20 /0\nResend: 4\nok\nok\n"
-    meters[0].received(answers, 10.0)
+    meters[0].on_received(answers, 10.0)
     for byte in answers:
-        meters[1].received(bytes([byte]), 10.0)
+        meters[1].on_received(bytes([byte]), 10.0)
 
     assert meters[0].statistics() == meters[1].statistics()
     assert meters[0].statistics().lines == 3
@@ -156,16 +156,16 @@ def test_it_does_not_matter_how_bytes_are_cut() -> None:
 def test_an_ok_that_names_its_line_counts_even_right_behind_a_request() -> None:
     meter = LinkMeter(LIMITS)
     for number in (1, 2):
-        meter.sent(b"N%d G1 X%d F600*99\n" % (number, number), float(number))
-    meter.received(b"Resend: 2\nok N1 P15 B3\n", 3.0)
+        meter.on_sent(b"N%d G1 X%d F600*99\n" % (number, number), float(number))
+    meter.on_received(b"Resend: 2\nok N1 P15 B3\n", 3.0)
     assert meter.statistics().lines == 1
 
 
 def test_without_limits_it_counts_and_does_not_judge_stalls() -> None:
     meter = LinkMeter()
     for number, command in enumerate([b"G28", b"G1 X5 F600", b"G4 P100"], 1):
-        meter.sent(b"N%d %s*99\n" % (number, command), float(number))
-        meter.received(b"ok\n", number + 0.5)
+        meter.on_sent(b"N%d %s*99\n" % (number, command), float(number))
+        meter.on_received(b"ok\n", number + 0.5)
     told = meter.statistics()
     assert (told.lines, told.underruns, told.underrun_seconds) == (3, 0, 0.0)
 
@@ -182,8 +182,8 @@ def test_what_it_listens_to_is_closed_with_it() -> None:
 
 def test_a_sound_cable_is_not_warned_of() -> None:
     assert seen(circle(2000))[0].warning is None
-    assert poor_link(100_000, 20, 20) is None
-    assert poor_link(10, 5, 5) is None
+    assert check_link_quality(100_000, 20, 20) is None
+    assert check_link_quality(10, 5, 5) is None
 
 
 def test_a_bad_cable_is_warned_of_while_printing_and_at_the_end() -> None:
@@ -194,7 +194,7 @@ def test_a_bad_cable_is_warned_of_while_printing_and_at_the_end() -> None:
     def hear(event: Event) -> None:
         meter.on_event(event)
         resends.extend([event] if isinstance(event, ResendRequested) else [])
-        told.extend(meter.warnings())
+        told.extend(meter.new_warnings())
 
     run(
         Streamer(circle(4000), limits=LIMITS),
@@ -222,7 +222,7 @@ def test_a_bad_cable_is_warned_of_while_printing_and_at_the_end() -> None:
 def test_hundreds_of_resends_or_lost_answers_never_end_without_a_word(
     lines: int, resends: int, lost: int
 ) -> None:
-    found = poor_link(lines, resends, lost)
+    found = check_link_quality(lines, resends, lost)
 
     assert (found is not None) >= (max(resends, lost) >= 100)
     if found is not None:

@@ -144,7 +144,7 @@ def test_a_port_that_cannot_do_what_is_asked_is_reported() -> None:
     ],
 )
 def test_every_refusal_of_the_system_has_a_remedy(code: int, message: str, remedy: str) -> None:
-    error = serial_port._open_error("/dev/ttyACM0", serial.SerialException(code, os.strerror(code)))
+    error = serial_port._make_open_error("/dev/ttyACM0", serial.SerialException(code, os.strerror(code)))
 
     assert message in str(error)
     assert remedy in error.remedy
@@ -159,16 +159,16 @@ def test_ports_are_listed_by_their_persistent_names(tmp_path: Path) -> None:
 
     raw = ListPortInfo(str(device))
     raw.description, raw.vid, raw.pid, raw.serial_number = "Printer", 0x2C99, 0x0002, "42"
-    names = serial_port._persistent_names(by_id)
-    info = serial_port._port_info(raw, names)
+    names = serial_port._read_persistent_names(by_id)
+    info = serial_port._make_port_info(raw, names)
 
     assert info == PortInfo(str(device), str(by_id / "usb-Printer_42"), "Printer", 0x2C99, 2, "42")
     assert info.address == info.by_id
 
 
 def test_a_port_without_a_lasting_name_is_opened_by_its_device(tmp_path: Path) -> None:
-    info = serial_port._port_info(
-        ListPortInfo("/dev/ttyS0"), serial_port._persistent_names(tmp_path / "none")
+    info = serial_port._make_port_info(
+        ListPortInfo("/dev/ttyS0"), serial_port._read_persistent_names(tmp_path / "none")
     )
 
     assert info.address == "/dev/ttyS0"
@@ -185,5 +185,5 @@ def test_the_list_of_ports_of_this_computer_can_be_made() -> None:
 def test_the_remedy_for_a_missing_port_names_the_ports_that_exist() -> None:
     found = [PortInfo("/dev/ttyACM0", "", "", None, None, "")]
 
-    assert serial_port._available_ports(found) == "Available ports: /dev/ttyACM0"
-    assert "No serial port was found" in serial_port._available_ports([])
+    assert serial_port._describe_available_ports(found) == "Available ports: /dev/ttyACM0"
+    assert "No serial port was found" in serial_port._describe_available_ports([])

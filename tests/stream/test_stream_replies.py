@@ -67,11 +67,11 @@ SAID: dict[str, tuple[Reply, ...]] = {
     "ok X:10.0 Y:-1.5 Z:0.0 E:0.0": (Position(10.0, -1.5, 0.0, "X:10.0 Y:-1.5 Z:0.0 E:0.0", 0.0), Ok()),
     "ok T:19.37 /0.00 B:20.50 /60.00 @:0 B@:0": (
         Temperature(readings(("T", 19.37, 0.0), ("B", 20.5, 60.0))),
-        Ok(heat=True),
+        Ok(has_temperatures=True),
     ),
     "ok B:65.9 /0.0 T0:204.3 /210.0": (
         Temperature(readings(("B", 65.9, 0.0), ("T0", 204.3, 210.0))),
-        Ok(heat=True),
+        Ok(has_temperatures=True),
     ),
     "ok X:10.0 Y:0.0 Z:0.2 E:1.5 Count: A:1000 B:0 C:80": (
         Position(10.0, 0.0, 0.2, "X:10.0 Y:0.0 Z:0.2 E:1.5 Count: A:1000 B:0 C:80", 1.5),
@@ -79,7 +79,7 @@ SAID: dict[str, tuple[Reply, ...]] = {
     ),
     "ok T:21.30/ 0.00 B:21.30/ 0.00 @:64": (
         Temperature(readings(("T", 21.3, 0.0), ("B", 21.3, 0.0))),
-        Ok(heat=True),
+        Ok(has_temperatures=True),
     ),
     " T:52.44 /60.00 B:32.08 /40.00 @:38 B@:0 W:?": (
         Temperature(readings(("T", 52.44, 60.0), ("B", 32.08, 40.0)), waiting=True),
@@ -98,7 +98,7 @@ def test_an_answer_is_understood(said: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("remains", "refusal"),
+    ("remains", "may_reject"),
     [
         ("k", False),
         ("o", False),
@@ -110,8 +110,8 @@ def test_an_answer_is_understood(said: str) -> None:
         ("Resend: 1r", True),
     ],
 )
-def test_the_remains_of_an_answer_are_told_apart_from_text(remains: str, refusal: bool) -> None:
-    assert read_reply(remains.encode()) == (Garbled(remains.strip(), refusal),)
+def test_the_remains_of_an_answer_are_told_apart_from_text(remains: str, may_reject: bool) -> None:
+    assert read_reply(remains.encode()) == (Garbled(remains.strip(), may_reject),)
 
 
 def test_bytes_that_are_no_text_are_remains_and_may_have_been_a_refusal() -> None:
