@@ -29,7 +29,7 @@ from benchmarks.prusa_settings import prusa_settings
 from benchmarks.vendor_speeds import MACHINES, Vendor
 from printer_slicer.firmware import FLAVOURS
 from printer_slicer.gcode_text import gcode_of
-from printer_slicer.jobs import job_of_text
+from printer_slicer.jobs import build_job
 from printer_slicer.mesh_io import load_mesh
 from printer_slicer.model import Mesh
 from printer_slicer.motion.rules import limits_of
@@ -160,7 +160,7 @@ def _as_before(now: Profile, vendor: Vendor) -> Profile:
 
 def _minutes(text: bytes, profile: Profile) -> float:
     printer = profile.printer
-    job = job_of_text(
+    job = build_job(
         "file", text, limits=limits_of(printer), corner=printer.corners[0], flavour=printer.flavour
     )
     return job.seconds / 60

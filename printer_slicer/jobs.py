@@ -1,4 +1,4 @@
-"""Print jobs: G-code text with its commands, print time and findings; independent of the slicer."""
+"""Print jobs: G-code text with its commands, print time and findings. This module does not need the slicer."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ if TYPE_CHECKING:
     from printer_slicer.model import LayerPlan, Program, Repairs
     from printer_slicer.profile import Profile
 
-__all__ = ["GCODE_SUFFIXES", "Job", "JobSummary", "is_gcode", "job_of_text", "sendable"]
+__all__ = ["GCODE_SUFFIXES", "Job", "JobSummary", "build_job", "is_gcode", "split_sendable"]
 
 GCODE_SUFFIXES = frozenset({".gcode", ".gco", ".g", ".nc"})
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Job(SvgRepr):
-    """A print job.
+    """A print job: G-code text, its commands, and facts about it.
 
     Attributes:
         name: name of the file, without folder.
@@ -39,12 +39,12 @@ class Job(SvgRepr):
         heights: z of all extrusions, mm, in order of first occurrence, including priming in the start G-code.
         end: (3,) position after the last move, mm.
         program: the moves, if the job was sliced by this package.
-        marks: command index -> layer counted from 1, from layer comments.
-        roles: command index -> name of the role from there on, from comments.
+        marks: index of the first command of each layer -> layer number from 1, from layer comments.
+        roles: index of a command -> name of the role that starts there, from comments.
         repairs: repairs of the mesh, if the job was sliced by this package.
         findings: diagnostics: errors, warnings and notes.
         allowed: names of the findings that the user has allowed, see `diagnostics.NAMES`.
-        profile: the profile that it was sliced or read with; None if it was made without one.
+        profile: the profile with which the job was sliced or read; None if there was none.
     """
 
     name: str
@@ -84,13 +84,15 @@ class Job(SvgRepr):
         )
 
     def require_profile(self, profile: Profile | None) -> Profile:
-        """Return the given profile, or that of the job if none is given.
+        """Return `profile`, or the profile of the job if it is None.
 
         Raises:
-            UsageError: neither exists.
+            UsageError: both are None.
         """
         if (found := profile or self.profile) is None:
-            raise UsageError(f"{self.name}: the job has no profile", remedy="Pass the argument `profile`")
+            raise UsageError(
+                f"{self.name}: the job has no profile", remedy="Pass a profile as the argument `profile`"
+            )
         return found
 
     def save(self, path: str | Path) -> None:
@@ -110,11 +112,11 @@ class Job(SvgRepr):
         return replace(self, allowed=self.allowed | check_allowed_codes(names))
 
     def line_of(self, command: int) -> int:
-        """Return the line number, from 1, of the command with this index; 0 if there is none."""
+        """Return the line number, from 1, of the command with index `command`; 0 if there is none."""
         return find_lines(self.text, [command])[0]
 
     def layer_of(self, command: int) -> int:
-        """Return the layer, from 1, of the command with this index; 0 before the first layer."""
+        """Return the layer number, from 1, of the command with index `command`; 0 before the first layer."""
         index = bisect_right(list(self.marks), command) - 1
         return list(self.marks.values())[index] if index >= 0 else 0
 
@@ -124,10 +126,10 @@ def is_gcode(path: Path) -> bool:
     return path.suffix.lower() in GCODE_SUFFIXES
 
 
-def job_of_text(
+def build_job(
     name: str, text: bytes, *, limits: MotionLimits, corner: tuple[float, float], flavour: str
 ) -> Job:
-    """Build the job of a G-code text without linting it, because that was done before.
+    """Build a job from G-code text that was linted before; the text is not linted again.
 
     Args:
         name: name of the job.
@@ -141,27 +143,27 @@ def job_of_text(
     """
     from printer_slicer.gcode import read_moves_in_pieces  # noqa: PLC0415 - printing a finished job needs no numpy
 
-    split = sendable(name, text)
+    split = split_sendable(name, text)
     summary = JobSummary(limits)
     for piece in read_moves_in_pieces(split.commands, corner, FLAVOURS[flavour]):
         summary.add(piece)
-    return summary.job(name, text, split)
+    return summary.make_job(name, text, split)
 
 
-def sendable(name: str, text: bytes, *, streamed: bool = True) -> GcodeText:
-    """Split a text into commands that can be sent.
+def split_sendable(name: str, text: bytes, *, streamed: bool = True) -> GcodeText:
+    """Split G-code into commands, and check that all of them can be sent.
 
     Args:
-        name: of the job, for messages.
+        name: name of the job, for messages.
         text: the G-code.
-        streamed: whether it is sent line by line; uploaded files may have longer lines.
+        streamed: whether the text is sent line by line; uploaded files may have longer lines.
 
     Raises:
         UsageError: the text has no commands, or a command that cannot be sent.
     """
     split = split_gcode(text)
     if not split.commands:
-        raise UsageError(f"{name}: the file has no commands", remedy="Is it a G-code file?")
+        raise UsageError(f"{name}: the file contains no commands", remedy="Check that it is a G-code file")
     if streamed:
         check_sendable(name, text, split)
     return split
@@ -171,7 +173,7 @@ class JobSummary:
     """Collects print time, heights and end position of moves that arrive in blocks.
 
     Args:
-        limits: of the machine.
+        limits: motion limits of the machine.
     """
 
     def __init__(self, limits: MotionLimits) -> None:
@@ -190,8 +192,8 @@ class JobSummary:
             self._end = x, y, z
         return moves
 
-    def job(self, name: str, text: bytes, split: GcodeText) -> Job:
-        """Return the job of these moves, without findings."""
+    def make_job(self, name: str, text: bytes, split: GcodeText) -> Job:
+        """Return the job with these moves, without findings."""
         return Job(
             name,
             text,

@@ -16,7 +16,7 @@ from printer_slicer.printing.commands import Stop
 from printer_slicer.printing.control_socket import serve_control
 from printer_slicer.printing.controls import Controls
 from printer_slicer.printing.host_settings import host_settings_from
-from printer_slicer.printing.job_store import PortAddress, begin
+from printer_slicer.printing.job_store import PortAddress, create_print
 from printer_slicer.printing.print_controller import Request
 from printer_slicer.profile import load_profile
 from tests.waiting import LAST_RESORT
@@ -179,12 +179,12 @@ def test_an_emergency_stop_imports_nothing_that_it_does_without(tmp_path: Path) 
         "from printer_slicer.cli import main\nassert main(['control', 'stop']) == 0\n"
         "print('loaded:', *sys.modules)"
     )
-    held = begin(
+    held = create_print(
         tmp_path / "prints", "job.gcode", b"G28\n", PortAddress("port", 1), host_settings_from(load_profile())
     )
     with serve_control(held.folder, controls, held.name):
         names = python(run, str(tmp_path)).partition("loaded:")[2].split()
-    held.forget()
+    held.delete()
     own = {name.removeprefix("printer_slicer.") for name in names if name.startswith("printer_slicer.")}
 
     assert granting.wanted == [Stop()]

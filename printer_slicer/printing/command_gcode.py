@@ -1,4 +1,4 @@
-"""G-code of the commands that consist of one G-code line."""
+"""G-code of those print commands that become one line of G-code."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ from printer_slicer.stream.events import Identified
 __all__ = ["GCODE_COMMANDS", "gcode_for"]
 
 
-def _baby_step(command: commands.BabyStep, firmware: Firmware, who: Identified | None) -> bytes:
-    if who is not None and ("BABYSTEPPING", False) in who.capabilities:
+def _format_baby_step(command: commands.BabyStep, firmware: Firmware, identified: Identified | None) -> bytes:
+    """Return the G-code of a baby step, unless the firmware reports that it does not support any."""
+    if identified is not None and ("BABYSTEPPING", False) in identified.capabilities:
         raise UsageError(
-            "this firmware does not support baby-steps", remedy="Build the firmware with BABYSTEPPING"
+            "the firmware does not support baby-steps", remedy="Build the firmware with BABYSTEPPING enabled"
         )
     return firmware.baby_step_command(command.mm)
 
@@ -29,15 +30,15 @@ GCODE_COMMANDS: Final[Mapping[type, Callable[[Any, Firmware, Identified | None],
     ),
     commands.SetFan: lambda command, *_: b"M106 S%d" % round(command.percent * 255 / 100),
     commands.Say: lambda command, *_: command.gcode.encode("utf-8", "replace"),
-    commands.BabyStep: _baby_step,
+    commands.BabyStep: _format_baby_step,
 }
-"""Function that builds the G-code of each kind of command, from the command, the firmware and its capabilities."""
+"""For each kind of command, the function that formats its G-code for a firmware with reported capabilities."""
 
 
-def gcode_for(command: commands.PrintCommand, firmware: Firmware, who: Identified | None) -> bytes:
-    """Return the G-code of a command of one of these kinds.
+def gcode_for(command: commands.PrintCommand, firmware: Firmware, identified: Identified | None) -> bytes:
+    """Return the G-code of a command whose kind is in `GCODE_COMMANDS`.
 
     Raises:
-        UsageError: the firmware does not support it.
+        UsageError: the firmware does not support the command.
     """
-    return GCODE_COMMANDS[type(command)](command, firmware, who)
+    return GCODE_COMMANDS[type(command)](command, firmware, identified)

@@ -1,14 +1,16 @@
-"""Commands for a running print, and how they are typed.
+"""Commands for a running print, and their syntax.
 
 pause [now] [cold] [here]     pause after the planned moves or at once; let the nozzle cool down; do not park
-resume, cancel, stop          stop halts the printer like its emergency button
+resume, cancel                resume, or cancel and run the end script
+stop                          halt the printer at once (emergency stop)
 object NAME                   cancel one object on the plate
-speed PERCENT, flow PERCENT   factors on the values in the file
-nozzle C, bed C, fan PERCENT
+speed PERCENT, flow PERCENT   set speed or flow in percent of the values in the file
+nozzle C, bed C               set a target temperature, °C
+fan PERCENT                   set the part fan
 babystep MM                   move the nozzle up, or down if negative
 say COMMAND                   send one line of G-code
 answer N                      press a button of the printer's prompt
-status
+status                        show the state of the print
 """
 
 from __future__ import annotations
@@ -21,7 +23,7 @@ from typing import Final, TypeAlias
 from printer_slicer.errors import UsageError
 
 __all__ = [
-    "WORDS",
+    "COMMAND_PARSERS",
     "Answer",
     "BabyStep",
     "Cancel",
@@ -45,7 +47,7 @@ class Pause:
     """Pause the print.
 
     Attributes:
-        now: stop within the planned moves, not after them.
+        now: discard the planned moves instead of finishing them.
         cold: let the nozzle cool down; the bed stays warm, so that the part does not come loose.
         park: retract, lift, and move off the part.
     """
@@ -57,7 +59,7 @@ class Pause:
 
 @dataclass(frozen=True, slots=True)
 class Resume:
-    """Resume after a pause at the same position and with the same settings."""
+    """Resume the print at the position and with the settings that it had before the pause."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +98,7 @@ class SetTemperature:
 
 @dataclass(frozen=True, slots=True)
 class SetFan:
-    """Set the part fan, in percent, until the file changes it."""
+    """Set the speed of the part fan, in percent, until the file changes it."""
 
     percent: float
 
@@ -124,7 +126,7 @@ class Answer:
 
 @dataclass(frozen=True, slots=True)
 class Status:
-    """Return the status."""
+    """Request the status of the print."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,78 +150,85 @@ PrintCommand: TypeAlias = (
     | Stop
 )
 
-_PAUSE_WORDS: Final = frozenset({"now", "cold", "here"})
+_PAUSE_OPTIONS: Final = frozenset({"now", "cold", "here"})
 
 
-def _pause(rest: str) -> PrintCommand:
+def _parse_pause(rest: str) -> PrintCommand:
+    """Parse the options of a pause."""
     words = set(rest.split())
-    if unknown := words - _PAUSE_WORDS:
+    if unknown := words - _PAUSE_OPTIONS:
         raise UsageError(f"unknown option {min(unknown)!r} of pause", remedy="Use pause [now] [cold] [here]")
     return Pause(now="now" in words, cold="cold" in words, park="here" not in words)
 
 
-def _bare(build: Callable[[], PrintCommand]) -> Callable[[str], PrintCommand]:
-    def read(rest: str) -> PrintCommand:
+def _make_parser_without_argument(build: Callable[[], PrintCommand]) -> Callable[[str], PrintCommand]:
+    """Return the parser of a command without arguments."""
+
+    def parse(rest: str) -> PrintCommand:
         if rest:
             raise UsageError(f"unexpected argument {rest!r}", remedy="Remove it")
         return build()
 
-    return read
+    return parse
 
 
-def _text(build: Callable[[str], PrintCommand], what: str) -> Callable[[str], PrintCommand]:
-    def read(rest: str) -> PrintCommand:
+def _make_text_parser(build: Callable[[str], PrintCommand], expected: str) -> Callable[[str], PrintCommand]:
+    """Return the parser of a command with a text; `expected` describes the text in messages."""
+
+    def parse(rest: str) -> PrintCommand:
         if not rest or not rest.isprintable():
-            raise UsageError(f"expected {what}", remedy="Use one line without control characters")
+            raise UsageError(f"expected {expected}", remedy="Use one line without control characters")
         return build(rest)
 
-    return read
+    return parse
 
 
-def _value(
+def _make_number_parser(
     build: Callable[[float], PrintCommand], low: float, high: float, unit: str
 ) -> Callable[[str], PrintCommand]:
-    def read(rest: str) -> PrintCommand:
+    """Return the parser of a command with a number from `low` to `high`."""
+
+    def parse(rest: str) -> PrintCommand:
         try:
             value = float(rest)
         except ValueError:
             value = float("nan")
         if not isfinite(value) or not low <= value <= high:
             raise UsageError(
-                f"{rest or 'nothing'}: expected {low:g} to {high:g} {unit}".rstrip(),
+                f"{rest or 'no value'}: expected a number from {low:g} to {high:g} {unit}".rstrip(),
                 remedy="Enter a number in this range",
             )
         return build(value)
 
-    return read
+    return parse
 
 
-WORDS: Final[Mapping[str, Callable[[str], PrintCommand]]] = {
-    "pause": _pause,
-    "resume": _bare(Resume),
-    "cancel": _bare(Cancel),
-    "stop": _bare(Stop),
-    "status": _bare(Status),
-    "object": _text(CancelObject, "the name or number of an object on the plate"),
-    "say": _text(Say, "a line of G-code"),
-    "speed": _value(Speed, 10, 500, "%"),
-    "flow": _value(Flow, 10, 300, "%"),
-    "fan": _value(SetFan, 0, 100, "%"),
-    "nozzle": _value(lambda value: SetTemperature("nozzle", value), 0, 500, "°C"),
-    "bed": _value(lambda value: SetTemperature("bed", value), 0, 200, "°C"),
-    "babystep": _value(BabyStep, -2, 2, "mm"),
-    "answer": _value(lambda value: Answer(int(value)), 0, 99, ""),
+COMMAND_PARSERS: Final[Mapping[str, Callable[[str], PrintCommand]]] = {
+    "pause": _parse_pause,
+    "resume": _make_parser_without_argument(Resume),
+    "cancel": _make_parser_without_argument(Cancel),
+    "stop": _make_parser_without_argument(Stop),
+    "status": _make_parser_without_argument(Status),
+    "object": _make_text_parser(CancelObject, "the name or number of an object on the plate"),
+    "say": _make_text_parser(Say, "a line of G-code"),
+    "speed": _make_number_parser(Speed, 10, 500, "%"),
+    "flow": _make_number_parser(Flow, 10, 300, "%"),
+    "fan": _make_number_parser(SetFan, 0, 100, "%"),
+    "nozzle": _make_number_parser(lambda value: SetTemperature("nozzle", value), 0, 500, "°C"),
+    "bed": _make_number_parser(lambda value: SetTemperature("bed", value), 0, 200, "°C"),
+    "babystep": _make_number_parser(BabyStep, -2, 2, "mm"),
+    "answer": _make_number_parser(lambda value: Answer(int(value)), 0, 99, ""),
 }
-"""Parser of the arguments of each command, by its first word."""
+"""Parser of the arguments of each command, by the first word of the command."""
 
 
 def parse_command(line: str) -> PrintCommand:
     """Parse a command line.
 
     Raises:
-        UsageError: it is not a valid command.
+        UsageError: the line is not a valid command.
     """
     word, _, rest = line.strip().partition(" ")
-    if word not in WORDS:
-        raise UsageError(f"unknown command {word!r}", remedy="Use one of " + ", ".join(WORDS))
-    return WORDS[word](rest.strip())
+    if word not in COMMAND_PARSERS:
+        raise UsageError(f"unknown command {word!r}", remedy="Use one of " + ", ".join(COMMAND_PARSERS))
+    return COMMAND_PARSERS[word](rest.strip())

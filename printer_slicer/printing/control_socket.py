@@ -1,4 +1,4 @@
-"""Local socket through which other processes of the same user control a running print.
+"""Local socket by which other processes of the same user control a running print.
 
 Each connection carries one request: a line for `commands.parse_command`, answered with one line of JSON. On systems
 with Unix sockets only the owner can open the socket. Elsewhere it is a TCP port on the loopback interface, and each
@@ -27,16 +27,16 @@ if TYPE_CHECKING:
 
 __all__ = ["send_control_command", "serve_control"]
 
-_ADDRESS = "control.json"
-_LONGEST = 4096
+_ADDRESS_FILE = "control.json"
+_MAX_CHUNK_BYTES = 4096
 _TIMEOUT = 12.0
-_PATH_LIMIT = 100  # bytes; some systems limit socket paths to 104
+_MAX_PATH_BYTES = 100  # bytes; some systems limit socket paths to 104
 _HAS_UNIX = hasattr(socket, "AF_UNIX") and os.name == "posix"
 
 
 @contextmanager
 def serve_control(folder: Path, controls: Controls, name: str) -> Iterator[None]:
-    """Answer control requests within a `with` block; if the socket cannot be opened, the print continues without it.
+    """Answer control requests within a `with` block; if no socket can be opened, the block runs without them.
 
     Args:
         folder: private folder of the print; it holds the address.
@@ -44,13 +44,15 @@ def serve_control(folder: Path, controls: Controls, name: str) -> Iterator[None]
         name: name of the job.
     """
     try:
-        listener, address = _listener(folder)
-        _write_private(folder / _ADDRESS, json.dumps(address))
+        listener, address = _open_listener(folder)
+        _write_private_file(folder / _ADDRESS_FILE, json.dumps(address))
     except OSError:
         yield
         return
     token = address.get("token", "")
-    thread = Thread(target=_serve, args=(listener, controls, name, token), name="control", daemon=True)
+    thread = Thread(
+        target=_accept_connections, args=(listener, controls, name, token), name="control", daemon=True
+    )
     thread.start()
     try:
         yield
@@ -63,19 +65,19 @@ def serve_control(folder: Path, controls: Controls, name: str) -> Iterator[None]
         with suppress(OSError):
             Path(address["path"]).unlink() if "path" in address else None
         with suppress(OSError):
-            (folder / _ADDRESS).unlink()
+            (folder / _ADDRESS_FILE).unlink()
 
 
-def _listener(folder: Path) -> tuple[socket.socket, dict[str, Any]]:
-    """Return a listening socket and its address."""
+def _open_listener(folder: Path) -> tuple[socket.socket, dict[str, Any]]:
+    """Open a listening socket; return it with its address."""
     if not _HAS_UNIX:
         listener = socket.create_server(("127.0.0.1", 0))
         return listener, {"port": listener.getsockname()[1], "token": secrets.token_urlsafe(32)}
     path = folder / "control.sock"
-    if len(os.fsencode(path)) > _PATH_LIMIT:
+    if len(os.fsencode(path)) > _MAX_PATH_BYTES:
         path = Path(tempfile.mkdtemp(prefix="printer-slicer-")) / "control.sock"
     with suppress(FileNotFoundError):
-        path.unlink()  # left by a killed process: this process holds the print, so nothing listens there
+        path.unlink()  # left by a killed process: this process has locked the print, so no process listens there
     listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     try:
         before = os.umask(0o177)
@@ -90,14 +92,14 @@ def _listener(folder: Path) -> tuple[socket.socket, dict[str, Any]]:
     return listener, {"path": str(path)}
 
 
-def _write_private(path: Path, text: str) -> None:
+def _write_private_file(path: Path, text: str) -> None:
     """Write a file that only its owner can read."""
     handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
     with os.fdopen(handle, "w", encoding="utf-8") as file:
         file.write(text)
 
 
-def _serve(listener: socket.socket, controls: Controls, name: str, token: str) -> None:
+def _accept_connections(listener: socket.socket, controls: Controls, name: str, token: str) -> None:
     """Accept connections until the socket is closed."""
     while True:
         try:
@@ -105,16 +107,17 @@ def _serve(listener: socket.socket, controls: Controls, name: str, token: str) -
         except OSError:
             return
         # One thread per connection, so that an idle connection does not delay an emergency stop.
-        Thread(target=_answer, args=(connection, controls, name, token), daemon=True).start()
+        Thread(target=_answer_request, args=(connection, controls, name, token), daemon=True).start()
 
 
-def _answer(connection: socket.socket, controls: Controls, name: str, token: str) -> None:
+def _answer_request(connection: socket.socket, controls: Controls, name: str, token: str) -> None:
+    """Read one request, execute its command, and send the answer."""
     with connection, suppress(OSError, ValueError):
         connection.settimeout(_TIMEOUT)
         line = _read_line(connection)
         if token:
-            given, _, line = line.partition(" ")
-            if not hmac.compare_digest(given, token):
+            received_token, _, line = line.partition(" ")
+            if not hmac.compare_digest(received_token, token):
                 return
         try:
             answer: dict[str, Any] = {
@@ -128,10 +131,10 @@ def _answer(connection: socket.socket, controls: Controls, name: str, token: str
 
 
 def _execute(controls: Controls, command: PrintCommand) -> str:
-    """Execute a command and return its result; status requests do not wait.
+    """Execute a command and return its result; a status request returns soon even if the print is busy.
 
     Raises:
-        UsageError: it cannot be executed.
+        UsageError: the command cannot be executed.
     """
     return json.dumps(controls.status_soon()) if isinstance(command, Status) else controls.ask(command)
 
@@ -144,9 +147,9 @@ def _read_line(connection: socket.socket) -> str:
     """
     data = b""
     while not data.endswith(b"\n"):
-        part = connection.recv(_LONGEST)
+        part = connection.recv(_MAX_CHUNK_BYTES)
         if not part or len(data) > 1 << 20:
-            raise ValueError("no line")
+            raise ValueError("a line is incomplete or too long")
         data += part
     return data.decode("utf-8").rstrip("\n")
 
@@ -162,13 +165,13 @@ def send_control_command(folder: Path, line: str, timeout: float = _TIMEOUT) -> 
     Raises:
         PortError: the print does not answer.
     """
-    if not (folder / _ADDRESS).exists():
+    if not (folder / _ADDRESS_FILE).exists():
         raise PortError(
             "the print does not answer yet: it is waiting for its port or its printer",
             remedy="Try again in a few seconds. If its process has ended, run printer-slicer resume",
         )
     try:
-        address = json.loads((folder / _ADDRESS).read_text(encoding="utf-8"))
+        address = json.loads((folder / _ADDRESS_FILE).read_text(encoding="utf-8"))
         if "path" in address:
             connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
             connection.settimeout(timeout)

@@ -18,56 +18,56 @@ from printer_slicer.printing.print_controller import PrintController, Request
 from printer_slicer.stream.events import Event
 from printer_slicer.stream.link_meter import LinkStatistics
 
-__all__ = ["Controls", "Listen", "PrintOptions", "PrintResult"]
+__all__ = ["Controls", "EventListener", "PrintOptions", "PrintResult"]
 
 _TIMEOUT = 10.0
-_SOON = 1.5
-"""Timeout of a status request, s; after it the last known status is returned."""
-_CONNECTING = "the port to open and the printer to answer"
-_BUSY = "the print process, which is writing to its port or gets no CPU time"
+_STATUS_TIMEOUT = 1.5
+"""Time after which a status request returns the last known status, s."""
+_PRINTER_CONNECTION = "the port to open and the printer to answer"
+_BUSY_PROCESS = "the print process, which is writing to its port or gets no CPU time"
 
 
 class Controls:
-    """Handle of a print: create one, pass it to `print_job`, and call it from any other thread."""
+    """Controls of a print: create an instance, pass it to `print_job`, and call its methods from any other thread."""
 
     def __init__(self) -> None:
         self._lock = Lock()
-        self._early: deque[Request] = deque()
+        self._queued_requests: deque[Request] = deque()
         self._controller: PrintController | None = None
         self._wake: Callable[[], None] = lambda: None
-        self._waits_for = _CONNECTING
-        self._known: dict[str, Any] = {}
+        self._waits_for = _PRINTER_CONNECTION
+        self._last_status: dict[str, Any] = {}
         self.requested = Flag()
-        """Set when a command is submitted while no printer is connected."""
+        """Flag that is set when a command is submitted while no printer is connected."""
 
     def bind(
         self,
         controller: PrintController | None,
         wake: Callable[[], None] = lambda: None,
         *,
-        waits_for: str = _CONNECTING,
+        waits_for: str = _PRINTER_CONNECTION,
     ) -> None:
-        """Send commands to this controller from now on, starting with those that came early.
+        """Send commands to a controller from now on, starting with the commands that were queued before.
 
         Args:
-            controller: None if there is none for now.
-            wake: wakes the thread that runs it.
+            controller: the controller; None while there is none.
+            wake: wakes the thread that runs the controller.
             waits_for: what the print is waiting for while there is no controller.
         """
         with self._lock:
             if self._controller is not None and controller is None:
-                self._known = self._controller.status()
+                self._last_status = self._controller.status()
             self._waits_for = waits_for
             self._controller, self._wake = controller, wake
-            while controller is not None and self._early:
-                controller.submit(self._early.popleft())
+            while controller is not None and self._queued_requests:
+                controller.submit(self._queued_requests.popleft())
             self.requested.clear()
 
     def submit(self, request: Request) -> None:
         """Submit a request without waiting for its result."""
         with self._lock:
             if self._controller is None:
-                self._early.append(request)
+                self._queued_requests.append(request)
                 self.requested.set()
                 return
             self._controller.submit(request)
@@ -84,23 +84,24 @@ class Controls:
         """Return whether a queued request would end the print."""
         with self._lock:
             return any(
-                isinstance(request.command, commands.Cancel | commands.Stop) for request in self._early
+                isinstance(request.command, commands.Cancel | commands.Stop)
+                for request in self._queued_requests
             )
 
     def ask(self, command: commands.PrintCommand, timeout: float = _TIMEOUT) -> str:
         """Submit a command and wait for its result.
 
         Raises:
-            UsageError: it cannot be executed, or the print does not answer.
+            UsageError: the command cannot be executed, or the print does not answer.
         """
         answered, answers = Flag(), list[str | UsageError]()
 
-        def done(answer: str | UsageError) -> None:
-            """Store the answer of the session."""
+        def store_answer(answer: str | UsageError) -> None:
+            """Store the answer of the controller."""
             answers.append(answer)
             answered.set()
 
-        self.submit(Request(command, done))
+        self.submit(Request(command, store_answer))
         if not answered.wait(timeout):
             raise UsageError("the print does not answer", remedy="Check that the printer is connected")
         if isinstance(answers[0], UsageError):
@@ -132,7 +133,7 @@ class Controls:
         self.ask(commands.Flow(percent))
 
     def heat(self, heater: str, celsius: float) -> None:
-        """Set the target temperature of nozzle or bed, °C."""
+        """Set the target temperature, °C, of a heater: nozzle or bed."""
         self.ask(commands.SetTemperature(heater, celsius))
 
     def baby_step(self, mm: float) -> None:
@@ -151,8 +152,8 @@ class Controls:
         """Return the status of the print."""
         return dict(json.loads(self.ask(commands.Status())))
 
-    def status_soon(self, timeout: float = _SOON) -> dict[str, Any]:
-        """Return the status; if the print cannot answer, the last known status and what it is waiting for.
+    def status_soon(self, timeout: float = _STATUS_TIMEOUT) -> dict[str, Any]:
+        """Return the status; if the print does not answer in time, the last known status and the reason for the wait.
 
         Args:
             timeout: s to wait for the print.
@@ -161,19 +162,19 @@ class Controls:
             waits_for = "" if self._controller is not None else self._waits_for
         if not waits_for:
             try:
-                self._known = dict(json.loads(self.ask(commands.Status(), timeout)))
+                self._last_status = dict(json.loads(self.ask(commands.Status(), timeout)))
             except UsageError:
-                waits_for = _BUSY
+                waits_for = _BUSY_PROCESS
             else:
-                return self._known
-        return self._known | {"state": "waiting", "waits_for": waits_for}
+                return self._last_status
+        return self._last_status | {"state": "waiting", "waits_for": waits_for}
 
     def stop(self) -> None:
         """Halt the printer at once with M112."""
         self.submit(Request(commands.Stop()))
 
 
-Listen = Callable[[Event], None]
+EventListener = Callable[[Event], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,7 +182,7 @@ class PrintResult:
     """Result of a completed print.
 
     Attributes:
-        commands: number of commands of the job, all acknowledged.
+        commands: number of commands of the job; all were acknowledged.
         seconds: time from the first byte to the last answer.
         verified: whether the printer reports the end position of the job; None if it cannot be compared.
         link: statistics of the link.
@@ -196,7 +197,7 @@ class PrintResult:
 class PrintOptions(TypedDict, total=False):
     """Options of a print; see `print_job`."""
 
-    on_event: Listen
+    on_event: EventListener
     checkpoint: Path | None
     controls: Controls | None
     job_store: Path | None

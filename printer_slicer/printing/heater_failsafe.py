@@ -3,7 +3,7 @@
 `failsafe_process` starts it and reports the end of the print through a pipe. If the pipe closes without that report,
 the host was killed or crashed. The process then waits for a new host to resume the print. If none does, it opens the
 port and sends the commands of `HeaterWatchdog.shutdown_lines`. It cannot help when the computer loses its power or the
-cable is unplugged. Then only the protection in the firmware is left.
+cable is unplugged. Then only the thermal protection of the firmware remains.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ from printer_slicer.printing.journal import HEATERS_OFF, HOST, Journal, read_jou
 from printer_slicer.stream.heater_watchdog import HeaterWatchdog
 from printer_slicer.stream.serial_port import open_port
 
-__all__ = ["failsafe_process", "main", "watch"]
+__all__ = ["failsafe_process", "main", "switch_off_unless_resumed"]
 
-_DONE: Final = b"."
-_LOOK: Final = 0.5
-_UNACKED: Final = 64
-"""Number of commands after the last accepted one that may have been sent."""
+_PRINT_ENDED: Final = b"."
+_POLL_INTERVAL: Final = 0.5
+_MAX_UNACKED: Final = 64
+"""Number of commands that may have been sent after the last accepted command."""
 
-_LISTEN: Final = 1.0
-"""Time to transmit the last bytes before the port is closed, s."""
+_TRANSMIT_SECONDS: Final = 1.0
+"""Time allowed to transmit the last bytes before the port is closed, s."""
 
 
 @contextmanager
@@ -46,7 +46,7 @@ def failsafe_process(folder: Path, seconds: float) -> Iterator[None]:
     """
     command = [sys.executable, "-m", "printer_slicer.printing.heater_failsafe", str(folder), f"{seconds:g}"]
     quiet = subprocess.DEVNULL
-    # In its own session, so that Ctrl-C and a closed terminal only reach the host.
+    # In its own session, so that Ctrl-C and a closed terminal affect only the host.
     process = subprocess.Popen(  # noqa: S603 - our own program
         command, stdin=subprocess.PIPE, stdout=quiet, stderr=quiet, start_new_session=True
     )
@@ -54,19 +54,19 @@ def failsafe_process(folder: Path, seconds: float) -> Iterator[None]:
         yield
     finally:
         with suppress(OSError):
-            process.communicate(_DONE)
+            process.communicate(_PRINT_ENDED)
 
 
 def main(folder: Path, seconds: float) -> int:
-    """Wait until the host has ended, then watch over the printer; return 1 if the heaters cannot be switched off."""
+    """Wait until the host has ended, then switch the heaters off unless the print is resumed; return the exit code."""
     while data := os.read(0, 1):
-        if data == _DONE:
+        if data == _PRINT_ENDED:
             return 0
-    return watch(folder, seconds)
+    return switch_off_unless_resumed(folder, seconds)
 
 
-def watch(folder: Path, seconds: float, clock: Callable[[], float] = monotonic) -> int:
-    """Switch the heaters off unless the print is resumed in time; return 1 if that failed.
+def switch_off_unless_resumed(folder: Path, seconds: float, clock: Callable[[], float] = monotonic) -> int:
+    """Switch the heaters off unless the print is resumed in time; return the exit code: 1 if that failed.
 
     Args:
         folder: folder of the print, whose host has ended.
@@ -77,7 +77,7 @@ def watch(folder: Path, seconds: float, clock: Callable[[], float] = monotonic) 
     if print_ is None:
         return 0
     try:
-        _switch_off(print_)
+        _switch_heaters_off(print_)
     except PortError:
         return 1
     finally:
@@ -86,50 +86,50 @@ def watch(folder: Path, seconds: float, clock: Callable[[], float] = monotonic) 
 
 
 def _wait_for_new_host(folder: Path, seconds: float, clock: Callable[[], float]) -> Print | None:
-    """Wait for a new host; return the locked print if there is none in time, None if it was resumed or ended.
+    """Wait for a new host; return the locked print if none appears in time, None if the print was resumed or deleted.
 
-    A lock alone does not count as a resume: the printer may have lost its state, or the user is still being asked.
+    A lock alone does not count as a resume: the new host may still ask the user, or find that the state is lost.
     """
-    host = _last_host(folder)
+    host = _read_last_host(folder)
     end, timer = clock() + seconds, Flag()
     while True:
-        timer.wait(min(_LOOK, max(end - clock(), 0.01)))
+        timer.wait(min(_POLL_INTERVAL, max(end - clock(), 0.01)))
         print_ = load_print(folder)
-        if print_ is None or _last_host(folder) != host:
+        if print_ is None or _read_last_host(folder) != host:
             return None
-        if clock() >= end and print_.hold():
+        if clock() >= end and print_.lock():
             return print_
 
 
-def _last_host(folder: Path) -> str:
-    """Return the id of the last host of the print."""
+def _read_last_host(folder: Path) -> str:
+    """Read the id of the last host of the print from the journal; empty if unknown."""
     try:
         return str(read_journal(folder).states.get(HOST, ""))
     except OSError:
         return ""
 
 
-def _switch_off(print_: Print) -> None:
-    """Send the shutdown commands to the printer, and record it in the journal.
+def _switch_heaters_off(print_: Print) -> None:
+    """Send the shutdown commands to the printer, and record in the journal that the heaters are off.
 
     Raises:
         PortError: the port cannot be opened, or the connection is lost.
     """
     journal_data = read_journal(print_.folder)
-    sent = split_gcode(print_.text).commands[: journal_data.entries + _UNACKED]
+    sent = split_gcode(print_.text).commands[: journal_data.entries + _MAX_UNACKED]
     words = HeaterWatchdog().shutdown_lines(
         [*sent, *(record.command for record in journal_data.lines)], assume_heated=True
     )
     port = open_port(print_.port, print_.baud)
     try:
         port.write(words)
-        end = monotonic() + _LISTEN
+        end = monotonic() + _TRANSMIT_SECONDS
         while monotonic() < end:
-            port.read(_LOOK)
+            port.read(_POLL_INTERVAL)
     finally:
         port.close()
     journal = Journal(print_.folder)
-    journal.state({HEATERS_OFF: "nobody resumed the print"})
+    journal.record_state({HEATERS_OFF: "nobody resumed the print"})
     journal.close()
 
 

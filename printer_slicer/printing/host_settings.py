@@ -1,4 +1,4 @@
-"""Settings of a profile that the host needs during a print; stored with the print, so that profiles may change."""
+"""Profile settings that the host needs during a print; they are stored with it, so that profiles may change."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ __all__ = ["HostSettings", "host_settings_from", "parse_host_settings"]
 
 @dataclass(frozen=True, slots=True)
 class HostSettings:
-    """Settings of the printer for the host. Lengths mm, speeds mm/s.
+    """Printer settings that the host needs during a print. Lengths in mm, speeds in mm/s.
 
     Attributes:
         flavour: G-code flavour of the firmware.
@@ -26,13 +26,13 @@ class HostSettings:
         window_bytes: maximum number of bytes in flight.
         baud: baud rate of the port.
         low, high: front left and back right corner of the bed.
-        top: greatest z.
+        top: maximum z.
         retract, retract_speed, deretract_speed: length and speeds of the retraction at a pause.
         travel_speed, lift_speed: speeds of the moves to and from the parking position.
         lift: height of the nozzle over the part while parked.
         purge: length of filament purged after the nozzle was cold.
-        coldest: temperature below which the extruder must not move, °C.
-        settings: settings of the profile, to check commands that a user types; empty: no check.
+        coldest: minimum nozzle temperature for extrusion, °C.
+        settings: all settings of the profile, to check commands typed by a user; empty: no check.
         allowed: names of the findings that were allowed.
     """
 
@@ -60,13 +60,13 @@ class HostSettings:
         return FIRMWARES[self.flavour]
 
     def as_json(self) -> dict[str, Any]:
-        """Return it for JSON."""
+        """Return the settings as a JSON object."""
         return asdict(self)
 
 
 def host_settings_from(profile: Profile, allowed: Iterable[str] = ()) -> HostSettings:
-    """Return the host settings of a profile, with the names of allowed findings."""
-    from printer_slicer.profile import settings_of  # noqa: PLC0415 - stored settings need no profile
+    """Extract the host settings from a profile; `allowed` holds the names of allowed findings."""
+    from printer_slicer.profile import settings_of  # noqa: PLC0415 - not needed when settings are read from the job store
 
     printer = profile.printer
     low, high = printer.corners
@@ -89,7 +89,7 @@ def host_settings_from(profile: Profile, allowed: Iterable[str] = ()) -> HostSet
 
 
 def parse_host_settings(values: Mapping[str, Any]) -> HostSettings:
-    """Rebuild from the result of `as_json`.
+    """Rebuild the settings from the result of `as_json`.
 
     Raises:
         TypeError: a value has the wrong type.

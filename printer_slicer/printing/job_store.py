@@ -26,22 +26,22 @@ __all__ = [
     "JobStore",
     "PortAddress",
     "Print",
-    "begin",
+    "create_print",
     "damaged_prints",
     "default_job_store",
-    "find",
     "find_damage",
+    "find_print",
+    "find_unfinished_print",
+    "is_same_port",
     "load_print",
-    "same_port",
     "stored_prints",
-    "unfinished",
 ]
 
-_PROBE_SECONDS = 0.04  # a check whether a print is running holds the lock for a shorter time
-_MOST_HEAD = 1 << 24  # bytes
-_HEAD, _JOB, _LOCK = "head.json", "job.gcode", "lock"
-_IN_HEAD = {"name": str, "port": str, "baud": int, "begun": str, "boot": str, "setup": dict}
-_KINDS = {str: "a string", int: "an integer", dict: "an object"}
+_LOCK_TIMEOUT = 0.04  # s; longer than other processes hold the lock to check whether a print is running
+_MAX_HEAD_BYTES = 1 << 24  # bytes
+_HEAD_FILE, _JOB_FILE, _LOCK_FILE = "head.json", "job.gcode", "lock"
+_HEAD_FIELDS = {"name": str, "port": str, "baud": int, "begun": str, "boot": str, "setup": dict}
+_TYPE_NAMES = {str: "a string", int: "an integer", dict: "an object"}
 JobStore = Path
 
 
@@ -56,7 +56,7 @@ def default_job_store() -> Path:
 
 @dataclass(slots=True)
 class Print:
-    """A stored print.
+    """A print in the job store.
 
     Attributes:
         folder: folder with `head.json`, `job.gcode` and `journal`.
@@ -77,7 +77,7 @@ class Print:
 
     @property
     def setup(self) -> HostSettings:
-        """Return the settings of the printer. They are read on demand, because their module is slow to import."""
+        """Return the settings of the printer; they are parsed on demand, because their module is slow to import."""
         from printer_slicer.printing.host_settings import parse_host_settings  # noqa: PLC0415 - slow
 
         return parse_host_settings(self._setup)
@@ -85,25 +85,25 @@ class Print:
     @property
     def text(self) -> bytes:
         """Return the copy of the G-code."""
-        return (self.folder / _JOB).read_bytes()
+        return (self.folder / _JOB_FILE).read_bytes()
 
     @property
-    def same_boot(self) -> bool:
-        """Return whether the computer has not restarted; else the last second of the journal may be missing."""
-        return bool(self.boot) and self.boot == _boot()
+    def is_same_boot(self) -> bool:
+        """Return whether the computer has not restarted since; otherwise the end of the journal may be missing."""
+        return bool(self.boot) and self.boot == _read_boot_id()
 
-    def hold(self) -> bool:
-        """Lock the print for this process; return False if another process holds it."""
-        return self._try_to_hold(_PROBE_SECONDS)
+    def lock(self) -> bool:
+        """Lock the print for this process; return False if another process has locked it."""
+        return self._try_to_lock(_LOCK_TIMEOUT)
 
-    def _try_to_hold(self, seconds: float) -> bool:
-        """Lock the print; the lock ends with the process, however that ends."""
+    def _try_to_lock(self, seconds: float) -> bool:
+        """Try to lock the print for `seconds`; return whether that succeeded. The lock ends with the process."""
         from filelock import FileLock, Timeout  # noqa: PLC0415 - slow
 
-        # A print may end in another thread than the one that started it.
-        lock = FileLock(self.folder / _LOCK, mode=0o600, thread_local=False)
+        # A print may end in a thread that did not start it.
+        lock = FileLock(self.folder / _LOCK_FILE, mode=0o600, thread_local=False)
         try:
-            lock.acquire(timeout=seconds, poll_interval=_PROBE_SECONDS / 4)
+            lock.acquire(timeout=seconds, poll_interval=_LOCK_TIMEOUT / 4)
         except Timeout:
             return False
         self._lock = lock
@@ -117,27 +117,27 @@ class Print:
 
     @property
     def is_running(self) -> bool:
-        """Return whether a process prints it; False if its lock is damaged."""
+        """Return whether a process is printing it; False if its lock is damaged."""
         try:
-            return self.running
+            return self.is_locked
         except OSError:
             return False
 
     @property
-    def running(self) -> bool:
-        """Return whether a process prints it.
+    def is_locked(self) -> bool:
+        """Return whether a process has locked the print.
 
         Raises:
             OSError: its lock is not a file.
         """
         if self._lock:
             return True
-        if not self._try_to_hold(0):
+        if not self._try_to_lock(0):
             return True
         self.release()
         return False
 
-    def forget(self) -> None:
+    def delete(self) -> None:
         """Delete the print."""
         self.release()
         rmtree(self.folder, ignore_errors=True)
@@ -145,70 +145,72 @@ class Print:
 
 @dataclass(frozen=True, slots=True)
 class DamagedPrint:
-    """A print that cannot be resumed because one of its files is damaged.
+    """A stored print that cannot be resumed, because one of its files is damaged.
 
     Attributes:
         folder: folder of the print.
         file: name of the damaged file.
-        why: what is wrong with it.
+        reason: description of the damage.
     """
 
     folder: Path
     file: str
-    why: str
+    reason: str
 
     def __str__(self) -> str:
-        return f"{self.folder / self.file}: {self.why}"
+        return f"{self.folder / self.file}: {self.reason}"
 
     @property
     def remedy(self) -> str:
-        """Return what to do about it."""
-        return f"Delete it with printer-slicer resume --discard {self.folder.name}; it cannot be resumed"
+        """Return the remedy to show to the user."""
+        return f"It cannot be resumed. Delete it with printer-slicer resume --discard {self.folder.name}"
 
-    def error(self) -> UsageError:
-        """Return the error for an attempt to resume it."""
+    def make_error(self) -> UsageError:
+        """Return the error to raise when the user tries to resume the print."""
         return UsageError(str(self), remedy=self.remedy)
 
-    def forget(self) -> None:
+    def delete(self) -> None:
         """Delete the print."""
         rmtree(self.folder, ignore_errors=True)
 
 
 class _InvalidHeadError(ValueError):
-    """The head of a print is invalid."""
+    """Error: the head file of a print is invalid."""
 
 
 @dataclass(frozen=True, slots=True)
 class PortAddress:
-    """A port and its baud rate."""
+    """Port and baud rate of a print."""
 
     port: str
     baud: int
 
 
-def begin(job_store: JobStore, name: str, text: bytes, place: PortAddress, setup: HostSettings) -> Print:
-    """Store a new print, held by this process.
+def create_print(
+    job_store: JobStore, name: str, text: bytes, address: PortAddress, setup: HostSettings
+) -> Print:
+    """Store a new print, and lock it for this process.
 
     Raises:
-        OutputError: it cannot be stored.
+        OutputError: the print cannot be stored.
     """
     now = datetime.now(UTC).astimezone()
-    plain = re.sub(r"[^A-Za-z0-9._-]+", "_", name)[:40]
-    folder = job_store / f"{now:%Y%m%d-%H%M%S-%f}-{plain}"
+    safe_name = re.sub(r"[^A-Za-z0-9._-]+", "_", name)[:40]
+    folder = job_store / f"{now:%Y%m%d-%H%M%S-%f}-{safe_name}"
     head = {
         "version": 1,
         "name": name,
-        "port": _lasting(place.port),
-        "baud": place.baud,
+        "port": _make_absolute(address.port),
+        "baud": address.baud,
         "begun": f"{now:%Y-%m-%d %H:%M}",
-        "boot": _boot(),
+        "boot": _read_boot_id(),
         "setup": setup.as_json(),
     }
     try:
         job_store.mkdir(parents=True, exist_ok=True, mode=0o700)
         folder.mkdir(mode=0o700)
-        (folder / _JOB).write_bytes(text)
-        (folder / _HEAD).write_text(json.dumps(head), encoding="utf-8")
+        (folder / _JOB_FILE).write_bytes(text)
+        (folder / _HEAD_FILE).write_text(json.dumps(head), encoding="utf-8")
         (folder / "journal").touch(mode=0o600)
     except OSError as error:
         rmtree(folder, ignore_errors=True)
@@ -218,7 +220,7 @@ def begin(job_store: JobStore, name: str, text: bytes, place: PortAddress, setup
         ) from None
     made = load_print(folder)
     assert made is not None
-    made.hold()
+    made.lock()
     return made
 
 
@@ -227,45 +229,45 @@ def stored_prints(job_store: JobStore) -> Iterator[Print]:
     if not job_store.is_dir():
         return
     for folder in sorted(job_store.iterdir()):
-        if found := load_print(folder):
-            yield found
+        if print_ := load_print(folder):
+            yield print_
 
 
 def load_print(folder: Path) -> Print | None:
-    """Return the print in this folder; None if there is none, or its head is invalid."""
+    """Load the print in a folder; return None if there is none, or its head file is invalid."""
     with suppress(_InvalidHeadError):
-        return _print_in(folder)
+        return _read_print(folder)
     return None
 
 
-def _print_in(folder: Path) -> Print | None:
-    """Return the print in this folder; None if there is none.
+def _read_print(folder: Path) -> Print | None:
+    """Read the print in a folder; return None if there is none.
 
     Raises:
-        _InvalidHeadError: its head is invalid.
+        _InvalidHeadError: its head file is invalid.
     """
     try:
-        check_is_file(folder / _HEAD)
-        head = json.loads(read_input(folder / _HEAD, _MOST_HEAD))
+        check_is_file(folder / _HEAD_FILE)
+        head = json.loads(read_input(folder / _HEAD_FILE, _MAX_HEAD_BYTES))
     except (FileNotFoundError, NotADirectoryError):
         return None
     except OSError as error:
-        raise _InvalidHeadError(f"it cannot be read: {error.strerror}") from None
+        raise _InvalidHeadError(f"the file cannot be read: {error.strerror}") from None
     except (ValueError, RecursionError) as error:
-        raise _InvalidHeadError(f"it is not JSON: {error}") from None
+        raise _InvalidHeadError(f"the file is not JSON: {error}") from None
     if not isinstance(head, dict):
-        raise _InvalidHeadError("it is not a JSON object")
-    for name, kind in _IN_HEAD.items():
+        raise _InvalidHeadError("the file is not a JSON object")
+    for name, kind in _HEAD_FIELDS.items():
         if type(head.get(name)) is not kind:
-            raise _InvalidHeadError(f"{name!r} is missing, or is not {_KINDS[kind]}")
-    if not _is_address(head["port"]):
+            raise _InvalidHeadError(f"{name!r} is missing, or is not {_TYPE_NAMES[kind]}")
+    if not _is_valid_port(head["port"]):
         raise _InvalidHeadError("'port' is not a valid port name")
-    return Print(folder, *(head[name] for name in _IN_HEAD))
+    return Print(folder, *(head[name] for name in _HEAD_FIELDS))
 
 
 def find_damage(print_: Print) -> DamagedPrint | None:
-    """Return why a print cannot be resumed, as far as its files show; None if it can."""
-    # A process that only controls a print does not need these imports.
+    """Find damage in the files of a print that prevents a resume; return None if there is none."""
+    # Imported here, because a process that only controls a print does not need these modules.
     from printer_slicer.commands import split_gcode  # noqa: PLC0415
     from printer_slicer.printing.journal import read_journal  # noqa: PLC0415
     from printer_slicer.printing.reattach import find_journal_damage  # noqa: PLC0415
@@ -273,23 +275,23 @@ def find_damage(print_: Print) -> DamagedPrint | None:
     try:
         _ = print_.setup
     except TypeError as error:
-        return DamagedPrint(print_.folder, _HEAD, f"the printer's setup is invalid: {error}")
+        return DamagedPrint(print_.folder, _HEAD_FILE, f"the printer settings are invalid: {error}")
     file = "journal"
     try:
         journal_data = read_journal(print_.folder)
-        file = _JOB
-        check_is_file(print_.folder / _JOB)
+        file = _JOB_FILE
+        check_is_file(print_.folder / _JOB_FILE)
         total = len(split_gcode(print_.text).commands)
     except OSError as error:
-        return DamagedPrint(print_.folder, file, f"it cannot be read: {error.strerror}")
+        return DamagedPrint(print_.folder, file, f"the file cannot be read: {error.strerror}")
     if not total:
-        return DamagedPrint(print_.folder, _JOB, "it holds no commands")
-    why = find_journal_damage(journal_data, total)
-    return DamagedPrint(print_.folder, "journal", why) if why else None
+        return DamagedPrint(print_.folder, _JOB_FILE, "the file contains no commands")
+    reason = find_journal_damage(journal_data, total)
+    return DamagedPrint(print_.folder, "journal", reason) if reason else None
 
 
-def _is_address(port: str) -> bool:
-    """Return whether a text can be a port name."""
+def _is_valid_port(port: str) -> bool:
+    """Return whether a text is a valid port name."""
     with suppress(UnicodeEncodeError):
         return b"\0" not in os.fsencode(port)
     return False
@@ -299,74 +301,76 @@ def damaged_prints(job_store: JobStore) -> Iterator[DamagedPrint]:
     """Yield damaged prints that are not running, the oldest first."""
     for folder in sorted(job_store.iterdir()) if job_store.is_dir() else ():
         try:
-            found = _print_in(folder)
+            found = _read_print(folder)
         except _InvalidHeadError as error:
-            yield DamagedPrint(folder, _HEAD, str(error))
+            yield DamagedPrint(folder, _HEAD_FILE, str(error))
         else:
             if not found:
                 continue
             try:
-                is_running = found.running
+                is_running = found.is_locked
             except OSError as error:
-                yield DamagedPrint(folder, _LOCK, f"it cannot be locked: {error.strerror}")
+                yield DamagedPrint(folder, _LOCK_FILE, f"the file cannot be locked: {error.strerror}")
                 continue
             if not is_running and (damage := find_damage(found)):
                 yield damage
 
 
-def same_port(one: str, other: str) -> bool:
-    """Return whether two addresses mean the same port."""
-    return one == other or ("://" not in one and os.path.realpath(one) == os.path.realpath(other))
+def is_same_port(first: str, second: str) -> bool:
+    """Return whether two addresses refer to the same port."""
+    return first == second or ("://" not in first and os.path.realpath(first) == os.path.realpath(second))
 
 
-def unfinished(job_store: JobStore, port: str) -> Print | None:
-    """Return an unfinished print on this port that is not running, None if there is none."""
+def find_unfinished_print(job_store: JobStore, port: str) -> Print | None:
+    """Find an unfinished print on a port that no process is printing; return None if there is none."""
     for one in stored_prints(job_store):
-        if same_port(one.port, port) and not one.is_running:
+        if is_same_port(one.port, port) and not one.is_running:
             return one
     return None
 
 
-def find(job_store: JobStore, name: str, *, running: bool) -> Print:
-    """Find the print of this name, or the only one.
+def find_print(job_store: JobStore, name: str, *, running: bool) -> Print:
+    """Find a stored print by its name, or the only print.
 
     Args:
         job_store: the store.
         name: name of the job or of its folder, empty for the only print.
-        running: whether to look among running or unfinished prints.
+        running: whether to search the running prints; otherwise the unfinished prints.
 
     Raises:
-        UsageError: there is none, or more than one.
+        UsageError: no print matches, or more than one does.
     """
     known = list(stored_prints(job_store))
     if not running:
         damaged = {one.folder: one for one in damaged_prints(job_store)}
         for one in known:
             if name and one.folder in damaged and name in {one.name, one.folder.name}:
-                raise damaged[one.folder].error()
+                raise damaged[one.folder].make_error()
         known = [one for one in known if one.folder not in damaged]
     known = [one for one in known if one.is_running is running]
     named = [one for one in known if name in {"", one.name, one.folder.name}]
     if len(named) == 1:
         return named[0]
     kind = "running" if running else "unfinished"
-    what = f"no {kind} print" if not named else f"{len(named)} {kind} prints"
-    there = "; ".join(f"{one.name} on {one.port}, started {one.begun} ({one.folder.name})" for one in known)
+    problem = f"no {kind} print" if not named else f"there are {len(named)} {kind} prints"
+    available = "; ".join(
+        f"{one.name} on {one.port}, started {one.begun} ({one.folder.name})" for one in known
+    )
     raise UsageError(
-        what + (f" {name}" if name else ""),
-        remedy=f"Available: {there}"
-        if there
+        problem + (f" named {name}" if name else ""),
+        remedy=f"Available: {available}"
+        if available
         else "Run printer-slicer resume --list to see unfinished prints",
     )
 
 
-def _lasting(port: str) -> str:
-    """Return an address that is valid in any working directory."""
+def _make_absolute(port: str) -> str:
+    """Return the address of a port with an absolute path, so that it is valid in any working directory."""
     return port if "://" in port else str(Path(port).absolute())
 
 
-def _boot() -> str:
-    """Return the id of the current boot of the computer."""
+def _read_boot_id() -> str:
+    """Read the id of the current boot of the computer; empty if unknown."""
     with suppress(OSError):
         return Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip()
     return ""

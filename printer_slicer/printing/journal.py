@@ -1,14 +1,14 @@
 """Journal of a print: the data for a resume, however the host ends.
 
-Each print has a folder with `head.json` (job, port and printer), `job.gcode` (a copy of the file, which may be changed
-or deleted meanwhile) and `journal`, to which records are only appended. A record is one short line with a checksum at
-its end:
+Each print has a folder with `head.json` (job, port and printer settings), `job.gcode` (a copy of the file, because the
+original may be changed or deleted) and `journal`, to which records are only appended. A record is one short line with a
+checksum at its end:
 
     E <entries>                   line numbering restarts; <entries> job entries were accepted before
     N <number> <entries> <text>   line <number> is not simply the next entry; <text> is its command, or empty
     A <number> <entries> <time>   the printer has accepted everything up to line <number>
-    S <json>                      state: the print was paused, continues, heats...
-    X <time> <reason>             the print ended, or the host left it
+    S <json>                      states: phase of the print, parked position, why the heaters were switched off...
+    X <time> <reason>             the print ended, or the host lost the connection
 
 A line is recorded before its bytes are sent, and an acknowledgement as soon as it arrives, each with one `write` call.
 So a killed host loses no record. A separate thread calls `sync` once a second to write the journal to the disk, so a
@@ -43,22 +43,24 @@ __all__ = [
     "read_journal",
 ]
 
-_NAME: Final = "journal"
-_LONGEST: Final = 1 << 32  # bytes
-_DIGITS: Final = 12  # maximum length of a count
+_FILE_NAME: Final = "journal"
+_MAX_BYTES: Final = 1 << 32  # bytes
+_MAX_DIGITS: Final = 12  # maximum length of a count
 LOST: Final = "lost: "
-"""Prefix of a reason with a known time of the loss: the connection was lost at that moment."""
+"""Prefix of a reason: the connection was lost at the recorded time."""
 
 HEATERS_OFF: Final = "heaters_off"
+"""Name of the state that says why the heaters were switched off; empty if they were not."""
+
 HOST: Final = "host"
-"""State: why the heaters were switched off, so that the print needs a recovery; empty if they were not."""
+"""Name of the state that identifies the host process of the print."""
 
 
 class Journal:
     """Writer of a journal.
 
     Attributes:
-        failed: why it can no longer be written; empty while it can.
+        failed: why the journal can no longer be written; empty while it can.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -66,35 +68,37 @@ class Journal:
         self._file = -1
         self._dirty = False
         try:
-            self._file = os.open(folder / _NAME, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o600)
+            self._file = os.open(folder / _FILE_NAME, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o600)
         except OSError as error:
             self.failed = error.strerror or str(error)
 
-    def epoch(self, entries: int) -> None:
+    def record_restart(self, entries: int) -> None:
         """Record that line numbering restarts after `entries` accepted job entries."""
         self._write(f"E {entries}")
 
-    def numbered(self, number: int, entries: int, command: bytes) -> None:
+    def record_line(self, number: int, entries: int, command: bytes) -> None:
         """Record that line `number` is about to be sent."""
         self._write(f"N {number} {entries} {command.decode('latin-1')}")
 
-    def accepted(self, number: int, entries: int, now: float) -> None:
+    def record_accepted(self, number: int, entries: int, now: float) -> None:
         """Record that the printer has accepted everything up to line `number`."""
         self._write(f"A {number} {entries} {now:.3f}")
 
-    def state(self, values: Mapping[str, Any]) -> None:
+    def record_state(self, values: Mapping[str, Any]) -> None:
         """Record named states; a later value replaces an earlier one of the same name."""
         self._write("S " + json.dumps(values))
 
-    def ended(self, reason: str, now: float) -> None:
-        """Record that the print ended, or that the host left it."""
+    def record_end(self, reason: str, now: float) -> None:
+        """Record that the print ended, or that the host lost the connection."""
         self._write(f"X {now:.3f} " + " ".join(reason.split()))
 
     def sync(self) -> None:
         """Write the journal to the disk."""
         if self._dirty and self._file >= 0:
             self._dirty = False
-            with suppress(OSError):  # some files cannot be synced; a lasting error also makes `write` fail
+            with suppress(
+                OSError
+            ):  # some file systems cannot sync; a permanent error also makes `write` fail
                 os.fsync(self._file)
 
     def close(self) -> None:
@@ -105,6 +109,7 @@ class Journal:
             self._file = -1
 
     def _write(self, record: str) -> None:
+        """Append a record with its checksum."""
         if self._file < 0:
             return
         data = record.encode("utf-8")
@@ -127,7 +132,7 @@ class Journal:
 
 @dataclass(frozen=True, slots=True)
 class NumberedRecord:
-    """Record `N`: with line `number`, `entries` job entries are accepted; each further line adds one."""
+    """Record `N`: once line `number` is accepted, `entries` job entries are; each further line adds one entry."""
 
     number: int
     entries: int
@@ -141,13 +146,13 @@ class JournalData:
     Attributes:
         base: number of entries accepted at the last restart of line numbering.
         before: last line number accepted before that restart, -1 if there was none.
-        lines: records `N` since then.
+        lines: records `N` since that restart.
         line, entries: last accepted line number, and number of accepted job entries.
-        accepted: (entries, time in s) of each acknowledgement since then.
-        commands: (entries before it, command) of all accepted commands that are not from the job, in order.
-        states: recorded states, the last value of each name.
-        stopped: when the host noticed the end of the print, s; None if the host itself was terminated.
-        reason: why the print ended, empty if it has not.
+        accepted: (entries, time in s) of each acknowledgement since that restart.
+        commands: accepted commands that are not from the job, in order, as (number of entries before it, command).
+        states: recorded states by name, each with its last value.
+        stopped: time at which the host noticed the end of the print, s; None if the host itself was terminated.
+        reason: why the print ended; empty if it has not ended.
         damage: the first invalid record and what is wrong with it; reading stops there. Empty if there is none.
     """
 
@@ -165,29 +170,33 @@ class JournalData:
     _pending: list[NumberedRecord] = field(default_factory=list)
 
     def entries_at(self, number: int) -> int:
-        """Return how many job entries are accepted with line `number` of the current numbering."""
+        """Return the number of job entries that are accepted once line `number` of the current numbering is."""
         index = bisect_right(self.lines, number, key=lambda record: record.number) - 1
         if index < 0:
             return self.base
         record = self.lines[index]
         return record.entries + number - record.number
 
-    def others_until(self, number: int) -> list[tuple[int, bytes]]:
-        """Return (entries before it, command) of all commands not from the job that are accepted with line `number`."""
-        proven = [one for one in self._pending if one.number <= number]
-        return self.commands + [(one.entries, one.command) for one in proven if one.command]
+    def inserted_commands_until(self, number: int) -> list[tuple[int, bytes]]:
+        """Return `commands` as it will be once line `number` is accepted."""
+        accepted = [record for record in self._pending if record.number <= number]
+        return self.commands + [(record.entries, record.command) for record in accepted if record.command]
 
     def add_record(self, kind: str, rest: str) -> None:
-        """Add a record.
+        """Apply a record.
+
+        Args:
+            kind: first letter of the record.
+            rest: text of the record after the kind.
 
         Raises:
-            ValueError: it is invalid.
+            ValueError: the record is invalid.
         """
         if kind == "E":
             self._restart_numbering(_parse_count(rest))
         elif kind == "N":
             number, entries, command = rest.split(" ", 2)
-            self._number(
+            self._add_line(
                 NumberedRecord(_parse_count(number), _parse_count(entries), command.encode("latin-1"))
             )
         elif kind == "A":
@@ -206,19 +215,22 @@ class JournalData:
             raise ValueError("unknown kind of record")
 
     def _restart_numbering(self, entries: int) -> None:
+        """Apply a restart of line numbering after `entries` accepted job entries."""
         self.before = self.line if self.lines else self.before
         self.base = self.entries = entries
         self.line, self.stopped, self.reason = 0, None, ""
         self.lines, self.accepted, self._pending = [], [], []
 
-    def _number(self, record: NumberedRecord) -> None:
-        # After a new handshake, earlier lines with these numbers were never accepted.
+    def _add_line(self, record: NumberedRecord) -> None:
+        """Add a record `N`; drop earlier records with the same or a higher number."""
+        # After a new handshake, lines with the same or higher numbers were never accepted.
         for records in (self.lines, self._pending):
             while records and records[-1].number >= record.number:
                 records.pop()
             records.append(record)
 
     def _accept(self, number: int, entries: int, now: float) -> None:
+        """Apply an acknowledgement of the lines up to `number`."""
         self.line, self.entries = number, entries
         self.accepted.append((entries, now))
         while self._pending and self._pending[0].number <= number:
@@ -228,14 +240,14 @@ class JournalData:
 
 
 def _parse_count(text: str) -> int:
-    """Parse a count.
+    """Parse a number of lines or commands.
 
     Raises:
-        ValueError: it is not a count.
+        ValueError: the text is not such a number.
     """
-    number = int(text) if len(text) <= _DIGITS else -1
+    number = int(text) if len(text) <= _MAX_DIGITS else -1
     if number < 0:
-        raise ValueError(f"{text[:_DIGITS]} is not a number of lines or commands")
+        raise ValueError(f"{text[:_MAX_DIGITS]} is not a number of lines or commands")
     return number
 
 
@@ -243,7 +255,7 @@ def _parse_time(text: str) -> float:
     """Parse a time, s.
 
     Raises:
-        ValueError: it is not a time.
+        ValueError: the text is not a time.
     """
     seconds = float(text)
     if not isfinite(seconds):
@@ -257,11 +269,11 @@ def read_journal(folder: Path) -> JournalData:
     An invalid record with a correct checksum is reported in `damage`.
 
     Raises:
-        OSError: it cannot be read.
+        OSError: the journal cannot be read.
     """
     journal_data = JournalData()
-    check_is_file(folder / _NAME)
-    for index, line in enumerate(read_input(folder / _NAME, _LONGEST).split(b"\n"), start=1):
+    check_is_file(folder / _FILE_NAME)
+    for index, line in enumerate(read_input(folder / _FILE_NAME, _MAX_BYTES).split(b"\n"), start=1):
         data, _, sum_ = line.rpartition(b" ")
         if not data or sum_ != b"%08x" % crc32(data):
             break
@@ -278,52 +290,53 @@ _Value = TypeVar("_Value")
 
 
 @cache
-def _hints(kind: Any) -> dict[str, Any]:
+def _get_field_types(kind: Any) -> dict[str, Any]:
+    """Return the resolved type of each field of a dataclass."""
     return get_type_hints(kind)
 
 
-def dataclass_from_json(kind: type[_Value], kept: object) -> _Value:
-    """Rebuild a dataclass from the JSON form of `dataclasses.asdict`; unknown names are ignored.
+def dataclass_from_json(kind: type[_Value], stored: object) -> _Value:
+    """Rebuild a dataclass from the JSON form of `dataclasses.asdict`; unknown fields are ignored.
 
     Raises:
         TypeError: a value has the wrong type; the message names it.
     """
-    if not isinstance(kept, Mapping):
-        raise TypeError(f"expected a JSON object, found {_shown(kept)}")
-    hints = _hints(cast("Any", kind))
-    known = [field.name for field in fields(cast("Any", kind)) if field.init and field.name in kept]
-    return kind(**{name: _of(hints[name], kept[name], name) for name in known})
+    if not isinstance(stored, Mapping):
+        raise TypeError(f"expected a JSON object, found {_abbreviate(stored)}")
+    field_types = _get_field_types(cast("Any", kind))
+    known = [field.name for field in fields(cast("Any", kind)) if field.init and field.name in stored]
+    return kind(**{name: _convert(field_types[name], stored[name], name) for name in known})
 
 
-def _of(wanted: Any, kept: object, name: str) -> Any:
-    """Rebuild the value of one field."""
-    if is_dataclass(wanted) and isinstance(wanted, type):
-        return dataclass_from_json(wanted, kept)
-    if get_origin(wanted) in {Union, UnionType}:
-        kinds = [kind for kind in get_args(wanted) if kind is not NoneType]
-        return None if kept is None and NoneType in get_args(wanted) else _of(kinds[0], kept, name)
-    if get_origin(wanted) is tuple and isinstance(kept, list | tuple):
-        kinds = list(get_args(wanted))
-        kinds = kinds[:1] * len(kept) if kinds[1:] == [Ellipsis] else kinds
-        if len(kinds) == len(kept):
-            return tuple(_of(kind, one, name) for kind, one in zip(kinds, kept, strict=True))
-    elif get_origin(wanted) is not tuple and _is(wanted, kept):
-        return kept
-    raise TypeError(f"{name} is {_shown(kept)}")
+def _convert(expected: Any, stored: object, name: str) -> Any:
+    """Convert the stored value of field `name` to the expected type."""
+    if is_dataclass(expected) and isinstance(expected, type):
+        return dataclass_from_json(expected, stored)
+    if get_origin(expected) in {Union, UnionType}:
+        kinds = [kind for kind in get_args(expected) if kind is not NoneType]
+        return None if stored is None and NoneType in get_args(expected) else _convert(kinds[0], stored, name)
+    if get_origin(expected) is tuple and isinstance(stored, list | tuple):
+        kinds = list(get_args(expected))
+        kinds = kinds[:1] * len(stored) if kinds[1:] == [Ellipsis] else kinds
+        if len(kinds) == len(stored):
+            return tuple(_convert(kind, one, name) for kind, one in zip(kinds, stored, strict=True))
+    elif get_origin(expected) is not tuple and _has_type(expected, stored):
+        return stored
+    raise TypeError(f"{name} has the invalid value {_abbreviate(stored)}")
 
 
-def _is(wanted: Any, kept: object) -> bool:
-    """Return whether a plain value has the expected type."""
-    if get_origin(wanted) is Literal:
-        return kept in get_args(wanted)
-    if wanted is float:
-        return isinstance(kept, float | int) and not isinstance(kept, bool) and not isnan(kept)
-    if wanted is int:
-        return isinstance(kept, int) and not isinstance(kept, bool)
-    return isinstance(kept, get_origin(wanted) or wanted)
+def _has_type(expected: Any, stored: object) -> bool:
+    """Return whether a stored value has the expected type, which is neither a dataclass, a union nor a tuple."""
+    if get_origin(expected) is Literal:
+        return stored in get_args(expected)
+    if expected is float:
+        return isinstance(stored, float | int) and not isinstance(stored, bool) and not isnan(stored)
+    if expected is int:
+        return isinstance(stored, int) and not isinstance(stored, bool)
+    return isinstance(stored, get_origin(expected) or expected)
 
 
-def _shown(kept: object) -> str:
-    """Abbreviate a value for a message."""
-    text = repr(kept)
+def _abbreviate(stored: object) -> str:
+    """Return the text of a stored value for a message, shortened if it is long."""
+    text = repr(stored)
     return text if len(text) <= 30 else f"{text[:27]}..."

@@ -1,4 +1,4 @@
-"""Geometry of moves: the point of a move nearest to a position, and the rest of a move after it."""
+"""Geometry of moves: the point of a move nearest to a position, and the rest of a move after a point."""
 
 from __future__ import annotations
 
@@ -9,48 +9,49 @@ from math import atan2, cos, hypot, pi, sin, sqrt
 from printer_slicer.gcode.commands import Effect, commands_that
 from printer_slicer.gcode.lexer import parse
 from printer_slicer.gcode.state import ModalState
-from printer_slicer.printing.machine_state import Step, number
+from printer_slicer.printing.machine_state import Step, format_number
 
-__all__ = ["nearest", "remaining_move", "state_at"]
+__all__ = ["find_nearest_move", "remaining_move", "state_at"]
 
 _MOVES = commands_that(Effect.MOVES)
 _ARCS = commands_that(Effect.ARC)
-_CHORDS = 64  # chords of an arc in the search for the point nearest to a position
-Point = tuple[float, float, float, float]
+_CHORDS = 64  # number of chords that replace an arc in the search for its nearest point
+PositionWithE = tuple[float, float, float, float]
 
 
-def _ends(step: Step) -> tuple[Point, Point]:
+def _find_endpoints(step: Step) -> tuple[PositionWithE, PositionWithE]:
+    """Return the start and end position of a move."""
     x0, y0, z0 = step.before.place
     x1, y1, z1 = step.after.place
     return (x0, y0, z0, step.before.e), (x1, y1, z1, step.after.e)
 
 
-def _centre(step: Step) -> tuple[float, float, float] | None:
-    """Return the centre of an arc and its signed angle, rad; None for a straight move."""
+def _find_arc_centre(step: Step) -> tuple[float, float, float] | None:
+    """Return the centre (x, y) of an arc, mm, and its signed angle, rad; None for a straight move."""
     word, values = parse(step.command)
     if word not in _ARCS:
         return None
     unit = step.before.unit
-    (x0, y0, *_), (x1, y1, *_) = _ends(step)
+    (x0, y0, *_), (x1, y1, *_) = _find_endpoints(step)
     if b"R" in values:
         x, y = (x1 - x0) / 2, (y1 - y0) / 2
         half = hypot(x, y)
         radius = values[b"R"] * unit
-        away = sqrt(max(radius * radius - half * half, 0.0)) / (half or 1.0)
+        distance_ratio = sqrt(max(radius * radius - half * half, 0.0)) / (half or 1.0)
         side = -1.0 if (word == b"G2") == (radius > 0) else 1.0
-        cx, cy = x0 + x - side * y * away, y0 + y + side * x * away
+        cx, cy = x0 + x - side * y * distance_ratio, y0 + y + side * x * distance_ratio
     else:
         cx, cy = x0 + values.get(b"I", 0.0) * unit, y0 + values.get(b"J", 0.0) * unit
-    turn = (atan2(y1 - cy, x1 - cx) - atan2(y0 - cy, x0 - cx)) % (2 * pi)
-    turn = turn or 2 * pi
-    return cx, cy, turn if word == b"G3" else turn - 2 * pi if turn < 2 * pi else -2 * pi
+    angle = (atan2(y1 - cy, x1 - cx) - atan2(y0 - cy, x0 - cx)) % (2 * pi)
+    angle = angle or 2 * pi
+    return cx, cy, angle if word == b"G3" else angle - 2 * pi if angle < 2 * pi else -2 * pi
 
 
-def _at(step: Step, share: float) -> Point:
-    """Return the position after a share of a move."""
-    start, end = _ends(step)
+def _interpolate(step: Step, share: float) -> PositionWithE:
+    """Return the position after the fraction `share` of a move."""
+    start, end = _find_endpoints(step)
     x, y, z, e = (a + share * (b - a) for a, b in zip(start, end, strict=True))
-    arc = _centre(step)
+    arc = _find_arc_centre(step)
     if arc is not None:
         cx, cy, turn = arc
         radius = hypot(start[0] - cx, start[1] - cy)
@@ -59,8 +60,8 @@ def _at(step: Step, share: float) -> Point:
     return x, y, z, e
 
 
-def _project(a: Point, b: Point, point: Point) -> tuple[float, float]:
-    """Return the share of a line segment at its point nearest to a position, and the squared distance."""
+def _project_on_segment(a: PositionWithE, b: PositionWithE, point: PositionWithE) -> tuple[float, float]:
+    """Project a point onto the segment a-b; return the nearest point as a share of it, and the squared distance."""
     along = [q - p for p, q in zip(a, b, strict=True)]
     length = sum(d * d for d in along)
     share = sum(d * (q - p) for d, p, q in zip(along, a, point, strict=True)) / length if length else 1.0
@@ -68,22 +69,30 @@ def _project(a: Point, b: Point, point: Point) -> tuple[float, float]:
     return share, sum((p + share * d - q) ** 2 for p, d, q in zip(a, along, point, strict=True))
 
 
-def _nearest_on(step: Step, point: Point) -> tuple[float, float]:
-    """Return the share of a move at its point nearest to a 4D position (with E), and the squared distance."""
-    if _centre(step) is None:
-        return _project(*_ends(step), point)
+def _find_nearest_share(step: Step, point: PositionWithE) -> tuple[float, float]:
+    """Find the point of a move nearest to a position; return it as a share of the move, and the squared distance."""
+    if _find_arc_centre(step) is None:
+        return _project_on_segment(*_find_endpoints(step), point)
     best = (0.0, float("inf"))
     for chord in range(_CHORDS):
-        share, off = _project(_at(step, chord / _CHORDS), _at(step, (chord + 1) / _CHORDS), point)
+        share, off = _project_on_segment(
+            _interpolate(step, chord / _CHORDS), _interpolate(step, (chord + 1) / _CHORDS), point
+        )
         if off < best[1]:
             best = (chord + share) / _CHORDS, off
     return best
 
 
-def nearest(steps: Sequence[Step], point: Point) -> tuple[int, float, float]:
-    """Return the index of the move nearest to a position, its share at the nearest point, and the distance, mm."""
+def find_nearest_move(steps: Sequence[Step], point: PositionWithE) -> tuple[int, float, float]:
+    """Find the move nearest to a position.
+
+    Returns:
+        Index of the move, share of the move at its nearest point, and distance, mm.
+    """
     found = [
-        (off, -index, share) for index, step in enumerate(steps) for share, off in [_nearest_on(step, point)]
+        (off, -index, share)
+        for index, step in enumerate(steps)
+        for share, off in [_find_nearest_share(step, point)]
     ]
     least = min(off for off, _, _ in found)
     # Consecutive moves share a point; take the later one, at its start.
@@ -92,8 +101,8 @@ def nearest(steps: Sequence[Step], point: Point) -> tuple[int, float, float]:
 
 
 def state_at(step: Step, share: float) -> ModalState:
-    """Return the machine state after a share of a move."""
-    x, y, z, e = _at(step, share)
+    """Return the machine state after the fraction `share` of a move."""
+    x, y, z, e = _interpolate(step, share)
     pulled = max(step.before.pulled - (e - step.before.e), 0.0)
     return replace(
         step.before,
@@ -107,21 +116,22 @@ def state_at(step: Step, share: float) -> ModalState:
 
 
 def remaining_move(step: Step, share: float) -> bytes:
-    """Return the command for the rest of a move after a share of it, in the unit of the program."""
+    """Return the command for the rest of a move after the fraction `share` of it, in the unit of the program."""
     here, after = state_at(step, share), step.after
     word = parse(step.command)[0]
-    words = [word if word in _MOVES else b"G1"]  # after G53 the coordinates would be those of the machine
+    words = [word if word in _MOVES else b"G1"]  # not G53, whose coordinates are those of the machine
 
-    def say(letter: bytes, mm: float) -> bytes:
-        return letter + number(mm / here.unit)
+    def format_word(letter: bytes, mm: float) -> bytes:
+        """Format a length as a G-code word in the unit of the program."""
+        return letter + format_number(mm / here.unit)
 
     at = here.place
     for letter, goal, now in zip((b"X", b"Y", b"Z"), after.place, at, strict=True):
         if goal != now:
-            words.append(say(letter, goal - now if here.relative else goal))
-    arc = _centre(step)
+            words.append(format_word(letter, goal - now if here.relative else goal))
+    arc = _find_arc_centre(step)
     if arc is not None:
-        words += [say(b"I", arc[0] - at[0]), say(b"J", arc[1] - at[1])]
+        words += [format_word(b"I", arc[0] - at[0]), format_word(b"J", arc[1] - at[1])]
     if after.e != here.e:
-        words.append(say(b"E", after.e - here.e if here.relative_e else after.e))
-    return b" ".join([*words, say(b"F", after.speed * 60)] if after.speed else words)
+        words.append(format_word(b"E", after.e - here.e if here.relative_e else after.e))
+    return b" ".join([*words, format_word(b"F", after.speed * 60)] if after.speed else words)

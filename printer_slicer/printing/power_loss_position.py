@@ -16,12 +16,12 @@ from printer_slicer.printing.machine_state import Step
 
 __all__ = ["find_stop_position"]
 
-_WAITED: Final = 0.012
-"""Time between two oks above which the planner was full, because the link alone is faster, s."""
+_FULL_PLANNER_GAP: Final = 0.012
+"""Time between two oks from which the planner counts as full, because the link alone is faster, s."""
 
-_SAME: Final = 1e-6
+_TIME_TOLERANCE: Final = 1e-6
 _START_DELAY: Final = 0.1
-"""Time for which a standing machine waits for more moves, s."""
+"""Time for which a machine at rest waits for more moves before it starts, s."""
 
 
 def find_stop_position(
@@ -32,45 +32,50 @@ def find_stop_position(
     *,
     noticed: float | None = None,
 ) -> tuple[int, float]:
-    """Return the move during which the printer stopped, and the share of its time that had passed.
+    """Find the move during which the printer stopped, and the share of its time that had passed.
 
     Args:
         steps: the last accepted moves, in order, since the machine last stood still.
         accepted: (number of accepted job entries, time in s), ascending.
-        lost: when the printer lost its power, s; None: after it had finished all planned moves.
+        lost: time at which the printer lost its power, s; None: after it had finished all planned moves.
         limits: limits of the machine.
-        noticed: when the host noticed the restart, s. With a full planner, the printer acknowledges a line at the end
-            of each move, so it stopped after the last acknowledgement and before this time.
+        noticed: time at which the host noticed the restart, s. With a full planner, the printer acknowledges a line at
+            the end of each move, so it stopped between the last acknowledgement and this time.
 
     Returns:
         Index of the move, and the share; it is 1 at the end of a move.
     """
     moves = [
-        (index, block) for index, step in enumerate(steps) if (block := _block(step, limits)) is not None
+        (index, block) for index, step in enumerate(steps) if (block := _make_block(step, limits)) is not None
     ]
     if lost is None or not moves:
         return len(steps) - 1, 1.0
-    times = _times([steps[index] for index, _ in moves], accepted)
+    times = _find_acceptance_times([steps[index] for index, _ in moves], accepted)
     blocks = [block for _, block in moves]
-    number, share = _running(blocks, times, lost, limits)
+    number, share = _find_running_block(blocks, times, lost, limits)
     last = len(blocks) - max(limits.planner_blocks - 1, 1)
     if noticed is not None and number <= last:
-        number, share = min(_running(blocks, times, noticed, limits), (last, 1.0))
+        number, share = min(_find_running_block(blocks, times, noticed, limits), (last, 1.0))
     if number == len(moves):
         return len(steps) - 1, 1.0
     return moves[number][0], share
 
 
-def _running(
+def _find_running_block(
     blocks: Sequence[Block], times: Sequence[float], lost: float, limits: MotionLimits
 ) -> tuple[int, float]:
-    """Return the block at time `lost`, and the share of its time that had passed; the number of blocks if all ended."""
+    """Return the index of the block that runs at time `lost`, and the share of its time that had passed.
+
+    The index is the number of blocks if all have ended.
+    """
     places = max(limits.planner_blocks - 1, 1)
-    first, began = _anchor(times, places) or (0, times[0] + _START_DELAY)
+    first, began = _find_known_start(times, places) or (0, times[0] + _START_DELAY)
     lookahead = Lookahead(limits)
     pushed = 0
     for index in range(len(blocks)):
-        until = index + places if index <= first else max(bisect_left(times, began + _SAME), index + 1)
+        until = (
+            index + places if index <= first else max(bisect_left(times, began + _TIME_TOLERANCE), index + 1)
+        )
         while pushed < min(until, len(blocks)):
             lookahead.push(blocks[pushed])
             pushed += 1
@@ -83,15 +88,15 @@ def _running(
     return len(blocks), 1.0
 
 
-def _block(step: Step, limits: MotionLimits) -> Block | None:
-    """Return the planner block of a move; an arc is treated as a straight line between its ends."""
+def _make_block(step: Step, limits: MotionLimits) -> Block | None:
+    """Return the planner block of a move, None if it has no length; an arc is treated as a straight line."""
     x0, y0, z0 = step.before.place
     x1, y1, z1 = step.after.place
     return make_block(limits, (x1 - x0, y1 - y0, z1 - z0, step.after.e - step.before.e), step.after.speed)
 
 
-def _times(steps: Sequence[Step], accepted: Sequence[tuple[int, float]]) -> list[float]:
-    """Return when each move was accepted, s; for a move not from the job, the time of the move before it."""
+def _find_acceptance_times(steps: Sequence[Step], accepted: Sequence[tuple[int, float]]) -> list[float]:
+    """Return the time at which each move was accepted, s; a move not from the job gets the time of the previous one."""
     times: list[float] = []
     for step in steps:
         at = bisect_left(accepted, step.entry + 1, key=lambda one: one[0])
@@ -100,9 +105,9 @@ def _times(steps: Sequence[Step], accepted: Sequence[tuple[int, float]]) -> list
     return times
 
 
-def _anchor(times: Sequence[float], places: int) -> tuple[int, float] | None:
-    """Return the last move with a known start, and the time of that start, s; None if there is none."""
+def _find_known_start(times: Sequence[float], places: int) -> tuple[int, float] | None:
+    """Find the last move with a known start; return its index and start time, s; None if there is none."""
     for index in range(len(times) - 1, places - 1, -1):
-        if times[index] - times[index - 1] > _WAITED:
+        if times[index] - times[index - 1] > _FULL_PLANNER_GAP:
             return index - places + 1, times[index]
     return None

@@ -1,6 +1,6 @@
-"""Control a print around the streamer: pauses, commands of users, prompts of the printer, temperatures.
+"""Control a print on top of the streamer: pauses, commands of users, prompts of the printer, temperatures.
 
-Like the streamer, it has no I/O, clock or thread; `session.run` calls `on_turn`, `record` and `hear`.
+Like the streamer, it has no I/O, clock or thread; `session.run` calls `advance`, `record` and `on_event`.
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ from printer_slicer.printing.command_gcode import GCODE_COMMANDS, gcode_for
 from printer_slicer.printing.commands import PrintCommand
 from printer_slicer.printing.host_settings import HostSettings
 from printer_slicer.printing.journal import Journal
-from printer_slicer.printing.machine_state import SCRIPT
-from printer_slicer.printing.move_geometry import nearest, remaining_move, state_at
+from printer_slicer.printing.machine_state import SCRIPT_ENTRY
+from printer_slicer.printing.move_geometry import find_nearest_move, remaining_move, state_at
 from printer_slicer.printing.objects import LiveJob
 from printer_slicer.printing.parking import (
     ParkedState,
-    end_script,
-    extruded_length,
-    leave,
-    park_state,
-    parking_position,
-    return_to_part,
+    build_end_script,
+    build_parking_script,
+    build_return_script,
+    find_parking_position,
+    make_parked_state,
+    sum_extrusion,
 )
 from printer_slicer.stream import events as stream_events
 from printer_slicer.stream.events import Identified, Prompt, Reading, Temperature
@@ -43,34 +43,34 @@ from printer_slicer.stream.replies import Position, Unknown, read_reply
 from printer_slicer.stream.send_history import PROBE_COMMAND
 from printer_slicer.stream.states import State
 
-__all__ = ["REPORT", "PrintController", "PrintPhase", "Prompts", "Request", "TemperaturePoll"]
+__all__ = ["AUTOREPORT_COMMAND", "PrintController", "PrintPhase", "Prompts", "Request", "TemperaturePoll"]
 
-_OFF_PATH: Final = 0.5  # mm between the reported stop position and the commanded path
+_MAX_PATH_DISTANCE: Final = 0.5  # mm between the reported stop position and the commanded path
 
 _WAITS_FOR_PERSON: Final = commands_that(Effect.WAITS_FOR_PERSON)
-_GIVE_UP: Final = 20.0  # s that M410 and the position query after it may take
+_STOP_TIMEOUT: Final = 20.0  # s that M410 and the position query after it may take
 
 
 class PrintController:
-    """Controls one streamer.
+    """Controls a print that one streamer sends.
 
     Args:
         streamer: created with `handle_actions=False` and the same entries as `job`.
         job: the entries as they are sent.
-        setup: the printer.
+        setup: settings of the printer.
         journal: journal for a later resume; None: no journal.
-        listen: called with the events of the streamer and some more.
+        listen: called with the events of the streamer and of the controller.
         allow: returns why a command typed by a user is rejected, empty if it is allowed.
 
     Attributes:
         phase: current phase of the print.
-        parked: state to return to, while the print is not running.
+        parked: state to return to; None while the print is running.
         prompts: prompts of the printer.
-        heat: last reported temperatures.
+        temperatures: last reported temperatures.
         watchdog: heater watchdog.
-        halted: whether the printer was told to halt.
+        halted: whether an emergency stop was sent.
         end_requests: number of requests to end the print.
-        ended: the last event, once there is one.
+        ended: the event that ended the print, None before it.
     """
 
     def __init__(
@@ -86,7 +86,7 @@ class PrintController:
         self.phase = PrintPhase.RUNNING
         self.parked: ParkedState | None = None
         self.prompts = Prompts()
-        self.heat = TemperaturePoll()
+        self.temperatures = TemperaturePoll()
         self.watchdog = HeaterWatchdog()
         self.halted = self._waits_for_user = self._warned = False
         self.end_requests = 0
@@ -99,7 +99,7 @@ class PrintController:
         self._allow = allow
         self._requests: deque[Request] = deque()
         self._identity: stream_events.Identified | None = None
-        self._now = self._pushed = 0.0
+        self._now = self._extruded = 0.0
         self._pause = commands.Pause()
         self._reported_position: tuple[float, float, float, float] | None = None
         self._stop_due, self._stop_sent = inf, 0
@@ -114,7 +114,7 @@ class PrintController:
             commands.Pause: self._on_pause,
             commands.Resume: self._on_resume,
             commands.Cancel: lambda _: self.cancel(),
-            commands.CancelObject: self._on_object,
+            commands.CancelObject: self._on_cancel_object,
             commands.Answer: self._on_answer,
             commands.Status: lambda _: json.dumps(self.status()),
             commands.Stop: lambda _: self.halt(),
@@ -122,21 +122,21 @@ class PrintController:
 
     def status(self) -> dict[str, Any]:
         """Return the status for JSON."""
-        own = {"state": self._state, "speed_percent": self.speed, "flow_percent": self.flow}
-        own |= {"done": self._streamer.acknowledged, "total": len(self._job)}
-        return own | self.heat.as_json() | self._job.as_json() | self.prompts.as_json()
+        status = {"state": self._state, "speed_percent": self.speed, "flow_percent": self.flow}
+        status |= {"done": self._streamer.acknowledged, "total": len(self._job)}
+        return status | self.temperatures.as_json() | self._job.as_json() | self.prompts.as_json()
 
     # Called by the session.
 
     def submit(self, request: Request) -> None:
-        """Queue a request for the next turn. May be called by any thread."""
+        """Queue a request for the next call of `advance`. May be called by any thread."""
         self._requests.append(request)
 
-    def on_turn(self, now: float) -> None:
+    def advance(self, now: float) -> None:
         """Execute requests and continue the current phase."""
         self._now = now
         if self._restore is not None and self._streamer.state is State.STREAMING:
-            self._restore_state()
+            self._apply_restore()
         while self._requests:
             request = self._requests.popleft()
             try:
@@ -144,13 +144,13 @@ class PrintController:
             except UsageError as error:
                 request.done(error)
         if self.phase is PrintPhase.STOPPING:
-            self._stop_moving()
-        elif self.phase is PrintPhase.LEAVING and self._streamer.is_idle:
-            self._change(PrintPhase.WAITING)
+            self._discard_planned_moves()
+        elif self.phase is PrintPhase.PARKING and self._streamer.is_idle:
+            self._change_phase(PrintPhase.PAUSED)
         elif self.phase is PrintPhase.RETURNING and not self._streamer.injected_count:
-            self._go_on()
-        if now >= self.heat.due:
-            self._poll()
+            self._resume_job()
+        if now >= self.temperatures.next_query_at:
+            self._query_temperatures()
         if alarm := self.watchdog.check(now):
             self._listen(stream_events.StreamWarning(str(alarm)))
 
@@ -162,26 +162,26 @@ class PrintController:
                 self._job.follow(event.entries - (not event.command))
                 if event.command:
                     self.watchdog.on_sent(event.command, self._now)
-                    self._job.modes.follow(event.command, self._origin(event.command))
+                    self._job.print_state.follow(event.command, self._find_entry_number(event.command))
                 if journal:
-                    journal.numbered(event.number, event.entries, event.command)
+                    journal.record_line(event.number, event.entries, event.command)
             elif isinstance(event, stream_events.Accepted):
                 self._job.follow(event.acknowledged)
                 if journal:
-                    journal.accepted(self._streamer.accepted_line, event.acknowledged, self._now)
+                    journal.record_accepted(self._streamer.accepted_line, event.acknowledged, self._now)
         if journal and journal.failed and not self._warned:
             self._warned = True
             self._listen(
                 stream_events.StreamWarning(
-                    f"the journal cannot be written ({journal.failed}): the print continues, but cannot be resumed"
+                    f"the journal cannot be written ({journal.failed}): the print continues, but it cannot be resumed"
                 )
             )
 
-    def _origin(self, command: bytes) -> int:
-        """Return the origin of a command that is not from the job: -1 for a user, SCRIPT for the host."""
+    def _find_entry_number(self, command: bytes) -> int:
+        """Return the entry number of a command that is not from the job: -1 for a user, SCRIPT_ENTRY for the host."""
         if self._scripted and self._scripted[0] == strip(command):
             self._scripted.popleft()
-            return SCRIPT
+            return SCRIPT_ENTRY
         return -1
 
     def _send_script(self, script: Sequence[bytes]) -> None:
@@ -190,16 +190,16 @@ class PrintController:
             self._scripted.append(command)
             self._streamer.inject(command)
 
-    def hear(self, event: stream_events.Event) -> None:
+    def on_event(self, event: stream_events.Event) -> None:
         """Process an event of the streamer and pass it to the listener."""
         if isinstance(event, stream_events.LineSent):
             return
         if warning := self.watchdog.on_event(event, self._now):
             self._listen(stream_events.StreamWarning(str(warning)))
         if isinstance(event, stream_events.Identified):
-            self._identified(event)
+            self._on_identified(event)
         elif isinstance(event, stream_events.Temperature):
-            self.heat.read(event, self._now)
+            self.temperatures.on_report(event, self._now)
         elif isinstance(event, stream_events.Message):
             self._on_message(event)
         elif isinstance(event, stream_events.Busy):
@@ -215,7 +215,7 @@ class PrintController:
     # Ends.
 
     def stop_reporting(self) -> None:
-        """Stop reporting events, because the listener has failed."""
+        """Report no more events, because the listener has failed."""
         self._listen = lambda _: None
 
     def cancel(self) -> str:
@@ -225,11 +225,13 @@ class PrintController:
             return "already cancelling"
         if self.phase is PrintPhase.STOPPING or self._waits_for_user:
             self._streamer.send_at_once(b"M108")
-        modes = self._job.follow(self._streamer.taken)
+        print_state = self._job.follow(self._streamer.taken)
         if self._journal:
-            self._journal.state({"phase": "cancelling", "parked": None})
+            self._journal.record_state({"phase": "cancelling", "parked": None})
         self._scripted.clear()
-        self._streamer.cancel(end_script(modes, self._setup, parking_position(self._setup, modes)))
+        self._streamer.cancel(
+            build_end_script(print_state, self._setup, find_parking_position(self._setup, print_state))
+        )
         self.phase = PrintPhase.RUNNING
         self._listen(stream_events.Stopping())
         return "cancelled"
@@ -244,6 +246,7 @@ class PrintController:
     # Pausing.
 
     def _on_pause(self, command: commands.Pause) -> str:
+        """Pause the print; discard the planned moves if requested and possible."""
         if not self._is_printing:
             raise UsageError(
                 f"cannot pause: the print is {self._state}", remedy="Wait, or run `control status`"
@@ -253,134 +256,146 @@ class PrintController:
         if (
             command.now
             and self._setup.firmware.has_quick_stop
-            and self._job.follow(self._streamer.taken).comparable
+            and self._job.follow(self._streamer.taken).has_comparable_positions
         ):
             self._reported_position = None
-            self._stop_due, self._stop_sent = self._now + _GIVE_UP, 0
-            self._change(PrintPhase.STOPPING)
+            self._stop_due, self._stop_sent = self._now + _STOP_TIMEOUT, 0
+            self._change_phase(PrintPhase.STOPPING)
             return "stopping"
-        self._leave(self._parked(self._job.follow(self._streamer.taken).stand))
+        self._start_parking(self._make_parked_state(self._job.follow(self._streamer.taken).modal))
         return "pausing after the planned moves"
 
-    def _stop_moving(self) -> None:
-        """Discard the planned moves (M410) once no line in flight could be planned after them."""
+    def _discard_planned_moves(self) -> None:
+        """Discard the planned moves with M410 once no line is in flight; then find out where the nozzle stopped."""
         streamer = self._streamer
         if not self._stop_sent and streamer.is_idle:
             self._streamer.send_at_once(b"M410")
             streamer.inject(b"M400")
             streamer.inject(b"M114")
-            self._stop_sent, self._stop_due = 1, self._now + _GIVE_UP
+            self._stop_sent, self._stop_due = 1, self._now + _STOP_TIMEOUT
         elif self._stop_sent and self._reported_position and streamer.is_idle:
-            self._on_stopped(self._reported_position)
+            self._on_stop_position(self._reported_position)
         elif self._stop_sent and self._now >= self._stop_due:
             self._listen(stream_events.StreamWarning("the printer does not report where it stopped"))
-            self._leave(self._parked(self._job.modes.stand))
+            self._start_parking(self._make_parked_state(self._job.print_state.modal))
 
-    def _on_stopped(self, place: tuple[float, float, float, float]) -> None:
-        """Determine which planned moves were not executed."""
-        modes = self._job.follow(self._streamer.taken)
-        steps = list(modes.recent)
-        index, share, off = nearest(steps, place)
-        if off > _OFF_PATH:
-            self._listen(stream_events.StreamWarning(f"the printer stopped {off:.2f} mm away from its path"))
+    def _on_stop_position(self, position: tuple[float, float, float, float]) -> None:
+        """Park after an immediate stop; keep the moves that were not executed for the resume."""
+        print_state = self._job.follow(self._streamer.taken)
+        steps = list(print_state.recent)
+        index, share, distance = find_nearest_move(steps, position)
+        if distance > _MAX_PATH_DISTANCE:
+            self._listen(
+                stream_events.StreamWarning(f"the printer stopped {distance:.2f} mm away from its path")
+            )
         replay = [remaining_move(steps[index], share)] if share < 1.0 else []
         replay += [step.command for step in steps[index + 1 :]]
-        modes.recent = deque(steps[: index + 1], modes.recent.maxlen)
+        print_state.recent = deque(steps[: index + 1], print_state.recent.maxlen)
         here = state_at(steps[index], share)
-        modes.stop_at(here)
-        self._leave(replace(self._parked(here), replay=tuple(one.decode("latin-1") for one in replay)))
+        print_state.stop_at(here)
+        self._start_parking(
+            replace(self._make_parked_state(here), replay=tuple(one.decode("latin-1") for one in replay))
+        )
 
-    def _parked(self, stand: ModalState) -> ParkedState:
-        return park_state(stand, self._job.modes, self._setup, self._pause, self._streamer.taken)
+    def _make_parked_state(self, modal: ModalState) -> ParkedState:
+        """Return the parked state for the current pause, with the machine state to return to."""
+        return make_parked_state(modal, self._job.print_state, self._setup, self._pause, self._streamer.taken)
 
-    def _leave(self, parked: ParkedState) -> None:
+    def _start_parking(self, parked: ParkedState) -> None:
+        """Record the parked state, and send the commands that park the nozzle."""
         self.parked = parked
-        script = leave(parked, self._job.modes, self._setup)
-        self._pushed = 0.0
-        self._record_phase(PrintPhase.LEAVING)
-        self._pushed = extruded_length(script)
+        script = build_parking_script(parked, self._job.print_state, self._setup)
+        self._extruded = 0.0
+        self._record_phase(PrintPhase.PARKING)
+        self._extruded = sum_extrusion(script)
         self._send_script(script)
-        self._change(PrintPhase.LEAVING)
+        self._change_phase(PrintPhase.PARKING)
 
     def _on_resume(self, _: commands.Resume) -> str:
+        """Resume the print, or make the printer continue if it waits by itself."""
         if self._waits_for_user and self.phase is PrintPhase.RUNNING:
             self._streamer.send_at_once(b"M108")
             return "told the printer to continue"
         if (
             self.phase is PrintPhase.RUNNING and self._streamer.state is State.PAUSED
-        ):  # the printer paused by itself
+        ):  # the printer has paused by itself
             self._streamer.inject(self._setup.firmware.resume_command)
             self._streamer.resume()
             return "told the printer to continue"
         if self.phase in {PrintPhase.RUNNING, PrintPhase.RETURNING, PrintPhase.STOPPING}:
             raise UsageError(f"cannot resume: the print is {self._state}", remedy="Run `control status`")
-        self.return_to_part(self._pushed)
+        self.return_to_part(self._extruded)
         return "resuming"
 
-    def return_to_part(self, pushed: float) -> None:
+    def return_to_part(self, extruded: float) -> None:
         """Return to the part and resume.
 
         Args:
-            pushed: mm of filament extruded since parking; negative for retracted.
+            extruded: filament extruded since parking, mm; negative if retracted.
         """
         parked = self.parked
         assert parked is not None
-        self._pushed = pushed
+        self._extruded = extruded
         self._record_phase(PrintPhase.RETURNING)
-        back = return_to_part(parked, self._setup, pushed, inches=self._job.modes.machine.inches)
+        back = build_return_script(parked, self._setup, extruded, inches=self._job.print_state.machine.inches)
         self._send_script(back + [text.encode("latin-1") for text in parked.replay])
-        self._change(PrintPhase.RETURNING)
+        self._change_phase(PrintPhase.RETURNING)
 
     def restore(
-        self, parked: ParkedState | None, pushed: float, replay: Sequence[str], *, waits: bool
+        self, parked: ParkedState | None, extruded: float, replay: Sequence[str], *, waits: bool
     ) -> None:
-        """Take over a paused or parking print from another host once the printer is connected.
+        """Prepare to take over a paused or parking print from a previous host, once the printer is connected.
 
         Args:
             parked: state to return to; None: the printer is already there.
-            pushed: mm of filament extruded since parking.
-            replay: discarded moves that are still to be made.
+            extruded: filament extruded since parking, mm.
+            replay: discarded moves that must still be sent.
             waits: whether the print stays paused.
         """
-        self._restore = (parked, pushed, tuple(replay), waits)
+        self._restore = (parked, extruded, tuple(replay), waits)
 
-    def _restore_state(self) -> None:
+    def _apply_restore(self) -> None:
+        """Continue the print that `restore` has taken over."""
         assert self._restore is not None
-        parked, self._pushed, replay, waits = self._restore
+        parked, self._extruded, replay, waits = self._restore
         self._restore = None
         self.parked = parked and replace(parked, replay=replay)
         self._streamer.pause()
         if parked and waits:
-            self._record_phase(PrintPhase.LEAVING)
-            self._change(PrintPhase.WAITING)
+            self._record_phase(PrintPhase.PARKING)
+            self._change_phase(PrintPhase.PAUSED)
         elif parked:
-            self.return_to_part(self._pushed)
+            self.return_to_part(self._extruded)
         else:
             self._send_script([text.encode("latin-1") for text in replay])
-            self._change(PrintPhase.RETURNING)
+            self._change_phase(PrintPhase.RETURNING)
 
-    def _go_on(self) -> None:
+    def _resume_job(self) -> None:
+        """Continue the job after the nozzle has returned."""
         self.parked = None
         self._record_phase(PrintPhase.RUNNING)
         self._streamer.resume()
-        self._change(PrintPhase.RUNNING)
+        self._change_phase(PrintPhase.RUNNING)
 
-    def _change(self, phase: PrintPhase) -> None:
+    def _change_phase(self, phase: PrintPhase) -> None:
+        """Change the phase, and report a pause or a resume."""
         self.phase = phase
-        if phase is PrintPhase.WAITING:
+        if phase is PrintPhase.PAUSED:
             self._listen(stream_events.Paused("resume, or cancel"))
         elif phase is PrintPhase.RUNNING:
             self._listen(stream_events.Resumed())
 
     def _record_phase(self, phase: PrintPhase) -> None:
+        """Record a phase and the parked state in the journal."""
         if self._journal:
             parked = self.parked.as_json() if self.parked else None
-            state = {"phase": phase.value, "pushed": self._pushed, "line": self._streamer.next_line}
-            self._journal.state({**state, "parked": parked, "recovering_at": None})
+            state = {"phase": phase.value, "pushed": self._extruded, "line": self._streamer.next_line}
+            self._journal.record_state({**state, "parked": parked, "recovering_at": None})
 
     # Other commands.
 
-    def _on_object(self, command: commands.CancelObject) -> str:
+    def _on_cancel_object(self, command: commands.CancelObject) -> str:
+        """Cancel an object on the plate."""
         job = self._job
         name = job.cancel(command.name, self._streamer.taken)
         cancel = self._setup.firmware.cancel_object_command
@@ -388,11 +403,12 @@ class PrintController:
             job.cancelled.discard(name)
             self._inject(cancel(name))
         elif self._journal:
-            self._journal.state({"cancelled": sorted(job.cancelled), "cancelled_at": job.cancelled_at})
+            self._journal.record_state({"cancelled": sorted(job.cancelled), "cancelled_at": job.cancelled_at})
         self._listen(stream_events.StreamWarning(f"object {name} cancelled"))
         return f"object {name} cancelled"
 
     def _on_gcode_command(self, command: Any) -> str:
+        """Send the G-code of a command, and remember the value that it sets."""
         answer = self._inject(gcode_for(command, self._setup.firmware, self._identity))
         if isinstance(command, commands.Speed):
             self.speed = command.percent
@@ -403,12 +419,14 @@ class PrintController:
         return answer
 
     def _on_answer(self, command: commands.Answer) -> str:
+        """Press a button of the open prompt."""
         if self.prompts.shown is None:
             raise UsageError("the printer has no open prompt", remedy="Run `control status`")
         self._streamer.send_at_once(b"M876 S%d" % command.choice)
         return "answered"
 
     def _inject(self, command: bytes) -> str:
+        """Send a command of a user ahead of the job, if it is allowed; return the result for the user."""
         if self._streamer.state not in {State.STREAMING, State.PAUSED}:
             raise UsageError(
                 f"cannot send a command: the print is {self._state}", remedy="Wait until the print is running"
@@ -424,6 +442,7 @@ class PrintController:
 
     @property
     def _state(self) -> str:
+        """Return the phase of the print, or the state of the streamer while the print is running."""
         return self.phase.value if self.phase is not PrintPhase.RUNNING else self._streamer.state.value
 
     @property
@@ -434,27 +453,29 @@ class PrintController:
     # Requests of the printer.
 
     def _on_action(self, action: stream_events.Action) -> None:
+        """Handle a request of the printer to pause, resume, cancel or show a prompt."""
         word, _, rest = action.name.partition(" ")
         if word in {"pause", "filament_runout", "out_of_filament"} and self._is_printing:
             if word != "pause":
                 self._listen(stream_events.StreamWarning("filament runout: load new filament, then resume"))
             self._on_pause(commands.Pause())
         elif word == "paused" and self._is_printing:
-            # It has parked by itself, and returns by itself.
+            # The printer has parked by itself, and returns by itself.
             self._streamer.pause()
             self._listen(stream_events.Paused(rest or "the printer waits for the user"))
         elif word in {"resume", "resumed"} and self.phase is PrintPhase.RUNNING:
             self._streamer.resume()
             if word == "resumed":
                 self._listen(stream_events.Resumed())
-        elif word == "resume" and self.phase in {PrintPhase.LEAVING, PrintPhase.WAITING}:
-            self.return_to_part(self._pushed)
+        elif word == "resume" and self.phase in {PrintPhase.PARKING, PrintPhase.PAUSED}:
+            self.return_to_part(self._extruded)
         elif word == "cancel":
             self.cancel()
-        elif word.startswith("prompt_") and (prompt := self.prompts.hear(word, rest)) is not None:
+        elif word.startswith("prompt_") and (prompt := self.prompts.on_action(word, rest)) is not None:
             self._listen(prompt)
 
     def _on_message(self, message: stream_events.Message) -> None:
+        """Extract a reported position or an unknown command from a message."""
         for reply in read_reply(message.text.encode()):
             if isinstance(reply, Position) and reply.e is not None:
                 self._reported_position = reply.x, reply.y, reply.z, reply.e
@@ -462,24 +483,24 @@ class PrintController:
                 self._on_unknown(parse(reply.command)[0])
 
     def _on_unknown(self, word: bytes) -> None:
-        """Pause for a command that the firmware does not know and that waits for the user."""
+        """Pause if the firmware does not know a command that should wait for the user."""
         if word in _WAITS_FOR_PERSON and self._is_printing:
-            what = "change the filament, then resume" if word == b"M600" else "resume when ready"
+            advice = "change the filament, then resume" if word == b"M600" else "resume when ready"
             self._listen(
-                stream_events.StreamWarning(f"the firmware does not support {word.decode()}: {what}")
+                stream_events.StreamWarning(f"the firmware does not support {word.decode()}: {advice}")
             )
             self._on_pause(commands.Pause())
 
     # Temperatures.
 
-    def _identified(self, who: stream_events.Identified) -> None:
-        self._identity = who
-        if self.heat.identified(who, self._now):
-            self._streamer.inject(REPORT)
+    def _on_identified(self, identified: stream_events.Identified) -> None:
+        self._identity = identified
+        if self.temperatures.on_identified(identified, self._now):
+            self._streamer.inject(AUTOREPORT_COMMAND)
 
-    def _poll(self) -> None:
+    def _query_temperatures(self) -> None:
         """Query temperatures if nothing else is queued."""
-        self.heat.wait(self._now)
+        self.temperatures.postpone(self._now)
         if self._streamer.state in {State.STREAMING, State.PAUSED} and not self._streamer.injected_count:
             self._streamer.inject(PROBE_COMMAND)
 
@@ -488,42 +509,42 @@ class PrintPhase(Enum):
     """Phase of a print between running and paused.
 
     phase       next
-    running     leaving (pause), stopping (pause now)
-    stopping    leaving, after the printer has reported its position
-    leaving     waiting, after the nozzle has left the part
-    waiting     returning (resume)
+    running     parking (pause), stopping (pause now)
+    stopping    parking, after the printer has reported its position
+    parking     paused, after the nozzle has left the part
+    paused      returning (resume)
     returning   running, after the nozzle is back at its position
     """
 
     RUNNING = "printing"
     STOPPING = "stopping"
-    LEAVING = "parking"
-    WAITING = "paused"
+    PARKING = "parking"
+    PAUSED = "paused"
     RETURNING = "returning"
 
 
 @dataclass(slots=True)
 class Request:
-    """A queued command.
+    """A request to execute a command.
 
     Attributes:
         command: the command.
-        done: called with the result, a text for users or the error.
+        done: called with the result: a text for the user, or the error.
     """
 
     command: PrintCommand
     done: Callable[[str | UsageError], None] = lambda _: None
 
 
-REPORT: Final = b"M155 S2"
+AUTOREPORT_COMMAND: Final = b"M155 S2"
 """Command that makes the firmware report temperatures by itself."""
 
-_POLL: Final = 5.0
+_POLL_INTERVAL: Final = 5.0
 """Interval of temperature queries, if the firmware does not report by itself, s."""
 
 
 class Prompts:
-    """Prompts of the printer.
+    """Prompts that the printer shows to the user.
 
     Attributes:
         shown: the open prompt, None if there is none.
@@ -535,12 +556,12 @@ class Prompts:
         self._buttons: list[str] = []
 
     def as_json(self) -> dict[str, Any]:
-        """Return this part of the status."""
+        """Return the open prompt as part of the status."""
         shown = self.shown
         return {"prompt": {"text": shown.text, "buttons": shown.buttons} if shown else None}
 
-    def hear(self, word: str, rest: str) -> Prompt | None:
-        """Process an action of the printer; return the prompt to show, an empty one when it is closed, else None."""
+    def on_action(self, word: str, rest: str) -> Prompt | None:
+        """Process an action command; return the prompt to show, an empty prompt when it is closed, else None."""
         if word == "prompt_begin":
             self._text, self._buttons = rest, []
         elif word in {"prompt_choice", "prompt_button"}:
@@ -555,33 +576,33 @@ class Prompts:
 
 
 class TemperaturePoll:
-    """Temperature readings, and when to query them.
+    """Temperature readings, and the time of the next temperature query.
 
     Attributes:
         readings: last reported temperatures.
-        due: time of the next query, s; infinite if the firmware reports by itself.
+        next_query_at: time of the next query, s; infinite if the firmware reports by itself.
     """
 
     def __init__(self) -> None:
         self.readings: tuple[Reading, ...] = ()
-        self.due = inf
+        self.next_query_at = inf
         self._reports = False
 
     def as_json(self) -> dict[str, Any]:
-        """Return this part of the status."""
+        """Return the temperatures as part of the status."""
         return {"temperatures": {one.name: [one.actual, one.target] for one in self.readings}}
 
-    def identified(self, who: Identified, now: float) -> bool:
-        """Process the capabilities; return whether to make the firmware report by itself."""
-        self._reports = who.has_capability("AUTOREPORT_TEMP")
-        self.wait(now)
+    def on_identified(self, identified: Identified, now: float) -> bool:
+        """Process the capabilities; return whether to send `AUTOREPORT_COMMAND`."""
+        self._reports = identified.has_capability("AUTOREPORT_TEMP")
+        self.postpone(now)
         return self._reports
 
-    def read(self, temperature: Temperature, now: float) -> None:
+    def on_report(self, temperature: Temperature, now: float) -> None:
         """Process a temperature report."""
         self.readings = temperature.readings
-        self.wait(now)
+        self.postpone(now)
 
-    def wait(self, now: float) -> None:
-        """Postpone the next query."""
-        self.due = inf if self._reports else now + _POLL
+    def postpone(self, now: float) -> None:
+        """Postpone the next query after a report or a query."""
+        self.next_query_at = inf if self._reports else now + _POLL_INTERVAL

@@ -1,4 +1,4 @@
-"""Print a job over a serial port, with commands of users, Ctrl-C, a journal, and a checkpoint if it ends early."""
+"""Print a job over a serial port, with control by users and Ctrl-C, a journal, and a checkpoint if it ends early."""
 
 from __future__ import annotations
 
@@ -50,20 +50,20 @@ if TYPE_CHECKING:
 
 __all__ = [
     "PrintSession",
-    "answering",
     "forget_checkpoint",
     "print_job",
     "resume_print",
     "run_heater_failsafe",
-    "synced",
+    "serve_controls",
+    "sync_journal",
     "write_checkpoint",
 ]
 
 # Ctrl-C and system shutdown.
-_ENDS = (signal.SIGINT, signal.SIGTERM)
-_OFF = "heaters and fan are off"
-_LOOK = "Check the printer, its cable and its power; the part is not finished"
-_LOOK_FOR_PORT = 0.5
+_END_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+_HEATERS_OFF_TEXT = "heaters and fan are off"
+_CHECK_REMEDY = "Check the printer, its cable and its power; the part is not finished"
+_PORT_POLL_INTERVAL = 0.5
 
 
 def print_job(
@@ -76,14 +76,14 @@ def print_job(
         profile: profile of the printer; None: the profile of the job.
         port: device or pyserial URL.
         baud: baud rate; None: that of the profile.
-        **options: `on_event` is called with each event. `checkpoint` is the file for the progress of a print that ends
-            early. `controls` lets other threads pause, change and cancel the print. `job_store` is the folder for the
-            data of a resume; without it the print cannot be resumed. With `discard`, an unfinished print on this port
-            is deleted. `reconnect` is the time, s, to wait for a printer that was disconnected; it needs `job_store`.
-            `dtr` is the level of the line that resets many boards; None: the default of the system. `allow` returns
-            why a command typed by a user is rejected, empty if it is allowed. `guard` is the time, s, after which a
-            second process switches the heaters off if this one has died and nobody has resumed the print; it needs
-            `job_store`. When a print is aborted, the heaters are switched off, except with `guard` 0.
+        **options: `on_event` is called with each event. `checkpoint` is the file that records the progress if the print
+            ends early. `controls` lets other threads pause, change and cancel the print. `job_store` is the folder for
+            the data of a resume; without it the print cannot be resumed. With `discard`, an unfinished print on this
+            port is deleted. `reconnect` is the time, s, to wait for a printer that was disconnected; it needs
+            `job_store`. `dtr` is the level of the line that resets many boards; None: the default of the system.
+            `allow` returns why a command typed by a user is rejected, empty if it is allowed. `guard` is the time, s,
+            after which a second process switches the heaters off if this one has died and nobody has resumed the print;
+            it needs `job_store`. When a print is aborted, the heaters are switched off, except with `guard` 0.
 
     Raises:
         PolicyError: the job has findings that are not allowed, see `Job.allowing`; nothing was sent.
@@ -104,11 +104,13 @@ def print_job(
     print_ = None
     try:
         if job_store is not None:
-            print_ = store.begin(job_store, job.name, job.text, store.PortAddress(port, speed), setup)
+            print_ = store.create_print(job_store, job.name, job.text, store.PortAddress(port, speed), setup)
     except BaseException:
         transport.close()
         raise
-    return PrintSession(job, setup, store.PortAddress(port, speed), print_, options).go(transport, None)
+    return PrintSession(job, setup, store.PortAddress(port, speed), print_, options).print_to_end(
+        transport, None
+    )
 
 
 def resume_print(
@@ -132,22 +134,22 @@ def resume_print(
         **options: as for `print_job`.
 
     Raises:
-        As `print_job`; UsageError: another process prints it; PrintError: no consent to a recovery.
+        As `print_job`; UsageError: another process is printing it; PrintError: the recovery was declined.
     """
     from printer_slicer.printing.recovery import plan_recovery  # noqa: PLC0415 - rarely needed
 
-    _take(print_, job)
-    place = store.PortAddress(port or print_.port, print_.baud)
+    _take_over(print_, job)
+    address = store.PortAddress(port or print_.port, print_.baud)
     transport = None
     try:
-        transport = open_port(place.port, place.baud, dtr=options.get("dtr"))
-        session = PrintSession(job, print_.setup, place, print_, options)
+        transport = open_port(address.port, address.baud, dtr=options.get("dtr"))
+        session = PrintSession(job, print_.setup, address, print_, options)
         try:
             found = session.reattach(transport)
-            found = replace(found, phase="returning" if found.waits else found.phase)
+            found = replace(found, phase="returning" if found.is_paused else found.phase)
         except PrinterStateLost as lost:
             plan = plan_recovery(print_, job)
-            if not recover(f"the printer has lost its state: {lost}.\n{plan.told}"):
+            if not recover(f"the printer has lost its state: {lost}.\n{plan.steps}"):
                 message = f"{job.name}: not resumed: {lost}"
                 raise PrintError(
                     message, remedy="Use printer-slicer resume --recover to run the recovery steps above"
@@ -158,42 +160,42 @@ def resume_print(
             transport.close()
         print_.release()
         raise
-    return session.go(transport, found)
+    return session.print_to_end(transport, found)
 
 
-def _take(print_: store.Print, job: Job) -> None:
-    """Take over an unfinished print.
+def _take_over(print_: store.Print, job: Job) -> None:
+    """Lock an unfinished print, and check its journal.
 
     Raises:
-        UsageError: another process prints it, or its journal is invalid.
+        UsageError: another process is printing it, or its journal is invalid.
     """
-    if not print_.hold():
+    if not print_.lock():
         raise UsageError(f"{print_.name} is already running", remedy="Run printer-slicer control status")
     if why := find_journal_damage(read_journal(print_.folder), len(job.commands)):
         print_.release()
-        raise store.DamagedPrint(print_.folder, "journal", why).error()
+        raise store.DamagedPrint(print_.folder, "journal", why).make_error()
 
 
 def _reject_unfinished(job_store: Path, port: str, *, discard: bool) -> None:
-    """Reject a new print if one on this port is unfinished.
+    """Reject a new print if a print on this port is unfinished; delete that print with `discard`.
 
     Raises:
-        UsageError: there is one.
+        UsageError: a print on this port is unfinished.
     """
-    while (left := store.unfinished(job_store, port)) is not None:
+    while (left := store.find_unfinished_print(job_store, port)) is not None:
         if not discard:
             raise UsageError(
                 f"{left.name}, started {left.begun} on this port, is unfinished",
                 remedy="Run printer-slicer resume to continue it, or print --discard-unfinished to delete it",
             )
-        left.forget()
+        left.delete()
 
 
-def _nobody(_: Event) -> None:
+def _ignore_event(_: Event) -> None:
     """Ignore an event."""
 
 
-def _anything(_: bytes) -> str:
+def _allow_any(_: bytes) -> str:
     """Allow any command."""
     return ""
 
@@ -205,17 +207,17 @@ class PrintSession:
         self,
         job: Job,
         setup: HostSettings,
-        place: store.PortAddress,
+        address: store.PortAddress,
         print_: store.Print | None,
         options: PrintOptions,
     ) -> None:
         self._job, self._setup, self._print = job, setup, print_
-        self._port, self._baud = place.port, place.baud
-        self._on_event = options.get("on_event", _nobody)
+        self._port, self._baud = address.port, address.baud
+        self._on_event = options.get("on_event", _ignore_event)
         self._checkpoint = options.get("checkpoint")
         self._controls = options.get("controls") or Controls()
         self._reconnect, self._dtr = options.get("reconnect", 0.0), options.get("dtr")
-        self._allow = options.get("allow", _anything)
+        self._allow = options.get("allow", _allow_any)
         self._guard = options.get("guard")
         self._journal = Journal(print_.folder) if print_ else None
         self._meter = LinkMeter(setup.limits)
@@ -227,94 +229,99 @@ class PrintSession:
         self._done = 0
         self._interrupts = 0
 
-    def go(self, transport: SerialPort, found: ResumePlan | None) -> PrintResult:
-        """Print to the end.
+    def print_to_end(self, transport: SerialPort, plan: ResumePlan | None) -> PrintResult:
+        """Print until the job ends, and return the result.
 
         Args:
             transport: the open port.
-            found: where to resume, None at the start.
+            plan: where to resume; None: at the start.
 
         Raises:
             As `print_job`.
         """
         begun = monotonic()
         try:
-            with self._signals(), self._run_services():
-                self._connections(transport, found)
+            with self._handle_signals(), self._run_services():
+                self._stream_until_end(transport, plan)
         except PortError as error:
-            raise PrintError(self._stopped(str(error).splitlines()[0]), remedy=self._look()) from None
+            raise PrintError(
+                self._record_stop(str(error).splitlines()[0]), remedy=self._make_remedy()
+            ) from None
         except Exception as error:
-            raise PrintError(self._stopped(f"{error!r}; {_OFF}"), remedy=self._look()) from error
+            raise PrintError(
+                self._record_stop(f"{error!r}; {_HEATERS_OFF_TEXT}"), remedy=self._make_remedy()
+            ) from error
         finally:
-            self._close()
-        end = self._finished()
+            self._close_port()
+        end = self._finish()
         forget_checkpoint(self._checkpoint, self._job)
         return PrintResult(
             len(self._job.commands), monotonic() - begun, end.verified, self._meter.statistics()
         )
 
     def reattach(self, transport: SerialPort) -> ResumePlan:
-        """Find out whether the printer has kept its state, and where to resume.
+        """Query the printer, and find out where to resume.
 
         Raises:
-            PrinterStateLost: it has not.
+            PrinterStateLost: the printer has not kept its state.
             PortError: the connection is lost.
         """
         assert self._print is not None
         assert self._journal is not None
-        if not self._print.same_boot:
+        if not self._print.is_same_boot:
             raise PrinterStateLost("the computer was restarted, and the end of the journal may be missing")
         journal_data = read_journal(self._print.folder)
         resync = query_printer(transport, monotonic, journal_data, self._journal)
         found = find_resume_plan(journal_data, resync, self._job.commands, self._spans, self._setup)
         last = resync.queries()[-1][0]
-        self._journal.accepted(last, found.entries, monotonic())
+        self._journal.record_accepted(last, found.entries, monotonic())
         return found
 
     def _listen(self, event: Event) -> None:
-        """Report an event; a listener that can no longer write is not called again."""
+        """Report an event to the listener; stop calling a listener that fails to write."""
         try:
             self._on_event(event)
         except OSError:
-            self._on_event = _nobody
+            self._on_event = _ignore_event
 
     # Connections.
 
-    def _connections(self, transport: SerialPort, found: ResumePlan | None) -> None:
+    def _stream_until_end(self, transport: SerialPort, plan: ResumePlan | None) -> None:
+        """Stream until the print ends, and reconnect if the connection is lost."""
         while True:
             try:
-                self._connect(transport, found)
+                self._stream_over(transport, plan)
             except PortError as error:
-                transport, found = self._again(error)
+                transport, plan = self._wait_and_reattach(error)
             else:
                 return
 
-    def _connect(self, transport: SerialPort, found: ResumePlan | None) -> None:
-        """Stream over one connection until the end; if a listener fails, cancel the print first."""
+    def _stream_over(self, transport: SerialPort, plan: ResumePlan | None) -> None:
+        """Stream over one connection until the end; if a listener fails, cancel the print and raise its error."""
         self._transport = transport
         self._board = find_port_info(self._port) or self._board
-        live = found.job if found else LiveJob(self._job.commands, self._spans, flavour=self._setup.flavour)
+        live = plan.job if plan else LiveJob(self._job.commands, self._spans, flavour=self._setup.flavour)
         streamer = Streamer(
             live,
             limits=self._setup.limits,
             window_bytes=self._setup.window_bytes,
             baud=self._baud,
             handle_actions=False,
-            first=found.entries if found else 0,
+            first=plan.entries if plan else 0,
         )
         controller = PrintController(
             streamer, live, self._setup, journal=self._journal, listen=self._listen, allow=self._allow
         )
         self._controller, self._streamer = controller, streamer
         if self._journal:
-            self._journal.state({HOST: f"{getpid()} {time_ns()}"})
-            self._journal.epoch(streamer.acknowledged)
-        if found and found.phase == "recovering" and self._journal:
-            self._journal.state({"phase": "recovering", "recovering_at": found.point, HEATERS_OFF: ""})
-        if found and found.phase == "cancelling":
+            self._journal.record_state({HOST: f"{getpid()} {time_ns()}"})
+            self._journal.record_restart(streamer.acknowledged)
+        if plan and plan.phase == "recovering" and self._journal:
+            self._journal.record_state({"phase": "recovering", "recovering_at": plan.point, HEATERS_OFF: ""})
+        if plan and plan.phase == "cancelling":
             controller.submit(Request(commands.Cancel()))
-        elif found and (found.parked or found.replay):
-            controller.restore(found.parked, found.pushed, found.replay, waits=found.waits)
+        elif plan and (plan.parked or plan.replay):
+            controller.restore(plan.parked, plan.extruded, plan.replay, waits=plan.is_paused)
         self._controls.bind(controller, transport.wake)
         try:
             self._run(controller)
@@ -328,7 +335,7 @@ class PrintSession:
             raise
 
     def _switch_off(self, controller: PrintController) -> None:
-        """Switch the heaters off after an aborted print, if they may be on."""
+        """Switch the heaters off after an aborted print, if they may be on and no emergency stop was sent."""
         given_up = isinstance(controller.ended, Halted) and not controller.halted and self._guard != 0
         if not given_up or self._transport is None or self._streamer is None:
             return
@@ -336,30 +343,30 @@ class PrintSession:
         if not words:
             return
         if self._journal:
-            self._journal.state({HEATERS_OFF: "the print was aborted"})
+            self._journal.record_state({HEATERS_OFF: "the print was aborted"})
         with suppress(PortError):
             self._transport.write(words)
 
     def _run(self, controller: PrintController) -> None:
-        """Run the stream; interruptions become commands."""
+        """Run the stream; treat an interrupt as a cancel or, if repeated, as an emergency stop."""
         assert self._streamer is not None
         assert self._transport is not None
-        cable = MeteredTransport(self._transport, self._meter, monotonic)
+        metered = MeteredTransport(self._transport, self._meter, monotonic)
 
-        def hear(event: Event) -> None:
+        def on_event(event: Event) -> None:
             """Pass an event and the warnings of the link meter to the controller."""
             self._meter.on_event(event)
             for one in (event, *self._meter.new_warnings()):
-                controller.hear(one)
+                controller.on_event(one)
 
         while True:
             try:
                 run(
                     self._streamer,
-                    cable,
+                    metered,
                     monotonic,
-                    on_event=hear,
-                    before_send=controller.before_send,
+                    on_event=on_event,
+                    before_send=controller.advance,
                     record=controller.record,
                 )
             except KeyboardInterrupt:
@@ -367,11 +374,11 @@ class PrintSession:
             else:
                 return
 
-    def _again(self, error: PortError) -> tuple[SerialPort, ResumePlan]:
+    def _wait_and_reattach(self, error: PortError) -> tuple[SerialPort, ResumePlan]:
         """Wait until the printer is connected again, and reattach to it.
 
         Raises:
-            PortError: it does not reconnect, or it has lost its state.
+            PortError: the printer is not connected again in time, or it has lost its state.
         """
         self._controls.bind(None, waits_for=f"the printer to reconnect: {str(error).splitlines()[0]}")
         self._done = self._streamer.acknowledged if self._streamer else self._done
@@ -380,27 +387,28 @@ class PrintSession:
         if self._print is None or self._journal is None:
             raise error
         reason = str(error).splitlines()[0]
-        self._journal.ended(f"{LOST}{reason}", monotonic())
+        self._journal.record_end(f"{LOST}{reason}", monotonic())
         if not self._reconnect or self._journal.failed:
             raise error
         self._listen(StreamWarning(f"{reason}: waiting {self._reconnect:g} s for the printer to reconnect"))
         transport = self._wait_for_port(error)
         try:
-            found = self.reattach(transport)
+            plan = self.reattach(transport)
         except PrinterStateLost as lost:
             transport.close()
             raise PortError(
                 f"{reason}; reconnected, but {lost}", remedy="Run printer-slicer resume"
             ) from None
         self._listen(
-            StreamWarning(f"reconnected: the printer has kept its state after {found.entries} commands")
+            StreamWarning(f"reconnected: the printer has kept its state after {plan.entries} commands")
         )
-        return transport, found
+        return transport, plan
 
     def _wait_for_port(self, error: PortError) -> SerialPort:
+        """Wait until the port can be opened again; raise `error` if it cannot in time."""
         give_up = monotonic() + self._reconnect
         while monotonic() < give_up and not self._controls.has_end_request and not self._interrupts:
-            self._controls.requested.wait(_LOOK_FOR_PORT)
+            self._controls.requested.wait(_PORT_POLL_INTERVAL)
             self._controls.requested.clear()
             address = (find_device_of_board(self._board) if self._board else "") or self._port
             with suppress(PortError):
@@ -412,13 +420,14 @@ class PrintSession:
     # Signals and background services.
 
     @contextmanager
-    def _signals(self) -> Iterator[None]:
-        """Count signals instead of being interrupted by them; only the main thread receives any."""
+    def _handle_signals(self) -> Iterator[None]:
+        """Handle signals within a `with` block without being interrupted; only the main thread receives signals."""
         if current_thread() is not main_thread():
             yield
             return
-        handlers: dict[int, Any] = dict.fromkeys(_ENDS, self._on_signal)
-        if hasattr(signal, "SIGHUP"):  # the terminal is closed: the print continues, and `control` reaches it
+        handlers: dict[int, Any] = dict.fromkeys(_END_SIGNALS, self._on_signal)
+        # When the terminal is closed, the print continues and can be controlled by `control`.
+        if hasattr(signal, "SIGHUP"):
             handlers[signal.SIGHUP] = signal.SIG_IGN
         before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
         try:
@@ -440,68 +449,78 @@ class PrintSession:
 
     @contextmanager
     def _run_services(self) -> Iterator[None]:
-        """Run the background services of a stored print."""
+        """Run the background services of a stored print within a `with` block."""
         if self._print is None or self._journal is None:
             yield
             return
         with (
-            synced(self._journal),
-            answering(self._print, self._controls),
+            sync_journal(self._journal),
+            serve_controls(self._print, self._controls),
             run_heater_failsafe(self._print, self._guard or 0.0),
         ):
             yield
 
     # End of the print.
 
-    def _close(self) -> None:
+    def _close_port(self) -> None:
+        """Disconnect the controls, and close the port."""
         self._controls.bind(None)
         if self._transport is not None:
             self._transport.close()
 
-    def _finished(self) -> Finished:
-        """Return the end of a completed print, or raise the error of another end."""
+    def _finish(self) -> Finished:
+        """Return the last event of a completed print; raise an error if the print was not completed."""
         controller = self._controller
         assert controller is not None
         end = controller.ended
         if isinstance(end, Finished):
             if not end.cancelled:
-                self._leave(keep=False, reason="done")
+                self._close_journal(keep=False, reason="done")
                 return end
-            raise Cancelled(self._stopped(f"cancelled, {_OFF}", keep=False))
+            raise Cancelled(self._record_stop(f"cancelled, {_HEATERS_OFF_TEXT}", keep=False))
         assert isinstance(end, Halted)
         kind = Cancelled if controller.end_requests else PrintError
-        raise kind(self._stopped(end.reason), remedy=self._look())
+        raise kind(self._record_stop(end.reason), remedy=self._make_remedy())
 
-    def _look(self) -> str:
-        return _LOOK if self._print is None else f"{_LOOK}. Run printer-slicer resume to continue"
+    def _make_remedy(self) -> str:
+        """Return the remedy for a print that ended early."""
+        resume = "" if self._print is None else ". Run printer-slicer resume to continue"
+        return _CHECK_REMEDY + resume
 
-    def _leave(self, *, keep: bool, reason: str) -> None:
-        """Close the journal, and keep it only if the print can be resumed."""
+    def _close_journal(self, *, keep: bool, reason: str) -> None:
+        """Close the journal; release the stored print with `keep`, otherwise delete it."""
         if self._journal is not None:
-            self._journal.ended(reason, monotonic())
+            self._journal.record_end(reason, monotonic())
             self._journal.close()
         if self._print is not None:
             if keep:
                 self._print.release()
             else:
-                self._print.forget()
+                self._print.delete()
 
-    def _stopped(self, reason: str, *, keep: bool = True) -> str:
-        """Write the checkpoint; say why and where the print stopped."""
+    def _record_stop(self, reason: str, *, keep: bool = True) -> str:
+        """Close the journal and write the checkpoint; return a message that says why and where the print stopped."""
         done = self._streamer.acknowledged if self._streamer else self._done
-        self._leave(keep=keep and done > 0, reason=reason)
+        self._close_journal(keep=keep and done > 0, reason=reason)
         return write_checkpoint(self._job, done, self._checkpoint, reason)
 
 
 def forget_checkpoint(checkpoint: Path | None, job: Job) -> None:
-    """Delete the checkpoint of a completed print, also that of an earlier try."""
+    """Delete the checkpoint of a completed print, also if an earlier attempt wrote it."""
     with suppress(OSError, ValueError, TypeError, KeyError):  # a stale checkpoint does no harm
         if checkpoint is not None and json.loads(checkpoint.read_bytes())["job"] == job.name:
             checkpoint.unlink()
 
 
 def write_checkpoint(job: Job, done: int, checkpoint: Path | None, reason: str) -> str:
-    """Write a checkpoint with the number of accepted job entries; return the same as text."""
+    """Write a checkpoint; return a message that says why and where the print stopped.
+
+    Args:
+        job: the job.
+        done: number of accepted job entries.
+        checkpoint: file to write; None: only return the message.
+        reason: why the print stopped.
+    """
     layer = job.layer_of(done)
     where = f"after {done} of {len(job.commands)} commands" + (f", in layer {layer}" if layer else "")
     message = f"{job.name}: {reason} ({where})"
@@ -523,21 +542,21 @@ def write_checkpoint(job: Job, done: int, checkpoint: Path | None, reason: str) 
     return f"{message}; checkpoint: {checkpoint}"
 
 
-_SYNC = 1.0
+_SYNC_INTERVAL = 1.0
 """Interval at which the journal is synced to disk, s."""
 
 
 @contextmanager
-def synced(journal: Journal) -> Iterator[None]:
-    """Sync the journal to disk once a second, in a thread that delays no line."""
+def sync_journal(journal: Journal) -> Iterator[None]:
+    """Sync the journal to disk once a second within a `with` block, in a thread that does not delay the stream."""
     stop = Flag()
 
-    def work() -> None:
+    def sync_repeatedly() -> None:
         """Sync until the print has ended."""
-        while not stop.wait(_SYNC):
+        while not stop.wait(_SYNC_INTERVAL):
             journal.sync()
 
-    thread = Thread(target=work, name="journal", daemon=True)
+    thread = Thread(target=sync_repeatedly, name="journal", daemon=True)
     thread.start()
     try:
         yield
@@ -547,8 +566,8 @@ def synced(journal: Journal) -> Iterator[None]:
 
 
 @contextmanager
-def answering(print_: Print, controls: Controls) -> Iterator[None]:
-    """Let other processes of this user control the print."""
+def serve_controls(print_: Print, controls: Controls) -> Iterator[None]:
+    """Let other processes of this user control the print within a `with` block."""
     from printer_slicer.printing.control_socket import serve_control  # noqa: PLC0415 - sockets are only needed here
 
     with serve_control(print_.folder, controls, print_.name):
@@ -557,7 +576,7 @@ def answering(print_: Print, controls: Controls) -> Iterator[None]:
 
 @contextmanager
 def run_heater_failsafe(print_: Print, seconds: float) -> Iterator[None]:
-    """Switch the heaters off if this process dies and nobody resumes the print within `seconds`; 0: leave them on."""
+    """Run the failsafe process within a `with` block; it waits `seconds` for a resume; 0: no failsafe process."""
     if seconds <= 0:
         yield
         return

@@ -1,4 +1,4 @@
-"""Resume a print on a printer that has kept its state, after the host or the cable was lost.
+"""Resume a print on a printer that has kept its state, after the host has ended or the connection was lost.
 
 The journal holds the last lines that were sent. The printer reports which of them it accepted, and the end position of
 its planned motion. If both agree, the printer has kept its state, and no line is repeated or skipped.
@@ -14,9 +14,9 @@ from printer_slicer.gcode.lexer import parse
 from printer_slicer.gcode.state import ModalState
 from printer_slicer.printing.host_settings import HostSettings
 from printer_slicer.printing.journal import HEATERS_OFF, Journal, JournalData, dataclass_from_json
-from printer_slicer.printing.machine_state import SCRIPT, PrintState
+from printer_slicer.printing.machine_state import SCRIPT_ENTRY, PrintState
 from printer_slicer.printing.objects import LiveJob, Span
-from printer_slicer.printing.parking import ParkedState, parse_parked_state, return_to_part
+from printer_slicer.printing.parking import ParkedState, build_return_script, parse_parked_state
 from printer_slicer.stream.events import AxisPositions
 from printer_slicer.stream.resync import Resync
 from printer_slicer.stream.session import Transport
@@ -27,52 +27,52 @@ __all__ = [
     "find_journal_damage",
     "find_resume_plan",
     "query_printer",
-    "rebuild",
+    "rebuild_job",
 ]
 
-_BEHIND: Final = 8
-"""Number of lines that the journal may wrongly list as accepted, because of surplus oks on a bad cable."""
+_MAX_LINES_BEHIND: Final = 8
+"""Maximum number of lines that the journal lists as accepted by mistake, because of surplus oks on a bad cable."""
 
-_BEYOND: Final = 64
-_QUESTIONS: Final = ("M105", "M114", "M115", "M155", "M400")
-_SAME_PLACE: Final = 0.06
+_MAX_LINES_BEYOND: Final = 64
+_QUERY_COMMANDS: Final = ("M105", "M114", "M115", "M155", "M400")
+_POSITION_TOLERANCE: Final = 0.06
 
 
 class PrinterStateLost(Exception):  # noqa: N818 - a state of the printer, not a fault
-    """The printer has lost its state; the message says why."""
+    """Raised if the printer has lost its state; the message gives the reason."""
 
 
 @dataclass(frozen=True, slots=True)
 class ResumePlan:
-    """Where and how to resume.
+    """Plan of a resume: where and how to continue the print.
 
     Attributes:
         entries: number of job entries that the printer has accepted.
-        job: the entries, followed up to there.
+        job: the job entries, with the print state after these entries.
         phase: phase of the print: "printing", "parking", "returning", "cancelling"...
         parked: state to return to, None if the nozzle is on the part.
-        pushed: mm of filament extruded since parking.
-        replay: rest of discarded moves, or commands sent before the rest of the job.
-        point: recovery position for a printer that has lost its state, as in the journal.
+        extruded: filament extruded since parking, mm.
+        replay: commands to send before the rest of the job, such as discarded moves.
+        point: recovery point as stored in the journal, if the printer has lost its state.
     """
 
     entries: int
     job: LiveJob
     phase: str
     parked: ParkedState | None
-    pushed: float
+    extruded: float
     replay: tuple[str, ...] = ()
     point: Mapping[str, Any] | None = None
 
     @property
-    def waits(self) -> bool:
+    def is_paused(self) -> bool:
         """Return whether the print was paused."""
         return self.phase == "parking"
 
 
 @dataclass(frozen=True, slots=True)
-class _States:
-    """State of a pause in the journal, as far as a resume needs it."""
+class _JournalStates:
+    """States in the journal that a resume needs."""
 
     phase: str = "printing"
     parked: ParkedState | None = None
@@ -84,7 +84,7 @@ class _States:
 
 
 def find_journal_damage(journal_data: JournalData, total: int) -> str:
-    """Return why a journal cannot be resumed; empty if it can.
+    """Return why the print cannot be resumed from its journal; empty if it can.
 
     Args:
         journal_data: the journal.
@@ -97,7 +97,7 @@ def find_journal_damage(journal_data: JournalData, total: int) -> str:
         return f"it lists {most} accepted commands, but the job has {total}"
     try:
         states = dataclass_from_json(
-            _States, {name: one for name, one in journal_data.states.items() if one not in ({}, "")}
+            _JournalStates, {name: one for name, one in journal_data.states.items() if one not in ({}, "")}
         )
         if not all(isinstance(at, int) and 0 <= at <= total for at in states.cancelled_at.values()):
             return "a cancelled object has an invalid command number"
@@ -105,14 +105,14 @@ def find_journal_damage(journal_data: JournalData, total: int) -> str:
         if states.recovering_at is not None:
             places.append(dataclass_from_json(_RecoveryPosition, states.recovering_at))
     except TypeError as error:
-        return f"a state is invalid: {error}"
+        return f"a recorded state is invalid: {error}"
     beyond = [place.entries for place in places if not 0 <= place.entries <= total]
     return f"it resumes after {beyond[0]} commands, but the job has {total}" if beyond else ""
 
 
 @dataclass(frozen=True, slots=True)
 class _RecoveryPosition:
-    """The position to which the printer returns."""
+    """Recovery point as stored in the journal, see `recovery.RecoveryPoint`."""
 
     entries: int
     stand: ModalState
@@ -134,12 +134,12 @@ def query_printer(
         [journal_data.line, journal_data.before, *(record.number for record in journal_data.lines[-1:])]
     )
     resync = Resync(last)
-    noted = False
+    is_recorded = False
     while not resync.done:
-        if resync.line is not None and not noted and journal is not None:
-            noted = True
-            for number, question in resync.queries():
-                journal.numbered(number, journal_data.entries_at(resync.line), question)
+        if resync.line is not None and not is_recorded and journal is not None:
+            is_recorded = True
+            for number, query in resync.queries():
+                journal.record_line(number, journal_data.entries_at(resync.line), query)
         if data := resync.send(clock()):
             transport.write(data)
         due = resync.wakeup()
@@ -154,10 +154,10 @@ def find_resume_plan(
     spans: tuple[Span, ...],
     setup: HostSettings,
 ) -> ResumePlan:
-    """Return where to resume, from the answers of the printer.
+    """Return the plan of a resume that follows from the journal and the answers of the printer.
 
     Raises:
-        PrinterStateLost: it has not kept its state.
+        PrinterStateLost: the printer has not kept its state.
     """
     line = resync.line
     if journal_data.states.get("phase") == "recovering":
@@ -166,56 +166,73 @@ def find_resume_plan(
         raise PrinterStateLost(f"its heaters were switched off ({off})")
     if resync.reason or line is None:
         raise PrinterStateLost(resync.reason or "it does not report its last line")
-    entries = _entries(journal_data, line)
-    job = rebuild(journal_data, line, commands, spans, setup.flavour)
+    entries = _count_entries(journal_data, line)
+    job = rebuild_job(journal_data, line, commands, spans, setup.flavour)
     job.follow(entries)
-    parked, pushed, replay = _parked(journal_data, line, setup)
-    _check_position(job.modes, resync.position)
+    parked, extruded, replay = _find_parked_state(journal_data, line, setup)
+    _check_position(job.print_state, resync.position)
     phase = str(journal_data.states.get("phase", "printing"))
     if phase == "returning" and parked is None:
         phase = "printing"
-    return ResumePlan(entries, job, phase, parked, pushed, replay)
+    return ResumePlan(entries, job, phase, parked, extruded, replay)
 
 
-def _entries(journal_data: JournalData, line: int) -> int:
+def _count_entries(journal_data: JournalData, line: int) -> int:
+    """Return the number of accepted job entries if line `line` was the last accepted line.
+
+    Raises:
+        PrinterStateLost: the line does not fit the journal.
+    """
     if journal_data.line == 0 and line in {journal_data.before, 0, 1, 2}:
-        # Numbering has just restarted, or was about to: no job entry was sent since.
+        # Numbering has just restarted, or was about to restart: no job entry was sent since.
         return journal_data.base
-    if line < 1 or not journal_data.line - _BEHIND <= line <= journal_data.line + _BEYOND:
+    if line < 1 or not journal_data.line - _MAX_LINES_BEHIND <= line <= journal_data.line + _MAX_LINES_BEYOND:
         raise PrinterStateLost(f"its last accepted line is {line}, not {journal_data.line}")
     return journal_data.entries_at(line)
 
 
-def rebuild(
+def rebuild_job(
     journal_data: JournalData, line: int, commands: Sequence[bytes], spans: tuple[Span, ...], flavour: str
 ) -> LiveJob:
-    """Rebuild the job as sent so far, with user commands and cancelled objects."""
+    """Rebuild the job as it was sent up to line `line`, with user commands and cancelled objects."""
     job = LiveJob(commands, spans, flavour=flavour)
     cancelled = sorted((at, name) for name, at in dict(journal_data.states.get("cancelled_at", {})).items())
     changes = [(at, 0, name) for at, name in cancelled]
     changes += [
-        (entries, 1, command.decode("latin-1")) for entries, command in journal_data.others_until(line)
+        (entries, 1, command.decode("latin-1"))
+        for entries, command in journal_data.inserted_commands_until(line)
     ]
     for entries, kind, text in sorted(changes, key=lambda one: one[:2]):
         if kind == 0:
             job.cancel(text, entries)
         else:
             job.follow(entries)
-            job.modes.follow(text.encode("latin-1"), -1 if text.startswith(_QUESTIONS) else SCRIPT)
+            job.print_state.follow(
+                text.encode("latin-1"), -1 if text.startswith(_QUERY_COMMANDS) else SCRIPT_ENTRY
+            )
     return job
 
 
-def _parked(
+def _find_parked_state(
     journal_data: JournalData, line: int, setup: HostSettings
 ) -> tuple[ParkedState | None, float, tuple[str, ...]]:
-    """Return the parked state, and how much of the return has happened."""
+    """Find the parked state at line `line`.
+
+    Returns:
+        Parked state (None if the nozzle has returned), filament extruded since parking (mm), and discarded moves that
+        must still be sent.
+    """
     values = journal_data.states.get("parked")
     if not values:
         return None, 0.0, ()
-    parked, pushed = parse_parked_state(values), float(journal_data.states.get("pushed", 0.0))
+    parked, extruded = parse_parked_state(values), float(journal_data.states.get("pushed", 0.0))
     first = int(journal_data.states.get("line", 0))
     since = [one.command for one in journal_data.lines if first <= one.number <= line and one.command]
-    back = return_to_part(parked, setup, pushed) if journal_data.states.get("phase") == "returning" else []
+    back = (
+        build_return_script(parked, setup, extruded)
+        if journal_data.states.get("phase") == "returning"
+        else []
+    )
     left = list(parked.replay)
     for command in since:
         word, values_ = parse(command)
@@ -230,16 +247,20 @@ def _parked(
             left.pop(0)
             continue
         if word == b"G1":
-            pushed += values_.get(b"E", 0.0)
+            extruded += values_.get(b"E", 0.0)
     returned = journal_data.states.get("phase") == "returning" and not back
-    return None if returned else parked, pushed, tuple(left)
+    return None if returned else parked, extruded, tuple(left)
 
 
-def _check_position(modes: PrintState, said: AxisPositions | None) -> None:
-    """Check that the planned motion ends where the commands lead."""
-    stand = modes.stand
-    if said is None or stand.inches:  # firmwares report inches differently
+def _check_position(print_state: PrintState, reported: AxisPositions | None) -> None:
+    """Check that the reported end of the planned motion agrees with the commands.
+
+    Raises:
+        PrinterStateLost: it does not.
+    """
+    modal = print_state.modal
+    if reported is None or modal.inches:  # firmwares report inches differently
         return
-    for name, is_at, to_be in zip("xyz", said, (stand.x, stand.y, stand.z), strict=True):
-        if is_at is not None and to_be is not None and abs(is_at - to_be) > _SAME_PLACE:
-            raise PrinterStateLost(f"its {name} is {is_at:g} mm instead of {to_be:g} mm")
+    for name, is_value, expected in zip("xyz", reported, (modal.x, modal.y, modal.z), strict=True):
+        if is_value is not None and expected is not None and abs(is_value - expected) > _POSITION_TOLERANCE:
+            raise PrinterStateLost(f"its {name} is {is_value:g} mm instead of {expected:g} mm")

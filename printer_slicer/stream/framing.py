@@ -61,12 +61,12 @@ def max_command_length(number: int, line_bytes: int) -> int:
     return line_bytes - len(b"N%d *255\n" % number)
 
 
-def check_commands(commands: Sequence[bytes], longest: int = MAX_LINE_BYTES) -> None:
+def check_commands(commands: Sequence[bytes], max_line_bytes: int = MAX_LINE_BYTES) -> None:
     """Reject commands that can never be sent.
 
     Args:
         commands: entries of the job.
-        longest: maximum length of a line that the firmware reads, in bytes.
+        max_line_bytes: maximum length of a line that the firmware reads, in bytes.
 
     Raises:
         UsageError: a line is too long with its number and checksum, or contains a line break or a NUL.
@@ -79,7 +79,7 @@ def check_commands(commands: Sequence[bytes], longest: int = MAX_LINE_BYTES) -> 
             or b"\r" in command
             or b"\0" in command
         ):
-            _check_command(index, strip(command), longest - _FRAME_BYTES)
+            _check_command(index, strip(command), max_line_bytes - _FRAME_BYTES)
 
 
 def _check_command(index: int, command: bytes, max_length: int) -> None:

@@ -153,6 +153,7 @@ class Resync:
             self._fail(f"it requests line {expected} after line {first + self._n_answered}")
 
     def _on_ok(self, ok: replies.Ok, now: float) -> None:
+        """Handle an ok, which answers a query or an earlier line."""
         if self.line is None:
             # Some answers may belong to earlier queries. Firmware that never rejects ignores line numbers.
             self._n_temperature_oks += ok.has_temperatures
@@ -175,5 +176,6 @@ class Resync:
             self.done = True
 
     def _fail(self, reason: str) -> None:
+        """End the queries without a result."""
         self.reason = reason
         self.done = True

@@ -117,7 +117,7 @@ class SendHistory:
         self.proven = max(self.proven, number)
 
     def line(self, number: int) -> NumberedLine:
-        """Return a line in flight."""
+        """Return line `number`, which must be in flight."""
         return self._lines[number]
 
     def find_newest(self, command: bytes) -> int | None:

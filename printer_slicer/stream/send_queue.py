@@ -30,7 +30,7 @@ _MAX_POSITION_QUERIES: Final = 5
 
 
 class SendQueue:
-    """All commands of a print that have no line number yet.
+    """Queue of all commands of a print that have no line number yet.
 
     Attributes:
         taken: number of job entries that have left the queue.
@@ -41,10 +41,10 @@ class SendQueue:
     """
 
     def __init__(
-        self, commands: Sequence[bytes], limits: MotionLimits | None, longest: int = MAX_LINE_BYTES
+        self, commands: Sequence[bytes], limits: MotionLimits | None, max_line_bytes: int = MAX_LINE_BYTES
     ) -> None:
-        check_commands(commands, longest)
-        self._max_line_bytes = longest
+        check_commands(commands, max_line_bytes)
+        self._max_line_bytes = max_line_bytes
         self.taken = 0
         self.position: AxisPositions | None = None
         self._commands = commands

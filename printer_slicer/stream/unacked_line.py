@@ -94,7 +94,7 @@ class UnackedLine:
 
     def _decide_fate(self) -> LineFate:
         """Return the fate of the line according to the table above."""
-        is_before, is_after = (_is_position(self.position, place) for place in self._positions)
+        is_before, is_after = (_matches_position(self.position, place) for place in self._positions)
         if self.position is not None and is_before != is_after:
             return LineFate.EXECUTED if is_after else LineFate.LOST
         if self._n_oks >= 2:
@@ -102,7 +102,7 @@ class UnackedLine:
         return LineFate.LOST if self._repeatable else LineFate.UNDECIDED
 
 
-def _is_position(reported: Place | None, place: Place) -> bool:
+def _matches_position(reported: Place | None, place: Place) -> bool:
     """Return whether the reported position agrees with `place`; unknown coordinates always agree."""
     return reported is None or all(
         reported_value is None

@@ -84,15 +84,15 @@ def assert_state_is_that_of(
 
 def assert_hosts_follow(state: MachineState, script: SendQueue, job: LiveJob) -> None:
     """What resends, pauses and left-out objects rest on."""
-    modes = job.modes
-    assert modes.stand == state.modal
-    assert modes.machine.offset == state.offset
-    assert (modes.machine.hotends, modes.machine.bed, modes.machine.fan) == (
+    print_state = job.print_state
+    assert print_state.modal == state.modal
+    assert print_state.machine.offset == state.offset
+    assert (print_state.machine.hotends, print_state.machine.bed, print_state.machine.fan) == (
         state.hotends,
         state.bed,
         state.fan,
     )
-    assert script._place == ((None,) * 4 if state.inches else state.place)
+    assert script._expected_position == ((None,) * 4 if state.inches else state.place)
 
 
 def assert_lint_reads(command: bytes) -> None:

@@ -164,9 +164,9 @@ class Rig:
             self.streamer, job, self.setup, journal=self.journal, listen=self.hear
         )
         if self.journal:
-            self.journal.epoch(self.streamer.acknowledged)
+            self.journal.record_restart(self.streamer.acknowledged)
         if found and (found.parked or found.replay):
-            self.controller.restore(found.parked, found.pushed, found.replay, waits=found.waits)
+            self.controller.restore(found.parked, found.extruded, found.replay, waits=found.is_paused)
         return self.controller
 
     on_event: Callable[[Event], None] = lambda _: None
@@ -182,13 +182,13 @@ class Rig:
         def turn(now: float) -> None:
             """The test has its say first."""
             before_send(now)
-            self.controller.before_send(now)
+            self.controller.advance(now)
 
         run(
             self.streamer,
             self.port,
             self.port.now,
-            on_event=self.controller.hear,
+            on_event=self.controller.on_event,
             before_send=turn,
             record=self.controller.record,
             longest_wait=0.25,

@@ -67,10 +67,10 @@ def printed(url: str, _job_store: Path, dtr: bool) -> None:
 
 
 def resumed(url: str, job_store: Path, dtr: bool) -> None:
-    store.begin(
+    store.create_print(
         job_store, JOB.name, JOB.text, store.PortAddress(url, 115200), host_settings_from(PROFILE)
     ).release()
-    resume_print(store.find(job_store, "", running=False), JOB, dtr=dtr)
+    resume_print(store.find_print(job_store, "", running=False), JOB, dtr=dtr)
 
 
 @pytest.mark.parametrize("begin", [printed, resumed])

@@ -17,17 +17,17 @@ from hypothesis import strategies as st
 
 from printer_slicer.errors import UsageError
 from printer_slicer.gcode.state import ModalState
-from printer_slicer.jobs import job_of_text
+from printer_slicer.jobs import build_job
 from printer_slicer.printing import resume_print
 from printer_slicer.printing.host_settings import HostSettings, host_settings_from
 from printer_slicer.printing.job_store import (
     PortAddress,
     Print,
-    begin,
+    create_print,
     damaged_prints,
-    find,
+    find_print,
+    find_unfinished_print,
     stored_prints,
-    unfinished,
 )
 from printer_slicer.printing.journal import Journal, dataclass_from_json, read_journal
 from printer_slicer.printing.parking import ParkedState, parse_parked_state
@@ -60,11 +60,11 @@ NONSENSE = {
 
 def left(job_store: Path, name: str) -> Print:
     """A print that somebody has left."""
-    made = begin(job_store, name, TEXT, PortAddress("/dev/null", 115200), SETUP)
+    made = create_print(job_store, name, TEXT, PortAddress("/dev/null", 115200), SETUP)
     journal = Journal(made.folder)
-    journal.epoch(0)
-    journal.numbered(1, 0, b"M115")
-    journal.accepted(2, 1, 10.0)
+    journal.record_restart(0)
+    journal.record_line(1, 0, b"M115")
+    journal.record_accepted(2, 1, 10.0)
     journal.close()
     made.release()
     return made
@@ -94,13 +94,13 @@ def test_a_record_that_makes_no_sense_is_named_and_blocks_no_other_print(
     add(bad, record)
     (damage,) = damaged_prints(job_store)
 
-    assert find(job_store, "", running=False).folder == good.folder
+    assert find_print(job_store, "", running=False).folder == good.folder
     assert str(damage).startswith(f"{bad.folder / 'journal'}: record 4 is invalid: ")
     assert (
         read_journal(bad.folder).entries == 1
     )  # what stands before it counts: the heaters can be switched off
     with pytest.raises(UsageError, match="record 4 is invalid"):
-        find(job_store, "bad.gcode", running=False)
+        find_print(job_store, "bad.gcode", running=False)
 
 
 def no_file(path: Path) -> None:
@@ -139,9 +139,9 @@ def test_a_file_that_is_none_is_named_and_blocks_no_other_print(
     (damage,) = damaged_prints(job_store)
 
     assert str(damage).startswith(str(bad.folder / file))
-    assert find(job_store, "", running=False).folder == good.folder
-    assert unfinished(job_store, "/dev/null") is not None
-    damage.forget()
+    assert find_print(job_store, "", running=False).folder == good.folder
+    assert find_unfinished_print(job_store, "/dev/null") is not None
+    damage.delete()
     assert [one.folder for one in stored_prints(job_store)] == [good.folder]
 
 
@@ -151,8 +151,8 @@ def test_a_port_that_cannot_be_one_blocks_no_other_print(port: str, tmp_path: Pa
     head = json.loads((bad.folder / "head.json").read_text(encoding="utf-8")) | {"port": port}
     (bad.folder / "head.json").write_text(json.dumps(head), encoding="utf-8")
 
-    assert unfinished(job_store, "/dev/elsewhere") is None
-    assert find(job_store, "", running=False).folder == good.folder
+    assert find_unfinished_print(job_store, "/dev/elsewhere") is None
+    assert find_print(job_store, "", running=False).folder == good.folder
     assert "'port'" in str(next(damaged_prints(job_store)))
 
 
@@ -166,7 +166,7 @@ def test_a_head_of_anything_blocks_no_other_print(
     path.write_text(json.dumps(value if name is None else {**head, name: value}), encoding="utf-8")
     damaged = list(damaged_prints(job_store))
 
-    assert find(job_store, good.folder.name, running=False).folder == good.folder
+    assert find_print(job_store, good.folder.name, running=False).folder == good.folder
     assert [damage.folder for damage in damaged] in ([], [bad.folder])
     for one in stored_prints(job_store):
         if one.folder not in {damage.folder for damage in damaged}:
@@ -199,8 +199,8 @@ def as_kept(value: Any) -> Any:
     [
         ({"parked": 5}, "a JSON object, found 5"),
         ({"parked": {"entries": 2}}, "missing"),
-        ({"parked": asdict(PARKED) | {"spot": ["here", 0]}}, "spot is 'here'"),
-        ({"parked": None, "phase": ["recovering"]}, "phase is"),
+        ({"parked": asdict(PARKED) | {"spot": ["here", 0]}}, "spot has the invalid value 'here'"),
+        ({"parked": None, "phase": ["recovering"]}, "phase has the invalid value"),
         ({"cancelled_at": {"gear": 1_000_000}}, "an invalid command number"),
         ({"recovering_at": {"entries": 1, "stand": [], "replay": []}}, "a JSON object, found []"),
     ],
@@ -210,13 +210,13 @@ def test_a_state_that_makes_no_sense_is_named_before_the_port_is_opened(
 ) -> None:
     _, _, bad = job_store_in(tmp_path)
     add(bad, b"S " + json.dumps(state).encode())
-    job = job_of_text("bad.gcode", TEXT, limits=SETUP.limits, corner=SETUP.low, flavour=SETUP.flavour)
+    job = build_job("bad.gcode", TEXT, limits=SETUP.limits, corner=SETUP.low, flavour=SETUP.flavour)
 
     with pytest.raises(UsageError, match="journal: ") as caught:
         resume_print(bad, job)
     assert told in str(caught.value)
     assert f"resume --discard {bad.folder.name}" in caught.value.remedy
-    assert not bad.running
+    assert not bad.is_locked
 
 
 def test_more_commands_than_the_job_has_cannot_have_been_accepted(tmp_path: Path) -> None:
@@ -235,8 +235,8 @@ def test_more_commands_than_the_job_has_cannot_have_been_accepted(tmp_path: Path
         (b"A 9 4 11.0", "it lists 4 accepted commands, but the job has 3"),
         (b"E 4", "it lists 4 accepted commands, but the job has 3"),
         (b"N 9 4 M105", "it lists 4 accepted commands, but the job has 3"),
-        (b'S {"parked": 5}', "a state is invalid: expected a JSON object, found 5"),
-        (b'S {"phase": ["recovering"]}', "a state is invalid: phase is"),
+        (b'S {"parked": 5}', "a recorded state is invalid: expected a JSON object, found 5"),
+        (b'S {"phase": ["recovering"]}', "a recorded state is invalid: phase has"),
         (b'S {"cancelled_at": {"gear": 1000000}}', "a cancelled object has an invalid command number"),
         (b'S {"recovering_at": {"entries": 1, "stand": [], "replay": []}}', "a JSON object, found []"),
         (
@@ -258,13 +258,13 @@ def test_a_journal_that_no_print_of_this_job_wrote_is_named_and_blocks_no_other_
     (damage,) = damaged_prints(job_store)
     resumed = typed("resume")
 
-    assert find(job_store, "", running=False).folder == good.folder
+    assert find_print(job_store, "", running=False).folder == good.folder
     assert str(damage).startswith(f"{bad.folder / 'journal'}: ")
     assert told in str(damage)
     assert f"printer-slicer: warning: {bad.folder / 'journal'}: " in resumed.err
     assert resumed.err.splitlines()[2] == "printer-slicer: /dev/null is not a serial port"
     with pytest.raises(UsageError, match="journal: "):
-        find(job_store, "bad.gcode", running=False)
+        find_print(job_store, "bad.gcode", running=False)
 
 
 def test_a_job_without_commands_is_named_and_blocks_no_other_print(tmp_path: Path) -> None:
@@ -272,8 +272,8 @@ def test_a_job_without_commands_is_named_and_blocks_no_other_print(tmp_path: Pat
     (bad.folder / "job.gcode").write_bytes(b"; nothing\n")
     (damage,) = damaged_prints(job_store)
 
-    assert str(damage) == f"{bad.folder / 'job.gcode'}: it holds no commands"
-    assert find(job_store, "", running=False).folder == good.folder
+    assert str(damage) == f"{bad.folder / 'job.gcode'}: the file contains no commands"
+    assert find_print(job_store, "", running=False).folder == good.folder
 
 
 def test_states_that_a_print_really_notes_make_sense(tmp_path: Path) -> None:
@@ -299,12 +299,12 @@ def test_the_command_line_names_what_it_skips_and_forgets_it_on_request(own_job_
     resumed = typed("resume")
 
     assert (listed.code, listed.err) == (0, "")
-    assert f"{bad.folder / 'head.json'}: it is not JSON: " in listed.out
+    assert f"{bad.folder / 'head.json'}: the file is not JSON: " in listed.out
     assert [(row["id"], row["damaged"]) for row in rows] == [
         (good.folder.name, False),
         (bad.folder.name, True),
     ]
-    assert f"printer-slicer: warning: {bad.folder / 'head.json'}: it is not JSON: " in resumed.err
+    assert f"printer-slicer: warning: {bad.folder / 'head.json'}: the file is not JSON: " in resumed.err
     assert resumed.err.splitlines()[2] == "printer-slicer: /dev/null is not a serial port"
     assert typed("resume", "--discard", bad.folder.name).code == 0
     assert not bad.folder.exists()

@@ -15,12 +15,12 @@ from printer_slicer.printing.journal import LOST, Journal, read_journal
 
 def written(folder: Path) -> Journal:
     journal = Journal(folder)
-    journal.epoch(0)
-    journal.numbered(1, 0, b"M115")
-    journal.numbered(2, 0, b"M105")
-    journal.accepted(12, 10, 100.0)
-    journal.numbered(15, 12, b"M117 5 > 4; \xe9")
-    journal.accepted(20, 17, 101.5)
+    journal.record_restart(0)
+    journal.record_line(1, 0, b"M115")
+    journal.record_line(2, 0, b"M105")
+    journal.record_accepted(12, 10, 100.0)
+    journal.record_line(15, 12, b"M117 5 > 4; \xe9")
+    journal.record_accepted(20, 17, 101.5)
     return journal
 
 
@@ -48,18 +48,18 @@ def test_numbers_lead_to_entries(tmp_path: Path) -> None:
 
 def test_what_is_not_accepted_for_certain_is_told_by_the_printer(tmp_path: Path) -> None:
     journal = written(tmp_path)
-    journal.numbered(21, 17, b"G1 Z5")
+    journal.record_line(21, 17, b"G1 Z5")
     journal.close()
     journal_data = read_journal(tmp_path)
 
-    assert (17, b"G1 Z5") not in journal_data.others_until(20)
-    assert (17, b"G1 Z5") in journal_data.others_until(21)
+    assert (17, b"G1 Z5") not in journal_data.inserted_commands_until(20)
+    assert (17, b"G1 Z5") in journal_data.inserted_commands_until(21)
 
 
 def test_numbers_that_begin_anew_forget_what_had_them_before(tmp_path: Path) -> None:
     journal = written(tmp_path)
-    journal.epoch(17)
-    journal.numbered(1, 17, b"M115")
+    journal.record_restart(17)
+    journal.record_line(1, 17, b"M115")
     journal.close()
     journal_data = read_journal(tmp_path)
 
@@ -74,10 +74,10 @@ def test_numbers_that_begin_anew_forget_what_had_them_before(tmp_path: Path) -> 
 
 def test_a_printer_greeted_anew_has_other_lines_under_the_same_numbers(tmp_path: Path) -> None:
     journal = Journal(tmp_path)
-    journal.epoch(0)
+    journal.record_restart(0)
     for _ in range(2):
-        journal.numbered(1, 0, b"M115")
-        journal.numbered(2, 0, b"M105")
+        journal.record_line(1, 0, b"M115")
+        journal.record_line(2, 0, b"M105")
     journal.close()
 
     assert read_journal(tmp_path).entries_at(5) == 3
@@ -86,8 +86,8 @@ def test_a_printer_greeted_anew_has_other_lines_under_the_same_numbers(tmp_path:
 
 def test_the_time_of_the_loss_is_the_first_one(tmp_path: Path) -> None:
     journal = written(tmp_path)
-    journal.ended(f"{LOST}unplugged", 102.0)
-    journal.ended("gave up", 132.0)
+    journal.record_end(f"{LOST}unplugged", 102.0)
+    journal.record_end("gave up", 132.0)
     journal.close()
     journal_data = read_journal(tmp_path)
 
@@ -114,8 +114,8 @@ def test_a_torn_end_tells_all_that_is_whole(
 def test_a_full_disk_is_noticed_and_nothing_else_happens(tmp_path: Path) -> None:
     (tmp_path / "journal").symlink_to("/dev/full")
     journal = Journal(tmp_path)
-    journal.epoch(0)
-    journal.accepted(1, 1, 1.0)
+    journal.record_restart(0)
+    journal.record_accepted(1, 1, 1.0)
     journal.sync()
     journal.close()
 
@@ -124,7 +124,7 @@ def test_a_full_disk_is_noticed_and_nothing_else_happens(tmp_path: Path) -> None
 
 def test_a_folder_that_is_gone_is_a_journal_that_failed(tmp_path: Path) -> None:
     journal = Journal(tmp_path / "gone")
-    journal.accepted(1, 1, 1.0)
+    journal.record_accepted(1, 1, 1.0)
 
     assert journal.failed
 

@@ -47,7 +47,7 @@ def paused_at(text: str, entries: list[int], pause: commands.Pause, **given: Any
             left.pop(0)
             rig.submit(pause)
             since[0] = now
-        elif phase is PrintPhase.WAITING and now > since[0] + 3.0:
+        elif phase is PrintPhase.PAUSED and now > since[0] + 3.0:
             rig.submit(commands.Resume())
             since[0] = now + 1e9
 
@@ -105,7 +105,7 @@ def test_now_is_sooner_than_behind_the_plan() -> None:
             if rig.streamer.acknowledged >= 30 and not requested[0]:
                 requested[0] = at
                 rig.submit(commands.Pause(now=now, park=False))
-            if rig.controller.phase is PrintPhase.WAITING:
+            if rig.controller.phase is PrintPhase.PAUSED:
                 waiting[0] = waiting[0] or at
                 board = rig.printer._state
                 board.motion_queue.advance(at)
@@ -138,7 +138,7 @@ def test_a_nozzle_temperature_set_in_a_cold_pause_holds_when_the_print_goes_on()
         phase = rig.controller.phase
         if phase is PrintPhase.RUNNING and not requested[0] and rig.streamer.acknowledged >= 120:
             rig.submit(commands.Pause(cold=True))
-        elif phase is PrintPhase.WAITING and not requested[0]:
+        elif phase is PrintPhase.PAUSED and not requested[0]:
             requested[0] = True
             rig.submit(commands.SetTemperature("nozzle", 190.0))
             rig.submit(commands.Resume())

@@ -14,7 +14,12 @@ from rig import SETUP, Rig, assert_same_beads
 from printer_slicer.printing import commands
 from printer_slicer.printing.machine_state import PrintState
 from printer_slicer.printing.objects import LiveJob, Span
-from printer_slicer.printing.parking import extruded_length, leave, park_state, return_to_part
+from printer_slicer.printing.parking import (
+    build_parking_script,
+    build_return_script,
+    make_parked_state,
+    sum_extrusion,
+)
 from printer_slicer.printing.print_controller import PrintPhase
 from printer_slicer.sim.firmware_state import FirmwareState
 from printer_slicer.sim.firmwares import MARLIN_2_1
@@ -39,23 +44,23 @@ def test_leaving_never_goes_down_and_coming_back_leads_to_the_same_place(
     flavour: str, lines: list[Line], cold: bool
 ) -> None:
     setup = replace(SETUP, flavour=flavour)
-    executor, modes = Executor(flavour), PrintState(flavour)
+    executor, print_state = Executor(flavour), PrintState(flavour)
     for index, command in enumerate([*START, *program_of(lines)]):
         state = executor.do(command)
-        modes.follow(command, index)
+        print_state.follow(command, index)
     before, z = state_of(state), state.position[2]
 
-    parked = park_state(modes.stand, modes, setup, commands.Pause(cold=cold), 0)
-    script = leave(parked, modes, setup)
+    parked = make_parked_state(print_state.modal, print_state, setup, commands.Pause(cold=cold), 0)
+    script = build_parking_script(parked, print_state, setup)
     for command in script:
         state = executor.do(command)
         assert state.position[2] >= z - 1e-6
     if parked.park and z < SETUP.top - 1e-3:
         assert state.position[2] > z
-    for command in return_to_part(parked, setup, extruded_length(script)):
+    for command in build_return_script(parked, setup, sum_extrusion(script)):
         state = executor.do(command)
 
-    if modes.stand.speed:  # a speed that no command has named cannot be said again
+    if print_state.modal.speed:  # a speed that no command has named cannot be said again
         assert state_of(state) == before
 
 
@@ -111,7 +116,7 @@ def test_a_part_in_inches_is_the_same_after_a_pause(now: bool) -> None:
         if rig.streamer.acknowledged >= 30 and not wished[0]:
             wished[0] = at
             rig.submit(commands.Pause(now=now))
-        elif rig.controller.phase is PrintPhase.WAITING and at > wished[0] + 10.0:
+        elif rig.controller.phase is PrintPhase.PAUSED and at > wished[0] + 10.0:
             assert rig.controller.parked is not None
             parked.append(rig.controller.parked.stand.place[2])
             rig.submit(commands.Resume())
@@ -130,11 +135,11 @@ def test_a_part_in_inches_is_the_same_after_a_pause(now: bool) -> None:
 
 
 def test_what_is_said_between_inches_and_millimetres_does_not_reach_the_saved_place() -> None:
-    modes = PrintState()
+    print_state = PrintState()
     for command in (b"G28", b"G20", b"G1 X1 Y1 Z0.1", b"G21"):
-        modes.follow(command)
+        print_state.follow(command)
 
-    parked = park_state(modes.stand, modes, SETUP, commands.Pause(), 4)
+    parked = make_parked_state(print_state.modal, print_state, SETUP, commands.Pause(), 4)
 
     assert parked.stand.place == pytest.approx((25.4, 25.4, 2.54))
     assert parked.safe >= 2.54 + SETUP.lift

@@ -184,8 +184,8 @@ def told(rig: Rig, *events: Event) -> None:
         if rig.streamer.acknowledged >= 50 and left:
             rig.controller._now = now
             while left:
-                rig.controller.hear(left.pop(0))
-        if rig.controller.phase is PrintPhase.WAITING:
+                rig.controller.on_event(left.pop(0))
+        if rig.controller.phase is PrintPhase.PAUSED:
             rig.submit(commands.Resume())
 
     rig.run(turn)
@@ -221,10 +221,10 @@ def test_a_printer_that_has_parked_by_itself_goes_on_by_itself() -> None:
     def turn(now: float) -> None:
         if rig.streamer.acknowledged >= 50 and not said:
             said.append("paused")
-            rig.controller.hear(Action("paused filament_runout 0"))
+            rig.controller.on_event(Action("paused filament_runout 0"))
         elif said == ["paused"] and now > 20:
             said.append("resumed")
-            rig.controller.hear(Action("resumed"))
+            rig.controller.on_event(Action("resumed"))
 
     rig.run(turn)
 
@@ -245,7 +245,7 @@ def test_a_prompt_is_shown_with_its_buttons_and_answered_at_once() -> None:
     def turn(_: float) -> None:
         if rig.streamer.acknowledged >= 50 and asked:
             while asked:
-                rig.controller.hear(asked.pop(0))
+                rig.controller.on_event(asked.pop(0))
             rig.submit(commands.Answer(1))
 
     rig.run(turn)
@@ -424,7 +424,7 @@ def test_what_is_paused_or_prints_already_says_so() -> None:
 
     def turn(_: float) -> None:
         ready = rig.streamer.acknowledged >= 50
-        if ready and left and (len(left) > 2 or rig.controller.phase is PrintPhase.WAITING):
+        if ready and left and (len(left) > 2 or rig.controller.phase is PrintPhase.PAUSED):
             rig.submit(left.pop(0))
 
     rig.run(turn)

@@ -11,18 +11,18 @@ from pathlib import Path
 from threading import Thread
 
 from printer_slicer.printing.host_settings import host_settings_from
-from printer_slicer.printing.job_store import PortAddress, Print, begin, load_print
+from printer_slicer.printing.job_store import PortAddress, Print, create_print, load_print
 from printer_slicer.profile import load_profile
 from tests.waiting import LAST_RESORT
 
 HOLD = (
     "import sys\nfrom pathlib import Path\nfrom printer_slicer.printing.job_store import load_print\n"
-    "held = load_print(Path(sys.argv[1]))\nassert held.hold()\nprint('held', flush=True)\nsys.stdin.read()"
+    "held = load_print(Path(sys.argv[1]))\nassert held.lock()\nprint('held', flush=True)\nsys.stdin.read()"
 )
 
 
 def begun(folder: Path) -> Print:
-    return begin(
+    return create_print(
         folder, "job.gcode", b"G28\n", PortAddress("/dev/null", 115200), host_settings_from(load_profile())
     )
 
@@ -56,28 +56,28 @@ def test_a_print_that_another_process_holds_is_running(tmp_path: Path) -> None:
     print_.release()
 
     with held_elsewhere(print_.folder):
-        assert seen(print_.folder).running
-        assert not print_.hold()
+        assert seen(print_.folder).is_locked
+        assert not print_.lock()
 
 
 def test_a_process_that_was_killed_holds_nothing(tmp_path: Path) -> None:
     print_ = begun(tmp_path)
     print_.release()
     with held_elsewhere(print_.folder):
-        assert print_.running
+        assert print_.is_locked
 
-    assert not print_.running
-    assert print_.hold()
+    assert not print_.is_locked
+    assert print_.lock()
 
 
 def test_looking_whether_a_print_runs_does_not_take_it(tmp_path: Path) -> None:
     print_ = begun(tmp_path)
 
-    assert print_.running
-    assert seen(print_.folder).running
+    assert print_.is_locked
+    assert seen(print_.folder).is_locked
     print_.release()
-    assert not seen(print_.folder).running
-    assert seen(print_.folder).hold()
+    assert not seen(print_.folder).is_locked
+    assert seen(print_.folder).lock()
 
 
 def test_another_thread_may_release_a_print(tmp_path: Path) -> None:
@@ -86,4 +86,4 @@ def test_another_thread_may_release_a_print(tmp_path: Path) -> None:
     thread.start()
     thread.join()
 
-    assert not seen(print_.folder).running
+    assert not seen(print_.folder).is_locked

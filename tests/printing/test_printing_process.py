@@ -253,7 +253,7 @@ def test_a_cable_that_stays_away_leaves_a_print_that_can_be_resumed(tmp_path: Pa
 
         with pytest.raises(UsageError, match="unfinished"):
             print_job(job, PROFILE, str(tmp_path / "port"), job_store=tmp_path / "prints")
-        left = store.find(tmp_path / "prints", "", running=False)
+        left = store.find_print(tmp_path / "prints", "", running=False)
         # The file may be gone meanwhile.
         (tmp_path / "job.gcode").unlink()
         done = resume_print(left, job)
@@ -305,7 +305,7 @@ def test_a_print_that_runs_is_not_resumed_besides(tmp_path: Path) -> None:
         printing = Background(job_in(tmp_path), tmp_path / "port", tmp_path / "prints")
         executed.reached()
         with pytest.raises(UsageError, match=told):
-            resume_print(store.find(tmp_path / "prints", "", running=True), job_in(tmp_path))
+            resume_print(store.find_print(tmp_path / "prints", "", running=True), job_in(tmp_path))
         printing.controls.cancel()
         executed.go_on()
         printing.ended()
@@ -319,7 +319,7 @@ def test_a_printer_that_was_reset_is_not_resumed_without_consent(tmp_path: Path)
         printing = Background(job_in(tmp_path, text), tmp_path / "port", tmp_path / "prints")
         first.reached()
     printing.ended()
-    left = store.find(tmp_path / "prints", "", running=False)
+    left = store.find_print(tmp_path / "prints", "", running=False)
     asked: list[str] = []
     with served(tmp_path / "port") as executed, pytest.raises(PrintError) as caught:
         resume_print(left, job_in(tmp_path, text), recover=lambda why: bool(asked.append(why)))
@@ -331,7 +331,7 @@ def test_a_printer_that_was_reset_is_not_resumed_without_consent(tmp_path: Path)
     )
     assert "home x and y only" in asked[0]
     assert not any(line.startswith("G") for line in executed)
-    assert not left.running
+    assert not left.is_locked
 
 
 def test_with_consent_a_printer_that_was_reset_is_brought_back_and_goes_on(tmp_path: Path) -> None:
@@ -340,7 +340,7 @@ def test_with_consent_a_printer_that_was_reset_is_brought_back_and_goes_on(tmp_p
         printing = Background(job_in(tmp_path, text), tmp_path / "port", tmp_path / "prints")
         first.reached()
     printing.ended()
-    left = store.find(tmp_path / "prints", "", running=False)
+    left = store.find_print(tmp_path / "prints", "", running=False)
     asked: list[str] = []
     with served(tmp_path / "port", speed=0) as executed:
         done = resume_print(left, job_in(tmp_path, text), recover=lambda why: not asked.append(why))
@@ -360,15 +360,15 @@ def test_with_consent_a_printer_that_was_reset_is_brought_back_and_goes_on(tmp_p
 def test_a_full_disk_does_not_stop_the_print(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     if not Path("/dev/full").exists():
         pytest.skip("no full disk here")
-    begin = store.begin
+    create_print = store.create_print
 
     def full(*arguments: object) -> store.Print:
-        made = begin(*arguments)  # type: ignore[arg-type]
+        made = create_print(*arguments)  # type: ignore[arg-type]
         (made.folder / "journal").unlink()
         (made.folder / "journal").symlink_to("/dev/full")
         return made
 
-    monkeypatch.setattr(store, "begin", full)
+    monkeypatch.setattr(store, "create_print", full)
     with served(tmp_path / "port", speed=0) as executed:
         printing = Background(job_in(tmp_path), tmp_path / "port", tmp_path / "prints")
         printing.ended()

@@ -54,7 +54,7 @@ def found_by_next_host(rig: Rig) -> ResumePlan:
     resync = query_printer(rig.port, rig.port.now, journal_data, rig.journal)
     found = find_resume_plan(journal_data, resync, rig.commands, find_object_spans(rig.text.encode()), SETUP)
     assert rig.journal
-    rig.journal.accepted(resync.queries()[-1][0], found.entries, rig.port.now())
+    rig.journal.record_accepted(resync.queries()[-1][0], found.entries, rig.port.now())
     return found
 
 
@@ -110,7 +110,7 @@ def test_a_host_killed_around_a_pause_leaves_no_trace_in_the_part(seed: int, tmp
         if rig.streamer.acknowledged >= 30 and rig.controller.phase is PrintPhase.RUNNING and not begun:
             begun.append(rig.port.now())
             rig.submit(commands.Pause())
-        elif rig.controller.phase is PrintPhase.WAITING:
+        elif rig.controller.phase is PrintPhase.PAUSED:
             rig.submit(commands.Resume())
 
     rig.on_event = meddle

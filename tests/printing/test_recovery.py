@@ -11,8 +11,8 @@ from rig import PROFILE, SETUP, Rig, warm, way
 
 from printer_slicer.errors import PrintError
 from printer_slicer.inspection.dry_run.machines import machine_of
-from printer_slicer.jobs import job_of_text
-from printer_slicer.printing.job_store import PortAddress, Print, begin
+from printer_slicer.jobs import build_job
+from printer_slicer.printing.job_store import PortAddress, Print, create_print
 from printer_slicer.printing.journal import LOST
 from printer_slicer.printing.recovery import RecoveryPlan, plan_recovery
 from printer_slicer.sim.firmwares import MARLIN_2_1, MARLIN_2_1_ADVANCED
@@ -29,10 +29,8 @@ def lose_power(
     text: str, folder: Path, entries: int, *, advanced: bool = False, machine: Machine | None = None
 ) -> tuple[Rig, Print]:
     """Print until the printer loses its power, soon after it has taken so many commands; what the host keeps."""
-    job = job_of_text(
-        "part.gcode", text.encode(), limits=SETUP.limits, corner=SETUP.low, flavour=SETUP.flavour
-    )
-    print_ = begin(folder, job.name, job.text, PortAddress("/dev/none", 250_000), SETUP)
+    job = build_job("part.gcode", text.encode(), limits=SETUP.limits, corner=SETUP.low, flavour=SETUP.flavour)
+    print_ = create_print(folder, job.name, job.text, PortAddress("/dev/none", 250_000), SETUP)
     firmware = MARLIN_2_1_ADVANCED if advanced else MARLIN_2_1
     rig = Rig(text, firmware, folder=print_.folder, machine=machine or machine_of(PROFILE.printer))
     rig.connect()
@@ -49,7 +47,7 @@ def lose_power(
     rig.made  # noqa: B018 - up to this moment
     rig.printer._state.stop_moving()
     assert rig.journal
-    rig.journal.ended(f"{LOST}gone", rig.port.now())
+    rig.journal.record_end(f"{LOST}gone", rig.port.now())
     rig.journal.close()
     print_.release()
     return rig, print_
@@ -60,9 +58,7 @@ def recovered(
 ) -> tuple[Rig, Rig, RecoveryPlan]:
     """Both halves of a print, and what was done between."""
     before, print_ = lose_power(text, folder, entries, advanced=advanced)
-    job = job_of_text(
-        "part.gcode", text.encode(), limits=SETUP.limits, corner=SETUP.low, flavour=SETUP.flavour
-    )
+    job = build_job("part.gcode", text.encode(), limits=SETUP.limits, corner=SETUP.low, flavour=SETUP.flavour)
     found = plan_recovery(print_, job)
     after = Rig(text, folder=print_.folder)
     after.connect(found)
@@ -112,7 +108,7 @@ def test_the_nozzle_touches_nothing_on_its_way(seed: int, tmp_path: Path) -> Non
     ]
     assert inside == []
     assert z >= 0
-    assert found.told
+    assert found.steps
 
 
 def test_it_comes_from_outside_the_part(tmp_path: Path) -> None:
@@ -154,8 +150,8 @@ def test_chamber_bed_and_other_fans_are_as_they_were(tmp_path: Path) -> None:
 
     assert script.index("M141 S40") < script.index("G28 X Y") < script.index("M420 S1 Z10")
     assert "M106 P1 S200" in script
-    assert "heat the nozzle to 200 °C and the bed to 60 °C and the chamber to 40 °C" in found.told
-    assert "M420 S1 Z10" in found.told
+    assert "heat the nozzle to 200 °C and the bed to 60 °C and the chamber to 40 °C" in found.steps
+    assert "M420 S1 Z10" in found.steps
 
 
 def test_the_origin_of_the_program_is_where_it_was(tmp_path: Path) -> None:
@@ -177,9 +173,7 @@ def test_an_origin_that_was_moved_from_an_unknown_place_cannot_be_recovered(tmp_
     """A job that calls the place where it finds the nozzle zero, as some do without homing."""
     text = tower(3).replace("G28\n", "G92 X100 Y100\n")
     _, print_ = lose_power(text, tmp_path, 40)
-    job = job_of_text(
-        "part.gcode", text.encode(), limits=SETUP.limits, corner=SETUP.low, flavour=SETUP.flavour
-    )
+    job = build_job("part.gcode", text.encode(), limits=SETUP.limits, corner=SETUP.low, flavour=SETUP.flavour)
     with pytest.raises(PrintError) as caught:
         plan_recovery(print_, job)
 
@@ -191,10 +185,8 @@ def test_an_origin_that_was_moved_from_an_unknown_place_cannot_be_recovered(tmp_
 
 def test_before_anything_was_printed_there_is_nothing_to_recover(tmp_path: Path) -> None:
     text = tower(3)
-    job = job_of_text(
-        "part.gcode", text.encode(), limits=SETUP.limits, corner=SETUP.low, flavour=SETUP.flavour
-    )
-    print_ = begin(tmp_path, job.name, job.text, PortAddress("/dev/none", 250_000), SETUP)
+    job = build_job("part.gcode", text.encode(), limits=SETUP.limits, corner=SETUP.low, flavour=SETUP.flavour)
+    print_ = create_print(tmp_path, job.name, job.text, PortAddress("/dev/none", 250_000), SETUP)
 
     with pytest.raises(PrintError, match="nothing has been printed yet"):
         plan_recovery(print_, job)
@@ -204,14 +196,12 @@ def test_before_anything_was_printed_there_is_nothing_to_recover(tmp_path: Path)
 def test_only_what_is_done_is_told(heat: str, tmp_path: Path) -> None:
     text = tower(6).replace(HEAT, heat)
     _, print_ = lose_power(text, tmp_path, 80, machine=warm(machine_of(PROFILE.printer)))
-    job = job_of_text(
-        "part.gcode", text.encode(), limits=SETUP.limits, corner=SETUP.low, flavour=SETUP.flavour
-    )
+    job = build_job("part.gcode", text.encode(), limits=SETUP.limits, corner=SETUP.low, flavour=SETUP.flavour)
     found = plan_recovery(print_, job)
     heated = [line for line in found.replay if line.startswith("M109")]
 
-    assert ("warm the nozzle" in found.told) == bool(heated)
-    assert all(f"{line.partition('S')[2]} °C" in found.told for line in heated)
-    assert ("prime" in found.told) == any("E15" in line for line in found.replay)
-    assert ("by hand" in found.told) == (not heated)
-    assert " 0 °C" not in found.told
+    assert ("warm the nozzle" in found.steps) == bool(heated)
+    assert all(f"{line.partition('S')[2]} °C" in found.steps for line in heated)
+    assert ("prime" in found.steps) == any("E15" in line for line in found.replay)
+    assert ("by hand" in found.steps) == (not heated)
+    assert " 0 °C" not in found.steps

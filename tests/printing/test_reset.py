@@ -9,18 +9,16 @@ import pytest
 from printed import scribble, tower
 from rig import SETUP, Piece, Rig, laid, way
 
-from printer_slicer.jobs import job_of_text
-from printer_slicer.printing.job_store import PortAddress, begin
+from printer_slicer.jobs import build_job
+from printer_slicer.printing.job_store import PortAddress, create_print
 from printer_slicer.printing.recovery import plan_recovery
 from printer_slicer.stream.events import Finished, Halted
 
 
 def halves(text: str, folder: Path, entries: int, delay: float) -> tuple[list[Piece], Rig]:
     """What lay on the bed when a printer restarted, some s after it had taken so many commands, and what came then."""
-    job = job_of_text(
-        "part.gcode", text.encode(), limits=SETUP.limits, corner=SETUP.low, flavour=SETUP.flavour
-    )
-    print_ = begin(folder, job.name, job.text, PortAddress("/dev/none", 250_000), SETUP)
+    job = build_job("part.gcode", text.encode(), limits=SETUP.limits, corner=SETUP.low, flavour=SETUP.flavour)
+    print_ = create_print(folder, job.name, job.text, PortAddress("/dev/none", 250_000), SETUP)
     before = Rig(text, folder=print_.folder)
     before.connect()
     first: list[float] = []
@@ -39,7 +37,7 @@ def halves(text: str, folder: Path, entries: int, delay: float) -> tuple[list[Pi
     (halted,) = [event for event in before.events if isinstance(event, Halted)]
     assert "reset" in halted.reason
     assert before.journal
-    before.journal.ended(halted.reason, before.port.now())
+    before.journal.record_end(halted.reason, before.port.now())
     before.journal.close()
     print_.release()
     after = Rig(text, folder=print_.folder)

@@ -39,11 +39,11 @@ def run(arguments: argparse.Namespace) -> int:
     """Send a command to the process of a print."""
     from printer_slicer.printing.commands import Status, parse_command
     from printer_slicer.printing.control_socket import send_control_command
-    from printer_slicer.printing.job_store import default_job_store, find
+    from printer_slicer.printing.job_store import default_job_store, find_print
 
     line = " ".join(arguments.words)
     command = parse_command(line)
-    found = find(default_job_store(), arguments.job, running=True)
+    found = find_print(default_job_store(), arguments.job, running=True)
     answer = send_control_command(
         found.folder, line, **({"timeout": _SOON} if isinstance(command, Status) else {})
     )

@@ -54,13 +54,13 @@ def run(arguments: argparse.Namespace) -> int:
         return _list(arguments, job_store)
     for damage in store.damaged_prints(job_store):
         if arguments.discard and arguments.name == damage.folder.name:
-            damage.forget()
+            damage.delete()
             say(arguments, f"{damage.folder.name}: deleted")
             return 0
         print(sanitize(f"printer-slicer: warning: {damage}\n  {damage.remedy}"), file=sys.stderr)
-    found = store.find(job_store, arguments.name, running=False)
+    found = store.find_print(job_store, arguments.name, running=False)
     if arguments.discard:
-        found.forget()
+        found.delete()
         say(arguments, f"{found.name}, started {found.begun}: deleted")
         return 0
     return _resume(arguments, found)
@@ -68,11 +68,11 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _resume(arguments: argparse.Namespace, found: Print) -> int:
     from printer_slicer.cli.progress import print_with
-    from printer_slicer.jobs import job_of_text
+    from printer_slicer.jobs import build_job
     from printer_slicer.printing import resume_print
 
     setup = found.setup
-    job = job_of_text(found.name, found.text, limits=setup.limits, corner=setup.low, flavour=setup.flavour)
+    job = build_job(found.name, found.text, limits=setup.limits, corner=setup.low, flavour=setup.flavour)
 
     def recover(why: str) -> bool:
         """Return whether the user wants to recover."""
@@ -116,7 +116,7 @@ def _list(arguments: argparse.Namespace, job_store: Path) -> int:
     from printer_slicer.printing.journal import read_journal
 
     damaged = {damage.folder: damage for damage in damaged_prints(job_store)}
-    left = [one for one in stored_prints(job_store) if one.folder not in damaged and not one.running]
+    left = [one for one in stored_prints(job_store) if one.folder not in damaged and not one.is_locked]
     rows = []
     for one in left:
         journal_data = read_journal(one.folder)

@@ -23,7 +23,7 @@ from printer_slicer.inspection.lint.motion import MoveChecker
 from printer_slicer.inspection.lint.readiness import Readiness
 from printer_slicer.inspection.lint.syntax import lower_case_fault, number_faults
 from printer_slicer.inspection.lint.table import RULES, Rule
-from printer_slicer.jobs import Job, JobSummary, sendable
+from printer_slicer.jobs import Job, JobSummary, split_sendable
 from printer_slicer.motion.rules import limits_of
 from printer_slicer.profile import Profile
 
@@ -168,7 +168,7 @@ def lint_text(
         UsageError: the text has no commands, or a line that cannot be sent.
     """
     printer = profile.printer
-    content = sendable(name, text, streamed=streamed)
+    content = split_sendable(name, text, streamed=streamed)
     pieces = read_moves_in_pieces(content.commands, printer.corners[0], dialect or FLAVOURS[printer.flavour])
     summary = JobSummary(limits_of(printer))
     marks = marks_of(content.commands, text, content.marks, content.roles)
@@ -177,4 +177,4 @@ def lint_text(
     findings = scan(content.commands, profile, moves=moves, marks=content.marks, whole=True, tracker=tracker)
     lines = find_lines(text, [one.index for one in findings])
     placed = tuple(replace(one, line=line) for one, line in zip(findings, lines, strict=True))
-    return replace(summary.job(name, text, content), findings=placed)
+    return replace(summary.make_job(name, text, content), findings=placed)
