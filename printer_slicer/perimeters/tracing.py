@@ -321,7 +321,9 @@ def _find_nearest_sides(areas: Areas, points: Float, layer: Int) -> tuple[Int, F
 
     Points that lie on no ring get side 0 at an infinite distance.
     """
-    point, side = Boxes(points, points, layer).find_overlapping(Boxes.of_sides(areas).expand(_MAX_MOUTH_DISTANCE))
+    point, side = Boxes(points, points, layer).find_overlapping(
+        Boxes.of_sides(areas).expand(_MAX_MOUTH_DISTANCE)
+    )
     begin, end = (areas.xy.take(one, axis=0) for one in (side, areas.following[side]))
     place = points.take(point, axis=0)
     foot, share = nearest_on_segments(place, begin, end)
