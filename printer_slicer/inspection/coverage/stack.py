@@ -283,20 +283,11 @@ def _extrusion_heights(beads: Extrusions, layer: Int, top: Float, bottom: Float,
         reach = top[layer] - bottom[np.maximum(layer - deep, 0)]
         width = bead.width_for_section(beads.area, reach)
         wide &= layer >= deep
-        agrees = (
-            may_be_thick
-            & (layer >= deep)
-            & (np.abs(reach - comment_height) < _HEIGHT_TOLERANCE)
-            & (width * _WIDE_RATIO > usual)
-        )
-        by_comment = (
-            (layer >= deep)
-            & (np.abs(reach - comment_height) < _HEIGHT_TOLERANCE)
-            & (np.abs(comment_height - layer_height) > _HEIGHT_TOLERANCE)
-        )
-        agrees |= by_comment & np.isin(
-            layer, layer[by_comment & (beads.purpose == Purpose.EXTERNAL_PERIMETER)]
-        )
+        matching = (layer >= deep) & (np.abs(reach - comment_height) < _HEIGHT_TOLERANCE)
+        agrees = may_be_thick & matching & (width * _WIDE_RATIO > usual)
+        by_comment = matching & (np.abs(comment_height - layer_height) > _HEIGHT_TOLERANCE)
+        external = by_comment & (beads.purpose == Purpose.EXTERNAL_PERIMETER)
+        agrees |= by_comment & np.isin(layer, layer[external])
         height[wide | agrees] = reach[wide | agrees]
         wide &= ~agrees & (width > _WIDE_RATIO * usual)
     # Threads across a gap are as thick as the strand that leaves the nozzle.

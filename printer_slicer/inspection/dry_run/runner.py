@@ -176,7 +176,9 @@ def _run_over_port(simulation: _Simulation, on_event: Callable[[Event], None]) -
             raise EndlessPrintError
 
     try:
-        run(streamer, port, port.now, on_event=listen, before_send=stop_if_endless, longest_wait=_LONGEST_WAIT)
+        run(
+            streamer, port, port.now, on_event=listen, before_send=stop_if_endless, longest_wait=_LONGEST_WAIT
+        )
     except EndlessPrintError:
         listen(_endless_event(simulation))
     except PortError as error:  # an injected fault disconnected the cable
