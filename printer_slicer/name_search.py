@@ -1,4 +1,4 @@
-"""Compare names as people type them: without maker, nozzle, hyphens or capital letters."""
+"""Compare names as people type them: the maker, the nozzle, hyphens and capital letters do not matter."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ import re
 from collections.abc import Sequence
 from typing import Final
 
-__all__ = ["ENDS_ALIKE", "IN_ORDER", "match_rank", "name_words", "without_nozzle"]
+__all__ = ["AT_THE_END", "IN_ORDER", "name_words", "rank_match", "without_nozzle"]
 
 _WORD: Final = re.compile(r"[^\W\d_]+|\d+")
 _NOZZLE: Final = re.compile(r",?\s*\(?\b\d+(?:\.\d+)?\s*(?:mm\s*)?nozzle\)?", re.IGNORECASE)
 
-_EXACT, ENDS_ALIKE, _CONTAINS, IN_ORDER, _BEGINNINGS = range(5)
+_EXACT, AT_THE_END, _CONTAINS, IN_ORDER, _PREFIXES = range(5)
 
 
 def name_words(text: str, *, with_nozzle: bool = False) -> list[str]:
-    """Split a name into lower-case words and numbers: `Ender3 V2` and `Ender-3 v2` are the same.
+    """Split a name into lower-case words and numbers, so that `Ender3 V2` equals `Ender-3 v2`.
 
     Args:
         text: the name.
@@ -26,32 +26,33 @@ def name_words(text: str, *, with_nozzle: bool = False) -> list[str]:
 
 
 def without_nozzle(name: str) -> str:
-    """Return a name without the diameter of a nozzle, such as `Ender-3 (0.4 mm nozzle)`."""
+    """Remove the nozzle diameter from a name: `Ender-3 (0.4 mm nozzle)` becomes `Ender-3`."""
     return _NOZZLE.sub("", name).strip()
 
 
-def match_rank(asked: Sequence[str], words: Sequence[str]) -> tuple[int, int] | None:
+def rank_match(typed: Sequence[str], words: Sequence[str]) -> tuple[int, int] | None:
     """Rank how well a name matches typed words; lower is better, None is no match.
 
     Args:
-        asked: words that were typed.
+        typed: words that were typed.
         words: words of the name.
 
     Returns:
-        How the words match (equal; equal but for words in front, such as the maker: `ENDS_ALIKE`; contained together;
-        contained in the same order; beginnings of words in the same order), and how many words the name has more.
+        The kind of match and the number of additional words in the name. The kinds, best first: all words are equal;
+        the name ends with the typed words, after the maker for example (`AT_THE_END`); it contains them side by side;
+        it contains them in this order (`IN_ORDER`); they are the beginnings of words in this order.
     """
-    size, more = len(asked), len(words) - len(asked)
-    if not asked or more < 0:
+    size, more = len(typed), len(words) - len(typed)
+    if not typed or more < 0:
         return None
-    if list(words) == list(asked):
+    if list(words) == list(typed):
         return _EXACT, 0
-    starts = [i for i in range(more + 1) if list(words[i : i + size]) == list(asked)]
+    starts = [i for i in range(more + 1) if list(words[i : i + size]) == list(typed)]
     if starts:
-        return (ENDS_ALIKE if starts[-1] == more else _CONTAINS), more
+        return (AT_THE_END if starts[-1] == more else _CONTAINS), more
     left = iter(words)
-    if all(word in left for word in asked):
+    if all(word in left for word in typed):
         return IN_ORDER, more
     left = iter(words)
-    is_begun = all(any(one.startswith(word) for one in left) for word in asked)
-    return (_BEGINNINGS, more) if is_begun else None
+    is_begun = all(any(one.startswith(word) for one in left) for word in typed)
+    return (_PREFIXES, more) if is_begun else None

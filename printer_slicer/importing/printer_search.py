@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from printer_slicer.name_search import match_rank, name_words
+from printer_slicer.name_search import name_words, rank_match
 
 __all__ = ["find_printers"]
 
@@ -29,6 +29,6 @@ def _find_best_matches(query: str, names: Mapping[str, Sequence[str]], *, with_n
     ranks = {}
     for printer, others in names.items():
         words = [name_words(one, with_nozzle=with_nozzle) for one in (printer, *others)]
-        if found := [rank[0] for one in words if (rank := match_rank(asked, one))]:
+        if found := [rank[0] for one in words if (rank := rank_match(asked, one))]:
             ranks[printer] = min(found)
     return [printer for printer, rank in ranks.items() if rank == min(ranks.values())]

@@ -8,7 +8,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from printer_slicer.name_search import ENDS_ALIKE, IN_ORDER, match_rank, name_words
+from printer_slicer.name_search import AT_THE_END, IN_ORDER, name_words, rank_match
 from printer_slicer.profile.folders import profile_paths, profile_root
 
 __all__ = ["ProfileMatch", "display_name", "find_profiles", "suggest_profiles"]
@@ -50,12 +50,12 @@ def find_profiles(kind: str, text: str, folders: Sequence[Path] = ()) -> list[Pr
     known = {name: _read_names(path) for name, path in profile_paths(kind, folders).items()}
     ranked = []
     for name, names in known.items():
-        ranks = [rank for one in names if (rank := match_rank(query_words, name_words(one)))]
+        ranks = [rank for one in names if (rank := rank_match(query_words, name_words(one)))]
         ranked += [(min(ranks), name)] if ranks else []
     ranked.sort()
     kinds = [rank[0] for rank, _ in ranked]
     is_only = len(kinds) == 1 and kinds[0] < IN_ORDER
-    is_best = len(kinds) > 1 and kinds[0] <= ENDS_ALIKE and kinds[1] > kinds[0]
+    is_best = len(kinds) > 1 and kinds[0] <= AT_THE_END and kinds[1] > kinds[0]
     is_sure = (is_only or is_best) and any(word.isalpha() for word in query_words)
     return [
         ProfileMatch(name, known[name][1] or name, is_sure and i == 0) for i, (_, name) in enumerate(ranked)
@@ -74,7 +74,7 @@ def suggest_profiles(kind: str, text: str, folders: Sequence[Path] = ()) -> str:
         (len(words), name)
         for name, path in paths.items()
         for words in map(name_words, _read_names(path))
-        if len(words) > 1 and (rank := match_rank(words, query_words)) and rank[0] < IN_ORDER
+        if len(words) > 1 and (rank := rank_match(words, query_words)) and rank[0] < IN_ORDER
     ]
     near = (
         [max(contained)[1]]
