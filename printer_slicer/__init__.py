@@ -182,11 +182,11 @@ def __dir__() -> list[str]:
     return __all__
 
 
-def _as_svg(value: object) -> str:
-    """Draw a value as an SVG document, for notebooks."""
+def _draw_svg(value: object) -> str:
+    """Return the drawing of a value as an SVG document, for notebooks."""
     from printer_slicer.drawing import draw  # noqa: PLC0415 - import the drawing package only when needed
 
     return draw(value).svg()
 
 
-repr_svg.set_svg_renderer(_as_svg)
+repr_svg.set_svg_renderer(_draw_svg)

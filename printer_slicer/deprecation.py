@@ -10,7 +10,7 @@ __all__ = ["accept_former_option", "renamed_method", "warn_renamed"]
 
 
 def warn_renamed(old: str, new: str, stacklevel: int = 3) -> None:
-    """Warn that a Python name is a former one.
+    """Warn that a Python name was replaced by another one.
 
     Args:
         old: the former name.
@@ -30,7 +30,7 @@ def accept_former_option(options: dict[str, Any], old: str, new: str) -> None:
     Args:
         options: keyword arguments; changed in place.
         old: the former name.
-        new: the current name; if both are given, its value counts.
+        new: the current name; if both are given, the value of this one is used.
     """
     if old in options:
         warn_renamed(old, new, stacklevel=4)

@@ -2,14 +2,14 @@
 
     PrinterSlicerError                1
     ├── UsageError                    2   an option, a name or a setting is invalid
-    │   ├── ProfileError              2   a profile is invalid: names file, key and limit
+    │   ├── ProfileError              2   a profile is invalid; the message names file, key and limit
     │   ├── PolicyError               2   the job contains a command that is not allowed
     │   └── StrategyError             2   a user's function returned an invalid value
     ├── PartError                     3   the part cannot be sliced
     │   ├── MeshError                 3   the file is not a usable mesh
     │   └── PlanError                 3   no layer plan exists within the machine's limits
     ├── OutputError                   2   the output cannot be written
-    ├── PortError                     4   no such port, busy, not allowed, gone
+    ├── PortError                     4   the port is missing, busy, not permitted, or was disconnected
     ├── PrintError                    5   the printer stopped before the end of the job
     ├── Cancelled                     6   the user stopped the work
     └── VerificationError             7   the executed commands differ from the job
@@ -61,7 +61,7 @@ class ProfileError(UsageError):
 
 
 class PolicyError(UsageError):
-    """A job contains commands that are not allowed; `names` lists the findings that `Job.allowing` would permit."""
+    """A job contains commands that are not allowed; `names` lists the findings to pass to `Job.allowing`."""
 
     def __init__(self, message: str, *, remedy: str = "", names: tuple[str, ...] = ()) -> None:
         super().__init__(message, remedy=remedy)

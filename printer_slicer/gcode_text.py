@@ -8,7 +8,7 @@ from printer_slicer.extrusion import move_seconds
 from printer_slicer.gcode import write_gcode
 from printer_slicer.model import Labels, Mesh, Program
 from printer_slicer.profile import Profile
-from printer_slicer.strategies import OURS, Strategies, run_line_functions
+from printer_slicer.strategies import BUILT_IN, Strategies, run_line_functions
 from printer_slicer.surface import Certificate, certificate_comments
 from printer_slicer.thumbnails import thumbnail_lines
 
@@ -22,7 +22,7 @@ def gcode_of(  # noqa: PLR0913 - all options have defaults
     part: Mesh | None = None,
     certificate: Certificate | None = None,
     labels: Labels | None = None,
-    strategies: Strategies = OURS,
+    strategies: Strategies = BUILT_IN,
     made: datetime | None = None,
 ) -> bytes:
     """Write a program as G-code in the printer's dialect; the output is deterministic.

@@ -1,4 +1,4 @@
-"""Open files that a user names, with a timeout for named pipes without a writer and a size limit."""
+"""Open the files that a user names, with a size limit and a timeout for named pipes that no program writes to."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from typing import Final
 __all__ = ["WRITER_SECONDS", "check_is_file", "open_input", "read_input"]
 
 WRITER_SECONDS: Final = 10.0
-"""Timeout, s, for a program to open a named pipe for writing."""
+"""Time, s, to wait for a program to open a named pipe for writing."""
 
 
 def open_input(path: Path, writer_seconds: float = WRITER_SECONDS) -> BufferedReader:
     """Open a file for reading in binary mode.
 
-    A pipe with a writer has no timeout.
+    The timeout ends when a program opens the pipe for writing; later pauses of that program do not count.
 
     Args:
         path: a file, a device or a pipe.
@@ -45,7 +45,7 @@ def open_input(path: Path, writer_seconds: float = WRITER_SECONDS) -> BufferedRe
 
 
 def read_input(path: Path, most: int, writer_seconds: float = WRITER_SECONDS) -> bytes:
-    """Read all of a file.
+    """Read a whole file, up to a size limit.
 
     Args:
         path: a file, a device or a pipe.
@@ -53,7 +53,7 @@ def read_input(path: Path, most: int, writer_seconds: float = WRITER_SECONDS) ->
         writer_seconds: as for `open_input`.
 
     Raises:
-        OSError: it cannot be read, or is longer (EFBIG).
+        OSError: the file cannot be read, or is larger than the limit (EFBIG).
         ValueError: the name contains a zero byte.
     """
     with open_input(path, writer_seconds) as file:
@@ -65,10 +65,10 @@ def read_input(path: Path, most: int, writer_seconds: float = WRITER_SECONDS) ->
 
 
 def check_is_file(path: Path) -> None:
-    """Check that a path is a regular file, because opening a pipe could block.
+    """Check that a path is a regular file and not, for example, a pipe that would block when it is opened.
 
     Raises:
-        OSError: it is missing, or is a pipe, a folder or a device.
+        OSError: the file is missing, or is a pipe, a folder or a device.
     """
     if not stat.S_ISREG(path.stat().st_mode):
-        raise OSError(errno.EINVAL, "a pipe, a folder or a device, no file", str(path))
+        raise OSError(errno.EINVAL, "not a regular file but a pipe, a folder or a device", str(path))

@@ -12,17 +12,17 @@ __all__ = ["lazy_names"]
 def lazy_names(
     package: str, homes: Mapping[str, str], renamed: Mapping[str, str] | None = None
 ) -> Callable[[str], object]:
-    """Return the `__getattr__` of a package.
+    """Return a `__getattr__` for a package, which imports a public name when it is first used.
 
     Args:
         package: full name of the package.
         homes: public name -> module of the package that defines it.
         renamed: former public name -> the name that replaces it. If the package has the new name, the former one still
-            works, with a warning; else the error names the new one.
+            works, with a warning; otherwise the error message names the new one.
     """
 
     def load(name: str) -> object:
-        """Import a public name and keep it in the package.
+        """Import a public name, and store it in the package.
 
         Raises:
             AttributeError: the package has no such name.

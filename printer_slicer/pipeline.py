@@ -25,7 +25,7 @@ from printer_slicer.progress import Report, quiet
 from printer_slicer.regions import classify
 from printer_slicer.slicing import section_repairs
 from printer_slicer.stages import SliceOptions, Stages, check_part
-from printer_slicer.strategies import OURS, Strategies, run_program_functions
+from printer_slicer.strategies import BUILT_IN, Strategies, run_program_functions
 from printer_slicer.time_budget import choose_plan
 from printer_slicer.travels import travel
 
@@ -40,7 +40,7 @@ def slice_stages(  # noqa: PLR0913 - all options have defaults
     placement: Placement = IN_THE_MIDDLE,
     report: Report = quiet,
     strict: bool = False,
-    strategies: Strategies = OURS,
+    strategies: Strategies = BUILT_IN,
 ) -> Stages:
     """Slice a part and keep the result of each stage.
 
@@ -81,7 +81,7 @@ def slice_planned(
     plan: LayerPlan | Sequence[LayerPlan],
     profile: Profile,
     report: Report = quiet,
-    strategies: Strategies = OURS,
+    strategies: Strategies = BUILT_IN,
 ) -> Stages:
     """Slice a placed part with a given layer plan; arguments and errors are those of `slice_stages`."""
     profile = apply_spiral_settings(profile)
@@ -111,7 +111,7 @@ def slice_planned(
     return Stages(part, solid, *joined, toolpaths, travels, program, link, labels)
 
 
-def plan_part(part: Mesh, profile: Profile, strategies: Strategies = OURS) -> LayerPlan:
+def plan_part(part: Mesh, profile: Profile, strategies: Strategies = BUILT_IN) -> LayerPlan:
     """Plan the layers of a placed part within the time budget; arguments and errors are those of `slice_stages`."""
     return choose_plan(part, profile, strategies, slice_planned)
 

@@ -11,4 +11,4 @@ Report = Callable[[str], None]
 
 
 def quiet(stage: str) -> None:
-    """Ignore progress; the default `Report`."""
+    """Ignore the progress report; this is the default `Report`."""

@@ -1,4 +1,4 @@
-"""Make print jobs from models: slice, write G-code, and lint it like a file."""
+"""Make print jobs from models: slice, write the G-code, and lint it as if it were read from a file."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from printer_slicer.placing import IN_THE_MIDDLE, Placement
 from printer_slicer.profile import Profile, load_profile
 from printer_slicer.progress import Report, quiet
 from printer_slicer.stages import Stages
-from printer_slicer.strategies import OURS, Strategies
+from printer_slicer.strategies import BUILT_IN, Strategies
 from printer_slicer.texts import describe_type
 
 __all__ = ["job_from", "job_of", "slice"]
 
-_ALLOWED: Final = frozenset({"wait"})  # pauses come from the settings
+_ALWAYS_ALLOWED: Final = frozenset({"wait"})  # a pause in our own G-code is one that the settings ask for
 
 
 def job_from(path: Path, profile: Profile, *, report: Report = quiet, strict: bool = False) -> Job:
@@ -55,7 +55,7 @@ def job_of(  # noqa: PLR0913 - all options have defaults
     placement: Placement = IN_THE_MIDDLE,
     report: Report = quiet,
     strict: bool = False,
-    strategies: Strategies = OURS,
+    strategies: Strategies = BUILT_IN,
 ) -> Job:
     """Make a job from a part.
 
@@ -81,7 +81,9 @@ def job_of(  # noqa: PLR0913 - all options have defaults
     report("writing")
     text = gcode_of(stages.program, profile, part=stages.part, labels=stages.labels, strategies=strategies)
     job = lint_text(name or stages.part.name, text, profile, dialect=strategies.flavour)
-    return replace(job, program=stages.program, allowed=_ALLOWED, repairs=stages.repairs, profile=profile)
+    return replace(
+        job, program=stages.program, allowed=_ALWAYS_ALLOWED, repairs=stages.repairs, profile=profile
+    )
 
 
 def slice(  # noqa: A001 - called as ps.slice
@@ -101,12 +103,12 @@ def slice(  # noqa: A001 - called as ps.slice
     Args:
         path_or_mesh: a model file, such as STL, 3MF, OBJ or STEP, or a mesh.
         printer: name of a printer profile, its display name such as "Ender 3", or a TOML file; None: the default.
-        material: likewise.
-        quality: likewise.
+        material: material profile, named like the printer.
+        quality: quality profile, named like the printer.
         profiles: folders of profiles that are searched before the user's and the shipped ones.
-        **settings: settings to change, by the names used here or by those of PrusaSlicer, OrcaSlicer and Cura. Two
-            underscores or a dict lead into a table: `speeds__travel=120` or `speeds={"travel": 120}`. A percentage is
-            text, such as "20%". A `layer_height` without a planner means uniform layers.
+        **settings: settings to change, by the names used here or by those of PrusaSlicer, OrcaSlicer and Cura. A key
+            in a table is written with two underscores, or with a dict: `speeds__travel=120`, `speeds={"travel": 120}`.
+            A percentage is text, such as "20%". A `layer_height` without a planner means uniform layers.
 
     Raises:
         UsageError: a file cannot be read, or a profile or a setting does not exist or is out of bounds.
@@ -114,7 +116,7 @@ def slice(  # noqa: A001 - called as ps.slice
     """
     name = ""
     if not isinstance(path_or_mesh, Mesh):
-        name = _model_path(path_or_mesh).name
+        name = _check_model_path(path_or_mesh).name
     names: dict[str, Any] = {
         kind: None if value is None else os.fspath(value)
         for kind, value in (("printer", printer), ("material", material), ("quality", quality))
@@ -126,16 +128,16 @@ def slice(  # noqa: A001 - called as ps.slice
     return job_of(part, profile, name=name)
 
 
-def _model_path(given: object) -> Path:
-    """Return the path of a model file.
+def _check_model_path(given: object) -> Path:
+    """Return a value as the path of a model file.
 
     Raises:
-        UsageError: the value is not a file name, or that of a G-code file.
+        UsageError: the value is not a file name, or is the name of a G-code file.
     """
     if not isinstance(given, str | os.PathLike):
         raise UsageError(
             f"the part must be a file name or a Mesh, not {describe_type(given)}",
-            remedy='Write it like this: ps.slice("part.stl")',
+            remedy='Pass a file name or a Mesh, for example ps.slice("part.stl")',
         )
     path = Path(given)
     if is_gcode(path):
@@ -149,42 +151,42 @@ def _model_path(given: object) -> Path:
 def _translate_settings(
     settings: Mapping[str, object], names: Mapping[str, Any], folders: Sequence[Path]
 ) -> dict[str, Any]:
-    """Return settings given as arguments as changes for `load_profile`.
+    """Convert the keyword arguments of `slice` to changes for `load_profile`.
 
     Raises:
-        ProfileError: a setting of another slicer has no counterpart, or a word means another setting.
+        ProfileError: a setting of another slicer has no counterpart, or a name is ambiguous.
     """
 
-    def around() -> Profile:
+    def load_base_profile() -> Profile:
         return load_profile(**names, slices=False, folders=folders)
 
     changes: dict[str, Any] = {}
-    for key, value in _flat(settings):
-        found = translate_setting(key, _as_text(value), around, _as_argument)
+    for key, value in _flatten_settings(settings):
+        found = translate_setting(key, _format_for_other_slicer(value), load_base_profile, _format_argument)
         changes |= {key: value} if found is None else found.changes
     return changes
 
 
-def _flat(settings: Mapping[str, object], table: str = "") -> Iterator[tuple[str, object]]:
-    """Yield dotted keys and values of settings in nested tables; a planner may be given by its name alone."""
+def _flatten_settings(settings: Mapping[str, object], table: str = "") -> Iterator[tuple[str, object]]:
+    """Yield (dotted key, value) of settings in nested tables; `planner` becomes the key `planner.kind`."""
     for name, value in settings.items():
         key = table + str(name).replace("__", ".")
         if isinstance(value, Mapping):
-            yield from _flat(value, f"{key}.")
+            yield from _flatten_settings(value, f"{key}.")
         elif key.removeprefix("quality.") == "planner":
             yield f"{key}.kind", value
         else:
             yield key, value
 
 
-def _as_text(value: object) -> str:
-    """Return a value as other slicers write it in their files."""
+def _format_for_other_slicer(value: object) -> str:
+    """Format a setting's value as other slicers write it in their files."""
     if isinstance(value, bool):
         return str(int(value))
     return ",".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
 
 
-def _as_argument(name: str, value: str) -> str:
-    """Return a setting as an argument of `slice`."""
+def _format_argument(name: str, value: str) -> str:
+    """Format a setting as a keyword argument of `slice`, for messages."""
     is_number = value.removeprefix("-").replace(".", "", 1).isdigit()
     return f"{name.replace('.', '__')}={value if is_number else repr(value)}"

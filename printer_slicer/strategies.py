@@ -1,7 +1,7 @@
 """User functions that replace built-in planners, infill patterns, flavours and post-processors.
 
-They get the same arguments as the built-in functions. Their results are checked at once, so that an error message names
-the function instead of a later stage. Exceptions that they raise pass through unchanged.
+A user function gets the same arguments as the built-in function that it replaces. Its result is checked at once, so
+that an error message names the function and not a later stage. Exceptions that it raises pass through unchanged.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ from printer_slicer.planning import Planner
 from printer_slicer.profile import Profile
 from printer_slicer.texts import callable_name, describe_type
 
-__all__ = ["OURS", "Strategies", "check_plan", "run_line_functions", "run_program_functions"]
+__all__ = ["BUILT_IN", "Strategies", "check_plan", "run_line_functions", "run_program_functions"]
 
-_DUST: Final = 1e-6  # mm; floating-point error of sums of heights
-_LATTICE: Final = 1e-3  # of a z step
+_ROUNDING_ERROR: Final = 1e-6  # mm, of sums of heights
+_STEP_TOLERANCE: Final = 1e-3  # z steps
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Strategies:
-    """User functions that replace built-in ones; for everything else the profile decides.
+    """User functions that replace built-in ones; the profile sets everything else.
 
     Attributes:
         planner: (placed part, profile) -> layer plan. Layer heights must be within the printer's limits, layers must
@@ -53,14 +53,14 @@ class Strategies:
         if self.flavour is not None and not isinstance(self.flavour, Dialect):
             raise StrategyError(
                 f"flavour {callable_name(self.flavour)}: is {describe_type(self.flavour)}, not a Dialect",
-                remedy='Change an existing one: dataclasses.replace(ps.FLAVOURS["marlin"], pause="M600")',
+                remedy='Derive one from a built-in flavour: dataclasses.replace(ps.FLAVOURS["marlin"], pause="M600")',
             )
         for name in ("planner", "infill"):
             _check_function(name, getattr(self, name))
         for name in ("on_program", "on_lines"):
-            given = getattr(self, name)
-            if callable(given):
-                object.__setattr__(self, name, (given,))
+            value = getattr(self, name)
+            if callable(value):
+                object.__setattr__(self, name, (value,))
             for one in getattr(self, name):
                 _check_function(name, one)
 
@@ -71,41 +71,41 @@ class Strategies:
 
     @property
     def checked_flavour(self) -> Dialect | None:
-        """The flavour, with a check of every line that it returns; None if not set."""
+        """The flavour with functions that check every line they return; None if not set."""
         return _wrap_flavour(self.flavour) if self.flavour else None
 
     def facts(self) -> tuple[str, ...]:
-        """Return comment lines that name the user functions, because the settings in the file do not."""
+        """Return comment lines that name the user's planner and infill, which no setting in the file names."""
         infill = self.custom_infill
         named = {"planner": self.planner and callable_name(self.planner), "infill": infill and infill.name}
-        return tuple(f"{what} = {name}, a function from outside" for what, name in named.items() if name)
+        return tuple(f"{what} = {name}, a user function" for what, name in named.items() if name)
 
 
-def _check_function(name: str, given: object) -> None:
-    if given is None or callable(given) or (name == "infill" and isinstance(given, Infill)):
+def _check_function(name: str, value: object) -> None:
+    if value is None or callable(value) or (name == "infill" and isinstance(value, Infill)):
         return
     raise StrategyError(
-        f"{name}: {given!r} cannot be called",
-        remedy=f"Pass the function itself; for a built-in one use the setting quality.{name}"
-        if isinstance(given, str)
+        f"{name}: {value!r} cannot be called",
+        remedy=f"Pass the function itself; to use a built-in one, change the setting quality.{name}"
+        if isinstance(value, str)
         else "Pass a function",
     )
 
 
-OURS: Final = Strategies()
+BUILT_IN: Final = Strategies()
 
 
 # Planners
 
 
 def check_plan(plan: object, part: Mesh, profile: Profile, planner: object) -> LayerPlan:
-    """Check the plan that a user's planner returned, and return it.
+    """Check the layer plan that a user's planner returned, and return it.
 
     Args:
-        plan: the value it returned.
-        part: placed on the bed.
-        profile: gives the printer's limits.
-        planner: the function, for messages.
+        plan: the value that the planner returned.
+        part: the part, placed on the bed.
+        profile: the profile with the printer's limits.
+        planner: the user's function, for messages.
 
     Raises:
         StrategyError: the value is no LayerPlan, exceeds the printer's limits, or does not cover the part.
@@ -114,7 +114,7 @@ def check_plan(plan: object, part: Mesh, profile: Profile, planner: object) -> L
     if not isinstance(plan, LayerPlan):
         raise StrategyError(
             f"{name}: returned {describe_type(plan)}, not a LayerPlan",
-            remedy="Return ps.LayerPlan.from_tops(tops), with tops (L,) the z of the top of each layer, mm",
+            remedy="Return ps.LayerPlan.from_tops(tops), where tops (L,) has the z of the top of each layer in mm",
         )
     if not plan.n_layers:
         raise StrategyError(
@@ -122,7 +122,7 @@ def check_plan(plan: object, part: Mesh, profile: Profile, planner: object) -> L
             remedy=f"Cover the part, which is {part.height:.4g} mm high (part.height)",
         )
     _check_heights(name, plan, profile)
-    off = np.abs(plan.top / step - np.round(plan.top / step)) > _LATTICE
+    off = np.abs(plan.top / step - np.round(plan.top / step)) > _STEP_TOLERANCE
     if off.any():
         k = int(np.argmax(off))
         raise StrategyError(
@@ -130,7 +130,7 @@ def check_plan(plan: object, part: Mesh, profile: Profile, planner: object) -> L
             remedy="Round the tops: np.round(tops / step) * step with step = profile.printer.z_step",
         )
     low, high, top = float(plan.bottom[-1]), float(plan.top[-1]), part.height
-    if high < top - step - _DUST or low >= top:
+    if high < top - step - _ROUNDING_ERROR or low >= top:
         raise StrategyError(
             f"{name}: the last layer goes from {low:.6g} to {high:.6g} mm, but the part ends at {top:.6g} mm",
             remedy="Make the last layer contain the top of the part (part.height)",
@@ -139,10 +139,10 @@ def check_plan(plan: object, part: Mesh, profile: Profile, planner: object) -> L
 
 
 def _check_heights(name: str, plan: LayerPlan, profile: Profile) -> None:
-    """Check that layer heights are within the printer's limits and cut planes within their layers."""
+    """Check that the printer can print the layer heights, and that each cut plane lies within its layer."""
     printer = profile.printer
     heights = np.diff(plan.top, prepend=0.0)
-    fits = (heights >= printer.min_layer - _DUST) & (heights <= printer.max_layer + _DUST)
+    fits = (heights >= printer.min_layer - _ROUNDING_ERROR) & (heights <= printer.max_layer + _ROUNDING_ERROR)
     if not fits.all():  # false for nan, too
         k = int(np.argmin(fits))
         raise StrategyError(
@@ -154,8 +154,9 @@ def _check_heights(name: str, plan: LayerPlan, profile: Profile) -> None:
     if not within.all():
         k = int(np.argmin(within))
         raise StrategyError(
-            f"{name}: layer {k + 1} from {plan.bottom[k]:.6g} to {plan.top[k]:.6g} mm is cut at {plan.cut[k]:.6g} mm",
-            remedy="Cut it between bottom and top; ps.LayerPlan.from_tops(tops) cuts in the middle",
+            f"{name}: layer {k + 1} from {plan.bottom[k]:.6g} to {plan.top[k]:.6g} mm is cut at {plan.cut[k]:.6g} mm,"
+            " which is not inside the layer",
+            remedy="Cut each layer between its bottom and top; ps.LayerPlan.from_tops(tops) cuts it in the middle",
         )
 
 
@@ -168,8 +169,8 @@ def run_program_functions(
     """Apply the user's functions to the moves, in order.
 
     Args:
-        program: the moves.
-        functions: the functions.
+        program: the moves of the print.
+        functions: the user's functions.
         n_tools: number of extruders of the profile.
 
     Raises:
@@ -191,7 +192,7 @@ def _check_tools(name: str, program: Program, n_tools: int) -> None:
     wrong = {tool for tool in tools if not 0 <= tool < n_tools}
     if wrong:
         raise StrategyError(
-            f"{name}: uses tool {min(wrong)}, but the profile has {n_tools}",
+            f"{name}: uses tool {min(wrong)}, but the number of extruders in the profile is {n_tools}",
             remedy="Use indices of `Profile.extruders`, counted from 0",
         )
 
@@ -204,8 +205,8 @@ def _check_program(name: str, program: object, n_layers: int) -> None:
         )
     if program.plan.n_layers != n_layers:
         raise StrategyError(
-            f"{name}: the plan has {program.plan.n_layers} layers now, before it had {n_layers}",
-            remedy="Change only the moves; layers are chosen by a planner",
+            f"{name}: changed the number of layers from {n_layers} to {program.plan.n_layers}",
+            remedy="Change only the moves; a planner chooses the layers",
         )
     good = np.isfinite(program.xyz).all(axis=1) & np.isfinite(program.filament)
     good &= np.isfinite(program.speed) & (program.speed > 0)
@@ -220,7 +221,7 @@ def _check_program(name: str, program: object, n_layers: int) -> None:
     layer = program.layer
     if len(layer) and not ((np.diff(layer) >= 0).all() and 0 <= layer[0] <= layer[-1] < n_layers):
         raise StrategyError(
-            f"{name}: the layers of the moves do not ascend from 0 to {n_layers - 1}",
+            f"{name}: the layer numbers of the moves do not ascend from 0 to {n_layers - 1}",
             remedy="Keep the moves of a layer together, and the layers in order",
         )
     places = [event.index for event in program.events]
@@ -239,19 +240,19 @@ def run_line_functions(text: bytes, functions: Sequence[Callable[[list[str]], It
     """
     for function in functions:
         name = f"on_lines {callable_name(function)}"
-        given: Any = function(text.decode("utf-8").removesuffix("\n").split("\n"))
-        if given is None or isinstance(given, str | bytes):
+        value: Any = function(text.decode("utf-8").removesuffix("\n").split("\n"))
+        if value is None or isinstance(value, str | bytes):
             raise StrategyError(
-                f"{name}: returned {describe_type(given)}, not lines",
+                f"{name}: returned {describe_type(value)}, not lines",
                 remedy="Return a list of lines without line ends, or yield them one by one",
             )
-        lines = list(given)
+        lines = list(value)
         for number, line in enumerate(lines, 1):
             _check_line(f"{name}: line {number}", line)
         if not any(line.partition(";")[0].strip() for line in lines):
             raise StrategyError(
-                f"{name}: no command is left in {len(lines)} lines",
-                remedy="Return the lines it was given, too; an exhausted generator yields none",
+                f"{name}: returned {len(lines)} lines without a command",
+                remedy="Return the given lines too; a generator that was used before yields nothing",
             )
         text = "".join(f"{line}\n" for line in lines).encode()
     return text
@@ -264,12 +265,12 @@ def _check_line(where: str, line: object, *, comment: bool = True) -> None:
     if not line.replace("\t", " ").isprintable():
         raise StrategyError(
             f"{where} contains a control character: {line[:60]!r}",
-            remedy="Return single lines without line ends; use two lines for two commands",
+            remedy="Return lines without line ends, and a separate line for each command",
         )
     if not line.partition(";")[0].isascii() or not (comment or line.strip()):
         raise StrategyError(
             f"{where} is not a command: {line[:60]!r}",
-            remedy="Use ASCII characters in commands; other ones are allowed in comments, after ;",
+            remedy="Use only ASCII characters in commands; other characters are allowed in comments, after ;",
         )
 
 
@@ -281,15 +282,15 @@ def _wrap_flavour(flavour: Dialect) -> Dialect:
     for name in ("labels", "m486"):
         if getattr(flavour, name) not in LABEL_FORMATS:
             raise StrategyError(
-                f"flavour: {name} = {getattr(flavour, name)!r} is not a kind of object label",
+                f"flavour: {name} = {getattr(flavour, name)!r} is not a format of object labels",
                 remedy=f"Use one of {', '.join(LABEL_FORMATS)}",
             )
 
-    def checked(name: str, *, many: bool) -> Any:
-        """Wrap one function of the flavour."""
+    def wrap_function(name: str, *, many: bool) -> Any:
+        """Return a function of the flavour with a check of its result; None if the flavour lacks it."""
         function = getattr(flavour, name)
 
-        def call(*arguments: Any) -> Any:
+        def call_and_check(*arguments: Any) -> Any:
             """Call the function and check what it returns."""
             lines = function(*arguments)
             if many and not isinstance(lines, list):
@@ -301,13 +302,13 @@ def _wrap_flavour(flavour: Dialect) -> Dialect:
                 _check_line(f"flavour: a line of {name}", line, comment=False)
             return lines
 
-        return call if function is not None else None
+        return call_and_check if function is not None else None
 
     return replace(
         flavour,
-        limits=checked("limits", many=True),
-        acceleration=checked("acceleration", many=False),
-        pressure_advance=checked("pressure_advance", many=False),
-        retraction=checked("retraction", many=True),
-        progress=checked("progress", many=False),
+        limits=wrap_function("limits", many=True),
+        acceleration=wrap_function("acceleration", many=False),
+        pressure_advance=wrap_function("pressure_advance", many=False),
+        retraction=wrap_function("retraction", many=True),
+        progress=wrap_function("progress", many=False),
     )

@@ -8,7 +8,7 @@ __all__ = ["callable_name", "describe_type", "format_duration", "format_signific
 
 
 def number(value: float) -> str:
-    """Format a number for G-code: at most five decimals, no needless zeros, no exponent."""
+    """Format a number for G-code: at most five decimals, no trailing zeros, no exponent."""
     return f"{value:z.5f}".rstrip("0").rstrip(".")
 
 
@@ -29,10 +29,10 @@ def format_duration(seconds: float) -> str:
 
 
 def describe_type(value: object) -> str:
-    """Describe the type of a value, for messages."""
+    """Return the type of a value in words, for messages: `a value of type int`, or `nothing` for None."""
     return "nothing" if value is None else f"a value of type {type(value).__name__}"
 
 
 def callable_name(function: object) -> str:
-    """Return the name of a function, or the name of the type of anything else."""
+    """Return the name of a function, or of the type of an object without a name."""
     return str(getattr(function, "__name__", type(function).__name__))

@@ -168,7 +168,7 @@ def test_a_place_where_nothing_can_be_written_is_told(tmp_path: Path) -> None:
 
     with pytest.raises(PrinterSlicerError, match="is a folder") as raised:
         save(tmp_path, b"")
-    assert raised.value.remedy == "Name a file in it"
+    assert raised.value.remedy == "Name a file in this folder"
 
 
 def test_an_announced_number_of_facets_beyond_all_limits_is_told(tmp_path: Path) -> None:

@@ -174,8 +174,8 @@ def test_the_file_tells_which_functions_made_it() -> None:
     chosen = ps.Strategies(planner=thinner_to_the_top, infill=columns)
     text = ps.job_of(PART, PROFILE, strategies=chosen).text.decode()
 
-    assert "; planner = thinner_to_the_top, a function from outside\n" in text
-    assert "; infill = columns, a function from outside\n" in text
+    assert "; planner = thinner_to_the_top, a user function\n" in text
+    assert "; infill = columns, a user function\n" in text
 
 
 def test_without_functions_nothing_changes() -> None:
@@ -282,7 +282,7 @@ REFUSED: dict[str, tuple[dict[str, Any], str, str]] = {
     "layers that are cut at their border": (
         {"planner": plan_of([0.2] * 20, cut=1.0)},
         "layer 1 from 0 to 0.2 mm is cut at 0.2 mm",
-        "cuts in the middle",
+        "cuts it in the middle",
     ),
     "a planner that is a name": ({"planner": "cusp"}, "'cusp' cannot be called", "quality.planner"),
     "infill that is a number": ({"infill": 5}, "infill: 5 cannot be called", "Pass a function"),
@@ -326,13 +326,13 @@ REFUSED: dict[str, tuple[dict[str, Any], str, str]] = {
     ),
     "moves in no order": (
         {"on_program": changed(layer=lambda program: program.layer[::-1])},
-        "the layers of the moves do not ascend from 0 to",
+        "the layer numbers of the moves do not ascend from 0 to",
         "layers in order",
     ),
     "moves of another plan": (
         {"on_program": changed(plan=ps.LayerPlan.from_tops(np.array([0.2])))},
-        "the plan has 1 layers now",
-        "chosen by a planner",
+        "changed the number of layers from 20 to 1",
+        "a planner chooses the layers",
     ),
     "events in no order": (
         {"on_program": changed(events=lambda program: program.events[::-1])},
@@ -360,10 +360,10 @@ LINES: dict[str, tuple[Callable[[list[str]], Any], str, str]] = {
     "two in one": (
         lambda lines: ["G1 X1\nG1 X2", *lines],
         "line 1 contains a control character",
-        "two lines",
+        "a separate line for each command",
     ),
     "letters": (lambda lines: ["M117 größer", *lines], "line 1 is not a command: 'M117 größer'", "ASCII"),
-    "no commands": (lambda _: ["; all", "", "; gone"], "no command is left in 3 lines", "generator"),
+    "no commands": (lambda _: ["; all", "", "; gone"], "returned 3 lines without a command", "generator"),
 }
 
 
@@ -391,7 +391,11 @@ FLAVOURS: dict[str, tuple[dict[str, Any], str, str]] = {
         "a line of progress is a value of type int, not text",
         "type str",
     ),
-    "labels of no kind": ({"labels": "loud"}, "labels = 'loud' is not a kind of object label", "octoprint"),
+    "labels of no kind": (
+        {"labels": "loud"},
+        "labels = 'loud' is not a format of object labels",
+        "octoprint",
+    ),
 }
 
 
