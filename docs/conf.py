@@ -10,7 +10,7 @@ from sphinx.application import Sphinx
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from printer_slicer.cli.commands.man import as_markdown
+from printer_slicer.cli.commands.man import format_markdown_page
 from printer_slicer.version import VERSION
 
 HERE = Path(__file__).parent
@@ -64,7 +64,7 @@ def as_literals(
 
 def setup(app: Sphinx) -> None:
     """Write the page of the command line; look at links as pages are read."""
-    (HERE / "reference" / "cli.md").write_text(as_markdown(), encoding="utf-8")
+    (HERE / "reference" / "cli.md").write_text(format_markdown_page(), encoding="utf-8")
     app.connect("source-read", without_links_outside)
     app.connect(
         "autodoc-process-docstring", as_literals, priority=400

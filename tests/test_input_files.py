@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from printer_slicer.cli.inputs import refuse_other_text
+from printer_slicer.cli.inputs import reject_non_gcode
 from printer_slicer.input_files import open_input, read_input
 
 needs_pipes = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
@@ -71,4 +71,4 @@ def test_a_pipe_is_not_opened_only_to_look_whether_it_is_gcode(tmp_path: Path) -
     pipe = tmp_path / "pipe.gcode"
     os.mkfifo(pipe)
 
-    refuse_other_text(pipe)
+    reject_non_gcode(pipe)

@@ -1,6 +1,6 @@
-"""Options of the command line in messages that name arguments of Python functions.
+"""Replace arguments of Python functions in messages by options of the command line.
 
-Messages from below the command line name arguments in backticks: `scale=0.5`, `units="inch"`, `drop=False`.
+Messages of the library name arguments in backticks: `scale=0.5`, `units="inch"`, `drop=False`.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ import re
 from collections.abc import Mapping
 from typing import Final
 
-__all__ = ["name_flags"]
+__all__ = ["replace_arguments_by_options"]
 
 _FLAGS: Final[Mapping[str, str]] = {
     "as_placed": "--as-placed",
@@ -26,25 +26,25 @@ _FLAGS: Final[Mapping[str, str]] = {
     "strict": "--strict",
     "units": "--units",
 }
-"""Argument, or argument with its value -> option."""
+"""Argument, or argument with a value -> option."""
 
 _ARGUMENT: Final = re.compile(r"`([a-z_.]+)(?:=([^`\n]*))?`")
 _ALLOWING: Final = re.compile(r"`job\.allowing\(\[([^`\n]*)\]\)`")
 
 
-def name_flags(text: str) -> str:
-    """Return a message with options in place of the arguments that it names."""
-    return _ARGUMENT.sub(_flag, _ALLOWING.sub(_allow, text)) if "`" in text else text
+def replace_arguments_by_options(text: str) -> str:
+    """Replace the arguments that a message names in backticks by options of the command line."""
+    return _ARGUMENT.sub(_format_option, _ALLOWING.sub(_format_allow_options, text)) if "`" in text else text
 
 
-def _flag(found: re.Match[str]) -> str:
-    name, value = found.groups()
+def _format_option(match: re.Match[str]) -> str:
+    name, value = match.groups()
     if f"{name}={value}" in _FLAGS:
         return _FLAGS[f"{name}={value}"]
     if name not in _FLAGS:
-        return found[0]
+        return match[0]
     return f"{_FLAGS[name]} {value.strip(chr(34))}" if value else _FLAGS[name]
 
 
-def _allow(found: re.Match[str]) -> str:
-    return " ".join(f"--allow {name}" for name in re.findall(r'"(\w+)"', found[1]))
+def _format_allow_options(match: re.Match[str]) -> str:
+    return " ".join(f"--allow {name}" for name in re.findall(r'"(\w+)"', match[1]))

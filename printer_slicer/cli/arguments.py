@@ -1,4 +1,4 @@
-"""Options that several commands share: profiles and settings, models, output, checks, connection."""
+"""Options that several commands share: for profiles and settings, models, output, checks and the connection."""
 
 from __future__ import annotations
 
@@ -11,99 +11,119 @@ from math import inf, isfinite
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from printer_slicer.cli.help import advanced
+from printer_slicer.cli.help import mark_advanced
 from printer_slicer.errors import UsageError
 
 __all__ = [
-    "FIRMWARES",
     "SETTING_OPTIONS",
-    "STRICT",
+    "STRICT_HELP",
     "SettingOption",
-    "add_allow",
-    "add_connection",
-    "add_firmware",
+    "add_allow_option",
+    "add_connection_options",
     "add_layer_options",
-    "add_machine",
-    "add_models",
-    "add_output",
-    "add_settings",
-    "address",
-    "angles",
+    "add_machine_options",
+    "add_model_options",
+    "add_output_options",
+    "add_setting_options",
     "attach_values",
-    "box_of",
-    "copies",
-    "factor",
-    "factors",
-    "height",
-    "infill_share",
-    "length",
-    "number",
-    "patience",
-    "pixels",
-    "point",
-    "positive",
-    "refuse_model_flags",
-    "seconds",
-    "whole",
+    "parse_address",
+    "parse_angles",
+    "parse_box",
+    "parse_copies",
+    "parse_duration",
+    "parse_factor",
+    "parse_height",
+    "parse_infill_density",
+    "parse_integer",
+    "parse_length",
+    "parse_number",
+    "parse_pixels",
+    "parse_point",
+    "parse_positive_integer",
+    "parse_scale",
+    "parse_timeout",
+    "reject_model_options",
 ]
 
-_WITH_SIGN: Final = ("--rotate", "--center", "--box", "--range")
-"""Options whose values may begin with a minus sign, which argparse would take for an option."""
-_SMALLEST_BOX: Final = 0.01  # mm
+_SIGNED_OPTIONS: Final = ("--rotate", "--center", "--box", "--range")
+"""Options whose values may begin with a minus sign; argparse would mistake such a value for an option."""
+_SHORTEST_SIDE: Final = 0.01  # mm, of a box
+_WHOLE_PERCENT: Final = 100
 
 
-def address(text: str) -> tuple[str, int]:
-    """Parse HOST:PORT."""
+def attach_values(argv: Sequence[str]) -> list[str]:
+    """Join values such as `-90,0,0` to their options with `=`, because argparse would take them for options."""
+    result: list[str] = []
+    for argument in argv:
+        if result and result[-1] in _SIGNED_OPTIONS and re.match(r"-[\d.]", argument):
+            result[-1] += f"={argument}"
+        else:
+            result.append(argument)
+    return result
+
+
+def parse_address(text: str) -> tuple[str, int]:
+    """Parse HOST:PORT into a host name and a port number."""
     host, colon, port = text.rpartition(":")
     if not colon or not port.isdecimal() or int(port) > 65_535:
         raise argparse.ArgumentTypeError(f"{text!r} is not HOST:PORT, such as 127.0.0.1:8888")
     return host.strip("[]") or "127.0.0.1", int(port)
 
 
-def factor(text: str) -> float:
+def parse_factor(text: str) -> float:
     """Parse a factor, 0 or more."""
-    return _number(text, "0 or more", lambda value: 0 <= value < inf)
+    return _parse_checked_number(text, "0 or more", lambda value: 0 <= value < inf)
 
 
-def height(text: str) -> float:
+def parse_height(text: str) -> float:
     """Parse a height above the bed, mm."""
-    return _number(text, "a height above the bed in mm, such as 2.4", lambda value: 0 <= value < 10000)
+    return _parse_checked_number(
+        text, "a height above the bed in mm, such as 2.4", lambda value: 0 <= value < 10000
+    )
 
 
-def length(text: str) -> float:
+def parse_length(text: str) -> float:
     """Parse a length in mm, greater than 0."""
-    return _number(text, "a length in mm, such as 0.4", lambda value: 0 < value < 1000)
+    return _parse_checked_number(text, "a length in mm, such as 0.4", lambda value: 0 < value < 1000)
 
 
-def number(text: str) -> float:
+def parse_number(text: str) -> float:
     """Parse any number."""
-    return _number(text, "a number, such as 0.02", lambda _: True)
+    return _parse_checked_number(text, "a number, such as 0.02", lambda _: True)
 
 
-def copies(text: str) -> int:
-    """Return a number of copies."""
-    return int(_number(text, "a number of copies from 1 to 1000", lambda value: 1 <= value <= 1000, int))
+def parse_copies(text: str) -> int:
+    """Parse a number of copies, 1 to 1000."""
+    return int(
+        _parse_checked_number(
+            text, "a number of copies from 1 to 1000", lambda value: 1 <= value <= 1000, int
+        )
+    )
 
 
-def pixels(text: str) -> int:
+def parse_pixels(text: str) -> int:
     """Parse the size of a picture in pixels."""
-    return int(_number(text, "a whole number between 100 and 8000", lambda value: 100 <= value <= 8000, int))
+    return int(
+        _parse_checked_number(
+            text, "a whole number between 100 and 8000", lambda value: 100 <= value <= 8000, int
+        )
+    )
 
 
-def positive(text: str) -> int:
+def parse_positive_integer(text: str) -> int:
     """Parse a whole number greater than 0."""
-    return int(_number(text, "a whole number greater than 0", lambda value: value > 0, int))
+    return int(_parse_checked_number(text, "a whole number greater than 0", lambda value: value > 0, int))
 
 
-def whole(text: str) -> int:
+def parse_integer(text: str) -> int:
     """Parse a whole number."""
-    return int(_number(text, "a whole number", lambda _: True, int))
+    return int(_parse_checked_number(text, "a whole number", lambda _: True, int))
 
 
-def _number(
+def _parse_checked_number(
     text: str, expected: str, fits: Callable[[float], bool], read: Callable[[str], float] = float
 ) -> float:
-    """Parse a number, and raise an error that says what is expected if it does not fit."""
+    """Parse a number, and raise an error with the text `expected` if it is not valid."""
     with suppress(ValueError):
         value = read(text)
         if fits(value):
@@ -111,13 +131,13 @@ def _number(
     raise argparse.ArgumentTypeError(f"{text!r}: expected {expected}")
 
 
-def patience(text: str) -> float:
+def parse_timeout(text: str) -> float:
     """Parse a time in s, 0 or more."""
-    return _number(text, "seconds, 0 or more, such as 120", lambda value: 0 <= value < inf)
+    return _parse_checked_number(text, "seconds, 0 or more, such as 120", lambda value: 0 <= value < inf)
 
 
-def seconds(text: str) -> float:
-    """Parse a time such as 90m, 1h30m, 45s or 5400 into seconds."""
+def parse_duration(text: str) -> float:
+    """Parse a duration such as 90m, 1h30m, 45s or 5400; return it in seconds."""
     number = r"(\d+\.?\d*|\.\d+)"
     found = re.fullmatch(rf"{number}h\s*{number}()", text.strip())  # 1h30: minutes
     found = found or re.fullmatch(rf"(?:{number}h)?\s*(?:{number}m(?:in)?)?\s*(?:{number}s?)?", text.strip())
@@ -127,19 +147,8 @@ def seconds(text: str) -> float:
     return 3600 * hours + 60 * minutes + seconds
 
 
-def attach_values(argv: Sequence[str]) -> list[str]:
-    """Join values such as `-90,0,0` to their options, as argparse needs it."""
-    result: list[str] = []
-    for argument in argv:
-        if result and result[-1] in _WITH_SIGN and re.match(r"-[\d.]", argument):
-            result[-1] += f"={argument}"
-        else:
-            result.append(argument)
-    return result
-
-
-def _numbers(text: str, counts: tuple[int, ...], example: str) -> list[float]:
-    """Parse numbers separated by commas, as many as one of the counts."""
+def _parse_numbers(text: str, counts: tuple[int, ...], example: str) -> list[float]:
+    """Parse numbers separated by commas; how many there may be is one of the counts."""
     try:
         numbers = [float(word) for word in text.split(",")]
     except ValueError:
@@ -149,8 +158,8 @@ def _numbers(text: str, counts: tuple[int, ...], example: str) -> list[float]:
     return numbers
 
 
-class _Factors(NamedTuple):
-    """Scale factors along each axis, and as they were typed."""
+class _ScaleFactors(NamedTuple):
+    """Scale factors along x, y and z, and the text that was typed."""
 
     x: float
     y: float
@@ -158,157 +167,171 @@ class _Factors(NamedTuple):
     text: str
 
 
-def factors(text: str) -> _Factors:
-    """Parse one factor for all axes or one for each, as numbers or percentages."""
+def parse_scale(text: str) -> _ScaleFactors:
+    """Parse one scale factor for all axes, or one for each; they may be percentages."""
     example = "a factor greater than 0, such as 2, 50% or 1,1,2"
     words = [word.strip() for word in text.split(",")]
     plain = ",".join(word.removesuffix("%") for word in words)
-    numbers = _numbers(plain, (1, 3), example)
+    numbers = _parse_numbers(plain, (1, 3), example)
     each = [
         number / 100 if word.endswith("%") else number for number, word in zip(numbers, words, strict=True)
     ]
     if not all(one > 0 for one in each):
-        raise argparse.ArgumentTypeError(f"{text!r}: expected {example}; parts cannot be mirrored here")
+        raise argparse.ArgumentTypeError(
+            f"{text!r}: expected {example}; negative factors cannot mirror a part"
+        )
     x, y, z = each * 3 if len(each) == 1 else each
-    return _Factors(x, y, z, text)
+    return _ScaleFactors(x, y, z, text)
 
 
-def angles(text: str) -> tuple[float, float, float]:
-    """Parse degrees about z, or about x, y and z."""
-    numbers = _numbers(text, (1, 3), "degrees about z such as 45, or X,Y,Z such as 90,0,45")
+def parse_angles(text: str) -> tuple[float, float, float]:
+    """Parse rotation angles in degrees: one about z, or three about x, y and z."""
+    numbers = _parse_numbers(text, (1, 3), "degrees about z such as 45, or X,Y,Z such as 90,0,45")
     x, y, z = [0.0, 0.0, *numbers] if len(numbers) == 1 else numbers
     return x, y, z
 
 
-def point(text: str) -> tuple[float, float]:
+def parse_point(text: str) -> tuple[float, float]:
     """Parse a point on the bed, mm."""
-    x, y = _numbers(text, (2,), "X,Y in mm on the bed, such as 110,110")
+    x, y = _parse_numbers(text, (2,), "X,Y in mm on the bed, such as 110,110")
     return x, y
 
 
-def box_of(text: str) -> tuple[tuple[float, float], tuple[float, float]]:
+def parse_box(text: str) -> tuple[tuple[float, float], tuple[float, float]]:
     """Parse two corners of a rectangle on the bed, mm."""
     example = "two corners X0,Y0,X1,Y1 in mm on the bed, such as 100,100,120,110"
-    x0, y0, x1, y1 = _numbers(text, (4,), example)
-    if min(abs(x1 - x0), abs(y1 - y0)) < _SMALLEST_BOX:
-        raise argparse.ArgumentTypeError(f"{text!r}: smaller than {_SMALLEST_BOX:g} mm; expected {example}")
+    x0, y0, x1, y1 = _parse_numbers(text, (4,), example)
+    if min(abs(x1 - x0), abs(y1 - y0)) < _SHORTEST_SIDE:
+        raise argparse.ArgumentTypeError(f"{text!r}: smaller than {_SHORTEST_SIDE:g} mm; expected {example}")
     return (x0, y0), (x1, y1)
 
 
-_Flags = argparse._ActionsContainer  # noqa: SLF001 - a parser or a group of one
+def parse_infill_density(text: str) -> float:
+    """Parse an infill density into a ratio from 0 to 1: `20%` and `20` give 0.2, as in other slicers."""
+    expected = "a percentage, such as 20%; the pattern is set by --set infill=gyroid"
+    value = _parse_checked_number(
+        text.removesuffix("%"), expected, lambda value: 0 <= value <= _WHOLE_PERCENT
+    )
+    return value / _WHOLE_PERCENT if text.endswith("%") or value > 1 else value
+
+
+_Container = argparse._ActionsContainer  # noqa: SLF001 - base class of parsers and argument groups
 
 
 # Output
 
 
-def add_output(
+def add_output_options(
     parser: argparse.ArgumentParser, group: argparse._ArgumentGroup | None = None
 ) -> argparse._ArgumentGroup:
-    """Add the options for the form of the output, to this group or to a new one; return the group."""
+    """Add --json, --quiet and --verbose to a group of options, by default to a new one; return the group."""
     group = group or parser.add_argument_group("output")
     group.add_argument("--json", action="store_true", help="print the result as JSON")
-    advanced(group.add_argument("-q", "--quiet", action="store_true", help="print only errors"))
-    advanced(group.add_argument("-v", "--verbose", action="store_true", help="print more details"))
+    mark_advanced(group.add_argument("-q", "--quiet", action="store_true", help="print only errors"))
+    mark_advanced(group.add_argument("-v", "--verbose", action="store_true", help="print more details"))
     return group
 
 
 # Profiles and settings
 
 
-def add_settings(parser: argparse.ArgumentParser, *, strict: str = "") -> argparse._ArgumentGroup:
+def add_setting_options(parser: argparse.ArgumentParser, *, strict_help: str = "") -> argparse._ArgumentGroup:
     """Add the options that choose profiles and change settings; return their group.
 
     Args:
-        parser: of the command.
-        strict: help of --strict, for commands that slice; these also get the everyday print settings.
+        parser: parser of the command.
+        strict_help: help of --strict, for commands that slice; they also get the options for everyday settings.
     """
     group = parser.add_argument_group("settings")
     group.add_argument("--printer", metavar="NAME", help="printer profile: a name or a .toml file")
     group.add_argument("--material", metavar="NAME", help="material profile: a name or a .toml file")
     group.add_argument("--quality", metavar="NAME", help="quality profile: a name or a .toml file")
-    if strict:
-        _add_setting_options(group, is_advanced=False)
+    if strict_help:
+        _add_options_of_settings(group, is_advanced=False)
         group.add_argument(
             "--supports",
             metavar="STYLE",
             nargs="?",
             action=_SupportsAction,
-            help="not available yet",
+            help="generate supports; not available yet",
         )
-        advanced(
+        mark_advanced(
             group.add_argument(
                 "--load",
                 metavar="FILE",
                 type=Path,
                 action="append",
                 default=[],
-                help="take profiles from a file of PrusaSlicer, OrcaSlicer or Cura, or a .toml file; may be repeated",
+                help="use the profiles in a .toml file, or in a file of PrusaSlicer, OrcaSlicer or Cura; may be "
+                "repeated",
             )
         )
     group.add_argument(
         "--set", metavar="KEY=VALUE", action="append", default=[], help="change a setting; may be repeated"
     )
-    advanced(
+    mark_advanced(
         group.add_argument(
             "--profiles",
             metavar="FOLDER",
             type=Path,
             action="append",
             default=[],
-            help="search profiles in this folder first; may be repeated",
+            help="search for profiles in this folder first; may be repeated",
         )
     )
-    if strict:
-        advanced(group.add_argument("--strict", action="store_true", help=strict))
+    if strict_help:
+        mark_advanced(group.add_argument("--strict", action="store_true", help=strict_help))
     return group
 
 
 class _SupportsAction(argparse.Action):
-    """Reject --supports with a remedy."""
+    """Action of --supports: rejects the option, because supports are not available yet."""
 
     def __call__(self, *_: object) -> None:
         raise UsageError(
             "--supports: supports are not available yet",
-            remedy="Rotate the part so that nothing needs support (--rotate), or model supports",
+            remedy="Rotate the part with --rotate so that nothing needs support, or add supports to the model",
         )
 
 
-STRICT: Final = "fail if the mesh needs repair"
-_OPTIMAL: Final = " (--planner optimal)"
+STRICT_HELP: Final = "fail if the mesh needs repair"
+_OPTIMAL: Final = " (only with --planner optimal)"
 
 
 class SettingOption(NamedTuple):
-    """An option that stands for a setting.
+    """An option that changes one setting.
 
     Attributes:
-        setting: its key.
-        metavar: of the value.
-        more: text behind the meaning of the setting.
+        setting: key of the setting.
+        metavar: name of the value in the help.
+        help_suffix: text after the meaning of the setting in the help.
         is_advanced: whether only --help-all shows it, among the options of the layer planner.
         alias: another name of the option.
-        alone: value of the option if it is given without one; empty: it needs one.
-        meaning: help, if not the meaning of the setting.
+        value_if_omitted: value if the option is given without one; empty: a value is required.
+        meaning: text of the help before the suffix; empty: the meaning of the setting.
     """
 
     setting: str
     metavar: str
-    more: str = ""
+    help_suffix: str = ""
     is_advanced: bool = True
     alias: str = ""
-    alone: str = ""
+    value_if_omitted: str = ""
     meaning: str = ""
 
     @property
     def help(self) -> str:
-        """Return the meaning of the setting, from where it is declared, and its choices."""
+        """Return the meaning of the setting, as declared in the profile, and its choices."""
         if self.meaning:
-            return self.meaning
-        meaning, choices = _meanings()[self.setting]
-        return meaning + (f": {choices}" if choices else "") + self.more
+            return self.meaning + self.help_suffix
+        meaning, choices = _read_setting_meanings()[self.setting]
+        return meaning + (f"; one of: {choices}" if choices else "") + self.help_suffix
 
 
 SETTING_OPTIONS: Final[Mapping[str, SettingOption]] = {
-    "--layer-height": SettingOption("quality.layer_height", "MM", is_advanced=False),
+    "--layer-height": SettingOption(
+        "quality.layer_height", "MM", is_advanced=False, meaning="uniform layer height"
+    ),
     "--infill": SettingOption(
         "quality.infill_density",
         "PERCENT",
@@ -322,39 +345,69 @@ SETTING_OPTIONS: Final[Mapping[str, SettingOption]] = {
         "quality.brim_width",
         "MM",
         is_advanced=False,
-        alone="5",
-        meaning="brim around the part; without MM 5 mm wide",
+        value_if_omitted="5",
+        meaning="brim around the part, MM wide; without MM: 5 mm",
     ),
     "--planner": SettingOption("quality.planner.kind", "NAME"),
     "--tolerance": SettingOption("quality.tolerance", "MM"),
     "--first-layer": SettingOption("quality.first_layer_height", "MM"),
-    "--containment": SettingOption("quality.containment", "NAME"),
-    "--objective": SettingOption("quality.planner.objective", "NAME", _OPTIMAL),
-    "--error-price": SettingOption("quality.planner.error_price", "S", _OPTIMAL),
-    "--snap": SettingOption("quality.planner.snap_tolerance", "MM", _OPTIMAL),
-    "--max-step": SettingOption("quality.planner.max_step", "MM", _OPTIMAL),
-    "--max-layers": SettingOption("quality.planner.max_layers", "N", _OPTIMAL),
+    "--containment": SettingOption(
+        "quality.containment",
+        "NAME",
+        meaning="side of the surface on which layers may deviate: mid (both sides), positive (only outside) or "
+        "negative (only inside)",
+    ),
+    "--objective": SettingOption(
+        "quality.planner.objective",
+        "NAME",
+        _OPTIMAL,
+        meaning="quantity to minimize: balanced (print time plus the price of the volume error), time (print time), "
+        "layers (number of layers) or volume (volume error)",
+    ),
+    "--error-price": SettingOption(
+        "quality.planner.error_price",
+        "S",
+        meaning="seconds of print time worth spending to avoid 1 mm³ of volume error; 0: computed from "
+        "error_price_ratio (only with --planner optimal --objective balanced)",
+    ),
+    "--snap": SettingOption(
+        "quality.planner.snap_tolerance",
+        "MM",
+        _OPTIMAL,
+        meaning="align layer tops with flat surfaces within this distance; 0: half of printer.z_step",
+    ),
+    "--max-step": SettingOption(
+        "quality.planner.max_step",
+        "MM",
+        _OPTIMAL,
+        meaning="maximum height difference between neighbouring layers; 0: follows from the setting smooth",
+    ),
+    "--max-layers": SettingOption(
+        "quality.planner.max_layers",
+        "N",
+        _OPTIMAL,
+        meaning="maximum number of layers; the planner minimizes the volume error within it; 0: no limit",
+    ),
     "--time-budget": SettingOption(
-        "quality.planner.time_budget", "TIME", "; for example 90m, 1h30m or 5400" + _OPTIMAL
+        "quality.planner.time_budget",
+        "TIME",
+        _OPTIMAL,
+        meaning="maximum estimated print time, such as 90m, 1h30m or 5400 (seconds); the planner minimizes the volume "
+        "error within it; 0: no limit",
     ),
 }
-"""Option -> setting, in the order of the help."""
+"""Option -> the setting that it changes, in the order of the help."""
 
 
-def infill_share(text: str) -> float:
-    """Return an infill density from 0 to 1: `20%` and `20` are 0.2, as in other slicers."""
-    expected = "a percentage, such as 20%; the pattern is set by --set infill=gyroid"
-    value = _number(text.removesuffix("%"), expected, lambda value: 0 <= value <= _WHOLE_PERCENT)
-    return value / _WHOLE_PERCENT if text.endswith("%") or value > 1 else value
-
-
-_WHOLE_PERCENT: Final = 100
-_READERS: Final[Mapping[str, Callable[[str], object]]] = {"--time-budget": seconds, "--infill": infill_share}
+_PARSERS: Final[Mapping[str, Callable[[str], object]]] = {
+    "--time-budget": parse_duration,
+    "--infill": parse_infill_density,
+}
 
 
 @cache
-def _meanings() -> Mapping[str, tuple[str, str]]:
-    """Return the meaning and the choices of each setting; settings of the optimal planner without its name."""
+def _read_setting_meanings() -> Mapping[str, tuple[str, str]]:
+    """Return setting -> (meaning, choices); keys of the optimal planner's settings do not contain its name."""
     from printer_slicer.profile.tables import settings_table
 
     rows = [row for row in settings_table() if "[" not in row.key or "[optimal]" in row.key]
@@ -362,7 +415,7 @@ def _meanings() -> Mapping[str, tuple[str, str]]:
 
 
 class _SettingAction(argparse._StoreAction):  # noqa: SLF001 - what `action="store"` is has no other name
-    """An action whose help is made when it is read, so that parsing does not load the settings."""
+    """An action that creates its help text only when it is shown, so that parsing does not load the settings."""
 
     def __init__(self, *given: Any, option: SettingOption, **named: Any) -> None:
         self._option = option
@@ -375,15 +428,17 @@ class _SettingAction(argparse._StoreAction):  # noqa: SLF001 - what `action="sto
 
     @help.setter  # noqa: A003 - argparse's name for it
     def help(self, _: object) -> None:
-        """Ignore what argparse sets."""
+        """Ignore the text that argparse sets."""
 
 
-def _add_setting_options(group: argparse._ArgumentGroup, *, is_advanced: bool) -> None:
-    """Add the options of one tier that stand for a setting."""
+def _add_options_of_settings(group: argparse._ArgumentGroup, *, is_advanced: bool) -> None:
+    """Add the options that change one setting each: the everyday ones, or the advanced ones."""
     for flag, option in SETTING_OPTIONS.items():
         if option.is_advanced != is_advanced:
             continue
-        optional: dict[str, Any] = {"nargs": "?", "const": option.alone} if option.alone else {}
+        optional: dict[str, Any] = (
+            {"nargs": "?", "const": option.value_if_omitted} if option.value_if_omitted else {}
+        )
         action = group.add_argument(
             flag,
             *([option.alias] if option.alias else []),
@@ -391,26 +446,26 @@ def _add_setting_options(group: argparse._ArgumentGroup, *, is_advanced: bool) -
             option=option,
             metavar=option.metavar,
             dest=f"setting {option.setting}",
-            type=_READERS.get(flag, str),
+            type=_PARSERS.get(flag, str),
             **optional,
         )
         if is_advanced:
-            advanced(action)
+            mark_advanced(action)
 
 
 def add_layer_options(parser: argparse.ArgumentParser) -> None:
     """Add the options for overrides and for the layer planner."""
     group = parser.add_argument_group("overrides")
-    advanced(
+    mark_advanced(
         group.add_argument(
             "--range",
             metavar="LOW:HIGH:KEY=VALUE",
             action="append",
             default=[],
-            help="change a setting, tolerance or layer_height between two heights in mm; may be repeated",
+            help="change a setting, the tolerance or the layer_height between two heights in mm; may be repeated",
         )
     )
-    advanced(
+    mark_advanced(
         group.add_argument(
             "--set-for",
             metavar="OBJECT:KEY=VALUE",
@@ -420,13 +475,13 @@ def add_layer_options(parser: argparse.ArgumentParser) -> None:
         )
     )
     group = parser.add_argument_group("layer planner")
-    _add_setting_options(group, is_advanced=True)
-    advanced(
+    _add_options_of_settings(group, is_advanced=True)
+    mark_advanced(
         group.add_argument(
             "--heights",
             metavar="LIST",
             dest="setting heights",
-            help="allowed layer heights in mm: 0.1,0.2,0.3 or LOW:HIGH or LOW:HIGH:STEP",
+            help="allowed layer heights in mm: a list such as 0.1,0.2,0.3, or a range LOW:HIGH or LOW:HIGH:STEP",
         )
     )
 
@@ -435,7 +490,7 @@ def add_layer_options(parser: argparse.ArgumentParser) -> None:
 
 
 UNITS: Final = ("mm", "cm", "m", "inch", "foot", "micron")
-_USUAL: Final = {
+_MODEL_DEFAULTS: Final = {
     "units": None,
     "scale": None,
     "rotate": None,
@@ -448,7 +503,7 @@ _USUAL: Final = {
 """Defaults of the options for models."""
 
 
-def add_models(
+def add_model_options(
     parser: argparse.ArgumentParser,
     *,
     gcode: bool = False,
@@ -456,14 +511,14 @@ def add_models(
     meaning: str = "",
     required: bool = False,
 ) -> None:
-    """Add the models of a command, and the options for their units and placement.
+    """Add the argument for the models of a command, and the options for their units and placement.
 
     Args:
-        parser: of the command.
+        parser: parser of the command.
         gcode: whether one G-code file may be given instead.
         flag: the option that names the models, for commands with another positional argument.
         meaning: help of that option.
-        required: whether it must be given.
+        required: whether that option is required.
     """
     metavar = "MODEL|FILE.gcode" if gcode else "MODEL"
     if flag:
@@ -482,187 +537,158 @@ def add_models(
             "; or one G-code file" if gcode else ""
         )
         parser.add_argument("models", metavar=metavar, type=Path, nargs="+", help=what)
-    _add_placement(parser)
+    _add_placement_options(parser)
 
 
-def _add_placement(parser: argparse.ArgumentParser) -> None:
+def _add_placement_options(parser: argparse.ArgumentParser) -> None:
     """Add the options for units and placement of models."""
     group = parser.add_argument_group("model placement")
-    group.add_argument("--scale", metavar="FACTOR", type=factors, help="2, 50%% or X,Y,Z factors")
     group.add_argument(
-        "--rotate", metavar="ANGLES", type=angles, help="degrees about z, or X,Y,Z; after --scale"
+        "--scale",
+        metavar="FACTOR",
+        type=parse_scale,
+        help="scale by a factor such as 2 or 50%%, or by X,Y,Z",
     )
-    advanced(
+    group.add_argument(
+        "--rotate",
+        metavar="ANGLES",
+        type=parse_angles,
+        help="rotate by degrees about z, or X,Y,Z; after --scale",
+    )
+    mark_advanced(
         group.add_argument(
             "--copies",
             metavar="N",
-            type=copies,
+            type=parse_copies,
             default=1,
-            help="print this many of all models, in rows and columns beside each other",
+            help="print N copies of each model, arranged in a grid",
         )
     )
     where = group.add_mutually_exclusive_group()
-    advanced(
+    mark_advanced(
         where.add_argument(
-            "--center", metavar="X,Y", type=point, help="centre of the plate; default: centre of the bed"
+            "--center",
+            metavar="X,Y",
+            type=parse_point,
+            help="where to centre the models on the bed; default: the centre of the bed",
         )
     )
-    advanced(
+    mark_advanced(
         where.add_argument(
-            "--as-placed", action="store_true", help="keep x and y of the files as bed coordinates"
+            "--as-placed", action="store_true", help="use the x and y of the files as positions on the bed"
         )
     )
-    advanced(
+    _add_reading_options(group)
+
+
+def _add_reading_options(group: argparse._ArgumentGroup) -> None:
+    """Add the options for the z, the unit and the overlaps of the models in their files."""
+    mark_advanced(
         group.add_argument(
             "--drop",
             action=argparse.BooleanOptionalAction,
             default=True,
-            help="move the models down onto the bed (default), or keep the z of the files",
+            help="move the models down onto the bed; --no-drop keeps the z of the files; default: --drop",
         )
     )
-    advanced(
+    mark_advanced(
         group.add_argument(
             "--units",
             choices=UNITS,
             metavar="UNIT",
-            help=f"unit of the files: {', '.join(UNITS)}; default: as the files say, else mm",
+            help=f"length unit of the files: {', '.join(UNITS)}; default: the unit in the file, or mm if it has none",
         )
     )
-    advanced(
+    mark_advanced(
         group.add_argument(
             "--fuse",
             action="store_true",
-            help="print overlapping parts of several files as one part; default: an error",
+            help="print overlapping parts of several files as one part; without it, overlaps are an error",
         )
     )
 
 
-def refuse_model_flags(arguments: argparse.Namespace) -> None:
-    """Refuse options for models, and further files, if G-code is printed.
+def reject_model_options(arguments: argparse.Namespace) -> None:
+    """Check that a G-code file is given alone, without options for models.
 
     Raises:
-        UsageError: there is such an option, or more than one file.
+        UsageError: an option for models, or more than one file, is given.
     """
     if len(arguments.models) > 1:
         raise UsageError(
             f"{arguments.models[0]}: only one G-code file can be printed at a time, not {len(arguments.models)}",
             remedy="Print the files one after the other, or slice the models together",
         )
-    given = [name for name, usual in _USUAL.items() if getattr(arguments, name) != usual]
+    given = [name for name, usual in _MODEL_DEFAULTS.items() if getattr(arguments, name) != usual]
     if given:
         flag = "--no-drop" if given[0] == "drop" else f"--{given[0].replace('_', '-')}"
         raise UsageError(
-            f"{arguments.models[0]}: {flag} does not apply to G-code, which is printed as it is",
-            remedy=f"Leave out {flag}, or give the model instead",
+            f"{arguments.models[0]}: {flag} does not apply to G-code, which is printed unchanged",
+            remedy=f"Leave out {flag}, or name the model instead of the G-code",
         )
 
 
 # G-code and machines
 
 
-# The keys of diagnostics.NAMES, which is not imported to keep --help fast.
-_ALLOWED: Final = (
+# The keys of diagnostics.NAMES; that module is not imported, so that --help stays fast.
+_FINDING_NAMES: Final = (
     "temperature, box, feed, flow, ratio, unsupported, cold, homing, eeprom, limits, calibration, autotune, "
     "protection, endstops, offsets, halt, wait, firmware, files, pins, macros, link, debug, shell, unreadable"
 )
 
 
-def add_allow(parser: _Flags) -> None:
-    """Add the option that accepts G-code with findings that are errors otherwise."""
-    advanced(
+def add_allow_option(parser: _Container) -> None:
+    """Add --allow, which accepts G-code despite named errors."""
+    mark_advanced(
         parser.add_argument(
             "--allow",
             metavar="NAME",
             action="append",
             default=[],
-            help=f"accept G-code despite this error; may be repeated: {_ALLOWED}",
+            help=f"accept G-code that has this error; may be repeated; NAME is one of {_FINDING_NAMES}",
         )
     )
 
 
-def add_machine(parser: _Flags) -> None:
-    """Add the options for the machine that G-code is checked for."""
+def add_machine_options(parser: _Container) -> None:
+    """Add the options for the printer and material with which G-code is checked."""
     parser.add_argument("--printer", metavar="NAME", help="printer profile: a name or a .toml file")
     parser.add_argument("--material", metavar="NAME", help="material profile: a name or a .toml file")
     parser.add_argument(
         "--set", metavar="KEY=VALUE", action="append", default=[], help="change a setting; may be repeated"
     )
-    add_allow(parser)
+    add_allow_option(parser)
 
 
-def add_connection(parser: argparse.ArgumentParser) -> None:
-    """Add the options for the connection to a printer, and for its loss."""
+def add_connection_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options for the connection to a printer, and for what happens when it is lost."""
     group = parser.add_argument_group("connection")
-    advanced(
+    mark_advanced(
         group.add_argument(
             "--dtr",
             choices=("auto", "on", "off"),
             default="auto",
-            help="level of the DTR line, which resets many boards when the port is opened; default: auto, as the "
-            "system sets it",
+            help="level of the DTR line when the port is opened, which resets many boards; auto leaves it to the "
+            "system; default: auto",
         )
     )
-    advanced(
+    mark_advanced(
         group.add_argument(
             "--reconnect",
             metavar="S",
-            type=patience,
+            type=parse_timeout,
             default=30.0,
-            help="seconds to wait for a printer whose cable was unplugged; default: 30",
+            help="seconds to wait for the printer to come back after its cable was unplugged; default: 30",
         )
     )
-    advanced(
+    mark_advanced(
         group.add_argument(
             "--guard",
             metavar="S",
-            type=patience,
+            type=parse_timeout,
             default=120.0,
-            help="if this program crashes and the print is not resumed within this many seconds, a second process "
-            "switches the heaters off; 0: never; default: 120",
+            help="seconds after which a second process switches the heaters off if this program has crashed and the "
+            "print was not resumed; 0: never; default: 120",
         )
     )
-
-
-FIRMWARES: Final = (
-    *("marlin 1.1", "marlin 2.0", "marlin 2.1", "marlin 2.1 advanced", "marlin 2.1.3", "prusa mk3"),
-    *("reprapfirmware", "klipper", "repetier", "smoothie", "octoprint virtual"),
-)
-"""The names in `sim.firmwares`, which is not imported before it is needed; a test compares the two."""
-
-
-def _firmware(text: str) -> str:
-    """Return a name of the list, with its words joined by spaces."""
-    name = " ".join(text.lower().replace("_", " ").replace("-", " ").split())
-    if name not in FIRMWARES:
-        raise argparse.ArgumentTypeError(f"unknown firmware {text!r}; choose one of: {', '.join(FIRMWARES)}")
-    return name
-
-
-def add_firmware(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
-    """Add the options for the simulated printer; return their group."""
-    group = parser.add_argument_group("simulated printer")
-    advanced(
-        group.add_argument(
-            "--firmware",
-            metavar="NAME",
-            type=_firmware,
-            help=f"firmware, for which parts are sliced too: {', '.join(FIRMWARES)}; default: marlin 2.1 with the "
-            "commands of the printer's flavour",
-        )
-    )
-    advanced(
-        group.add_argument(
-            "--extruders",
-            metavar="N",
-            type=positive,
-            help="number of extruders; default: 1, or up to the tool that the printer's profile uses",
-        )
-    )
-    advanced(group.add_argument("--one-hotend", action="store_true", help="all extruders share one hotend"))
-    group.add_argument("--faults", metavar="FILE.toml", type=Path, help="fault script, see docs/simulator.md")
-    advanced(
-        group.add_argument(
-            "--seed", metavar="N", type=whole, help="random seed of faults; default: of the script, else 0"
-        )
-    )
-    return group

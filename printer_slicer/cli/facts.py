@@ -1,4 +1,4 @@
-"""Results of slicing and planning a part, as values for JSON and as sentences."""
+"""Present the results of slicing and planning a part, as facts for JSON and as sentences for people."""
 
 from __future__ import annotations
 
@@ -21,30 +21,32 @@ from printer_slicer.texts import format_duration, format_significant
 __all__ = [
     "certificate_facts",
     "certificate_sentences",
-    "facts_of",
-    "flats_off",
+    "format_runs",
+    "largest_flat_error",
     "repair_facts",
     "repair_sentences",
-    "runs_text",
-    "sentences",
+    "slicing_facts",
+    "slicing_sentences",
     "violation_sentences",
 ]
 
-_LOST_SHARE = 0.002  # share of the part from which a loss is reported
-_SMALLEST_AREA = 0.01  # mm² that are reported
-_SMALLEST_LENGTH = 0.01  # mm that are reported
+_LOST_SHARE = 0.002  # smallest share of the part's volume whose loss is reported
+_SMALLEST_AREA = 0.01  # mm²; smaller areas are not reported
+_SMALLEST_LENGTH = 0.01  # mm; smaller lengths are not reported
 _MOST_RUNS = 6  # runs of equal layers shown per plan
-_MOST_PLACES = 10
+_MOST_PLACES = 10  # positions listed per fault or repair
 
 
-def facts_of(stages: Stages, profile: Profile, seconds: float, certificate: Certificate) -> dict[str, Any]:
+def slicing_facts(
+    stages: Stages, profile: Profile, seconds: float, certificate: Certificate
+) -> dict[str, Any]:
     """Return the results of slicing for JSON; positions are those after scaling and rotating, not those on the bed.
 
     Args:
         stages: the sliced part.
-        profile: used for slicing.
-        seconds: modelled time of the moves.
-        certificate: of the plan.
+        profile: the profile used for slicing.
+        seconds: estimated time of the moves.
+        certificate: the certificate of the layer plan.
     """
     program, plan = stages.program, stages.sections.plan
     area = np.pi * profile.material.filament_diameter**2 / 4
@@ -58,12 +60,12 @@ def facts_of(stages: Stages, profile: Profile, seconds: float, certificate: Cert
         "filament_g": round(program.filament_used * area / 1000 * profile.material.density, 3),
         "moves": program.n_moves,
         "link": asdict(stages.link) if stages.link else None,
-        "volume_mm3": round(_volume(stages, certificate), 3),
+        "volume_mm3": round(_part_volume(stages, certificate), 3),
         "lost_mm3": round(float((stages.walls.lost * plan.height).sum()), 3),
-        "empty_layers": plan.n_layers - len(_filled_layers(stages)),
-        "begins_at": _begins_at(stages),
+        "empty_layers": plan.n_layers - len(_find_filled_layers(stages)),
+        "begins_at": _lowest_extrusion(stages),
         **_adhesion_facts(stages, profile),
-        "faults": {} if stages.repairs.sound else _faults(stages.part, stages.shift),
+        "faults": {} if stages.repairs.sound else _mesh_fault_facts(stages.part, stages.shift),
         "open_edges": stages.sections.open_edges,
         "repairs": repair_facts(stages.repairs),
         "certificate": certificate_facts(certificate, stages.part, profile, stages.shift, seconds),
@@ -71,7 +73,7 @@ def facts_of(stages: Stages, profile: Profile, seconds: float, certificate: Cert
 
 
 def _adhesion_facts(stages: Stages, profile: Profile) -> dict[str, Any]:
-    """Return which part of the requested skirt and brim was left out, for JSON."""
+    """Return how much of the requested skirt and brim was left out, for JSON."""
     paths, program, quality = stages.toolpaths, stages.program, profile.quality
     loops = int(((paths.role == Role.SKIRT) & (paths.layer == 0)).sum())
     fed = float(program.filament[(program.role == Role.SKIRT) & (program.layer == 0)].sum())
@@ -86,7 +88,7 @@ def _adhesion_facts(stages: Stages, profile: Profile) -> dict[str, Any]:
 
 
 def _raft_facts(stages: Stages) -> dict[str, Any] | None:
-    """Return layer heights and gap of the raft, for JSON; None without a raft."""
+    """Return the layer heights of the raft and its gap to the part, for JSON; None without a raft."""
     plan, printed = stages.sections.plan, stages.program.plan
     n_below = printed.n_layers - plan.n_layers
     if not n_below:
@@ -95,21 +97,21 @@ def _raft_facts(stages: Stages) -> dict[str, Any] | None:
     return {"heights": printed.height[:n_below].tolist(), "gap_mm": round(gap, 6)}
 
 
-def _filled_layers(stages: Stages) -> Int:
+def _find_filled_layers(stages: Stages) -> Int:
     """Return the layers of the part's plan that contain extrusions of the part itself, ascending."""
     program = stages.program
     n_below = program.plan.n_layers - stages.sections.plan.n_layers
     return distinct(program.layer[roles_with(is_part=True)[program.role]]) - n_below
 
 
-def _begins_at(stages: Stages) -> float:
-    """Return the bottom of the first layer with extrusions of the part itself, mm above the bed or the raft."""
-    filled = _filled_layers(stages)
+def _lowest_extrusion(stages: Stages) -> float:
+    """Return the bottom of the lowest layer with extrusions of the part itself, mm above the bed or the raft."""
+    filled = _find_filled_layers(stages)
     return round(float(stages.sections.plan.bottom[filled[0]]), 4) if len(filled) else 0.0
 
 
-def _faults(part: Mesh, shift: Float) -> dict[str, Any]:
-    """Return number and first positions of open, flipped and crowded edges, for JSON."""
+def _mesh_fault_facts(part: Mesh, shift: Float) -> dict[str, Any]:
+    """Return the number and the first positions of open, flipped and crowded edges of a mesh, for JSON."""
     faults = find_mesh_faults(part)
     named = {"open": faults.open_edges, "flipped": faults.flipped_edges, "crowded": faults.crowded_edges}
     return {
@@ -119,15 +121,15 @@ def _faults(part: Mesh, shift: Float) -> dict[str, Any]:
     }
 
 
-def sentences(facts: dict[str, Any]) -> list[str]:
-    """Format the results of slicing: first what was made, then what needs attention.
+def slicing_sentences(facts: dict[str, Any]) -> list[str]:
+    """Format the results of slicing as sentences: first layers, time and filament, then warnings.
 
     Args:
-        facts: of `facts_of`.
+        facts: the result of `slicing_facts`.
     """
     metres, grams = format_significant(facts["filament_mm"] / 1000), format_significant(facts["filament_g"])
     lines = [
-        f"{facts['layers']} layers ({runs_text(facts['heights'])})" + _raft_text(facts["raft"]),
+        f"{facts['layers']} layers ({format_runs(facts['heights'])})" + _format_raft(facts["raft"]),
         f"Print time {format_duration(facts['seconds'])}; filament {metres} m, {grams} g",
     ]
     first = certificate_sentences(facts["certificate"])[0]
@@ -148,11 +150,11 @@ def sentences(facts: dict[str, Any]) -> list[str]:
         lines.append(
             f"{format_significant(facts['lost_mm3'])} mm³ of the part are narrower than one extrusion and stay empty"
         )
-    return lines + repair_sentences(facts["repairs"]) + _fault_sentences(facts)
+    return lines + repair_sentences(facts["repairs"]) + _mesh_fault_sentences(facts)
 
 
 def _link_sentences(link: dict[str, Any] | None) -> list[str]:
-    """Format what was changed to stay below the lines per second that the link can carry."""
+    """Format how moves were changed so that the serial link can carry the G-code lines in time."""
     if not link or not link["layers"]:
         return []
     layers, rate = link["layers"], f"{link['lines_per_second']:g} lines/s"
@@ -162,15 +164,17 @@ def _link_sentences(link: dict[str, Any] | None) -> list[str]:
     cost = f"{link['merged']} lines merged, {link['slowed']} moves slowed down, print time {link['seconds']:+.1f} s"
     left = link["waits"]
     still = (
-        [f"{len(left)} of these layers still exceed it, because macros send too many lines"] if left else []
+        [f"{len(left)} of these layers still exceed this rate, because macros send too many lines"]
+        if left
+        else []
     )
     return [f"{where} exceeded {rate}: {cost}", *still]
 
 
-def _volume(stages: Stages, certificate: Certificate) -> float:
-    """Return the volume of the part in mm³: from its facets, or from its sections if bodies overlap or it is open.
+def _part_volume(stages: Stages, certificate: Certificate) -> float:
+    """Return the volume of the part in mm³: from its facets, or from its sections if it is open or its bodies overlap.
 
-    In these two cases only, the volumes differ by more than the volume error of the layers.
+    Only in these two cases do the volumes differ by more than the volume error of the layers.
     """
     by_facets, heights = stages.part.volume, stages.sections.plan.height
     by_sections = float((stages.sections.solid.area() * heights).sum())
@@ -178,8 +182,8 @@ def _volume(stages: Stages, certificate: Certificate) -> float:
     return by_facets if abs(by_facets - by_sections) <= explained else by_sections
 
 
-def _raft_text(raft: dict[str, Any] | None) -> str:
-    """Format the raft; empty without one."""
+def _format_raft(raft: dict[str, Any] | None) -> str:
+    """Format the height and the gap of the raft; return an empty text without one."""
     if raft is None:
         return ""
     heights = raft["heights"]
@@ -187,7 +191,7 @@ def _raft_text(raft: dict[str, Any] | None) -> str:
 
 
 def _skirt_sentences(facts: dict[str, Any]) -> list[str]:
-    """Format what is missing of the skirt or draft shield."""
+    """Format which loops or length of the skirt or draft shield are missing."""
     if facts["skirt_left_out"]:
         return [
             "The skirt is left out: the bed has no room for it; check that prime lines do not cross the part"
@@ -217,10 +221,10 @@ def repair_facts(repairs: Repairs) -> list[dict[str, Any]]:
 
 
 def repair_sentences(facts: list[dict[str, Any]]) -> list[str]:
-    """Format the repairs of a mesh.
+    """Format the repairs of a mesh as sentences.
 
     Args:
-        facts: of `repair_facts`.
+        facts: the result of `repair_facts`.
     """
     lines = []
     for fact in facts:
@@ -232,8 +236,8 @@ def repair_sentences(facts: list[dict[str, Any]]) -> list[str]:
     return lines
 
 
-def _fault_sentences(facts: dict[str, Any]) -> list[str]:
-    """Format the faults of the mesh with their first positions."""
+def _mesh_fault_sentences(facts: dict[str, Any]) -> list[str]:
+    """Format the faults of the mesh as sentences, each with its first position."""
     meaning = {
         "open": "The mesh is not closed: {} edges belong to only one facet",
         "flipped": "The mesh is not oriented: {} edges lie between facets that face opposite ways",
@@ -246,12 +250,12 @@ def _fault_sentences(facts: dict[str, Any]) -> list[str]:
     return lines
 
 
-def flats_off(flats: Float, plan: LayerPlan) -> float:
-    """Return the largest distance of a flat from the nearest layer end, in mm.
+def largest_flat_error(flats: Float, plan: LayerPlan) -> float:
+    """Return the largest distance between a flat surface and the layer boundary nearest to it, in mm.
 
     Args:
         flats: (n,) heights of the flats, mm.
-        plan: the layers.
+        plan: the layer plan.
     """
     ends = np.append(plan.top, 0.0)
     return float(np.abs(ends[:, None] - flats).min(axis=0).max()) if len(flats) else 0.0
@@ -260,14 +264,14 @@ def flats_off(flats: Float, plan: LayerPlan) -> float:
 def certificate_facts(
     certificate: Certificate, part: Mesh, profile: Profile, shift: Float, seconds: float
 ) -> dict[str, Any]:
-    """Return the certificate of a plan for JSON.
+    """Return the certificate of a layer plan for JSON.
 
     Args:
-        certificate: of the plan.
-        part: as placed on the bed.
-        profile: used for planning.
-        shift: (3,) mm from the placed part to its position after scaling and rotating, which positions refer to.
-        seconds: modelled time of the moves.
+        certificate: the certificate of the plan.
+        part: the part, placed on the bed.
+        profile: the profile used for planning.
+        shift: (3,) mm to add to positions on the bed, so that they refer to the part after scaling and rotating.
+        seconds: estimated time of the moves.
     """
     worst, plan, tolerance = certificate.worst, certificate.plan, profile.quality.tolerance
     flats = find_flats(part)[0]
@@ -285,7 +289,7 @@ def certificate_facts(
         "volume_error_ratio": round(certificate.volume_error / max(part.volume, 1e-9), 6),
         "height_error_mm": round(certificate.overshoot - certificate.missing, 6),
         "flats": len(flats),
-        "flat_error_mm": round(flats_off(flats, plan), 6),
+        "flat_error_mm": round(largest_flat_error(flats, plan), 6),
         "worst": dict(zip("xyz", place.tolist(), strict=True))
         | {"layer": worst.layer, "kind": worst.kind, "bound_mm": round(worst.bound, 6)},
         "over_tolerance": [
@@ -307,7 +311,7 @@ def certificate_facts(
 
 
 def _budget_facts(profile: Profile, plan: LayerPlan, seconds: float) -> list[dict[str, Any]]:
-    """Return the time budget as a violated rule if the moves take longer."""
+    """Return the time budget as a violated rule, if the moves take longer than it."""
     budget = profile.dials.time_budget
     if not 0 < budget < seconds:
         return []
@@ -316,9 +320,9 @@ def _budget_facts(profile: Profile, plan: LayerPlan, seconds: float) -> list[dic
     return [whole | {"budget_s": budget, "amount_s": round(seconds - budget, 3), "cause": cause}]
 
 
-_WHERE = {
+_DEVIATION_PLACES = {
     "facet": "on a sloping facet",
-    "flat": "on a flat at which no layer ends",
+    "flat": "on a flat surface at which no layer ends",
     "edge": "at an edge that is steeper than its facets",
     "corner": "at a peak or pit at which no layer ends",
     "top": "at the top of the part",
@@ -326,10 +330,10 @@ _WHERE = {
 
 
 def certificate_sentences(facts: dict[str, Any]) -> list[str]:
-    """Format the certificate: first the bound.
+    """Format the certificate of a plan as sentences; the first one is the bound of the deviation.
 
     Args:
-        facts: of `certificate_facts`.
+        facts: the result of `certificate_facts`.
     """
     worst = facts["worst"]
     side = {"mid": "", "positive": " (excess material only)", "negative": " (missing material only)"}
@@ -337,38 +341,40 @@ def certificate_sentences(facts: dict[str, Any]) -> list[str]:
     volume = f"{format_significant(facts['volume_error_mm3'])} mm³"
     lines = [f"Surface deviation at most {deviation}; volume error at most {volume}"]
     many = f"{facts['layers']} layers of {facts['distinct_heights']} heights"
-    if worst["kind"] in _WHERE:
+    if worst["kind"] in _DEVIATION_PLACES:
         place = f"x {worst['x']:g} y {worst['y']:g} z {worst['z']:g}"
-        lines.append(f"Largest deviation in layer {worst['layer']} at {place}, {_WHERE[worst['kind']]}")
+        lines.append(
+            f"Largest deviation in layer {worst['layer']} at {place}, {_DEVIATION_PLACES[worst['kind']]}"
+        )
     share = 100 * facts["volume_error_ratio"]
     mean = f"mean deviation {format_significant(facts['mean_error_mm'])} mm"
     lines.append(f"{many}; {mean}; volume error {share:.2f} % of the part")
-    flats = f"{facts['flats']} flats over 1 mm² by at most {format_significant(facts['flat_error_mm'])} mm"
+    flats = f"{facts['flats']} flat surfaces over 1 mm² by at most {format_significant(facts['flat_error_mm'])} mm"
     lines.append(f"Part height off by {format_significant(facts['height_error_mm'])} mm; {flats}")
     thin = facts.get("thin_features", {"area_mm2": 0.0})
     if thin["area_mm2"] > _SMALLEST_AREA:
         lines.append(
-            f"Features of {thin['area_mm2']:.2f} mm², seen from above, are thinner than the layers and print smaller "
+            f"Features of {thin['area_mm2']:.2f} mm², seen from above, are thinner than a layer; they print too small "
             f"or not at all; most of them are near z {thin['z']:g}"
         )
     return lines + violation_sentences(facts)
 
 
-_VIOLATED = {
+_VIOLATION_TEXTS = {
     "tolerance": "From z {from:g} to {to:g} the deviation of {amount_mm:.4f} mm exceeds the tolerance{wanted}",
-    "flat": "The flat at z {from:g} is {amount_mm:.4f} mm away from the nearest layer end",
+    "flat": "The flat surface at z {from:g} is {amount_mm:.4f} mm away from the nearest layer boundary",
     "max_step": "Neighbouring layers at z {from:g} differ by {amount_mm:g} mm, more than max_step",
     "range height": "From z {from:g} to {to:g} layers differ by {amount_mm:g} mm from the height of their range",
-    "range end": "The end of a range at z {from:g} is {amount_mm:.4f} mm away from the nearest layer end",
+    "range end": "The end of a range at z {from:g} is {amount_mm:.4f} mm away from the nearest layer boundary",
     "range": "The range from z {from:g} to {to:g} does not contain any of the part",
 }
 
 
 def violation_sentences(facts: dict[str, Any]) -> list[str]:
-    """Format the rules that the plan violates.
+    """Format the rules that the plan violates as sentences.
 
     Args:
-        facts: of `certificate_facts`.
+        facts: the result of `certificate_facts`.
     """
     wanted = "" if facts["ranges"] else f" of {facts['tolerance_mm']:g} mm"
     budgets = [one for one in facts["violations"] if one["rule"] == "time_budget"]
@@ -379,7 +385,7 @@ def violation_sentences(facts: dict[str, Any]) -> list[str]:
     ]
     violations = [one for one in facts["violations"] if one["rule"] != "time_budget"]
     lines += [
-        f"{_VIOLATED[one['rule']].format(wanted=wanted, **one)}; {one['cause']}"
+        f"{_VIOLATION_TEXTS[one['rule']].format(wanted=wanted, **one)}; {one['cause']}"
         for one in violations[:_MOST_RUNS]
     ]
     if len(violations) > _MOST_RUNS:
@@ -387,8 +393,8 @@ def violation_sentences(facts: dict[str, Any]) -> list[str]:
     return lines
 
 
-def runs_text(runs: list[tuple[int, float]] | list[list[float]]) -> str:
-    """Format runs of equal layers as `75 x 0.4, 225 x 0.1 mm`, shortened if there are many."""
+def format_runs(runs: list[tuple[int, float]] | list[list[float]]) -> str:
+    """Format runs of equal layers as `75 x 0.4, 225 x 0.1 mm`, or as a range of heights if there are many runs."""
     if len(runs) > _MOST_RUNS:
         heights = [height for _, height in runs]
         return f"{len(set(heights))} heights from {min(heights):g} to {max(heights):g} mm"

@@ -1,7 +1,7 @@
 """Help in two tiers: `--help` shows the everyday options, `--help-all` shows every option.
 
-An option is an everyday option unless it is wrapped in `advanced` where it is added. If the complete help of a command
-is short, `--help` shows all of it.
+An option is an everyday option unless `mark_advanced` is called when it is added. If the complete help of a command is
+short, `--help` shows all of it.
 """
 
 from __future__ import annotations
@@ -17,31 +17,33 @@ __all__ = [
     "SHORT_LINES",
     "HelpAction",
     "HelpFormatter",
-    "advanced",
     "format_help",
     "is_advanced",
+    "mark_advanced",
 ]
 
 SHORT_LINES: Final = 40
-"""Most lines of `--help`."""
+"""Maximum number of lines of `--help`."""
 
-_MOST_EXAMPLES: Final = 4  # in `--help` if it does not show everything
+_MOST_EXAMPLES: Final = 4  # in `--help`, if it does not show all options
 _LINES_BELOW: Final = 2  # a blank line and the line that names --help-all
 
 FILES: Final = (
-    "A model, G-code file or profile named - is read from stdin, once per command; such a profile inherits by name. "
-    "The outputs -o - of slice, draw and profiles new, --picture - and --report - are written to stdout; contours and "
-    "schemas need file names. Patterns such as '*.stl' are expanded where the shell leaves them: for models, G-code, "
-    "profiles check and profiles import."
+    "The file name - stands for stdin: a command can read one model, G-code file or profile from it; such a profile "
+    "can inherit only from profiles that are found by name. As an output, - stands for stdout: in -o of slice, draw "
+    "and profiles new, in --picture and in --report; contours and profiles schema need a file or folder name. If the "
+    "shell does not expand a pattern such as '*.stl', this program does: for models, G-code, profiles check and "
+    "profiles import."
 )
 ENVIRONMENT: Final[Mapping[str, str]] = {
     "NO_COLOR": "no colours, even on a terminal",
     "PRINTER_SLICER_KEY": "key or password for `send` if no --key-file is given",
-    "PRINTER_SLICER_PROFILES": "folders of your own profiles, instead of the platform's; separated as in PATH; empty:"
-    " none",
-    "PRINTER_SLICER_STATE": "folder with the state of prints, needed to resume them; default: the platform's folder",
-    "PRINTER_SLICER_GEOMETRY": "`planar` selects the second, slower geometry engine, for comparison",
-    "PRINTER_SLICER_TRACEBACK": "print a traceback for internal errors",
+    "PRINTER_SLICER_PROFILES": "folders with your own profiles, separated as in PATH; empty: none; default: the usual"
+    " folder of your platform",
+    "PRINTER_SLICER_STATE": "folder with the state of prints, from which they are resumed; default: the usual folder"
+    " of your platform",
+    "PRINTER_SLICER_GEOMETRY": "set it to `planar` to use the second, slower geometry engine, for comparison",
+    "PRINTER_SLICER_TRACEBACK": "set it to 1 to print a traceback for internal errors",
 }
 EXIT_CODES: Final[Mapping[str, str]] = {
     "0": "done",
@@ -55,8 +57,8 @@ EXIT_CODES: Final[Mapping[str, str]] = {
 }
 
 
-def advanced(action: argparse.Action) -> argparse.Action:
-    """Show an option only in `--help-all`."""
+def mark_advanced(action: argparse.Action) -> argparse.Action:
+    """Mark an option as advanced, so that only `--help-all` shows it; return the option."""
     setattr(action, _MARK, True)
     return action
 
@@ -70,7 +72,7 @@ def is_advanced(action: argparse.Action) -> bool:
 
 
 class HelpAction(argparse.Action):
-    """Print the help and exit; `everything` selects the complete one."""
+    """Print the help and exit; `everything` selects the complete help."""
 
     def __init__(self, option_strings: Sequence[str], dest: str, *, everything: bool, **named: Any) -> None:
         self._everything = everything
@@ -87,7 +89,7 @@ class HelpFormatter(argparse.RawDescriptionHelpFormatter):
 
     def __init__(self, prog: str, **named: Any) -> None:
         super().__init__(prog, **{"max_help_position": 26} | named)
-        self._action_max_length = 14  # else argparse makes the column of commands too narrow
+        self._action_max_length = 14  # argparse would make the column of commands too narrow
 
     def _format_action_invocation(self, action: argparse.Action) -> str:
         if not action.option_strings or action.nargs == 0:
@@ -100,14 +102,14 @@ def format_help(parser: argparse.ArgumentParser, *, everything: bool = True) -> 
     """Return the help of a parser.
 
     Args:
-        parser: of a command or of the program; its `examples` and `ending` follow the options.
+        parser: parser of a command or of the program; its `examples` and `ending` follow the options.
         everything: whether to include advanced options and all examples; if not, at most `SHORT_LINES` lines.
     """
     examples: list[str] = getattr(parser, "examples", "").splitlines()
     ending: str = getattr(parser, "ending", "")
 
-    def text_with(count: int, is_shown: Callable[[argparse.Action], bool]) -> str:
-        """Return the help with this many examples."""
+    def format_with_examples(count: int, is_shown: Callable[[argparse.Action], bool]) -> str:
+        """Return the help with the first `count` examples, and with the options to show."""
         formatter = parser._get_formatter()  # noqa: SLF001 - argparse has no other way to format part of a parser
         formatter.add_usage(parser.format_usage().removeprefix("usage: ").strip().replace("%", "%%"), [], [])
         formatter.add_text(parser.description)
@@ -121,10 +123,10 @@ def format_help(parser: argparse.ArgumentParser, *, everything: bool = True) -> 
         formatter.add_text(ending or None)
         return formatter.format_help()
 
-    complete = text_with(len(examples), lambda _: True) + getattr(parser, "appendix", "")
+    complete = format_with_examples(len(examples), lambda _: True) + getattr(parser, "appendix", "")
     if everything or complete.count("\n") <= SHORT_LINES:
         return complete
-    lines = text_with(1, lambda one: not is_advanced(one)).count("\n")
+    lines = format_with_examples(1, lambda one: not is_advanced(one)).count("\n")
     room = SHORT_LINES - _LINES_BELOW - lines + 1
-    short = text_with(min(max(room, 1), _MOST_EXAMPLES), lambda one: not is_advanced(one))
+    short = format_with_examples(min(max(room, 1), _MOST_EXAMPLES), lambda one: not is_advanced(one))
     return f"{short}\nAll options: {parser.prog} --help-all\n"

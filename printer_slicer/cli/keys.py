@@ -1,4 +1,4 @@
-"""Keys that control a print, read one by one from the terminal, which is restored afterwards."""
+"""Control a print with keys on the terminal, which is restored afterwards."""
 
 from __future__ import annotations
 
@@ -23,25 +23,25 @@ else:
 if TYPE_CHECKING:
     from printer_slicer.printing import Controls
 
-__all__ = ["HELP", "Keyboard", "keys"]
+__all__ = ["HELP", "Keyboard", "control_by_keys"]
 
 HELP: Final = (
-    "keys: p pause, n pause now, r resume, c c cancel, + - speed, > < flow, u d nozzle up and down, s status,"
-    " 0-9 answer, : G-code, ! ! emergency stop, ? help"
+    "keys: p pause, n pause now, r resume, c (twice) cancel, + and - speed, > and < flow, u and d nozzle up and down, "
+    "s status, 0-9 answer the printer, : type G-code, ! (twice) emergency stop, ? help"
 )
-_TWICE: Final = 3.0
-"""s within which a key for cancel or stop must be pressed a second time."""
+_CONFIRM_SECONDS: Final = 3.0
+"""Time, s, within which the key for cancel or emergency stop must be pressed a second time."""
 
-_LOOK: Final = 0.1
+_POLL_SECONDS: Final = 0.1
 
 
 class Keyboard:
     """Translates keys into commands for a print.
 
     Args:
-        controls: of the print.
-        tell: shows a line.
-        clock: returns seconds.
+        controls: the controls of the print.
+        tell: function that shows a line of text.
+        clock: function that returns the time, s.
     """
 
     def __init__(
@@ -51,25 +51,25 @@ class Keyboard:
         self._tell = tell
         self._clock = clock
         self._line: str | None = None
-        self._first: tuple[str, float] = ("", 0.0)
+        self._unconfirmed: tuple[str, float] = ("", 0.0)
         self._percent = {"speed": 100, "flow": 100}
 
     def press(self, key: str) -> None:
         """Handle a key."""
         if self._line is not None:
-            self._type(key)
+            self._edit_line(key)
         elif key in {"c", "!"}:
-            self._twice(key)
+            self._confirm_command(key)
         elif key == ":":
             self._line = ""
             self._tell("G-code, then Enter:")
         elif key == "?":
             self._tell(HELP)
-        elif (line := self._meaning(key)) is not None:
-            self._send(line)
+        elif (line := self._command_of_key(key)) is not None:
+            self._send_command(line)
 
-    def _meaning(self, key: str) -> str | None:
-        """Return the command of a key; None if it has none."""
+    def _command_of_key(self, key: str) -> str | None:
+        """Return the command that a key stands for; None if it stands for none."""
         if key.isdecimal() and key.isascii():
             return f"answer {key}"
         for name, more, less in (("speed", "+", "-"), ("flow", ">", "<")):
@@ -80,22 +80,24 @@ class Keyboard:
         simple = {"p": "pause", "n": "pause now", "r": "resume", "s": "status"}
         return {**simple, "u": "babystep 0.02", "d": "babystep -0.02"}.get(key)
 
-    def _twice(self, key: str) -> None:
+    def _confirm_command(self, key: str) -> None:
+        """Send the command of a key if it was pressed twice; ask for the second press otherwise."""
         what = {"c": "cancel", "!": "stop"}[key]
         now = self._clock()
-        if self._first[0] == key and now - self._first[1] <= _TWICE:
-            self._first = ("", 0.0)
-            self._send(what)
+        if self._unconfirmed[0] == key and now - self._unconfirmed[1] <= _CONFIRM_SECONDS:
+            self._unconfirmed = ("", 0.0)
+            self._send_command(what)
         else:
-            self._first = (key, now)
+            self._unconfirmed = (key, now)
             self._tell(f"press {key} again within 3 s to {what}")
 
-    def _type(self, key: str) -> None:
+    def _edit_line(self, key: str) -> None:
+        """Apply a key to the line of G-code that is being typed; Enter sends it, Escape discards it."""
         assert self._line is not None
         if key in {"\r", "\n"}:
             line, self._line = self._line.strip(), None
             if line:
-                self._send(f"say {line}")
+                self._send_command(f"say {line}")
         elif key == "\x1b":
             self._line = None
         elif key in {"\x7f", "\b"}:
@@ -103,7 +105,8 @@ class Keyboard:
         elif key.isprintable():
             self._line += key
 
-    def _send(self, line: str) -> None:
+    def _send_command(self, line: str) -> None:
+        """Send a command to the print, and show the answer or the error."""
         from printer_slicer.printing.commands import Stop, parse_command
 
         try:
@@ -117,8 +120,8 @@ class Keyboard:
 
 
 @contextmanager
-def keys(controls: Controls) -> Iterator[None]:
-    """Let keys on the terminal control the print while the block runs."""
+def control_by_keys(controls: Controls) -> Iterator[None]:
+    """Control the print with keys on the terminal while the `with` block runs."""
 
     def tell(text: str) -> None:
         """Print a line."""
@@ -126,9 +129,9 @@ def keys(controls: Controls) -> Iterator[None]:
 
     tell(HELP)
     stop = Flag()
-    with _single_keys():
+    with _disable_line_buffering():
         keyboard = Keyboard(controls, tell)
-        thread = Thread(target=_listen, args=(keyboard, stop), name="keys", daemon=True)
+        thread = Thread(target=_handle_keys, args=(keyboard, stop), name="keys", daemon=True)
         thread.start()
         try:
             yield
@@ -140,19 +143,19 @@ def keys(controls: Controls) -> Iterator[None]:
 if sys.platform == "win32":
 
     @contextmanager
-    def _single_keys() -> Iterator[None]:
+    def _disable_line_buffering() -> Iterator[None]:
         yield
 
-    def _listen(keyboard: Keyboard, stop: Flag) -> None:
-        while not stop.wait(_LOOK):
+    def _handle_keys(keyboard: Keyboard, stop: Flag) -> None:
+        while not stop.wait(_POLL_SECONDS):
             while msvcrt.kbhit():
                 keyboard.press(msvcrt.getwch())
 
 else:
 
     @contextmanager
-    def _single_keys() -> Iterator[None]:
-        """Deliver keys at once and without echo; Ctrl-C keeps its meaning."""
+    def _disable_line_buffering() -> Iterator[None]:
+        """Switch the terminal to single keys without echo, and restore it at the end; Ctrl-C keeps its meaning."""
         terminal = sys.stdin.fileno()
         before = termios.tcgetattr(terminal)
         try:
@@ -162,10 +165,10 @@ else:
             with suppress(termios.error):  # the terminal was closed meanwhile
                 termios.tcsetattr(terminal, termios.TCSADRAIN, before)
 
-    def _listen(keyboard: Keyboard, stop: Flag) -> None:
+    def _handle_keys(keyboard: Keyboard, stop: Flag) -> None:
         terminal = sys.stdin.fileno()
         while not stop.is_set():
-            if not select.select([terminal], [], [], _LOOK)[0]:
+            if not select.select([terminal], [], [], _POLL_SECONDS)[0]:
                 continue
             try:
                 pressed = os.read(terminal, 64)

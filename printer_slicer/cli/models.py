@@ -1,4 +1,4 @@
-"""The models of a command line as one plate, with warnings, and the settings of 3MF projects."""
+"""Load the models of a command line as one plate, with warnings, and apply the settings of 3MF projects."""
 
 from __future__ import annotations
 
@@ -22,25 +22,35 @@ from printer_slicer.placing import Placement, copy_in_grid, join, transform
 from printer_slicer.profile import profile_with, settings_of
 
 if TYPE_CHECKING:
-    from printer_slicer.cli.output import Stages
+    from printer_slicer.cli.output import StageReport
     from printer_slicer.importing.projects import Project
     from printer_slicer.model import Mesh, Repairs
     from printer_slicer.overlaps import Overlap
     from printer_slicer.profile import Printer, Profile
 
-__all__ = ["Plate", "keep_memory", "plate_from", "plate_name", "repaired_plate", "with_projects"]
+__all__ = [
+    "Plate",
+    "apply_projects",
+    "format_model_names",
+    "keep_memory",
+    "load_plate",
+    "load_repaired_plate",
+]
 
-_SMALLEST_GAP = 0.01  # mm above the bed from which a part is reported
+_SMALLEST_GAP = 0.01  # mm above the bed; a part that starts higher is reported
 _MOST_SHOWN = 3
-_ARCHIVE = b"PK"
+_ZIP_SIGNATURE = b"PK"
 _TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3  # parameters of mallopt(3)
-_LARGEST, _LARGEST_BEFORE = 1 << 30, 32 << 20  # bytes; glibc before 2.35 accepts no more than the second
-_MOST_KEPT = 1 << 30  # bytes
+_MAX_THRESHOLD, _OLD_MAX_THRESHOLD = (
+    1 << 30,
+    32 << 20,
+)  # bytes; the maxima of glibc since 2.35 and before
+_MAX_KEPT = 1 << 30  # bytes
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plate:
-    """Facts about the models that are printed together.
+    """Placement, warnings and facts of the models that are printed together.
 
     Attributes:
         placement: position of the parts on the bed.
@@ -57,7 +67,7 @@ class Plate:
         return {"models": list(self.models), "warnings": list(self.warnings)}
 
 
-def plate_from(arguments: argparse.Namespace, printer: Printer, report: Stages) -> tuple[Mesh, Plate]:
+def load_plate(arguments: argparse.Namespace, printer: Printer, report: StageReport) -> tuple[Mesh, Plate]:
     """Read all models of a command line into one mesh, scaled and rotated, at the positions of their files.
 
     Warnings are printed to stderr at once.
@@ -70,32 +80,32 @@ def plate_from(arguments: argparse.Namespace, printer: Printer, report: Stages) 
     room = np.array([printer.bed_x, printer.bed_y, printer.bed_z])
     factors, models, meshes, warnings = arguments.scale, [], [], []
     for path in arguments.models:
-        model = load_model(path, units=arguments.units, progress=_progress(report, path))
+        model = load_model(path, units=arguments.units, progress=_make_progress_callback(report, path))
         mesh = transform(
             model.mesh, scale=factors[:3] if factors else 1.0, rotate=arguments.rotate or (0.0, 0.0, 0.0)
         )
         warnings += [f"{path.name}: {note}" for note in model.notes]
-        doubts = model.size_warning(room) if factors is None and arguments.units is None else ""
-        # A part that does not fit the bed is refused when it is placed, with the same advice.
-        warnings += [doubts] if doubts and (mesh.size <= room).all() else []
-        models.append(_facts(model))
+        unit_warning = model.size_warning(room) if factors is None and arguments.units is None else ""
+        # A part that does not fit the bed is rejected when it is placed, with the same advice.
+        warnings += [unit_warning] if unit_warning and (mesh.size <= room).all() else []
+        models.append(_model_facts(model))
         meshes.append(mesh)
-    placement = _placement(arguments, {(one["unit"], one["format"] == "step") for one in models})
-    warnings += _floating_parts(arguments.models, meshes, placement)
+    placement = _make_placement(arguments, {(one["unit"], one["format"] == "step") for one in models})
+    warnings += _floating_part_warnings(arguments.models, meshes, placement)
     if not arguments.fuse:
-        _refuse_overlaps(arguments.models, meshes)
-        _refuse_collisions(models, meshes)
+        _reject_overlapping_files(arguments.models, meshes)
+        _reject_overlapping_objects(models, meshes)
     warn(arguments, warnings)
     mesh = copy_in_grid(join(meshes), arguments.copies, printer)
     return mesh, Plate(placement, tuple(warnings), tuple(models))
 
 
-def _placement(arguments: argparse.Namespace, units: set[tuple[str, bool]]) -> Placement:
-    """Return the placement of the plate.
+def _make_placement(arguments: argparse.Namespace, units: set[tuple[str, bool]]) -> Placement:
+    """Return the placement of the plate on the bed.
 
     Args:
         arguments: the command line.
-        units: unit assumed for each file, and whether the file states it.
+        units: (unit, whether the file states it) of the files.
     """
     unit, certain = units.pop() if len(units) == 1 and arguments.scale is None else ("", False)
     return Placement(
@@ -108,16 +118,16 @@ def _placement(arguments: argparse.Namespace, units: set[tuple[str, bool]]) -> P
     )
 
 
-def repaired_plate(
-    arguments: argparse.Namespace, printer: Printer, report: Stages
+def load_repaired_plate(
+    arguments: argparse.Namespace, printer: Printer, report: StageReport
 ) -> tuple[Mesh, Plate, Repairs]:
-    """Read the models as one repaired mesh; return it with facts about the models and the repairs.
+    """Read the models as one mesh and repair it; return the mesh, the plate and the repairs.
 
     Raises:
-        PrinterSlicerError: the mesh cannot be read or repaired, or --strict refuses repairs.
+        PrinterSlicerError: the mesh cannot be read or repaired, or needs repair in spite of --strict.
     """
     report("loading")
-    mesh, plate = plate_from(arguments, printer, report)
+    mesh, plate = load_plate(arguments, printer, report)
     report("repairing")
     repaired, repairs = repair(mesh)
     if arguments.strict:
@@ -125,8 +135,8 @@ def repaired_plate(
     return repaired, plate, repairs
 
 
-def _progress(report: Stages, path: Path) -> Any:
-    """Return a function that reports every tenth of a large file."""
+def _make_progress_callback(report: StageReport, path: Path) -> Any:
+    """Return a function that reports the loading of a large file in steps of 10 %."""
     last = -1
 
     def progress(share: float) -> None:
@@ -140,7 +150,7 @@ def _progress(report: Stages, path: Path) -> Any:
     return progress
 
 
-def _facts(model: Model) -> dict[str, Any]:
+def _model_facts(model: Model) -> dict[str, Any]:
     return {
         "file": str(model.path),
         "format": model.kind,
@@ -150,22 +160,22 @@ def _facts(model: Model) -> dict[str, Any]:
     }
 
 
-def _floating_parts(paths: Sequence[Path], meshes: Sequence[Mesh], placement: Placement) -> list[str]:
-    """Return a warning for each file whose part does not reach the bed."""
+def _floating_part_warnings(paths: Sequence[Path], meshes: Sequence[Mesh], placement: Placement) -> list[str]:
+    """Return a warning for each file whose part does not touch the bed."""
     bottoms = [float(mesh.bounds[0, 2]) for mesh in meshes]
     bed = min(bottoms) if placement.drop else 0.0
     return [
-        f"{path.name}: the part starts {bottom - bed:.4g} mm above the bed, as placed in its file"
+        f"{path.name}: the part starts {bottom - bed:.4g} mm above the bed, because of its position in the file"
         for path, bottom in zip(paths, bottoms, strict=True)
         if bottom - bed > _SMALLEST_GAP
     ]
 
 
-def _refuse_overlaps(paths: Sequence[Path], meshes: Sequence[Mesh]) -> None:
+def _reject_overlapping_files(paths: Sequence[Path], meshes: Sequence[Mesh]) -> None:
     """Reject parts of different files that overlap; objects of one file may overlap.
 
     Raises:
-        PartError: some do; names the files and the size of the overlap.
+        PartError: parts overlap; the message names the files and the size of the overlap.
     """
     if len(meshes) < 2:
         return
@@ -175,16 +185,17 @@ def _refuse_overlaps(paths: Sequence[Path], meshes: Sequence[Mesh]) -> None:
     called = [str(path) if names.count(path.name) > 1 else path.name for path in paths]
     if overlapping := _describe_overlaps(find_overlaps(meshes), called):
         raise PartError(
-            f"{overlapping}, as their files place them",
-            remedy="Slice them separately with -o FOLDER/, move one in its file, or print them as one with --fuse",
+            f"{overlapping}, at the positions in their files",
+            remedy="Slice each file alone with -o FOLDER/, move one part in its file, or print them as one part with "
+            "--fuse",
         )
 
 
-def _refuse_collisions(models: Sequence[dict[str, Any]], meshes: Sequence[Mesh]) -> None:
-    """Reject objects of one 3MF file that occupy the same space; bodies of one object may.
+def _reject_overlapping_objects(models: Sequence[dict[str, Any]], meshes: Sequence[Mesh]) -> None:
+    """Reject objects of one 3MF file that occupy the same space; the bodies of one object may overlap.
 
     Raises:
-        PartError: some do; names the objects and the size of the overlap.
+        PartError: objects overlap; the message names them and the size of the overlap.
     """
     for model, mesh in zip(models, meshes, strict=True):
         if model["format"] != "3mf" or len(mesh.objects) < 2 or not all(item.count for item in mesh.objects):
@@ -194,12 +205,12 @@ def _refuse_collisions(models: Sequence[dict[str, Any]], meshes: Sequence[Mesh])
         if overlapping := _describe_overlaps(find_collisions(mesh), [item.name for item in mesh.objects]):
             raise PartError(
                 f"{model['file']}: {overlapping}",
-                remedy="Move them apart in the program that made the file, or print them as one with --fuse",
+                remedy="Move them apart in the program that made the file, or print them as one part with --fuse",
             )
 
 
 def _describe_overlaps(overlaps: Iterable[Overlap], names: Sequence[str]) -> str:
-    """Describe the first overlaps of parts with these names; empty if there are none."""
+    """Describe the first few overlaps of parts with these names; return an empty text if there are none."""
     found = list(islice(overlaps, _MOST_SHOWN + 1))
     described = [
         f"{names[one.second]} overlaps {names[one.first]} by {one.width:.4g} x {one.depth:.4g} mm"
@@ -209,17 +220,17 @@ def _describe_overlaps(overlaps: Iterable[Overlap], names: Sequence[str]) -> str
     return "; ".join([*described, *(["and more"] if len(found) > _MOST_SHOWN else [])])
 
 
-def plate_name(paths: Sequence[Path]) -> str:
-    """Return the name of the models for messages."""
+def format_model_names(paths: Sequence[Path]) -> str:
+    """Format the file names of the models for messages: `part.stl and 2 more`."""
     return paths[0].name if len(paths) == 1 else f"{paths[0].name} and {len(paths) - 1} more"
 
 
 def keep_memory() -> None:
-    """Keep freed memory for the next array instead of handing it back to the system at once.
+    """Make the C library keep freed memory for the next array instead of returning it to the system at once.
 
-    Slicing allocates and frees arrays of megabytes all the time. The C library requests each from the system, which
-    clears every page first: a sixth of the CPU time of a large part. Only the command line changes this, because the
-    setting applies to the whole process. Only glibc has it.
+    Slicing allocates and frees arrays of megabytes all the time. By default the C library requests each of them from
+    the system, which clears every page first; this takes a sixth of the CPU time of a large part. Only the command line
+    changes the setting, because it applies to the whole process. Only glibc has the setting.
     """
     if not sys.platform.startswith("linux"):
         return
@@ -227,34 +238,35 @@ def keep_memory() -> None:
 
     with contextlib.suppress(OSError, AttributeError):
         mallopt = ctypes.CDLL(None).mallopt
-        if not mallopt(_MMAP_THRESHOLD, _LARGEST):
-            mallopt(_MMAP_THRESHOLD, _LARGEST_BEFORE)
-        mallopt(_TRIM_THRESHOLD, _MOST_KEPT)
+        if not mallopt(_MMAP_THRESHOLD, _MAX_THRESHOLD):
+            mallopt(_MMAP_THRESHOLD, _OLD_MAX_THRESHOLD)
+        mallopt(_TRIM_THRESHOLD, _MAX_KEPT)
 
 
 # Settings of 3MF projects
 
 
-def with_projects(
+def apply_projects(
     arguments: argparse.Namespace, profile: Profile, mesh: Mesh, plate: Plate
 ) -> tuple[Profile, Plate]:
-    """Return the profile with the object settings of 3MF projects, and the plate with warnings about unused settings.
+    """Apply the object settings of 3MF projects: return the changed profile, and the plate with additional warnings.
 
-    Used settings are listed on stderr, unused ones as warnings. The command line and the profile take precedence.
+    The settings that are used are printed to stderr; settings that are not used are warnings. The command line and the
+    profile take precedence.
 
     Args:
         arguments: the command line.
         profile: the profile from the command line.
-        mesh: all models; its items are the objects to print.
-        plate: facts about the models.
+        mesh: the mesh of all models, with the objects to print.
+        plate: the plate of the models.
 
     Raises:
         UsageError: a project is damaged, or its settings contradict the profile.
     """
-    projects = _projects(arguments, profile, mesh)
+    projects = _read_projects(arguments, profile, mesh)
     if not projects:
         return profile, plate
-    changes, unused = _changes(arguments, profile, projects)
+    changes, unused = _collect_project_changes(arguments, profile, projects)
     if not arguments.quiet:
         for path, project in projects.items():
             for text in project.used:
@@ -264,11 +276,11 @@ def with_projects(
     return profile_with(profile, changes) if changes else profile, plate
 
 
-def _projects(arguments: argparse.Namespace, profile: Profile, mesh: Mesh) -> dict[Path, Project]:
-    """Read the projects of all 3MF files that hold settings of a slicer."""
+def _read_projects(arguments: argparse.Namespace, profile: Profile, mesh: Mesh) -> dict[Path, Project]:
+    """Return 3MF file -> project, for all 3MF files that contain settings of a slicer."""
     found: dict[Path, Project] = {}
     for path in arguments.models:
-        if not _is_archive(path):
+        if not _is_3mf_file(path):
             continue
         from printer_slicer.importing.projects import read_project
 
@@ -278,18 +290,18 @@ def _projects(arguments: argparse.Namespace, profile: Profile, mesh: Mesh) -> di
     return found
 
 
-def _is_archive(path: Path) -> bool:
-    """Return whether it is a regular file, not a pipe, and starts like a 3MF file."""
+def _is_3mf_file(path: Path) -> bool:
+    """Return whether a path is a regular file that starts like a 3MF file; pipes are not read."""
     if not path.is_file():
         return False
     with path.open("rb") as file:
-        return file.read(len(_ARCHIVE)) == _ARCHIVE
+        return file.read(len(_ZIP_SIGNATURE)) == _ZIP_SIGNATURE
 
 
-def _changes(
+def _collect_project_changes(
     arguments: argparse.Namespace, profile: Profile, projects: Mapping[Path, Project]
 ) -> tuple[dict[str, object], list[str]]:
-    """Return the settings to change, and messages about unused settings."""
+    """Return the settings that the projects change, and warnings about settings that are not used."""
     typed = changes_from(arguments)
     changes: dict[str, object] = {}
     unused: list[str] = []
@@ -299,7 +311,7 @@ def _changes(
         unused += [f"{path.name}: {text}" for text in project.unused]
         if project.has_settings and arguments.quality is None:
             unused.append(
-                f"{path.name}: its print, filament and printer settings are not used; "
+                f"{path.name}: the print, filament and printer settings in this file are not used; "
                 f"import them with `printer-slicer profiles import {path}`"
             )
         for name, height in project.layer_heights:

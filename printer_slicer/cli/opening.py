@@ -1,4 +1,4 @@
-"""Open written files in the programs that the desktop uses for them."""
+"""Open written files in the default programs of the desktop."""
 
 from __future__ import annotations
 
@@ -10,37 +10,37 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from printer_slicer.cli.help import advanced
+from printer_slicer.cli.help import mark_advanced
 from printer_slicer.cli.output import warn
 
-__all__ = ["add_open", "open_files"]
+__all__ = ["add_open_option", "open_files"]
 
 
-def add_open(group: argparse._ActionsContainer) -> None:
-    """Add --open."""
-    advanced(
+def add_open_option(group: argparse._ActionsContainer) -> None:
+    """Add the option --open to a group."""
+    mark_advanced(
         group.add_argument(
-            "--open", action="store_true", help="open the written files in the programs for them"
+            "--open", action="store_true", help="open the written files in their default programs"
         )
     )
 
 
 def open_files(arguments: argparse.Namespace, paths: Sequence[Path | None]) -> None:
-    """Open files if --open asks for it; what cannot be opened is a warning, since the files are written.
+    """Open files if --open is given; a file that cannot be opened causes a warning only, because it is written.
 
     Args:
         arguments: the command line.
-        paths: the files; None and `-` are not opened.
+        paths: the files; None and `-` are skipped.
     """
     if not getattr(arguments, "open", False):
         return
     for path in paths:
-        if path is not None and str(path) != "-" and (problem := _open(path.absolute())):
+        if path is not None and str(path) != "-" and (problem := _open_file(path.absolute())):
             warn(arguments, [f"--open: {path}: {problem}"])
 
 
-def _open(path: Path) -> str:
-    """Open one file; return what went wrong."""
+def _open_file(path: Path) -> str:
+    """Open one file; return the problem if it cannot be opened, otherwise an empty text."""
     if sys.platform == "win32":
         os.startfile(path)  # noqa: S606 - this is how Windows opens a file
         return ""

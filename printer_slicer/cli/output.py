@@ -1,4 +1,4 @@
-"""Print results, warnings and progress, survive closed pipes and terminals, and write files."""
+"""Print results, warnings and progress, tolerate closed pipes and terminals, and write files."""
 
 from __future__ import annotations
 
@@ -23,49 +23,49 @@ if TYPE_CHECKING:
     from typing_extensions import Buffer
 
 __all__ = [
-    "PATIENCE",
+    "BAR_DELAY",
     "Milestones",
-    "Stages",
-    "colour",
+    "StageReport",
+    "check_outputs",
+    "colourize",
     "hide_stdin_folder",
     "lost_output_error",
-    "refuse_mixing",
-    "refuse_same",
+    "print_text",
+    "reject_overwriting_input",
     "sanitize",
-    "say",
-    "stages",
+    "show_stages",
     "survive_closed_streams",
     "warn",
     "write_file",
 ]
 
-PATIENCE = 1.0  # s before a progress bar appears
-_STAGES = 11  # from loading to writing
-_SHARES: Final = 20  # lines of progress
-_A_MINUTE: Final = 60.0  # s
-_CODES: Final = {"error": "1;31", "warning": "1;33"}
+BAR_DELAY = 1.0  # s before a progress bar appears
+_STAGE_COUNT = 11  # stages from loading to writing
+_MILESTONE_COUNT: Final = 20  # lines of progress, one per 5 %
+_LINE_INTERVAL: Final = 60.0  # s, longest time without a line of progress
+_COLOUR_CODES: Final = {"error": "1;31", "warning": "1;33"}
 
 
 # Text
 
 
-def say(arguments: argparse.Namespace, text: str, *, is_message: bool = True) -> None:
-    """Print a line, unless --quiet or --json is given; messages name options in place of arguments."""
+def print_text(arguments: argparse.Namespace, text: str, *, is_message: bool = True) -> None:
+    """Print a text, unless --quiet or --json is given; in messages, options replace arguments of Python functions."""
     if not (arguments.quiet or arguments.json):
-        print(sanitize(hide_stdin_folder(arguments, _with_flags(text) if is_message else text)))
+        print(sanitize(hide_stdin_folder(arguments, _name_options(text) if is_message else text)))
 
 
-def _with_flags(text: str) -> str:
-    """Return a text with options in place of the arguments that it names."""
+def _name_options(text: str) -> str:
+    """Replace the arguments of Python functions that a text names in backticks by options."""
     if "`" not in text:
         return text
-    from printer_slicer.cli.argument_flags import name_flags  # few messages name arguments
+    from printer_slicer.cli.argument_flags import replace_arguments_by_options  # few messages name arguments
 
-    return name_flags(text)
+    return replace_arguments_by_options(text)
 
 
 def hide_stdin_folder(arguments: argparse.Namespace, text: str) -> str:
-    """Remove the temporary folder with the file from stdin from a text."""
+    """Remove the name of the temporary folder for stdin from a text."""
     hidden = getattr(arguments, "hidden", "")
     return text.replace(hidden, "") if hidden else text
 
@@ -77,67 +77,69 @@ def sanitize(text: str) -> str:
     )
 
 
-def colour(text: str, kind: str, stream: TextIO) -> str:
-    """Return the text in the colour of an error or warning, if the stream is a terminal; `kind` is error or warning."""
+def colourize(text: str, kind: str, stream: TextIO) -> str:
+    """Add the colour of an error or a warning (`kind`) to a text, if the stream is a terminal that may use colours."""
     if os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb" or not stream.isatty():
         return text
-    return f"\x1b[{_CODES[kind]}m{text}\x1b[0m"
+    return f"\x1b[{_COLOUR_CODES[kind]}m{text}\x1b[0m"
 
 
 def warn(arguments: argparse.Namespace, warnings: Sequence[str]) -> None:
     """Print warnings to stderr, unless --quiet is given."""
     for text in () if arguments.quiet else warnings:
-        prefix = colour("printer-slicer: warning:", "warning", sys.stderr)
-        print(f"{prefix} {sanitize(_with_flags(text))}", file=sys.stderr)
+        prefix = colourize("printer-slicer: warning:", "warning", sys.stderr)
+        print(f"{prefix} {sanitize(_name_options(text))}", file=sys.stderr)
 
 
 # Progress
 
 
-Stages = Callable[[str], None]
+StageReport = Callable[[str], None]
+"""Function that is called with the name of each stage when it starts."""
 
 
 @contextmanager
-def stages(arguments: argparse.Namespace) -> Iterator[Stages]:
-    """Show the current stage on a progress bar, if work takes longer than a second on a terminal without --json.
+def show_stages(arguments: argparse.Namespace) -> Iterator[StageReport]:
+    """Show the current stage on a progress bar, if the work takes longer than a second.
 
-    With --verbose, print a line per stage to stderr, with the seconds since the start.
+    The bar appears only on a terminal, and not with --json or --quiet. With --verbose, a line per stage is printed to
+    stderr instead, with the seconds since the start.
     """
     begun = monotonic()
 
-    def tell(stage: str) -> None:
-        """Print a line with the time."""
+    def print_stage(stage: str) -> None:
+        """Print the name of a stage with the time since the start."""
         print(f"{monotonic() - begun:8.3f} s  {stage}", file=sys.stderr)
 
     if arguments.verbose and not arguments.quiet:
-        yield tell
+        yield print_stage
     elif arguments.quiet or getattr(arguments, "json", False) or not sys.stderr.isatty():
         yield lambda _stage: None
     else:
-        bar = _LateBar()
+        bar = _DelayedBar()
         try:
             yield bar.report
         finally:
             bar.close()
 
 
-class _LateBar:
-    """A progress bar over the stages that appears only if the work takes long."""
+class _DelayedBar:
+    """A progress bar of the stages, which appears only if the work takes longer than a second."""
 
     def __init__(self) -> None:
         self._lock = Lock()
-        self._stage, self._done, self._over = "", -1, False
+        self._stage, self._done, self._is_closed = "", -1, False
         self._show: Callable[[], object] | None = None
         self._stop: Callable[[], object] | None = None
-        self._timer = Timer(PATIENCE, self._open)
+        self._timer = Timer(BAR_DELAY, self._open)
         self._timer.daemon = True
         self._timer.start()
 
     def report(self, stage: str) -> None:
-        """Show a stage; with the same first word as before it is the same stage."""
+        """Show a stage; a name with the same first word as the previous one belongs to the same stage."""
         with self._lock:
-            goes_on = self._done >= 0 and stage.split(maxsplit=1)[0] == self._stage.split()[0]
-            self._stage, self._done = stage, self._done + (not goes_on)
+            is_same_stage = self._done >= 0 and stage.split(maxsplit=1)[0] == self._stage.split()[0]
+            self._stage, self._done = stage, self._done + (not is_same_stage)
             if self._show:
                 self._show()
 
@@ -145,7 +147,7 @@ class _LateBar:
         """Remove the bar."""
         self._timer.cancel()
         with self._lock:
-            self._over = True  # a timer that has already fired must not open the bar any more
+            self._is_closed = True  # a timer that has already fired must not open the bar any more
             if self._stop:
                 self._stop()
 
@@ -156,22 +158,22 @@ class _LateBar:
         columns = (TextColumn("{task.description:<12}"), BarColumn(), TimeElapsedColumn())
         bar = Progress(*columns, console=Console(stderr=True), transient=True)
         with self._lock:
-            if self._over:
+            if self._is_closed:
                 return
-            task = bar.add_task(self._stage, total=_STAGES, completed=max(self._done, 0))
+            task = bar.add_task(self._stage, total=_STAGE_COUNT, completed=max(self._done, 0))
             bar.start()
             self._stop = bar.stop
             self._show = lambda: bar.update(task, description=self._stage, completed=self._done)
 
 
 class Milestones:
-    """Writes a line of progress to stderr whenever one is due.
+    """Writes lines of progress to stderr: one per 5 % of the work, and at least one a minute.
 
     Args:
         what: the activity, at the start of each line.
         wanted: whether to write lines at all.
-        every_share: whether to write one per 5 %; if not, only one a minute.
-        clock: returns seconds.
+        every_share: whether to write a line per 5 %; if not, only one a minute.
+        clock: function that returns the time, s.
     """
 
     def __init__(
@@ -181,18 +183,18 @@ class Milestones:
         self._begun = self._last = clock()
         self._shares = 0
 
-    def reached(self, done: int, total: int, more: Callable[[], str]) -> None:
-        """Report progress if a line is due.
+    def report_if_due(self, done: int, total: int, more: Callable[[], str]) -> None:
+        """Write a line of progress if one is due.
 
         Args:
-            done: finished steps of `total`.
-            total: at least 1.
-            more: returns further text for the line; called only when a line is due.
+            done: number of finished steps.
+            total: number of steps, at least 1.
+            more: function that returns further text for the line; called only if a line is due.
         """
         if not self._wanted:
             return
-        shares, now = done * _SHARES // total, self._clock()
-        if not (self._every_share and shares > self._shares) and now - self._last < _A_MINUTE:
+        shares, now = done * _MILESTONE_COUNT // total, self._clock()
+        if not (self._every_share and shares > self._shares) and now - self._last < _LINE_INTERVAL:
             return
         self._shares, self._last = shares, now
         line = f"{self._what}: {done * 100 // total} %, {more()}, {format_duration(now - self._begun)} so far"
@@ -202,48 +204,51 @@ class Milestones:
 # Files
 
 
-def refuse_mixing(arguments: argparse.Namespace) -> None:
+def check_outputs(arguments: argparse.Namespace) -> None:
     """Check that at most one output goes to stdout, and that the picture format is supported.
 
     Raises:
-        UsageError: several outputs go to stdout or to one file, or the format is unknown.
+        UsageError: several outputs go to stdout or to one file, or the picture format is unknown.
     """
     if arguments.picture:
         from printer_slicer.drawing import check_picture
 
         check_picture(arguments.picture)
-    wants = {"-o": getattr(arguments, "output", None), "--picture": arguments.picture}
-    there = [f"{flag} -" for flag, path in wants.items() if str(path) == "-"]
-    there += ["--json"] if arguments.json else []
-    if len(there) > 1:
+    outputs = {"-o": getattr(arguments, "output", None), "--picture": arguments.picture}
+    on_stdout = [f"{flag} -" for flag, path in outputs.items() if str(path) == "-"]
+    on_stdout += ["--json"] if arguments.json else []
+    if len(on_stdout) > 1:
         raise UsageError(
-            f"{' and '.join(there)} cannot both go to stdout", remedy="Write one of them to a file"
+            f"{' and '.join(on_stdout)} cannot both go to stdout", remedy="Write one of them to a file"
         )
-    output, picture = wants.values()
+    output, picture = outputs.values()
     if output and picture and str(output) != "-" and output.absolute() == picture.absolute():
         raise UsageError(
             f"-o and --picture have the same name: {output}", remedy="Choose another name for the picture"
         )
 
 
-def refuse_same(output: Path, model: Path, flag: str = "-o") -> None:
-    """Refuse to overwrite an input file.
+def reject_overwriting_input(output: Path, model: Path, flag: str = "-o") -> None:
+    """Check that an output file is not one of the input files.
 
     Raises:
-        UsageError: the output is the input.
+        UsageError: the output would overwrite the input.
     """
-    # Impossible names are reported when the file is written.
+    # Invalid names are reported when the file is written.
     with contextlib.suppress(OSError, ValueError):
         if not output.samefile(model):
             return
-        raise UsageError(f"{output}: is an input file", remedy=f"Choose another output with {flag}")
+        raise UsageError(
+            f"{output}: is an input file and cannot be the output, too",
+            remedy=f"Choose another output file with {flag}",
+        )
 
 
 def write_file(path: Path, data: bytes) -> None:
     """Write a file completely or not at all; `-` is stdout, and symbolic links are kept.
 
     Raises:
-        OutputError: the folder is missing, the disk full, or writing not allowed.
+        OutputError: the folder is missing, the disk is full, or permission is denied.
     """
     if str(path) != "-":
         save(path, data)
@@ -252,63 +257,63 @@ def write_file(path: Path, data: bytes) -> None:
     sys.stdout.buffer.flush()
 
 
-_GONE = {errno.EPIPE, errno.ECONNRESET} | ({errno.EINVAL} if sys.platform == "win32" else set())
-_GONE_TERMINAL = {errno.EIO, errno.ENXIO}
+_CLOSED_ERRORS = {errno.EPIPE, errno.ECONNRESET} | ({errno.EINVAL} if sys.platform == "win32" else set())
+_CLOSED_TERMINAL_ERRORS = {errno.EIO, errno.ENXIO}
 
 
-class _Output(io.RawIOBase):
-    """A raw stream that discards output after its reader has gone or the disk is full.
+class _ResilientStream(io.RawIOBase):
+    """A raw output stream that discards data after its reader has closed the pipe, or after the disk is full.
 
     Attributes:
-        failure: the error because of which output was lost; None if only the reader has gone.
+        failure: the error that caused a loss of data; None if there was none, or if only the reader closed the pipe.
     """
 
     failure: OSError | None = None
 
     def __init__(self, descriptor: int) -> None:
         self._descriptor = descriptor
-        self._terminal = os.isatty(descriptor)
-        self._gone = False
+        self._is_terminal = os.isatty(descriptor)
+        self._is_broken = False
 
     def fileno(self) -> int:
         """Return the file descriptor."""
         return self._descriptor
 
     def isatty(self) -> bool:
-        """Return whether it is a terminal that is still open."""
-        return self._terminal and not self._gone
+        """Return whether the stream is a terminal that is still open."""
+        return self._is_terminal and not self._is_broken
 
     def writable(self) -> bool:
-        """Return True."""
+        """Return True, because data can be written to the stream."""
         return True
 
     def write(self, data: Buffer, /) -> int | None:
-        """Write data and return the number of bytes, pretending success after a failure; None if it would block."""
+        """Write data; return the number of bytes, also of discarded ones, or None if writing would block."""
         size = memoryview(data).nbytes
-        if self._gone:
+        if self._is_broken:
             return size
         try:
             return os.write(self._descriptor, data)
         except BlockingIOError:
             return None
         except OSError as error:
-            self._gone = True
-            if error.errno not in _GONE | (_GONE_TERMINAL if self._terminal else set()):
+            self._is_broken = True
+            if error.errno not in _CLOSED_ERRORS | (_CLOSED_TERMINAL_ERRORS if self._is_terminal else set()):
                 self.failure = error
             return size
 
 
 def lost_output_error() -> OSError | None:
-    """Return the error because of which output to stdout was lost, such as a full disk; None if none was."""
+    """Return the error that caused a loss of output to stdout, such as a full disk; None if nothing was lost."""
     buffer = getattr(sys.stdout, "buffer", None)
     raw = getattr(buffer, "raw", buffer)
-    return raw.failure if isinstance(raw, _Output) else None
+    return raw.failure if isinstance(raw, _ResilientStream) else None
 
 
 def survive_closed_streams() -> None:
-    """Replace sys.stdout and sys.stderr by streams that survive a closed pipe or terminal.
+    """Replace sys.stdout and sys.stderr by streams that tolerate a closed pipe or terminal.
 
-    Streams that were replaced before are kept; closed ones (`>&-`) become /dev/null.
+    Streams that were replaced before are kept; a closed stream (`>&-`) is replaced by the null device.
     """
     for name, errors in (("stdout", "replace"), ("stderr", "backslashreplace")):
         stream = getattr(sys, name)
@@ -316,18 +321,18 @@ def survive_closed_streams() -> None:
             stream = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 - for the rest of the process
         elif stream is getattr(sys, f"__{name}__"):
             stream = _wrap_stream(stream)
-        # A terminal may not support all characters of our texts and file names.
+        # A terminal may not support all characters of messages and file names.
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors=errors)
         setattr(sys, name, stream)
 
 
 def _wrap_stream(stream: io.TextIOWrapper) -> io.TextIOWrapper:
-    """Wrap a stream so that it survives its reader; a Windows console stays as it is."""
+    """Wrap a stream so that it tolerates a reader that closes the pipe; a Windows console is not wrapped."""
     inner = getattr(stream, "buffer", None)
     if not isinstance(getattr(inner, "raw", inner), io.FileIO):
         return stream
-    raw = _Output(stream.fileno())
+    raw = _ResilientStream(stream.fileno())
     stream.flush()
     return io.TextIOWrapper(
         io.BufferedWriter(raw) if isinstance(inner, io.BufferedWriter) else raw,  # type: ignore[arg-type]

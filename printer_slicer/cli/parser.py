@@ -1,4 +1,4 @@
-"""The parser of the command line. It imports only the command that is typed; of the others it knows the names."""
+"""Build the parser of the command line; only the module of the command that is typed is imported."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from printer_slicer.cli.help import (
     FILES,
     HelpAction,
     HelpFormatter,
-    advanced,
     format_help,
+    mark_advanced,
 )
 from printer_slicer.cli.suggestions import suggest, suggest_command, suggest_option
 from printer_slicer.errors import UsageError
 from printer_slicer.version import VERSION
 
-__all__ = ["COMMANDS", "CommandParser", "build_parser", "declare"]
+__all__ = ["COMMANDS", "CommandParser", "add_command", "build_parser"]
 
 COMMANDS: Final[Mapping[str, str]] = {
     "slice": "make G-code from models",
     "print": "print over a serial port",
-    "dry-run": "print on the simulated printer and report what would happen",
-    "check": "analyse G-code of any slicer, alone or against its model",
+    "dry-run": "print on the simulated printer and report errors",
+    "check": "analyse G-code of any slicer, and compare it with its model",
     "draw": "draw a layer of any slicer's G-code",
     "plan": "compare layer plans for a part",
     "contours": "export the contours of a part as SVG, CLI or SLC",
@@ -43,7 +43,7 @@ COMMANDS: Final[Mapping[str, str]] = {
     "completion": "print the completion script for your shell",
     "man": "print the manual page",
 }
-"""Name -> meaning, in the order of the help."""
+"""Name of a command -> description, in the order of the help."""
 
 _EXAMPLES: Final = """\
   printer-slicer slice part.stl --printer prusa_mk4   write part.gcode
@@ -65,18 +65,20 @@ options of a command: printer-slicer COMMAND --help
 """
 
 
-def build_parser(asked: Collection[str] = tuple(COMMANDS)) -> argparse.ArgumentParser:
-    """Build the parser of the command line; `run` in its result is the function to call.
+def build_parser(names: Collection[str] = tuple(COMMANDS)) -> argparse.ArgumentParser:
+    """Build the parser of the command line; the attribute `run` of the parsed arguments is the function to call.
 
     Args:
-        asked: the commands whose modules are imported and whose arguments are added.
+        names: the commands whose modules are imported and whose arguments are added.
     """
     parser = _TopParser(
         prog="printer-slicer",
         usage="printer-slicer COMMAND [options]",
         description="Slice parts with uniform or adaptive layer heights, check G-code, and print it.",
     )
-    advanced(parser.add_argument("--version", action=_Version, nargs=0, help="show the version and exit"))
+    mark_advanced(
+        parser.add_argument("--version", action=_VersionAction, nargs=0, help="show the version and exit")
+    )
     usual: type[argparse.ArgumentParser] = CommandParser
     commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=usual, title="commands")
     for name, meaning in COMMANDS.items():
@@ -86,13 +88,13 @@ def build_parser(asked: Collection[str] = tuple(COMMANDS)) -> argparse.ArgumentP
             help=meaning,
             description=meaning[0].upper() + meaning[1:] + ".",
         )
-        if name in asked:
-            declare(command, name)
+        if name in names:
+            add_command(command, name)
     return parser
 
 
-def declare(parser: argparse.ArgumentParser, name: str) -> None:
-    """Import the module of a command, and add its arguments, examples and run."""
+def add_command(parser: argparse.ArgumentParser, name: str) -> None:
+    """Import the module of a command, and add its arguments, its examples and its function `run` to a parser."""
     module = import_module(f"printer_slicer.cli.commands.{name.replace('-', '_').replace(' ', '_')}")
     assert isinstance(parser, _Parser)
     parser.examples = module.EXAMPLES
@@ -101,10 +103,10 @@ def declare(parser: argparse.ArgumentParser, name: str) -> None:
 
 
 class _Parser(argparse.ArgumentParser):
-    """A parser with help in two tiers, whose errors are usage errors that suggest what may have been meant.
+    """A parser with help in two tiers, which raises usage errors that suggest the intended option or command.
 
     Attributes:
-        examples: lines for the help, of the form `  COMMAND LINE   what it does`.
+        examples: lines for the help, of the form `  COMMAND LINE   explanation`.
         ending: text below the examples.
     """
 
@@ -114,12 +116,12 @@ class _Parser(argparse.ArgumentParser):
     def __init__(self, **named: Any) -> None:
         common: dict[str, Any] = {"formatter_class": HelpFormatter, "allow_abbrev": False, "add_help": False}
         super().__init__(**common | named)
-        advanced(
+        mark_advanced(
             self.add_argument(
                 "-h", "--help", action=HelpAction, everything=False, help="show the everyday options and exit"
             )
         )
-        advanced(
+        mark_advanced(
             self.add_argument(
                 "--help-all", action=HelpAction, everything=True, help="show all options and exit"
             )
@@ -138,7 +140,7 @@ class _Parser(argparse.ArgumentParser):
         raise UsageError(": ".join(filter(None, (self.prog.partition(" ")[2], problem))), remedy=usage)
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
-        """Refuse a value that is none of the choices, and suggest the nearest one."""
+        """Reject a value that is not one of the choices, and suggest the most similar choice."""
         if action.choices is not None and value not in action.choices:
             known = list(map(str, action.choices))
             listed = f"choose one of: {', '.join(known)}"
@@ -149,7 +151,7 @@ class _Parser(argparse.ArgumentParser):
             raise argparse.ArgumentError(action, f"unknown: {value!r}; {suggest(str(value), known)}{listed}")
 
     def _print_message(self, message: str, file: Any = None) -> None:
-        """Print a message; the caller reports a stdout that cannot be written."""
+        """Print a message; the caller handles errors of stdout."""
         (file or sys.stderr).write(message)
 
     def format_help(self) -> str:
@@ -158,16 +160,16 @@ class _Parser(argparse.ArgumentParser):
 
 
 class CommandParser(_Parser):
-    """A parser whose usage names only required options; the help lists the others.
+    """A parser of one command; its usage line names only required options.
 
     Attributes:
-        below: first words that select another parser for the words behind them.
+        below: first argument -> the parser for the arguments after it, such as that of `profiles import`.
     """
 
     below: Mapping[str, CommandParser] = {}
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """Parse, and refuse unknown words here, where the options that may have been meant are known."""
+        """Parse, and reject unknown words here, where the options to suggest are known."""
         if args and args[0] in self.below:
             return self.below[args[0]].parse_known_args(args[1:], namespace)
         found, unknown = super().parse_known_args(args, namespace)
@@ -176,13 +178,13 @@ class CommandParser(_Parser):
         return found, unknown
 
     def format_usage(self) -> str:
-        """Return the first line of the help."""
-        self.usage = self.usage or _short_usage(self)
+        """Return the usage line."""
+        self.usage = self.usage or _format_short_usage(self)
         return super().format_usage()
 
 
-def _short_usage(parser: argparse.ArgumentParser) -> str:
-    """Return the command with its required options and positional arguments."""
+def _format_short_usage(parser: argparse.ArgumentParser) -> str:
+    """Format the command with its required options and positional arguments."""
     words = [parser.prog, "[options]"]
     for action in parser._actions:  # noqa: SLF001 - argparse has no other list
         what = action.metavar or action.dest.upper()
@@ -203,7 +205,7 @@ class _TopParser(_Parser):
 
     @property
     def appendix(self) -> str:
-        """Text that only the complete help has."""
+        """Text at the end of the complete help: exit codes, environment variables and files."""
         tables = {"exit codes": EXIT_CODES, "environment variables": ENVIRONMENT}
         rows = [
             f"\n{title}:\n" + "".join(f"  {name:<26}{text}\n" for name, text in table.items())
@@ -216,8 +218,8 @@ class _TopParser(_Parser):
         return super().parse_known_args(attach_values(sys.argv[1:] if args is None else args), namespace)
 
 
-class _Version(argparse.Action):
-    """Print the version and exit."""
+class _VersionAction(argparse.Action):
+    """Action of --version: prints the version and exits."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
         print(f"printer-slicer {VERSION}")

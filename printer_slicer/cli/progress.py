@@ -1,4 +1,4 @@
-"""Report the progress of a print: a bar on a terminal, JSON lines, or plain lines; and messages of the printer."""
+"""Report the progress of a print, and messages of the printer: as a progress bar, JSON lines or plain lines."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING
 
-from printer_slicer.cli.output import PATIENCE, Milestones, sanitize, say
+from printer_slicer.cli.output import BAR_DELAY, Milestones, print_text, sanitize
 from printer_slicer.errors import VerificationError
 from printer_slicer.jobs import Job
 from printer_slicer.stream.events import (
@@ -37,17 +37,17 @@ from printer_slicer.texts import format_duration
 if TYPE_CHECKING:
     from printer_slicer.printing import Controls, PrintResult
 
-__all__ = ["print_with", "progress"]
+__all__ = ["print_with_progress", "show_progress"]
 
 
-class progress:  # noqa: N801 - used like a function
-    """Turns events into a progress bar, JSON lines, or plain lines without a terminal.
+class show_progress:  # noqa: N801 - used like a function
+    """Shows the events of a print: on a progress bar, as JSON lines, or as plain lines without a terminal.
 
     Args:
         arguments: the command line.
-        job: the print.
-        events: whether --json prints all of them.
-        shares: whether to write a line per 5 %; if not, only one a minute.
+        job: the job that is printed.
+        events: whether --json prints all events.
+        shares: whether to write a plain line per 5 %; if not, only one a minute.
     """
 
     def __init__(
@@ -60,15 +60,15 @@ class progress:  # noqa: N801 - used like a function
         self._json = arguments.json and events
         self._bar: Callable[[int], None] | None = None
         self._close: Callable[[], object] = lambda: None
-        self._wanted = not (arguments.json or arguments.quiet) and sys.stderr.isatty()
+        self._may_open_bar = not (arguments.json or arguments.quiet) and sys.stderr.isatty()
         self._lines = Milestones(
             "printing", wanted=not (self._quiet or sys.stderr.isatty()), every_share=shares
         )
         self._begun = monotonic()
-        self._shown = -1
+        self._last_percent = -1
 
     def __enter__(self) -> Callable[[Event], None]:
-        return self._tell
+        return self._handle_event
 
     def __exit__(self, *_: object) -> None:
         self._close()
@@ -98,40 +98,40 @@ class progress:  # noqa: N801 - used like a function
 
         self._bar = update
 
-    def _tell(self, event: Event) -> None:
+    def _handle_event(self, event: Event) -> None:
         if isinstance(event, Accepted):
             self._done = event.acknowledged
-            self._advance(event.acknowledged)
+            self._report_percent(event.acknowledged)
         # During heating, temperatures are the only events.
-        self._lines.reached(self._done, max(len(self._job.commands), 1), self._where)
+        self._lines.report_if_due(self._done, max(len(self._job.commands), 1), self._describe_position)
         if isinstance(event, Accepted):
             return
         if self._json and not isinstance(event, LineSent):
             print(json.dumps({"event": event_kind(event), **asdict(event)}, default=str), flush=True)
-        elif (not self._quiet and (text := _for_people(event))) or (
-            self._verbose and (text := _as_line(event))
+        elif (not self._quiet and (text := _format_for_user(event))) or (
+            self._verbose and (text := _format_details(event))
         ):
             print(sanitize(text), file=sys.stderr)
 
-    def _where(self) -> str:
-        """Describe the progress of the job."""
+    def _describe_position(self) -> str:
+        """Describe the current position in the job: commands and layers."""
         layer, last = self._job.layer_of(self._done), self._last_layer()
         return f"{self._done} of {len(self._job.commands)} commands" + (
             f", layer {layer} of {last}" if layer else ""
         )
 
     def _last_layer(self) -> int:
-        """Return the number of the last layer; 0 if unknown."""
+        """Return the number of the last layer; 0 if it is unknown."""
         return self._job.plan.n_layers if self._job.plan else max(self._job.marks.values(), default=0)
 
-    def _advance(self, done: int) -> None:
-        """Report progress in steps of 1 %."""
-        if self._wanted and self._bar is None and monotonic() - self._begun > PATIENCE:
+    def _report_percent(self, done: int) -> None:
+        """Report the progress in steps of 1 %, on the bar or as JSON."""
+        if self._may_open_bar and self._bar is None and monotonic() - self._begun > BAR_DELAY:
             self._open_bar()
         percent = done * 100 // len(self._job.commands)
-        if percent == self._shown:
+        if percent == self._last_percent:
             return
-        self._shown = percent
+        self._last_percent = percent
         if self._json:
             total = len(self._job.commands)
             line = {"event": "progress", "done": done, "total": total, "layer": self._job.layer_of(done)}
@@ -140,16 +140,16 @@ class progress:  # noqa: N801 - used like a function
             self._bar(done)
 
 
-def print_with(
-    arguments: argparse.Namespace, job: Job, checkpoint: Path, begin: Callable[..., PrintResult]
+def print_with_progress(
+    arguments: argparse.Namespace, job: Job, checkpoint: Path, start_print: Callable[..., PrintResult]
 ) -> int:
-    """Print with progress and keys, and print the result.
+    """Run a print, show its progress, let keys control it, and report the result.
 
     Args:
         arguments: the command line.
-        job: to print.
+        job: the job to print.
         checkpoint: file for the progress of the print.
-        begin: starts the print, with the arguments that `print_job` and `resume_print` have in common.
+        start_print: function that prints, called with the arguments that `print_job` and `resume_print` share.
 
     Raises:
         VerificationError: the printer is not at the end position of the job.
@@ -158,10 +158,10 @@ def print_with(
 
     controls = Controls()
     with (
-        progress(arguments, job, events=True, shares=True) as tell,
-        _keys(arguments, controls),
+        show_progress(arguments, job, events=True, shares=True) as tell,
+        _enable_keys(arguments, controls),
     ):
-        done = begin(
+        done = start_print(
             on_event=tell,
             checkpoint=checkpoint,
             controls=controls,
@@ -177,7 +177,7 @@ def print_with(
         print(json.dumps({"event": "finished", **asdict(done)}))
     else:
         known = f"; {position[done.verified]}" if done.verified is not None else ""
-        say(
+        print_text(
             arguments,
             f"done: {done.commands} commands in {format_duration(done.seconds)}{known}\n  link: {done.link}",
         )
@@ -191,17 +191,17 @@ def print_with(
     return 0
 
 
-def _keys(arguments: argparse.Namespace, controls: Controls) -> AbstractContextManager[None]:
-    """Return a context in which keys control the print, if stdin is a terminal."""
+def _enable_keys(arguments: argparse.Namespace, controls: Controls) -> AbstractContextManager[None]:
+    """Return a context in which keys control the print, if stdin is a terminal and --quiet is not given."""
     if arguments.quiet or not sys.stdin or not sys.stdin.isatty():
         return nullcontext()
-    from printer_slicer.cli.keys import keys
+    from printer_slicer.cli.keys import control_by_keys
 
-    return keys(controls)
+    return control_by_keys(controls)
 
 
-def _for_people(event: Event) -> str:
-    """Format an event that every user must see; empty for others."""
+def _format_for_user(event: Event) -> str:
+    """Format an event that every user must see; return an empty text for other events."""
     if isinstance(event, Stopping):
         return "stopping; Ctrl-C again halts the printer at once"
     if isinstance(event, Paused):
@@ -222,8 +222,8 @@ def _for_people(event: Event) -> str:
     return ""
 
 
-def _as_line(event: Event) -> str:
-    """Format an event for --verbose; empty for others."""
+def _format_details(event: Event) -> str:
+    """Format an event that only --verbose shows; return an empty text for other events."""
     if isinstance(event, Message):
         return event.text
     if isinstance(event, ResendRequested):

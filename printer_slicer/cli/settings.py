@@ -1,4 +1,4 @@
-"""The profile of a command line: named profiles, changed settings, and settings in G-code files."""
+"""Load the profile of a command line: named profiles, changed settings, and settings in G-code files."""
 
 from __future__ import annotations
 
@@ -19,45 +19,45 @@ if TYPE_CHECKING:
 
 __all__ = [
     "changes_from",
-    "named_folders",
-    "own_folder",
+    "check_profile_folders",
+    "folder_for_new_profiles",
+    "prepare_schema_folder",
     "profile_facts",
     "profile_from",
-    "schema_folder",
     "write_schemas",
 ]
 
-_OF_PLANNER = ("tolerance", "layer_height")  # settings of the planner in ranges
+_PLANNER_RANGE_SETTINGS = ("tolerance", "layer_height")  # settings that the layer planner reads from --range
 _RANGE_SETTINGS: Final = ("planner.ranges", "planner.ranges+", "ranges")
-_ENDS: Final = 1 << 14  # bytes at both ends of a file in which slicers name the machine
+_SEARCHED_BYTES: Final = 1 << 14  # at both ends of a file, where slicers name the machine
 _MACHINE: Final = re.compile(
     rb"^; ?(?:TARGET_MACHINE\.NAME:|machine_type:|printer_model = |printer_settings_id = )([^\r\n]{1,100})",
     re.MULTILINE,
 )
-"""The machine as named by Cura, FlashPrint, and PrusaSlicer and its forks."""
+"""Comment with the name of the machine: in files of Cura, of FlashPrint, and of PrusaSlicer and its forks."""
 
 
 def profile_from(
     arguments: argparse.Namespace, *, slices: bool = True, gcode: Path | None = None, tell: bool = True
 ) -> Profile:
-    """Load the profile of --printer, --material, --quality, --planner and --set, and print its names and sources.
+    """Load the profile that the command line selects and changes, and print the names and sources of its parts.
 
     Args:
         arguments: the command line; `profile_facts` returns the sources of the profile afterwards.
-        slices: whether a part is sliced with it; otherwise the quality may not fit the printer.
-        gcode: a file whose own machine, material and quality are used unless the command line names others.
-        tell: whether to print them; `sim` prints its own line, and the console prints only lines of the printer.
+        slices: whether a part is sliced with the profile; if not, the quality need not fit the printer.
+        gcode: a file whose machine, material and quality are used unless the command line names others.
+        tell: whether to print names and sources.
 
     Raises:
-        UsageError: a name or setting that does not exist or is out of bounds.
+        UsageError: a name or a setting does not exist, or a value is out of bounds.
     """
     from printer_slicer.profile import load_profile, profile_over
 
     names: dict[str, Any] = {
         kind: getattr(arguments, kind, None) for kind in ("printer", "material", "quality")
     }
-    folders = named_folders(arguments)
-    own = _loaded(arguments, names) if gcode is None else _own_settings(gcode, folders)
+    folders = check_profile_folders(arguments)
+    own = _read_loaded_files(arguments, names) if gcode is None else _read_gcode_settings(gcode, folders)
     changes = changes_from(arguments)
     try:
         if gcode is None and not own.values:
@@ -65,17 +65,19 @@ def profile_from(
         else:
             profile = profile_over(own.values, names, changes, folders, slices=slices and gcode is None)
     except ProfileError as error:
-        raise _with_flag(error, arguments) from None
+        raise _add_set_option(error, arguments) from None
     used = {"printer", "material", *own.values, *(("quality",) if slices and gcode is None else ())}
-    sources = _provenance({kind: name for kind, name in names.items() if kind in used}, own, folders)
+    sources = _find_profile_sources(
+        {kind: name for kind, name in names.items() if kind in used}, own, folders
+    )
     arguments.profile_facts = {"profile": sources}
     if tell:
         _print_profile(arguments, sources, own.refused)
     return profile
 
 
-def _with_flag(error: ProfileError, arguments: argparse.Namespace) -> ProfileError:
-    """Return the error with --set before a setting that was changed by it."""
+def _add_set_option(error: ProfileError, arguments: argparse.Namespace) -> ProfileError:
+    """Put `--set` in front of the message if it begins with a setting that --set changed; return the error."""
     message = str(error.args[0])
     keys = (change.partition("=")[0].strip() for change in arguments.set)
     typed = any(message.startswith((f"{key}:", f"{key}=")) for key in keys)
@@ -85,9 +87,9 @@ def _with_flag(error: ProfileError, arguments: argparse.Namespace) -> ProfileErr
 def _print_profile(
     arguments: argparse.Namespace, sources: dict[str, dict[str, str]], refused: Sequence[str]
 ) -> None:
-    """Print machine, material and quality with their sources as the first line.
+    """Print printer, material and quality with their sources, as the first line of the output.
 
-    The line goes to stderr if stdout carries data; --json has it in `profile`.
+    The line goes to stderr if stdout carries data; with --json, it is in `profile` of the result.
     """
     if arguments.quiet:
         return
@@ -96,24 +98,24 @@ def _print_profile(
         print(sanitize(text), file=sys.stderr)
     if not arguments.json:
         data = any(str(getattr(arguments, name, "")) == "-" for name in ("output", "picture"))
-        line = ", ".join(f"{kind} {one['name']} ({_origin(one)})" for kind, one in sources.items())
+        line = ", ".join(f"{kind} {one['name']} ({_format_origin(one)})" for kind, one in sources.items())
         print(sanitize(hide_stdin_folder(arguments, line)), file=sys.stderr if data else sys.stdout)
 
 
-def _origin(sources: dict[str, str]) -> str:
-    """Return where a profile comes from, and the machine named by the file if no profile has that name."""
+def _format_origin(sources: dict[str, str]) -> str:
+    """Format where a profile comes from, and the machine that the file names if there is no profile for it."""
     named = sources.get("named_in_file")
     return sources["from"] + (f": the file names '{named}', which has no profile" if named else "")
 
 
 def profile_facts(arguments: argparse.Namespace) -> dict[str, Any]:
-    """Return machine, material and quality of a command with their sources, for JSON."""
+    """Return printer, material and quality of a command with their sources, for JSON."""
     facts: dict[str, Any] = getattr(arguments, "profile_facts", {})
     return facts
 
 
-def named_folders(arguments: argparse.Namespace) -> Sequence[Path]:
-    """Return the folders of --profiles.
+def check_profile_folders(arguments: argparse.Namespace) -> Sequence[Path]:
+    """Return the folders of --profiles, after checking that they exist.
 
     Raises:
         UsageError: a folder does not exist.
@@ -132,10 +134,10 @@ def changes_from(arguments: argparse.Namespace) -> dict[str, object]:
     """Return the settings that --set and other options change.
 
     Raises:
-        UsageError: a --set without value, or an empty name of a profile.
+        UsageError: --set lacks a value, or the name of a profile is empty.
     """
-    _translate_familiar(arguments)
-    changes = _option_changes(arguments)
+    _translate_other_slicer_settings(arguments)
+    changes = _collect_option_changes(arguments)
     if getattr(arguments, "baud", None):
         changes["printer.baud"] = arguments.baud
     for change in arguments.set:
@@ -146,7 +148,7 @@ def changes_from(arguments: argparse.Namespace) -> dict[str, object]:
             )
         changes[key.strip()] = value.strip()
     if getattr(arguments, "firmware", None) and not {"flavour", "printer.flavour"} & set(changes):
-        changes["printer.flavour"] = _flavour_of(arguments.firmware)
+        changes["printer.flavour"] = _find_flavour(arguments.firmware)
     _apply_layer_height(changes)
     for flag in ("printer", "material", "quality"):
         if getattr(arguments, flag, None) == "":
@@ -157,11 +159,11 @@ def changes_from(arguments: argparse.Namespace) -> dict[str, object]:
     return changes
 
 
-def _translate_familiar(arguments: argparse.Namespace) -> None:
-    """Replace settings of other slicers in --set by settings of this program, and print what they became.
+def _translate_other_slicer_settings(arguments: argparse.Namespace) -> None:
+    """Replace settings of other slicers in --set by settings of this program, and print each replacement.
 
     Raises:
-        UsageError: a setting of another slicer has no counterpart, or a word suggests a setting.
+        UsageError: a setting of another slicer has no counterpart, or a name is ambiguous.
     """
     from printer_slicer.profile.keys import is_setting
 
@@ -172,9 +174,11 @@ def _translate_familiar(arguments: argparse.Namespace) -> None:
     from printer_slicer.profile import load_profile
 
     names = {kind: getattr(arguments, kind, None) for kind in ("printer", "material", "quality")}
-    folders = named_folders(arguments)
+    folders = check_profile_folders(arguments)
     around = {key.strip(): value.strip() for key, _, value in pairs if is_setting(key.strip())}
-    around |= {key: value for key, value in _option_changes(arguments).items() if not key.endswith("+")}
+    around |= {
+        key: value for key, value in _collect_option_changes(arguments).items() if not key.endswith("+")
+    }
     try:
         profile = load_profile(**names, changes=around, slices=False, folders=folders)
     except ProfileError:  # reported when all settings are applied
@@ -182,7 +186,9 @@ def _translate_familiar(arguments: argparse.Namespace) -> None:
     result: list[str] = []
     for change, (key, equals, value) in zip(arguments.set, pairs, strict=True):
         name = key.strip()
-        found = translate_setting(name, value.strip(), lambda: profile, _as_typed) if equals else None
+        found = (
+            translate_setting(name, value.strip(), lambda: profile, _format_set_option) if equals else None
+        )
         own = [change] if found is None else [f"{ours}={made}" for ours, made in found.changes.items()]
         result += own
         if found is not None and not arguments.quiet:
@@ -191,19 +197,20 @@ def _translate_familiar(arguments: argparse.Namespace) -> None:
     arguments.set = result
 
 
-def _as_typed(name: str, value: str) -> str:
+def _format_set_option(name: str, value: str) -> str:
+    """Format a setting as it is typed with --set."""
     return f"--set {name}={value}"
 
 
-def _flavour_of(firmware: str) -> str:
-    """Return the G-code flavour of a simulated firmware, for slicing and reading."""
+def _find_flavour(firmware: str) -> str:
+    """Return the G-code flavour of a simulated firmware."""
     from printer_slicer.sim.firmwares import SIMULATED_FIRMWARES
 
     return SIMULATED_FIRMWARES[firmware].dialect
 
 
-def _option_changes(arguments: argparse.Namespace) -> dict[str, object]:
-    """Return the settings that are changed by options with names of their own, and by overrides."""
+def _collect_option_changes(arguments: argparse.Namespace) -> dict[str, object]:
+    """Return the settings that are changed by options such as --infill, and by --heights, --range and --set-for."""
     given = {
         key.removeprefix("setting "): value
         for key, value in vars(arguments).items()
@@ -230,29 +237,31 @@ def _option_changes(arguments: argparse.Namespace) -> dict[str, object]:
     planned: list[str] = []
     for rule in getattr(arguments, "range", ()):
         of_planner = all(
-            part.partition("=")[0].strip() in _OF_PLANNER for part in rule.split(":")[2:] if "=" in part
+            part.partition("=")[0].strip() in _PLANNER_RANGE_SETTINGS
+            for part in rule.split(":")[2:]
+            if "=" in part
         )
         if not of_planner:
             _check_range(rule)
         (planned if of_planner else own).append(rule)
-    # After those of the quality profile, because the last one wins.
+    # The ranges are added after those of the quality profile, because the last one takes precedence.
     changes |= {"quality.planner.ranges+": ";".join(planned)} if planned else {}
     return changes | ({"quality.overrides+": ";".join(own)} if own else {})
 
 
 def _check_range(rule: str) -> None:
-    """Check that a value of --range starts with two numbers; otherwise they would be read as the name of an object.
+    """Check that a value of --range starts with two heights, since other text would be read as an object's name.
 
     Raises:
-        UsageError: it does not.
+        UsageError: the value starts with something else.
     """
     from printer_slicer.profile.overrides import HIGHEST, has_height_range
 
     if not has_height_range(rule):
         raise UsageError(
             f"--range {rule}: expected LOW:HIGH:KEY=VALUE",
-            remedy=f"Give two heights in mm: 5:10:perimeters=4, or 5:{HIGHEST:g}:perimeters=4 up to the top. For "
-            "objects use --set-for.",
+            remedy=f"Give two heights in mm, such as 5:10:perimeters=4, or 5:{HIGHEST:g}:perimeters=4 up to the top; "
+            "to change the settings of one object, use --set-for",
         )
 
 
@@ -260,13 +269,13 @@ def _check_range(rule: str) -> None:
 
 
 def _apply_layer_height(changes: dict[str, object]) -> None:
-    """Select the planner for a layer height: uniform, or optimal if ranges have a layer height of their own.
+    """Select the planner for a given layer height: uniform, or optimal if ranges have other layer heights.
 
     Args:
-        changes: setting -> value from the command line; the planner and its heights are added.
+        changes: setting -> value from the command line; the planner and its layer heights are added.
 
     Raises:
-        UsageError: the named planner, one of its settings or a list of heights contradicts the layer height.
+        UsageError: the selected planner, one of its settings or a list of heights contradicts the layer height.
     """
     named = {key.removeprefix("quality."): value for key, value in changes.items()}
     if "layer_height" not in named:
@@ -279,17 +288,17 @@ def _apply_layer_height(changes: dict[str, object]) -> None:
         )
     ranged = any(key in named for key in _RANGE_SETTINGS)
     planner = named.get("planner.kind")
-    against = list(_contradictions(changes))
+    against = list(_find_contradicting_options(changes))
     fits = "optimal" if ranged else "uniform"
     if against or planner not in (None, fits):
-        _refuse_heights(height, planner, against, fits)
+        _reject_layer_height(height, planner, against, fits)
     changes["quality.planner.kind"] = fits
     if ranged:
         changes["quality.layer_heights"] = height
 
 
-def _contradictions(changes: Mapping[str, object]) -> Iterator[str]:
-    """Yield the options for planners that choose heights; ranges with a layer height of their own do not count."""
+def _find_contradicting_options(changes: Mapping[str, object]) -> Iterator[str]:
+    """Yield the options that contradict a fixed layer height, because they are for planners that choose heights."""
     from printer_slicer.profile.planners import PLANNER_SETTINGS
     from printer_slicer.profile.quality import Quality
 
@@ -305,8 +314,8 @@ def _contradictions(changes: Mapping[str, object]) -> Iterator[str]:
             yield flags.get(key, f"--set {key}")
 
 
-def _refuse_heights(height: object, planner: object, against: list[str], fits: str) -> NoReturn:
-    """Report what contradicts the layer height.
+def _reject_layer_height(height: object, planner: object, against: list[str], fits: str) -> NoReturn:
+    """Raise an error that names the options that contradict the layer height.
 
     Raises:
         UsageError: always.
@@ -319,29 +328,29 @@ def _refuse_heights(height: object, planner: object, against: list[str], fits: s
     if not against:
         raise UsageError(
             f"layer height {height}: the {planner} planner chooses heights itself; only --planner uniform takes one",
-            remedy=f"Leave out one of the two, or limit the heights with --heights 0.1:{height}",
+            remedy=f"Leave out the planner or the layer height, or limit the heights with --heights 0.1:{height}",
         )
     others = [*([f"--planner {planner}"] if planner not in (None, "uniform") else []), *against]
     rest = "the layer height or the other options" if len(others) > 1 else f"{others[0]} or the layer height"
     raise UsageError(
         f"layer height {height} and {', '.join(others)} contradict each other: layers are either uniform or chosen by "
         "a planner",
-        remedy=f"Leave out {rest}. --heights 0.1:{height} limits the heights of a planner, --range "
-        "LOW:HIGH:layer_height=MM sets another height in part of the print.",
+        remedy=f"Leave out {rest}. To limit the heights of a planner, use --heights 0.1:{height}; for another height "
+        "in part of the print, use --range LOW:HIGH:layer_height=MM.",
     )
 
 
 # Settings in G-code files
 
 
-class _OwnSettings(NamedTuple):
-    """Settings found in a G-code file.
+class _FileSettings(NamedTuple):
+    """Settings found in a file.
 
     Attributes:
         values: kind -> settings; kinds without settings in the file are missing.
         refused: reasons why settings in the file are not used, one sentence each.
         unknown: name of the machine in the file if no profile has that name, else empty.
-        source: where the settings are from, for messages.
+        source: origin of the settings, for messages.
     """
 
     values: Mapping[str, Mapping[str, Any]]
@@ -350,11 +359,11 @@ class _OwnSettings(NamedTuple):
     source: str = "from the file"
 
 
-def _loaded(arguments: argparse.Namespace, names: dict[str, Any]) -> _OwnSettings:
-    """Return the settings of the files of --load; `names` gets the .toml files among them.
+def _read_loaded_files(arguments: argparse.Namespace, names: dict[str, Any]) -> _FileSettings:
+    """Read the settings in the files of --load; the .toml files among them are added to `names` instead.
 
     Raises:
-        UsageError: a file has no settings, several profiles of one kind, or one that cannot be used.
+        UsageError: a file has no settings, several profiles of one kind, or a profile that cannot be used.
     """
     values: dict[str, Mapping[str, Any]] = {}
     files: Sequence[Path] = getattr(arguments, "load", ())
@@ -375,15 +384,15 @@ def _loaded(arguments: argparse.Namespace, names: dict[str, Any]) -> _OwnSetting
         kinds = [one.kind for one in found]
         if len(set(kinds)) < len(kinds):
             raise UsageError(
-                f"--load {path}: has {len(kinds)} profiles",
-                remedy=f"Import those of one printer: printer-slicer profiles import {path} --for NAME",
+                f"--load {path}: the file has {len(kinds)} profiles, several of one kind",
+                remedy=f"Import the profiles of one printer: printer-slicer profiles import {path} --for NAME",
             )
         values |= {one.kind: one.values for one in found if not isinstance(one, RejectedProfile)}
-    return _OwnSettings(values, (), source="from --load")
+    return _FileSettings(values, (), source="from --load")
 
 
-def _own_settings(path: Path, folders: Sequence[Path] = ()) -> _OwnSettings:
-    """Read the settings that this program, PrusaSlicer or its forks wrote, or the name of the machine.
+def _read_gcode_settings(path: Path, folders: Sequence[Path] = ()) -> _FileSettings:
+    """Read the settings in a G-code file that this program, PrusaSlicer or its forks wrote, or the machine it names.
 
     Settings that an import would reject, such as impossible temperatures, are not used.
 
@@ -392,7 +401,7 @@ def _own_settings(path: Path, folders: Sequence[Path] = ()) -> _OwnSettings:
         folders: further folders of profiles.
 
     Raises:
-        UsageError: it is a pipe.
+        UsageError: the file is a pipe.
     """
     from printer_slicer.profile.gcode_settings import is_printer_slicer_gcode, settings_in_gcode
 
@@ -403,20 +412,20 @@ def _own_settings(path: Path, folders: Sequence[Path] = ()) -> _OwnSettings:
         )
     try:
         found = (
-            _OwnSettings(settings_in_gcode(path), ())
+            _FileSettings(settings_in_gcode(path), ())
             if is_printer_slicer_gcode(path)
-            else _settings_of_other_slicer(path)
+            else _read_other_slicer_settings(path)
         )
     except (OSError, ValueError):  # an invalid file name
-        return _OwnSettings({}, ())
+        return _FileSettings({}, ())
     except ProfileError as error:
         # A file that cannot be read is reported when all of it is read.
-        return _OwnSettings({}, (str(error.args[0]).removeprefix(f"{path}: "),) if path.is_file() else ())
-    return _settings_of_named_machine(path, folders) if found is None else found
+        return _FileSettings({}, (str(error.args[0]).removeprefix(f"{path}: "),) if path.is_file() else ())
+    return _find_named_machine(path, folders) if found is None else found
 
 
-def _settings_of_other_slicer(path: Path) -> _OwnSettings | None:
-    """Read the profiles in G-code of another slicer; None if it has none."""
+def _read_other_slicer_settings(path: Path) -> _FileSettings | None:
+    """Read the profiles in a G-code file of another slicer; return None if the file has none."""
     from printer_slicer.importing import import_profiles
     from printer_slicer.importing.results import NoSettingsError, RejectedProfile
 
@@ -425,39 +434,39 @@ def _settings_of_other_slicer(path: Path) -> _OwnSettings | None:
     except NoSettingsError:
         return None
     refused = [f"{one.kind}: {one.problem}" for one in found if isinstance(one, RejectedProfile)]
-    return _OwnSettings(
+    return _FileSettings(
         {one.kind: one.values for one in found if not isinstance(one, RejectedProfile)}, refused
     )
 
 
-def _settings_of_named_machine(path: Path, folders: Sequence[Path]) -> _OwnSettings:
-    """Return the profile of the machine that a file without settings names, or the name if no profile has it."""
+def _find_named_machine(path: Path, folders: Sequence[Path]) -> _FileSettings:
+    """Return the printer profile of the machine that a file names; if there is no such profile, only the name."""
     from printer_slicer.profile import load_profile, settings_of
 
     try:
         with path.open("rb") as file:
-            head = file.read(_ENDS)
-            file.seek(max(path.stat().st_size - _ENDS, len(head)))
+            head = file.read(_SEARCHED_BYTES)
+            file.seek(max(path.stat().st_size - _SEARCHED_BYTES, len(head)))
             found = _MACHINE.search(head + b"\n" + file.read())
     except (OSError, ValueError):
-        return _OwnSettings({}, ())  # reported when all of the file is read
+        return _FileSettings({}, ())  # reported when all of the file is read
     name = found[1].decode("utf-8", "replace").strip() if found else ""
-    profile = _profile_named("printer", name, folders) if name else ""
+    profile = _find_profile_by_display_name("printer", name, folders) if name else ""
     if not profile:
-        return _OwnSettings({}, (), name)
-    return _OwnSettings(
+        return _FileSettings({}, (), name)
+    return _FileSettings(
         {"printer": settings_of(load_profile(profile, slices=False, folders=folders))["printer"]}, ()
     )
 
 
-def _provenance(
-    names: Mapping[str, str | None], own: _OwnSettings, folders: Sequence[Path]
+def _find_profile_sources(
+    names: Mapping[str, str | None], own: _FileSettings, folders: Sequence[Path]
 ) -> dict[str, dict[str, str]]:
-    """Map each kind to the `name` of its profile, where it comes `from`, and an unknown machine `named_in_file`.
+    """Return for each kind the `name` of its profile, its origin (`from`), and an unknown machine (`named_in_file`).
 
     Args:
-        names: kind -> name on the command line; None if there is none.
-        own: settings of the file.
+        names: kind -> name on the command line; None if the command line names no profile.
+        own: settings in the file.
         folders: further folders of profiles.
     """
     from printer_slicer.profile import DEFAULT_NAMES
@@ -465,10 +474,13 @@ def _provenance(
     sources: dict[str, dict[str, str]] = {}
     for kind, name in names.items():
         if name:
-            sources[kind] = {"name": _selected(kind, name, folders), "from": f"--{kind}"}
+            sources[kind] = {"name": _resolve_profile_name(kind, name, folders), "from": f"--{kind}"}
         elif kind in own.values:
             named = str(own.values[kind].get("name", ""))
-            sources[kind] = {"name": _profile_named(kind, named, folders) or named, "from": own.source}
+            sources[kind] = {
+                "name": _find_profile_by_display_name(kind, named, folders) or named,
+                "from": own.source,
+            }
         else:
             sources[kind] = {"name": DEFAULT_NAMES[kind], "from": "default"}
             if kind == "printer" and own.unknown:
@@ -476,15 +488,15 @@ def _provenance(
     return sources
 
 
-def _selected(kind: str, name: str, folders: Sequence[Path]) -> str:
-    """Return the name of the profile that a typed name selects; a path as it is typed."""
+def _resolve_profile_name(kind: str, name: str, folders: Sequence[Path]) -> str:
+    """Return the name of the profile that a typed name selects; a path is returned unchanged."""
     from printer_slicer.profile.reading import path_of
 
     return name if name.endswith(".toml") or "/" in name else path_of(kind, name, folders).stem
 
 
-def _profile_named(kind: str, name: str, folders: Sequence[Path] = ()) -> str:
-    """Return the name that selects the profile with this `name` setting; empty if there is none."""
+def _find_profile_by_display_name(kind: str, name: str, folders: Sequence[Path] = ()) -> str:
+    """Return the name that selects the profile with a given display name; empty if there is no such profile."""
     from printer_slicer.profile import profile_paths
     from printer_slicer.profile.finding import display_name
 
@@ -497,13 +509,13 @@ def _profile_named(kind: str, name: str, folders: Sequence[Path] = ()) -> str:
 # Where new profiles go
 
 
-def own_folder(named: Sequence[Path], what: str, remedy: str) -> Path:
-    """Return the folder for new profiles: the first that was named, or the user's own.
+def folder_for_new_profiles(named: Sequence[Path], what: str, remedy: str) -> Path:
+    """Return the folder for new profiles: the first one on the command line, or the user's own.
 
     Args:
         named: folders from the command line.
         what: the action, for the message.
-        remedy: of the error.
+        remedy: remedy of the error.
 
     Raises:
         UsageError: there is no such folder.
@@ -517,7 +529,7 @@ def own_folder(named: Sequence[Path], what: str, remedy: str) -> Path:
 
 
 def write_schemas(folder: Path) -> list[Path]:
-    """Write the JSON schemas of all kinds into a folder, which is created; return their paths.
+    """Write the JSON schemas of all kinds into a folder, which is created if missing; return their paths.
 
     Raises:
         OutputError: the folder cannot be created or written to.
@@ -532,11 +544,11 @@ def write_schemas(folder: Path) -> list[Path]:
     return paths
 
 
-def schema_folder(root: Path | None) -> Path | None:
-    """Return the folder of the schemas for profile files; None: beside the folders of profiles, where they are written.
+def prepare_schema_folder(root: Path | None) -> Path | None:
+    """Return the folder of the shipped schemas; or write the schemas into the user's own folder, and return None.
 
     Args:
-        root: the folder of the user's own profiles; None: the shipped schemas are used.
+        root: the folder of the user's own profiles; None: profiles refer to the shipped schemas.
     """
     from printer_slicer.profile.folders import SCHEMAS, profile_root
 

@@ -1,4 +1,4 @@
-"""Suggestions for commands and options that do not exist: by meaning first, by spelling second, else none."""
+"""Suggest a command or option in place of an unknown one: by meaning first, by spelling second."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import Final
 
 __all__ = ["suggest", "suggest_command", "suggest_option"]
 
-_ALIKE: Final = 0.75  # of 1: a word this similar is suggested
-_OPTION_ALIKE: Final = 0.85  # the same for options, whose words are often parts of others
+_MIN_SIMILARITY: Final = 0.75  # from 0 to 1; less similar words are not suggested
+_MIN_OPTION_SIMILARITY: Final = 0.85  # the same for options, whose words are often parts of others
 
 _COMMANDS: Final[Mapping[str, str]] = {
     "export": "slice part.stl",
@@ -64,7 +64,7 @@ _COMMANDS: Final[Mapping[str, str]] = {
     "help": "--help",
     "version": "--version",
 }
-"""A word people try -> what does it here."""
+"""Command that people try -> the command line of this program for it."""
 
 _OPTIONS: Final[Mapping[str, str]] = {
     "--fill-density": "--infill PERCENT",
@@ -135,20 +135,20 @@ _OPTIONS: Final[Mapping[str, str]] = {
     "--quiet-mode": "--quiet",
     "--format": "--json",
 }
-"""An option people try -> what does it here."""
+"""Option that people try -> the option of this program for it."""
 
 _MODELS: Final = (".stl", ".3mf", ".obj", ".ply", ".off", ".glb", ".gltf", ".step", ".stp")
 _GCODE: Final = (".gcode", ".gco", ".g")
 
 
-def suggest(word: str, known: Iterable[str], cutoff: float = _ALIKE) -> str:
-    """Return a question that names the known word spelled most like a word; empty if none is similar."""
+def suggest(word: str, known: Iterable[str], cutoff: float = _MIN_SIMILARITY) -> str:
+    """Ask whether the user meant the known word with the most similar spelling; empty if no word is similar."""
     near = get_close_matches(word, list(known), n=1, cutoff=cutoff) if word else []
     return f"Did you mean {near[0]!r}? " if near else ""
 
 
 def suggest_command(word: str, commands: Collection[str]) -> str:
-    """Return a question that names the command line that a first word may mean; empty if none is meant."""
+    """Ask whether the user meant another command line, for an unknown command; empty if there is no suggestion."""
     lower = word.lower()
     if lower.endswith(_MODELS):
         return f"Did you mean 'printer-slicer slice {word}'? "
@@ -160,16 +160,16 @@ def suggest_command(word: str, commands: Collection[str]) -> str:
 
 
 def suggest_option(flag: str, known: Collection[str]) -> str:
-    """Return a question that names the option of a command that an unknown one may mean; empty if none is meant.
+    """Ask whether the user meant another option, for an unknown option; empty if there is no suggestion.
 
     Args:
-        flag: as typed, without a value.
+        flag: the option as typed, without its value.
         known: the options of the command.
     """
     meant = _OPTIONS.get(flag.lower().replace("_", "-"), "")
     if meant.partition(" ")[0].rstrip(",") in known:
         return f"Did you mean {meant}? "
-    if near := suggest(flag, known, _OPTION_ALIKE):
+    if near := suggest(flag, known, _MIN_OPTION_SIMILARITY):
         return near
     if "--set" in known and _is_setting(name := flag.removeprefix("--").replace("-", "_")):
         return f"Did you mean --set {name}=VALUE? "
@@ -177,7 +177,7 @@ def suggest_option(flag: str, known: Collection[str]) -> str:
 
 
 def _is_setting(name: str) -> bool:
-    """Return whether a name is a setting here or in another slicer."""
+    """Return whether a name is a setting of this program or of another slicer."""
     from printer_slicer.importing.familiar import is_familiar
     from printer_slicer.profile.keys import is_setting
 

@@ -1,4 +1,4 @@
-"""Run a dry run for a command, and format its result as text and JSON."""
+"""Do the dry run of a command, and format its result as text and JSON."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from printer_slicer.cli.jobs import format_findings, refused_findings
+from printer_slicer.cli.jobs import disallowed_errors, format_notes
 from printer_slicer.cli.output import sanitize
-from printer_slicer.cli.progress import progress
+from printer_slicer.cli.progress import show_progress
 from printer_slicer.diagnostics import as_json, sentence
 from printer_slicer.errors import UsageError, VerificationError
 from printer_slicer.jobs import Job
@@ -26,22 +26,22 @@ if TYPE_CHECKING:
     from printer_slicer.sim.simulated_firmware import SimulatedFirmware
 
 __all__ = [
-    "faults_of",
-    "firmware_of",
-    "insist_printable",
-    "planted_facts",
-    "planted_lines",
-    "simulate",
+    "format_verdict",
+    "injected_fault_facts",
+    "injected_fault_lines",
+    "read_faults",
+    "require_printable",
+    "select_firmware",
+    "simulate_print",
     "verdict_facts",
-    "verdict_text",
 ]
 
-_MOST_FAULTS: Final = 20
-_WORTH: Final = 0.5  # s; roles that take less are not shown
-_WIDE: Final = 100  # characters of a line
+_MAX_SHOWN_ERRORS: Final = 20
+_SHORTEST_TIME: Final = 0.5  # s; roles that take less time are not shown
+_LINE_WIDTH: Final = 100  # characters of a line
 
 
-def simulate(
+def simulate_print(
     arguments: argparse.Namespace,
     job: Job,
     profile: Profile,
@@ -50,13 +50,13 @@ def simulate(
     baud: int | None = None,
     faults: Faults | None = None,
 ) -> Verdict:
-    """Print the job on the simulated printer that the command line describes, with progress."""
+    """Print the job on the simulated printer that the command line describes, and show the progress."""
     from printer_slicer.inspection.dry_run.runner import dry_run
 
     chosen = getattr(arguments, "firmware", None)
-    firmware = firmware_of(arguments, profile.printer) if chosen else None
+    firmware = select_firmware(arguments, profile.printer) if chosen else None
     extruders, one_hotend = getattr(arguments, "extruders", None), getattr(arguments, "one_hotend", False)
-    with progress(arguments, job, events=events) as tell:
+    with show_progress(arguments, job, events=events) as tell:
         return dry_run(
             job,
             profile,
@@ -69,16 +69,16 @@ def simulate(
         )
 
 
-def firmware_of(arguments: argparse.Namespace, printer: Printer) -> SimulatedFirmware:
-    """Return the firmware of --firmware, else one for the dialect of the profile."""
+def select_firmware(arguments: argparse.Namespace, printer: Printer) -> SimulatedFirmware:
+    """Return the firmware of --firmware; without the option, one for the G-code flavour of the printer."""
     from printer_slicer.inspection.dry_run.machines import simulated_firmware_for
     from printer_slicer.sim.firmwares import SIMULATED_FIRMWARES
 
     return SIMULATED_FIRMWARES[arguments.firmware] if arguments.firmware else simulated_firmware_for(printer)
 
 
-def faults_of(arguments: argparse.Namespace) -> Faults | None:
-    """Return the faults of --faults; None without the option.
+def read_faults(arguments: argparse.Namespace) -> Faults | None:
+    """Read the fault script of --faults; return None without the option.
 
     Raises:
         UsageError: the fault script cannot be read or is invalid.
@@ -92,39 +92,42 @@ def faults_of(arguments: argparse.Namespace) -> Faults | None:
 
     if arguments.faults is None:
         if arguments.seed is not None:
-            raise UsageError("--seed needs --faults", remedy="Name a fault script with --faults")
+            raise UsageError(
+                "--seed has no effect without --faults", remedy="Name a fault script with --faults FILE.toml"
+            )
         return None
     try:
         text = read_input(arguments.faults, MOST_BYTES).decode("utf-8")
     except OSError as error:
         raise UsageError(
-            f"{arguments.faults}: {error.strerror}", remedy="Name a TOML file with --faults"
+            f"{arguments.faults}: the fault script cannot be read: {error.strerror}",
+            remedy="Name a TOML file with --faults",
         ) from error
     except UnicodeDecodeError as error:
         raise UsageError(
-            f"{arguments.faults}: not UTF-8 text", remedy="Name a TOML file with --faults"
+            f"{arguments.faults}: the fault script is not UTF-8 text", remedy="Name a TOML file with --faults"
         ) from error
     faults, seed = read_script(text, str(arguments.faults))
     chosen = next((one for one in (arguments.seed, seed) if one is not None), 0)
     return Faults(faults, Random(chosen))  # noqa: S311 - nothing secret
 
 
-def planted_lines(faults: Faults | None) -> list[str]:
+def injected_fault_lines(faults: Faults | None) -> list[str]:
     """Return the injected faults as lines of text."""
-    struck = faults.events if faults else []
-    return [f"{'injected':<12}{one.time:.1f} s, line {one.line}: {one.text}" for one in struck]
+    injected = faults.events if faults else []
+    return [f"{'injected':<12}{one.time:.1f} s, line {one.line}: {one.text}" for one in injected]
 
 
-def planted_facts(faults: Faults | None) -> dict[str, Any]:
+def injected_fault_facts(faults: Faults | None) -> dict[str, Any]:
     """Return the injected faults for JSON."""
     return {"injected_faults": [one._asdict() for one in faults.events]} if faults else {}
 
 
-def insist_printable(verdict: Verdict) -> None:
-    """Raise an error if the print has problems.
+def require_printable(verdict: Verdict) -> None:
+    """Raise an error if the dry run found problems.
 
     Raises:
-        VerificationError: it has.
+        VerificationError: the print has problems.
     """
     if not verdict.ok:
         count = len(verdict.problems) - 1
@@ -132,41 +135,44 @@ def insist_printable(verdict: Verdict) -> None:
         raise VerificationError(f"{verdict.job}: {verdict.problems[0]}{more}")
 
 
-def verdict_text(arguments: argparse.Namespace, verdict: Verdict, job: Job, profile: Profile) -> str:
-    """Return the result as text: summary, errors, warnings, then facts."""
-    wrong = [*verdict.problems, *_other_errors(verdict, job)]
-    head = f"{verdict.job}: no problems" if not wrong else f"{verdict.job}: do not print, {_count(wrong)}"
-    lines = [head, *(f"{'error':<12}{sanitize(one)}" for one in wrong[:_MOST_FAULTS])]
-    if len(wrong) > _MOST_FAULTS:
-        lines.append(f"{'error':<12}... and {len(wrong) - _MOST_FAULTS} more (--json lists all)")
+def format_verdict(arguments: argparse.Namespace, verdict: Verdict, job: Job, profile: Profile) -> str:
+    """Format the result of a dry run as text: summary, errors, warnings, then facts."""
+    wrong = [*verdict.problems, *_find_other_lint_errors(verdict, job)]
+    head = (
+        f"{verdict.job}: no problems" if not wrong else f"{verdict.job}: do not print, {_count_errors(wrong)}"
+    )
+    lines = [head, *(f"{'error':<12}{sanitize(one)}" for one in wrong[:_MAX_SHOWN_ERRORS])]
+    if len(wrong) > _MAX_SHOWN_ERRORS:
+        lines.append(f"{'error':<12}... and {len(wrong) - _MAX_SHOWN_ERRORS} more (--json lists all)")
     lines += [f"{'warning':<12}{sanitize(one)}" for one in verdict.notes]
-    lines += format_findings(arguments, job)
-    return "\n".join([*lines, *_fact_lines(verdict, profile)])
+    lines += format_notes(arguments, job)
+    return "\n".join([*lines, *_format_facts(verdict, profile)])
 
 
-def _other_errors(verdict: Verdict, job: Job) -> list[str]:
-    """Return lint errors that no fault of the dry run covers."""
+def _find_other_lint_errors(verdict: Verdict, job: Job) -> list[str]:
+    """Return a sentence for each lint error that is not also a fault of the dry run."""
     kinds = {one.code for one in verdict.faults if one.is_error}
     said = {name: {name} for name in ("box", "temperature", "cold", "homing", "unreadable")}
     said |= {"flow": {"flow", "extrusion"}, "unsupported": {"unsupported"}}
-    return [sentence(one) for one in refused_findings(job) if not said.get(one.code, set()) & kinds]
+    return [sentence(one) for one in disallowed_errors(job) if not said.get(one.code, set()) & kinds]
 
 
-def _count(wrong: Sequence[str]) -> str:
+def _count_errors(wrong: Sequence[str]) -> str:
+    """Format the number of errors: `1 error`, `2 errors`."""
     return f"{len(wrong)} error{'s' if len(wrong) > 1 else ''}"
 
 
-def _fact_lines(verdict: Verdict, profile: Profile) -> Iterator[str]:
-    """Yield the facts of the print, one per line."""
+def _format_facts(verdict: Verdict, profile: Profile) -> Iterator[str]:
+    """Yield the facts about a print, one per line: time, layers, filament, flow, serial link, extent."""
     report = verdict.report
-    facts: dict[str, list[str]] = {"time": [_time(verdict)]}
+    facts: dict[str, list[str]] = {"time": [_format_times(verdict)]}
     if verdict.deposition is not None:
-        facts["by role"] = _wrapped(_roles(verdict.deposition))
-        facts["layers"] = [_layers(verdict, verdict.deposition)]
-    facts["filament"] = [_filament(verdict, profile)]
+        facts["by role"] = _join_wrapped(_format_role_times(verdict.deposition))
+        facts["layers"] = [_format_layers(verdict, verdict.deposition)]
+    facts["filament"] = [_format_filament(verdict, profile)]
     if verdict.deposition is not None and verdict.deposition.peak is not None:
-        facts["flow"] = [_flow(verdict.deposition, profile)]
-    facts["serial"] = [_link(verdict)]
+        facts["flow"] = [_format_flow(verdict.deposition, profile)]
+    facts["serial"] = [_format_link(verdict)]
     if report.extrusion_min and report.extrusion_max:
         span = (
             f"{name} {low:.{digits}f} to {high:.{digits}f}"
@@ -175,19 +181,19 @@ def _fact_lines(verdict: Verdict, profile: Profile) -> Iterator[str]:
             )
         )
         facts["extent"] = [f"{' '.join(span)} mm"]
-    facts["executed"] = [f"{_executed(verdict)}; {_time_difference(verdict)}"]
+    facts["executed"] = [f"{_format_executed(verdict)}; {_format_time_difference(verdict)}"]
     for name, texts in facts.items():
         yield from (f"{name if not nth else '':<12}{text}" for nth, text in enumerate(texts))
 
 
-def _executed(verdict: Verdict) -> str:
+def _format_executed(verdict: Verdict) -> str:
     if verdict.identical:
         return f"all {verdict.commands} commands, in order"
     return f"{verdict.executed} of {verdict.commands} commands, NOT identical to the file"
 
 
-def _time_difference(verdict: Verdict) -> str:
-    """Compare simulated with estimated time."""
+def _format_time_difference(verdict: Verdict) -> str:
+    """Describe the difference between simulated and estimated time."""
     ratio = verdict.simulated_seconds / verdict.modelled_seconds - 1 if verdict.modelled_seconds else 0.0
     difference = f"{ratio:+.2%}"
     if difference in ("+0.00%", "-0.00%"):
@@ -195,7 +201,7 @@ def _time_difference(verdict: Verdict) -> str:
     return f"simulated time differs by {difference} from the estimate"
 
 
-def _time(verdict: Verdict) -> str:
+def _format_times(verdict: Verdict) -> str:
     report = verdict.report
     parts = [f"{format_duration(report.heating_seconds)} of heating"] if report.heating_seconds >= 1 else []
     parts += [f"{format_duration(report.homing_seconds)} of homing"] if report.homing_seconds >= 1 else []
@@ -204,18 +210,18 @@ def _time(verdict: Verdict) -> str:
     return f"{in_all} in total{more}; {moving} of motion"
 
 
-def _roles(deposition: Deposition) -> list[str]:
-    """Return the time of each role, the longest first."""
+def _format_role_times(deposition: Deposition) -> list[str]:
+    """Format the time of each role, the longest first."""
     times = {**deposition.by_role, "Travel": deposition.travel, "Retraction": deposition.extruder}
     ordered = sorted(times.items(), key=lambda one: -one[1])
-    return [f"{name} {format_duration(seconds)}" for name, seconds in ordered if seconds >= _WORTH]
+    return [f"{name} {format_duration(seconds)}" for name, seconds in ordered if seconds >= _SHORTEST_TIME]
 
 
-def _wrapped(words: Sequence[str]) -> list[str]:
+def _join_wrapped(words: Sequence[str]) -> list[str]:
     """Join words with commas, in lines of limited length."""
     lines = [""]
     for word in words:
-        if lines[-1] and len(lines[-1]) + len(word) > _WIDE:
+        if lines[-1] and len(lines[-1]) + len(word) > _LINE_WIDTH:
             lines[-1] += ","
             lines.append(word)
         else:
@@ -223,14 +229,14 @@ def _wrapped(words: Sequence[str]) -> list[str]:
     return lines
 
 
-def _heights(deposition: Deposition) -> np.ndarray[Any, np.dtype[np.float64]]:
+def _layer_heights(deposition: Deposition) -> np.ndarray[Any, np.dtype[np.float64]]:
     """Return the height of each layer, mm, bottom to top."""
     z = np.unique([round(layer.z, 3) for layer in deposition.layers if layer.number and layer.length > 0])
     return np.diff(z, prepend=0.0)
 
 
-def _layers(verdict: Verdict, deposition: Deposition) -> str:
-    heights = _heights(deposition)
+def _format_layers(verdict: Verdict, deposition: Deposition) -> str:
+    heights = _layer_heights(deposition)
     if not len(heights):
         return "none"
     first, rest = float(heights[0]), heights[1:] if len(heights) > 1 else heights
@@ -243,18 +249,18 @@ def _layers(verdict: Verdict, deposition: Deposition) -> str:
     return f"{summary}; slowest layer {slowest.number} takes {format_duration(slowest.seconds)}"
 
 
-def _grams(verdict: Verdict, profile: Profile) -> float:
+def _filament_grams(verdict: Verdict, profile: Profile) -> float:
     area = pi * profile.material.filament_diameter**2 / 4
     return verdict.report.filament * area / 1000 * profile.material.density
 
 
-def _filament(verdict: Verdict, profile: Profile) -> str:
-    grams = _grams(verdict, profile)
+def _format_filament(verdict: Verdict, profile: Profile) -> str:
+    grams = _filament_grams(verdict, profile)
     cost = f", cost {grams / 1000 * profile.material.cost:.2f}" if profile.material.cost else ""
     return f"{verdict.report.filament / 1000:.2f} m, {grams:.1f} g of {profile.material.name}{cost}"
 
 
-def _flow(deposition: Deposition, profile: Profile) -> str:
+def _format_flow(deposition: Deposition, profile: Profile) -> str:
     assert deposition.peak is not None
     laying = sum(deposition.by_role.values())
     mean = deposition.volume / laying if laying else 0.0
@@ -265,7 +271,7 @@ def _flow(deposition: Deposition, profile: Profile) -> str:
     )
 
 
-def _link(verdict: Verdict) -> str:
+def _format_link(verdict: Verdict) -> str:
     report = verdict.report
     again = f"{report.resends} resends"
     if not verdict.baud:
@@ -273,7 +279,7 @@ def _link(verdict: Verdict) -> str:
     again = f"; {again}" if report.resends else ""
     lost = verdict.simulated_seconds + report.underrun_seconds - verdict.modelled_seconds
     if not report.underruns:
-        slower = f"; {lost:.1f} s slower for lack of planned moves" if lost >= 1 else ""
+        slower = f"; {lost:.1f} s slower because the motion planner ran short of moves" if lost >= 1 else ""
         return f"{verdict.baud} baud is enough (no buffer underruns){slower}{again}"
     return (
         f"{report.underruns} buffer underruns at {verdict.baud} baud, {report.underrun_seconds:.2f} s of standstill; "
@@ -282,7 +288,7 @@ def _link(verdict: Verdict) -> str:
 
 
 def verdict_facts(verdict: Verdict, job: Job, profile: Profile) -> dict[str, object]:
-    """Return the result for JSON."""
+    """Return the result of a dry run for JSON."""
     report = asdict(verdict.report)
     report["violations"] = [list(violation) for violation in verdict.report.violations]
     report["underrun_list"] = [list(one) for one in verdict.report.underrun_list]
@@ -301,8 +307,8 @@ def verdict_facts(verdict: Verdict, job: Job, profile: Profile) -> dict[str, obj
         "baud": verdict.baud,
         "faults": [as_json(fault) for fault in verdict.faults],
         "problems": list(verdict.problems),
-        "filament_g": round(_grams(verdict, profile), 3),
-        "cost": round(_grams(verdict, profile) / 1000 * profile.material.cost, 4) or None,
+        "filament_g": round(_filament_grams(verdict, profile), 3),
+        "cost": round(_filament_grams(verdict, profile) / 1000 * profile.material.cost, 4) or None,
         "material": None if verdict.deposition is None else _material_facts(verdict.deposition, profile),
         "printer": report,
     }
@@ -316,7 +322,7 @@ def _material_facts(deposition: Deposition, profile: Profile) -> Mapping[str, ob
         "extruder_seconds": round(deposition.extruder, 3),
         "volume_mm3": round(deposition.volume, 3),
         "volume_standing_mm3": round(deposition.standing, 3),
-        "layer_heights": np.round(_heights(deposition), 4).tolist(),
+        "layer_heights": np.round(_layer_heights(deposition), 4).tolist(),
         "peak_flow": None
         if peak is None
         else {"mm3_per_s": round(peak.amount, 3), "layer": peak.layer, "z": round(peak.z, 4)},

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 import printer_slicer as ps
-from printer_slicer.cli.argument_flags import name_flags
+from printer_slicer.cli.argument_flags import replace_arguments_by_options
 from printer_slicer.drawing.canvas import Text, text_width
 from tests.api.example import run
 from tests.parts import box, cone
@@ -454,8 +454,13 @@ def test_an_error_from_python_names_an_argument_and_the_command_line_its_flag() 
         ps.slice(box((2000.0, 20.0, 20.0)))
 
     assert "`scale=" in caught.value.remedy
-    assert name_flags('Use `scale=0.5`, `units="inch"` or `drop=False`') == (
+    assert replace_arguments_by_options('Use `scale=0.5`, `units="inch"` or `drop=False`') == (
         "Use --scale 0.5, --units inch or --no-drop"
     )
-    assert name_flags('see `job.allowing(["box", "cold"])`') == "see --allow box --allow cold"
-    assert name_flags("Remove one of these `inherits`; a ` b") == "Remove one of these `inherits`; a ` b"
+    assert (
+        replace_arguments_by_options('see `job.allowing(["box", "cold"])`') == "see --allow box --allow cold"
+    )
+    assert (
+        replace_arguments_by_options("Remove one of these `inherits`; a ` b")
+        == "Remove one of these `inherits`; a ` b"
+    )

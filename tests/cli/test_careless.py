@@ -32,7 +32,7 @@ def test_a_profile_without_a_name_is_refused(flag: str) -> None:
 def test_a_layer_without_a_picture_is_refused(tmp_path: Path) -> None:
     outcome = typed("slice", BOX, "-o", tmp_path / "b.gcode", "--layer", "3", *QUICK)
 
-    assert is_message(outcome, "--layer 3: only pictures have layers", "--picture")
+    assert is_message(outcome, "--layer 3: this option has no effect without --picture", "--picture")
     assert not (tmp_path / "b.gcode").exists()
 
 

@@ -92,7 +92,7 @@ def test_a_log_that_cannot_be_written_is_told_before_the_port_is_opened(tmp_path
 
     assert (outcome.code, outcome.err) == (
         2,
-        f"printer-slicer: {log}: cannot be written: No such file or directory\n  Choose another file\n",
+        f"printer-slicer: {log}: cannot be written: No such file or directory\n  Choose another file with --log\n",
     )
 
 
@@ -152,11 +152,11 @@ def test_a_person_types_a_refused_line_once_more_to_send_it(tmp_path: Path) -> N
         port = open_port(str(tmp_path / "port"))
         console = Console(port, allow=lambda command: "it writes the EEPROM" if command == b"M500" else "")
         with pytest.raises(UsageError, match="Type the same line again"):
-            console.say("M500", asks=True)
-        console.say("M117 no", asks=True)
+            console.send_line("M500", is_interactive=True)
+        console.send_line("M117 no", is_interactive=True)
         with pytest.raises(UsageError, match="Type the same line again"):
-            console.say("M500", asks=True)
-        console.say("M500 ; yes", asks=True)
+            console.send_line("M500", is_interactive=True)
+        console.send_line("M500 ; yes", is_interactive=True)
         port.close()
     assert executed == ["M117 no", "M500"]
 
@@ -166,7 +166,7 @@ def test_a_policy_can_refuse_a_command(tmp_path: Path) -> None:
         port = open_port(str(tmp_path / "port"))
         console = Console(port, allow=lambda command: "it writes the EEPROM" if command == b"M500" else "")
         with pytest.raises(UsageError, match="EEPROM"):
-            console.say("M500")
+            console.send_line("M500")
         port.close()
     assert executed == []
 
@@ -175,8 +175,8 @@ def test_a_printer_that_says_nothing_is_not_waited_for(tmp_path: Path) -> None:
     with served(tmp_path / "port"):
         port = open_port(str(tmp_path / "port"))
         console = Console(port, timeout=0.3)
-        console.say(".stop")
+        console.send_line(".stop")
         port.read(0.5)
         with pytest.raises(PortError, match="no reply"):
-            console.say("M105")
+            console.send_line("M105")
         port.close()

@@ -95,7 +95,7 @@ def test_another_model_is_noticed(gcode: Path, tmp_path: Path) -> None:
     done = typed("draw", gcode, "--layer", 5, "--model", PARTS / "vase.stl", "-o", tmp_path / "a.svg")
 
     assert done.code == 0
-    assert "check that it is the sliced model" in done.out
+    assert "check that the file was sliced from this model" in done.out
 
 
 def test_a_box_may_begin_with_a_minus_sign(tmp_path: Path) -> None:
@@ -122,7 +122,7 @@ def test_files_of_other_slicers_are_drawn_with_their_own_names(tmp_path: Path) -
         (["--layer", "0"], "box.gcode has layers 1 to 34"),
         (["--layer", "35"], "box.gcode has layers 1 to 34"),
         (["--z", "10.1"], "has layers from the bed to z 10 mm"),
-        (["--box", "0,0,5,5"], "the extrusions of layer 1 are from"),
+        (["--box", "0,0,5,5"], "none of the extrusions of layer 1, which extend from"),
     ],
 )
 def test_what_is_not_in_the_file_is_refused(gcode: Path, tmp_path: Path, flags: list[str], told: str) -> None:
@@ -203,9 +203,9 @@ def test_without_a_name_the_picture_lies_beside_the_file_and_shows_its_worst_lay
     done = typed("draw", fine)
     assert done.code == 0
     assert done.out.startswith(f"{tmp_path / 'fine.svg'}: layer 1 of 34")
-    assert "the first layer, because the check has no findings" in done.out
+    assert "the first layer, because no layer has findings" in done.out
     done = typed("draw", faulty)
     assert done.out.startswith(f"{tmp_path / 'faulty.svg'}: layer ")
-    assert "the layer with the most findings of the check: " in done.out
+    assert "the layer with the most findings (" in done.out
     assert "layer 1 of" not in done.out
     assert {fine.with_suffix(".svg"), faulty.with_suffix(".svg")} <= set(tmp_path.iterdir())

@@ -30,7 +30,7 @@ def test_lines_come_with_each_share_and_after_each_minute_and_never_else(
     for more, seconds in steps:
         now, done = now + seconds, min(done + more, 400)
         capsys.readouterr()
-        lines.reached(done, 400, lambda: "there")
+        lines.report_if_due(done, 400, lambda: "there")
         said = capsys.readouterr().err
         due = now - told_at >= 60 or (every_share and done // 20 > shares)
         assert bool(said) == due

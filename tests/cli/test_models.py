@@ -136,7 +136,7 @@ def test_a_model_over_the_bed_is_told(tmp_path: Path) -> None:
     high = part(tmp_path, "high.stl", (50, 0, 2.5), (60, 20, 6))
     outcome = typed("slice", low, high, "--json", *QUICK)
 
-    above = "high.stl: the part starts 2.5 mm above the bed, as placed in its file"
+    above = "high.stl: the part starts 2.5 mm above the bed, because of its position in the file"
     assert outcome.err.startswith(f"printer-slicer: warning: {above}\n")
     assert fact(outcome)["warnings"][0] == above
     assert "unsupported extrusion" in fact(outcome)["warnings"][1]

@@ -78,7 +78,7 @@ def test_diff_tells_both_values() -> None:
     assert "perimeters                          2 -> 4" in typed("profiles", "diff", "standard", "strong").out
     assert typed("profiles", "diff", "pla", "pla").out == "no differences\n"
     assert is_message(failed("diff", "pla", "fine"), "material", "quality", "same kind")
-    assert is_message(failed("diff", "pla"), "which two")
+    assert is_message(failed("diff", "pla"), "two profiles must be named")
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -116,7 +116,7 @@ def test_a_new_profile_goes_where_it_is_told(tmp_path: Path) -> None:
 def test_new_without_a_folder_a_kind_or_a_name_says_what_it_needs(
     own: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert is_message(failed("new", "mine"), "of which kind")
+    assert is_message(failed("new", "mine"), "the kind and the name of the profile are missing")
     assert is_message(failed("new", "printer", "../mine"), "not a valid name")
     monkeypatch.setenv(VARIABLE, "")
     assert is_message(failed("new", "printer", "mine"), "no folder for your own profiles", "-o FILE")
@@ -188,16 +188,16 @@ def test_profiles_of_a_folder_are_used_by_other_commands(tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("words", "problem", "remedy"),
     [
-        (["printer"], "profiles printer: which one?", "profiles printer NAME"),
-        (["show", "a", "b", "c"], "profiles show: which one?", "profiles show NAME"),
+        (["printer"], "profiles printer: one profile must be named", "profiles printer NAME"),
+        (["show", "a", "b", "c"], "profiles show: one profile must be named", "profiles show NAME"),
         (["show", "standart"], "unknown profile 'standart'", "Did you mean 'standard'?"),
-        (["diff", "standard"], "profiles diff: which two?", "profiles diff NAME OTHER"),
+        (["diff", "standard"], "profiles diff: two profiles must be named", "profiles diff standard fine"),
         (
             ["diff", "standard", "pla"],
-            "standard is a quality, pla a material",
+            "standard is a quality profile, but pla is a material profile",
             "Compare two profiles of the same kind",
         ),
-        (["check"], "profiles check: which file?", "profiles check FILE"),
+        (["check"], "profiles check: no file is named", "profiles check my_printer.toml"),
         (["settings", "zebra"], "profiles settings zebra: no setting matches", "Try a shorter word"),
         (["schema", "colour"], "profiles schema colour: no such kind", "profiles schema quality"),
         (["path", "nowhere/x.toml"], "nowhere/x.toml: no such profile", "Check the path"),
@@ -296,9 +296,9 @@ def test_an_option_means_what_its_setting_means(flag: str) -> None:
     option = SETTING_OPTIONS[flag]
     rows = {row.key.replace("[optimal]", ""): row for row in settings_table()}
     row = rows[option.setting]
-    told = row.meaning + (f": {row.bounds.replace(' |', ',')}" if row.type == "literal" else "")
+    told = row.meaning + (f"; one of: {row.bounds.replace(' |', ',')}" if row.type == "literal" else "")
 
-    told = option.meaning or told + option.more
+    told = (option.meaning or told) + option.help_suffix
     assert " ".join(told.split()) in " ".join(typed("slice", "--help-all").out.split())
 
 

@@ -145,7 +145,7 @@ def test_what_is_not_used_is_named_and_in_the_json(tmp_path: Path) -> None:
         in warnings
     )
     assert "project.3mf: box: its settings are not used" in warnings
-    assert "its print, filament and printer settings are not used" in warnings
+    assert "the print, filament and printer settings in this file are not used" in warnings
     assert f"profiles import {path}" in warnings
     for line in warnings.splitlines():
         assert line in outcome.err

@@ -19,9 +19,9 @@ from typing import Final
 import pytest
 from command_line import BOX, QUICK, ROOT, USUAL, is_message, process, typed
 
-from printer_slicer.cli.commands.man import as_man, as_markdown
+from printer_slicer.cli.commands.man import format_man_page, format_markdown_page
 from printer_slicer.cli.parser import COMMANDS, build_parser
-from printer_slicer.cli.shell_completion import SHELLS, actions_of, shell_code
+from printer_slicer.cli.shell_completion import SHELLS, iterate_actions, shell_code
 from printer_slicer.mesh_io import load_mesh
 from tests.waiting import LAST_RESORT
 
@@ -102,7 +102,7 @@ def test_the_model_of_a_check_may_come_from_stdin(gcode: bytes, tmp_path: Path) 
     [
         (
             ["slice", "-", "-o", "-", "--quality", "-"],
-            "-: stdin can be read only once\n  Write one of the two to a file\n",
+            "-: stdin can be read only once\n  Write one of the two inputs to a file\n",
         ),
         (
             ["contours", "-", "-o", "-"],
@@ -110,15 +110,18 @@ def test_the_model_of_a_check_may_come_from_stdin(gcode: bytes, tmp_path: Path) 
         ),
         (
             ["slice", "-"],
-            "-: the G-code of a model from stdin needs a file name\n  Name it with -o FILE, or use -o - for stdout\n",
+            (
+                "-: the model is read from stdin, so the G-code needs a file name\n"
+                "  Name the output with -o FILE.gcode, or write it to stdout with -o -\n"
+            ),
         ),
         (
             ["check", "-", "--model", "-"],
-            "-: stdin can be read only once\n  Write one of the two to a file\n",
+            "-: stdin can be read only once\n  Write one of the two inputs to a file\n",
         ),
         (
             ["slice", "-", "-", "-o", "x"],
-            "-: stdin can be read only once\n  Write one of the two to a file\n",
+            "-: stdin can be read only once\n  Write one of the two inputs to a file\n",
         ),
     ],
 )
@@ -440,10 +443,10 @@ def test_completion_of_names_costs_no_numpy(folder: Path) -> None:
 def test_the_manual_has_every_command_flag_and_exit_code() -> None:
     outcome = typed("man")
     plain = outcome.out.replace("\\-", "-")
-    flags = {flag for action in actions_of(build_parser()) for flag in action.option_strings}
+    flags = {flag for action in iterate_actions(build_parser()) for flag in action.option_strings}
 
     assert outcome.code == 0
-    assert outcome.out == as_man()
+    assert outcome.out == format_man_page()
     assert (
         sorted(flag for flag in flags - {"-h", "--help", "--help-all", "--version"} if flag not in plain)
         == []
@@ -463,15 +466,15 @@ def test_the_manual_has_every_command_flag_and_exit_code() -> None:
 def test_groff_has_nothing_to_say_against_the_manual() -> None:
     command = ["groff", "-man", "-ww", "-z"]
     done = subprocess.run(
-        command, input=as_man(), capture_output=True, text=True, timeout=LAST_RESORT, check=True
+        command, input=format_man_page(), capture_output=True, text=True, timeout=LAST_RESORT, check=True
     )
 
     assert done.stderr == ""
 
 
 def test_the_page_for_the_site_has_every_flag() -> None:
-    page = as_markdown()
-    flags = {flag for action in actions_of(build_parser()) for flag in action.option_strings}
+    page = format_markdown_page()
+    flags = {flag for action in iterate_actions(build_parser()) for flag in action.option_strings}
 
     assert (
         sorted(flag for flag in flags - {"-h", "--help", "--help-all", "--version"} if flag not in page) == []
@@ -491,7 +494,9 @@ def test_the_usage_of_every_command_is_short_enough_to_be_read() -> None:
 
 def test_every_argument_of_every_command_is_explained() -> None:
     silent = [
-        action.dest for action in actions_of(build_parser()) if not action.help and action.choices is None
+        action.dest
+        for action in iterate_actions(build_parser())
+        if not action.help and action.choices is None
     ]
 
     assert silent == []
@@ -549,15 +554,20 @@ def test_what_may_come_next_is_offered(line: str, some: set[str], none: set[str]
 
 
 def test_the_page_for_man_tells_of_import() -> None:
-    page = as_man()
+    page = format_man_page()
 
     assert ".SS \\fBprinter\\-slicer profiles import\\fR" in page
     assert "max\\-nozzle\\-temperature" in page
 
 
 def test_every_dial_with_few_values_completes_them() -> None:
-    from printer_slicer.cli.shell_completion import _choices
+    from printer_slicer.cli.shell_completion import _make_choice_completer
 
-    assert list(_choices("quality.containment")("po")) == ["positive"]
-    assert list(_choices("quality.planner.objective")("")) == ["balanced", "layers", "time", "volume"]
-    assert list(_choices("quality.tolerance")("")) == []
+    assert list(_make_choice_completer("quality.containment")("po")) == ["positive"]
+    assert list(_make_choice_completer("quality.planner.objective")("")) == [
+        "balanced",
+        "layers",
+        "time",
+        "volume",
+    ]
+    assert list(_make_choice_completer("quality.tolerance")("")) == []

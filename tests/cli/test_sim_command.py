@@ -93,8 +93,8 @@ def test_a_dry_run_goes_through_on_other_firmwares(
     ("arguments", "said"),
     [
         (["--firmware", "marlyn"], "choose one of: marlin 1.1, marlin 2.0"),
-        (["--faults", "nowhere.toml"], "nowhere.toml: No such file"),
-        (["--seed", "3"], "--seed needs --faults"),
+        (["--faults", "nowhere.toml"], "nowhere.toml: the fault script cannot be read: No such file"),
+        (["--seed", "3"], "--seed has no effect without --faults"),
     ],
 )
 def test_flags_that_make_no_sense_are_refused(
@@ -112,11 +112,14 @@ def test_flags_that_make_no_sense_are_refused(
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["--rfc2217"], "--rfc2217 without --tcp"),
+        (["--rfc2217"], "--rfc2217 has no effect without --tcp"),
         (["--tcp", "8888"], "is not HOST:PORT"),
         (["--tcp", "localhost:99999"], "is not HOST:PORT"),
         (["--tcp", "127.0.0.1:1", "--pty", "x"], "not allowed with"),
-        (["--tcp", "127.0.0.1:0", "--card", "nowhere.gcode"], "nowhere.gcode: No such file"),
+        (
+            ["--tcp", "127.0.0.1:0", "--card", "nowhere.gcode"],
+            "nowhere.gcode: the file for the SD card cannot be read: No such file",
+        ),
     ],
 )
 def test_doors_that_make_no_sense_are_refused(
@@ -146,10 +149,16 @@ def test_files_and_flags_that_cannot_be_are_refused_before_anybody_is_served(
             ["--report", "-", "--json"],
             "--report - and --json cannot both go to stdout\n  Leave out one of them\n",
         ),
-        (["--faults", str(faults)], f"{faults}: not UTF-8 text\n  Name a TOML file with --faults\n"),
+        (
+            ["--faults", str(faults)],
+            f"{faults}: the fault script is not UTF-8 text\n  Name a TOML file with --faults\n",
+        ),
         (
             ["--card", str(large)],
-            f"{large}: over 64 MiB\n  Use smaller files\n",
+            (
+                f"{large}: the file is larger than the 64 MiB that the simulated SD card accepts\n"
+                "  Name smaller files after --card\n"
+            ),
         ),
     ):
         assert main(["sim", *NET, *arguments]) == 2

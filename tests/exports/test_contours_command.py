@@ -99,7 +99,7 @@ def test_a_folder_that_cannot_be_made_is_refused(tmp_path: Path) -> None:
 
     assert isinstance(error, OutputError)
     assert str(error) == (
-        f"{tmp_path}/slices: the folder cannot be created: File exists\n  Check name and permissions"
+        f"{tmp_path}/slices: the folder cannot be created: File exists\n  Check the name and the permissions"
     )
 
 
@@ -192,7 +192,7 @@ def test_smoothing_and_resampling_are_told_with_their_bounds(tmp_path: Path) -> 
     assert off["together"] == pytest.approx(0.075 + off["rounded"])
     assert facts["spacing"] == 1.0
     assert "smoothed 0.05" in text
-    assert "mm apart, as written" in text
+    assert "mm apart" in text
     assert facts["farthest_apart"] <= 1.0 + 0.0015
 
 
@@ -207,7 +207,7 @@ def test_how_far_apart_points_are_is_true_of_the_numbers_in_the_file(
     farthest = 0.0
     for ring in rings_in(path):
         farthest = max(farthest, float(np.hypot(*(np.roll(ring, -1, axis=0) - ring).T).max()))
-    (told,) = re.findall(r"points are at most ([\d.]+) mm apart, as written", text)
+    (told,) = re.findall(r"points in the file are at most ([\d.]+) mm apart", text)
 
     assert facts["farthest_apart"] == pytest.approx(farthest, abs=1e-8)
     assert farthest - 1e-8 <= float(told) < farthest + 1e-4

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 
-from printer_slicer.cli.commands.resume import _check_options
+from printer_slicer.cli.commands.resume import _command_check_option
 from printer_slicer.printing.host_settings import host_settings_from, parse_host_settings
 from printer_slicer.profile import load_profile, profile_from
 
@@ -22,15 +22,15 @@ def test_one_that_an_earlier_version_kept_judges_nothing() -> None:
     old = host_settings_from(load_profile()).as_json()
     del old["settings"], old["allowed"]
 
-    assert _check_options(parse_host_settings(old)) == {}
+    assert _command_check_option(parse_host_settings(old)) == {}
 
 
 def test_what_is_typed_after_a_resume_is_judged_as_before() -> None:
     profile = load_profile("marlin_220", "pla")
-    allow = _check_options(
+    allow = _command_check_option(
         parse_host_settings(json.loads(json.dumps(host_settings_from(profile).as_json())))
     )["allow"]
-    lenient = _check_options(host_settings_from(profile, ["cold"]))["allow"]
+    lenient = _command_check_option(host_settings_from(profile, ["cold"]))["allow"]
 
     assert "260" in allow(b"M104 S400")
     assert allow(b"M302 P1")

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sim_console import COLD_OK, Console
 
-from printer_slicer.cli.arguments import FIRMWARES
+from printer_slicer.cli.simulator_options import FIRMWARES
 from printer_slicer.sim.firmwares import MARLIN_2_1_ADVANCED, SIMULATED_FIRMWARES
 from printer_slicer.sim.heater import Heater
 from printer_slicer.sim.latency import PACKET_BYTES, LatencyTimer

@@ -1,4 +1,4 @@
-"""`check`: analyse a G-code file before it is printed, alone and against its model."""
+"""`check`: analyse a G-code file before it is printed, and compare it with its model."""
 
 from __future__ import annotations
 
@@ -10,10 +10,17 @@ from math import inf, isfinite, nan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from printer_slicer.cli.arguments import add_machine, add_models, add_output, factor, length, positive
-from printer_slicer.cli.help import advanced
-from printer_slicer.cli.inputs import refuse_other_text
-from printer_slicer.cli.output import refuse_mixing, sanitize, say, stages, write_file
+from printer_slicer.cli.arguments import (
+    add_machine_options,
+    add_model_options,
+    add_output_options,
+    parse_factor,
+    parse_length,
+    parse_positive_integer,
+)
+from printer_slicer.cli.help import mark_advanced
+from printer_slicer.cli.inputs import reject_non_gcode
+from printer_slicer.cli.output import check_outputs, print_text, sanitize, show_stages, write_file
 from printer_slicer.cli.settings import profile_facts, profile_from
 from printer_slicer.diagnostics import as_json, sentence
 from printer_slicer.errors import UsageError, VerificationError
@@ -37,119 +44,130 @@ EXAMPLES: Final = """\
   printer-slicer check part.gcode --model part.stl --picture faults.png --json
   printer-slicer check part.gcode --model part.stl --limit underfilled=0.95 --limit unsupported=5
   printer-slicer check plate.gcode --model lid.stl box.3mf --rotate 90 --filament 2.85"""
-_MOST_LISTED = 8  # findings listed
-_DRAWN = 4  # layers in a picture
-_OLD_LIMITS: Final = {"air": "unsupported", "under": "underfilled", "over": "overfilled"}  # names until 0.2
-_SPARE: Final = 0.95  # share of the throughput of a link that the advice uses
+_MAX_LISTED = 8  # findings
+_MAX_DRAWN = 4  # layers
+_FORMER_LIMIT_NAMES: Final = {
+    "air": "unsupported",
+    "under": "underfilled",
+    "over": "overfilled",
+}  # names in versions up to 0.2
+_ADVISED_SHARE: Final = 0.95  # of the link's throughput
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `check`."""
     parser.add_argument("gcode", metavar="FILE.gcode", type=Path, help="G-code of any slicer")
     group = parser.add_argument_group("machine")
-    add_machine(group)
-    _add_link(group)
-    add_models(parser, flag="--model", meaning="compare the G-code with these models")
-    _add_measuring(parser.add_argument_group("comparison with the model"))
+    add_machine_options(group)
+    _add_link_options(group)
+    add_model_options(parser, flag="--model", meaning="compare the G-code with these models")
+    _add_comparison_options(parser.add_argument_group("comparison with the model"))
     group = parser.add_argument_group("output")
     group.add_argument("--picture", metavar="FILE", type=Path, help="draw the worst layers, as .svg or .png")
-    add_output(parser, group)
+    add_output_options(parser, group)
     parser.set_defaults(strict=False)
 
 
-def _add_link(group: argparse._ArgumentGroup) -> None:
+def _add_link_options(group: argparse._ArgumentGroup) -> None:
     """Add the options for the serial link."""
     group.add_argument(
-        "--link", metavar="BAUD", type=positive, help="find buffer underruns at this baud rate"
+        "--link",
+        metavar="BAUD",
+        type=parse_positive_integer,
+        help="find buffer underruns on a serial link with this baud rate",
     )
-    advanced(
+    mark_advanced(
         group.add_argument(
             "--latency",
             metavar="MS",
-            type=factor,
+            type=parse_factor,
             default=1.0,
-            help="time until an acknowledgement arrives; USB serial chips often have 16; default: 1",
+            help="latency of acknowledgements in ms; often 16 with USB serial chips; default: 1",
         )
     )
-    advanced(
+    mark_advanced(
         group.add_argument(
             "--window",
             metavar="LINES",
-            type=positive,
+            type=parse_positive_integer,
             default=2,
-            help="most lines sent but not yet acknowledged; default: 2",
+            help="maximum number of lines sent but not yet acknowledged; default: 2",
         )
     )
 
 
-def _add_measuring(group: argparse._ArgumentGroup) -> None:
+def _add_comparison_options(group: argparse._ArgumentGroup) -> None:
     """Add the options for the comparison with the model."""
-    advanced(
+    mark_advanced(
         group.add_argument(
             "--filament",
             metavar="MM",
-            type=length,
-            help="filament diameter; default: from the file, else 1.75",
+            type=parse_length,
+            help="filament diameter; default: the diameter in the G-code file, or 1.75",
         )
     )
-    advanced(
+    mark_advanced(
         group.add_argument(
             "--shell",
             metavar="MM",
-            type=length,
-            help="depth of the shell; default: from the perimeters of the file",
+            type=parse_length,
+            help="depth of the shell, from the outline inwards; default: the depth of the perimeters in the file",
         )
     )
-    advanced(
+    mark_advanced(
         group.add_argument(
             "--skin",
             metavar="MM",
-            type=factor,
+            type=parse_factor,
             default=0.0,
             help="thickness of the shell at the top and bottom; default: one layer",
         )
     )
-    advanced(
+    mark_advanced(
         group.add_argument(
             "--limit",
             metavar="NAME=VALUE",
             action="append",
             default=[],
-            help="change a limit: uncovered, outside, overlap, unsupported, underfilled, overfilled, outline",
+            help="change a limit; may be repeated; NAME is one of uncovered, outside, overlap, unsupported, "
+            "underfilled, overfilled, outline",
         )
     )
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Analyse G-code, compare it with its model, and print the findings."""
-    from printer_slicer.cli.models import plate_name, repaired_plate
+    """Analyse a G-code file, compare it with its model if there is one, and print the findings."""
+    from printer_slicer.cli.models import format_model_names, load_repaired_plate
     from printer_slicer.commands import read_text
     from printer_slicer.inspection.coverage.measurement import CoverageRules
     from printer_slicer.inspection.coverage.model_check import CheckOptions, check_gcode
     from printer_slicer.profile import load_profile
 
-    refuse_mixing(arguments)
-    refuse_other_text(arguments.gcode)
+    check_outputs(arguments)
+    reject_non_gcode(arguments.gcode)
     file_check = _check_file(arguments)
     if not arguments.models:
         return _print_file_check(arguments, file_check)
-    limits = _limits(arguments.limit)
-    with stages(arguments) as report:
+    limits = _parse_limits(arguments.limit)
+    with show_stages(arguments) as report:
         text = read_text(arguments.gcode)
-        mesh, plate, _ = repaired_plate(arguments, load_profile().printer, report)
+        mesh, plate, _ = load_repaired_plate(arguments, load_profile().printer, report)
         placement = plate.placement if arguments.center or arguments.as_placed or not arguments.drop else None
         rules = CoverageRules(shell=arguments.shell, surface_depth=arguments.skin)
         asked = CheckOptions(rules, limits, arguments.filament, placement)
         check = check_gcode(text, mesh, asked, name=arguments.gcode.name, report=report)
         if arguments.picture:
             report("drawing")
-            _draw(check, plate_name(arguments.models), arguments.picture)
+            _draw_worst_layers(check, format_model_names(arguments.models), arguments.picture)
     if arguments.json:
-        facts = _facts(check, limits) | plate.facts() | file_check.facts
+        facts = _check_facts(check, limits) | plate.facts() | file_check.facts
         print(json.dumps(facts | {"ok": check.ok and not file_check.wrong}))
     else:
-        say(arguments, "\n".join([*_lines(check, plate_name(arguments.models)), *file_check.lines]))
-    _insist(check, file_check.wrong)
+        print_text(
+            arguments,
+            "\n".join([*_format_check(check, format_model_names(arguments.models)), *file_check.lines]),
+        )
+    _require_match(check, file_check.wrong)
     return 0
 
 
@@ -158,7 +176,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 @dataclass(frozen=True, slots=True)
 class _FileCheck:
-    """The result of checking the commands: facts for JSON, lines of text, and errors."""
+    """The result of checking the commands of a file: facts for JSON, lines of text, and errors."""
 
     facts: dict[str, Any]
     lines: list[str]
@@ -166,12 +184,12 @@ class _FileCheck:
 
 
 def _check_file(arguments: argparse.Namespace) -> _FileCheck:
-    """Check the commands of a G-code file and its timing on the serial link.
+    """Check the commands of a G-code file, and their timing on the serial link.
 
     Raises:
         UsageError: the file cannot be printed, or an option is invalid.
     """
-    from printer_slicer.cli.jobs import finding_facts, format_findings, refused
+    from printer_slicer.cli.jobs import disallowed_error_sentences, finding_facts, format_notes
     from printer_slicer.firmware import FLAVOURS
     from printer_slicer.gcode import read_moves
     from printer_slicer.inspection.dry_run.underruns import find_underruns
@@ -181,13 +199,13 @@ def _check_file(arguments: argparse.Namespace) -> _FileCheck:
 
     profile = profile_from(arguments, slices=False, gcode=arguments.gcode)
     job = lint_file(arguments.gcode, profile).allowing(arguments.allow)
-    wrong = refused(job)
+    wrong = disallowed_error_sentences(job)
     facts: dict[str, Any] = {"allowed": sorted(arguments.allow), "lint": finding_facts(job)}
     lines = [
         f"{job.name}: {len(job.commands)} commands, {format_duration(job.seconds)} of motion on {profile.printer.name}"
     ]
     lines += [f"error       {one}" for one in wrong] or ["commands    no errors"]
-    lines += format_findings(arguments, job)
+    lines += format_notes(arguments, job)
     if arguments.link:
         link = SerialLink(
             arguments.link,
@@ -197,15 +215,17 @@ def _check_file(arguments: argparse.Namespace) -> _FileCheck:
         )
         printer = profile.printer
         moves = read_moves(job.commands, printer.corners[0], FLAVOURS[printer.flavour])
-        report = _located(job, find_underruns(job.commands, moves, limits_of(printer), link, job.marks))
+        report = _add_line_numbers(
+            job, find_underruns(job.commands, moves, limits_of(printer), link, job.marks)
+        )
         facts["link"] = _link_facts(report)
-        lines += _link_lines(arguments, report)
-        wrong += _link_wrong(report)
+        lines += _format_link(arguments, report)
+        wrong += _find_link_errors(report)
     return _FileCheck(facts | profile_facts(arguments), lines, wrong)
 
 
-def _located(job: Job, report: UnderrunReport) -> UnderrunReport:
-    """Add line numbers of the text."""
+def _add_line_numbers(job: Job, report: UnderrunReport) -> UnderrunReport:
+    """Add the line numbers of the file to the underruns of a report."""
     from printer_slicer.commands import find_lines
 
     firsts = find_lines(job.text, [one.first for one in report.underruns])
@@ -217,39 +237,38 @@ def _located(job: Job, report: UnderrunReport) -> UnderrunReport:
 
 
 def _link_facts(report: UnderrunReport) -> dict[str, Any]:
-    return asdict(report) | {"ok": report.ok, "advice": _advice(report)}
+    return asdict(report) | {"ok": report.ok, "advice": _suggest_link_rate(report)}
 
 
-def _link_lines(arguments: argparse.Namespace, report: UnderrunReport) -> list[str]:
-    """Return the timing of the link as text."""
+def _format_link(arguments: argparse.Namespace, report: UnderrunReport) -> list[str]:
+    """Format the timing of the serial link as lines of text."""
     link = report.link
     rate = "unlimited" if report.lines_per_second == inf else f"{report.lines_per_second:.0f} lines/s"
     setup = f"{link.baud} baud, latency {link.latency_back * 1000:g} ms, {link.window_lines} lines in flight: {rate}"
     if report.ok:
         return [f"serial      {setup}, which is enough (no buffer underruns)"]
-    lines = [f"serial      {setup}", f"            {_summary(report)}"]
-    most = len(report.underruns) if arguments.verbose else _MOST_LISTED
+    lines = [f"serial      {setup}", f"            {_summarize_underruns(report)}"]
+    most = len(report.underruns) if arguments.verbose else _MAX_LISTED
     worst = sorted(report.underruns, key=lambda one: -one.seconds)[:most]
-    lines += [f"            {_underrun_text(one)}" for one in sorted(worst, key=lambda one: one.first)]
+    lines += [f"            {_format_underrun(one)}" for one in sorted(worst, key=lambda one: one.first)]
     if len(report.underruns) > most:
         lines.append(f"            ... and {len(report.underruns) - most} shorter ones (-v lists all)")
-    return [*lines, f"            {_advice(report)}"]
+    return [*lines, f"            {_suggest_link_rate(report)}"]
 
 
-def _summary(report: UnderrunReport) -> str:
+def _summarize_underruns(report: UnderrunReport) -> str:
+    """Summarize the buffer underruns: their number, the time lost, and how often the printer stops."""
     n = len(report.underruns)
     lost = sum(one.seconds for one in report.underruns)
     many = "1 buffer underrun" if n == 1 else f"{n} buffer underruns"
-    stands = (
-        f"the printer stands still {report.stalls} times" if report.stalls else "the printer only slows down"
-    )
+    stands = f"the printer stops {report.stalls} times" if report.stalls else "the printer only slows down"
     return (
         f"{many}: {lost:.1f} s lost, {stands}"
         f" ({format_duration(report.seconds)} instead of {format_duration(report.ideal_seconds)})"
     )
 
 
-def _underrun_text(one: Underrun) -> str:
+def _format_underrun(one: Underrun) -> str:
     layer = f"layer {one.layer}, " if one.layer else ""
     return (
         f"{layer}lines {one.line} to {one.last_line}: {one.lines_per_second_needed:.0f} lines/s needed, "
@@ -257,37 +276,41 @@ def _underrun_text(one: Underrun) -> str:
     )
 
 
-def _advice(report: UnderrunReport) -> str:
+def _suggest_link_rate(report: UnderrunReport) -> str:
+    """Suggest a setting that avoids the underruns; return an empty text if there are none."""
     if report.ok:
         return ""
-    rate = int(report.lines_per_second * _SPARE)
+    rate = int(report.lines_per_second * _ADVISED_SHARE)
     return f"Slice with --set printer.link_lines_per_second={rate}, or use a higher baud rate"
 
 
-def _link_wrong(report: UnderrunReport) -> list[str]:
-    return [] if report.ok else [f"the serial link is too slow: {_summary(report)}"]
+def _find_link_errors(report: UnderrunReport) -> list[str]:
+    return [] if report.ok else [f"the serial link is too slow: {_summarize_underruns(report)}"]
 
 
 def _print_file_check(arguments: argparse.Namespace, file_check: _FileCheck) -> int:
-    """Print the result of a check without a model."""
+    """Print the result of checking a file without a model."""
     if arguments.picture or arguments.limit:
-        raise UsageError("--picture and --limit need a model", remedy="Name it with --model part.stl")
+        raise UsageError(
+            "--picture and --limit apply only to the comparison with a model",
+            remedy="Name the model, for example with --model part.stl",
+        )
     if arguments.json:
         print(json.dumps({"file": arguments.gcode.name, "ok": not file_check.wrong, **file_check.facts}))
     else:
-        say(arguments, "\n".join(file_check.lines))
-    _refuse(arguments.gcode.name, file_check.wrong)
+        print_text(arguments, "\n".join(file_check.lines))
+    _raise_if_any(arguments.gcode.name, file_check.wrong)
     return 0
 
 
 # The material against the model
 
 
-def _limits(changes: list[str]) -> CoverageLimits:
+def _parse_limits(changes: list[str]) -> CoverageLimits:
     """Return the default limits with the changes of --limit.
 
     Raises:
-        UsageError: unknown name, or invalid value.
+        UsageError: a name is unknown, or a value is invalid.
     """
     from printer_slicer.inspection.coverage.limits import CoverageLimits
 
@@ -295,7 +318,7 @@ def _limits(changes: list[str]) -> CoverageLimits:
     limits = CoverageLimits()
     for change in changes:
         name, _, text = change.partition("=")
-        name = _OLD_LIMITS.get(name.strip(), name.strip())
+        name = _FORMER_LIMIT_NAMES.get(name.strip(), name.strip())
         try:
             value = float(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
         except ValueError:
@@ -309,36 +332,36 @@ def _limits(changes: list[str]) -> CoverageLimits:
     return limits
 
 
-def _insist(check: Check, more: Sequence[str] = ()) -> None:
-    _refuse(check.name, [*check.problems, *map(sentence, check.findings), *more])
+def _require_match(check: Check, more: Sequence[str] = ()) -> None:
+    _raise_if_any(check.name, [*check.problems, *map(sentence, check.findings), *more])
 
 
-def _refuse(name: str, wrong: Sequence[str]) -> None:
+def _raise_if_any(name: str, wrong: Sequence[str]) -> None:
     if wrong:
         more = f"\n  and {len(wrong) - 1} more" if len(wrong) > 1 else ""
         raise VerificationError(f"{name}: {wrong[0]}{more}")
 
 
-def _lines(check: Check, model: str) -> Iterator[str]:
-    """Yield the result of a check against a model: summary, findings, notes, table."""
+def _format_check(check: Check, model: str) -> Iterator[str]:
+    """Yield the result of the comparison with a model: summary, findings, notes, table."""
     wrong = [*check.problems, *map(sentence, check.findings)]
     count = f"{len(wrong)} {'problem' if len(wrong) == 1 else 'problems'}" if wrong else "within all limits"
     yield f"{check.name} against {model}: {count}"
-    yield from (f"  {one}" for one in wrong[:_MOST_LISTED])
-    if len(wrong) > _MOST_LISTED:
-        yield f"  ... and {len(wrong) - _MOST_LISTED} more (--json lists all)"
+    yield from (f"  {one}" for one in wrong[:_MAX_LISTED])
+    if len(wrong) > _MAX_LISTED:
+        yield f"  ... and {len(wrong) - _MAX_LISTED} more (--json lists all)"
     x, y = check.match.shift
     found = "found" if check.matched else "given"
     yield (
-        f"  model position {found}: shifted by x {x:+.3f} y {y:+.3f} z {check.z:+.3f} mm; "
+        f"  model position ({found}): shifted by x {x:+.3f} y {y:+.3f} z {check.z:+.3f} mm; "
         f"{check.match.share:.1%} of the external perimeters match, median distance {check.match.spread:.4f} mm"
     )
     yield from (f"  {note}" for note in check.notes)
-    yield from _table(check.coverage)
+    yield from _format_table(check.coverage)
 
 
-def _table(coverage: Coverage) -> Iterator[str]:
-    """Yield the table of measurements: worst layer and whole file."""
+def _format_table(coverage: Coverage) -> Iterator[str]:
+    """Yield the rows of the table of measurements, for the worst layer and for the whole file."""
     import numpy as np
 
     from printer_slicer.inspection.deposition.marks import Purpose
@@ -347,32 +370,32 @@ def _table(coverage: Coverage) -> Iterator[str]:
     shell, covered = coverage.shell.area(), coverage.covered.area()
     rows = [
         ("", "worst layer", "", "whole file"),
-        _area_row("uncovered shell", coverage, coverage.uncovered.area(), shell),
-        _area_row("outside the outline", coverage, coverage.outside.area(), covered),
-        _area_row("overlap", coverage, fill.overlap, covered),
+        _format_area_row("uncovered shell", coverage, coverage.uncovered.area(), shell),
+        _format_area_row("outside the outline", coverage, coverage.outside.area(), covered),
+        _format_area_row("overlap", coverage, fill.overlap, covered),
         (
             "unsupported",
             f"{coverage.unsupported_length.max():.1f} mm",
-            _at(coverage, coverage.unsupported_length),
+            _format_worst_layer(coverage, coverage.unsupported_length),
             f"{coverage.unsupported_length.sum():.1f} mm",
         ),
         (
             "material in shell",
-            _value_text(np.nanmin, fill.shell, ".1%"),
-            _at(coverage, -fill.shell),
-            f"{_value_text(np.nanmedian, fill.shell, '.1%')} median",
+            _format_statistic(np.nanmin, fill.shell, ".1%"),
+            _format_worst_layer(coverage, -fill.shell),
+            f"{_format_statistic(np.nanmedian, fill.shell, '.1%')} median",
         ),
         (
             "outline error, 95%",
-            _value_text(np.nanmax, outline.p95, ".3f", " mm"),
-            _at(coverage, outline.p95),
-            f"{_value_text(np.nanmedian, outline.p95, '.3f', ' mm')} median",
+            _format_statistic(np.nanmax, outline.p95, ".3f", " mm"),
+            _format_worst_layer(coverage, outline.p95),
+            f"{_format_statistic(np.nanmedian, outline.p95, '.3f', ' mm')} median",
         ),
         (
             "outline error, maximum",
-            _value_text(np.nanmax, outline.largest, ".3f", " mm"),
-            _at(coverage, outline.largest),
-            f"{_value_text(np.nanmedian, outline.largest, '.3f', ' mm')} median",
+            _format_statistic(np.nanmax, outline.largest, ".3f", " mm"),
+            _format_worst_layer(coverage, outline.largest),
+            f"{_format_statistic(np.nanmedian, outline.largest, '.3f', ' mm')} median",
         ),
     ]
     widths = [max(len(row[i]) for row in rows) for i in range(4)]
@@ -388,15 +411,15 @@ def _table(coverage: Coverage) -> Iterator[str]:
     yield f"  volume by role, mm³: {', '.join(f'{name} {volume:.1f}' for volume, name in sorted(kinds, reverse=True))}"
 
 
-def _area_row(name: str, coverage: Coverage, areas: Float, whole: Float) -> tuple[str, str, str, str]:
-    """Return a row of the table: mm² in the worst layer and in total, and the share of the whole."""
+def _format_area_row(name: str, coverage: Coverage, areas: Float, whole: Float) -> tuple[str, str, str, str]:
+    """Return a row of the table: area, mm², in the worst layer and in total, and its share of the whole area."""
     total, of = float(areas.sum()), float(whole.sum())
     share = f" ({total / of:.2%})" if of else ""
-    return name, f"{areas.max():.2f} mm²", _at(coverage, areas), f"{total:.1f} mm²{share}"
+    return name, f"{areas.max():.2f} mm²", _format_worst_layer(coverage, areas), f"{total:.1f} mm²{share}"
 
 
-def _at(coverage: Coverage, values: Float) -> str:
-    """Return the layer of the largest value; empty if all are 0."""
+def _format_worst_layer(coverage: Coverage, values: Float) -> str:
+    """Format number and height of the layer with the largest value; return an empty text if all values are 0."""
     import numpy as np
 
     if np.isnan(values).all() or not np.nanmax(np.abs(values)) > 0:
@@ -405,31 +428,37 @@ def _at(coverage: Coverage, values: Float) -> str:
     return f"layer {layer + 1} z {coverage.stack.top[layer]:.4g}"
 
 
-def _value_text(pick: Callable[[Float], float], values: Float, how: str, unit: str = "") -> str:
-    """Format one value of a column; a dash if it has none."""
+def _format_statistic(
+    statistic: Callable[[Float], float], values: Float, number_format: str, unit: str = ""
+) -> str:
+    """Format a statistic of the values, such as their median; return a dash if there are none."""
     import numpy as np
 
-    return "-" if np.isnan(values).all() else f"{pick(values):{how}}{unit}"
+    return "-" if np.isnan(values).all() else f"{statistic(values):{number_format}}{unit}"
 
 
-def _number(value: float) -> float | None:
-    """Round for JSON, which has no nan and no infinity."""
+def _round_for_json(value: float) -> float | None:
+    """Round a number for JSON; return None for nan and infinity, which JSON lacks."""
     return round(float(value), 6) if isfinite(value) else None
 
 
-def _column(values: Float | Sequence[float]) -> list[float | None]:
+def _round_column(values: Float | Sequence[float]) -> list[float | None]:
+    """Round the values of a column for JSON."""
     import numpy as np
 
-    return [_number(value) for value in np.asarray(values, np.float64).tolist()]
+    return [_round_for_json(value) for value in np.asarray(values, np.float64).tolist()]
 
 
-def _facts(check: Check, limits: CoverageLimits) -> dict[str, Any]:
-    """Return the result of a check against a model for JSON; layers count from 1."""
+def _check_facts(check: Check, limits: CoverageLimits) -> dict[str, Any]:
+    """Return the result of the comparison with a model for JSON; layers are counted from 1."""
     from printer_slicer.inspection.deposition.marks import Purpose
 
     coverage, stack = check.coverage, check.coverage.stack
     found = [
-        {key: _number(value) if isinstance(value, float) else value for key, value in as_json(one).items()}
+        {
+            key: _round_for_json(value) if isinstance(value, float) else value
+            for key, value in as_json(one).items()
+        }
         for one in check.findings
     ]
     return {
@@ -440,39 +469,39 @@ def _facts(check: Check, limits: CoverageLimits) -> dict[str, Any]:
         "notes": list(check.notes),
         "limits": asdict(limits),
         "rules": asdict(coverage.rules),
-        "shift": [*_column(check.match.shift), _number(check.z)],
+        "shift": [*_round_column(check.match.shift), _round_for_json(check.z)],
         "matched": check.matched,
-        "fit": {"share": _number(check.match.share), "spread": _number(check.match.spread)},
-        "filament_diameter": _column(check.deposit.diameter),
-        "shell_depth": _number(coverage.shell_depth),
+        "fit": {"share": _round_for_json(check.match.share), "spread": _round_for_json(check.match.spread)},
+        "filament_diameter": _round_column(check.deposit.diameter),
+        "shell_depth": _round_for_json(coverage.shell_depth),
         "cell": coverage.fill.cell,
         "volume_by_purpose": {
-            Purpose(i).label: _number(volume)
+            Purpose(i).label: _round_for_json(volume)
             for i, volume in enumerate(coverage.by_purpose.tolist())
             if volume
         },
         "layers": {
-            "top": _column(stack.top),
-            "height": _column(stack.height),
-            "section_area": _column(coverage.sections.area()),
-            "shell_area": _column(coverage.shell.area()),
-            "covered_area": _column(coverage.covered.area()),
-            "uncovered_area": _column(coverage.uncovered.area()),
-            "outside_area": _column(coverage.outside.area()),
-            "overlap_area": _column(coverage.fill.overlap),
-            "max_fill": _column(coverage.fill.most),
-            "shell_fill": _column(coverage.fill.shell),
-            "unsupported_length": _column(coverage.unsupported_length),
-            "outline_p95": _column(coverage.outline.p95),
-            "outline_largest": _column(coverage.outline.largest),
-            "volume": _column(coverage.volume),
-            "section_volume": _column(coverage.section_volume),
+            "top": _round_column(stack.top),
+            "height": _round_column(stack.height),
+            "section_area": _round_column(coverage.sections.area()),
+            "shell_area": _round_column(coverage.shell.area()),
+            "covered_area": _round_column(coverage.covered.area()),
+            "uncovered_area": _round_column(coverage.uncovered.area()),
+            "outside_area": _round_column(coverage.outside.area()),
+            "overlap_area": _round_column(coverage.fill.overlap),
+            "max_fill": _round_column(coverage.fill.most),
+            "shell_fill": _round_column(coverage.fill.shell),
+            "unsupported_length": _round_column(coverage.unsupported_length),
+            "outline_p95": _round_column(coverage.outline.p95),
+            "outline_largest": _round_column(coverage.outline.largest),
+            "volume": _round_column(coverage.volume),
+            "section_volume": _round_column(coverage.section_volume),
         },
     }
 
 
-def _draw(check: Check, model: str, path: Path) -> None:
-    """Draw the worst layer of each kind of finding, then other layers while there is room."""
+def _draw_worst_layers(check: Check, model: str, path: Path) -> None:
+    """Draw the worst layer of each kind of finding, then further layers with findings, up to four in all."""
     from printer_slicer.drawing import coverage_picture, picture_bytes
 
     kinds: dict[str, Diagnostic] = {}
@@ -483,5 +512,5 @@ def _draw(check: Check, model: str, path: Path) -> None:
         chosen.setdefault(finding.layer, finding)
     title = sanitize(f"{check.name} against {model}")
     write_file(
-        path, picture_bytes(coverage_picture(check.coverage, list(chosen.values())[:_DRAWN], title), path)
+        path, picture_bytes(coverage_picture(check.coverage, list(chosen.values())[:_MAX_DRAWN], title), path)
     )

@@ -13,7 +13,12 @@ from threading import Thread
 from time import monotonic
 from typing import IO, TYPE_CHECKING, Final
 
-from printer_slicer.cli.arguments import add_machine, add_output, number, positive
+from printer_slicer.cli.arguments import (
+    add_machine_options,
+    add_output_options,
+    parse_number,
+    parse_positive_integer,
+)
 from printer_slicer.cli.output import sanitize
 from printer_slicer.cli.settings import profile_from
 from printer_slicer.errors import OutputError, PortError, UsageError
@@ -28,39 +33,50 @@ EXAMPLES: Final = """\
   echo M115 | printer-slicer console /dev/ttyUSB0
   printer-slicer console socket://192.168.1.7:8888 --command M503
   printer-slicer console /dev/ttyUSB0 --command M500 --allow eeprom"""
-_HELP = "type G-code; .temp reads temperatures, .stop is an emergency stop, .help shows this, .quit or Ctrl-D exits"
-_LOOK = 0.05  # s between reads of the port
+_HELP = (
+    "type G-code; .temp reads temperatures, .stop is an emergency stop, .help shows this help, "
+    ".quit or Ctrl-D exits"
+)
+_POLL_SECONDS = 0.05  # s between reads of the port
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `console`."""
     parser.add_argument("port", metavar="PORT", help="device, or socket:// or rfc2217:// URL")
-    parser.add_argument("--baud", type=positive, default=115200, metavar="N", help="default: 115200")
     parser.add_argument(
-        "--command", metavar="GCODE", action="append", default=[], help="send this and exit; may be repeated"
+        "--baud", type=parse_positive_integer, default=115200, metavar="N", help="baud rate; default: 115200"
+    )
+    parser.add_argument(
+        "--command",
+        metavar="GCODE",
+        action="append",
+        default=[],
+        help="send this command and exit; may be repeated",
     )
     parser.add_argument(
         "--timeout",
         metavar="S",
-        type=number,
+        type=parse_number,
         default=30.0,
-        help="seconds to wait for an answer; default: 30",
+        help="seconds to wait for a reply of the printer; default: 30",
     )
-    parser.add_argument("--log", metavar="FILE", type=Path, help="append all lines to this file")
+    parser.add_argument(
+        "--log", metavar="FILE", type=Path, help="append all lines that are sent and received to this file"
+    )
     group = parser.add_argument_group(
-        "machine", "Commands that could harm this machine are rejected; typing one again sends it."
+        "machine", "Commands that could harm this machine are rejected; to send one anyway, type it again."
     )
-    add_machine(group)
-    add_output(parser)
+    add_machine_options(group)
+    add_output_options(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Send commands until the input ends."""
-    from printer_slicer.cli.jobs import console_check
+    from printer_slicer.cli.jobs import make_console_check
     from printer_slicer.stream.serial_port import open_port
 
-    allow = console_check(profile_from(arguments, slices=False, tell=False), arguments.allow)
-    log = _log(arguments.log)
+    allow = make_console_check(profile_from(arguments, slices=False, tell=False), arguments.allow)
+    log = _open_log(arguments.log)
     with contextlib.ExitStack() as stack:
         if log:
             stack.callback(log.close)
@@ -69,21 +85,21 @@ def run(arguments: argparse.Namespace) -> int:
         console = Console(port, timeout=arguments.timeout, log=log, allow=allow)
         if arguments.command:
             for command in arguments.command:
-                console.say(command)
+                console.send_line(command)
         elif sys.stdin.isatty():
-            _converse(console, quiet=arguments.quiet)
+            _run_interactively(console, quiet=arguments.quiet)
         else:
             for line in sys.stdin:
-                if not console.say(line):
+                if not console.send_line(line):
                     break
     return 0
 
 
-def _log(path: Path | None) -> IO[str] | None:
-    """Open the log file; None without one.
+def _open_log(path: Path | None) -> IO[str] | None:
+    """Open the log file; return None if no file is named.
 
     Raises:
-        OutputError: it cannot be written.
+        OutputError: the file cannot be written.
     """
     if path is None:
         return None
@@ -91,23 +107,23 @@ def _log(path: Path | None) -> IO[str] | None:
         return path.open("a", encoding="utf-8")
     except OSError as error:
         raise OutputError(
-            f"{path}: cannot be written: {error.strerror}", remedy="Choose another file"
+            f"{path}: cannot be written: {error.strerror}", remedy="Choose another file with --log"
         ) from None
 
 
 def _accept_everything(_: bytes) -> str:
-    """Accept every command."""
+    """Accept every command: return no reason to reject it."""
     return ""
 
 
 class Console:
-    """A conversation with a printer: sends one line at a time and waits for its acknowledgement.
+    """Sends lines to a printer, one at a time, and waits for the acknowledgement of each.
 
     Args:
-        port: open.
-        timeout: s without any reply after which an error is raised; "busy" replies count as replies.
-        log: receives all lines sent and received.
-        allow: returns why a command is refused; empty if it is not.
+        port: the open port.
+        timeout: time without any reply, s, after which an error is raised; "busy" replies count as replies.
+        log: file for all lines sent and received.
+        allow: function that returns why a command is rejected; empty if it is accepted.
     """
 
     def __init__(
@@ -123,18 +139,18 @@ class Console:
         self._log = log
         self._allow = allow
         self._partial = b""
-        self._refused = b""  # the last line if it was refused
+        self._refused = b""  # the last command, if it was rejected
 
-    def say(self, line: str, *, asks: bool = False) -> bool:
-        """Send a line and print the reply; return False to exit.
+    def send_line(self, line: str, *, is_interactive: bool = False) -> bool:
+        """Send a line and print the reply; return False if the line ends the console.
 
         Args:
-            line: as typed.
-            asks: whether it is interactive: a refused line is sent if it is typed once more.
+            line: the line as typed.
+            is_interactive: whether a user types the lines: a rejected line is sent if it is typed once more.
 
         Raises:
-            PortError: the printer is gone, or does not reply.
-            UsageError: the line is invalid or refused.
+            PortError: the printer was disconnected, or does not reply.
+            UsageError: the line is invalid or rejected.
         """
         line = line.strip()
         if line in {".quit", ".exit"}:
@@ -145,17 +161,17 @@ class Console:
         if line == ".stop":
             self._write(b"\nM112\n")
             return True
-        command = self._command(line, asks=asks)
+        command = self._parse_line(line, is_interactive=is_interactive)
         if command:
             self._write(command + b"\n")
-            self._answer(line)
+            self._wait_for_acknowledgement(line)
         return True
 
-    def _command(self, line: str, *, asks: bool) -> bytes:
-        """Return the bytes of a line without its comment.
+    def _parse_line(self, line: str, *, is_interactive: bool) -> bytes:
+        """Return the G-code command of a line, without its comment, after checking it.
 
         Raises:
-            UsageError: the command is refused.
+            UsageError: the command is rejected.
         """
         from printer_slicer.gcode.lexer import strip
         from printer_slicer.stream.framing import check_commands
@@ -164,27 +180,36 @@ class Console:
         if line.startswith(".") and line != ".temp":
             raise UsageError(f"{line}: unknown console command", remedy=_HELP)
         check_commands([command])
-        insisted, self._refused = bool(command) and self._refused == command, b""
-        if command and not insisted and (reason := self._allow(command)):
-            self._refused = command if asks else b""
-            remedy = "Type the same line again to send it" if asks else "Use --allow NAME to send it anyway"
-            raise UsageError(f"{line}: refused: {reason}", remedy=remedy)
+        is_repeated, self._refused = bool(command) and self._refused == command, b""
+        if command and not is_repeated and (reason := self._allow(command)):
+            self._refused = command if is_interactive else b""
+            remedy = (
+                "Type the same line again to send it"
+                if is_interactive
+                else "Use --allow NAME to send it anyway"
+            )
+            raise UsageError(f"{line}: rejected: {reason}", remedy=remedy)
         return command
 
     def _write(self, data: bytes) -> None:
+        """Write data to the port and to the log."""
         if self._log:
             self._log.write(f"> {data.decode(errors='replace').strip()}\n")
         self._port.write(data)
 
-    def _answer(self, line: str) -> None:
-        """Print replies until the acknowledgement."""
+    def _wait_for_acknowledgement(self, line: str) -> None:
+        """Print replies of the printer until it acknowledges the line.
+
+        Raises:
+            PortError: the printer has halted, or does not reply in time.
+        """
         quiet_since = monotonic()
         while True:
-            shown = self.listen(_LOOK)
+            shown = self.print_received(_POLL_SECONDS)
             if any(one.startswith("ok") for one in shown):
                 return
-            if any(_is_dead(one) for one in shown):
-                raise PortError("the printer has halted", remedy="Reset the printer")
+            if any(_is_halt_message(one) for one in shown):
+                raise PortError("the printer has halted and accepts no commands", remedy="Reset the printer")
             if shown:
                 quiet_since = monotonic()
             elif monotonic() - quiet_since > self._timeout:
@@ -193,8 +218,8 @@ class Console:
                     remedy="Check the port, the baud rate and the power of the printer",
                 )
 
-    def listen(self, timeout: float) -> list[str]:
-        """Print the lines that arrive within a timeout, and return them."""
+    def print_received(self, timeout: float) -> list[str]:
+        """Print the lines that arrive from the printer within a timeout, s, and return them."""
         *lines, self._partial = (self._partial + self._port.read(timeout)).split(b"\n")
         shown = [line.decode(errors="replace").strip() for line in lines]
         for line in filter(None, shown):
@@ -204,37 +229,38 @@ class Console:
         return shown
 
 
-def _is_dead(line: str) -> bool:
+def _is_halt_message(line: str) -> bool:
+    """Return whether a line of the printer says that it has halted."""
     return "Printer halted" in line or "kill() called" in line
 
 
-def _converse(console: Console, *, quiet: bool) -> None:
-    """Read commands from the terminal, and print what the printer sends meanwhile; errors do not end it."""
+def _run_interactively(console: Console, *, quiet: bool) -> None:
+    """Send commands typed on the terminal, and print all lines of the printer; usage errors do not end the console."""
     if not quiet:
         print(_HELP, file=sys.stderr)
     with contextlib.suppress(ImportError):
         import readline  # noqa: F401 - gives `input` its history and editing
-    end, typed = os.pipe()
+    pipe_end, typed = os.pipe()
     try:
-        while (line := _typed(console, end, typed)) is not None:
+        while (line := _wait_for_typed_line(console, pipe_end, typed)) is not None:
             try:
-                if not console.say(line, asks=True):
+                if not console.send_line(line, is_interactive=True):
                     return
             except UsageError as error:
                 print(sanitize(str(error)), file=sys.stderr)
     except KeyboardInterrupt:
         print(file=sys.stderr)
     finally:
-        os.close(end)
+        os.close(pipe_end)
         os.close(typed)
 
 
-def _typed(console: Console, end: int, typed: int) -> str | None:
-    """Return the next typed line and print what the printer sends meanwhile; None at the end of the input."""
+def _wait_for_typed_line(console: Console, pipe_end: int, typed: int) -> str | None:
+    """Wait for the next typed line, printing lines of the printer meanwhile; return None at the end of the input."""
     lines: list[str | None] = []
 
     def read() -> None:
-        """Read a line; this runs in a thread, because it blocks."""
+        """Read a line of input; this runs in a thread, because it blocks."""
         try:
             lines.append(input())
         except (EOFError, OSError):
@@ -243,7 +269,7 @@ def _typed(console: Console, end: int, typed: int) -> str | None:
 
     Thread(target=read, daemon=True).start()
     while not lines:
-        console.listen(_LOOK)
-    select.select([end], [], [])
-    os.read(end, 1)
+        console.print_received(_POLL_SECONDS)
+    select.select([pipe_end], [], [])
+    os.read(pipe_end, 1)
     return lines[0]

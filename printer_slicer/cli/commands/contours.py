@@ -1,4 +1,4 @@
-"""`contours`: export the contours of a part as SVG, CLI or SLC, for other machines."""
+"""`contours`: export the contours of a part as SVG, CLI or SLC files for other machines."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from printer_slicer.cli.arguments import (
-    STRICT,
+    STRICT_HELP,
     add_layer_options,
-    add_models,
-    add_output,
-    add_settings,
-    number,
+    add_model_options,
+    add_output_options,
+    add_setting_options,
+    parse_number,
 )
-from printer_slicer.cli.output import refuse_same, say, stages, write_file
+from printer_slicer.cli.output import print_text, reject_overwriting_input, show_stages, write_file
 from printer_slicer.cli.settings import profile_facts, profile_from
 from printer_slicer.errors import OutputError, UsageError
 from printer_slicer.saving import check_writable, make_folder
 
 if TYPE_CHECKING:
-    from printer_slicer.cli.output import Stages
+    from printer_slicer.cli.output import StageReport
     from printer_slicer.exports import RoundedRings
     from printer_slicer.model import Sections
     from printer_slicer.profile import Profile
@@ -38,49 +38,51 @@ EXAMPLES: Final = """\
   printer-slicer contours part.stl -o part_%04d.svg      the same, with your own file names
   printer-slicer contours part.stl -o part.cli --binary  Common Layer Interface 2.0
   printer-slicer contours part.stl -o part.slc --smooth 0.02 --resample 0.5"""
-_KINDS: Final = {".svg": "svg", ".cli": "cli", ".slc": "slc"}
-_NUMBER: Final = re.compile(r"%0?\d*d")
+_FORMATS: Final = {".svg": "svg", ".cli": "cli", ".slc": "slc"}
+_LAYER_NUMBER: Final = re.compile(r"%0?\d*d")
 _LAYER_FILE: Final = re.compile(r"layer\d{4,}\.svg")
-_DIGITS: Final = 9  # of lengths in the result
+_DECIMALS: Final = 9  # of lengths in the result
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `contours`."""
-    # Not a Path: that would lose the / at the end of a folder.
+    # Not a Path, which would lose the / at the end of the name of a folder.
     parser.add_argument(
         "-o",
         "--output",
         metavar="OUT",
         required=True,
-        help="file.svg, .cli or .slc; one SVG per layer: a folder/ or a name with %%d",
+        help="output file: .svg, .cli or .slc; for one SVG per layer, a folder/ or a name with %%d for the number",
     )
-    parser.add_argument("--binary", action="store_true", help="write .cli as binary instead of ASCII")
+    parser.add_argument(
+        "--binary", action="store_true", help="write a binary .cli file instead of an ASCII one"
+    )
     parser.add_argument(
         "--smooth",
         metavar="MM",
-        type=number,
-        help="smooth contours, moving them by at most this; default: off",
+        type=parse_number,
+        help="smooth the contours, moving them by at most MM",
     )
     parser.add_argument(
         "--resample",
         metavar="MM",
-        type=number,
-        help="resample contours with points at most this far apart; default: off",
+        type=parse_number,
+        help="resample the contours to points at most MM apart",
     )
-    add_settings(parser, strict=STRICT)
-    add_models(parser)
-    add_output(parser)
+    add_setting_options(parser, strict_help=STRICT_HELP)
+    add_model_options(parser)
+    add_output_options(parser)
     add_layer_options(parser)
 
 
 @dataclass(frozen=True, slots=True)
 class _Target:
-    """The output of the contours.
+    """Format and location of the output files.
 
     Attributes:
         kind: svg, cli or slc; svgs: one SVG per layer.
-        path: the file, or for svgs the folder.
-        pattern: for svgs the name of each file, with one %d; empty: layer0000.svg and so on.
+        path: the file; for svgs, the folder.
+        pattern: for svgs, the name of each file, with one %d; empty: layer0000.svg and so on.
     """
 
     kind: str
@@ -89,22 +91,22 @@ class _Target:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Slice a model, write its contours, and print by how much they were changed."""
+    """Slice a model, write its contours, and print how much they deviate from the sections."""
     from printer_slicer.cli.facts import repair_facts, repair_sentences
-    from printer_slicer.cli.models import repaired_plate
+    from printer_slicer.cli.models import load_repaired_plate
     from printer_slicer.healing import require_no_repair
     from printer_slicer.model import Repairs
     from printer_slicer.pipeline import plan_part
     from printer_slicer.placing import place
     from printer_slicer.slicing import cut, section_repairs
 
-    target = _target(arguments.output, binary=arguments.binary)
+    target = _parse_target(arguments.output, binary=arguments.binary)
     profile = profile_from(arguments)
-    _refuse_containment(arguments, profile)
-    with stages(arguments) as report:
-        mesh, plate, repairs = repaired_plate(arguments, profile.printer, report)
+    _check_containment_options(arguments, profile)
+    with show_stages(arguments) as report:
+        mesh, plate, repairs = load_repaired_plate(arguments, profile.printer, report)
         for path in arguments.models:
-            refuse_same(target.path, path)
+            reject_overwriting_input(target.path, path)
         report("placing")
         part = place(mesh, profile.printer, plate.placement)
         shift = mesh.bounds[0] - part.bounds[0]
@@ -116,22 +118,22 @@ def run(arguments: argparse.Namespace) -> int:
         repairs = Repairs((*repairs.done, *section_repairs(raw, shift)))
         if arguments.strict:
             require_no_repair(part.name, repairs)
-        sections = _reshape(raw, arguments, profile, report)
+        sections = _smooth_and_resample(raw, arguments, profile, report)
         report("writing")
-        sizes = _write(sections, target, binary=arguments.binary)
-    facts = _facts(sections, sizes, target, arguments, profile) | {"repairs": repair_facts(repairs)}
+        sizes = _write_contours(sections, target, binary=arguments.binary)
+    facts = _contour_facts(sections, sizes, target, arguments, profile) | {"repairs": repair_facts(repairs)}
     if arguments.json:
         print(json.dumps(facts | plate.facts() | profile_facts(arguments)))
     else:
-        say(arguments, "\n  ".join([*_sentences(facts), *repair_sentences(facts["repairs"])]))
+        print_text(arguments, "\n  ".join([*_format_facts(facts), *repair_sentences(facts["repairs"])]))
     return 0
 
 
 # Output files
 
 
-def _target(output: str, *, binary: bool) -> _Target:
-    """Return the output that -o names.
+def _parse_target(output: str, *, binary: bool) -> _Target:
+    """Return the format and the location of the output named by -o.
 
     Raises:
         UsageError: the name has no known suffix, or --binary does not apply to its format.
@@ -142,12 +144,12 @@ def _target(output: str, *, binary: bool) -> _Target:
             "-o -: contours cannot be written to stdout", remedy="Name a .svg, .cli or .slc file"
         )
     path = Path(output)
-    kind = _KINDS.get(path.suffix.lower(), "")
+    kind = _FORMATS.get(path.suffix.lower(), "")
     if output.endswith(("/", os.sep)) or _is_folder(path):
         target = _Target("svgs", path)
         _check_folder(path)
     elif kind == "svg" and "%" in path.name:
-        target = _Target("svgs", path.parent, _checked_pattern(path.name))
+        target = _Target("svgs", path.parent, _check_pattern(path.name))
         check_writable(path)
     elif kind:
         target = _Target(kind, path)
@@ -177,15 +179,15 @@ def _is_folder(path: Path) -> bool:
         raise OutputError(f"{path}: cannot be written: {reason}", remedy="Choose another name") from None
 
 
-def _checked_pattern(name: str) -> str:
-    """Return a pattern, after checking that it has one layer number and no other %.
+def _check_pattern(name: str) -> str:
+    """Check that a file name pattern has exactly one layer number and no other %; return it.
 
     Raises:
-        UsageError: it has not.
+        UsageError: the pattern is invalid.
     """
-    if len(_NUMBER.findall(name)) != 1 or name.count("%") != 1:
+    if len(_LAYER_NUMBER.findall(name)) != 1 or name.count("%") != 1:
         raise UsageError(
-            f"-o {name}: a pattern must have the layer number exactly once",
+            f"-o {name}: a pattern must contain the layer number exactly once",
             remedy="Write for example part_%04d.svg",
         )
     return name
@@ -195,16 +197,18 @@ def _check_folder(path: Path) -> None:
     """Check that a folder exists or can be created.
 
     Raises:
-        OutputError: its parent folder is missing, or a file has its name.
+        OutputError: the parent folder is missing, or a file has the name of the folder.
     """
     if path.exists() and not path.is_dir():
-        raise OutputError(f"{path}: not a folder", remedy="Name a folder, or a file without / at the end")
+        raise OutputError(
+            f"{path}: exists and is not a folder", remedy="Name a folder, or a file without / at the end"
+        )
     if not path.exists():
         check_writable(path)
 
 
-def _write(sections: Sections, target: _Target, *, binary: bool) -> list[int]:
-    """Write the files; return the bytes of each."""
+def _write_contours(sections: Sections, target: _Target, *, binary: bool) -> list[int]:
+    """Write the contours to the output files; return the size of each file in bytes."""
     from printer_slicer.exports import write_cli, write_slc, write_svg
 
     if target.kind == "svgs":
@@ -218,7 +222,7 @@ def _write(sections: Sections, target: _Target, *, binary: bool) -> list[int]:
 
 
 def _write_layers(sections: Sections, target: _Target) -> list[int]:
-    """Write one SVG per layer; return the bytes of each."""
+    """Write one SVG per layer; return the size of each file in bytes."""
     from printer_slicer.exports import write_svgs
 
     make_folder(target.path)
@@ -232,23 +236,25 @@ def _write_layers(sections: Sections, target: _Target) -> list[int]:
 # Changes of the contours
 
 
-def _refuse_containment(arguments: argparse.Namespace, profile: Profile) -> None:
-    """Refuse to move contours that must stay on one side of the surface.
+def _check_containment_options(arguments: argparse.Namespace, profile: Profile) -> None:
+    """Check that --smooth and --resample are not given if contours must stay on one side of the surface.
 
     Raises:
-        UsageError: --smooth or --resample would move them.
+        UsageError: --smooth or --resample would move contours to the other side.
     """
     flags = [f"--{flag}" for flag in ("smooth", "resample") if getattr(arguments, flag) is not None]
     if flags and profile.quality.containment != "mid":
         raise UsageError(
             f"{' and '.join(flags)} can move contours outwards and inwards, which {profile.quality.containment} "
             "containment forbids",
-            remedy="Leave out one of them",
+            remedy=f"Leave out {' and '.join(flags)}, or use --containment mid",
         )
 
 
-def _reshape(sections: Sections, arguments: argparse.Namespace, profile: Profile, report: Stages) -> Sections:
-    """Return the contours after --smooth and --resample."""
+def _smooth_and_resample(
+    sections: Sections, arguments: argparse.Namespace, profile: Profile, report: StageReport
+) -> Sections:
+    """Apply --smooth and --resample to the contours; return the changed sections."""
     from printer_slicer.exports import resample, smooth
 
     solid = sections.solid
@@ -264,20 +270,20 @@ def _reshape(sections: Sections, arguments: argparse.Namespace, profile: Profile
 # Results
 
 
-def _facts(
+def _contour_facts(
     sections: Sections, sizes: list[int], target: _Target, arguments: argparse.Namespace, profile: Profile
 ) -> dict[str, Any]:
-    """Return the results for JSON; lengths in mm."""
+    """Return the facts about the written contours for JSON; lengths in mm."""
     import numpy as np
 
     plan, solid = sections.plan, sections.solid
-    rounded = _rounded(sections, target)
+    rounded = _round_contours(sections, target)
     low, high = (solid.xy.min(axis=0).tolist(), solid.xy.max(axis=0).tolist())
     off = {
         "simplified": profile.quality.resolution if plan.containment == "mid" else 0.0,
         "smoothed": arguments.smooth or 0.0,
         "resampled": profile.quality.resolution if arguments.resample is not None else 0.0,
-        "rounded": round(sqrt(2) * rounded.error, _DIGITS),
+        "rounded": round(sqrt(2) * rounded.error, _DECIMALS),
     }
     return {
         "output": arguments.output,
@@ -291,41 +297,43 @@ def _facts(
         "rings": len(rounded.ring_layer),
         "points": len(rounded.xy),
         "bounds": [[*low, 0.0], [*high, float(plan.top[-1])]],
-        "rounding": round(rounded.error, _DIGITS),
+        "rounding": round(rounded.error, _DECIMALS),
         # JSON has no number for an infinite spacing.
         "spacing": arguments.resample if arguments.resample != inf else None,
-        "farthest_apart": round(rounded.longest_edge() * _unit(target), _DIGITS),
-        "at_most_off": off | {"together": round(sum(off.values()), _DIGITS)},
+        "farthest_apart": round(rounded.longest_edge() * _file_unit(target), _DECIMALS),
+        "at_most_off": off | {"together": round(sum(off.values()), _DECIMALS)},
         "rings_left_out": rounded.lost,
-        "notes": _notes(sections, rounded, target),
+        "notes": _find_notes(sections, rounded, target),
     }
 
 
-def _rounded(sections: Sections, target: _Target) -> RoundedRings:
-    """Return the contours with the rounding of the file format."""
+def _round_contours(sections: Sections, target: _Target) -> RoundedRings:
+    """Return the contours rounded to the numbers of the file format."""
     from printer_slicer.exports import round_to_float32, round_to_grid
 
     return (
         round_to_float32(sections.solid)
         if target.kind == "slc"
-        else round_to_grid(sections.solid, _unit(target))
+        else round_to_grid(sections.solid, _file_unit(target))
     )
 
 
-def _unit(target: _Target) -> float:
-    """Return the unit of the numbers in the file, mm."""
+def _file_unit(target: _Target) -> float:
+    """Return the unit of the coordinates in the file, mm."""
     from printer_slicer.exports import CLI_UNITS, SVG_DIGITS
 
     return {"slc": 1.0, "cli": CLI_UNITS}.get(target.kind, 10.0**-SVG_DIGITS)
 
 
-def _notes(sections: Sections, rounded: RoundedRings, target: _Target) -> list[str]:
-    """Return warnings about the file."""
+def _find_notes(sections: Sections, rounded: RoundedRings, target: _Target) -> list[str]:
+    """Return warnings about the written files: contours left out, rounding, layer heights, files left over."""
     from printer_slicer.exports import has_uneven_heights
 
     notes = []
     if rounded.lost:
-        notes.append(f"{rounded.lost} contours are smaller than the rounding of the file and left out")
+        notes.append(
+            f"{rounded.lost} contours are left out, because they are smaller than the rounding of the file"
+        )
     if sections.plan.containment != "mid":
         notes.append(
             f"rounding can violate the {sections.plan.containment} containment by up to {rounded.error:.2g} mm"
@@ -342,21 +350,21 @@ def _notes(sections: Sections, rounded: RoundedRings, target: _Target) -> list[s
     return notes
 
 
-def _sentences(facts: dict[str, Any]) -> list[str]:
-    """Format the results."""
-    from printer_slicer.cli.facts import runs_text
+def _format_facts(facts: dict[str, Any]) -> list[str]:
+    """Format the facts about the written contours as sentences."""
+    from printer_slicer.cli.facts import format_runs
 
     files = f"{facts['files']} files, " if facts["format"] == "svgs" else ""
     off = facts["at_most_off"]
     parts = [f"{name} {value:.3g}" for name, value in off.items() if value and name != "together"]
     size = f"{facts['rings']} contours, {facts['points']} points, {facts['bytes']} bytes"
     lines = [
-        f"{facts['output']}: {files}{facts['layers']} layers ({runs_text(facts['heights'])}), {size}",
-        f"contours are at most {off['together']:.3g} mm from the section at the cut: {', '.join(parts)}",
+        f"{facts['output']}: {files}{facts['layers']} layers ({format_runs(facts['heights'])}), {size}",
+        f"contours deviate from the section by at most {off['together']:.3g} mm: {', '.join(parts)}",
     ]
     if facts["spacing"] is not None:
         apart = ceil(facts["farthest_apart"] * 1e4 - 1e-5) / 1e4  # never less than it is
-        lines.append(f"points are at most {f'{apart:.4f}'.rstrip('0').rstrip('.')} mm apart, as written")
+        lines.append(f"points in the file are at most {f'{apart:.4f}'.rstrip('0').rstrip('.')} mm apart")
     if facts["empty_layers"]:
         many = "1 layer is" if facts["empty_layers"] == 1 else f"{facts['empty_layers']} layers are"
         lines.append(f"{many} empty")

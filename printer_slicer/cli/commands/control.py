@@ -1,6 +1,6 @@
-"""`control`: control a running print of another process.
+"""`control`: control a print that another process runs.
 
-An emergency stop takes this path, so this module imports only what it needs.
+An emergency stop is sent by this module, so it imports only what it needs.
 """
 
 from __future__ import annotations
@@ -9,8 +9,8 @@ import argparse
 import json
 from typing import Any, Final
 
-from printer_slicer.cli.arguments import add_output
-from printer_slicer.cli.output import say
+from printer_slicer.cli.arguments import add_output_options
+from printer_slicer.cli.output import print_text
 from printer_slicer.errors import UsageError
 
 __all__ = ["EXAMPLES", "add_arguments", "run"]
@@ -25,18 +25,18 @@ EXAMPLES: Final = """\
   printer-slicer control say M117 hello
   printer-slicer control answer 0           press a button of the printer's prompt
   printer-slicer control stop               emergency stop: halt the printer (M112)"""
-_SOON = 2.0  # s, timeout of `control status`
+_STATUS_TIMEOUT = 2.0  # s, timeout of `control status`
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `control`."""
-    parser.add_argument("words", nargs="+", metavar="COMMAND", help="command and its value, see the examples")
+    parser.add_argument("words", nargs="+", metavar="COMMAND", help="command and its value; see the examples")
     parser.add_argument("--job", metavar="NAME", default="", help="name of the print, if several are running")
-    add_output(parser)
+    add_output_options(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Send a command to the process of a print."""
+    """Send a command to the process that runs a print, and print its answer."""
     from printer_slicer.printing.commands import Status, parse_command
     from printer_slicer.printing.control_socket import send_control_command
     from printer_slicer.printing.job_store import default_job_store, find_print
@@ -45,7 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
     command = parse_command(line)
     found = find_print(default_job_store(), arguments.job, running=True)
     answer = send_control_command(
-        found.folder, line, **({"timeout": _SOON} if isinstance(command, Status) else {})
+        found.folder, line, **({"timeout": _STATUS_TIMEOUT} if isinstance(command, Status) else {})
     )
     if not answer["ok"]:
         message, _, remedy = str(answer["answer"]).partition("\n  ")
@@ -55,14 +55,14 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print(json.dumps(answer))
     elif isinstance(command, Status):
-        say(arguments, _status(answer))
+        print_text(arguments, _format_status(answer))
     else:
-        say(arguments, f"{answer['job']}: {answer['answer']}")
+        print_text(arguments, f"{answer['job']}: {answer['answer']}")
     return 0
 
 
-def _status(status: dict[str, Any]) -> str:
-    """Format the status for people."""
+def _format_status(status: dict[str, Any]) -> str:
+    """Format the status of a print as lines of text."""
     waits = f"{status['job']}: waiting for {status.get('waits_for')}"
     if "done" not in status:  # it has not started
         return waits

@@ -9,8 +9,8 @@ from dataclasses import asdict
 from time import monotonic
 from typing import TYPE_CHECKING, Any, Final
 
-from printer_slicer.cli.arguments import add_output, positive
-from printer_slicer.cli.output import sanitize, say
+from printer_slicer.cli.arguments import add_output_options, parse_positive_integer
+from printer_slicer.cli.output import print_text, sanitize
 from printer_slicer.errors import PortError
 
 if TYPE_CHECKING:
@@ -28,19 +28,24 @@ _MARKS: Final = {"good": "ok  ", "warn": "warn", "bad": "BAD "}
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `doctor`."""
     parser.add_argument(
-        "port", nargs="?", metavar="PORT", help="device or URL; default: all ports, without opening them"
+        "port",
+        nargs="?",
+        metavar="PORT",
+        help="device or URL of the port to check; default: check all ports without opening them",
     )
-    parser.add_argument("--baud", type=positive, metavar="N", default=115_200, help="default: 115200")
-    add_output(parser)
+    parser.add_argument(
+        "--baud", type=parse_positive_integer, metavar="N", default=115_200, help="baud rate; default: 115200"
+    )
+    add_output_options(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Check one port and its printer, or all ports without opening them."""
-    return _check_one(arguments) if arguments.port else _check_all(arguments)
+    return _check_port(arguments) if arguments.port else _check_all_ports(arguments)
 
 
-def _check_all(arguments: argparse.Namespace) -> int:
-    """Check what the system knows about every port."""
+def _check_all_ports(arguments: argparse.Namespace) -> int:
+    """Check every port of this computer without opening it, and print the results."""
     from printer_slicer.doctor import read_port_state
     from printer_slicer.stream.serial_port import list_ports
 
@@ -49,32 +54,43 @@ def _check_all(arguments: argparse.Namespace) -> int:
         name = f"{port.address} ({port.description})" if port.description else port.address
         checked.append((name, list(read_port_state(port.device).checks())))
     if arguments.json:
-        print(json.dumps({"ports": [{"port": name, "checks": _facts(checks)} for name, checks in checked]}))
+        print(
+            json.dumps(
+                {"ports": [{"port": name, "checks": _check_facts(checks)} for name, checks in checked]}
+            )
+        )
     elif not checked:
-        say(arguments, "no serial ports found; is the printer switched on and its USB cable plugged in?")
+        print_text(
+            arguments,
+            "no serial ports found: check that the printer is switched on and its USB cable is plugged in",
+        )
     for name, checks in checked:
-        say(arguments, "\n".join([name, *_lines(checks)]))
+        print_text(arguments, "\n".join([name, *_format_checks(checks)]))
     if checked and not arguments.json:
-        say(arguments, "To check a printer, name its port: printer-slicer doctor PORT")
+        print_text(arguments, "To check a printer, name its port: printer-slicer doctor PORT")
     return 0
 
 
-def _check_one(arguments: argparse.Namespace) -> int:
-    """Check a port and its printer."""
-    checks, found = _examine(arguments)
+def _check_port(arguments: argparse.Namespace) -> int:
+    """Check a port and its printer, and print the results.
+
+    Raises:
+        PortError: a check has failed.
+    """
+    checks, found = _run_checks(arguments)
     bad = [check for check in checks if check.state == "bad"]
     if arguments.json:
-        facts: dict[str, Any] = {"port": arguments.port, "ok": not bad, "checks": _facts(checks)}
+        facts: dict[str, Any] = {"port": arguments.port, "ok": not bad, "checks": _check_facts(checks)}
         print(json.dumps(facts | {"printer": asdict(found) if found else None}))
     else:
-        say(arguments, "\n".join(_lines(checks)))
+        print_text(arguments, "\n".join(_format_checks(checks)))
     if bad:
         raise PortError(f"{arguments.port}: {bad[0].what}", remedy=bad[0].remedy)
     return 0
 
 
-def _examine(arguments: argparse.Namespace) -> tuple[list[PortCheck], PrinterDiagnosis | None]:
-    """Return the checks of a port, and of its printer if the port can be opened."""
+def _run_checks(arguments: argparse.Namespace) -> tuple[list[PortCheck], PrinterDiagnosis | None]:
+    """Run the checks of a port, and of its printer if the port can be opened; return them and the diagnosis."""
     from printer_slicer.doctor import PortCheck, diagnose_printer, read_port_state
     from printer_slicer.stream.serial_port import open_port
 
@@ -94,11 +110,11 @@ def _examine(arguments: argparse.Namespace) -> tuple[list[PortCheck], PrinterDia
     return [*checks, *found.checks()], found
 
 
-def _facts(checks: Iterable[PortCheck]) -> list[dict[str, Any]]:
+def _check_facts(checks: Iterable[PortCheck]) -> list[dict[str, Any]]:
     return [asdict(check) for check in checks]
 
 
-def _lines(checks: Sequence[PortCheck]) -> list[str]:
+def _format_checks(checks: Sequence[PortCheck]) -> list[str]:
     lines = []
     for check in checks:
         lines.append(f"  {_MARKS[check.state]}  {check.name:<20}{check.what}")

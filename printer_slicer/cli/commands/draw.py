@@ -10,14 +10,22 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from printer_slicer.cli.arguments import add_models, add_output, box_of, height, length, pixels, whole
-from printer_slicer.cli.help import advanced
-from printer_slicer.cli.output import refuse_same, sanitize, say, stages, write_file
+from printer_slicer.cli.arguments import (
+    add_model_options,
+    add_output_options,
+    parse_box,
+    parse_height,
+    parse_integer,
+    parse_length,
+    parse_pixels,
+)
+from printer_slicer.cli.help import mark_advanced
+from printer_slicer.cli.output import print_text, reject_overwriting_input, sanitize, show_stages, write_file
 from printer_slicer.errors import PrinterSlicerError, UsageError
 from printer_slicer.saving import check_writable
 
 if TYPE_CHECKING:
-    from printer_slicer.cli.output import Stages
+    from printer_slicer.cli.output import StageReport
     from printer_slicer.diagnostics import Diagnostic
     from printer_slicer.geometry import Areas
     from printer_slicer.inspection.coverage.gcode_extrusions import GcodeExtrusions
@@ -33,8 +41,8 @@ EXAMPLES: Final = """\
   printer-slicer draw part.gcode --z 2.4 --travel -o layer.png --pixels 2000
   printer-slicer draw part.gcode --layer 12 --box 100,100,110,108 -o corner.svg
   printer-slicer draw part.gcode --layer 12 --model part.stl -o layer.svg    with the section's outline"""
-_FITS = 0.5  # share of the external perimeters; with less the file is of another part
-_DIGITS = 4  # of numbers in the result
+_MIN_MATCH = 0.5  # share of the external perimeters; a smaller match means that the model is another part
+_DECIMALS = 4  # of numbers in the result
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -45,84 +53,94 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--output",
         metavar="FILE",
         type=Path,
-        help="SVG or PNG file; - is stdout; default: FILE.svg beside the G-code",
+        help="picture to write, as .svg or .png; - is stdout; default: FILE.svg beside the G-code",
     )
     which = parser.add_mutually_exclusive_group()
     which.add_argument(
-        "--layer", metavar="N", type=whole, help="layer, counted from 1; default: the one with most findings"
+        "--layer",
+        metavar="N",
+        type=parse_integer,
+        help="layer to draw, counted from 1; default: the layer with the most findings",
     )
-    which.add_argument("--z", metavar="MM", type=height, help="the layer that contains this height")
+    which.add_argument(
+        "--z", metavar="MM", type=parse_height, help="draw the layer that contains this height"
+    )
     parser.add_argument(
-        "--box", metavar="X0,Y0,X1,Y1", type=box_of, help="draw only this part of the bed, in mm"
+        "--box", metavar="X0,Y0,X1,Y1", type=parse_box, help="draw only this rectangle of the bed, in mm"
     )
     parser.add_argument("--travel", action="store_true", help="draw travel moves too")
     parser.add_argument(
-        "--pixels", metavar="N", type=pixels, default=1000, help="longer side of the picture; default: 1000"
+        "--pixels",
+        metavar="N",
+        type=parse_pixels,
+        default=1000,
+        help="length of the longer side of the picture in pixels; default: 1000",
     )
-    advanced(
+    mark_advanced(
         parser.add_argument(
             "--filament",
             metavar="MM",
-            type=length,
-            help="filament diameter; default: from the file, else 1.75",
+            type=parse_length,
+            help="filament diameter; default: the diameter in the G-code file, or 1.75",
         )
     )
-    add_models(parser, flag="--model", meaning="draw the outline of these models too")
-    add_output(parser)
+    add_model_options(parser, flag="--model", meaning="also draw the outline of these models")
+    add_output_options(parser)
     parser.set_defaults(strict=False, set=[])
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Draw one layer, and print its extrusions."""
+    """Draw one layer of a G-code file, and print its extrusions."""
     from printer_slicer.commands import read_text
     from printer_slicer.drawing import View, gcode_layer_picture, picture_bytes
     from printer_slicer.inspection.coverage.layer_extrusions import extrusions_of_layer, file_layers_of
     from printer_slicer.inspection.coverage.model_check import read_gcode_extrusions
 
-    arguments.output = arguments.output or _output_beside(arguments.gcode)
-    _refuse(arguments)
-    with stages(arguments) as report:
+    arguments.output = arguments.output or _default_output(arguments.gcode)
+    _check_output(arguments)
+    with show_stages(arguments) as report:
         report("reading")
         deposit, stack = read_gcode_extrusions(
             read_text(arguments.gcode), arguments.filament, arguments.gcode.name
         )
-        stack, sections, match = _located(arguments, deposit, stack, report)
+        stack, sections, match = _match_model(arguments, deposit, stack, report)
         levels = file_layers_of(deposit, stack)
         number, why = _choose_layer(arguments, levels, report)
         sheet = extrusions_of_layer(deposit, levels, number)
         own = int(levels.of_stack[sheet.number])
         rings = list(sections.rings(own)) if sections is not None and own >= 0 else []
         view = View(arguments.box, arguments.pixels, arguments.travel, rings)
-        _refuse_empty(arguments, sheet)
+        _check_box(arguments, sheet)
         report("drawing")
         picture = gcode_layer_picture(sheet, sanitize(arguments.gcode.name), view)
         write_file(arguments.output, picture_bytes(picture, arguments.output))
-    facts = _facts(arguments, sheet, match)
+    facts = _layer_facts(arguments, sheet, match)
     if arguments.json:
         print(json.dumps(facts))
     elif str(arguments.output) != "-":
-        say(arguments, "\n  ".join([*_sentences(facts), *([why] if why else [])]))
+        print_text(arguments, "\n  ".join([*_format_facts(facts), *([why] if why else [])]))
     return 0
 
 
-def _output_beside(gcode: Path) -> Path:
-    """Return the name of the picture if none is given: that of the G-code file with .svg.
+def _default_output(gcode: Path) -> Path:
+    """Return the default name of the picture: the name of the G-code file with the suffix .svg.
 
     Raises:
         UsageError: the G-code is read from a pipe or a device.
     """
     if gcode.exists() and not gcode.is_file():
         raise UsageError(
-            f"{gcode}: is not a regular file, so the picture has no name", remedy="Name it with -o"
+            f"{gcode}: is not a regular file, so the picture needs a name",
+            remedy="Name the picture with -o FILE",
         )
     return gcode.with_suffix(".svg")
 
 
-def _refuse(arguments: argparse.Namespace) -> None:
-    """Check the output before work starts.
+def _check_output(arguments: argparse.Namespace) -> None:
+    """Check, before work starts, that the picture can be written.
 
     Raises:
-        UsageError: unknown picture format, two outputs on stdout, or the picture would overwrite an input file.
+        UsageError: the picture format is unknown, two outputs go to stdout, or an input file would be overwritten.
         OutputError: the picture cannot be written.
     """
     from printer_slicer.drawing import check_picture
@@ -134,48 +152,50 @@ def _refuse(arguments: argparse.Namespace) -> None:
     else:
         check_writable(arguments.output)
     for path in (arguments.gcode, *arguments.models):
-        refuse_same(arguments.output, path)
+        reject_overwriting_input(arguments.output, path)
 
 
-def _located(
-    arguments: argparse.Namespace, deposit: GcodeExtrusions, stack: Stack, report: Stages
+def _match_model(
+    arguments: argparse.Namespace, deposit: GcodeExtrusions, stack: Stack, report: StageReport
 ) -> tuple[Stack, Areas | None, Match | None]:
-    """Return the layers, and with a model its sections in them and how well they match."""
-    from printer_slicer.cli.models import repaired_plate
+    """Return the layers of the file, and if there is a model, its sections in these layers and how well they match."""
+    from printer_slicer.cli.models import load_repaired_plate
     from printer_slicer.inspection.coverage.model_check import placed_sections
     from printer_slicer.profile import load_profile
 
     if not arguments.models:
         return stack, None, None
-    mesh, plate, _ = repaired_plate(arguments, load_profile().printer, report)
+    mesh, plate, _ = load_repaired_plate(arguments, load_profile().printer, report)
     is_placed = arguments.center or arguments.as_placed or not arguments.drop
     report("matching")
     return placed_sections(mesh, deposit, stack, plate.placement if is_placed else None)
 
 
-def _choose_layer(arguments: argparse.Namespace, levels: FileLayers, report: Stages) -> tuple[int, str]:
-    """Return the index of the layer to draw, and why it was chosen; empty if the user chose it.
+def _choose_layer(arguments: argparse.Namespace, levels: FileLayers, report: StageReport) -> tuple[int, str]:
+    """Return the index of the layer to draw, and why it was chosen; the reason is empty if the user chose the layer.
 
     Raises:
         UsageError: the file has no such layer.
     """
     if arguments.z is not None or arguments.layer is not None:
-        return _asked_layer(arguments, levels), ""
+        return _find_requested_layer(arguments, levels), ""
     report("checking")
-    counts = Counter(layer for finding in _findings(arguments) for layer in _layers_of(finding, levels))
+    counts = Counter(
+        layer for finding in _find_findings(arguments) for layer in _find_layers(finding, levels)
+    )
     if not counts:
-        return 0, "the first layer, because the check has no findings in layers; --layer N draws another one"
+        return 0, "drawn: the first layer, because no layer has findings; --layer N draws another one"
     layer, count = max(counts.items(), key=lambda item: (item[1], -item[0]))
     many = "1 finding" if count == 1 else f"{count} findings"
-    return layer, f"the layer with the most findings of the check: {many}; --layer N draws another one"
+    return layer, f"drawn: the layer with the most findings ({many}); --layer N draws another one"
 
 
-def _findings(arguments: argparse.Namespace) -> list[Diagnostic]:
-    """Return what `check` finds in the file, and in its comparison with the model if there is one.
+def _find_findings(arguments: argparse.Namespace) -> list[Diagnostic]:
+    """Return the findings of `check` for the file, and for its comparison with the model if there is one.
 
-    Files that cannot be checked can still be drawn; they have no findings.
+    A file that cannot be checked can still be drawn; it has no findings.
     """
-    from printer_slicer.cli.models import repaired_plate
+    from printer_slicer.cli.models import load_repaired_plate
     from printer_slicer.cli.settings import profile_from
     from printer_slicer.commands import read_text
     from printer_slicer.inspection.coverage.model_check import CheckOptions, check_gcode
@@ -186,7 +206,7 @@ def _findings(arguments: argparse.Namespace) -> list[Diagnostic]:
         profile = profile_from(arguments, slices=False, gcode=arguments.gcode, tell=False)
         found += lint_file(arguments.gcode, profile).findings
         if arguments.models:
-            mesh, plate, _ = repaired_plate(arguments, profile.printer, lambda _: None)
+            mesh, plate, _ = load_repaired_plate(arguments, profile.printer, lambda _: None)
             told = arguments.center or arguments.as_placed or not arguments.drop
             placement = plate.placement if told else None
             options = CheckOptions(filament_diameter=arguments.filament, placement=placement)
@@ -195,15 +215,15 @@ def _findings(arguments: argparse.Namespace) -> list[Diagnostic]:
     return found
 
 
-def _layers_of(finding: Diagnostic, levels: FileLayers) -> Iterable[int]:
-    """Return the indices of the layers that have a finding."""
+def _find_layers(finding: Diagnostic, levels: FileLayers) -> Iterable[int]:
+    """Return the indices of the layers in which a finding lies."""
     if finding.first:
         return [layer for layer in finding.in_layers if 0 <= layer < levels.n_levels]
     layer = levels.layer_at(finding.z) if finding.z is not None else finding.layer - 1
     return [layer] if 0 <= layer < levels.n_levels else []
 
 
-def _asked_layer(arguments: argparse.Namespace, levels: FileLayers) -> int:
+def _find_requested_layer(arguments: argparse.Namespace, levels: FileLayers) -> int:
     """Return the index of the requested layer.
 
     Raises:
@@ -227,11 +247,11 @@ def _asked_layer(arguments: argparse.Namespace, levels: FileLayers) -> int:
     return number - 1
 
 
-def _refuse_empty(arguments: argparse.Namespace, sheet: LayerExtrusions) -> None:
-    """Refuse a box without extrusions.
+def _check_box(arguments: argparse.Namespace, sheet: LayerExtrusions) -> None:
+    """Check that --box overlaps the extrusions of the layer.
 
     Raises:
-        UsageError: there are none in it.
+        UsageError: the box contains no extrusions.
     """
     import numpy as np
 
@@ -244,13 +264,15 @@ def _refuse_empty(arguments: argparse.Namespace, sheet: LayerExtrusions) -> None
         lies = f"from {low[0]:.1f},{low[1]:.1f} to {high[0]:.1f},{high[1]:.1f}"
         raise UsageError(
             f"--box {','.join(f'{number:g}' for number in corners.ravel())}: "
-            f"the extrusions of layer {sheet.number + 1} are {lies}",
-            remedy="Give two corners as X0,Y0,X1,Y1 in mm on the bed",
+            f"contains none of the extrusions of layer {sheet.number + 1}, which extend {lies}",
+            remedy="Give two corners within this range as X0,Y0,X1,Y1, in mm on the bed",
         )
 
 
-def _facts(arguments: argparse.Namespace, sheet: LayerExtrusions, match: Match | None) -> dict[str, Any]:
-    """Return the contents of the layer for JSON: lengths in mm, volumes in mm³, layers counted from 1."""
+def _layer_facts(
+    arguments: argparse.Namespace, sheet: LayerExtrusions, match: Match | None
+) -> dict[str, Any]:
+    """Return the facts about the layer for JSON: lengths in mm, volumes in mm³, layers counted from 1."""
     import numpy as np
 
     return {
@@ -258,15 +280,15 @@ def _facts(arguments: argparse.Namespace, sheet: LayerExtrusions, match: Match |
         "file": str(arguments.gcode),
         "layer": sheet.number + 1,
         "layers": sheet.count,
-        "z": round(sheet.top, _DIGITS),
-        "height": round(sheet.height, _DIGITS),
-        "beads": list(_beads(sheet)),
-        "travel": round(float(np.hypot(*(sheet.travel[:, 1] - sheet.travel[:, 0]).T).sum()), _DIGITS),
-        "fit": None if match is None else round(match.share, _DIGITS),
+        "z": round(sheet.top, _DECIMALS),
+        "height": round(sheet.height, _DECIMALS),
+        "beads": list(_extrusion_facts(sheet)),
+        "travel": round(float(np.hypot(*(sheet.travel[:, 1] - sheet.travel[:, 0]).T).sum()), _DECIMALS),
+        "fit": None if match is None else round(match.share, _DECIMALS),
     }
 
 
-def _beads(sheet: LayerExtrusions) -> Iterator[dict[str, Any]]:
+def _extrusion_facts(sheet: LayerExtrusions) -> Iterator[dict[str, Any]]:
     """Yield length, volume and width of the extrusions of each role."""
     import numpy as np
 
@@ -279,22 +301,22 @@ def _beads(sheet: LayerExtrusions) -> Iterator[dict[str, Any]]:
         yield {
             "name": sheet.names[name] or Purpose(purpose).label,
             "purpose": Purpose(purpose).label,
-            "length": round(float(own.length.sum()), _DIGITS),
-            "volume": round(float(own.volume.sum()), _DIGITS),
-            "width": [round(float(width), _DIGITS) for width in (own.width.min(), own.width.max())],
+            "length": round(float(own.length.sum()), _DECIMALS),
+            "volume": round(float(own.volume.sum()), _DECIMALS),
+            "width": [round(float(width), _DECIMALS) for width in (own.width.min(), own.width.max())],
         }
 
 
-def _sentences(facts: dict[str, Any]) -> Iterator[str]:
-    """Format the contents of the layer."""
+def _format_facts(facts: dict[str, Any]) -> Iterator[str]:
+    """Format the facts about the layer as sentences."""
     where = f"layer {facts['layer']} of {facts['layers']}, z {facts['z']:g} mm, {facts['height']:g} mm high"
     yield f"{facts['output']}: {where}"
     for one in facts["beads"]:
         low, high = (f"{width:.2f}" for width in one["width"])
         wide = low if low == high else f"{low} to {high}"
         yield sanitize(f"{one['name']}: {one['length']:.1f} mm, {wide} mm wide, {one['volume']:.2f} mm³")
-    if facts["fit"] is not None and facts["fit"] < _FITS:
+    if facts["fit"] is not None and facts["fit"] < _MIN_MATCH:
         yield (
             f"only {facts['fit']:.0%} of the external perimeters match this model: "
-            "check that it is the sliced model, with the same scale and rotation"
+            "check that the file was sliced from this model, with the same scale and rotation"
         )

@@ -1,4 +1,4 @@
-"""`dry-run`: print on the simulated printer, and report what would happen."""
+"""`dry-run`: print on the simulated printer, and report errors, times and material."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from printer_slicer.cli.arguments import (
-    STRICT,
-    add_allow,
-    add_firmware,
+    STRICT_HELP,
+    add_allow_option,
     add_layer_options,
-    add_models,
-    add_output,
-    add_settings,
-    positive,
+    add_model_options,
+    add_output_options,
+    add_setting_options,
+    parse_positive_integer,
 )
-from printer_slicer.cli.output import say, stages, write_file
+from printer_slicer.cli.output import print_text, show_stages, write_file
 from printer_slicer.cli.settings import profile_facts, profile_from
+from printer_slicer.cli.simulator_options import add_simulator_options
 
 if TYPE_CHECKING:
     from printer_slicer.inspection.dry_run.judging import Verdict
@@ -35,68 +35,75 @@ EXAMPLES: Final = """\
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `dry-run`."""
-    add_allow(add_settings(parser, strict=STRICT))
-    add_models(parser, gcode=True)
-    group = add_firmware(parser)
+    add_allow_option(add_setting_options(parser, strict_help=STRICT_HELP))
+    add_model_options(parser, gcode=True)
+    group = add_simulator_options(parser)
     group.add_argument(
-        "--link", metavar="BAUD", type=positive, help="simulate the serial port; buffer underruns are errors"
+        "--link",
+        metavar="BAUD",
+        type=parse_positive_integer,
+        help="simulate a serial port with this baud rate; buffer underruns are errors",
     )
     group = parser.add_argument_group("output")
     group.add_argument(
         "--picture", metavar="FILE", type=Path, help="draw the print and its faults, as .svg or .png"
     )
-    add_output(parser, group)
+    add_output_options(parser, group)
     add_layer_options(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print on the simulated printer, and report what would happen."""
+    """Print on the simulated printer, and report errors, times and material."""
     from printer_slicer.cli.jobs import (
+        disallowed_error_sentences,
         finding_facts,
-        insist_verified,
         job_from,
+        job_repair_facts,
+        job_repair_sentences,
         profile_options,
-        refused,
-        repairs_facts,
-        repairs_lines,
+        require_no_errors,
     )
     from printer_slicer.cli.verdicts import (
-        faults_of,
-        insist_printable,
-        planted_facts,
-        planted_lines,
-        simulate,
+        format_verdict,
+        injected_fault_facts,
+        injected_fault_lines,
+        read_faults,
+        require_printable,
+        simulate_print,
         verdict_facts,
-        verdict_text,
     )
 
-    faults = faults_of(arguments)
+    faults = read_faults(arguments)
     if arguments.picture:
         from printer_slicer.drawing.canvas import check_picture
 
         check_picture(arguments.picture)
     profile = profile_from(arguments, **profile_options(arguments))
-    with stages(arguments) as report:
+    with show_stages(arguments) as report:
         job, known = job_from(arguments, profile, report)
     job = job.allowing(arguments.allow)
-    verdict = simulate(arguments, job, profile, events=False, baud=arguments.link, faults=faults)
+    verdict = simulate_print(arguments, job, profile, events=False, baud=arguments.link, faults=faults)
     if arguments.picture:
-        write_file(arguments.picture, _picture(verdict, job, profile, arguments.picture))
+        write_file(arguments.picture, _draw_verdict(verdict, job, profile, arguments.picture))
     if arguments.json:
-        findings = {"ok": verdict.ok and not refused(job), "findings": finding_facts(job)}
-        repairs = {"repairs": repairs_facts(job)}
-        facts = verdict_facts(verdict, job, profile) | findings | repairs | known | planted_facts(faults)
-        facts |= profile_facts(arguments)
+        findings = {"ok": verdict.ok and not disallowed_error_sentences(job), "findings": finding_facts(job)}
+        repairs = {"repairs": job_repair_facts(job)}
+        facts = verdict_facts(verdict, job, profile) | findings | repairs | known
+        facts |= injected_fault_facts(faults) | profile_facts(arguments)
         print(json.dumps(facts))
     else:
-        lines = [verdict_text(arguments, verdict, job, profile), *planted_lines(faults), *repairs_lines(job)]
-        say(arguments, "\n".join(lines))
-    insist_printable(verdict)
-    insist_verified(job)
+        lines = [
+            format_verdict(arguments, verdict, job, profile),
+            *injected_fault_lines(faults),
+            *job_repair_sentences(job),
+        ]
+        print_text(arguments, "\n".join(lines))
+    require_printable(verdict)
+    require_no_errors(job)
     return 0
 
 
-def _picture(verdict: Verdict, job: Job, profile: Profile, path: Path) -> bytes:
+def _draw_verdict(verdict: Verdict, job: Job, profile: Profile, path: Path) -> bytes:
     from printer_slicer.diagnostics import sentence
     from printer_slicer.drawing.canvas import picture_bytes
     from printer_slicer.drawing.dry_run import FaultMark, dry_run_picture

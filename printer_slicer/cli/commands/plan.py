@@ -9,15 +9,21 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from printer_slicer.cli.arguments import STRICT, add_layer_options, add_models, add_output, add_settings
-from printer_slicer.cli.help import advanced
-from printer_slicer.cli.opening import add_open, open_files
-from printer_slicer.cli.output import Milestones, refuse_mixing, stages, write_file
+from printer_slicer.cli.arguments import (
+    STRICT_HELP,
+    add_layer_options,
+    add_model_options,
+    add_output_options,
+    add_setting_options,
+)
+from printer_slicer.cli.help import mark_advanced
+from printer_slicer.cli.opening import add_open_option, open_files
+from printer_slicer.cli.output import Milestones, check_outputs, show_stages, write_file
 from printer_slicer.cli.settings import profile_facts, profile_from
 from printer_slicer.texts import format_duration, format_significant
 
 if TYPE_CHECKING:
-    from printer_slicer.cli.output import Stages
+    from printer_slicer.cli.output import StageReport
     from printer_slicer.model import LayerPlan, Mesh, Sections
     from printer_slicer.profile import Profile
     from printer_slicer.surface import Certificate
@@ -30,7 +36,7 @@ EXAMPLES: Final = """\
   printer-slicer plan sample_parts/case_study.stl --printer marlin_220_06 --quality case_study --paper-tables
   printer-slicer plan part.stl --time-budget 45m --range 10:12:tolerance=0.03"""
 
-# Variants of all planners: name in the table -> changes to the profile.
+# Variants of the planners: name in the table -> changes to the profile.
 _VARIANTS: Mapping[str, dict[str, object]] = {
     "area, literal": {"kind": "area", "aligned": False, "guarded": False},
     "area, guarded": {"kind": "area", "aligned": False, "guarded": True},
@@ -51,30 +57,32 @@ _VARIANTS: Mapping[str, dict[str, object]] = {
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `plan`."""
     parser.add_argument(
-        "--compare", action="store_true", help="compare all planners, with the same tolerance and heights"
+        "--compare",
+        action="store_true",
+        help="compare all planners, with the same tolerance and layer heights",
     )
-    advanced(
+    mark_advanced(
         parser.add_argument(
             "--paper-tables",
             action="store_true",
-            help="print tables like those of the paper that this program implements: the part, and its plans",
+            help="print tables like tables 1 and 2 of the paper behind this program: the part, and its layer plans",
         )
     )
-    add_settings(parser, strict=STRICT)
-    add_models(parser)
+    add_setting_options(parser, strict_help=STRICT_HELP)
+    add_model_options(parser)
     group = parser.add_argument_group("output")
     group.add_argument("--picture", metavar="FILE", type=Path, help="draw the plan, as .svg or .png")
-    add_output(parser, group)
-    add_open(group)
+    add_output_options(parser, group)
+    add_open_option(group)
     add_layer_options(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Compare layer plans of a part, and print the certificate of the chosen one."""
+    """Compare layer plans of a part, and print the certificate of the chosen plan."""
     import numpy as np
 
     from printer_slicer.cli.facts import certificate_facts, repair_facts
-    from printer_slicer.cli.models import plate_name, repaired_plate, with_projects
+    from printer_slicer.cli.models import apply_projects, load_repaired_plate
     from printer_slicer.healing import require_no_repair
     from printer_slicer.model import Repairs
     from printer_slicer.pipeline import plan_part
@@ -82,12 +90,12 @@ def run(arguments: argparse.Namespace) -> int:
     from printer_slicer.slicing import cut, section_repairs
     from printer_slicer.surface import certify, read_surface
 
-    refuse_mixing(arguments)
+    check_outputs(arguments)
     profile = profile_from(arguments)
-    with stages(arguments) as report:
-        mesh, plate, repairs = repaired_plate(arguments, profile.printer, report)
-        profile, plate = with_projects(arguments, profile, mesh, plate)
-        table = _table_1(mesh)
+    with show_stages(arguments) as report:
+        mesh, plate, repairs = load_repaired_plate(arguments, profile.printer, report)
+        profile, plate = apply_projects(arguments, profile, mesh, plate)
+        table = _mesh_facts(mesh)
         part = place(mesh, profile.printer, plate.placement)
         shift = np.asarray(mesh.bounds[0] - part.bounds[0])
         del mesh
@@ -98,31 +106,31 @@ def run(arguments: argparse.Namespace) -> int:
         repairs = Repairs((*repairs.done, *section_repairs(sections, shift)))
         if arguments.strict:
             require_no_repair(part.name, repairs)
-        rows = _compare(
-            part, profile, chosen, _plan_progress(arguments, report), everything=arguments.compare
+        rows = _compare_plans(
+            part, profile, chosen, _make_progress_callback(arguments, report), everything=arguments.compare
         )
         if arguments.picture:
             report("drawing")
-            _draw(part, sections, certificate, profile, arguments)
-    facts = certificate_facts(certificate, part, profile, shift, _seconds(rows, _plan_name(profile)))
-    facts |= {"thin_features": _thin(part, chosen)}
+            _draw_plan(part, sections, certificate, profile, arguments)
+    facts = certificate_facts(certificate, part, profile, shift, _find_print_time(rows, _plan_name(profile)))
+    facts |= {"thin_features": _thin_feature_facts(part, chosen)}
     repaired = repair_facts(repairs)
     if arguments.json:
-        plans = {"part": table, "plans": rows, "certificate": facts, "layers": _layers(chosen, certificate)}
+        layers = _layer_facts(chosen, certificate)
+        plans = {"part": table, "plans": rows, "certificate": facts, "layers": layers}
         print(json.dumps(plans | {"repairs": repaired} | plate.facts() | profile_facts(arguments)))
     elif not arguments.quiet:
-        name = plate_name(arguments.models)
-        print(_paper_tables(name, table, rows) if arguments.paper_tables else _comparison(name, rows))
-        print("\n".join(_certificate_lines(_plan_name(profile), facts, repaired)))
+        print(_format_plans(arguments, table, rows))
+        print("\n".join(_format_certificate(_plan_name(profile), facts, repaired)))
     return 0
 
 
-def _seconds(rows: list[dict[str, object]], name: str) -> float:
-    """Return the print time of a plan."""
+def _find_print_time(rows: list[dict[str, object]], name: str) -> float:
+    """Return the print time, s, of the plan with this name."""
     return next(float(str(row["seconds"])) for row in rows if row["plan"] == name)
 
 
-def _certificate_lines(plan: str, facts: dict[str, Any], repairs: list[dict[str, Any]]) -> list[str]:
+def _format_certificate(plan: str, facts: dict[str, Any], repairs: list[dict[str, Any]]) -> list[str]:
     """Format the certificate of the chosen plan, and the repairs of the part."""
     from printer_slicer.cli.facts import certificate_sentences, repair_sentences
 
@@ -130,16 +138,16 @@ def _certificate_lines(plan: str, facts: dict[str, Any], repairs: list[dict[str,
     return ["", f"Certificate of the chosen plan ({plan}):", *(f"  {line}" for line in lines)]
 
 
-def _layers(plan: LayerPlan, certificate: Certificate) -> dict[str, list[float]]:
-    """Return the heights of each layer in mm, and its bounds of deviation and volume error, for JSON."""
+def _layer_facts(plan: LayerPlan, certificate: Certificate) -> dict[str, list[float]]:
+    """Return bottom, top and cut of each layer, mm, and its bounds of deviation and volume error, for JSON."""
     import numpy as np
 
     layers = {name: getattr(plan, name).tolist() for name in ("bottom", "top", "cut")}
     return layers | {name: np.round(getattr(certificate, name), 6).tolist() for name in ("bound", "volume")}
 
 
-def _thin(part: Mesh, plan: LayerPlan) -> dict[str, float]:
-    """Return the area of the part that is thinner than the layers, mm² seen from above, and the z with most of it."""
+def _thin_feature_facts(part: Mesh, plan: LayerPlan) -> dict[str, float]:
+    """Return the area of features thinner than the layers, mm² seen from above, and the z at which most of it lies."""
     from printer_slicer.slicing import cut
     from printer_slicer.surface import read_surface, thin_areas
 
@@ -149,15 +157,15 @@ def _thin(part: Mesh, plan: LayerPlan) -> dict[str, float]:
     return {"area_mm2": round(float(areas.sum()), 3), "z": round(float(plan.bottom[areas[:-1].argmax()]), 4)}
 
 
-def _draw(
+def _draw_plan(
     part: Mesh,
     sections: Sections,
     certificate: Certificate,
     profile: Profile,
     arguments: argparse.Namespace,
 ) -> None:
-    """Draw the chosen plan."""
-    from printer_slicer.cli.models import plate_name
+    """Draw the chosen plan to the file of --picture."""
+    from printer_slicer.cli.models import format_model_names
     from printer_slicer.drawing import draw_plan, picture_bytes
     from printer_slicer.surface import find_flats
 
@@ -165,7 +173,7 @@ def _draw(
     picture = draw_plan(
         sections,
         certificate,
-        plate_name(arguments.models),
+        format_model_names(arguments.models),
         tolerance=profile.quality.tolerance if bounded else None,
         flats=find_flats(part)[0],
     )
@@ -173,8 +181,8 @@ def _draw(
     open_files(arguments, [arguments.picture])
 
 
-def _table_1(mesh: Mesh) -> dict[str, object]:
-    """Return Table 1 of the paper: facts about the mesh."""
+def _mesh_facts(mesh: Mesh) -> dict[str, object]:
+    """Return the facts about the mesh in Table 1 of the paper."""
     import numpy as np
 
     levels = np.unique(np.round(mesh.triangles[:, :, 2], 6))
@@ -192,31 +200,31 @@ _Progress = Callable[[int, int, str], None]
 """Called before each plan with the number of finished plans, the number of plans, and the name of the next."""
 
 
-def _plan_progress(arguments: argparse.Namespace, report: Stages) -> _Progress:
-    """Return a function that reports the next plan: on the progress bar, or without one as a line per plan."""
+def _make_progress_callback(arguments: argparse.Namespace, report: StageReport) -> _Progress:
+    """Return a function that reports the next plan: on the progress bar, or as a line per plan if there is no bar."""
     quiet = arguments.quiet or arguments.json or arguments.verbose or not arguments.compare
     lines = Milestones("comparing plans", wanted=not (quiet or sys.stderr.isatty()))
 
-    def tell(done: int, total: int, name: str) -> None:
-        """Report the next plan."""
+    def report_plan(done: int, total: int, name: str) -> None:
+        """Report the name of the next plan, and how many are done."""
         report(f"planning {name}")
-        lines.reached(done, total, lambda: f"{done} of {total} plans done, next: {name}")
+        lines.report_if_due(done, total, lambda: f"{done} of {total} plans done, next: {name}")
 
-    return tell
+    return report_plan
 
 
-def _compare(
+def _compare_plans(
     part: Mesh, profile: Profile, chosen: LayerPlan, show: _Progress, *, everything: bool
 ) -> list[dict[str, object]]:
-    """Return a row per plan: uniform ones, all planners if `everything`, and the chosen one."""
-    from printer_slicer.cli.facts import flats_off
+    """Return a row for each plan: the uniform plans, those of all planners if `everything`, and the chosen plan."""
+    from printer_slicer.cli.facts import largest_flat_error
     from printer_slicer.extrusion import move_seconds
     from printer_slicer.pipeline import plan_part, slice_part
     from printer_slicer.surface import certify, find_flats, read_surface
 
     rows: list[dict[str, object]] = []
     flats = find_flats(part)[0]
-    jobs = _jobs(profile, everything=everything)
+    jobs = _profiles_to_compare(profile, everything=everything)
     for done, (name, variant) in enumerate(jobs.items()):
         show(done, len(jobs), name)
         plan = chosen if variant is profile else plan_part(part, variant)
@@ -236,21 +244,21 @@ def _compare(
                 "max_error_mm": round(certificate.max_error, 6),
                 "volume_error_mm3": round(certificate.volume_error, 3),
                 "height_error_mm": round(certificate.overshoot - certificate.missing, 6),
-                "flat_error_mm": round(flats_off(flats, plan), 6),
+                "flat_error_mm": round(largest_flat_error(flats, plan), 6),
             }
         )
     return rows
 
 
-def _jobs(profile: Profile, *, everything: bool) -> dict[str, Profile]:
-    """Return name in the table -> profile; all have the same tolerance and heights."""
+def _profiles_to_compare(profile: Profile, *, everything: bool) -> dict[str, Profile]:
+    """Return name in the table -> profile; all profiles have the same tolerance and layer heights."""
     from printer_slicer.profile import profile_with
 
     thin, thick = profile.thinnest, profile.thickest
     kind = profile.quality.planner.__struct_config__.tag
     heights = {thin, thick} if kind != "uniform" else {thin, thick, profile.quality.layer_height}
     jobs = {
-        _uniform_name(height): profile_with(
+        _format_uniform_name(height): profile_with(
             profile, {"quality.planner.kind": "uniform", "quality.layer_height": height}
         )
         for height in sorted(heights)
@@ -271,32 +279,45 @@ def _plan_name(profile: Profile) -> str:
     """Return the name of the chosen plan in the table."""
     kind = profile.quality.planner.__struct_config__.tag
     if kind == "uniform":
-        return _uniform_name(profile.quality.layer_height)
+        return _format_uniform_name(profile.quality.layer_height)
     return f"{kind} {profile.thinnest:g} to {profile.thickest:g} mm"
 
 
-def _uniform_name(height: float) -> str:
+def _format_uniform_name(height: float) -> str:
+    """Format the name of a uniform plan in the table."""
     return f"uniform {height:g} mm"
 
 
-def _comparison(name: str, rows: list[dict[str, object]]) -> str:
-    """Format the comparison of plans as one table."""
+def _format_plans(
+    arguments: argparse.Namespace, table: Mapping[str, Any], rows: list[dict[str, object]]
+) -> str:
+    """Format the comparison of plans: as one table, or with --paper-tables as the tables of the paper."""
+    from printer_slicer.cli.models import format_model_names
+
+    name = format_model_names(arguments.models)
+    return (
+        _format_paper_tables(name, table, rows) if arguments.paper_tables else _format_comparison(name, rows)
+    )
+
+
+def _format_comparison(name: str, rows: list[dict[str, object]]) -> str:
+    """Format the comparison of plans as a table."""
     head = (
         f"  {'plan':<24}{'layers':>7}{'print time':>14}{'deviation':>13}{'volume error':>15}   layer heights"
     )
-    return "\n".join([f"{name}: layer plans", head, *map(_comparison_row, rows)])
+    return "\n".join([f"{name}: layer plans", head, *map(_format_comparison_row, rows)])
 
 
-def _comparison_row(row: Mapping[str, Any]) -> str:
-    from printer_slicer.cli.facts import runs_text
+def _format_comparison_row(row: Mapping[str, Any]) -> str:
+    from printer_slicer.cli.facts import format_runs
 
     deviation = f"{format_significant(row['max_error_mm'])} mm"
     volume = f"{format_significant(row['volume_error_mm3'])} mm³"
     numbers = f"{row['layers']:>7}{format_duration(row['seconds']):>14}{deviation:>13}{volume:>15}"
-    return f"  {row['plan']:<24}{numbers}   {runs_text(row['heights'])}"
+    return f"  {row['plan']:<24}{numbers}   {format_runs(row['heights'])}"
 
 
-def _paper_tables(name: str, table: Mapping[str, Any], rows: list[dict[str, object]]) -> str:
+def _format_paper_tables(name: str, table: Mapping[str, Any], rows: list[dict[str, object]]) -> str:
     """Format the two tables of the paper."""
     size, steps = table["size"], table["level_steps"]
     shown = ", ".join(f"{step:g}" for step in steps[:8]) + (", ..." if len(steps) > 8 else "")
@@ -306,22 +327,22 @@ def _paper_tables(name: str, table: Mapping[str, Any], rows: list[dict[str, obje
         f"Table 1. {name}",
         f"  STL vertices      {table['vertices']}",
         f"  facets            {table['facets']}",
-        f"  levels in z       {table['levels']} ({shown} mm, each from the one before)",
+        f"  levels in z       {table['levels']} (steps between them: {shown} mm)",
         f"  envelope          {' x '.join(f'{length:g}' for length in size)} mm",
         f"  volume            {table['volume']} mm³",
         "",
         "Table 2. Layer plans. Times are estimates for the printer, material and quality; deviation (mm) and volume",
-        "error (mm³) are upper bounds; top, flats: distance of the part's top and flats from a layer end (mm)",
+        "error (mm³) are upper bounds; top, flats: distance of the part's top and flats from a layer boundary (mm)",
         f"  {'plan':<24}{columns}   layer heights from the bed up",
     ]
-    return "\n".join(lines + [_paper_row(row) for row in rows])
+    return "\n".join(lines + [_format_paper_row(row) for row in rows])
 
 
-def _paper_row(row: Mapping[str, Any]) -> str:
-    from printer_slicer.cli.facts import runs_text
+def _format_paper_row(row: Mapping[str, Any]) -> str:
+    from printer_slicer.cli.facts import format_runs
 
     layers = f"{row['layers']:>8}{100 * row['layers_saved']:>7.1f} %"
     time = f"{format_duration(row['seconds']):>14}{100 * row['time_saved']:>7.1f} %"
     error = f"{row['max_error_mm']:>11.3f}{row['volume_error_mm3']:>9.1f}"
     ends = f"{row['height_error_mm']:>9.3f}{row['flat_error_mm']:>10.3f}"
-    return f"  {row['plan']:<24}{layers}{time}{error}{ends}   {runs_text(row['heights'])}"
+    return f"  {row['plan']:<24}{layers}{time}{error}{ends}   {format_runs(row['heights'])}"

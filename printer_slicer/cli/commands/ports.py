@@ -6,12 +6,12 @@ import argparse
 import json
 from typing import Final
 
-from printer_slicer.cli.arguments import add_output
+from printer_slicer.cli.arguments import add_output_options
 
 __all__ = ["EXAMPLES", "add_arguments", "run"]
 
 EXAMPLES: Final = "  printer-slicer ports --json"
-add_arguments = add_output
+add_arguments = add_output_options
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -24,7 +24,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print(json.dumps([asdict(port) for port in ports]))
     elif not ports and not arguments.quiet:
-        print("no serial ports found; is the printer switched on and its USB cable plugged in?")
+        print("no serial ports found: check that the printer is switched on and its USB cable is plugged in")
     for port in [] if arguments.json else ports:
         print(f"{port.device:<24}{port.description}")
     return 0

@@ -8,17 +8,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from printer_slicer.cli.arguments import (
-    STRICT,
-    add_allow,
-    add_connection,
+    STRICT_HELP,
+    add_allow_option,
+    add_connection_options,
     add_layer_options,
-    add_models,
-    add_output,
-    add_settings,
-    positive,
+    add_model_options,
+    add_output_options,
+    add_setting_options,
+    parse_positive_integer,
 )
-from printer_slicer.cli.help import advanced
-from printer_slicer.cli.output import say, stages
+from printer_slicer.cli.help import mark_advanced
+from printer_slicer.cli.output import print_text, show_stages
 from printer_slicer.cli.settings import profile_facts, profile_from
 from printer_slicer.texts import format_duration
 
@@ -33,41 +33,49 @@ EXAMPLES: Final = """\
   printer-slicer print part.stl --port /dev/ttyUSB0
   printer-slicer print part.gcode --port socket://192.168.1.7:8888 --json
   printer-slicer print part.stl --port sim:          simulated printer, virtual clock"""
-_SIMULATED = "sim:"
+_SIMULATED_PORT = "sim:"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `print`."""
     parser.add_argument(
-        "--port", required=True, metavar="PORT", help="device, socket:// or rfc2217:// URL, or sim:"
+        "--port",
+        required=True,
+        metavar="PORT",
+        help="serial device, socket:// or rfc2217:// URL, or sim: for the simulated printer",
     )
-    parser.add_argument("--baud", type=positive, metavar="N", help="default: from the printer profile")
-    add_allow(add_settings(parser, strict=STRICT))
-    add_models(parser, gcode=True)
-    add_output(parser)
-    add_connection(parser)
-    advanced(
+    parser.add_argument(
+        "--baud",
+        type=parse_positive_integer,
+        metavar="N",
+        help="baud rate; default: the baud rate in the printer profile",
+    )
+    add_allow_option(add_setting_options(parser, strict_help=STRICT_HELP))
+    add_model_options(parser, gcode=True)
+    add_output_options(parser)
+    add_connection_options(parser)
+    mark_advanced(
         parser.add_argument(
             "--discard-unfinished",
             action="store_true",
-            help="delete an interrupted print on this port; it cannot be resumed afterwards",
+            help="delete an interrupted print of this port, which then can no longer be resumed",
         )
     )
     add_layer_options(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print over a port; `sim:` is the simulated printer in this process."""
+    """Print over a serial port, or on the simulated printer if the port is `sim:`."""
     from printer_slicer.cli.jobs import (
-        insist_on_policy,
+        check_policy,
         job_from,
+        job_repair_facts,
+        job_repair_sentences,
         profile_options,
-        repairs_facts,
-        repairs_lines,
     )
 
     profile = profile_from(arguments, **profile_options(arguments))
-    with stages(arguments) as report:
+    with show_stages(arguments) as report:
         job, known = job_from(arguments, profile, report)
     if arguments.json and known["models"]:
         print(json.dumps({"event": "models", **known}), flush=True)
@@ -75,40 +83,48 @@ def run(arguments: argparse.Namespace) -> int:
         print(json.dumps({"event": "profile", **profile_facts(arguments)}), flush=True)
     plan = f"{job.plan.n_layers} layers, " if job.plan else ""
     first = f"{job.name}: {plan}{len(job.commands)} commands, {format_duration(job.seconds)} of motion"
-    say(arguments, "\n  ".join([first, *repairs_lines(job)]))
+    print_text(arguments, "\n  ".join([first, *job_repair_sentences(job)]))
     if arguments.json and job.repairs is not None and job.repairs.count:
-        print(json.dumps({"event": "repaired", "repairs": repairs_facts(job)}), flush=True)
-    job = insist_on_policy(arguments, job)
-    if arguments.port == _SIMULATED:
-        from printer_slicer.cli.verdicts import insist_printable, simulate, verdict_facts, verdict_text
+        print(json.dumps({"event": "repaired", "repairs": job_repair_facts(job)}), flush=True)
+    job = check_policy(arguments, job)
+    if arguments.port == _SIMULATED_PORT:
+        from printer_slicer.cli.verdicts import (
+            format_verdict,
+            require_printable,
+            simulate_print,
+            verdict_facts,
+        )
 
-        verdict = simulate(arguments, job, profile, events=True)
+        verdict = simulate_print(arguments, job, profile, events=True)
         if arguments.json:
-            facts = verdict_facts(verdict, job, profile) | {"repairs": repairs_facts(job)}
+            facts = verdict_facts(verdict, job, profile) | {"repairs": job_repair_facts(job)}
             print(json.dumps({"event": "verdict", **facts}))
         else:
-            say(arguments, verdict_text(arguments, verdict, job, profile))
-        insist_printable(verdict)
+            print_text(arguments, format_verdict(arguments, verdict, job, profile))
+        require_printable(verdict)
         return 0
     return _print_on_port(arguments, job, profile)
 
 
 def _print_on_port(arguments: argparse.Namespace, job: Job, profile: Profile) -> int:
-    from printer_slicer.cli.jobs import command_check
-    from printer_slicer.cli.progress import print_with
+    """Print a job over a serial port; return the exit code."""
+    from printer_slicer.cli.jobs import make_command_check
+    from printer_slicer.cli.progress import print_with_progress
     from printer_slicer.printing import print_job
     from printer_slicer.printing.job_store import default_job_store
 
-    def begin(**common: Any) -> PrintResult:
-        """Print from the beginning."""
+    def start_print(**common: Any) -> PrintResult:
+        """Print the job from the beginning."""
         return print_job(
             job,
             profile,
             arguments.port,
             job_store=default_job_store(),
             discard=arguments.discard_unfinished,
-            allow=command_check(profile, job.allowed),
+            allow=make_command_check(profile, job.allowed),
             **common,
         )
 
-    return print_with(arguments, job, Path(f"{arguments.models[0].stem}.checkpoint.json"), begin)
+    return print_with_progress(
+        arguments, job, Path(f"{arguments.models[0].stem}.checkpoint.json"), start_print
+    )

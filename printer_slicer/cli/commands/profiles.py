@@ -10,12 +10,18 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, NoReturn
 
-from printer_slicer.cli.argument_flags import name_flags
-from printer_slicer.cli.arguments import add_output, add_settings
-from printer_slicer.cli.help import advanced
-from printer_slicer.cli.output import hide_stdin_folder, say, write_file
-from printer_slicer.cli.parser import CommandParser, declare
-from printer_slicer.cli.settings import changes_from, named_folders, own_folder, schema_folder, write_schemas
+from printer_slicer.cli.argument_flags import replace_arguments_by_options
+from printer_slicer.cli.arguments import add_output_options, add_setting_options
+from printer_slicer.cli.help import mark_advanced
+from printer_slicer.cli.output import hide_stdin_folder, print_text, write_file
+from printer_slicer.cli.parser import CommandParser, add_command
+from printer_slicer.cli.settings import (
+    changes_from,
+    check_profile_folders,
+    folder_for_new_profiles,
+    prepare_schema_folder,
+    write_schemas,
+)
 from printer_slicer.errors import OutputError, ProfileError, UsageError
 from printer_slicer.saving import make_folder
 
@@ -34,15 +40,15 @@ EXAMPLES: Final = """\
   printer-slicer profiles check my_printer.toml --json
   printer-slicer profiles settings infill
   printer-slicer profiles schema -o schemas"""
-_WHAT: Final = {
-    "list": "list the profiles; KIND lists those of one kind",
+_ACTIONS: Final = {
+    "list": "list the profiles, with KIND only those of one kind",
     "show": "show all settings of a profile, and where each value comes from",
     "diff": "show the settings in which two profiles differ",
     "new": "write a new profile: KIND NAME",
-    "import": "import profiles of other slicers, see `profiles import --help`",
+    "import": "import profiles of other slicers; see `profiles import --help`",
     "check": "report all errors in profile files, with line numbers",
     "path": "show the folders that are searched, or the file of a profile",
-    "settings": "list settings with unit, bounds and default; WORD filters them",
+    "settings": "list settings with unit, bounds and default, with WORD only those that contain it",
     "schema": "write JSON Schema files for editors",
 }
 _KINDS: Final = ("printer", "material", "quality")
@@ -50,54 +56,74 @@ _KINDS: Final = ("printer", "material", "quality")
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `profiles`, and the parser of `profiles import`."""
-    width = max(map(len, _WHAT)) + 2
-    actions = "".join(f"  {what:<{width}}{meaning}\n" for what, meaning in _WHAT.items()).rstrip("\n")
+    width = max(map(len, _ACTIONS)) + 2
+    actions = "".join(f"  {what:<{width}}{meaning}\n" for what, meaning in _ACTIONS.items()).rstrip("\n")
     parser.epilog = f"actions:\n{actions}"
     parser.add_argument(
-        "what", nargs="?", metavar="ACTION", choices=(*_WHAT, *_KINDS), default="list", help="default: list"
+        "what",
+        nargs="?",
+        metavar="ACTION",
+        choices=(*_ACTIONS, *_KINDS),
+        default="list",
+        help="one of the actions below; default: list",
     )
-    parser.add_argument("names", nargs="*", metavar="NAME", help="[KIND] and names of profiles, or files")
-    parser.add_argument("--inherits", metavar="NAME", help="for new: the profile to start from")
     parser.add_argument(
-        "-o", "--output", metavar="OUT", type=Path, help="for new: a file; for schema: a folder"
+        "names",
+        nargs="*",
+        metavar="NAME",
+        help="names of profiles, or their files; KIND (printer, material, quality) may precede them",
     )
-    advanced(
-        parser.add_argument("--markdown", action="store_true", help="for settings: print Markdown tables")
+    parser.add_argument("--inherits", metavar="NAME", help="for new: profile from which the new one inherits")
+    parser.add_argument(
+        "-o",
+        "--output",
+        metavar="OUT",
+        type=Path,
+        help="for new: file to write; for schema: folder to write to",
     )
-    add_settings(parser)
-    add_output(parser)
+    mark_advanced(
+        parser.add_argument(
+            "--markdown", action="store_true", help="for settings: print all of them as Markdown tables"
+        )
+    )
+    add_setting_options(parser)
+    add_output_options(parser)
     assert isinstance(parser, CommandParser)
     below = CommandParser(
         prog=f"{parser.prog} import",
-        description="Import profiles of other slicers, and report what became of every setting.",
+        description="Import profiles of other slicers, and report how each setting was converted.",
     )
-    declare(below, "profiles import")
+    add_command(below, "profiles import")
     parser.below = {"import": below}
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run an action on profiles."""
+    """Run an action on profiles, such as list or show."""
     what = arguments.what
     if what in _KINDS:  # `profiles printer NAME`
         what, arguments.names = "show", [arguments.what, *arguments.names]
         if len(arguments.names) == 1:
-            _refuse(f"profiles {arguments.what}: which one?", f"profiles {arguments.what} NAME")
+            _raise_usage_error(
+                f"profiles {arguments.what}: one profile must be named", f"profiles {arguments.what} NAME"
+            )
     if what in ("list", "show", "diff", "check"):
-        named_folders(arguments)
-    return _COMMANDS[what](arguments)
+        check_profile_folders(arguments)
+    return _ACTION_FUNCTIONS[what](arguments)
 
 
-def _refuse(problem: str, example: str) -> NoReturn:
-    """Raise a usage error with an example."""
+def _raise_usage_error(problem: str, example: str) -> NoReturn:
+    """Raise a usage error with an example of a valid command."""
     raise UsageError(problem, remedy=f"Use for example: printer-slicer {example}")
 
 
-def _document(arguments: argparse.Namespace, value: object) -> None:
+def _print_json(arguments: argparse.Namespace, value: object) -> None:
+    """Print a value as a JSON document, unless --quiet is given."""
     if not arguments.quiet:
         print(hide_stdin_folder(arguments, json.dumps(value, ensure_ascii=False)))
 
 
-def _list(arguments: argparse.Namespace) -> int:
+def _list_profiles(arguments: argparse.Namespace) -> int:
+    """List the profiles of all kinds, or of the kinds named on the command line."""
     from printer_slicer.profile import DEFAULT_NAMES, KINDS, profile_paths
     from printer_slicer.profile.folders import profile_root
     from printer_slicer.profile.inspection import read_headline
@@ -105,20 +131,20 @@ def _list(arguments: argparse.Namespace) -> int:
     wanted = [name.removesuffix("s") for name in arguments.names] or list(KINDS)
     for name in wanted:
         if name not in KINDS:
-            _refuse(f"profiles list {name}: no such kind", f"profiles list {'|'.join(KINDS)}")
+            _raise_usage_error(f"profiles list {name}: no such kind", f"profiles list {'|'.join(KINDS)}")
     known = {kind: profile_paths(kind, arguments.profiles) for kind in wanted}
     if arguments.json:
-        _document(
+        _print_json(
             arguments, {kind: {name: str(path) for name, path in known[kind].items()} for kind in known}
         )
         return 0
     shipped = profile_root()
     for kind, paths in known.items():
-        say(arguments, f"--{kind}")
+        print_text(arguments, f"--{kind}")
         for name, path in paths.items():
             shown = name + (" (default)" if name == DEFAULT_NAMES[kind] else "")
             own = "" if path.is_relative_to(shipped) else f" [{path}]"
-            say(arguments, f"  {shown:<26}{read_headline(path)}{own}")
+            print_text(arguments, f"  {shown:<26}{read_headline(path)}{own}")
     return 0
 
 
@@ -129,11 +155,14 @@ def _parse_profile(arguments: argparse.Namespace, words: Sequence[str]) -> tuple
     if len(words) == 2 and words[0] in _KINDS:
         return words[0], words[1]
     if len(words) != 1:
-        _refuse(f"profiles {arguments.what}: which one?", f"profiles {arguments.what} NAME")
+        _raise_usage_error(
+            f"profiles {arguments.what}: one profile must be named", f"profiles {arguments.what} NAME"
+        )
     return kind_of(words[0], arguments.profiles), words[0]
 
 
-def _show(arguments: argparse.Namespace) -> int:
+def _show_settings(arguments: argparse.Namespace) -> int:
+    """Show all settings of a profile with the origin of each value."""
     from printer_slicer.profile.inspection import settings_with_origins
     from printer_slicer.profile.reading import read_chain
 
@@ -141,28 +170,30 @@ def _show(arguments: argparse.Namespace) -> int:
         kind, name = _parse_profile(arguments, arguments.names)
         parts = {"": settings_with_origins(kind, read_chain(kind, name, arguments.profiles))}
     else:
-        sources = _sources(arguments)
+        sources = _read_named_profiles(arguments)
         parts = {f"{kind}.": settings_with_origins(kind, source) for kind, source in sources.items()}
     settings = {f"{prefix}{key}": one for prefix, part in parts.items() for key, one in part.items()}
     if arguments.json:
-        _document(arguments, {key: {"value": one.value, "from": one.place} for key, one in settings.items()})
+        _print_json(
+            arguments, {key: {"value": one.value, "from": one.place} for key, one in settings.items()}
+        )
         return 0
-    lines = {key: f"{key} = {_shown(one.value)}" for key, one in settings.items()}
+    lines = {key: f"{key} = {_format_value(one.value)}" for key, one in settings.items()}
     wide = min(max(len(line) for line in lines.values()), 44)
     for key, line in lines.items():
-        say(arguments, f"{line:<{wide}}  # {settings[key].place}")
+        print_text(arguments, f"{line:<{wide}}  # {settings[key].place}")
     return 0
 
 
-def _shown(value: object) -> str:
-    """Format a value on one line."""
+def _format_value(value: object) -> str:
+    """Format the value of a setting on one line."""
     from printer_slicer.profile.template import toml_value
 
     return toml_value(value) if not isinstance(value, str) else json.dumps(value, ensure_ascii=False)
 
 
-def _sources(arguments: argparse.Namespace) -> Mapping[str, SettingsSource]:
-    """Return the settings of the named profiles, after checking that they fit together."""
+def _read_named_profiles(arguments: argparse.Namespace) -> Mapping[str, SettingsSource]:
+    """Read the profiles that the command line names, after checking that they fit together."""
     from printer_slicer.profile import load_profile
     from printer_slicer.profile.files import read_sources
 
@@ -172,37 +203,40 @@ def _sources(arguments: argparse.Namespace) -> Mapping[str, SettingsSource]:
     return read_sources(names, changes, arguments.profiles)
 
 
-def _diff(arguments: argparse.Namespace) -> int:
+def _show_differences(arguments: argparse.Namespace) -> int:
+    """Show the settings in which two profiles of one kind differ."""
     from printer_slicer.profile.inspection import differences
     from printer_slicer.profile.reading import read_chain
 
     words = list(arguments.names)
     given = words.pop(0) if len(words) == 3 and words[0] in _KINDS else ""
     if len(words) != 2:
-        _refuse("profiles diff: which two?", "profiles diff NAME OTHER")
+        _raise_usage_error("profiles diff: two profiles must be named", "profiles diff standard fine")
     kinds = [given or _parse_profile(arguments, [word])[0] for word in words]
     if kinds[0] != kinds[1]:
         raise UsageError(
-            f"{words[0]} is a {kinds[0]}, {words[1]} a {kinds[1]}",
+            f"{words[0]} is a {kinds[0]} profile, but {words[1]} is a {kinds[1]} profile",
             remedy="Compare two profiles of the same kind",
         )
     one, other = (read_chain(kinds[0], word, arguments.profiles) for word in words)
     found = differences(kinds[0], one, other)
     if arguments.json:
-        _document(arguments, {key: dict(zip(words, pair, strict=True)) for key, pair in found.items()})
+        _print_json(arguments, {key: dict(zip(words, pair, strict=True)) for key, pair in found.items()})
         return 0
     for key, (left, right) in found.items():
-        say(arguments, f"{key:<36}{_side(left)} -> {_side(right)}")
+        print_text(arguments, f"{key:<36}{_format_optional_value(left)} -> {_format_optional_value(right)}")
     if not found:
-        say(arguments, "no differences")
+        print_text(arguments, "no differences")
     return 0
 
 
-def _side(value: object) -> str:
-    return "-" if value is None else _shown(value)
+def _format_optional_value(value: object) -> str:
+    """Format a value; return a dash for None."""
+    return "-" if value is None else _format_value(value)
 
 
-def _new(arguments: argparse.Namespace) -> int:
+def _write_new_profile(arguments: argparse.Namespace) -> int:
+    """Write a new profile that inherits from another one."""
     from printer_slicer.profile import DEFAULT_NAMES
     from printer_slicer.profile.folders import FOLDERS
     from printer_slicer.profile.reading import read_chain
@@ -210,42 +244,50 @@ def _new(arguments: argparse.Namespace) -> int:
     from printer_slicer.profile.template import new_profile
 
     if len(arguments.names) != 2 or arguments.names[0] not in _KINDS:
-        _refuse("profiles new: of which kind, and what name?", "profiles new printer my_printer")
+        _raise_usage_error(
+            "profiles new: the kind and the name of the profile are missing",
+            "profiles new printer my_printer",
+        )
     kind, name = arguments.names
-    root = None if arguments.output else _root_of_new(arguments, kind, name)
+    root = None if arguments.output else _find_folder_for(arguments, kind, name)
     path: Path = root / FOLDERS[kind] / f"{name}.toml" if root else arguments.output
     to_stdout = str(path) == "-"
     if path.exists() and not to_stdout:
-        raise OutputError(f"{path}: already exists", remedy="Choose another name, or another file with -o")
+        raise OutputError(
+            f"{path}: the file already exists", remedy="Choose another name, or another file with -o"
+        )
     parent = arguments.inherits or DEFAULT_NAMES[kind]
     source = read_chain(kind, parent, arguments.profiles)
     if "/" in parent or parent.endswith(".toml"):
         parent = str(Path(parent).absolute())  # a relative path would refer to the folder of the new file
     if root:
         make_folder(path.parent)
-    text = new_profile(kind, name, parent, source, directive(kind, schema_folder(root)))
+    text = new_profile(kind, name, parent, source, directive(kind, prepare_schema_folder(root)))
     write_file(path, text.encode())
     if not to_stdout:
-        say(arguments, f"{path} written; edit it and use it with --{kind} {name if root else path}")
+        print_text(
+            arguments, f"{path}: written; edit this file, and use it with --{kind} {name if root else path}"
+        )
     return 0
 
 
-def _root_of_new(arguments: argparse.Namespace, kind: str, name: str) -> Path:
+def _find_folder_for(arguments: argparse.Namespace, kind: str, name: str) -> Path:
     """Return the folder for a new profile with this name."""
     if not re.fullmatch(r"[\w][\w.+-]*", name) or name.endswith(".toml"):
-        _refuse(
+        _raise_usage_error(
             f"profiles new: {name!r} is not a valid name", f"profiles new {kind} my_{kind}   (or -o FILE)"
         )
     remedy = f"printer-slicer profiles new {kind} {name} -o FILE"
-    return own_folder(arguments.profiles, "profiles new", remedy)
+    return folder_for_new_profiles(arguments.profiles, "profiles new", remedy)
 
 
-def _check(arguments: argparse.Namespace) -> int:
+def _check_profiles(arguments: argparse.Namespace) -> int:
+    """Report all errors in profile files, and of the profiles together; return 2 if there are any."""
     from printer_slicer.gcode.macro_faults import find_macro_faults
     from printer_slicer.profile.inspection import find_faults
 
     if not arguments.names:
-        _refuse("profiles check: which file?", "profiles check FILE")
+        _raise_usage_error("profiles check: no file is named", "profiles check my_printer.toml")
     words = list(arguments.names)
     kind = words.pop(0) if len(words) > 1 and words[0] in _KINDS else ""
     found: list[tuple[str, str]] = []
@@ -261,12 +303,14 @@ def _check(arguments: argparse.Namespace) -> int:
         except ProfileError as error:
             found.append((error.args[0], error.remedy))
     if not found:
-        found += _together(arguments, checked)
+        found += _find_conflicts_between(arguments, checked)
     return _print_faults(arguments, found, words)
 
 
-def _together(arguments: argparse.Namespace, checked: Mapping[str, str]) -> list[tuple[str, str]]:
-    """Return the faults of profiles that do not fit together."""
+def _find_conflicts_between(
+    arguments: argparse.Namespace, checked: Mapping[str, str]
+) -> list[tuple[str, str]]:
+    """Return (problem, remedy) of the profiles that do not fit together."""
     from printer_slicer.profile.files import find_conflicts, read_sources
 
     flags = {kind: getattr(arguments, kind) for kind in _KINDS if getattr(arguments, kind)}
@@ -283,19 +327,20 @@ def _together(arguments: argparse.Namespace, checked: Mapping[str, str]) -> list
 def _print_faults(
     arguments: argparse.Namespace, found: Sequence[tuple[str, str]], words: Sequence[str]
 ) -> int:
-    """Print the faults; return 2 if there are any."""
+    """Print the faults of profiles; return 2 if there are any."""
     if arguments.json:
-        _document(arguments, [{"problem": problem, "remedy": remedy} for problem, remedy in found])
+        _print_json(arguments, [{"problem": problem, "remedy": remedy} for problem, remedy in found])
     elif found:
         for problem, remedy in found:
             text = f"{problem}\n  {remedy}" if remedy else problem
-            print(hide_stdin_folder(arguments, name_flags(text)), file=sys.stderr)
+            print(hide_stdin_folder(arguments, replace_arguments_by_options(text)), file=sys.stderr)
     else:
-        say(arguments, f"{', '.join(words)}: no errors")
+        print_text(arguments, f"{', '.join(words)}: no errors")
     return 2 if found else 0
 
 
-def _path(arguments: argparse.Namespace) -> int:
+def _show_paths(arguments: argparse.Namespace) -> int:
+    """Show the file of a profile, or the folders that are searched."""
     from printer_slicer.profile.folders import profile_root, user_folders
     from printer_slicer.profile.reading import path_of
 
@@ -303,39 +348,40 @@ def _path(arguments: argparse.Namespace) -> int:
         kind, name = _parse_profile(arguments, arguments.names)
         path = path_of(kind, name, arguments.profiles)
         if arguments.json:
-            _document(arguments, {"kind": kind, "path": str(path)})
+            _print_json(arguments, {"kind": kind, "path": str(path)})
         else:
-            say(arguments, str(path))
+            print_text(arguments, str(path))
         return 0
     folders = {"named": arguments.profiles, "own": user_folders(), "shipped": [profile_root()]}
     if arguments.json:
-        _document(arguments, {what: [str(path) for path in paths] for what, paths in folders.items()})
+        _print_json(arguments, {what: [str(path) for path in paths] for what, paths in folders.items()})
         return 0
     for what, paths in folders.items():
         for path in paths:
-            say(arguments, f"{what:<9}{path}{'' if path.is_dir() else '   (does not exist yet)'}")
+            print_text(arguments, f"{what:<9}{path}{'' if path.is_dir() else '   (does not exist yet)'}")
     return 0
 
 
-def _settings(arguments: argparse.Namespace) -> int:
+def _list_settings(arguments: argparse.Namespace) -> int:
+    """List the settings whose key or meaning contains all words of the command line."""
     from printer_slicer.profile.document import settings_markdown
     from printer_slicer.profile.tables import settings_table
 
     if arguments.markdown:
-        say(arguments, settings_markdown().rstrip("\n"), is_message=False)
+        print_text(arguments, settings_markdown().rstrip("\n"), is_message=False)
         return 0
     words = [word.lower() for word in arguments.names]
     rows = [
         row for row in settings_table() if all(word in f"{row.key} {row.meaning}".lower() for word in words)
     ]
     if arguments.json:
-        _document(arguments, [row._asdict() for row in rows])
+        _print_json(arguments, [row._asdict() for row in rows])
         return 0
     for row in rows:
         unit = f" {row.unit}" if row.unit else ""
         bounds = f" ({row.bounds})" if row.bounds else ""
         default = "" if "\n" in row.default else row.default
-        say(arguments, f"{row.key:<42}{default}{unit}{bounds}  {row.meaning}")
+        print_text(arguments, f"{row.key:<42}{default}{unit}{bounds}  {row.meaning}")
     if not rows:
         raise UsageError(
             f"profiles settings {' '.join(words)}: no setting matches", remedy="Try a shorter word"
@@ -343,32 +389,33 @@ def _settings(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _schema(arguments: argparse.Namespace) -> int:
+def _write_schema_files(arguments: argparse.Namespace) -> int:
+    """Write the JSON schemas to a folder; without one, print the schema of a kind, or the folder of the schemas."""
     from printer_slicer.profile.folders import SCHEMAS, profile_root
     from printer_slicer.profile.schema import schema_of
 
     if arguments.output is None:
         wanted = arguments.names or list(_KINDS)
         if not set(wanted) <= set(_KINDS):
-            _refuse(f"profiles schema {' '.join(wanted)}: no such kind", "profiles schema quality")
+            _raise_usage_error(f"profiles schema {' '.join(wanted)}: no such kind", "profiles schema quality")
         if arguments.json or arguments.names:
             schemas = {kind: schema_of(kind) for kind in wanted}
-            _document(arguments, schemas[wanted[0]] if len(wanted) == 1 else schemas)
+            _print_json(arguments, schemas[wanted[0]] if len(wanted) == 1 else schemas)
         else:
-            say(arguments, str(profile_root() / SCHEMAS))
+            print_text(arguments, str(profile_root() / SCHEMAS))
         return 0
     paths = write_schemas(arguments.output)
-    say(arguments, "\n".join(f"{path} written" for path in paths))
+    print_text(arguments, "\n".join(f"{path}: written" for path in paths))
     return 0
 
 
-_COMMANDS: Final[Mapping[str, Callable[[argparse.Namespace], int]]] = {
-    "list": _list,
-    "show": _show,
-    "diff": _diff,
-    "new": _new,
-    "check": _check,
-    "path": _path,
-    "settings": _settings,
-    "schema": _schema,
+_ACTION_FUNCTIONS: Final[Mapping[str, Callable[[argparse.Namespace], int]]] = {
+    "list": _list_profiles,
+    "show": _show_settings,
+    "diff": _show_differences,
+    "new": _write_new_profile,
+    "check": _check_profiles,
+    "path": _show_paths,
+    "settings": _list_settings,
+    "schema": _write_schema_files,
 }

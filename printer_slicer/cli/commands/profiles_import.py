@@ -1,4 +1,4 @@
-"""`profiles import`: convert profiles of other slicers."""
+"""`profiles import`: convert profiles of other slicers to profiles of this program."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from printer_slicer.cli.arguments import add_output, positive
-from printer_slicer.cli.output import sanitize, say, write_file
-from printer_slicer.cli.settings import own_folder, schema_folder
+from printer_slicer.cli.arguments import add_output_options, parse_positive_integer
+from printer_slicer.cli.output import print_text, sanitize, write_file
+from printer_slicer.cli.settings import folder_for_new_profiles, prepare_schema_folder
 from printer_slicer.errors import OutputError, ProfileError, UsageError
 from printer_slicer.saving import make_folder
 
@@ -35,7 +35,7 @@ EXAMPLES: Final = """\
 """
 _MOST_DIFFERENCES: Final = 5
 _MOST_WARNINGS: Final = 3
-_FEW: Final = 3  # profiles; of more only counts and warnings are printed
+_MAX_DETAILED: Final = 3  # profiles; with more of them, only counts and warnings are printed
 _MACROS: Final = ("start_gcode", "before_layer_gcode", "layer_gcode", "pause_gcode", "end_gcode")
 
 
@@ -46,35 +46,41 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         metavar="FILE",
         type=Path,
-        help="config.ini, bundle, G-code or 3MF of PrusaSlicer or SuperSlicer; preset, G-code or 3MF of OrcaSlicer or "
-        "BambuStudio; definition of Cura; G-code of this program",
+        help="file with settings: config.ini, bundle, G-code or 3MF of PrusaSlicer or SuperSlicer; preset, G-code or "
+        "3MF of OrcaSlicer or BambuStudio; definition or profile of Cura; G-code of this program",
     )
-    parser.add_argument("--name", default="", help="name of the new profiles; default: from the source")
     parser.add_argument(
-        "-o", "--out", metavar="FOLDER", type=Path, help="output folder; default: your own profiles"
+        "--name", default="", help="name of the new profiles; default: derived from the names in the files"
     )
-    _add_choices(parser)
-    add_output(parser)
+    parser.add_argument(
+        "-o",
+        "--out",
+        metavar="FOLDER",
+        type=Path,
+        help="folder for the new profiles; default: the folder of your own profiles",
+    )
+    _add_conversion_options(parser)
+    add_output_options(parser)
 
 
-def _add_choices(parser: argparse.ArgumentParser) -> None:
+def _add_conversion_options(parser: argparse.ArgumentParser) -> None:
     """Add the arguments that choose presets and change how they are converted."""
     parser.add_argument("--force", action="store_true", help="overwrite existing profiles")
     parser.add_argument("--list", action="store_true", help="only list the presets in the files")
-    parser.add_argument("--dry-run", action="store_true", help="only print the result; write nothing")
+    parser.add_argument("--dry-run", action="store_true", help="print the result, but write no files")
     parser.add_argument(
         "--only",
         metavar="NAME",
         action="append",
         default=[],
-        help="only presets with this name; * matches anything; may be repeated",
+        help="import only presets with this name, in which * matches any text; may be repeated",
     )
     parser.add_argument(
         "--for",
         dest="preset",
         metavar="PRINTER",
         default="",
-        help="one printer of a bundle, with its default material and quality",
+        help="import only this printer of a bundle, with its default material and quality",
     )
     parser.add_argument(
         "--folder",
@@ -82,20 +88,20 @@ def _add_choices(parser: argparse.ArgumentParser) -> None:
         type=Path,
         action="append",
         default=[],
-        help="folder with the presets that others inherit from",
+        help="search this folder for presets from which the imported ones inherit; may be repeated",
     )
     parser.add_argument(
         "--cura",
         metavar="KEY=VALUE",
         action="append",
         default=[],
-        help="override a setting of Cura; may be repeated",
+        help="replace the value of a setting in files of Cura; may be repeated",
     )
     for heater, most in (("nozzle", 300), ("bed", 120)):
         parser.add_argument(
             f"--max-{heater}-temperature",
             metavar="°C",
-            type=positive,
+            type=parse_positive_integer,
             default=most,
             help=f"reject profiles that heat the {heater} above this; default: {most}",
         )
@@ -105,37 +111,37 @@ def run(arguments: argparse.Namespace) -> int:
     """Import presets, write the profiles and report the conversion."""
     from printer_slicer.importing import ImportedProfile, RejectedProfile
 
-    results = list(_results(arguments))
-    made = _with_macro_notes([one for one in results if isinstance(one, ImportedProfile)])
+    results = list(_import_files(arguments))
+    imported = _add_macro_notes([one for one in results if isinstance(one, ImportedProfile)])
     refused = [one for one in results if isinstance(one, RejectedProfile)]
     if arguments.list:
-        _list(arguments, results)
+        _list_presets(arguments, results)
         return 0
-    paths = _paths(arguments, made) if made else []
+    paths = _choose_paths(arguments, imported) if imported else []
     if not arguments.dry_run:
-        _write(arguments, made, paths)
+        _write_profiles(arguments, imported, paths)
     if arguments.json:
-        print(json.dumps(_json_report(made, paths, refused)))
+        print(json.dumps(_report_facts(imported, paths, refused)))
     elif not arguments.quiet:
-        for line in _report(arguments, made, paths, refused):
+        for line in _format_report(arguments, imported, paths, refused):
             print(sanitize(line))
-    if refused and not made:
+    if refused and not imported:
         raise ProfileError(refused[0].problem, remedy=refused[0].remedy)
     return 0
 
 
-def _results(arguments: argparse.Namespace) -> Iterator[Any]:
-    """Yield the profile, or the reason for rejecting it, for each preset in the files."""
+def _import_files(arguments: argparse.Namespace) -> Iterator[Any]:
+    """Import the files; yield an imported or a rejected profile for each preset."""
     from printer_slicer.importing import ImportRequest, TemperatureLimits, import_profiles
 
     overrides: dict[str, str] = {}
     for change in arguments.cura:
         key, sign, value = change.partition("=")
         if not sign:
-            raise UsageError(f"--cura {change}: no value", remedy="Write --cura KEY=VALUE")
+            raise UsageError(f"--cura {change}: the value is missing", remedy="Write --cura KEY=VALUE")
         overrides[key.strip()] = value.strip()
     for heater in ("nozzle", "bed"):
-        _check_limit(heater, getattr(arguments, f"max_{heater}_temperature"))
+        _check_temperature_limit(heater, getattr(arguments, f"max_{heater}_temperature"))
     wanted = ImportRequest(
         names=tuple(arguments.only),
         printer=arguments.preset,
@@ -147,11 +153,11 @@ def _results(arguments: argparse.Namespace) -> Iterator[Any]:
         yield from import_profiles(path, wanted)
 
 
-def _check_limit(heater: str, most: float) -> None:
+def _check_temperature_limit(heater: str, most: float) -> None:
     """Check a temperature limit against the bounds of the printer setting.
 
     Raises:
-        UsageError: it is out of bounds.
+        UsageError: the limit is out of bounds.
     """
     from printer_slicer.profile import load_profile
 
@@ -160,55 +166,58 @@ def _check_limit(heater: str, most: float) -> None:
     except ProfileError as error:
         raise UsageError(
             f"--max-{heater}-temperature {most:g}: {str(error.args[0]).rpartition(': ')[2]}",
-            remedy="Choose a temperature that a printer profile can have as its limit",
+            remedy="Choose a temperature within the bounds of this printer setting",
         ) from None
 
 
-def _list(arguments: argparse.Namespace, results: Sequence[Any]) -> None:
+def _list_presets(arguments: argparse.Namespace, results: Sequence[Any]) -> None:
+    """Print kind and name of each preset in the files."""
     if arguments.json:
         print(json.dumps([{"kind": one.kind, "name": one.name, "source": one.source} for one in results]))
         return
     for one in results:
-        say(arguments, sanitize(f"{one.kind:<10}{one.name}"))
+        print_text(arguments, sanitize(f"{one.kind:<10}{one.name}"))
 
 
-def _paths(arguments: argparse.Namespace, made: Sequence[ImportedProfile]) -> list[Path]:
-    """Return the path of each new profile."""
+def _choose_paths(arguments: argparse.Namespace, imported: Sequence[ImportedProfile]) -> list[Path]:
+    """Choose the path of each new profile: the typed name, or a name that is not taken."""
     from printer_slicer.importing import file_names
     from printer_slicer.profile.folders import FOLDERS, profile_root
 
-    root: Path = arguments.out or own_folder((), "profiles import", "Name a folder with -o FOLDER")
+    root: Path = arguments.out or folder_for_new_profiles(
+        (), "profiles import", "Name a folder with -o FOLDER"
+    )
 
     def is_taken(kind: str, file_name: str, name: str) -> bool:
-        """Return whether a shipped profile, or one of another preset, has this name."""
+        """Return whether a shipped profile, or a profile made from another preset, has this file name."""
         file = Path(FOLDERS[kind], f"{file_name}.toml")
-        return (profile_root() / file).exists() or _display_name(root / file) not in ("", name)
+        return (profile_root() / file).exists() or _read_display_name(root / file) not in ("", name)
 
-    names = _named(arguments.name, made) if arguments.name else file_names(made, is_taken)
-    return [root / FOLDERS[one.kind] / f"{name}.toml" for one, name in zip(made, names, strict=True)]
+    names = _check_typed_name(arguments.name, imported) if arguments.name else file_names(imported, is_taken)
+    return [root / FOLDERS[one.kind] / f"{name}.toml" for one, name in zip(imported, names, strict=True)]
 
 
-def _named(name: str, made: Sequence[ImportedProfile]) -> list[str]:
-    """Return the file name that was typed, for each profile.
+def _check_typed_name(name: str, imported: Sequence[ImportedProfile]) -> list[str]:
+    """Check the name that was typed with --name; return it once for each profile.
 
     Raises:
-        UsageError: it is no file name, or there are several profiles of one kind.
+        UsageError: the name is not valid, or there are several profiles of one kind.
     """
     from printer_slicer.importing import short_name
 
     if name != (valid := short_name(name)):
         hint = f"Use --name {valid}" if valid else "Use lower-case letters, digits and underscores"
-        raise UsageError(f"--name {name}: not a valid name", remedy=hint)
-    if len({one.kind for one in made}) < len(made):
+        raise UsageError(f"--name {name}: this is not a valid name of a profile", remedy=hint)
+    if len({one.kind for one in imported}) < len(imported):
         raise UsageError(
-            f"--name {name}: there are {len(made)} profiles to import",
-            remedy="Choose one of each kind with --only or --for",
+            f"--name {name}: one name is not enough for {len(imported)} profiles, several of one kind",
+            remedy="Choose one profile of each kind with --only or --for",
         )
-    return [name] * len(made)
+    return [name] * len(imported)
 
 
-def _display_name(path: Path) -> str:
-    """Return the name in a profile file; empty if there is none."""
+def _read_display_name(path: Path) -> str:
+    """Return the display name in a profile file; empty if there is none."""
     try:
         found = tomllib.loads(path.read_text(encoding="utf-8")).get("name", "")
     except (OSError, ValueError):
@@ -216,34 +225,40 @@ def _display_name(path: Path) -> str:
     return found if isinstance(found, str) else ""
 
 
-def _write(arguments: argparse.Namespace, made: Sequence[ImportedProfile], paths: Sequence[Path]) -> None:
-    """Write all files, or none if one exists with other contents and --force is not given."""
+def _write_profiles(
+    arguments: argparse.Namespace, imported: Sequence[ImportedProfile], paths: Sequence[Path]
+) -> None:
+    """Write all profiles, or none if --force is not given and a file exists with other contents.
+
+    Raises:
+        OutputError: a file exists with other contents, or cannot be written.
+    """
     from printer_slicer.importing import profile_text
     from printer_slicer.profile.schema import directive
 
-    if not made:
+    if not imported:
         return
-    schemas = schema_folder(None if arguments.out else paths[0].parent.parent)
-    texts = [f"{directive(one.kind, schemas)}\n{profile_text(one)}".encode() for one in made]
-    existing = [path for path, text in zip(paths, texts, strict=True) if _differs(path, text)]
+    schemas = prepare_schema_folder(None if arguments.out else paths[0].parent.parent)
+    texts = [f"{directive(one.kind, schemas)}\n{profile_text(one)}".encode() for one in imported]
+    existing = [path for path, text in zip(paths, texts, strict=True) if _has_other_contents(path, text)]
     if existing and not arguments.force:
         more = f" and {len(existing) - 1} more" if len(existing) > 1 else ""
         raise OutputError(
-            f"{existing[0]}{more}: already exists",
-            remedy="Use --force to overwrite it, or --name NAME or -o FOLDER to keep both",
+            f"{existing[0]}{more}: already exists, with other contents",
+            remedy="Overwrite it with --force, or keep both with --name NAME or -o FOLDER",
         )
     for path, text in zip(paths, texts, strict=True):
         make_folder(path.parent)
         write_file(path, text)
 
 
-def _differs(path: Path, text: bytes) -> bool:
-    """Return whether a path exists with other contents."""
+def _has_other_contents(path: Path, text: bytes) -> bool:
+    """Return whether a path exists and is not a file with this content."""
     return path.exists() and not (path.is_file() and path.read_bytes() == text)
 
 
-def _json_report(made: Sequence[Any], paths: Sequence[Path], refused: Sequence[Any]) -> dict[str, Any]:
-    """Return the report for --json."""
+def _report_facts(imported: Sequence[Any], paths: Sequence[Path], refused: Sequence[Any]) -> dict[str, Any]:
+    """Return the report of the import for JSON."""
     return {
         "imported": [
             {
@@ -266,7 +281,7 @@ def _json_report(made: Sequence[Any], paths: Sequence[Path], refused: Sequence[A
                 ],
                 "warnings": [{"place": note.place, "text": note.text} for note in one.notes],
             }
-            for one, path in zip(made, paths, strict=True)
+            for one, path in zip(imported, paths, strict=True)
         ],
         "refused": [
             {
@@ -281,14 +296,14 @@ def _json_report(made: Sequence[Any], paths: Sequence[Path], refused: Sequence[A
     }
 
 
-def _report(
+def _format_report(
     arguments: argparse.Namespace,
-    made: Sequence[ImportedProfile],
+    imported: Sequence[ImportedProfile],
     paths: Sequence[Path],
     refused: Sequence[RejectedProfile],
 ) -> Iterator[str]:
-    """Yield the report: counts, the largest differences, warnings, and a command that uses the profiles."""
-    for one, path in zip(made, paths, strict=True):
+    """Yield the report of the import: counts, largest differences, warnings, and a command that uses the profiles."""
+    for one, path in zip(imported, paths, strict=True):
         taken = sum(1 for each in one.taken if each.theirs)
         lost = sum(1 for each in one.left if not each.off)
         yield (
@@ -296,78 +311,82 @@ def _report(
             f"{len(one.left) - lost} not applicable, {lost} without equivalent"
         )
         if arguments.verbose:
-            yield from _all_settings(one)
-    yield from _differences(made) if not arguments.verbose and len(made) <= _FEW else ()
+            yield from _format_all_settings(one)
+    yield from (
+        _format_largest_differences(imported)
+        if not arguments.verbose and len(imported) <= _MAX_DETAILED
+        else ()
+    )
     folders = {f"{path.parent}/" for path in arguments.files}
-    for text in _warnings(made, verbose=arguments.verbose):
+    for text in _format_warnings(imported, verbose=arguments.verbose):
         yield next((text.replace(one, "", 1) for one in folders if one in text), text)
     for reason in refused:
         yield f"rejected: {reason.kind} {reason.name!r}: {reason.problem}"
         yield f"  {reason.remedy}"
-    if not made:
+    if not imported:
         return
     folder = paths[0].parent.parent
     rejected = f"; {len(refused)} rejected" if refused else ""
     if arguments.dry_run:
-        yield f"{_count(len(made), 'profile')} would be written to {folder}{rejected}"
+        yield f"{_format_count(len(imported), 'profile')} would be written to {folder}{rejected}"
         return
-    yield f"{_count(len(made), 'profile')} written to {folder}{rejected}"
-    yield from _next_command(arguments, made, paths)
+    yield f"{_format_count(len(imported), 'profile')} written to {folder}{rejected}"
+    yield from _format_next_command(arguments, imported, paths)
 
 
-def _count(number: int, noun: str) -> str:
+def _format_count(number: int, noun: str) -> str:
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
-def _all_settings(one: ImportedProfile) -> Iterator[str]:
-    """Yield a line for each setting of the source and of the profile."""
+def _format_all_settings(one: ImportedProfile) -> Iterator[str]:
+    """Yield a line for each setting of the source file and of the new profile."""
     for taken in one.taken:
         value = "..." if isinstance(taken.value, str) and "\n" in taken.value else taken.value
-        source = f"{taken.theirs} = {_short(taken.text)}" if taken.theirs else "not set"
+        source = f"{taken.theirs} = {_shorten(taken.text)}" if taken.theirs else "not set"
         reason = f" ({taken.how})" if taken.how else ""
         yield f"  {source} -> {taken.ours} = {value}{reason}"
     for left in one.left:
         word = "not applicable" if left.off else "no equivalent"
-        yield f"  {word}: {left.theirs} = {_short(left.text)} ({left.why})"
+        yield f"  {word}: {left.theirs} = {_shorten(left.text)} ({left.why})"
 
 
-def _short(text: str) -> str:
+def _shorten(text: str) -> str:
     return text if len(text) <= 40 else f"{text[:37]}..."
 
 
-def _differences(made: Sequence[ImportedProfile]) -> Iterator[str]:
-    """Yield the differences that change the print most."""
+def _format_largest_differences(imported: Sequence[ImportedProfile]) -> Iterator[str]:
+    """Yield the differences from the source that change the print most."""
     from printer_slicer.importing import largest_differences
 
-    found = largest_differences(made)
+    found = largest_differences(imported)
     shown = found[:_MOST_DIFFERENCES]
     if shown:
         yield "largest differences from the source:"
         yield from (f"  {one.text}" for one in shown)
     hidden = len(found) - len(shown)
-    more = f"{_count(hidden, 'more difference')} and all settings" if hidden else "all settings"
+    more = f"{_format_count(hidden, 'more difference')} and all settings" if hidden else "all settings"
     yield f"add -v to see {more}"
 
 
-def _warnings(made: Sequence[ImportedProfile], *, verbose: bool) -> Iterator[str]:
-    """Yield the warnings; by default the first few that are not among the differences."""
+def _format_warnings(imported: Sequence[ImportedProfile], *, verbose: bool) -> Iterator[str]:
+    """Yield the warnings of the import; by default, only the first few that are not among the differences."""
     from printer_slicer.importing import other_notes
 
-    notes = [note for one in made for note in (one.notes if verbose else other_notes(one))]
+    notes = [note for one in imported for note in (one.notes if verbose else other_notes(one))]
     shown = notes if verbose else notes[:_MOST_WARNINGS]
     yield from (f"warning: {note.place}: {note.text}" for note in shown)
     if len(shown) < len(notes):
-        yield f"add -v to see {_count(len(notes) - len(shown), 'more warning')}"
+        yield f"add -v to see {_format_count(len(notes) - len(shown), 'more warning')}"
 
 
-def _next_command(
-    arguments: argparse.Namespace, made: Sequence[ImportedProfile], paths: Sequence[Path]
+def _format_next_command(
+    arguments: argparse.Namespace, imported: Sequence[ImportedProfile], paths: Sequence[Path]
 ) -> Iterator[str]:
-    """Yield a command that uses the new profiles; before it, why they cannot be used together, if so."""
+    """Yield a command that uses the new profiles, after a warning if they do not fit together."""
     from printer_slicer.profile import load_profile
 
     names: dict[str, str] = {}
-    for one, path in zip(made, paths, strict=True):
+    for one, path in zip(imported, paths, strict=True):
         names.setdefault(one.kind, path.stem)
     folders = [arguments.out] if arguments.out else []
     flags = [word for kind, name in names.items() for word in (f"--{kind}", name)]
@@ -388,26 +407,26 @@ def _next_command(
 # Commands in the G-code of imported printers that `print` would reject
 
 
-def _with_macro_notes(made: Sequence[ImportedProfile]) -> list[ImportedProfile]:
-    """Add a note to printers for each command in their G-code that `print` rejects without --allow.
+def _add_macro_notes(imported: Sequence[ImportedProfile]) -> list[ImportedProfile]:
+    """Add a note to each printer for every command in its macros that `print` rejects without --allow.
 
     Args:
-        made: the profiles of a file; a material among them gives the values of temperatures.
+        imported: the profiles of a file; a material among them gives the values of temperatures.
     """
     from printer_slicer.profile import load_profile, settings_of
 
     usual = settings_of(load_profile())
-    kinds = [one.kind for one in made]
-    known = {one.kind: _without_overrides(one.values) for one in made if kinds.count(one.kind) == 1}
-    return [replace(one, notes=(*one.notes, *_notes(one, usual | known))) for one in made]
+    kinds = [one.kind for one in imported]
+    known = {one.kind: _remove_overrides(one.values) for one in imported if kinds.count(one.kind) == 1}
+    return [replace(one, notes=(*one.notes, *_find_macro_notes(one, usual | known))) for one in imported]
 
 
-def _without_overrides(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the settings without overrides of single objects, which are checked when the objects are known."""
+def _remove_overrides(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the settings without the overrides of objects, which are checked when the objects are known."""
     return {key: value for key, value in values.items() if key != "overrides"}
 
 
-def _notes(one: ImportedProfile, others: Mapping[str, Mapping[str, Any]]) -> Iterator[ImportNote]:
+def _find_macro_notes(one: ImportedProfile, others: Mapping[str, Mapping[str, Any]]) -> Iterator[ImportNote]:
     """Yield a note for each rejected command in the macros of a profile."""
     from printer_slicer.macros import add_other_names
     from printer_slicer.profile import profile_from
@@ -425,11 +444,12 @@ def _notes(one: ImportedProfile, others: Mapping[str, Mapping[str, Any]]) -> Ite
                 names.setdefault(key, value)
     known = add_other_names(names)
     for name in _MACROS:
-        commands = list(_commands(str(one.values.get(name, "")), known))
-        yield from _rejected(commands, profile, f"{one.source}: {name}")
+        commands = list(_list_macro_commands(str(one.values.get(name, "")), known))
+        yield from _find_rejected_commands(commands, profile, f"{one.source}: {name}")
 
 
-def _rejected(commands: Sequence[bytes], profile: Profile, place: str) -> Iterator[ImportNote]:
+def _find_rejected_commands(commands: Sequence[bytes], profile: Profile, place: str) -> Iterator[ImportNote]:
+    """Yield a note for each command that `print` rejects."""
     from printer_slicer.importing import ImportNote
     from printer_slicer.inspection.lint.scan import scan
 
@@ -439,8 +459,8 @@ def _rejected(commands: Sequence[bytes], profile: Profile, place: str) -> Iterat
             yield ImportNote(place, text)
 
 
-def _commands(macro: str, names: Mapping[str, Value]) -> Iterator[bytes]:
-    """Yield the commands of all branches of a macro, with 0 for unknown values."""
+def _list_macro_commands(macro: str, names: Mapping[str, Value]) -> Iterator[bytes]:
+    """Yield the commands in all branches of a macro; unknown values become 0."""
     from printer_slicer.macros import read_template
 
     try:

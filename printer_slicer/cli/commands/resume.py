@@ -8,8 +8,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from printer_slicer.cli.arguments import add_connection, add_output
-from printer_slicer.cli.output import sanitize, say
+from printer_slicer.cli.arguments import add_connection_options, add_output_options
+from printer_slicer.cli.output import print_text, sanitize
 
 if TYPE_CHECKING:
     from printer_slicer.printing import PrintResult
@@ -20,69 +20,78 @@ __all__ = ["EXAMPLES", "add_arguments", "run"]
 
 EXAMPLES: Final = """\
   printer-slicer resume                     continue with the next line
-  printer-slicer resume --recover           home x and y, heat, return to the part, continue
+  printer-slicer resume --recover           home x and y, heat, return to the part and continue
   printer-slicer resume --list              list the unfinished prints
   printer-slicer resume part.gcode --discard"""
-_ROW = "{job}: started {begun} on {port}, {accepted} commands done, {reason} ({id})"
+_ROW_FORMAT = "{job}: started {begun} on {port}, {accepted} commands done, {reason} ({id})"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `resume`."""
     parser.add_argument(
-        "name", nargs="?", default="", metavar="JOB", help="name of the print, if there are several"
+        "name",
+        nargs="?",
+        default="",
+        metavar="JOB",
+        help="name of the print; required if several prints can be resumed",
     )
-    parser.add_argument("--port", metavar="PORT", help="default: the port on which the print was started")
-    what = parser.add_mutually_exclusive_group()
-    what.add_argument("--list", action="store_true", help="list the unfinished prints")
-    what.add_argument("--discard", action="store_true", help="delete the print instead")
-    what.add_argument(
+    parser.add_argument(
+        "--port", metavar="PORT", help="port of the printer; default: the port on which the print was started"
+    )
+    mode = parser.add_mutually_exclusive_group()
+    mode.add_argument("--list", action="store_true", help="list the unfinished prints")
+    mode.add_argument(
+        "--discard", action="store_true", help="delete the unfinished print instead of resuming it"
+    )
+    mode.add_argument(
         "--recover",
         action="store_true",
-        help="if the printer has lost its position: home x and y, take z from the journal, heat and continue, "
-        "without asking",
+        help="if the printer has lost its position, home x and y, take z from the journal, heat, and continue without "
+        "asking for confirmation",
     )
-    add_connection(parser)
-    add_output(parser)
+    add_connection_options(parser)
+    add_output_options(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Resume an interrupted print."""
+    """Resume, list or delete interrupted prints."""
     from printer_slicer.printing import job_store as store
 
     job_store = store.default_job_store()
     if arguments.list:
-        return _list(arguments, job_store)
+        return _list_unfinished_prints(arguments, job_store)
     for damage in store.damaged_prints(job_store):
         if arguments.discard and arguments.name == damage.folder.name:
             damage.delete()
-            say(arguments, f"{damage.folder.name}: deleted")
+            print_text(arguments, f"{damage.folder.name}: deleted")
             return 0
         print(sanitize(f"printer-slicer: warning: {damage}\n  {damage.remedy}"), file=sys.stderr)
     found = store.find_print(job_store, arguments.name, running=False)
     if arguments.discard:
         found.delete()
-        say(arguments, f"{found.name}, started {found.begun}: deleted")
+        print_text(arguments, f"{found.name}, started {found.begun}: deleted")
         return 0
-    return _resume(arguments, found)
+    return _resume_print(arguments, found)
 
 
-def _resume(arguments: argparse.Namespace, found: Print) -> int:
-    from printer_slicer.cli.progress import print_with
+def _resume_print(arguments: argparse.Namespace, found: Print) -> int:
+    """Resume a stored print, and ask for confirmation if the printer has lost its position."""
+    from printer_slicer.cli.progress import print_with_progress
     from printer_slicer.jobs import build_job
     from printer_slicer.printing import resume_print
 
     setup = found.setup
     job = build_job(found.name, found.text, limits=setup.limits, corner=setup.low, flavour=setup.flavour)
 
-    def recover(why: str) -> bool:
-        """Return whether the user wants to recover."""
+    def confirm_recovery(why: str) -> bool:
+        """Show why a recovery is needed, and return whether the user confirms it."""
         if arguments.recover:
-            say(arguments, why)
+            print_text(arguments, why)
             return True
         print(sanitize(why), file=sys.stderr)
         if not (sys.stdin.isatty() and sys.stderr.isatty()):
             print(
-                "Use resume --recover to do this without a terminal to confirm it",
+                "There is no terminal to ask for confirmation; to recover without it, use resume --recover",
                 file=sys.stderr,
             )
             return False
@@ -97,21 +106,29 @@ def _resume(arguments: argparse.Namespace, found: Print) -> int:
     def resume_rest(**common: Any) -> PrintResult:
         """Print the rest of the job."""
         return resume_print(
-            found, job, port=arguments.port, recover=recover, **_check_options(setup), **common
+            found,
+            job,
+            port=arguments.port,
+            recover=confirm_recovery,
+            **_command_check_option(setup),
+            **common,
         )
 
-    return print_with(arguments, job, Path(f"{Path(found.name).stem}.checkpoint.json"), resume_rest)
+    return print_with_progress(arguments, job, Path(f"{Path(found.name).stem}.checkpoint.json"), resume_rest)
 
 
-def _check_options(setup: HostSettings) -> dict[str, Any]:
-    """Return the check of commands typed during the print, with the settings of its start."""
-    from printer_slicer.cli.jobs import command_check
+def _command_check_option(setup: HostSettings) -> dict[str, Any]:
+    """Return the argument `allow` of `resume_print`: a check of typed commands, with the settings of the start."""
+    from printer_slicer.cli.jobs import make_command_check
     from printer_slicer.profile import profile_from
 
-    return {"allow": command_check(profile_from(setup.settings), setup.allowed)} if setup.settings else {}
+    return (
+        {"allow": make_command_check(profile_from(setup.settings), setup.allowed)} if setup.settings else {}
+    )
 
 
-def _list(arguments: argparse.Namespace, job_store: Path) -> int:
+def _list_unfinished_prints(arguments: argparse.Namespace, job_store: Path) -> int:
+    """List the unfinished prints, damaged ones included."""
     from printer_slicer.printing.job_store import damaged_prints, stored_prints
     from printer_slicer.printing.journal import read_journal
 
@@ -138,8 +155,8 @@ def _list(arguments: argparse.Namespace, job_store: Path) -> int:
     if arguments.json:
         print(json.dumps(rows))
     elif not rows:
-        say(arguments, "no unfinished prints")
+        print_text(arguments, "no unfinished prints")
     for row in [] if arguments.json else rows:
-        text = "{reason}\n  {remedy}" if row["damaged"] else _ROW
-        say(arguments, text.format_map(row))
+        text = "{reason}\n  {remedy}" if row["damaged"] else _ROW_FORMAT
+        print_text(arguments, text.format_map(row))
     return 0

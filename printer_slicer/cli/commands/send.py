@@ -13,9 +13,9 @@ from pathlib import Path
 from time import monotonic
 from typing import Final
 
-from printer_slicer.cli.arguments import add_machine, add_output, positive
-from printer_slicer.cli.help import advanced
-from printer_slicer.cli.output import PATIENCE, say
+from printer_slicer.cli.arguments import add_machine_options, add_output_options, parse_positive_integer
+from printer_slicer.cli.help import mark_advanced
+from printer_slicer.cli.output import BAR_DELAY, print_text
 from printer_slicer.cli.settings import profile_facts, profile_from
 from printer_slicer.errors import UsageError
 
@@ -27,7 +27,7 @@ EXAMPLES: Final = """\
   printer-slicer send part.gcode --to prusalink http://mk4.local --key-file ~/.mk4.key
   printer-slicer send part.gcode --to duet http://duet.local --folder /gcodes/parts
   PRINTER_SLICER_KEY=... printer-slicer send part.gcode --to octoprint http://octopi.local"""
-_KEY = "PRINTER_SLICER_KEY"
+_KEY_VARIABLE = "PRINTER_SLICER_KEY"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -38,37 +38,44 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs=2,
         required=True,
         metavar=("KIND", "URL"),
-        help="octoprint, moonraker, prusalink or duet, and its address",
+        help="kind of the server (octoprint, moonraker, prusalink or duet), and its URL",
     )
     parser.add_argument("--print", dest="start", action="store_true", help="start the print after the upload")
-    parser.add_argument("--name", metavar="NAME", help="file name on the server; default: the same")
-    parser.add_argument("--folder", metavar="PATH", default="", help="folder on the server")
+    parser.add_argument(
+        "--name", metavar="NAME", help="file name on the server; default: the name of the file"
+    )
+    parser.add_argument(
+        "--folder", metavar="PATH", default="", help="folder on the server; default: its main folder"
+    )
     parser.add_argument("--key-file", metavar="FILE", type=Path, help="file with the API key or password")
-    advanced(
+    mark_advanced(
         parser.add_argument(
-            "--key", metavar="KEY", help="API key or password; other users of this computer can see it"
+            "--key", metavar="KEY", help="API key or password; other users of this computer can see it here"
         )
     )
-    advanced(
+    mark_advanced(
         parser.add_argument(
-            "--user", metavar="NAME", default="", help="user of the password; default for prusalink: maker"
+            "--user",
+            metavar="NAME",
+            default="",
+            help="name of the user that the password belongs to; default for prusalink: maker",
         )
     )
-    advanced(
+    mark_advanced(
         parser.add_argument(
             "--timeout",
             metavar="S",
-            type=positive,
+            type=parse_positive_integer,
             default=30,
-            help="seconds to wait for an answer; default: 30",
+            help="seconds to wait for a reply of the server; default: 30",
         )
     )
     group = parser.add_argument_group(
         "checks before the upload",
-        "The file is checked for unsupported extrusion; with --print, for everything that `print` checks.",
+        "The file is checked for unsupported extrusion, and with --print also for all other errors that `print` finds.",
     )
-    add_machine(group)
-    add_output(parser)
+    add_machine_options(group)
+    add_output_options(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -81,12 +88,12 @@ def run(arguments: argparse.Namespace) -> int:
         raise UsageError(f"{path}: not a G-code file", remedy="Slice it first: printer-slicer slice MODEL")
     if not path.is_file():
         raise UsageError(f"{path}: no such file", remedy="Check the path")
-    _check(arguments)
+    _check_file(arguments)
     kind, url = arguments.to
-    with _progress(arguments) as on_progress:
+    with _show_upload_progress(arguments) as on_progress:
         upload = Upload(path, arguments.name or path.name, arguments.folder, arguments.start, on_progress)
         place = send(
-            upload, kind, url, key=_key(arguments), user=arguments.user, timeout=float(arguments.timeout)
+            upload, kind, url, key=_read_key(arguments), user=arguments.user, timeout=float(arguments.timeout)
         )
     size = path.stat().st_size
     if arguments.json:
@@ -94,51 +101,52 @@ def run(arguments: argparse.Namespace) -> int:
         print(json.dumps(facts | {"printing": arguments.start} | profile_facts(arguments)))
     else:
         what = "sent and started" if arguments.start else "sent"
-        say(arguments, f"{path.name}: {what}, {size} bytes, as {place} on {url}")
+        print_text(arguments, f"{path.name}: {what}, {size} bytes, as {place} on {url}")
     return 0
 
 
-def _check(arguments: argparse.Namespace) -> None:
+def _check_file(arguments: argparse.Namespace) -> None:
     """Check the file before the upload, as `print` does.
 
-    An upload without --print is refused only for unsupported extrusion, because it may be started without a look at it.
+    Without --print, the only reason to reject a file is unsupported extrusion, because somebody may start the print
+    without looking at it first.
 
     Raises:
         PolicyError: the file has errors that are not allowed.
-        UsageError: the file cannot be read as G-code, or the profile or a name is wrong.
+        UsageError: the file cannot be read as G-code, or a profile or the name of an error does not exist.
     """
-    from printer_slicer.cli.jobs import insist_on_policy
+    from printer_slicer.cli.jobs import check_policy
     from printer_slicer.inspection.lint.scan import lint_file
 
     profile = profile_from(arguments, slices=False, gcode=arguments.gcode)
     job = lint_file(arguments.gcode, profile, streamed=False)
     if not arguments.start:
         job = replace(job, findings=tuple(one for one in job.findings if one.code == "unsupported"))
-    insist_on_policy(arguments, job, refusal="not sent")
+    check_policy(arguments, job, refusal="not sent")
 
 
-def _key(arguments: argparse.Namespace) -> str:
-    """Return the key from --key-file, --key or the environment.
+def _read_key(arguments: argparse.Namespace) -> str:
+    """Return the API key or password from --key-file, --key or the environment.
 
     Raises:
         UsageError: the key file cannot be read.
     """
     if arguments.key_file is None:
-        return arguments.key or os.environ.get(_KEY, "")
+        return arguments.key or os.environ.get(_KEY_VARIABLE, "")
     try:
         text: str = arguments.key_file.expanduser().read_text(encoding="utf-8")
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else error
         raise UsageError(
             f"{arguments.key_file}: cannot be read: {reason}",
-            remedy="Name a file with the key in its first line",
+            remedy="Name a file that contains the key in its first line",
         ) from None
     return next(iter(text.split()), "")
 
 
 @contextmanager
-def _progress(arguments: argparse.Namespace) -> Iterator[Callable[[int, int], None]]:
-    """Show a progress bar on a terminal, once the upload takes longer than a second."""
+def _show_upload_progress(arguments: argparse.Namespace) -> Iterator[Callable[[int, int], None]]:
+    """Show a progress bar on a terminal when the upload takes longer than a second; yield a function to update it."""
     if arguments.json or arguments.quiet or not sys.stderr.isatty():
         yield lambda _done, _all: None
         return
@@ -152,7 +160,7 @@ def _progress(arguments: argparse.Namespace) -> Iterator[Callable[[int, int], No
         task = bar.add_task("sending", visible=False)
 
         def update(done: int, size: int) -> None:
-            """Show the number of sent bytes."""
-            bar.update(task, total=size, completed=done, visible=monotonic() - begun > PATIENCE)
+            """Update the number of sent bytes, and the number of all bytes."""
+            bar.update(task, total=size, completed=done, visible=monotonic() - begun > BAR_DELAY)
 
         yield update

@@ -12,19 +12,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from printer_slicer.cli.arguments import (
-    STRICT,
-    add_firmware,
+    STRICT_HELP,
     add_layer_options,
-    add_models,
-    add_output,
-    add_settings,
-    address,
-    factor,
-    positive,
+    add_model_options,
+    add_output_options,
+    add_setting_options,
+    parse_address,
+    parse_factor,
+    parse_positive_integer,
 )
-from printer_slicer.cli.help import advanced
-from printer_slicer.cli.output import refuse_same, say, write_file
+from printer_slicer.cli.help import mark_advanced
+from printer_slicer.cli.output import print_text, reject_overwriting_input, write_file
 from printer_slicer.cli.settings import profile_facts, profile_from
+from printer_slicer.cli.simulator_options import add_simulator_options
 from printer_slicer.errors import UsageError
 from printer_slicer.progress import quiet
 from printer_slicer.saving import check_writable
@@ -49,91 +49,111 @@ EXAMPLES: Final = """\
   printer-slicer sim --firmware klipper --faults bad_day.toml --seed 3
   printer-slicer sim --pty /tmp/printer --speed 0     as fast as possible
   printer-slicer sim --pty /tmp/printer --expect part.stl   verify that it was printed"""
-_VIOLATIONS = 20  # listed in the text output
-_MOST = 64 * 1024 * 1024  # bytes of a file on the card
+_MAX_LISTED = 20  # listed in the text output
+_MAX_CARD_BYTES = 64 * 1024 * 1024  # bytes of a file on the card
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `sim`."""
-    _add_server(parser)
-    advanced(
+    _add_server_options(parser)
+    mark_advanced(
         parser.add_argument(
             "--latency-timer",
-            type=factor,
+            type=parse_factor,
             metavar="MS",
             default=0.0,
-            help="latency timer of a USB serial chip, such as 16; default: none",
+            help="simulate a USB serial chip with this latency timer in ms, such as 16; default: none",
         )
     )
-    advanced(
+    mark_advanced(
         parser.add_argument(
             "--card",
             metavar="FILE",
             nargs="*",
             type=Path,
-            help="insert an SD card with these files; default: no reader",
+            help="simulate an SD card reader, and a card with these files; default: no card reader",
         )
     )
-    advanced(
+    mark_advanced(
         parser.add_argument(
-            "--report", metavar="FILE", type=Path, help="write the executed commands as JSON when it ends"
+            "--report",
+            metavar="FILE",
+            type=Path,
+            help="write a report of the print as JSON when the simulation ends",
         )
     )
-    add_firmware(parser)
-    add_settings(parser, strict=STRICT)
-    add_models(parser, gcode=True, flag="--expect", meaning="verify at the end that this was printed")
-    add_output(parser)
+    add_simulator_options(parser)
+    add_setting_options(parser, strict_help=STRICT_HELP)
+    add_model_options(
+        parser,
+        gcode=True,
+        flag="--expect",
+        meaning="verify at the end that these files were printed",
+    )
+    add_output_options(parser)
     add_layer_options(parser)
 
 
-def _add_server(parser: argparse.ArgumentParser) -> None:
+def _add_server_options(parser: argparse.ArgumentParser) -> None:
     """Add the options for the address, the baud rate and the clock of the simulated printer."""
     where = parser.add_mutually_exclusive_group()
     where.add_argument(
         "--pty",
         metavar="LINK",
         type=Path,
-        help="link to the pseudo-terminal; default: printer-slicer-sim",
+        help="create this symbolic link to the pseudo-terminal; default: printer-slicer-sim",
     )
     where.add_argument(
-        "--tcp", metavar="HOST:PORT", type=address, help="listen on TCP instead; port 0: any free port"
+        "--tcp",
+        metavar="HOST:PORT",
+        type=parse_address,
+        help="listen on TCP instead; port 0: any free port",
     )
-    advanced(
+    mark_advanced(
         parser.add_argument(
-            "--rfc2217", action="store_true", help="use RFC 2217 on --tcp instead of plain bytes"
+            "--rfc2217",
+            action="store_true",
+            help="with --tcp, use the RFC 2217 protocol instead of plain bytes",
         )
     )
     parser.add_argument(
-        "--speed", type=factor, default=1.0, metavar="X", help="factor on real time; 0: as fast as possible"
+        "--speed",
+        type=parse_factor,
+        default=1.0,
+        metavar="X",
+        help="multiple of real time; 0: as fast as possible",
     )
     parser.add_argument(
-        "--baud", type=positive, metavar="N", help="baud rate; default: unlimited, or as the firmware needs"
+        "--baud",
+        type=parse_positive_integer,
+        metavar="N",
+        help="simulated baud rate; default: unlimited, or that of the profile if the firmware needs a limit",
     )
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Serve the simulated printer on a pseudo-terminal or over TCP until interrupted."""
-    from printer_slicer.cli.jobs import job_from, profile_options, repairs_facts
+    from printer_slicer.cli.jobs import job_from, job_repair_facts, profile_options
     from printer_slicer.cli.verdicts import (
-        faults_of,
-        insist_printable,
-        planted_facts,
-        planted_lines,
+        format_verdict,
+        injected_fault_facts,
+        injected_fault_lines,
+        read_faults,
+        require_printable,
         verdict_facts,
-        verdict_text,
     )
     from printer_slicer.inspection.dry_run.comparison import Comparison
     from printer_slicer.inspection.dry_run.judging import judge
     from printer_slicer.inspection.dry_run.runner import layer_counter
 
     _check_options(arguments)
-    faults = faults_of(arguments)
+    faults = read_faults(arguments)
     profile = profile_from(arguments, **profile_options(arguments), tell=False)
     job, known = job_from(arguments, profile, quiet) if arguments.models else (None, {})
     comparison = Comparison(job.commands if job else ())
     if faults and job:
         faults.current_layer = layer_counter(job, comparison)
-    report = _serve_printer(arguments, profile, comparison, faults)
+    report = _build_and_serve(arguments, profile, comparison, faults)
     result = {
         **asdict(report),
         "violations": [list(violation) for violation in report.violations],
@@ -141,91 +161,91 @@ def run(arguments: argparse.Namespace) -> int:
         "job_commands": comparison.executed,
         "job_digest": comparison.digest,
         **known,
-        **planted_facts(faults),
+        **injected_fault_facts(faults),
         **profile_facts(arguments),
     }
     verdict = judge(job, profile, report, comparison) if job else None
     if verdict and job:
-        result["verdict"] = verdict_facts(verdict, job, profile) | {"repairs": repairs_facts(job)}
+        result["verdict"] = verdict_facts(verdict, job, profile) | {"repairs": job_repair_facts(job)}
     if arguments.report:
         write_file(arguments.report, (json.dumps(result) + "\n").encode())
     if arguments.json:
         print(json.dumps(result))
     elif verdict and job:
-        text = verdict_text(arguments, verdict, job, profile)
-        say(arguments, "\n".join([text, *planted_lines(faults)]))
+        text = format_verdict(arguments, verdict, job, profile)
+        print_text(arguments, "\n".join([text, *injected_fault_lines(faults)]))
     else:
         motion = f"{format_duration(report.print_seconds)} of motion, {report.n_violations} violations"
         first = f"executed {comparison.executed} commands, extruded at {len(report.layers)} heights, {motion}"
-        say(arguments, "\n".join([first, *_violation_lines(report), *planted_lines(faults)]))
+        print_text(arguments, "\n".join([first, *_format_violations(report), *injected_fault_lines(faults)]))
     if verdict:
-        insist_printable(verdict)
+        require_printable(verdict)
     return 0
 
 
 def _check_options(arguments: argparse.Namespace) -> None:
-    """Refuse options that contradict each other."""
+    """Check that the options do not contradict each other, and that the report can be written."""
     if arguments.report and arguments.json and str(arguments.report) == "-":
         raise UsageError("--report - and --json cannot both go to stdout", remedy="Leave out one of them")
     if arguments.rfc2217 and arguments.tcp is None:
-        raise UsageError("--rfc2217 without --tcp", remedy="Add --tcp HOST:PORT")
+        raise UsageError("--rfc2217 has no effect without --tcp", remedy="Add --tcp HOST:PORT")
     if arguments.report:
         check_writable(arguments.report)
         for path in arguments.models:
-            refuse_same(arguments.report, path, "--report")
+            reject_overwriting_input(arguments.report, path, "--report")
 
 
-def _violation_lines(report: Report) -> list[str]:
-    """Format commands that a real machine would have rejected, clipped or been harmed by; at most 20 lines."""
-    shown = [f"  command {one.line}: {one.text}" for one in report.violations[:_VIOLATIONS]]
+def _format_violations(report: Report) -> list[str]:
+    """Format the first 20 commands that a real machine would reject or clip, or that would harm it."""
+    shown = [f"  command {one.line}: {one.text}" for one in report.violations[:_MAX_LISTED]]
     more = report.n_violations - len(shown)
     return [*shown, f"  and {more} more: --report and --json list up to 1000"] if more else shown
 
 
-def _serve_printer(
+def _build_and_serve(
     arguments: argparse.Namespace,
     profile: Profile,
     on_executed: Callable[[str], None],
     faults: Faults | None,
 ) -> Report:
     """Run the simulated printer until Ctrl-C or SIGTERM; return its report."""
-    from printer_slicer.cli.verdicts import firmware_of
+    from printer_slicer.cli.verdicts import select_firmware
     from printer_slicer.inspection.dry_run.machines import machine_of
     from printer_slicer.sim.link import Cable
     from printer_slicer.sim.printer import SimulatedPrinter
 
-    firmware = firmware_of(arguments, profile.printer)
-    files = _card(arguments)
+    firmware = select_firmware(arguments, profile.printer)
+    files = _read_card_files(arguments)
     machine = replace(
         machine_of(profile.printer, arguments.extruders, one_hotend=arguments.one_hotend),
         card=files is not None,
     )
 
-    def make() -> SimulatedPrinter:
-        """Create the printer."""
+    def create_printer() -> SimulatedPrinter:
+        """Create the simulated printer."""
         return SimulatedPrinter(machine, firmware, on_executed=on_executed, faults=faults, card=files)
 
-    # Bytes that arrive all at once would overflow a small receive buffer.
-    paced = arguments.baud or (None if firmware.receive_buffer is None else profile.printer.baud)
+    # Without a baud rate all bytes arrive at once, which would overflow a small receive buffer.
+    effective_baud = arguments.baud or (None if firmware.receive_buffer is None else profile.printer.baud)
     timer = arguments.latency_timer / 1000.0
-    connect = partial(Cable, baud=paced, timer=timer, noise=faults)
-    return _served(arguments, profile, make, connect, faults)
+    connect = partial(Cable, baud=effective_baud, timer=timer, noise=faults)
+    return _serve_until_stopped(arguments, profile, create_printer, connect, faults)
 
 
-def _served(
+def _serve_until_stopped(
     arguments: argparse.Namespace,
     profile: Profile,
-    make: Callable[[], SimulatedPrinter],
+    create_printer: Callable[[], SimulatedPrinter],
     connect: Callable[[SimulatedPrinter], Cable],
     faults: Faults | None,
 ) -> Report:
-    """Serve on the pseudo-terminal or TCP port."""
+    """Serve the simulated printer on the pseudo-terminal or the TCP port until it is stopped; return its report."""
     stopped: list[int] = []
     signal.signal(signal.SIGTERM, lambda number, _frame: stopped.append(number))
 
-    def ready(name: str) -> None:
-        """Print the address at once, for programs that wait for it."""
-        say(arguments, f"simulated {profile.printer.name} at {name}; Ctrl-C ends it")
+    def print_address(name: str) -> None:
+        """Print the address of the printer at once, for programs that wait for it."""
+        print_text(arguments, f"simulated {profile.printer.name} at {name}; Ctrl-C ends it")
         sys.stdout.flush()
 
     common: dict[str, Any] = {
@@ -238,33 +258,42 @@ def _served(
         from printer_slicer.sim.pty_server import serve
 
         link = arguments.pty or Path("printer-slicer-sim")
-        return serve(make, link, ready=lambda name: ready(f"{link} ({name})"), **common)
+        return serve(create_printer, link, ready=lambda name: print_address(f"{link} ({name})"), **common)
     from printer_slicer.sim.tcp_server import serve_tcp
 
     if not arguments.rfc2217:
-        return serve_tcp(make, arguments.tcp, ready=lambda name: ready(f"socket://{name}"), **common)
+        return serve_tcp(
+            create_printer, arguments.tcp, ready=lambda name: print_address(f"socket://{name}"), **common
+        )
     from printer_slicer.sim.rfc2217 import Rfc2217Server
 
     return serve_tcp(
-        make, arguments.tcp, telnet=Rfc2217Server, ready=lambda name: ready(f"rfc2217://{name}"), **common
+        create_printer,
+        arguments.tcp,
+        telnet=Rfc2217Server,
+        ready=lambda name: print_address(f"rfc2217://{name}"),
+        **common,
     )
 
 
-def _card(arguments: argparse.Namespace) -> dict[str, bytes] | None:
-    """Read the files of the SD card; None without a card reader."""
+def _read_card_files(arguments: argparse.Namespace) -> dict[str, bytes] | None:
+    """Read the files for the SD card; return None without a card reader."""
     if arguments.card is None:
         return None
     files: dict[str, bytes] = {}
     for path in arguments.card:
         try:
             with path.open("rb") as file:
-                data = file.read(_MOST + 1)
+                data = file.read(_MAX_CARD_BYTES + 1)
         except OSError as error:
-            raise UsageError(f"{path}: {error.strerror}", remedy="Name G-code files after --card") from error
-        if len(data) > _MOST:
             raise UsageError(
-                f"{path}: over {_MOST >> 20} MiB",
-                remedy="Use smaller files",
+                f"{path}: the file for the SD card cannot be read: {error.strerror}",
+                remedy="Name G-code files after --card",
+            ) from error
+        if len(data) > _MAX_CARD_BYTES:
+            raise UsageError(
+                f"{path}: the file is larger than the {_MAX_CARD_BYTES >> 20} MiB that the simulated SD card accepts",
+                remedy="Name smaller files after --card",
             )
         files[path.name] = data
     return files

@@ -11,11 +11,24 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from printer_slicer.cli.arguments import add_layer_options, add_models, add_output, add_settings, whole
-from printer_slicer.cli.help import advanced
+from printer_slicer.cli.arguments import (
+    add_layer_options,
+    add_model_options,
+    add_output_options,
+    add_setting_options,
+    parse_integer,
+)
+from printer_slicer.cli.help import mark_advanced
 from printer_slicer.cli.inputs import MODELS
-from printer_slicer.cli.opening import add_open, open_files
-from printer_slicer.cli.output import refuse_mixing, refuse_same, say, stages, warn, write_file
+from printer_slicer.cli.opening import add_open_option, open_files
+from printer_slicer.cli.output import (
+    check_outputs,
+    print_text,
+    reject_overwriting_input,
+    show_stages,
+    warn,
+    write_file,
+)
 from printer_slicer.cli.settings import profile_facts, profile_from
 from printer_slicer.errors import PartError, UsageError
 
@@ -33,61 +46,72 @@ EXAMPLES: Final = """\
   printer-slicer slice part.stl --units inch --rotate -90,0,0 --scale 50%
   printer-slicer slice lid.stl box.3mf -o plate.gcode     all on one plate, positions from the files
   printer-slicer slice *.stl -o gcode/                    one G-code file per model"""
-_REMEDY = "rotate the part or add supports; `print` needs --allow unsupported"
+_UNSUPPORTED_REMEDY = "rotate the part, add supports to the model, or print it with --allow unsupported"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `slice`."""
-    group = add_settings(
-        parser, strict="fail if the mesh needs repair, or if extrusion is unsupported and not allowed"
+    group = add_setting_options(
+        parser, strict_help="fail if the mesh needs repair, or if extrusion is unsupported and not allowed"
     )
-    advanced(
+    mark_advanced(
         group.add_argument(
             "--allow",
             metavar="NAME",
             action="append",
             choices=("unsupported",),
             default=[],
-            help="accept this despite --strict: unsupported (extrusion with nothing under it)",
+            help="accept this finding in spite of --strict; the only NAME is unsupported (extrusion with nothing "
+            "under it)",
         )
     )
-    add_models(parser)
+    add_model_options(parser)
     group = parser.add_argument_group("output")
-    where = group.add_mutually_exclusive_group()
-    where.add_argument(
-        "-o",
-        "--output",
-        metavar="OUT.gcode",
-        action=_Output,
-        help="default: beside the model; - is stdout",
-    )
-    advanced(
-        where.add_argument(
-            "--output-dir",
-            metavar="DIR",
-            type=Path,
-            help="write one G-code file per model into this folder, also as -o FOLDER/; created if missing",
-        )
-    )
-    group.add_argument("--picture", metavar="FILE", type=Path, help="draw a layer, as .svg or .png")
-    advanced(
-        group.add_argument(
-            "--layer", metavar="N", type=whole, help="layer to draw, counted from 1; default: 1"
-        )
-    )
-    add_output(parser, group)
-    add_open(group)
-    advanced(
+    _add_file_options(group)
+    add_output_options(parser, group)
+    add_open_option(group)
+    mark_advanced(
         group.add_argument(
             "--timestamp",
             action="store_true",
-            help="write date and time into the first line; default: only if SOURCE_DATE_EPOCH is set",
+            help="write date and time into the first line of the G-code; default: only if SOURCE_DATE_EPOCH is set",
         )
     )
     add_layer_options(parser)
 
 
-class _Output(argparse.Action):
+def _add_file_options(group: argparse._ArgumentGroup) -> None:
+    """Add the options for the G-code file and for the picture."""
+    where = group.add_mutually_exclusive_group()
+    where.add_argument(
+        "-o",
+        "--output",
+        metavar="OUT.gcode",
+        action=_OutputAction,
+        help="G-code file to write; - is stdout; default: MODEL.gcode beside the model",
+    )
+    mark_advanced(
+        where.add_argument(
+            "--output-dir",
+            metavar="DIR",
+            type=Path,
+            help="write one G-code file per model into this folder, which is created if missing; same as -o FOLDER/",
+        )
+    )
+    group.add_argument(
+        "--picture", metavar="FILE", type=Path, help="draw a layer of the print, as .svg or .png"
+    )
+    mark_advanced(
+        group.add_argument(
+            "--layer",
+            metavar="N",
+            type=parse_integer,
+            help="layer that --picture draws, counted from 1; default: 1",
+        )
+    )
+
+
+class _OutputAction(argparse.Action):
     """Action of -o: an existing folder, or a name ending with /, sets --output-dir instead."""
 
     def __call__(
@@ -101,39 +125,39 @@ class _Output(argparse.Action):
 def run(arguments: Namespace) -> int:
     """Slice models and write the G-code: one file for all, or one per model into a folder."""
     profile = profile_from(arguments)
-    refuse_mixing(arguments)
+    check_outputs(arguments)
     if arguments.layer is not None and not arguments.picture:
         raise UsageError(
-            f"--layer {arguments.layer}: only pictures have layers",
+            f"--layer {arguments.layer}: this option has no effect without --picture",
             remedy="Name a picture with --picture FILE",
         )
-    arguments.made = _made(arguments)
+    arguments.made = _find_timestamp(arguments)
     if arguments.output_dir is None:
         _slice_plate(arguments, profile, arguments.output)
         return 0
-    for model, output in _outputs(arguments):
+    for model, output in _pair_outputs(arguments):
         _slice_plate(Namespace(**{**vars(arguments), "models": [model]}), profile, output)
     return 0
 
 
 def _slice_plate(arguments: Namespace, profile: Profile, output: Path | None) -> None:
-    """Slice all models together and print a summary; without `output` the G-code goes beside the first model."""
-    from printer_slicer.cli.facts import facts_of
-    from printer_slicer.cli.models import plate_from, with_projects
+    """Slice all models together, write the G-code to `output` (None: beside the first model), and print a summary."""
+    from printer_slicer.cli.facts import slicing_facts
+    from printer_slicer.cli.models import apply_projects, load_plate
     from printer_slicer.extrusion import move_seconds
     from printer_slicer.gcode_text import gcode_of
     from printer_slicer.inspection.deposition.unsupported import unsupported_of_program
     from printer_slicer.pipeline import slice_stages
     from printer_slicer.surface import certify, read_surface
 
-    with stages(arguments) as report:
+    with show_stages(arguments) as report:
         report("loading")
-        mesh, plate = plate_from(arguments, profile.printer, report)
-        profile, plate = with_projects(arguments, profile, mesh, plate)
-        output = output or _beside(arguments.models[0])
+        mesh, plate = load_plate(arguments, profile.printer, report)
+        profile, plate = apply_projects(arguments, profile, mesh, plate)
+        output = output or _default_output(arguments.models[0])
         for path in arguments.models:
-            refuse_same(output, path)
-        _refuse_model_name(output)
+            reject_overwriting_input(output, path)
+        _reject_model_suffix(output)
         meshes = [mesh]
         del mesh  # not needed after placing, and may be large
         stage = slice_stages(
@@ -142,7 +166,7 @@ def _slice_plate(arguments: Namespace, profile: Profile, output: Path | None) ->
         program = stage.program
         unsupported = unsupported_of_program(program, profile)
         if arguments.strict and "unsupported" not in arguments.allow:
-            _refuse_unsupported(stage.part.name, unsupported)
+            _reject_unsupported(stage.part.name, unsupported)
         report("writing")
         seconds = float(move_seconds(program, profile).sum())
         if arguments.picture:
@@ -159,25 +183,26 @@ def _slice_plate(arguments: Namespace, profile: Profile, output: Path | None) ->
                 made=arguments.made,
             ),
         )
-    late = [*_unsupported_warnings(unsupported), *_unused_ranges(profile, stage.sections.plan)]
+    late = [*_unsupported_warnings(unsupported), *_unused_range_warnings(profile, stage.sections.plan)]
     warn(arguments, late)
     more = {"unsupported": _unsupported_facts(unsupported), "warnings": [*plate.warnings, *late]}
-    _print_result(arguments, output, facts_of(stage, profile, seconds, certificate) | plate.facts() | more)
+    facts = slicing_facts(stage, profile, seconds, certificate) | plate.facts() | more
+    _print_result(arguments, output, facts)
     open_files(arguments, [output, arguments.picture])
 
 
 def _print_result(arguments: Namespace, output: Path, facts: dict[str, Any]) -> None:
-    """Print the result, as JSON or as sentences."""
-    from printer_slicer.cli.facts import sentences
+    """Print the result of slicing, as JSON or as sentences."""
+    from printer_slicer.cli.facts import slicing_sentences
 
     if arguments.json:
         print(json.dumps({"output": str(output), **facts, **profile_facts(arguments)}))
     elif str(output) != "-":
-        first, *more = sentences(facts)
-        say(arguments, "\n  ".join([f"{output}: {first}", *more]))
+        first, *more = slicing_sentences(facts)
+        print_text(arguments, "\n  ".join([f"{output}: {first}", *more]))
 
 
-def _outputs(arguments: Namespace) -> list[tuple[Path, Path]]:
+def _pair_outputs(arguments: Namespace) -> list[tuple[Path, Path]]:
     """Pair each model with its output file in the folder of --output-dir, and create the folder.
 
     Raises:
@@ -192,21 +217,21 @@ def _outputs(arguments: Namespace) -> list[tuple[Path, Path]]:
         output = folder / f"{model.stem}.gcode"
         if output in outputs:
             raise UsageError(
-                f"{model}: has the same output file as {outputs[output]}: {output}",
-                remedy="Rename one of them, or use different output folders",
+                f"{model} and {outputs[output]} have the same output file: {output}",
+                remedy="Rename one of the models, or use different output folders",
             )
         outputs[output] = model
     if arguments.picture and len(outputs) > 1:
         raise UsageError(
-            f"--picture {arguments.picture}: one picture for {len(outputs)} models",
-            remedy="Slice the models one by one",
+            f"--picture {arguments.picture}: one picture cannot show {len(outputs)} models that are sliced separately",
+            remedy="Slice the models one by one, or leave out --picture",
         )
     make_folder(folder)
     return [(model, output) for output, model in outputs.items()]
 
 
-def _made(arguments: Namespace) -> datetime | None:
-    """Return the date for the first line: SOURCE_DATE_EPOCH, or now with --timestamp; otherwise None.
+def _find_timestamp(arguments: Namespace) -> datetime | None:
+    """Return the date for the first line: SOURCE_DATE_EPOCH, or the current date with --timestamp; otherwise None.
 
     Raises:
         UsageError: SOURCE_DATE_EPOCH is not a number of seconds.
@@ -217,33 +242,34 @@ def _made(arguments: Namespace) -> datetime | None:
             return datetime.fromtimestamp(int(epoch), UTC)
         except (ValueError, OverflowError, OSError):
             raise UsageError(
-                f"SOURCE_DATE_EPOCH={epoch}: not a date", remedy="Set it to seconds since 1970, or unset it"
+                f"SOURCE_DATE_EPOCH={epoch}: this is not a date",
+                remedy="Set the variable to the seconds since 1970, or unset it",
             ) from None
     return datetime.now(UTC) if arguments.timestamp else None
 
 
-def _refuse_model_name(output: Path) -> None:
-    """Refuse to write G-code to a file with the suffix of a model.
+def _reject_model_suffix(output: Path) -> None:
+    """Check that the G-code file does not have the suffix of a model.
 
     Raises:
-        UsageError: the output has such a suffix.
+        UsageError: the output has the suffix of a model.
     """
     if output.suffix.lower() in MODELS:
         raise UsageError(
-            f"-o {output}: {output.suffix} is a format of models, but the output is G-code",
+            f"-o {output}: the suffix {output.suffix} is for models, but the output is G-code",
             remedy=f"Name it {output.with_suffix('.gcode')}",
         )
 
 
 def _unsupported_warnings(found: Sequence[Unsupported]) -> list[str]:
-    """Return a warning if anything was found."""
+    """Return a warning if unsupported extrusion was found; otherwise an empty list."""
     from printer_slicer.inspection.deposition.unsupported import describe
 
-    return [f"{describe(found)}; {_REMEDY}"] if found else []
+    return [f"{describe(found)}; {_UNSUPPORTED_REMEDY}"] if found else []
 
 
 def _unsupported_facts(found: Sequence[Unsupported]) -> list[dict[str, Any]]:
-    """Return facts for JSON: one entry per height, lengths in mm."""
+    """Return the facts about unsupported extrusion for JSON: one entry per height, lengths in mm."""
     return [
         {
             "code": "unsupported",
@@ -258,8 +284,8 @@ def _unsupported_facts(found: Sequence[Unsupported]) -> list[dict[str, Any]]:
     ]
 
 
-def _refuse_unsupported(name: str, found: Sequence[Unsupported]) -> None:
-    """Fail if anything was found, for --strict without --allow unsupported.
+def _reject_unsupported(name: str, found: Sequence[Unsupported]) -> None:
+    """Raise an error if unsupported extrusion was found, because of --strict without --allow unsupported.
 
     Raises:
         PartError: there is unsupported extrusion.
@@ -269,11 +295,12 @@ def _refuse_unsupported(name: str, found: Sequence[Unsupported]) -> None:
     if found:
         raise PartError(
             f"{name}: {describe(found)}",
-            remedy="Rotate the part, add supports, or use --allow unsupported; without --strict it is only a warning",
+            remedy="Rotate the part, add supports to the model, or use --allow unsupported; without --strict, "
+            "unsupported extrusion causes only a warning",
         )
 
 
-def _unused_ranges(profile: Profile, plan: LayerPlan) -> Iterator[str]:
+def _unused_range_warnings(profile: Profile, plan: LayerPlan) -> Iterator[str]:
     """Yield a warning for each height range above the part, whose settings have no effect."""
     from printer_slicer.profile.object_profiles import list_height_overrides
 
@@ -284,25 +311,27 @@ def _unused_ranges(profile: Profile, plan: LayerPlan) -> Iterator[str]:
             yield f"the range from {low:g} to {high:g} mm ({names}) is above the part, which is {top:g} mm high"
 
 
-def _beside(model: Path) -> Path:
-    """Return the default output file, beside the model.
+def _default_output(model: Path) -> Path:
+    """Return the default output file, which is beside the model.
 
     Raises:
         UsageError: the model is not a regular file.
     """
     if not model.is_file():
         raise UsageError(
-            f"{model}: not a regular file, so the G-code needs a name", remedy="Name the output with -o FILE"
+            f"{model}: is not a regular file, so the G-code needs a name",
+            remedy="Name the output with -o FILE.gcode",
         )
     return model.with_suffix(".gcode")
 
 
 def _draw_layer(program: Program, number: int, path: Path) -> None:
+    """Draw a layer of the print, counted from 1, to a file."""
     from printer_slicer.drawing import layer_picture, picture_bytes
 
     if not 1 <= number <= program.plan.n_layers:
         raise UsageError(
             f"--layer {number}: the print has layers 1 to {program.plan.n_layers}",
-            remedy="Choose one of these",
+            remedy="Choose the number of one of these layers",
         )
     write_file(path, picture_bytes(layer_picture(program, number - 1), path))
