@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from typing import Final
 
-__all__ = ["AT_THE_END", "IN_ORDER", "name_words", "rank_match", "without_nozzle"]
+__all__ = ["AT_THE_END", "IN_ORDER", "rank_match", "remove_nozzle", "split_name"]
 
 _WORD: Final = re.compile(r"[^\W\d_]+|\d+")
 _NOZZLE: Final = re.compile(r",?\s*\(?\b\d+(?:\.\d+)?\s*(?:mm\s*)?nozzle\)?", re.IGNORECASE)
@@ -14,18 +14,18 @@ _NOZZLE: Final = re.compile(r",?\s*\(?\b\d+(?:\.\d+)?\s*(?:mm\s*)?nozzle\)?", re
 _EXACT, AT_THE_END, _CONTAINS, IN_ORDER, _PREFIXES = range(5)
 
 
-def name_words(text: str, *, with_nozzle: bool = False) -> list[str]:
-    """Split a name into lower-case words and numbers, so that `Ender3 V2` equals `Ender-3 v2`.
+def split_name(text: str, *, with_nozzle: bool = False) -> list[str]:
+    """Split a name into lower-case words and numbers, so that `Ender3 V2` and `Ender-3 v2` give the same list.
 
     Args:
         text: the name.
         with_nozzle: whether to keep the diameter of a nozzle.
     """
     text = text.casefold()
-    return _WORD.findall(text if with_nozzle else without_nozzle(text))
+    return _WORD.findall(text if with_nozzle else remove_nozzle(text))
 
 
-def without_nozzle(name: str) -> str:
+def remove_nozzle(name: str) -> str:
     """Remove the nozzle diameter from a name: `Ender-3 (0.4 mm nozzle)` becomes `Ender-3`."""
     return _NOZZLE.sub("", name).strip()
 

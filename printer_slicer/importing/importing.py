@@ -20,7 +20,7 @@ from printer_slicer.importing.qualities import convert_quality
 from printer_slicer.importing.results import ImportedProfile, ImportNote, RejectedProfile
 from printer_slicer.importing.safety_checks import DEFAULT_LIMITS, TemperatureLimits, check_safety
 from printer_slicer.importing.source_files import PresetsInFile, read_presets
-from printer_slicer.name_search import without_nozzle
+from printer_slicer.name_search import remove_nozzle
 
 __all__ = ["ImportRequest", "convert_presets", "import_profiles"]
 
@@ -181,7 +181,7 @@ def _find_printer(bundle: PresetBundle, name: str) -> Preset:
         ProfileError: no printer matches, or printers of several models match.
     """
     printers = bundle.find_printers(name)
-    models = list(dict.fromkeys(without_nozzle(one.name) for one in printers))
+    models = list(dict.fromkeys(remove_nozzle(one.name) for one in printers))
     if len(models) == 1:
         printer = bundle.choose_by_nozzle(printers)
         if len(printers) == 1:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from printer_slicer.name_search import name_words, rank_match
+from printer_slicer.name_search import rank_match, split_name
 
 __all__ = ["find_printers"]
 
@@ -25,10 +25,10 @@ def find_printers(query: str, names: Mapping[str, Sequence[str]]) -> list[str]:
 
 def _find_best_matches(query: str, names: Mapping[str, Sequence[str]], *, with_nozzle: bool) -> list[str]:
     """Return the printers with the best match; several if they match equally well."""
-    asked = name_words(query, with_nozzle=with_nozzle)
+    asked = split_name(query, with_nozzle=with_nozzle)
     ranks = {}
     for printer, others in names.items():
-        words = [name_words(one, with_nozzle=with_nozzle) for one in (printer, *others)]
+        words = [split_name(one, with_nozzle=with_nozzle) for one in (printer, *others)]
         if found := [rank[0] for one in words if (rank := rank_match(asked, one))]:
             ranks[printer] = min(found)
     return [printer for printer, rank in ranks.items() if rank == min(ranks.values())]

@@ -8,7 +8,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from printer_slicer.name_search import AT_THE_END, IN_ORDER, name_words, rank_match
+from printer_slicer.name_search import AT_THE_END, IN_ORDER, rank_match, split_name
 from printer_slicer.profile.folders import profile_paths, profile_root
 
 __all__ = ["ProfileMatch", "display_name", "find_profiles", "suggest_profiles"]
@@ -46,11 +46,11 @@ def find_profiles(kind: str, text: str, folders: Sequence[Path] = ()) -> list[Pr
         text: as typed, such as "Ender 3".
         folders: searched first.
     """
-    query_words = name_words(text)
+    query_words = split_name(text)
     known = {name: _read_names(path) for name, path in profile_paths(kind, folders).items()}
     ranked = []
     for name, names in known.items():
-        ranks = [rank for one in names if (rank := rank_match(query_words, name_words(one)))]
+        ranks = [rank for one in names if (rank := rank_match(query_words, split_name(one)))]
         ranked += [(min(ranks), name)] if ranks else []
     ranked.sort()
     kinds = [rank[0] for rank, _ in ranked]
@@ -69,11 +69,11 @@ def suggest_profiles(kind: str, text: str, folders: Sequence[Path] = ()) -> str:
         shown = [f"{one.name} ({one.display_name})" for one in matches[:_MOST_SHOWN]]
         more = " and more" if len(matches) > _MOST_SHOWN else ""
         return f"Did you mean {', '.join(shown)}{more}?"
-    query_words, paths = name_words(text), profile_paths(kind, folders)
+    query_words, paths = split_name(text), profile_paths(kind, folders)
     contained = [
         (len(words), name)
         for name, path in paths.items()
-        for words in map(name_words, _read_names(path))
+        for words in map(split_name, _read_names(path))
         if len(words) > 1 and (rank := rank_match(words, query_words)) and rank[0] < IN_ORDER
     ]
     near = (

@@ -10,7 +10,7 @@ from printer_slicer.errors import ProfileError
 from printer_slicer.importing import ImportedProfile, ImportRequest, RejectedProfile, import_profiles
 from printer_slicer.importing.conditions import condition_holds
 from printer_slicer.importing.printer_search import find_printers
-from printer_slicer.name_search import without_nozzle
+from printer_slicer.name_search import remove_nozzle
 from tests.importing.files import imported, loaded
 
 BUNDLE = """\
@@ -295,7 +295,7 @@ NAMES = ("Creality Ender-3", "Creality Ender-3 V2", "Creality Ender-3 V2 Neo", "
 def test_printers_are_found_by_a_part_of_their_name(typed: str, found: list[str]) -> None:
     names = {f"{name} ({size} mm nozzle)": () for name in NAMES for size in ("0.4", "0.6")}
     one_of = dict.fromkeys(
-        without_nozzle(name) if "0.6" not in typed else name for name in find_printers(typed, names)
+        remove_nozzle(name) if "0.6" not in typed else name for name in find_printers(typed, names)
     )
 
     assert list(one_of) == found
