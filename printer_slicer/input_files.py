@@ -40,16 +40,16 @@ def open_input(path: Path, writer_seconds: float = WRITER_SECONDS) -> BufferedRe
         os.close(os.open(path, os.O_RDWR | os.O_NONBLOCK))  # open it for writing, so that the thread ends
         opening.join()
         opened[0].close()
-        raise TimeoutError(errno.ETIMEDOUT, "named pipe without a writer", str(path))
+        raise TimeoutError(errno.ETIMEDOUT, "no program writes to this named pipe", str(path))
     return opened[0]
 
 
-def read_input(path: Path, most: int, writer_seconds: float = WRITER_SECONDS) -> bytes:
+def read_input(path: Path, max_bytes: int, writer_seconds: float = WRITER_SECONDS) -> bytes:
     """Read a whole file, up to a size limit.
 
     Args:
         path: a file, a device or a pipe.
-        most: size limit, bytes.
+        max_bytes: size limit, bytes.
         writer_seconds: as for `open_input`.
 
     Raises:
@@ -57,10 +57,10 @@ def read_input(path: Path, most: int, writer_seconds: float = WRITER_SECONDS) ->
         ValueError: the name contains a zero byte.
     """
     with open_input(path, writer_seconds) as file:
-        is_long = os.fstat(file.fileno()).st_size > most
-        data = b"" if is_long else file.read(most + 1)
-    if is_long or len(data) > most:
-        raise OSError(errno.EFBIG, f"longer than {most} bytes", str(path))
+        is_long = os.fstat(file.fileno()).st_size > max_bytes
+        data = b"" if is_long else file.read(max_bytes + 1)
+    if is_long or len(data) > max_bytes:
+        raise OSError(errno.EFBIG, f"longer than {max_bytes} bytes", str(path))
     return data
 
 

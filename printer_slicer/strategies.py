@@ -82,6 +82,7 @@ class Strategies:
 
 
 def _check_function(name: str, value: object) -> None:
+    """Check that a value is a function, or for `infill` an `Infill`; None is allowed."""
     if value is None or callable(value) or (name == "infill" and isinstance(value, Infill)):
         return
     raise StrategyError(
@@ -185,6 +186,7 @@ def run_program_functions(
 
 
 def _check_tools(name: str, program: Program, n_tools: int) -> None:
+    """Check that the program uses only extruders of the profile."""
     tools = [
         *program.tool.tolist(),
         *(one.tool for one in program.events if isinstance(one, ToolChange | Heat)),
@@ -198,6 +200,7 @@ def _check_tools(name: str, program: Program, n_tools: int) -> None:
 
 
 def _check_program(name: str, program: object, n_layers: int) -> None:
+    """Check that the value is a program with finite moves, sorted layers and sorted events."""
     if not isinstance(program, Program):
         raise StrategyError(
             f"{name}: returned {describe_type(program)}, not a Program",
@@ -214,8 +217,8 @@ def _check_program(name: str, program: object, n_layers: int) -> None:
         k = int(np.argmin(good))
         x, y, z = program.xyz[k].tolist()
         raise StrategyError(
-            f"{name}: move {k} goes to x {x:g}, y {y:g}, z {z:g} with {program.filament[k]:g} mm of filament at"
-            f" {program.speed[k]:g} mm/s",
+            f"{name}: move {k} is invalid: it goes to x {x:g}, y {y:g}, z {z:g} with {program.filament[k]:g} mm of"
+            f" filament at {program.speed[k]:g} mm/s",
             remedy="Use finite numbers only, and a speed above 0",
         )
     layer = program.layer

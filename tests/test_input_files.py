@@ -32,7 +32,7 @@ def test_a_pipe_that_nobody_writes_to_is_given_up_and_leaves_no_thread(tmp_path:
     os.mkfifo(path)
     before = threading.active_count()
 
-    with pytest.raises(TimeoutError, match="without a writer"):
+    with pytest.raises(TimeoutError, match="no program writes"):
         open_input(path, 0.01)
 
     assert threading.active_count() == before

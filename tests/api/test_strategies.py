@@ -318,7 +318,11 @@ REFUSED: dict[str, tuple[dict[str, Any], str, str]] = {
         "on_program given: returned nothing",
         "replace(program",
     ),
-    "moves to nowhere": ({"on_program": changed(xyz=with_nan)}, "move 7 goes to x", "finite numbers"),
+    "moves to nowhere": (
+        {"on_program": changed(xyz=with_nan)},
+        "move 7 is invalid: it goes to x",
+        "finite numbers",
+    ),
     "moves without speed": (
         {"on_program": changed(speed=lambda program: program.speed * 0)},
         "at 0 mm/s",

@@ -111,7 +111,7 @@ def test_a_named_pipe_without_a_writer_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "part.stl"
     os.mkfifo(path)
 
-    with pytest.raises(UsageError, match="named pipe without a writer") as caught:
+    with pytest.raises(UsageError, match="no program writes to this named pipe") as caught:
         load_mesh(path, limits=Limits(pipe_seconds=0.01))
 
     assert "Start the program" in caught.value.remedy
