@@ -46,9 +46,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     parser = build_parser([word for word in words if word in COMMANDS][:1])
     if is_completion_request:
-        from printer_slicer.cli.shell_completion import complete
+        from printer_slicer.cli.shell_completion import answer_completion_request
 
-        complete(parser)
+        answer_completion_request(parser)
     code = 0
     try:
         try:

@@ -121,12 +121,12 @@ def parse_integer(text: str) -> int:
 
 
 def _parse_checked_number(
-    text: str, expected: str, fits: Callable[[float], bool], read: Callable[[str], float] = float
+    text: str, expected: str, is_valid: Callable[[float], bool], convert: Callable[[str], float] = float
 ) -> float:
     """Parse a number, and raise an error with the text `expected` if it is not valid."""
     with suppress(ValueError):
-        value = read(text)
-        if fits(value):
+        value = convert(text)
+        if is_valid(value):
             return value
     raise argparse.ArgumentTypeError(f"{text!r}: expected {expected}")
 
@@ -148,7 +148,7 @@ def parse_duration(text: str) -> float:
 
 
 def _parse_numbers(text: str, counts: tuple[int, ...], example: str) -> list[float]:
-    """Parse numbers separated by commas; how many there may be is one of the counts."""
+    """Parse numbers separated by commas; `counts` are the numbers of them that are allowed."""
     try:
         numbers = [float(word) for word in text.split(",")]
     except ValueError:
@@ -202,7 +202,9 @@ def parse_box(text: str) -> tuple[tuple[float, float], tuple[float, float]]:
     example = "two corners X0,Y0,X1,Y1 in mm on the bed, such as 100,100,120,110"
     x0, y0, x1, y1 = _parse_numbers(text, (4,), example)
     if min(abs(x1 - x0), abs(y1 - y0)) < _SHORTEST_SIDE:
-        raise argparse.ArgumentTypeError(f"{text!r}: smaller than {_SHORTEST_SIDE:g} mm; expected {example}")
+        raise argparse.ArgumentTypeError(
+            f"{text!r}: a side is shorter than {_SHORTEST_SIDE:g} mm; expected {example}"
+        )
     return (x0, y0), (x1, y1)
 
 
@@ -247,7 +249,7 @@ def add_setting_options(parser: argparse.ArgumentParser, *, strict_help: str = "
     group.add_argument("--material", metavar="NAME", help="material profile: a name or a .toml file")
     group.add_argument("--quality", metavar="NAME", help="quality profile: a name or a .toml file")
     if strict_help:
-        _add_options_of_settings(group, is_advanced=False)
+        _add_single_setting_options(group, is_advanced=False)
         group.add_argument(
             "--supports",
             metavar="STYLE",
@@ -431,7 +433,7 @@ class _SettingAction(argparse._StoreAction):  # noqa: SLF001 - what `action="sto
         """Ignore the text that argparse sets."""
 
 
-def _add_options_of_settings(group: argparse._ArgumentGroup, *, is_advanced: bool) -> None:
+def _add_single_setting_options(group: argparse._ArgumentGroup, *, is_advanced: bool) -> None:
     """Add the options that change one setting each: the everyday ones, or the advanced ones."""
     for flag, option in SETTING_OPTIONS.items():
         if option.is_advanced != is_advanced:
@@ -462,7 +464,8 @@ def add_layer_options(parser: argparse.ArgumentParser) -> None:
             metavar="LOW:HIGH:KEY=VALUE",
             action="append",
             default=[],
-            help="change a setting, the tolerance or the layer_height between two heights in mm; may be repeated",
+            help="change a setting, or tolerance or layer_height, between two heights in mm, such as "
+            "5:10:perimeters=4; may be repeated",
         )
     )
     mark_advanced(
@@ -471,11 +474,11 @@ def add_layer_options(parser: argparse.ArgumentParser) -> None:
             metavar="OBJECT:KEY=VALUE",
             action="append",
             default=[],
-            help="change a setting for one object; may be repeated",
+            help="change a setting of one object, such as lid:perimeters=4; may be repeated",
         )
     )
     group = parser.add_argument_group("layer planner")
-    _add_options_of_settings(group, is_advanced=True)
+    _add_single_setting_options(group, is_advanced=True)
     mark_advanced(
         group.add_argument(
             "--heights",
@@ -578,11 +581,11 @@ def _add_placement_options(parser: argparse.ArgumentParser) -> None:
             "--as-placed", action="store_true", help="use the x and y of the files as positions on the bed"
         )
     )
-    _add_reading_options(group)
+    _add_file_reading_options(group)
 
 
-def _add_reading_options(group: argparse._ArgumentGroup) -> None:
-    """Add the options for the z, the unit and the overlaps of the models in their files."""
+def _add_file_reading_options(group: argparse._ArgumentGroup) -> None:
+    """Add --drop, --units and --fuse, which control how the models are read from their files."""
     mark_advanced(
         group.add_argument(
             "--drop",
@@ -609,7 +612,7 @@ def _add_reading_options(group: argparse._ArgumentGroup) -> None:
 
 
 def reject_model_options(arguments: argparse.Namespace) -> None:
-    """Check that a G-code file is given alone, without options for models.
+    """Reject options for models, and further files, if a G-code file is printed.
 
     Raises:
         UsageError: an option for models, or more than one file, is given.
@@ -669,7 +672,7 @@ def add_connection_options(parser: argparse.ArgumentParser) -> None:
             "--dtr",
             choices=("auto", "on", "off"),
             default="auto",
-            help="level of the DTR line when the port is opened, which resets many boards; auto leaves it to the "
+            help="state of the DTR line, which resets many boards when the port is opened; auto leaves it to the "
             "system; default: auto",
         )
     )

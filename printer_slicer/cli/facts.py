@@ -63,7 +63,7 @@ def slicing_facts(
         "volume_mm3": round(_part_volume(stages, certificate), 3),
         "lost_mm3": round(float((stages.walls.lost * plan.height).sum()), 3),
         "empty_layers": plan.n_layers - len(_find_filled_layers(stages)),
-        "begins_at": _lowest_extrusion(stages),
+        "begins_at": _find_lowest_extrusion(stages),
         **_adhesion_facts(stages, profile),
         "faults": {} if stages.repairs.sound else _mesh_fault_facts(stages.part, stages.shift),
         "open_edges": stages.sections.open_edges,
@@ -104,7 +104,7 @@ def _find_filled_layers(stages: Stages) -> Int:
     return distinct(program.layer[roles_with(is_part=True)[program.role]]) - n_below
 
 
-def _lowest_extrusion(stages: Stages) -> float:
+def _find_lowest_extrusion(stages: Stages) -> float:
     """Return the bottom of the lowest layer with extrusions of the part itself, mm above the bed or the raft."""
     filled = _find_filled_layers(stages)
     return round(float(stages.sections.plan.bottom[filled[0]]), 4) if len(filled) else 0.0

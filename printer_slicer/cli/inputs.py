@@ -50,7 +50,7 @@ def resolve_inputs(arguments: argparse.Namespace) -> Iterator[str]:
     gcode = getattr(arguments, "gcode", None)
     if gcode is not None:
         arguments.gcode = gcode = _expand_to_one_file(gcode)
-    profiles = _profile_names(arguments)
+    profiles = _collect_profile_names(arguments)
     stdin_count = [*models, *([gcode] if gcode is not None else []), *map(Path, profiles)].count(_STDIN_PATH)
     if stdin_count > 1:
         raise UsageError("-: stdin can be read only once", remedy="Write one of the two inputs to a file")
@@ -76,7 +76,7 @@ def resolve_inputs(arguments: argparse.Namespace) -> Iterator[str]:
         yield folder
 
 
-def _profile_names(arguments: argparse.Namespace) -> list[str]:
+def _collect_profile_names(arguments: argparse.Namespace) -> list[str]:
     """Return the profiles that are named on the command line; expand patterns in those of `profiles check`."""
     names = [getattr(arguments, flag, None) or "" for flag in _PROFILE_OPTIONS]
     if getattr(arguments, "what", "") == "check":
@@ -140,14 +140,14 @@ def _lacks_output_name(arguments: argparse.Namespace, models: Sequence[Path]) ->
     return has_output_folder or (models[0] == _STDIN_PATH and arguments.output is None)
 
 
-def save_stdin(stream: IO[bytes], folder: Path, suffix: str = "", most: int = _MAX_STDIN_BYTES) -> Path:
+def save_stdin(stream: IO[bytes], folder: Path, suffix: str = "", max_bytes: int = _MAX_STDIN_BYTES) -> Path:
     """Save stdin to a file, and return its path; the suffix of the name follows from the contents unless it is given.
 
     Args:
         stream: stdin.
         folder: folder for the file.
         suffix: suffix of the file name; empty: `.gcode` if the contents look like G-code, or none.
-        most: size limit, bytes.
+        max_bytes: size limit, bytes.
 
     Raises:
         UsageError: stdin is empty or too large.
@@ -158,9 +158,9 @@ def save_stdin(stream: IO[bytes], folder: Path, suffix: str = "", most: int = _M
     with path.open("wb") as file:
         while chunk := stream.read(_CHUNK_BYTES):
             length += len(chunk)
-            if length > most:
+            if length > max_bytes:
                 raise UsageError(
-                    f"-: stdin has more than {most} bytes", remedy="Give the name of the file instead"
+                    f"-: stdin has more than {max_bytes} bytes", remedy="Give the name of the file instead"
                 )
             file.write(chunk)
     if not length:
@@ -179,7 +179,7 @@ def _looks_like_gcode(head: bytes) -> bool:
 
 
 def reject_non_gcode(path: Path) -> None:
-    """Check that most lines of a file are G-code commands.
+    """Reject a file in which most lines are not G-code commands.
 
     Files that cannot be read are ignored here, and reported later when they are read. Pipes are ignored too: they can
     be read only once, and may have no writer.

@@ -32,7 +32,7 @@ __all__ = [
     "Plate",
     "apply_projects",
     "format_model_names",
-    "keep_memory",
+    "keep_freed_memory",
     "load_plate",
     "load_repaired_plate",
 ]
@@ -76,7 +76,7 @@ def load_plate(arguments: argparse.Namespace, printer: Printer, report: StageRep
         UsageError, MeshError: a file cannot be read, or is not a model.
         PartError: parts overlap and --fuse is not given.
     """
-    keep_memory()
+    keep_freed_memory()
     room = np.array([printer.bed_x, printer.bed_y, printer.bed_z])
     factors, models, meshes, warnings = arguments.scale, [], [], []
     for path in arguments.models:
@@ -151,6 +151,7 @@ def _make_progress_callback(report: StageReport, path: Path) -> Any:
 
 
 def _model_facts(model: Model) -> dict[str, Any]:
+    """Return the facts about a model file for JSON."""
     return {
         "file": str(model.path),
         "format": model.kind,
@@ -225,7 +226,7 @@ def format_model_names(paths: Sequence[Path]) -> str:
     return paths[0].name if len(paths) == 1 else f"{paths[0].name} and {len(paths) - 1} more"
 
 
-def keep_memory() -> None:
+def keep_freed_memory() -> None:
     """Make the C library keep freed memory for the next array instead of returning it to the system at once.
 
     Slicing allocates and frees arrays of megabytes all the time. By default the C library requests each of them from

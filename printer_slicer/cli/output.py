@@ -229,7 +229,7 @@ def check_outputs(arguments: argparse.Namespace) -> None:
 
 
 def reject_overwriting_input(output: Path, model: Path, flag: str = "-o") -> None:
-    """Check that an output file is not one of the input files.
+    """Reject an output file that is also an input file.
 
     Raises:
         UsageError: the output would overwrite the input.

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 __all__ = [
     "changes_from",
     "check_profile_folders",
-    "folder_for_new_profiles",
+    "find_folder_for_new_profiles",
     "prepare_schema_folder",
     "profile_facts",
     "profile_from",
@@ -284,20 +284,20 @@ def _apply_layer_height(changes: dict[str, object]) -> None:
     if listed := named.get("layer_heights"):
         raise UsageError(
             f"layer height {height}: uniform layers have one height, but --heights {listed} allows others",
-            remedy="Leave out one of the two",
+            remedy="Leave out --heights or the layer height",
         )
     ranged = any(key in named for key in _RANGE_SETTINGS)
     planner = named.get("planner.kind")
-    against = list(_find_contradicting_options(changes))
-    fits = "optimal" if ranged else "uniform"
-    if against or planner not in (None, fits):
-        _reject_layer_height(height, planner, against, fits)
-    changes["quality.planner.kind"] = fits
+    conflicting = list(_find_conflicting_options(changes))
+    required_planner = "optimal" if ranged else "uniform"
+    if conflicting or planner not in (None, required_planner):
+        _reject_layer_height(height, planner, conflicting, required_planner)
+    changes["quality.planner.kind"] = required_planner
     if ranged:
         changes["quality.layer_heights"] = height
 
 
-def _find_contradicting_options(changes: Mapping[str, object]) -> Iterator[str]:
+def _find_conflicting_options(changes: Mapping[str, object]) -> Iterator[str]:
     """Yield the options that contradict a fixed layer height, because they are for planners that choose heights."""
     from printer_slicer.profile.planners import PLANNER_SETTINGS
     from printer_slicer.profile.quality import Quality
@@ -314,23 +314,26 @@ def _find_contradicting_options(changes: Mapping[str, object]) -> Iterator[str]:
             yield flags.get(key, f"--set {key}")
 
 
-def _reject_layer_height(height: object, planner: object, against: list[str], fits: str) -> NoReturn:
+def _reject_layer_height(
+    height: object, planner: object, conflicting: list[str], required_planner: str
+) -> NoReturn:
     """Raise an error that names the options that contradict the layer height.
 
     Raises:
         UsageError: always.
     """
-    if not against and fits == "optimal":
+    if not conflicting and required_planner == "optimal":
         raise UsageError(
             f"layer height {height}: the {planner} planner does not support ranges; only --planner optimal does",
             remedy=f"Leave out --planner {planner}",
         )
-    if not against:
+    if not conflicting:
         raise UsageError(
-            f"layer height {height}: the {planner} planner chooses heights itself; only --planner uniform takes one",
+            f"layer height {height}: the {planner} planner chooses the layer heights; only --planner uniform uses a "
+            "given one",
             remedy=f"Leave out the planner or the layer height, or limit the heights with --heights 0.1:{height}",
         )
-    others = [*([f"--planner {planner}"] if planner not in (None, "uniform") else []), *against]
+    others = [*([f"--planner {planner}"] if planner not in (None, "uniform") else []), *conflicting]
     rest = "the layer height or the other options" if len(others) > 1 else f"{others[0]} or the layer height"
     raise UsageError(
         f"layer height {height} and {', '.join(others)} contradict each other: layers are either uniform or chosen by "
@@ -509,7 +512,7 @@ def _find_profile_by_display_name(kind: str, name: str, folders: Sequence[Path] 
 # Where new profiles go
 
 
-def folder_for_new_profiles(named: Sequence[Path], what: str, remedy: str) -> Path:
+def find_folder_for_new_profiles(named: Sequence[Path], what: str, remedy: str) -> Path:
     """Return the folder for new profiles: the first one on the command line, or the user's own.
 
     Args:

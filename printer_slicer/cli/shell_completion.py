@@ -18,7 +18,7 @@ from printer_slicer.cli.inputs import MODELS
 from printer_slicer.cli.parser import CommandParser
 from printer_slicer.cli.simulator_options import FIRMWARES
 
-__all__ = ["SHELLS", "complete", "iterate_actions", "shell_code"]
+__all__ = ["SHELLS", "answer_completion_request", "iterate_actions", "make_completion_script"]
 
 SHELLS: Final = ("bash", "zsh", "fish")
 GCODE: Final = (".gcode", ".gco", ".g", ".nc")
@@ -28,14 +28,14 @@ _Words = Iterable[str] | Mapping[str, str]
 _Completer = Callable[[str], _Words]
 
 
-def shell_code(shell: str) -> str:
+def make_completion_script(shell: str) -> str:
     """Return the completion script for a shell."""
     from argcomplete.shell_integration import shellcode
 
     return str(shellcode(["printer-slicer"], shell=shell))
 
 
-def complete(parser: argparse.ArgumentParser) -> None:
+def answer_completion_request(parser: argparse.ArgumentParser) -> None:
     """Answer a completion request of the shell and exit; do nothing if there is no request."""
     import argcomplete
 
@@ -107,7 +107,7 @@ def _make_profile_completer(kind: str) -> _Completer:
     """Return a completer for the names of profiles of a kind, with their descriptions, and for profile files."""
 
     def complete_prefix(prefix: str) -> _Words:
-        """Return those that start with the prefix."""
+        """Return the profiles that start with the prefix."""
         from printer_slicer.profile import profile_paths
         from printer_slicer.profile.inspection import read_headline
 
@@ -187,7 +187,7 @@ def _complete_set_for(prefix: str) -> _Words:
 
 
 def _complete_override(where: str, begin: str, places: set[str]) -> dict[str, str]:
-    """Complete the settings that may be overridden at all of the places.
+    """Complete a setting that may be overridden for an object, in a height range, or both.
 
     Args:
         where: text before the setting, such as `5:10`.
@@ -201,6 +201,7 @@ def _complete_override(where: str, begin: str, places: set[str]) -> dict[str, st
 
 
 def _read_setting_rows() -> Iterator[Any]:
+    """Yield the rows of the table of settings, with keys as they are typed."""
     from printer_slicer.profile.tables import settings_table
 
     # A setting of a planner is typed without the planner's name: quality.planner.max_step.
@@ -209,6 +210,7 @@ def _read_setting_rows() -> Iterator[Any]:
 
 
 def _remove_planner_name(key: str) -> str:
+    """Remove the name of a planner in brackets from the key of a setting."""
     before, _, after = key.partition("[")
     return before + after.partition("]")[2]
 
@@ -246,7 +248,7 @@ def _make_choice_completer(setting: str) -> _Completer:
     """Return a completer for the choices of a setting."""
 
     def complete_prefix(prefix: str) -> _Words:
-        """Return those that start with the prefix."""
+        """Return the choices that start with the prefix."""
         if setting.endswith("planner.kind"):
             from printer_slicer.profile.planners import PLANNER_SETTINGS
 

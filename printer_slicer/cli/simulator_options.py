@@ -55,7 +55,7 @@ def add_simulator_options(parser: argparse.ArgumentParser) -> argparse._Argument
         "--faults",
         metavar="FILE.toml",
         type=Path,
-        help="inject faults by this script; see docs/simulator.md",
+        help="inject the faults in FILE; see docs/simulator.md",
     )
     mark_advanced(
         group.add_argument(

@@ -142,13 +142,13 @@ _GCODE: Final = (".gcode", ".gco", ".g")
 
 
 def suggest(word: str, known: Iterable[str], cutoff: float = _MIN_SIMILARITY) -> str:
-    """Ask whether the user meant the known word with the most similar spelling; empty if no word is similar."""
+    """Return a question that suggests the known word with the most similar spelling; empty if none is similar."""
     near = get_close_matches(word, list(known), n=1, cutoff=cutoff) if word else []
     return f"Did you mean {near[0]!r}? " if near else ""
 
 
 def suggest_command(word: str, commands: Collection[str]) -> str:
-    """Ask whether the user meant another command line, for an unknown command; empty if there is no suggestion."""
+    """Return a question that suggests a command line in place of an unknown command; empty without a suggestion."""
     lower = word.lower()
     if lower.endswith(_MODELS):
         return f"Did you mean 'printer-slicer slice {word}'? "
@@ -160,7 +160,7 @@ def suggest_command(word: str, commands: Collection[str]) -> str:
 
 
 def suggest_option(flag: str, known: Collection[str]) -> str:
-    """Ask whether the user meant another option, for an unknown option; empty if there is no suggestion.
+    """Return a question that suggests an option in place of an unknown one; empty without a suggestion.
 
     Args:
         flag: the option as typed, without its value.

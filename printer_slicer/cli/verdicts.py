@@ -187,6 +187,7 @@ def _format_facts(verdict: Verdict, profile: Profile) -> Iterator[str]:
 
 
 def _format_executed(verdict: Verdict) -> str:
+    """Format how many commands of the job were executed."""
     if verdict.identical:
         return f"all {verdict.commands} commands, in order"
     return f"{verdict.executed} of {verdict.commands} commands, NOT identical to the file"
@@ -250,6 +251,7 @@ def _format_layers(verdict: Verdict, deposition: Deposition) -> str:
 
 
 def _filament_grams(verdict: Verdict, profile: Profile) -> float:
+    """Return the mass of the filament that was used, g."""
     area = pi * profile.material.filament_diameter**2 / 4
     return verdict.report.filament * area / 1000 * profile.material.density
 
@@ -272,6 +274,7 @@ def _format_flow(deposition: Deposition, profile: Profile) -> str:
 
 
 def _format_link(verdict: Verdict) -> str:
+    """Format whether the serial port was fast enough, and the number of resends."""
     report = verdict.report
     again = f"{report.resends} resends"
     if not verdict.baud:
@@ -315,6 +318,7 @@ def verdict_facts(verdict: Verdict, job: Job, profile: Profile) -> dict[str, obj
 
 
 def _material_facts(deposition: Deposition, profile: Profile) -> Mapping[str, object]:
+    """Return the extruded material per role and per layer, for JSON."""
     peak = deposition.peak
     return {
         "seconds_by_role": {name: round(seconds, 3) for name, seconds in deposition.by_role.items()},

@@ -63,7 +63,7 @@ def test_another_planner_and_a_layer_height_contradict_each_other(
     refused = typed(command, BOX, *height, *planner)
 
     assert refused.code == 2
-    assert "layer height 0.25: the cusp planner chooses heights itself" in refused.err
+    assert "layer height 0.25: the cusp planner chooses the layer heights" in refused.err
 
 
 def test_without_a_layer_height_the_default_planner_chooses() -> None:

@@ -11,10 +11,10 @@ import pytest
 SCRIPT = """
 import resource, sys
 import numpy as np
-from printer_slicer.cli.models import keep_memory
+from printer_slicer.cli.models import keep_freed_memory
 
 if sys.argv[1] == "keep":
-    keep_memory()
+    keep_freed_memory()
 before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
 for _ in range(20):
     np.full(50_000_000, 1, np.uint8)

@@ -199,7 +199,7 @@ def test_profiles_of_a_folder_are_used_by_other_commands(tmp_path: Path) -> None
         ),
         (["check"], "profiles check: no file is named", "profiles check my_printer.toml"),
         (["settings", "zebra"], "profiles settings zebra: no setting matches", "Try a shorter word"),
-        (["schema", "colour"], "profiles schema colour: no such kind", "profiles schema quality"),
+        (["schema", "colour"], "profiles schema colour: no such kind of profile", "profiles schema quality"),
         (["path", "nowhere/x.toml"], "nowhere/x.toml: no such profile", "Check the path"),
     ],
 )

@@ -21,7 +21,7 @@ from command_line import BOX, QUICK, ROOT, USUAL, is_message, process, typed
 
 from printer_slicer.cli.commands.man import format_man_page, format_markdown_page
 from printer_slicer.cli.parser import COMMANDS, build_parser
-from printer_slicer.cli.shell_completion import SHELLS, iterate_actions, shell_code
+from printer_slicer.cli.shell_completion import SHELLS, iterate_actions, make_completion_script
 from printer_slicer.mesh_io import load_mesh
 from tests.waiting import LAST_RESORT
 
@@ -424,7 +424,7 @@ def test_zsh_completes(begin: str, completed: str, folder: Path) -> None:
 def test_the_code_for_each_shell_is_written(shell: str) -> None:
     outcome = typed("completion", shell)
 
-    assert outcome.out == shell_code(shell)
+    assert outcome.out == make_completion_script(shell)
     assert "printer-slicer" in outcome.out
 
 

@@ -112,6 +112,6 @@ def test_a_group_of_settings_is_told_from_a_setting(group: str) -> None:
 
 def test_a_stdin_without_end_is_told(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="-: stdin has more than 10 bytes") as caught:
-        save_stdin(io.BytesIO(b"G28\n" * 5), tmp_path, most=10)
+        save_stdin(io.BytesIO(b"G28\n" * 5), tmp_path, max_bytes=10)
 
     assert caught.value.remedy == "Give the name of the file instead"

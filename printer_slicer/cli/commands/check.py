@@ -160,14 +160,14 @@ def run(arguments: argparse.Namespace) -> int:
             report("drawing")
             _draw_worst_layers(check, format_model_names(arguments.models), arguments.picture)
     if arguments.json:
-        facts = _check_facts(check, limits) | plate.facts() | file_check.facts
+        facts = _comparison_facts(check, limits) | plate.facts() | file_check.facts
         print(json.dumps(facts | {"ok": check.ok and not file_check.wrong}))
     else:
         print_text(
             arguments,
             "\n".join([*_format_check(check, format_model_names(arguments.models)), *file_check.lines]),
         )
-    _require_match(check, file_check.wrong)
+    _raise_if_check_failed(check, file_check.wrong)
     return 0
 
 
@@ -237,6 +237,7 @@ def _add_line_numbers(job: Job, report: UnderrunReport) -> UnderrunReport:
 
 
 def _link_facts(report: UnderrunReport) -> dict[str, Any]:
+    """Return the timing of the serial link for JSON."""
     return asdict(report) | {"ok": report.ok, "advice": _suggest_link_rate(report)}
 
 
@@ -285,6 +286,7 @@ def _suggest_link_rate(report: UnderrunReport) -> str:
 
 
 def _find_link_errors(report: UnderrunReport) -> list[str]:
+    """Return an error if there are buffer underruns; otherwise an empty list."""
     return [] if report.ok else [f"the serial link is too slow: {_summarize_underruns(report)}"]
 
 
@@ -299,7 +301,7 @@ def _print_file_check(arguments: argparse.Namespace, file_check: _FileCheck) -> 
         print(json.dumps({"file": arguments.gcode.name, "ok": not file_check.wrong, **file_check.facts}))
     else:
         print_text(arguments, "\n".join(file_check.lines))
-    _raise_if_any(arguments.gcode.name, file_check.wrong)
+    _raise_if_errors(arguments.gcode.name, file_check.wrong)
     return 0
 
 
@@ -332,11 +334,13 @@ def _parse_limits(changes: list[str]) -> CoverageLimits:
     return limits
 
 
-def _require_match(check: Check, more: Sequence[str] = ()) -> None:
-    _raise_if_any(check.name, [*check.problems, *map(sentence, check.findings), *more])
+def _raise_if_check_failed(check: Check, more: Sequence[str] = ()) -> None:
+    """Raise an error if the comparison with the model has problems, or if there are more errors."""
+    _raise_if_errors(check.name, [*check.problems, *map(sentence, check.findings), *more])
 
 
-def _raise_if_any(name: str, wrong: Sequence[str]) -> None:
+def _raise_if_errors(name: str, wrong: Sequence[str]) -> None:
+    """Raise a verification error with the first of the errors, if there are any."""
     if wrong:
         more = f"\n  and {len(wrong) - 1} more" if len(wrong) > 1 else ""
         raise VerificationError(f"{name}: {wrong[0]}{more}")
@@ -449,7 +453,7 @@ def _round_column(values: Float | Sequence[float]) -> list[float | None]:
     return [_round_for_json(value) for value in np.asarray(values, np.float64).tolist()]
 
 
-def _check_facts(check: Check, limits: CoverageLimits) -> dict[str, Any]:
+def _comparison_facts(check: Check, limits: CoverageLimits) -> dict[str, Any]:
     """Return the result of the comparison with a model for JSON; layers are counted from 1."""
     from printer_slicer.inspection.deposition.marks import Purpose
 

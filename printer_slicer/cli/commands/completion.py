@@ -22,7 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Print the completion script."""
-    from printer_slicer.cli.shell_completion import shell_code
+    from printer_slicer.cli.shell_completion import make_completion_script
 
-    sys.stdout.write(shell_code(arguments.shell))
+    sys.stdout.write(make_completion_script(arguments.shell))
     return 0

@@ -42,7 +42,7 @@ _POLL_SECONDS = 0.05  # s between reads of the port
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `console`."""
-    parser.add_argument("port", metavar="PORT", help="device, or socket:// or rfc2217:// URL")
+    parser.add_argument("port", metavar="PORT", help="serial device, or socket:// or rfc2217:// URL")
     parser.add_argument(
         "--baud", type=parse_positive_integer, default=115200, metavar="N", help="baud rate; default: 115200"
     )
@@ -240,9 +240,9 @@ def _run_interactively(console: Console, *, quiet: bool) -> None:
         print(_HELP, file=sys.stderr)
     with contextlib.suppress(ImportError):
         import readline  # noqa: F401 - gives `input` its history and editing
-    pipe_end, typed = os.pipe()
+    read_end, write_end = os.pipe()
     try:
-        while (line := _wait_for_typed_line(console, pipe_end, typed)) is not None:
+        while (line := _wait_for_typed_line(console, read_end, write_end)) is not None:
             try:
                 if not console.send_line(line, is_interactive=True):
                     return
@@ -251,25 +251,25 @@ def _run_interactively(console: Console, *, quiet: bool) -> None:
     except KeyboardInterrupt:
         print(file=sys.stderr)
     finally:
-        os.close(pipe_end)
-        os.close(typed)
+        os.close(read_end)
+        os.close(write_end)
 
 
-def _wait_for_typed_line(console: Console, pipe_end: int, typed: int) -> str | None:
+def _wait_for_typed_line(console: Console, read_end: int, write_end: int) -> str | None:
     """Wait for the next typed line, printing lines of the printer meanwhile; return None at the end of the input."""
     lines: list[str | None] = []
 
-    def read() -> None:
+    def read_typed_line() -> None:
         """Read a line of input; this runs in a thread, because it blocks."""
         try:
             lines.append(input())
         except (EOFError, OSError):
             lines.append(None)
-        os.write(typed, b".")
+        os.write(write_end, b".")
 
-    Thread(target=read, daemon=True).start()
+    Thread(target=read_typed_line, daemon=True).start()
     while not lines:
         console.print_received(_POLL_SECONDS)
-    select.select([pipe_end], [], [])
-    os.read(pipe_end, 1)
+    select.select([read_end], [], [])
+    os.read(read_end, 1)
     return lines[0]

@@ -31,7 +31,9 @@ _STATUS_TIMEOUT = 2.0  # s, timeout of `control status`
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `control`."""
     parser.add_argument("words", nargs="+", metavar="COMMAND", help="command and its value; see the examples")
-    parser.add_argument("--job", metavar="NAME", default="", help="name of the print, if several are running")
+    parser.add_argument(
+        "--job", metavar="NAME", default="", help="name of the print; required if several are running"
+    )
     add_output_options(parser)
 
 

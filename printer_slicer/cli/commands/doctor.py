@@ -56,7 +56,7 @@ def _check_all_ports(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print(
             json.dumps(
-                {"ports": [{"port": name, "checks": _check_facts(checks)} for name, checks in checked]}
+                {"ports": [{"port": name, "checks": _checks_as_facts(checks)} for name, checks in checked]}
             )
         )
     elif not checked:
@@ -80,7 +80,7 @@ def _check_port(arguments: argparse.Namespace) -> int:
     checks, found = _run_checks(arguments)
     bad = [check for check in checks if check.state == "bad"]
     if arguments.json:
-        facts: dict[str, Any] = {"port": arguments.port, "ok": not bad, "checks": _check_facts(checks)}
+        facts: dict[str, Any] = {"port": arguments.port, "ok": not bad, "checks": _checks_as_facts(checks)}
         print(json.dumps(facts | {"printer": asdict(found) if found else None}))
     else:
         print_text(arguments, "\n".join(_format_checks(checks)))
@@ -110,11 +110,13 @@ def _run_checks(arguments: argparse.Namespace) -> tuple[list[PortCheck], Printer
     return [*checks, *found.checks()], found
 
 
-def _check_facts(checks: Iterable[PortCheck]) -> list[dict[str, Any]]:
+def _checks_as_facts(checks: Iterable[PortCheck]) -> list[dict[str, Any]]:
+    """Return the results of checks for JSON."""
     return [asdict(check) for check in checks]
 
 
 def _format_checks(checks: Sequence[PortCheck]) -> list[str]:
+    """Format the results of checks as lines of text, with remedies."""
     lines = []
     for check in checks:
         lines.append(f"  {_MARKS[check.state]}  {check.name:<20}{check.what}")

@@ -68,7 +68,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--box", metavar="X0,Y0,X1,Y1", type=parse_box, help="draw only this rectangle of the bed, in mm"
     )
-    parser.add_argument("--travel", action="store_true", help="draw travel moves too")
+    parser.add_argument("--travel", action="store_true", help="also draw travel moves")
     parser.add_argument(
         "--pixels",
         metavar="N",
@@ -181,7 +181,7 @@ def _choose_layer(arguments: argparse.Namespace, levels: FileLayers, report: Sta
         return _find_requested_layer(arguments, levels), ""
     report("checking")
     counts = Counter(
-        layer for finding in _find_findings(arguments) for layer in _find_layers(finding, levels)
+        layer for finding in _collect_findings(arguments) for layer in _find_layers(finding, levels)
     )
     if not counts:
         return 0, "drawn: the first layer, because no layer has findings; --layer N draws another one"
@@ -190,7 +190,7 @@ def _choose_layer(arguments: argparse.Namespace, levels: FileLayers, report: Sta
     return layer, f"drawn: the layer with the most findings ({many}); --layer N draws another one"
 
 
-def _find_findings(arguments: argparse.Namespace) -> list[Diagnostic]:
+def _collect_findings(arguments: argparse.Namespace) -> list[Diagnostic]:
     """Return the findings of `check` for the file, and for its comparison with the model if there is one.
 
     A file that cannot be checked can still be drawn; it has no findings.

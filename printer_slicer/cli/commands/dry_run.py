@@ -104,6 +104,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _draw_verdict(verdict: Verdict, job: Job, profile: Profile, path: Path) -> bytes:
+    """Draw the print with its faults; return the picture in the format of the path's suffix."""
     from printer_slicer.diagnostics import sentence
     from printer_slicer.drawing.canvas import picture_bytes
     from printer_slicer.drawing.dry_run import FaultMark, dry_run_picture

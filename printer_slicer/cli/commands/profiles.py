@@ -18,7 +18,7 @@ from printer_slicer.cli.parser import CommandParser, add_command
 from printer_slicer.cli.settings import (
     changes_from,
     check_profile_folders,
-    folder_for_new_profiles,
+    find_folder_for_new_profiles,
     prepare_schema_folder,
     write_schemas,
 )
@@ -131,7 +131,9 @@ def _list_profiles(arguments: argparse.Namespace) -> int:
     wanted = [name.removesuffix("s") for name in arguments.names] or list(KINDS)
     for name in wanted:
         if name not in KINDS:
-            _raise_usage_error(f"profiles list {name}: no such kind", f"profiles list {'|'.join(KINDS)}")
+            _raise_usage_error(
+                f"profiles list {name}: no such kind of profile", f"profiles list {'|'.join(KINDS)}"
+            )
     known = {kind: profile_paths(kind, arguments.profiles) for kind in wanted}
     if arguments.json:
         _print_json(
@@ -249,7 +251,7 @@ def _write_new_profile(arguments: argparse.Namespace) -> int:
             "profiles new printer my_printer",
         )
     kind, name = arguments.names
-    root = None if arguments.output else _find_folder_for(arguments, kind, name)
+    root = None if arguments.output else _choose_new_profile_folder(arguments, kind, name)
     path: Path = root / FOLDERS[kind] / f"{name}.toml" if root else arguments.output
     to_stdout = str(path) == "-"
     if path.exists() and not to_stdout:
@@ -271,14 +273,14 @@ def _write_new_profile(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _find_folder_for(arguments: argparse.Namespace, kind: str, name: str) -> Path:
+def _choose_new_profile_folder(arguments: argparse.Namespace, kind: str, name: str) -> Path:
     """Return the folder for a new profile with this name."""
     if not re.fullmatch(r"[\w][\w.+-]*", name) or name.endswith(".toml"):
         _raise_usage_error(
             f"profiles new: {name!r} is not a valid name", f"profiles new {kind} my_{kind}   (or -o FILE)"
         )
     remedy = f"printer-slicer profiles new {kind} {name} -o FILE"
-    return folder_for_new_profiles(arguments.profiles, "profiles new", remedy)
+    return find_folder_for_new_profiles(arguments.profiles, "profiles new", remedy)
 
 
 def _check_profiles(arguments: argparse.Namespace) -> int:
@@ -303,14 +305,12 @@ def _check_profiles(arguments: argparse.Namespace) -> int:
         except ProfileError as error:
             found.append((error.args[0], error.remedy))
     if not found:
-        found += _find_conflicts_between(arguments, checked)
+        found += _describe_conflicts(arguments, checked)
     return _print_faults(arguments, found, words)
 
 
-def _find_conflicts_between(
-    arguments: argparse.Namespace, checked: Mapping[str, str]
-) -> list[tuple[str, str]]:
-    """Return (problem, remedy) of the profiles that do not fit together."""
+def _describe_conflicts(arguments: argparse.Namespace, checked: Mapping[str, str]) -> list[tuple[str, str]]:
+    """Return (problem, remedy) for each conflict between the checked profiles and those on the command line."""
     from printer_slicer.profile.files import find_conflicts, read_sources
 
     flags = {kind: getattr(arguments, kind) for kind in _KINDS if getattr(arguments, kind)}
@@ -397,7 +397,9 @@ def _write_schema_files(arguments: argparse.Namespace) -> int:
     if arguments.output is None:
         wanted = arguments.names or list(_KINDS)
         if not set(wanted) <= set(_KINDS):
-            _raise_usage_error(f"profiles schema {' '.join(wanted)}: no such kind", "profiles schema quality")
+            _raise_usage_error(
+                f"profiles schema {' '.join(wanted)}: no such kind of profile", "profiles schema quality"
+            )
         if arguments.json or arguments.names:
             schemas = {kind: schema_of(kind) for kind in wanted}
             _print_json(arguments, schemas[wanted[0]] if len(wanted) == 1 else schemas)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from printer_slicer.cli.arguments import add_output_options, parse_positive_integer
 from printer_slicer.cli.output import print_text, sanitize, write_file
-from printer_slicer.cli.settings import folder_for_new_profiles, prepare_schema_folder
+from printer_slicer.cli.settings import find_folder_for_new_profiles, prepare_schema_folder
 from printer_slicer.errors import OutputError, ProfileError, UsageError
 from printer_slicer.saving import make_folder
 
@@ -97,13 +97,13 @@ def _add_conversion_options(parser: argparse.ArgumentParser) -> None:
         default=[],
         help="replace the value of a setting in files of Cura; may be repeated",
     )
-    for heater, most in (("nozzle", 300), ("bed", 120)):
+    for heater, limit in (("nozzle", 300), ("bed", 120)):
         parser.add_argument(
             f"--max-{heater}-temperature",
             metavar="°C",
             type=parse_positive_integer,
-            default=most,
-            help=f"reject profiles that heat the {heater} above this; default: {most}",
+            default=limit,
+            help=f"reject profiles that heat the {heater} above this; default: {limit}",
         )
 
 
@@ -153,7 +153,7 @@ def _import_files(arguments: argparse.Namespace) -> Iterator[Any]:
         yield from import_profiles(path, wanted)
 
 
-def _check_temperature_limit(heater: str, most: float) -> None:
+def _check_temperature_limit(heater: str, limit: float) -> None:
     """Check a temperature limit against the bounds of the printer setting.
 
     Raises:
@@ -162,10 +162,10 @@ def _check_temperature_limit(heater: str, most: float) -> None:
     from printer_slicer.profile import load_profile
 
     try:
-        load_profile(changes={f"printer.max_{heater}_temperature": most}, slices=False)
+        load_profile(changes={f"printer.max_{heater}_temperature": limit}, slices=False)
     except ProfileError as error:
         raise UsageError(
-            f"--max-{heater}-temperature {most:g}: {str(error.args[0]).rpartition(': ')[2]}",
+            f"--max-{heater}-temperature {limit:g}: {str(error.args[0]).rpartition(': ')[2]}",
             remedy="Choose a temperature within the bounds of this printer setting",
         ) from None
 
@@ -184,7 +184,7 @@ def _choose_paths(arguments: argparse.Namespace, imported: Sequence[ImportedProf
     from printer_slicer.importing import file_names
     from printer_slicer.profile.folders import FOLDERS, profile_root
 
-    root: Path = arguments.out or folder_for_new_profiles(
+    root: Path = arguments.out or find_folder_for_new_profiles(
         (), "profiles import", "Name a folder with -o FOLDER"
     )
 

@@ -103,7 +103,7 @@ def _resume_print(arguments: argparse.Namespace, found: Print) -> int:
         )
         return sys.stdin.readline().strip().lower() in {"y", "yes"}
 
-    def resume_rest(**common: Any) -> PrintResult:
+    def print_rest(**common: Any) -> PrintResult:
         """Print the rest of the job."""
         return resume_print(
             found,
@@ -114,7 +114,7 @@ def _resume_print(arguments: argparse.Namespace, found: Print) -> int:
             **common,
         )
 
-    return print_with_progress(arguments, job, Path(f"{Path(found.name).stem}.checkpoint.json"), resume_rest)
+    return print_with_progress(arguments, job, Path(f"{Path(found.name).stem}.checkpoint.json"), print_rest)
 
 
 def _command_check_option(setup: HostSettings) -> dict[str, Any]:

@@ -50,7 +50,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--key-file", metavar="FILE", type=Path, help="file with the API key or password")
     mark_advanced(
         parser.add_argument(
-            "--key", metavar="KEY", help="API key or password; other users of this computer can see it here"
+            "--key",
+            metavar="KEY",
+            help="API key or password; --key-file is safer, since other users of this computer can read this",
         )
     )
     mark_advanced(

@@ -249,7 +249,7 @@ def _find_timestamp(arguments: Namespace) -> datetime | None:
 
 
 def _reject_model_suffix(output: Path) -> None:
-    """Check that the G-code file does not have the suffix of a model.
+    """Reject a G-code file with the suffix of a model.
 
     Raises:
         UsageError: the output has the suffix of a model.
@@ -285,7 +285,7 @@ def _unsupported_facts(found: Sequence[Unsupported]) -> list[dict[str, Any]]:
 
 
 def _reject_unsupported(name: str, found: Sequence[Unsupported]) -> None:
-    """Raise an error if unsupported extrusion was found, because of --strict without --allow unsupported.
+    """Reject unsupported extrusion, for --strict without --allow unsupported.
 
     Raises:
         PartError: there is unsupported extrusion.
