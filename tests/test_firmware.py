@@ -87,7 +87,7 @@ def test_no_two_firmwares_have_one_name_in_prusaslicer() -> None:
 
 
 # What a person types or another program writes is not knowledge about a firmware.
-_NAME_FIRMWARES = {"cli/arguments.py", "importing/printers.py", "importing/cura_names.py"}
+_NAME_FIRMWARES = {"cli/simulator_options.py", "importing/printers.py", "importing/cura_names.py"}
 
 
 def test_no_other_module_compares_names_of_firmwares() -> None:
