@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from math import floor, log10
 
-__all__ = ["callable_name", "describe_type", "format_duration", "format_significant", "number"]
+__all__ = ["callable_name", "describe_type", "format_duration", "format_number", "format_significant"]
 
 
-def number(value: float) -> str:
+def format_number(value: float) -> str:
     """Format a number for G-code: at most five decimals, no trailing zeros, no exponent."""
     return f"{value:z.5f}".rstrip("0").rstrip(".")
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final, Literal, NamedTuple, TypeAlias
 
-from printer_slicer.texts import number
+from printer_slicer.texts import format_number
 
 if TYPE_CHECKING:
     from printer_slicer.profile import Printer
@@ -139,33 +139,33 @@ class Dialect:
 
 def format_axis_limits(code: str, printer: Printer, limit: str, scale: float = 1.0) -> str:
     """Format a command that sets one limit (`max_speed`, `max_acceleration`) of x, y, z and e."""
-    words = [f"{axis.upper()}{number(scale * getattr(printer, f'{limit}_{axis}'))}" for axis in "xyze"]
+    words = [f"{axis.upper()}{format_number(scale * getattr(printer, f'{limit}_{axis}'))}" for axis in "xyze"]
     return f"{code} {' '.join(words)}"
 
 
 def format_jerk(code: str, printer: Printer, scale: float = 1.0) -> str:
     """Format a command that sets the jerk of x, y, z and e."""
-    xy, z, e = (number(scale * jerk) for jerk in (printer.jerk_xy, printer.jerk_z, printer.jerk_e))
+    xy, z, e = (format_number(scale * jerk) for jerk in (printer.jerk_xy, printer.jerk_z, printer.jerk_e))
     return f"{code} X{xy} Y{xy} Z{z} E{e}"
 
 
 def format_marlin_limits(printer: Printer, corner: str = "") -> list[str]:
     """Format M201, M203, M204 and `corner`, by default M205 with the jerk of each axis. Units are mm and s."""
-    print_, retract = number(printer.acceleration), number(printer.retract_acceleration)
+    print_, retract = format_number(printer.acceleration), format_number(printer.retract_acceleration)
     return [
         f"{format_axis_limits('M201', printer, 'max_acceleration')} ; mm/s^2",
         f"{format_axis_limits('M203', printer, 'max_speed')} ; mm/s",
-        f"M204 P{print_} R{retract} T{number(printer.travel_acceleration)} ; mm/s^2",
+        f"M204 P{print_} R{retract} T{format_number(printer.travel_acceleration)} ; mm/s^2",
         corner or f"{format_jerk('M205', printer)} ; mm/s",
     ]
 
 
 def format_retraction(printer: Printer) -> list[str]:
     """Format M207 and M208 for G10 and G11, without lift, since the moves lift. F is in mm/min."""
-    back, forward = number(printer.retract_speed * 60), number(printer.deretract_speed * 60)
+    back, forward = format_number(printer.retract_speed * 60), format_number(printer.deretract_speed * 60)
     return [
-        f"M207 S{number(printer.retract_length)} F{back} Z0",
-        f"M208 S{number(printer.deretract_extra)} F{forward}",
+        f"M207 S{format_number(printer.retract_length)} F{back} Z0",
+        f"M208 S{format_number(printer.deretract_extra)} F{forward}",
     ]
 
 

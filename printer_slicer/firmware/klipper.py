@@ -18,7 +18,7 @@ from printer_slicer.firmware.firmware import (
     SetsRetraction,
     WireDialect,
 )
-from printer_slicer.texts import number
+from printer_slicer.texts import format_number
 
 if TYPE_CHECKING:
     from printer_slicer.profile import Printer
@@ -34,20 +34,20 @@ _REJECTS: Final = "rejects the whole line"
 
 def _format_limits(printer: Printer) -> list[str]:
     """Format the motion limits, except those of z and the extruder, which Klipper's own configuration sets."""
-    acceleration, corner = number(printer.acceleration), number(printer.square_corner_velocity)
+    acceleration, corner = format_number(printer.acceleration), format_number(printer.square_corner_velocity)
     return [
         f"SET_VELOCITY_LIMIT ACCEL={acceleration} SQUARE_CORNER_VELOCITY={corner}",
-        f"SET_VELOCITY_LIMIT MINIMUM_CRUISE_RATIO={number(printer.minimum_cruise_ratio)}",
+        f"SET_VELOCITY_LIMIT MINIMUM_CRUISE_RATIO={format_number(printer.minimum_cruise_ratio)}",
     ]
 
 
 def _format_retraction(printer: Printer) -> list[str]:
     """Format the settings of G10 and G11, in mm and mm/s."""
-    length, back = number(printer.retract_length), number(printer.retract_speed)
-    extra = number(printer.deretract_extra)
+    length, back = format_number(printer.retract_length), format_number(printer.retract_speed)
+    extra = format_number(printer.deretract_extra)
     return [
         f"SET_RETRACTION RETRACT_LENGTH={length} RETRACT_SPEED={back}",
-        f"SET_RETRACTION UNRETRACT_EXTRA_LENGTH={extra} UNRETRACT_SPEED={number(printer.deretract_speed)}",
+        f"SET_RETRACTION UNRETRACT_EXTRA_LENGTH={extra} UNRETRACT_SPEED={format_number(printer.deretract_speed)}",
     ]
 
 
@@ -55,9 +55,9 @@ KLIPPER: Final = Firmware(
     title="Klipper",
     dialect=Dialect(
         limits=_format_limits,
-        acceleration=lambda value: f"SET_VELOCITY_LIMIT ACCEL={number(value)}",
+        acceleration=lambda value: f"SET_VELOCITY_LIMIT ACCEL={format_number(value)}",
         pause="PAUSE",
-        pressure_advance=lambda seconds: f"SET_PRESSURE_ADVANCE ADVANCE={number(seconds)}",
+        pressure_advance=lambda seconds: f"SET_PRESSURE_ADVANCE ADVANCE={format_number(seconds)}",
         retraction=_format_retraction,
         progress=lambda percent, _minutes: f"M73 P{percent}",
         labels="exclude_object",
@@ -92,7 +92,7 @@ KLIPPER: Final = Firmware(
     allows_unhomed_moves=False,
     resume_command=b"RESUME",
     baby_step_command=lambda mm: b"SET_GCODE_OFFSET Z_ADJUST=%.3f MOVE=1" % mm,
-    set_z_command=lambda mm: b"SET_KINEMATIC_POSITION Z=%s" % number(mm).encode(),
+    set_z_command=lambda mm: b"SET_KINEMATIC_POSITION Z=%s" % format_number(mm).encode(),
     cancel_object_command=lambda name: b"EXCLUDE_OBJECT NAME=%s" % name.encode(),
     prusaslicer_name="klipper",
 )

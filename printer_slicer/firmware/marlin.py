@@ -16,7 +16,7 @@ from printer_slicer.firmware.firmware import (
     format_marlin_limits,
     format_retraction,
 )
-from printer_slicer.texts import number
+from printer_slicer.texts import format_number
 
 if TYPE_CHECKING:
     from printer_slicer.profile import Printer
@@ -27,16 +27,16 @@ __all__ = ["MARLIN"]
 def _format_limits(printer: Printer) -> list[str]:
     """Format the motion limits, with jerk or junction deviation as in the profile."""
     jerk = printer.corner == "jerk"
-    return format_marlin_limits(printer, "" if jerk else f"M205 J{number(printer.junction_deviation)} ; mm")
+    return format_marlin_limits(printer, "" if jerk else f"M205 J{format_number(printer.junction_deviation)} ; mm")
 
 
 MARLIN: Final = Firmware(
     title="Marlin",
     dialect=Dialect(
         limits=_format_limits,
-        acceleration=lambda value: f"M204 P{number(value)}",
+        acceleration=lambda value: f"M204 P{format_number(value)}",
         pause="M0",
-        pressure_advance=lambda seconds: f"M900 K{number(seconds)}",
+        pressure_advance=lambda seconds: f"M900 K{format_number(seconds)}",
         retraction=format_retraction,
         progress=lambda percent, minutes: f"M73 P{percent} R{minutes}",
     ),

@@ -16,7 +16,7 @@ from printer_slicer.firmware.firmware import (
     format_marlin_limits,
     format_retraction,
 )
-from printer_slicer.texts import number
+from printer_slicer.texts import format_number
 
 __all__ = ["MARLIN_LEGACY"]
 
@@ -24,9 +24,9 @@ MARLIN_LEGACY: Final = Firmware(
     title="Marlin",
     dialect=Dialect(
         limits=format_marlin_limits,
-        acceleration=lambda value: f"M204 P{number(value)}",
+        acceleration=lambda value: f"M204 P{format_number(value)}",
         pause="M0",
-        pressure_advance=lambda seconds: f"M900 K{number(seconds)}",
+        pressure_advance=lambda seconds: f"M900 K{format_number(seconds)}",
         retraction=format_retraction,
         progress=lambda percent, _minutes: f"M73 P{percent}",
         counting="either",

@@ -18,7 +18,7 @@ from printer_slicer.firmware.firmware import (
     format_marlin_limits,
     format_retraction,
 )
-from printer_slicer.texts import number
+from printer_slicer.texts import format_number
 
 __all__ = ["PRUSA"]
 
@@ -26,9 +26,9 @@ PRUSA: Final = Firmware(
     title="Prusa's firmware",
     dialect=Dialect(
         limits=format_marlin_limits,
-        acceleration=lambda value: f"M204 P{number(value)}",
+        acceleration=lambda value: f"M204 P{format_number(value)}",
         pause="M601",
-        pressure_advance=lambda seconds: f"M900 K{number(seconds)}",
+        pressure_advance=lambda seconds: f"M900 K{format_number(seconds)}",
         retraction=format_retraction,
         progress=lambda percent, minutes: f"M73 Q{percent} S{minutes} P{percent} R{minutes}",
         labels="m486",

@@ -20,7 +20,7 @@ from printer_slicer.firmware.firmware import (
     SetsLimits,
     WireDialect,
 )
-from printer_slicer.texts import number
+from printer_slicer.texts import format_number
 
 if TYPE_CHECKING:
     from printer_slicer.profile import Printer
@@ -33,8 +33,10 @@ def _format_limits(printer: Printer) -> list[str]:
     lines = []
     for code, asked in (("M201", printer.acceleration), ("M202", printer.travel_acceleration)):
         x, y = min(asked, printer.max_acceleration_x), min(asked, printer.max_acceleration_y)
-        lines.append(f"{code} X{number(x)} Y{number(y)} ; mm/s^2")
-    jerks = f"X{number(printer.jerk_xy)} Z{number(printer.jerk_z)} E{number(printer.jerk_e)}"
+        lines.append(f"{code} X{format_number(x)} Y{format_number(y)} ; mm/s^2")
+    jerks = (
+        f"X{format_number(printer.jerk_xy)} Z{format_number(printer.jerk_z)} E{format_number(printer.jerk_e)}"
+    )
     return [*lines, f"M207 {jerks} ; mm/s"]
 
 
@@ -42,7 +44,7 @@ REPETIER: Final = Firmware(
     title="Repetier",
     dialect=Dialect(
         limits=_format_limits,
-        acceleration=lambda value: f"M201 X{number(value)} Y{number(value)}",
+        acceleration=lambda value: f"M201 X{format_number(value)} Y{format_number(value)}",
         pause="@pause",
         counting="either",
         home_offset="never",

@@ -18,7 +18,7 @@ from printer_slicer.firmware.firmware import (
     format_axis_limits,
     format_jerk,
 )
-from printer_slicer.texts import number
+from printer_slicer.texts import format_number
 
 if TYPE_CHECKING:
     from printer_slicer.profile import Printer
@@ -35,7 +35,7 @@ _MINUTE: Final = 60.0
 
 def _format_limits(printer: Printer) -> list[str]:
     """Format the motion limits; the E of M201 applies to moves of the extruder alone."""
-    print_, travel = number(printer.acceleration), number(printer.travel_acceleration)
+    print_, travel = format_number(printer.acceleration), format_number(printer.travel_acceleration)
     return [
         f"{format_axis_limits('M201', printer, 'max_acceleration')} ; mm/s^2",
         f"{format_axis_limits('M203', printer, 'max_speed', _MINUTE)} ; mm/min",
@@ -46,9 +46,9 @@ def _format_limits(printer: Printer) -> list[str]:
 
 def _format_retraction(printer: Printer) -> list[str]:
     """Format M207, which sets up retraction and deretraction; F and T are in mm/min."""
-    back, forward = number(printer.retract_speed * 60), number(printer.deretract_speed * 60)
+    back, forward = format_number(printer.retract_speed * 60), format_number(printer.deretract_speed * 60)
     return [
-        f"M207 S{number(printer.retract_length)} R{number(printer.deretract_extra)} F{back} T{forward} Z0"
+        f"M207 S{format_number(printer.retract_length)} R{format_number(printer.deretract_extra)} F{back} T{forward} Z0"
     ]
 
 
@@ -56,9 +56,9 @@ REPRAPFIRMWARE: Final = Firmware(
     title="RepRapFirmware",
     dialect=Dialect(
         limits=_format_limits,
-        acceleration=lambda value: f"M204 P{number(value)}",
+        acceleration=lambda value: f"M204 P{format_number(value)}",
         pause="M226",
-        pressure_advance=lambda seconds: f"M572 D0 S{number(seconds)}",
+        pressure_advance=lambda seconds: f"M572 D0 S{format_number(seconds)}",
         retraction=_format_retraction,
         progress=lambda percent, minutes: f"M73 P{percent} R{minutes}",
         labels="m486_quoted",

@@ -17,7 +17,7 @@ from printer_slicer.firmware.firmware import (
     WireDialect,
     format_retraction,
 )
-from printer_slicer.texts import number
+from printer_slicer.texts import format_number
 
 if TYPE_CHECKING:
     from printer_slicer.profile import Printer
@@ -27,13 +27,15 @@ __all__ = ["SMOOTHIE"]
 
 def _format_limits(printer: Printer) -> list[str]:
     """Format the motion limits, except accelerations of single axes, which Smoothieware's configuration sets."""
-    speeds = " ".join(f"{axis.upper()}{number(getattr(printer, f'max_speed_{axis}'))}" for axis in "xyz")
+    speeds = " ".join(
+        f"{axis.upper()}{format_number(getattr(printer, f'max_speed_{axis}'))}" for axis in "xyz"
+    )
     return [
         f"M203 {speeds} ; mm/s",
-        f"M203 E{number(printer.max_speed_e)} ; mm/s",
-        f"M204 S{number(printer.acceleration)} ; mm/s^2",
-        f"M204 E{number(printer.retract_acceleration)} ; mm/s^2",
-        f"M205 X{number(printer.junction_deviation)} ; mm",
+        f"M203 E{format_number(printer.max_speed_e)} ; mm/s",
+        f"M204 S{format_number(printer.acceleration)} ; mm/s^2",
+        f"M204 E{format_number(printer.retract_acceleration)} ; mm/s^2",
+        f"M205 X{format_number(printer.junction_deviation)} ; mm",
     ]
 
 
@@ -41,7 +43,7 @@ SMOOTHIE: Final = Firmware(
     title="Smoothieware",
     dialect=Dialect(
         limits=_format_limits,
-        acceleration=lambda value: f"M204 S{number(value)}",
+        acceleration=lambda value: f"M204 S{format_number(value)}",
         pause="M600",
         retraction=format_retraction,
         home_offset="when homed",

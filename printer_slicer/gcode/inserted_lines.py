@@ -30,7 +30,7 @@ from printer_slicer.macros import Template, Value, read_template
 from printer_slicer.model import Acceleration, Event, Fan, Heat, PressureAdvance, Program, ToolChange
 from printer_slicer.profile import Profile
 from printer_slicer.roles import ROLES, Role
-from printer_slicer.texts import number
+from printer_slicer.texts import format_number
 
 __all__ = [
     "TYPE_NAMES",
@@ -144,10 +144,10 @@ def _format_layer_changes(
             move,
             [
                 ";LAYER_CHANGE",
-                f";Z:{number(float(program.plan.top[layer]))}",
-                f";HEIGHT:{number(float(height[layer]))}",
+                f";Z:{format_number(float(program.plan.top[layer]))}",
+                f";HEIGHT:{format_number(float(height[layer]))}",
                 ";BEFORE_LAYER_CHANGE",
-                f";{number(float(program.plan.top[layer]))}",
+                f";{format_number(float(program.plan.top[layer]))}",
                 *_render_in_layer(template, context, rows, move, layer, shared),
             ],
         )
@@ -233,7 +233,7 @@ def _restore_state(lines: list[str], context: WriteContext, rows: MoveText, move
     back = ["G21"] if uses_inches(line.encode() for line in lines) else []
     back += ["G90", "M83" if printer.relative_extrusion else "M82"]
     fed = rows.fed[move - 1] if move else 0
-    back += [] if printer.relative_extrusion else [f"G92 E{number(fed / 10**E_DECIMALS)}"]
+    back += [] if printer.relative_extrusion else [f"G92 E{format_number(fed / 10**E_DECIMALS)}"]
     if move and codes & _MOVING:
         x, y, z = context.program.xyz[move - 1]
         travel = round(context.profile.speeds.travel * 60)
@@ -269,7 +269,7 @@ def format_fan(ratio: float) -> str:
 
 def _format_nozzle_target(temperature: float, tool: int | None) -> str:
     """Format M104 (heat without waiting) for a tool; None: the active tool."""
-    return f"M104{'' if tool is None else f' T{tool}'} S{number(temperature)}"
+    return f"M104{'' if tool is None else f' T{tool}'} S{format_number(temperature)}"
 
 
 def _format_event(event: Event, context: WriteContext) -> list[str]:
@@ -281,7 +281,7 @@ def _format_event(event: Event, context: WriteContext) -> list[str]:
         case Heat():
             tool = extruders[event.tool].tool if len(extruders) > 1 else None
             nozzle = [_format_nozzle_target(event.nozzle, tool)] if event.nozzle is not None else []
-            return nozzle + ([f"M140 S{number(event.bed)}"] if event.bed is not None else [])
+            return nozzle + ([f"M140 S{format_number(event.bed)}"] if event.bed is not None else [])
         case Acceleration():
             return [dialect.acceleration(event.value)]
         case PressureAdvance():
@@ -371,9 +371,9 @@ def format_extrusion_comments(program: Program) -> tuple[Int, list[bytes]]:
     example[alike] = np.arange(len(changed))
     texts = []
     for h, r, w in zip(*(some[example].tolist() for some in (height, kind, wide)), strict=True):
-        lines = [f";HEIGHT:{number(heights[h - 1])}\n"] if h else []
+        lines = [f";HEIGHT:{format_number(heights[h - 1])}\n"] if h else []
         lines += [f";TYPE:{TYPE_NAMES[Role(int(roles[r - 1]))]}\n"] if r else []
-        lines += [f";WIDTH:{number(widths[w - 1])}\n"] if w else []
+        lines += [f";WIDTH:{format_number(widths[w - 1])}\n"] if w else []
         texts.append("".join(lines).encode("ascii"))
     return beads[changed], [texts[one] for one in alike.tolist()]
 

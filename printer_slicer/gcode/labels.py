@@ -23,7 +23,7 @@ from printer_slicer.gcode.move_text import E_DECIMALS, MoveText
 from printer_slicer.model import Labels, Program
 from printer_slicer.profile import Profile
 from printer_slicer.roles import Role
-from printer_slicer.texts import number
+from printer_slicer.texts import format_number
 
 __all__ = [
     "LABEL_FORMATS",
@@ -59,7 +59,7 @@ def _format_klipper_definitions(names: tuple[str, ...], boxes: Float) -> list[st
     """Format EXCLUDE_OBJECT_DEFINE without outlines: with them, lines are too long for some hosts."""
     middles = boxes.mean(axis=1).tolist()
     return [
-        f"EXCLUDE_OBJECT_DEFINE NAME={name} CENTER={number(round(x, 1))},{number(round(y, 1))}"
+        f"EXCLUDE_OBJECT_DEFINE NAME={name} CENTER={format_number(round(x, 1))},{format_number(round(y, 1))}"
         for name, (x, y) in zip(names, middles, strict=True)
     ]
 
@@ -173,7 +173,7 @@ def format_stop_labels(
             continue
         lines = words.stop(mark.stop, labels.names[mark.stop])
         if not relative:
-            lines = [*lines, f"G92 E{number(float(rows.fed[mark.index - 1]) / 10**E_DECIMALS)}"]
+            lines = [*lines, f"G92 E{format_number(float(rows.fed[mark.index - 1]) / 10**E_DECIMALS)}"]
         yield mark.index, lines
 
 

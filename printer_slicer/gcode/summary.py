@@ -21,7 +21,7 @@ import numpy as np
 from printer_slicer.arrays import unique_inverse
 from printer_slicer.model import Program
 from printer_slicer.profile import Profile, settings_text
-from printer_slicer.texts import format_duration, number
+from printer_slicer.texts import format_duration, format_number
 from printer_slicer.version import VERSION
 
 __all__ = ["format_footer", "format_header"]
@@ -81,18 +81,18 @@ def _collect_common_settings(program: Program, profile: Profile) -> Mapping[str,
     nozzle, bed = material.nozzle_temperature, material.bed_temperature
     first_nozzle, first_bed = material.first_layer_nozzle_temperature, material.first_layer_bed_temperature
     return {
-        "layer_height": number(float(usual)),
-        "first_layer_height": number(float(plan.height[0])),
-        "max_layer_z": number(float(plan.top[-1])),
-        "nozzle_diameter": number(printer.nozzle_diameter),
-        "filament_diameter": number(material.filament_diameter),
+        "layer_height": format_number(float(usual)),
+        "first_layer_height": format_number(float(plan.height[0])),
+        "max_layer_z": format_number(float(plan.top[-1])),
+        "nozzle_diameter": format_number(printer.nozzle_diameter),
+        "filament_diameter": format_number(material.filament_diameter),
         "filament_type": material.type or material.name,
         "filament_settings_id": material.name,
         "temperature": f"{nozzle:.0f}",
         "first_layer_temperature": f"{first_nozzle:.0f}",
         "bed_temperature": f"{bed:.0f}",
         "first_layer_bed_temperature": f"{first_bed:.0f}",
-        "fill_density": f"{number(100 * quality.infill_density)}%",
+        "fill_density": f"{format_number(100 * quality.infill_density)}%",
         "fill_pattern": quality.infill,
         "perimeters": f"{quality.perimeters}",
         "brim_width": f"{quality.brim_width:.0f}",

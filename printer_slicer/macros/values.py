@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import ceil, floor, isfinite
 
-from printer_slicer.texts import number
+from printer_slicer.texts import format_number
 
 __all__ = [
     "LARGEST_NUMBER",
@@ -79,7 +79,7 @@ def format_value(value: Value) -> str:
         return format_value(first_item(value))
     if isinstance(value, tuple):
         return ", ".join(format_value(item) for item in value)
-    return str(value) if isinstance(value, int) else number(value)
+    return str(value) if isinstance(value, int) else format_number(value)
 
 
 def literal(value: Value) -> str:

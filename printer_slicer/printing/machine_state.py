@@ -29,7 +29,7 @@ _MESH_COMMANDS: Final = frozenset({b"BED_MESH_PROFILE", b"BED_MESH_CALIBRATE"})
 
 def format_number(value: float) -> bytes:
     """Format a number for G-code."""
-    return texts.number(value).encode()
+    return texts.format_number(value).encode()
 
 
 SCRIPT_ENTRY: Final = -2

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from printer_slicer.errors import ProfileError
 from printer_slicer.macros import Value, add_other_names, escape_braces, format_value, read_template
-from printer_slicer.texts import number
+from printer_slicer.texts import format_number
 from tests.effort import examples
 
 KNOWN: dict[str, Value] = {
@@ -187,7 +187,7 @@ def test_braces_and_brackets_that_are_no_placeholders(text: str, expected: str) 
 
 @given(st.floats(-1e9, 1e9))
 def test_numbers_have_no_exponent_and_no_needless_zeros(value: float) -> None:
-    text = number(value)
+    text = format_number(value)
 
     assert float(text) == pytest.approx(value, abs=5.1e-6)
     assert not text.endswith(".")
