@@ -27,7 +27,9 @@ __all__ = ["MARLIN"]
 def _format_limits(printer: Printer) -> list[str]:
     """Format the motion limits, with jerk or junction deviation as in the profile."""
     jerk = printer.corner == "jerk"
-    return format_marlin_limits(printer, "" if jerk else f"M205 J{format_number(printer.junction_deviation)} ; mm")
+    return format_marlin_limits(
+        printer, "" if jerk else f"M205 J{format_number(printer.junction_deviation)} ; mm"
+    )
 
 
 MARLIN: Final = Firmware(
