@@ -1,8 +1,9 @@
-"""A large closed part for measuring: a bumpy torus with as many facets as wanted, as binary STL.
+"""Write a large closed part for measurements: a bumpy torus with a given number of facets, as binary STL.
 
     python benchmarks/big_mesh.py --facets 5000000 --output benchmarks/made/torus_5m.stl
 
-With --load or --slice CPU and peak memory of reading it, or of the whole command, are measured in a process of its own.
+--load and --slice measure CPU time and peak memory of reading the part, or of the whole slice command, in a separate
+process.
 """
 
 from __future__ import annotations
@@ -19,8 +20,8 @@ MADE = Path(__file__).parent / "made"
 FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
 
-def surface(u: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """(..., 3) float32 points of the torus, mm: 90 mm across the middle circle, 25 mm thick, with bumps of 1 mm."""
+def torus_points(u: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Return points (..., 3) of the torus, float32 mm: 90 mm across the middle circle, 25 mm thick, bumps of 1 mm."""
     thick = 25.0 + np.sin(24 * u) * np.cos(12 * v)
     around = 45.0 + thick / 2 * np.cos(v)
     return np.stack([around * np.cos(u), around * np.sin(u), thick / 2 * np.sin(v)], axis=-1).astype(
@@ -29,20 +30,20 @@ def surface(u: np.ndarray, v: np.ndarray) -> np.ndarray:
 
 
 def write_torus(path: Path, n_facets: int) -> int:
-    """Write it ring by ring; neighbours share their corners exactly.
+    """Write the torus ring by ring; neighbouring facets share their corners exactly.
 
     Returns:
-        How many facets it has: as many as wanted, or up to one ring less.
+        The number of facets: `n_facets`, or up to one ring less.
     """
     n_v = max(int(np.sqrt(n_facets / 2) / 2), 3)
     n_u = n_facets // (2 * n_v)
     v = np.arange(n_v) * (2 * np.pi / n_v)
-    first = previous = surface(np.full(n_v, 0.0), v)
+    first = previous = torus_points(np.full(n_v, 0.0), v)
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("wb") as file:
         file.write(b"bumpy torus".ljust(80) + (2 * n_u * n_v).to_bytes(4, "little"))
         for ring in range(1, n_u + 1):
-            there = surface(np.full(n_v, ring * 2 * np.pi / n_u), v) if ring < n_u else first
+            there = torus_points(np.full(n_v, ring * 2 * np.pi / n_u), v) if ring < n_u else first
             facets = np.zeros(2 * n_v, dtype=FACET)
             a, b, c, d = previous, there, np.roll(there, -1, axis=0), np.roll(previous, -1, axis=0)
             facets["corners"][0::2] = np.stack([a, b, c], axis=1)
@@ -53,14 +54,14 @@ def write_torus(path: Path, n_facets: int) -> int:
 
 
 def measure(arguments: list[str]) -> tuple[float, float, int]:
-    """CPU seconds, peak memory in MiB and exit code of a process."""
+    """Return CPU seconds, peak memory in MiB and exit code of a process."""
     process = os.posix_spawn(sys.executable, [sys.executable, *arguments], os.environ)
     _, status, used = os.wait4(process, 0)
     return used.ru_utime + used.ru_stime, used.ru_maxrss / 1024, os.waitstatus_to_exitcode(status)
 
 
 def main() -> int:
-    """Write the part, and measure if wanted."""
+    """Write the part, and measure if an option asks for it."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

@@ -33,8 +33,12 @@ _ROUNDS: Final = 8
 def main(argv: Sequence[str] | None = None) -> int:
     """Measure all rows; return 1 if one is over its budget."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.budget", description=__doc__.splitlines()[0])
-    parser.add_argument("--rounds", type=int, default=_ROUNDS, help="most rounds (default: %(default)s)")
-    parser.add_argument("--all-rounds", action="store_true", help="do not end early, for new budgets")
+    parser.add_argument(
+        "--rounds", type=int, default=_ROUNDS, help="maximum number of rounds (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--all-rounds", action="store_true", help="do not end early; use it to set new budgets"
+    )
     options = parser.parse_args(argv)
     with TemporaryDirectory() as folder:
         rows = [*_process_rows(folder), *_warm_rows()]

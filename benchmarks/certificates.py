@@ -1,11 +1,11 @@
-"""Is what the certificate says true? Planning time, bound, and the worst that sampling finds, part by part.
+"""Compare certified bounds with sampled points: planning time, bound and largest error of each part.
 
     python -m benchmarks.certificates [--models DIR] [--points N] [--tolerance MM] [part ...]
 
-For each part the plan of the shipped quality `adaptive` is made from a mesh whose surface was not read before, and
-certified. Points are then tried where the stack may be wrong, and their exact distance to the mesh is compared with the
-bound of their layer; and points on the mesh with the boundary of the stack. The exit code is 1 if any wrong point is
-above its bound, or a flat of more than 1 mm² or the part's top is off by more than 0.005 mm.
+For each part, the shipped quality `adaptive` plans layers from a new mesh, and the plan is certified. Then points are
+sampled where the stack may be wrong. Their exact distance to the mesh is compared with the bound of their layer. Points
+on the mesh are compared with the boundary of the stack. The exit code is 1 if a wrong point exceeds its bound, or if a
+flat of more than 1 mm² or the top of the part is off by more than 0.005 mm.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ _HEAD = (
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Print one row for each part; 1 if something is not as certified."""
+    """Print one row for each part; return 1 if a part is not as certified."""
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks.certificates", description=__doc__.split("\n")[0]
     )
@@ -48,7 +48,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--models", type=Path, help="folder with more parts (default: $PRINTER_SLICER_MODELS)"
     )
-    parser.add_argument("--points", type=int, default=20_000, help="tried on each part (default 20000)")
+    parser.add_argument(
+        "--points", type=int, default=20_000, help="points sampled on each part (default 20000)"
+    )
     parser.add_argument("--tolerance", type=float, help="mm; default: the quality's")
     options = parser.parse_args(argv)
     models = options.models or os.environ.get("PRINTER_SLICER_MODELS")
@@ -64,7 +66,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _row(path: Path, profile: Profile, n_points: int) -> bool:
-    """Measure and print one part; whether it is as certified."""
+    """Measure a part, print its row, and return whether it is as certified."""
     sized, told = printable(load_mesh(path))
     part = place(sized, profile.printer)
     if told:

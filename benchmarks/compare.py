@@ -1,10 +1,11 @@
-"""Our `slice` against PrusaSlicer: whole processes side by side, same part, same settings.
+"""Compare our `slice` with PrusaSlicer in whole processes: same part, same settings.
 
     python benchmarks/compare.py [--rounds N] [--models DIR] [--quality NAME] [--printer NAME] [--set KEY=VALUE]
                                  [--json FILE] [part ...]
 
-One round runs each program once, one after the other, so that whatever else the machine does meets all of them; a ratio
-is taken within a round, and the median over the rounds is shown with its extremes. The first run of each is a warm-up.
+One round runs each program once, one after the other, so that other load on the machine affects all of them. Each ratio
+is taken within a round. The output shows the median over the rounds with its extremes. The first run of each program is
+a warm-up.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from processes import SAMPLES, WORK, Cost, RunError, machine_note, ours, run, sp
 
 PEER = "prusa-slicer"
 MODELS = ("benchy", "crazyradio", "ringing_tower")
-"""Parts taken from the models folder when none is named."""
+"""Parts from the models folder that are used if no part is named."""
 
 VARIANTS: Mapping[str, tuple[str, ...]] = {
     "default": (),
@@ -34,7 +35,7 @@ VARIANTS: Mapping[str, tuple[str, ...]] = {
         *("--no-extra-perimeters", "--resolution", "0.0125"),
     ),
 }
-"""What is added to the common settings of PrusaSlicer; everything else is as it comes."""
+"""Options in addition to the common settings of PrusaSlicer; its other settings are at their defaults."""
 
 SAME: Mapping[str, str] = {
     "max-print-height": "printer.bed_z",
@@ -64,7 +65,7 @@ SAME: Mapping[str, str] = {
     "first-layer-speed": "quality.speeds.first_layer",
     "travel-speed": "quality.speeds.travel",
 }
-"""Settings that PrusaSlicer gets as ours has them: its name, our name."""
+"""Settings that PrusaSlicer gets with our values: its name, our name."""
 
 CPU_TARGET, PEAK_TARGET = 0.25, 1.5
 """On benchy, against PrusaSlicer with its other settings at their defaults."""
@@ -83,14 +84,14 @@ with TemporaryDirectory() as folder:
     used = load_profile(**{kind: str(path) for kind, path in paths.items()}).resolved
 print(json.dumps({key: str(value) for key, value in settings_text(used)}))
 """
-"""What the profile that a file holds comes to, speeds of the printer filled in."""
+"""Code that prints the settings of a G-code file as they are used, with the speeds of the printer."""
 
 _EXPORT = "import sys, trimesh; trimesh.load(sys.argv[1], force='mesh').export(sys.argv[2], file_type='stl')"
 
 
 @dataclass(frozen=True, slots=True)
 class Facts:
-    """What a G-code file would lay, from its first layer comment on.
+    """What a G-code file extrudes, from its first layer comment on.
 
     Attributes:
         moves: G1 lines with E and X or Y.
@@ -107,7 +108,7 @@ class Facts:
 
 @dataclass(slots=True)
 class Result:
-    """One part: the cost of every program in every round, and what each wrote."""
+    """Costs of every program in every round for one part, and facts about the files that they wrote."""
 
     part: str
     costs: dict[str, list[Cost]] = field(default_factory=dict)
@@ -115,28 +116,28 @@ class Result:
     failures: dict[str, str] = field(default_factory=dict)
 
     def ratios(self, peer: str, what: Callable[[Cost], float]) -> list[float]:
-        """Ours divided by theirs, round by round."""
+        """Return our value divided by the peer's, round by round."""
         return [what(a) / what(b) for a, b in zip(self.costs["ours"], self.costs[peer], strict=True)]
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the comparison; 1 if a part could not be measured."""
+    """Run the comparison; return 1 if a part could not be measured."""
     options = _options(argv)
     WORK.mkdir(exist_ok=True)
     peers = dict(VARIANTS) if shutil.which(PEER) else {}
-    print(machine_note() + (f", {_peer_version()}" if peers else ""), flush=True)
+    print(machine_note() + (f", {_find_peer_version()}" if peers else ""), flush=True)
     if not peers:
-        print(f"{PEER} is not installed: only our own times")
+        print(f"{PEER} is not installed: the table shows only our own times")
     results = []
-    for model in _parts(options.models, options.parts):
-        results.append(_measure(model, peers, options.rounds, _ours_of(options)))
+    for model in _find_parts(options.models, options.parts):
+        results.append(_measure(model, peers, options.rounds, _our_arguments(options)))
         print(f"measured {results[-1].part}", file=sys.stderr)
     for name in peers or [""]:
         print("\n" + _table(results, name))
     for result in results:
         for program, reason in result.failures.items():
             print(f"{result.part}: {program} failed: {reason}")
-    _judge(results)
+    _print_target(results)
     if options.json:
         note = {"machine": machine_note(), "rounds": options.rounds, "quality": options.quality}
         options.json.write_text(json.dumps({**note, "parts": [asdict(r) for r in results]}, indent=1) + "\n")
@@ -144,10 +145,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _options(argv: Sequence[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        description="Our slice against PrusaSlicer, whole processes side by side."
-    )
-    parser.add_argument("parts", nargs="*", help="names without extension; default: all")
+    parser = argparse.ArgumentParser(description="Compare our slice with PrusaSlicer in whole processes.")
+    parser.add_argument("parts", nargs="*", help="part names without extension; default: all")
     parser.add_argument("--rounds", type=int, default=5, help="measured runs of each program (default 5)")
     parser.add_argument(
         "--models", type=Path, help="folder with more parts (default: $PRINTER_SLICER_MODELS)"
@@ -157,7 +156,7 @@ def _options(argv: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument(
         "--set", metavar="KEY=VALUE", action="append", default=[], help="change one of our settings"
     )
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write every single measurement")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write all measurements to this file")
     options = parser.parse_args(argv)
     if options.rounds < 1:
         parser.error("--rounds must be at least 1")
@@ -168,11 +167,11 @@ def _options(argv: Sequence[str] | None) -> argparse.Namespace:
     return options
 
 
-# Which parts
+# Choosing parts
 
 
-def _parts(models: Path | None, wanted: Sequence[str]) -> list[Path]:
-    """The parts to slice: large ones from the models folder, then the sample parts."""
+def _find_parts(models: Path | None, wanted: Sequence[str]) -> list[Path]:
+    """Return the parts to slice: large ones from the models folder, then the sample parts."""
     known: dict[str, Path] = {}
     for folder in (models, SAMPLES):
         for path in sorted(folder.iterdir()) if folder else []:
@@ -182,12 +181,12 @@ def _parts(models: Path | None, wanted: Sequence[str]) -> list[Path]:
     names = list(wanted) or [*(name for name in MODELS if name in known), *samples]
     unknown = [name for name in names if name not in known]
     if unknown:
-        sys.exit(f"no part {', '.join(unknown)}; there are {', '.join(known)}")
+        sys.exit(f"no part {', '.join(unknown)}; known parts: {', '.join(known)}")
     return [_as_stl(known[name]) for name in names]
 
 
 def _as_stl(path: Path) -> Path:
-    """The part as STL, so that both programs read the same triangles; converted once."""
+    """Return the part as STL, converted once, so that both programs read the same triangles."""
     if path.suffix.lower() == ".stl":
         return path
     target = WORK / f"{path.stem}.stl"
@@ -199,26 +198,26 @@ def _as_stl(path: Path) -> Path:
 # Measuring
 
 
-def _ours_of(options: argparse.Namespace) -> list[str]:
-    """Arguments for our own program."""
+def _our_arguments(options: argparse.Namespace) -> list[str]:
+    """Return the arguments for our own program."""
     changes = [word for change in options.set for word in ("--set", change)]
     return ["--quality", options.quality, "--printer", options.printer, *changes]
 
 
 def _measure(model: Path, peers: Mapping[str, Sequence[str]], rounds: int, settings: Sequence[str]) -> Result:
-    """Warm up every program, then let them take turns."""
+    """Warm up every program, then run them in turn."""
     result = Result(model.stem)
     outputs = {name: WORK / f"{model.stem}_{name}.gcode" for name in ("ours", *peers)}
     commands = {"ours": ours("slice", str(model), "-o", str(outputs["ours"]), *settings)}
     if not _warm_up(result, "ours", commands, outputs):
         return result
-    common = _matched(_settings(outputs["ours"]))
+    common = _matching_options(_read_settings(outputs["ours"]))
     for name, changes in peers.items():
         commands[name] = [PEER, "--export-gcode", str(model), "-o", str(outputs[name]), *common, *changes]
         _warm_up(result, name, commands, outputs)
     try:
         costs = [{name: run(commands[name]) for name in result.facts} for _ in range(rounds)]
-    except RunError as error:  # it worked a moment ago: nothing of this part can be trusted
+    except RunError as error:  # the warm-up succeeded, so no run of this part can be trusted
         result.failures["a measured run"] = str(error)
         return result
     result.costs = {name: [cost[name] for cost in costs] for name in result.facts}
@@ -228,18 +227,18 @@ def _measure(model: Path, peers: Mapping[str, Sequence[str]], rounds: int, setti
 def _warm_up(
     result: Result, name: str, commands: Mapping[str, list[str]], outputs: Mapping[str, Path]
 ) -> bool:
-    """Run one program once and look at what it wrote; whether it did its work."""
+    """Run a program once and read its output; return whether it succeeded."""
     outputs[name].unlink(missing_ok=True)
     try:
         run(commands[name])
-        result.facts[name] = _facts(outputs[name])
+        result.facts[name] = _count_extrusions(outputs[name])
     except (RunError, FileNotFoundError) as error:
         result.failures[name] = str(error)
     return name in result.facts
 
 
-def _settings(gcode: Path) -> dict[str, str]:
-    """The settings that our G-code ends with, as they are used; read in another process."""
+def _read_settings(gcode: Path) -> dict[str, str]:
+    """Return the settings at the end of our G-code, with the values in use; another process reads them."""
     found = re.findall(
         r"^; ([a-z_.]+) = (.*)$", gcode.read_text("ascii").partition("\n; settings\n")[2], re.MULTILINE
     )
@@ -249,8 +248,8 @@ def _settings(gcode: Path) -> dict[str, str]:
     return dict(found) | json.loads(said)
 
 
-def _matched(settings: Mapping[str, str]) -> list[str]:
-    """Our settings as arguments for PrusaSlicer, as far as both have them."""
+def _matching_options(settings: Mapping[str, str]) -> list[str]:
+    """Return our settings as arguments for PrusaSlicer, as far as both programs have them."""
 
     def value(key: str) -> float:
         return float(settings[key])
@@ -273,8 +272,8 @@ def _matched(settings: Mapping[str, str]) -> list[str]:
     return [word for key, text in same.items() for word in (f"--{key}", text)]
 
 
-def _facts(gcode: Path) -> Facts:
-    """Count what a G-code file lays; E may be absolute or relative."""
+def _count_extrusions(gcode: Path) -> Facts:
+    """Count the extrusions of a G-code file; E may be absolute or relative."""
     words = re.compile(r"([XYE])(-?[\d.]+)")
     moves, layers, last, relative, role = 0, 0, 0.0, False, ""
     roles: dict[str, float] = {}
@@ -297,11 +296,11 @@ def _facts(gcode: Path) -> Facts:
     return Facts(moves, sum(roles.values()), layers, roles)
 
 
-# Saying it
+# Printing results
 
 
 def _table(results: Sequence[Result], peer: str) -> str:
-    """One row per part: ours against one variant of PrusaSlicer, or ours alone."""
+    """Return one row per part: ours against one variant of PrusaSlicer, or ours alone."""
     if not peer:
         lines = ["| part | CPU s | wall s | peak MiB | moves | filament m | layers |", "|---|" + "---:|" * 6]
         return "\n".join(lines + [_row_alone(result) for result in results if result.costs])
@@ -344,8 +343,8 @@ def _row_alone(result: Result) -> str:
     return f"| {' | '.join(cells)} |"
 
 
-def _judge(results: Sequence[Result]) -> None:
-    """Whether the target for benchy is met, if it was measured."""
+def _print_target(results: Sequence[Result]) -> None:
+    """Print whether the target for benchy is met, if benchy was measured."""
     for result in results:
         if result.part == "benchy" and {"ours", "default"} <= result.costs.keys():
             cpu = median(result.ratios("default", lambda cost: cost.cpu))
@@ -357,8 +356,8 @@ def _judge(results: Sequence[Result]) -> None:
             )
 
 
-def _peer_version() -> str:
-    """As the program itself says it."""
+def _find_peer_version() -> str:
+    """Return the version that PrusaSlicer reports."""
     said = subprocess.run([PEER, "--help"], capture_output=True, text=True, check=False).stdout
     found = re.search(r"PrusaSlicer-[\w.]+", said)
     return found.group() if found else PEER

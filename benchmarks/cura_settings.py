@@ -1,7 +1,7 @@
-"""Our profile in the words of CuraEngine, with what follows from it worked out as Cura's definitions say.
+"""Convert our profile to settings of CuraEngine, and evaluate the formulas in Cura's definitions.
 
-The engine alone takes only the defaults of a definition file; the formulas by which one setting follows from others are
-evaluated by the window program. Here they are evaluated from the same file, so that the engine gets what it would get
+CuraEngine only reads the defaults of a definition file. Cura's window program evaluates the formulas by which one
+setting follows from others. This module evaluates them from the same file, so that the engine gets the same settings as
 from Cura.
 """
 
@@ -24,7 +24,7 @@ _MACHINE, _EXTRUDER = "fdmprinter.def.json", "fdmextruder.def.json"
 
 
 def find_definitions() -> Definitions | None:
-    """The settings of the installed Cura; None if there are none in $CURA_DEFINITIONS or the usual place."""
+    """Return the settings of the installed Cura; None if $CURA_DEFINITIONS and the usual folder have none."""
     folder = Path(os.environ.get(_FOLDER) or _USUAL)
     complete = all((folder / name).is_file() for name in (_MACHINE, _EXTRUDER))
     return Definitions(folder) if complete else None
@@ -34,42 +34,42 @@ class Definitions:
     """All settings of a machine with one extruder, with their defaults and formulas.
 
     Attributes:
-        machine: the file that the engine is given; it finds the extruder's beside it.
+        machine: the file that the engine reads; it finds the extruder's file in the same folder.
     """
 
     def __init__(self, folder: Path) -> None:
         self.machine = folder / _MACHINE
         self._known: dict[str, Mapping[str, Any]] = {}
         for name in (_EXTRUDER, _MACHINE):
-            self._known.update(_flattened(json.loads((folder / name).read_text("utf-8"))["settings"]))
+            self._known.update(_flatten_settings(json.loads((folder / name).read_text("utf-8"))["settings"]))
 
     def settings(self, wanted: Mapping[str, object]) -> dict[str, str]:
-        """Every setting that differs from its default, in the words of the engine.
+        """Return every setting that differs from its default, under its name in CuraEngine.
 
         Args:
-            wanted: what is asked for; the rest follows from it.
+            wanted: settings with given values; the others follow from them.
 
         Raises:
-            KeyError: a name that the definitions do not have.
+            KeyError: the definitions do not contain a name.
         """
         unknown = wanted.keys() - self._known.keys()
         if unknown:
             raise KeyError(f"not in {self.machine.name}: {', '.join(sorted(unknown))}")
         values = _Values(self._known, wanted)
         return {
-            name: _text(values[name])
+            name: _format_value(values[name])
             for name, known in self._known.items()
             if "default_value" in known and values[name] != known["default_value"]
         }
 
 
 class _Values(dict[str, Any]):
-    """Settings by name, worked out when they are first asked for."""
+    """Settings by name, evaluated when they are first read."""
 
     def __init__(self, known: Mapping[str, Mapping[str, Any]], wanted: Mapping[str, object]) -> None:
         super().__init__(wanted)
         self._known = known
-        # With one extruder all of these ask for the same value.
+        # With one extruder, all of these return the same value.
         self._helpers: dict[str, Any] = {
             "__builtins__": {},
             **{f.__name__: f for f in (abs, all, any, int, len, map, max, min, round, sum)},
@@ -85,29 +85,29 @@ class _Values(dict[str, Any]):
             raise KeyError(name)
         known = self._known[name]
         formula = known.get("value")
-        # The formulas come with the installed program and use a handful of functions.
+        # The formulas come with the installed program and use only a few functions.
         value = eval(formula, self._helpers, self) if isinstance(formula, str) else known.get("default_value")
         self[name] = value
         return value
 
 
-def _flattened(settings: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]]]:
+def _flatten_settings(settings: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]]]:
     for name, known in settings.items():
         yield name, known
-        yield from _flattened(known.get("children", {}))
+        yield from _flatten_settings(known.get("children", {}))
 
 
-def _text(value: object) -> str:
+def _format_value(value: object) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def cura_settings(profile: Profile) -> dict[str, object]:
-    """Setting -> value; layer heights are left to the caller.
+    """Return the settings (name -> value), without layer heights, which the caller sets.
 
-    Where both have a setting it gets our value; where Cura alone has it, its own default. Shells are given in mm, but
-    the engine counts layers of the nominal height.
+    A setting that both programs have gets our value; a setting that only Cura has keeps its default. Shells are given
+    in mm, but the engine counts layers of the nominal height.
     """
     return _machine(profile) | _shape(profile) | _speeds(profile)
 
@@ -121,7 +121,7 @@ def _machine(profile: Profile) -> dict[str, object]:
         "machine_center_is_zero": printer.origin == "centre",
         "machine_heated_bed": True,
         "machine_nozzle_size": printer.nozzle_diameter,
-        "machine_start_gcode": "G28",  # priming and presenting the part are no part of the comparison
+        "machine_start_gcode": "G28",  # priming and presenting the part are not compared
         "machine_end_gcode": "M84",
         "material_diameter": material.filament_diameter,
         "material_flow": 100 * material.flow_ratio,

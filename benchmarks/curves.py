@@ -1,4 +1,4 @@
-"""Deviation against minutes: rows of a comparison, the curve they make, and the picture of it."""
+"""Rows of a comparison, their curve of deviation against minutes, and its picture."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ __all__ = ["Frontier", "Row", "draw"]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Row:
-    """One plan, scored.
+    """One plan and its scores.
 
     Attributes:
-        family: whose rule it is; a line of the picture.
-        setting: how the rule was set.
-        plan: the layers; in it what is missing in a tip where no bead fits is filled up.
-        score: by our toolpaths.
+        family: the planner or peer; a line of the picture.
+        setting: its settings.
+        plan: the layers, extended to the top where a tip is too thin for an extrusion.
+        score: with our toolpaths.
         ours: whether a planner of this project made it.
-        own_minutes: of the maker's own G-code.
-        prusa_minutes: of PrusaSlicer's G-code over this plan; None if it was not asked.
-        cpu: s that planning took; None for peers, who do not plan alone.
-        strayed: mm by which PrusaSlicer laid one of our layers at another height at most; None if it was not asked.
-        dropped: how many of our layers PrusaSlicer laid nothing in; None if it was not asked.
+        own_minutes: minutes of the slicer's own G-code.
+        prusa_minutes: minutes of PrusaSlicer's G-code with this plan; None if it did not slice it.
+        cpu: CPU time of planning, s; None for peers, whose planning cannot be timed separately.
+        strayed: largest height error of PrusaSlicer when it printed our layers, mm; None if it did not slice the plan.
+        dropped: number of our layers that PrusaSlicer left empty; None if it did not slice the plan.
     """
 
     family: str
@@ -45,15 +45,15 @@ class Row:
 
 
 Minutes = Callable[[Row], float | None]
-"""Which minutes of a row count."""
+"""Returns the minutes of a row that count."""
 
 
 class Frontier:
-    """The best that some plans reach: least deviation within so many minutes, straight between neighbours.
+    """The best results of some plans: least deviation for a number of minutes, interpolated linearly.
 
     Args:
         rows: the plans.
-        minutes: which of their minutes count; rows without are left out.
+        minutes: returns the minutes that count; rows without them are left out.
     """
 
     def __init__(self, rows: Sequence[Row], minutes: Minutes) -> None:
@@ -67,13 +67,13 @@ class Frontier:
         self._mean = np.array([mean for _, mean in best])
 
     def mean_at(self, minutes: float) -> float | None:
-        """Deviation, mm, in so many minutes; None if no plan is as quick."""
+        """Return the deviation, mm, within a number of minutes; None if no plan is as fast."""
         if not len(self._time) or minutes < self._time[0]:
             return None
         return float(np.interp(minutes, self._time, self._mean))
 
     def minutes_at(self, mean: float) -> float | None:
-        """Minutes for a deviation, mm, no larger than this; None if no plan comes as near."""
+        """Return the minutes for a deviation, mm, of at most `mean`; None if no plan is as accurate."""
         if not len(self._time) or mean < self._mean[-1]:
             return None
         return float(np.interp(-mean, -self._mean, self._time))
@@ -102,7 +102,7 @@ _FONT = 'font-family="sans-serif"'
 
 
 def draw(title: str, rows: Sequence[Row], panels: Sequence[tuple[str, Minutes]]) -> str:
-    """Deviation over minutes as SVG: a panel for each way to count minutes, a line for each family."""
+    """Draw deviation against minutes as SVG: a panel for each way to count minutes, a line for each family."""
     families = {row.family: row.ours for row in rows}
     width = _LEFT + len(panels) * (_WIDTH + _GAP) + _LEGEND
     height = _TOP + _HEIGHT + 60
@@ -112,16 +112,16 @@ def draw(title: str, rows: Sequence[Row], panels: Sequence[tuple[str, Minutes]])
         _text(_LEFT, 24, title, 16),
     ]
     for i, (name, minutes) in enumerate(panels):
-        parts += _panel(_LEFT + i * (_WIDTH + _GAP), name, rows, minutes)
+        parts += _draw_panel(_LEFT + i * (_WIDTH + _GAP), name, rows, minutes)
     left = width - _LEGEND
     for i, (family, ours) in enumerate(families.items()):
         y = _TOP + 10 + 20 * i
-        parts += [_mark(left, y, i, ours=ours), _text(left + 12, y + 4, family, 11)]
+        parts += [_draw_marker(left, y, i, ours=ours), _text(left + 12, y + 4, family, 11)]
     return "\n".join([*parts, "</svg>"]) + "\n"
 
 
-def _panel(left: float, name: str, rows: Sequence[Row], minutes: Minutes) -> list[str]:
-    """One chart; the scale of the deviation is logarithmic, because ratios are what is compared."""
+def _draw_panel(left: float, name: str, rows: Sequence[Row], minutes: Minutes) -> list[str]:
+    """Draw one chart; the scale of the deviation is logarithmic, because ratios are compared."""
     known = [(time, 1e3 * row.score.mean, row) for row in rows if (time := minutes(row)) is not None]
     if not known:
         return []
@@ -134,7 +134,7 @@ def _panel(left: float, name: str, rows: Sequence[Row], minutes: Minutes) -> lis
         x = left + _WIDTH * (time - x_low) / (x_high - x_low)
         return x, _TOP + _HEIGHT * (y_high - float(np.log(max(mean, 1e-3)))) / (y_high - y_low)
 
-    parts = _axes(left, name, (x_low, x_high), (float(np.exp(y_low)), float(np.exp(y_high))), place)
+    parts = _draw_axes(left, name, (x_low, x_high), (float(np.exp(y_low)), float(np.exp(y_high))), place)
     for i, family in enumerate(dict.fromkeys(row.family for row in rows)):
         points = sorted(
             (time, mean, row.setting, row.ours) for time, mean, row in known if row.family == family
@@ -143,11 +143,11 @@ def _panel(left: float, name: str, rows: Sequence[Row], minutes: Minutes) -> lis
         line = " ".join(f"{x:.1f},{y:.1f}" for x, y, _, _ in where)
         colour = _COLOURS[i % len(_COLOURS)]
         parts.append(f'<polyline points="{line}" fill="none" stroke="{colour}" stroke-width="1.2"/>')
-        parts += [_mark(x, y, i, f"{family}, {setting}", ours=ours) for x, y, setting, ours in where]
+        parts += [_draw_marker(x, y, i, f"{family}, {setting}", ours=ours) for x, y, setting, ours in where]
     return parts
 
 
-def _axes(
+def _draw_axes(
     left: float,
     name: str,
     x_range: tuple[float, float],
@@ -186,8 +186,8 @@ def _log_ticks(low: float, high: float) -> list[float]:
     ]
 
 
-def _mark(x: float, y: float, family: int, title: str = "", *, ours: bool) -> str:
-    """A circle for ours, a square for a peer's; the title shows when pointed at."""
+def _draw_marker(x: float, y: float, family: int, title: str = "", *, ours: bool) -> str:
+    """Draw a circle for one of our plans, a square for a peer's; the title appears when pointed at."""
     colour, said = _COLOURS[family % len(_COLOURS)], f"<title>{escape(title)}</title>"
     if ours:
         return f'<circle cx="{x:.1f}" cy="{y:.1f}" r="3.2" fill="{colour}">{said}</circle>'

@@ -1,4 +1,7 @@
-"""Print a file with Printrun's printcore, whose Python runs this: PORT FILE SECONDS. Says how it ended, as JSON."""
+"""Print a file with Printrun's printcore and print the result as JSON; arguments: PORT FILE SECONDS.
+
+The Python of Printrun's environment runs this file.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +26,7 @@ core.connect(port, 115200)
 if not online.wait(20):
     sys.exit("not online")
 core.startprint(LightGCode(Path(path).read_text(encoding="latin-1").splitlines()))
-# It sets `printing` in the thread that asks; the end is told by another one.
+# printcore sets `printing` in the calling thread; another thread reports the end.
 done = ended.wait(patience)
 while done and not core.priqueue.empty() and monotonic() - begun < patience:
     Event().wait(0.05)

@@ -1,11 +1,11 @@
-"""What a dry run of a long job costs: CPU, memory, and how far the simulated time is from the estimate.
+"""Measure dry runs of long jobs: CPU time, memory, and the difference between simulated and estimated time.
 
     python -m benchmarks.dry_run [--lines 100000 500000 1000000] [FILE.gcode ...]
 
-Without files it makes jobs of its own: a vase with a wavy wall, sliced here, its layers laid again and again, each
-higher than the one before, until there are so many lines. Every job runs in a process of its own, the command as a
-person would type it; and once more in a process that tells of its memory (Linux only): at most while it reads the
-file, for the job that it holds then, and by how much that grows while the job is rehearsed.
+Without files, it makes its own jobs: a vase with a wavy wall is sliced here, and its layers are stacked repeatedly
+until there are enough lines. Every job runs as the complete command in a separate process. On Linux it runs once more
+in a process that measures memory: the peak while the file is read, the memory of the job, and the increase during the
+dry run.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ profile = load_profile(changes=json.loads(sys.argv[2]))
 job = job_from(Path(sys.argv[1]), profile)
 peak = memory("VmHWM")
 gc.collect()
-Path("/proc/self/clear_refs").write_text("5")  # the peak is counted anew from here
+Path("/proc/self/clear_refs").write_text("5")  # reset the peak
 held = memory("VmRSS")
 dry_run(job, profile)
 print(peak, held, memory("VmHWM"))
@@ -60,7 +60,7 @@ print(peak, held, memory("VmHWM"))
 
 
 def wavy_vase(radius: float = 50.0, height: float = 4.0, waves: int = 12, sides: int = 500) -> Mesh:
-    """A massive vase whose wall goes in and out; its outline has as many corners as curves of real parts have."""
+    """Return a solid vase with a wavy wall; its outline has as many corners as curves of real parts."""
     turn = np.linspace(0, 2 * np.pi, sides, endpoint=False)
     reach = radius + 3.0 * np.sin(waves * turn)
     ring = np.column_stack([reach * np.cos(turn), reach * np.sin(turn)])
@@ -77,7 +77,7 @@ def wavy_vase(radius: float = 50.0, height: float = 4.0, waves: int = 12, sides:
 
 
 def long_job(lines: int) -> bytes:
-    """G-code of so many lines at least: the middle layers of the vase, one on the other."""
+    """Return G-code with at least this many lines: the middle layers of the vase, stacked repeatedly."""
     text = job_of(wavy_vase(), load_profile(changes=SETTINGS)).text.decode()
     head, *layers = re.split(r"(?m)^(?=;LAYER_CHANGE$)", text)
     middle = layers[8:12]
@@ -85,23 +85,23 @@ def long_job(lines: int) -> bytes:
     parts, count, turn = [head, *layers[:8]], 0, 0
     while count < lines:
         for layer in middle:
-            parts.append(_raised(layer, turn * height))
+            parts.append(_raise_layer(layer, turn * height))
             count += len(re.findall(r"(?m)^[GM]", layer))
         turn += 1
     return "".join([*parts, "M104 S0\nM140 S0\nM107\nM84\n"]).encode()
 
 
-def _raised(layer: str, by: float) -> str:
-    """The same layer, higher."""
+def _raise_layer(layer: str, by: float) -> str:
+    """Return the same layer at a greater height."""
 
-    def higher(found: re.Match[str]) -> str:
+    def raise_z(found: re.Match[str]) -> str:
         return f"{found[1]}{float(found[2]) + by:.5g}"
 
-    return re.sub(r"(?m)^((?:G[01] .*?Z|;Z:))([\d.]+)", higher, layer)
+    return re.sub(r"(?m)^((?:G[01] .*?Z|;Z:))([\d.]+)", raise_z, layer)
 
 
-def measured(path: Path, changes: dict[str, object]) -> dict[str, float]:
-    """What the command costs for a file, and what it says."""
+def measure_job(path: Path, changes: dict[str, object]) -> dict[str, float]:
+    """Measure the command for a file, and return the figures with its result."""
     flags = [part for key, value in changes.items() for part in ("--set", f"{key}={value}")]
     command = [sys.executable, "-m", "printer_slicer", "dry-run", str(path), "--json", *flags]
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -127,10 +127,12 @@ def measured(path: Path, changes: dict[str, object]) -> dict[str, float]:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure; 1 when a simulated time is not the estimate within 0.1 %."""
+    """Measure; return 1 if a simulated time differs from the estimate by more than 0.1 %."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.dry_run", description=__doc__.splitlines()[0])
     parser.add_argument("files", nargs="*", type=Path, metavar="FILE.gcode")
-    parser.add_argument("--lines", nargs="+", type=int, default=LINES, help="of the jobs that are made")
+    parser.add_argument(
+        "--lines", nargs="+", type=int, default=LINES, help="number of lines of the generated jobs"
+    )
     options = parser.parse_args(arguments)
     memory = f"{'read MB':>9}{'job MB':>9}{'dry run +MB':>12}"
     print(f"{'job':<24}{'lines':>10}{'hours':>7}{'CPU s':>7}{'differs':>10}{memory}  ok")
@@ -142,7 +144,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             path.write_bytes(long_job(lines))
             jobs.append((path, SETTINGS))
         for path, changes in jobs:
-            row = measured(path, changes)
+            row = measure_job(path, changes)
             far |= abs(row["differs"]) > 0.001
             figures = f"{row['lines']:>10.0f}{row['hours']:>7.1f}{row['cpu']:>7.1f}{row['differs']:>+10.4%}"
             memory = f"{row['read_mb']:>9.0f}{row['held_mb']:>9.0f}{row['grown_mb']:>12.0f}"

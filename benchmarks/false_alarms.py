@@ -1,12 +1,13 @@
-"""Slices many parts and lets `check`, `check --model` and `dry-run` judge the G-code: nothing of ours may be refused.
+"""Slice many parts and check the G-code with `check`, `check --model` and `dry-run`, which must accept all of it.
 
     python -m benchmarks.false_alarms                       9 sample parts and 165 generated ones
-    python -m benchmarks.false_alarms --models FOLDER       the models in a folder, too
-    python -m benchmarks.false_alarms --only bracket_3      parts whose name begins so
-    python -m benchmarks.false_alarms --share 0/2           every second part, so that two processes share the work
+    python -m benchmarks.false_alarms --models FOLDER       also the models in a folder
+    python -m benchmarks.false_alarms --only bracket_3      parts whose name starts with this text
+    python -m benchmarks.false_alarms --share 0/2           every second part, to divide the work between two processes
 
-Each part has its own of ten machines, of three materials and of four qualities, in turn. What hangs in the air is
-told apart: a part that needs supports is printed so, and has to be refused for that alone. Needs `manifold3d`.
+The parts use ten machines, three materials and four qualities in turn. Findings about unsupported extrusion are
+ignored: some parts need supports and are sliced without them, and must be rejected only for that. `manifold3d` is
+required.
 """
 
 from __future__ import annotations
@@ -46,49 +47,49 @@ MACHINES: Final = (
 MATERIALS: Final = ("pla", "petg", "pla")
 QUALITIES: Final = ("adaptive", "standard", "draft", "fine")
 ALLOWED: Final = ("unsupported", "in the air", "hang")
-"""Words of findings that tell of a part that needs supports."""
+"""Words in findings about a part that needs supports."""
 
 UNITS: Final = {"idler_riser": "inch", "octagonal_pocket": "m"}
-"""Units of models whose numbers are no millimetres."""
+"""Units of models whose coordinates are not in mm."""
 
 Solid = trimesh.Trimesh
 Random = np.random.Generator
 
 
-def at(solid: Solid, x: float, y: float, z: float) -> Solid:
-    """The solid, moved."""
+def move_to(solid: Solid, x: float, y: float, z: float) -> Solid:
+    """Return the solid, moved."""
     moved: Solid = solid.copy()
     moved.apply_translation((x, y, z))
     return moved
 
 
-def cut(solid: Solid, *tools: Solid) -> Solid:
-    """The solid without others."""
+def subtract(solid: Solid, *tools: Solid) -> Solid:
+    """Return the solid with other solids subtracted."""
     return trimesh.boolean.difference([solid, *tools], engine="manifold")
 
 
-def joined(*solids: Solid) -> Solid:
-    """All in one."""
+def unite(*solids: Solid) -> Solid:
+    """Return the union of solids."""
     return trimesh.boolean.union(list(solids), engine="manifold")
 
 
-def extruded(polygon: shapely.Polygon, height: float) -> Solid:
-    """A polygon, drawn up from z = 0."""
+def extrude_up(polygon: shapely.Polygon, height: float) -> Solid:
+    """Return a polygon extruded upward from z = 0."""
     rings = [np.asarray(ring.coords)[:-1] for ring in (polygon.exterior, *polygon.interiors)]
     made = CrossSection(rings, FillRule.EvenOdd).extrude(height).to_mesh()
     return trimesh.Trimesh(made.vert_properties[:, :3], made.tri_verts)
 
 
 def bracket(chance: Random) -> Solid:
-    """An L of two plates with holes and a rib."""
+    """Make an L of two plates with holes and a rib."""
     width, depth, height = chance.uniform(12, 30, 3)
     thick = chance.uniform(1.2, 5)
-    plate = at(box((width, depth, thick)), width / 2, depth / 2, thick / 2)
-    wall = at(box((thick, depth, height)), thick / 2, depth / 2, height / 2)
-    rib = extruded(shapely.Polygon([(0, 0), (width * 0.8, 0), (0, height * 0.8)]), chance.uniform(0.8, 4))
+    plate = move_to(box((width, depth, thick)), width / 2, depth / 2, thick / 2)
+    wall = move_to(box((thick, depth, height)), thick / 2, depth / 2, height / 2)
+    rib = extrude_up(shapely.Polygon([(0, 0), (width * 0.8, 0), (0, height * 0.8)]), chance.uniform(0.8, 4))
     rib.apply_transform(trimesh.transformations.rotation_matrix(pi / 2, (1, 0, 0)))
     holes = [
-        at(
+        move_to(
             cylinder(chance.uniform(1, 2.5), 40, sections=int(chance.integers(8, 64))),
             width * share,
             depth / 2,
@@ -96,32 +97,32 @@ def bracket(chance: Random) -> Solid:
         )
         for share in (0.45, 0.75)
     ]
-    return cut(joined(plate, wall, at(rib, 0, depth / 2, 0)), *holes)
+    return subtract(unite(plate, wall, move_to(rib, 0, depth / 2, 0)), *holes)
 
 
 def enclosure(chance: Random) -> Solid:
-    """An open box with walls of a few beads or less, bosses and slots."""
+    """Make an open box with walls of a few extrusion widths or less, with bosses and slots."""
     x, y, z = *chance.uniform(15, 40, 2), chance.uniform(6, 18)
     wall, floor = chance.uniform(0.5, 3), chance.uniform(0.6, 2)
-    outer = at(box((x, y, z)), 0, 0, z / 2)
-    inner = at(box((x - 2 * wall, y - 2 * wall, z)), 0, 0, z / 2 + floor)
-    boss = at(cylinder(chance.uniform(2, 4), z - 1), x / 4, y / 4, (z - 1) / 2)
-    bore = at(cylinder(chance.uniform(0.5, 1.4), z), x / 4, y / 4, z / 2 + floor)
-    slot = at(box((x / 3, 4 * wall, z / 3)), 0, y / 2, z)
-    return cut(joined(cut(outer, inner), boss), bore, slot)
+    outer = move_to(box((x, y, z)), 0, 0, z / 2)
+    inner = move_to(box((x - 2 * wall, y - 2 * wall, z)), 0, 0, z / 2 + floor)
+    boss = move_to(cylinder(chance.uniform(2, 4), z - 1), x / 4, y / 4, (z - 1) / 2)
+    bore = move_to(cylinder(chance.uniform(0.5, 1.4), z), x / 4, y / 4, z / 2 + floor)
+    slot = move_to(box((x / 3, 4 * wall, z / 3)), 0, y / 2, z)
+    return subtract(unite(subtract(outer, inner), boss), bore, slot)
 
 
 def gear(chance: Random) -> Solid:
-    """A wheel with teeth and a bore."""
+    """Make a wheel with teeth and a bore."""
     teeth, radius, depth = int(chance.integers(6, 40)), chance.uniform(6, 15), chance.uniform(0.8, 3)
     turn = np.linspace(0, 2 * pi, 4 * teeth, endpoint=False)
     radii = radius + depth * np.tile([0, 0, 1, 1], teeth)
     outline = shapely.Polygon(np.stack([radii * np.cos(turn), radii * np.sin(turn)], axis=1))
-    return extruded(outline.difference(shapely.Point(0, 0).buffer(radius / 3)), chance.uniform(2, 8))
+    return extrude_up(outline.difference(shapely.Point(0, 0).buffer(radius / 3)), chance.uniform(2, 8))
 
 
 def turned(chance: Random) -> Solid:
-    """A profile turned about z."""
+    """Make a body of revolution about z."""
     count = int(chance.integers(4, 10))
     heights = np.concatenate([[0], np.sort(chance.uniform(1, 20, count)), [22]])
     radii = chance.uniform(2, 12, count + 2)
@@ -130,7 +131,7 @@ def turned(chance: Random) -> Solid:
 
 
 def slivers(chance: Random) -> Solid:
-    """Boxes, cylinders and balls cut into each other at any angle."""
+    """Make boxes, cylinders and spheres that cut into each other at any angle."""
     makers: list[Callable[[], Solid]] = [
         lambda: box(chance.uniform(4, 16, 3)),
         lambda: cylinder(chance.uniform(2, 7), chance.uniform(4, 16)),
@@ -140,23 +141,23 @@ def slivers(chance: Random) -> Solid:
     for k in range(int(chance.integers(2, 6))):
         tool = makers[int(chance.integers(3))]()
         tool.apply_transform(trimesh.transformations.random_rotation_matrix(chance.uniform(0, 1, 3)))
-        tool = at(tool, *chance.uniform(-7, 7, 3))
-        made = cut(solid, tool) if k % 2 else joined(solid, tool)
+        tool = move_to(tool, *chance.uniform(-7, 7, 3))
+        made = subtract(solid, tool) if k % 2 else unite(solid, tool)
         solid = made if len(made.faces) and made.volume > 50 else solid
     return solid
 
 
 def grille(chance: Random) -> Solid:
-    """A plate of thin bars with gaps between them."""
+    """Make a plate of thin bars with gaps between them."""
     bars, wide, gap = int(chance.integers(3, 12)), chance.uniform(0.4, 2), chance.uniform(0.5, 3)
     long, high = chance.uniform(10, 30), chance.uniform(1, 6)
-    parts = [at(box((wide, long, high)), k * (wide + gap), 0, high / 2) for k in range(bars)]
-    across = at(box((bars * (wide + gap), wide, high)), (bars - 1) * (wide + gap) / 2, 0, high / 2)
-    return joined(*parts, across)
+    pieces = [move_to(box((wide, long, high)), k * (wide + gap), 0, high / 2) for k in range(bars)]
+    across = move_to(box((bars * (wide + gap), wide, high)), (bars - 1) * (wide + gap) / 2, 0, high / 2)
+    return unite(*pieces, across)
 
 
 def vase(chance: Random) -> Solid:
-    """A star that turns and swells with height, hollow."""
+    """Make a hollow star that turns and widens with height."""
     points, turn = int(chance.integers(3, 9)), chance.uniform(-1, 1)
 
     def ring(z: float, inset: float) -> list[tuple[float, float]]:
@@ -164,50 +165,50 @@ def vase(chance: Random) -> Solid:
         radius = 8 + 2 * sin(z / 4) + 1.2 * np.cos(points * (angles - turn * z / 20)) - inset
         return np.stack([radius * np.cos(angles), radius * np.sin(angles)], axis=1)
 
-    slabs = [at(extruded(shapely.Polygon(ring(z, 0)), 0.5), 0, 0, z) for z in np.arange(0, 14, 0.5)]
-    holes = [at(extruded(shapely.Polygon(ring(z, 1.4)), 0.6), 0, 0, z) for z in np.arange(1, 14, 0.5)]
-    return cut(joined(*slabs), *holes)
+    slabs = [move_to(extrude_up(shapely.Polygon(ring(z, 0)), 0.5), 0, 0, z) for z in np.arange(0, 14, 0.5)]
+    holes = [move_to(extrude_up(shapely.Polygon(ring(z, 1.4)), 0.6), 0, 0, z) for z in np.arange(1, 14, 0.5)]
+    return subtract(unite(*slabs), *holes)
 
 
 def rounded(chance: Random) -> Solid:
-    """Balls and rings on a foot."""
-    foot = at(cylinder(8, 3), 0, 0, 1.5)
+    """Make spheres and rings on a foot."""
+    foot = move_to(cylinder(8, 3), 0, 0, 1.5)
     balls = [
-        at(
+        move_to(
             icosphere(subdivisions=3, radius=chance.uniform(3, 6)),
             *chance.uniform(-5, 5, 2),
             chance.uniform(2, 6),
         )
         for _ in range(3)
     ]
-    ring = at(torus(8, chance.uniform(1, 2.5)), 0, 0, 3)
-    return cut(joined(foot, ring, *balls), at(box((60, 60, 20)), 0, 0, -10))
+    ring = move_to(torus(8, chance.uniform(1, 2.5)), 0, 0, 3)
+    return subtract(unite(foot, ring, *balls), move_to(box((60, 60, 20)), 0, 0, -10))
 
 
 def spikes(chance: Random) -> Solid:
-    """Cones and pins on a plate."""
-    parts = [at(box((24, 24, 2)), 0, 0, 1)]
+    """Make cones and pins on a plate."""
+    pieces = [move_to(box((24, 24, 2)), 0, 0, 1)]
     for _ in range(int(chance.integers(3, 8))):
         x, y = chance.uniform(-9, 9, 2)
         if chance.uniform() < 0.5:
-            parts.append(at(cone(chance.uniform(1, 4), chance.uniform(4, 15), sections=32), x, y, 1.9))
+            pieces.append(move_to(cone(chance.uniform(1, 4), chance.uniform(4, 15), sections=32), x, y, 1.9))
         else:
             high = chance.uniform(3, 12)
-            parts.append(at(cylinder(chance.uniform(0.5, 2), high), x, y, 1.9 + high / 2))
-    return joined(*parts)
+            pieces.append(move_to(cylinder(chance.uniform(0.5, 2), high), x, y, 1.9 + high / 2))
+    return unite(*pieces)
 
 
 def tilted(chance: Random) -> Solid:
-    """A box or a prism on one of its corners' sides, by any angle."""
+    """Make a tilted box or prism, at any angle."""
     solid = [box(chance.uniform(6, 20, 3)), cylinder(chance.uniform(3, 8), 14, sections=6)][
         int(chance.integers(2))
     ]
     solid.apply_transform(trimesh.transformations.random_rotation_matrix(chance.uniform(0, 1, 3)))
-    return at(solid, 0, 0, -float(solid.bounds[0, 2]))
+    return move_to(solid, 0, 0, -float(solid.bounds[0, 2]))
 
 
 def plate(chance: Random) -> Solid:
-    """Letters of strokes raised on a thin plate."""
+    """Make raised letters on a thin plate."""
     strokes = []
     for k in range(int(chance.integers(3, 9))):
         angle, x = chance.uniform(0, pi), 4 * k
@@ -216,16 +217,16 @@ def plate(chance: Random) -> Solid:
     raised = shapely.union_all(strokes)
     ground = shapely.box(*shapely.buffer(raised, 2).bounds)
     low, high = chance.uniform(0.6, 1.5), chance.uniform(0.4, 2)
-    tops = [at(extruded(one, high + 0.1), 0, 0, low - 0.1) for one in shapely.get_parts(raised)]
-    return joined(extruded(ground, low), *tops)
+    tops = [move_to(extrude_up(one, high + 0.1), 0, 0, low - 0.1) for one in shapely.get_parts(raised)]
+    return unite(extrude_up(ground, low), *tops)
 
 
 FAMILIES: Final = (bracket, enclosure, gear, turned, slivers, grille, vase, rounded, spikes, tilted, plate)
 EACH: Final = 15
 
 
-def parts(folder: Path, models: Path | None) -> Iterator[tuple[str, Path]]:
-    """Name and file of each part."""
+def make_parts(folder: Path, models: Path | None) -> Iterator[tuple[str, Path]]:
+    """Yield name and file of each part."""
     for path in sorted((ROOT / "sample_parts").glob("*.stl")):
         yield path.stem, path
     for path in sorted(models.iterdir()) if models else ():
@@ -238,8 +239,8 @@ def parts(folder: Path, models: Path | None) -> Iterator[tuple[str, Path]]:
             yield name, path
 
 
-def said(*words: object) -> tuple[int, dict[str, Any]]:
-    """What a command with --json ends with, and what it says."""
+def run_command(*words: object) -> tuple[int, dict[str, Any]]:
+    """Run a command with --json and return its exit code and its result."""
     out, raw = StringIO(), BytesIO()
     stream = TextIOWrapper(raw, "utf-8")
     with redirect_stdout(stream), redirect_stderr(out):
@@ -249,12 +250,12 @@ def said(*words: object) -> tuple[int, dict[str, Any]]:
     return code, json.loads(text) if text.strip() else {"error": out.getvalue().strip()}
 
 
-def judged(name: str, path: Path, folder: Path, turn: int) -> list[str]:
-    """What the commands have against the G-code of a part, a line each."""
+def check_part(name: str, path: Path, folder: Path, turn: int) -> list[str]:
+    """Return the findings of all commands about the G-code of a part, one line each."""
     gcode = folder / f"{name}.gcode"
     flags = ("--printer", MACHINES[turn % 10], "--material", MATERIALS[turn % 3])
     units = ("--units", UNITS.get(name, "mm"))
-    code, facts = said("slice", path, *flags, *units, "--quality", QUALITIES[turn % 4], "-o", gcode)
+    code, facts = run_command("slice", path, *flags, *units, "--quality", QUALITIES[turn % 4], "-o", gcode)
     if code:
         return [f"slice ended with {code}: {facts.get('error', '')[:200]}"]
     found = []
@@ -263,8 +264,8 @@ def judged(name: str, path: Path, folder: Path, turn: int) -> list[str]:
         ("check", gcode, "--model", path, *flags, *units),
         ("dry-run", gcode, *flags),
     ):
-        code, facts = said(*words)
-        told = [*_texts(facts), facts.get("error", "")]
+        code, facts = run_command(*words)
+        told = [*_finding_texts(facts), facts.get("error", "")]
         rest = [text for text in told if text and not any(word in text.lower() for word in ALLOWED)]
         if rest or (code and not any(told)):
             found.append(f"{' '.join(map(str, words[:1]))} ended with {code}: {'; '.join(rest)[:300]}")
@@ -272,8 +273,8 @@ def judged(name: str, path: Path, folder: Path, turn: int) -> list[str]:
     return found
 
 
-def _texts(facts: dict[str, Any]) -> list[str]:
-    """The findings of a command, whatever kind of them it has."""
+def _finding_texts(facts: dict[str, Any]) -> list[str]:
+    """Return the texts of all findings of a command."""
     if facts.get("ok"):
         return []
     return [
@@ -284,7 +285,7 @@ def _texts(facts: dict[str, Any]) -> list[str]:
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Judge all parts; 1 if anything was found."""
+    """Check all parts; return 1 if there was a finding."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -296,17 +297,17 @@ def main(words: Sequence[str] | None = None) -> int:
     alarms: Counter[str] = Counter()
     count = 0
     with tempfile.TemporaryDirectory() as name:
-        for turn, (part, path) in enumerate(parts(Path(name), arguments.models)):
+        for turn, (part, path) in enumerate(make_parts(Path(name), arguments.models)):
             if turn % of != mine or not part.startswith(arguments.only):
                 continue
             count += 1
-            found = judged(part, path, Path(name), turn)
+            found = check_part(part, path, Path(name), turn)
             alarms[part] += len(found)
             for text in found:
                 print(f"{part} ({MACHINES[turn % 10]}, {QUALITIES[turn % 4]}): {text}", flush=True)
             print(f"{count} {part}", flush=True)
     refused = sum(number > 0 for number in alarms.values())
-    print(f"{count} parts, {refused} with an alarm")
+    print(f"{count} parts, {refused} with findings")
     return int(refused > 0)
 
 

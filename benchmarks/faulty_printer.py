@@ -1,8 +1,8 @@
-"""The simulated printer on a pseudo-terminal, at the pace of a real cable, with faults at given lines.
+"""Serve the simulated printer on a pseudo-terminal at the speed of a real cable, with faults at given lines.
 
     python -m benchmarks.faulty_printer LINK JOB.gcode REPORT.json [--baud N] [--latency MS] [--fault NAME]
 
-Runs until SIGTERM, then writes what it saw: how many lines of the job were executed, in order or not, and how fast.
+It runs until SIGTERM. Then it writes a report: how many lines of the job were executed, whether in order, and how fast.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ QUICK: Final = MotionLimits(
     jerk=(10.0, 10.0, 0.4, 5.0),
     square_corner_velocity=5.0,
 )
-"""Only the cable limits how fast lines go."""
+"""A machine so fast that only the cable limits the rate of lines."""
 
 PART: Final = replace(
     QUICK,
@@ -54,19 +54,19 @@ PART: Final = replace(
 MACHINES: Final[dict[str, MotionLimits]] = {"quick": QUICK, "part": PART}
 
 FAULTS: Final = ("none", "lost ok", "flipped bytes", "reset", "resend without ok", "garbage")
-_AT: Final = (500, 800, 1100)  # answers, or executed lines, at which something happens
-PREPARED: Final = 5  # commands before the chords: homing, modes, the way there
+_AT: Final = (500, 800, 1100)  # numbers of answers, or of executed lines, at which a fault occurs
+PREPARED: Final = 5  # commands before the chords: homing, modes, the move to the start
 _FLIP: Final = 3e-4  # per byte to the printer
 _NOISE: Final = b"\xff\xfe\x80\x00\xc3\x28~~\x1b[0m\n"
 
 
 class FaultyPrinter:
-    """A printer behind something that loses, changes and adds bytes, or that browns out.
+    """A printer on a link that loses, changes and adds bytes, or that suffers a brown-out.
 
     Args:
         fault: one of `FAULTS`.
-        machine: limits of its axes.
-        job: commands that it should execute.
+        machine: limits of the axes.
+        job: commands that the printer should execute.
     """
 
     def __init__(self, fault: str, machine: MotionLimits, job: list[bytes]) -> None:
@@ -96,7 +96,7 @@ class FaultyPrinter:
             self.strays += 1
 
     def receive(self, data: bytes, now: float) -> None:
-        """Bytes from the host."""
+        """Take bytes from the host."""
         if self._fault in {"flipped bytes", "resend without ok"} and self.in_order > 1:
             data = bytes(
                 byte ^ 1 << self._chance.randrange(8) if self._chance.random() < _FLIP else byte
@@ -108,7 +108,7 @@ class FaultyPrinter:
             self._inner.reset(now)
 
     def send(self, now: float) -> bytes:
-        """Bytes to the host."""
+        """Return bytes for the host."""
         said = self._inner.send(now)
         if b"ok" not in said or self._fault not in {"lost ok", "garbage"}:
             return said
@@ -123,16 +123,16 @@ class FaultyPrinter:
         return b"".join(out)
 
     def wakeup(self) -> float | None:
-        """As the printer's."""
+        """Return when to call again."""
         return self._inner.wakeup()
 
     @property
     def has_unanswered_command(self) -> bool:
-        """As the printer's."""
+        """Return whether the printer executes commands."""
         return self._inner.has_unanswered_command
 
     def report(self) -> Report:
-        """As the printer's."""
+        """Return the printer's report."""
         return self._inner.report()
 
 
@@ -143,7 +143,7 @@ def main() -> int:
     parser.add_argument("job", type=Path)
     parser.add_argument("report", type=Path)
     parser.add_argument("--baud", type=int, default=115_200)
-    parser.add_argument("--latency", type=float, default=1.0, help="there and back, ms")
+    parser.add_argument("--latency", type=float, default=1.0, help="round-trip time, ms")
     parser.add_argument("--fault", choices=FAULTS, default="none")
     parser.add_argument("--machine", choices=sorted(MACHINES), default="quick")
     options = parser.parse_args()

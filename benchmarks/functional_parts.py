@@ -1,8 +1,8 @@
-"""Functional parts of 600 to 63 000 facets, made from primitives: what people print besides figures.
+"""Make functional parts of 600 to 63 000 facets from primitives.
 
     python -m benchmarks.functional_parts [FOLDER]
 
-Writes an STL file for each part; the same version of manifold3d writes the same files every time.
+It writes an STL file for each part. The same version of manifold3d always writes the same files.
 """
 
 from __future__ import annotations

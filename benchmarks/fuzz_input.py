@@ -1,9 +1,9 @@
-"""Damaged files of every format: each must become a part or one of our own errors, soon, and in little memory.
+"""Read damaged files of every format: each must give a part or one of our errors, quickly and in little memory.
 
     python benchmarks/fuzz_input.py --inputs 120000
 
-Every input is a small good file and a seed, told when something is found, and repeated with --only NAME --seed N. STEP
-runs in processes of its own and is therefore tried a hundredth as often, where cascadio is installed.
+Every input is a small valid file and a seed. A finding names both; --only NAME --seed N repeats it. STEP needs a
+separate process for each file, so it is tried a hundredth as often, and only if cascadio is installed.
 """
 
 from __future__ import annotations
@@ -32,18 +32,18 @@ from printer_slicer.healing import repair  # noqa: E402
 from printer_slicer.mesh_io import load_model  # noqa: E402
 
 CPU_LIMIT = 5.0
-"""s for one input; good files of this size take about a millisecond."""
+"""CPU time limit for one input, s; valid files of this size take about a millisecond."""
 MEMORY_LIMIT = 1 << 30
-"""Bytes that all of it may take beyond what is mapped at the start."""
+"""Memory limit of the process, in bytes beyond the memory mapped at the start."""
 
 
 class TooLong(BaseException):
-    """Not an Exception, so that no reader catches it."""
+    """Raised at the time limit; not an Exception, so that no reader catches it."""
 
 
 @contextmanager
-def watched() -> Iterator[None]:
-    """Raise TooLong when the work takes more CPU than allowed."""
+def time_limit() -> Iterator[None]:
+    """Raise TooLong if the work takes more CPU time than allowed."""
 
     def ring(_number: int, _frame: object) -> None:
         raise TooLong
@@ -56,10 +56,10 @@ def watched() -> Iterator[None]:
         signal.setitimer(signal.ITIMER_PROF, 0)
 
 
-def outcome(path: Path) -> str:
-    """What reading the file came to; whatever is no answer is raised."""
+def read_outcome(path: Path) -> str:
+    """Return the result of reading a file as a word; raise an error if the result is not acceptable."""
     try:
-        with watched():
+        with time_limit():
             mesh = load_model(path).mesh
     except (MeshError, UsageError) as error:
         if str(path) not in str(error) or not error.remedy:
@@ -68,7 +68,7 @@ def outcome(path: Path) -> str:
             raise AssertionError(f"stopped only by the limit of memory: {error}") from error
         return "refused"
     try:
-        with watched():
+        with time_limit():
             repair(mesh)
     except MeshError as error:
         if path.stem not in str(error) or not error.remedy:
@@ -78,18 +78,18 @@ def outcome(path: Path) -> str:
 
 
 def limit_memory() -> None:
-    """A reader that asks for more gets a MemoryError."""
+    """Limit the memory of this process, so that a reader that requests more gets a MemoryError."""
     mapped = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (mapped + MEMORY_LIMIT, resource.RLIM_INFINITY))
 
 
 def run(name: str, original: bytes, seeds: range, folder: Path) -> tuple[Counter[str], list[str]]:
-    """Outcomes and findings of one file with many seeds."""
+    """Return outcomes and findings of one file with many seeds."""
     path, counts, findings = folder / f"part{Path(name).suffix}", Counter[str](), []
     for seed in seeds:
         path.write_bytes(damaged(original, seed))
         try:
-            counts[outcome(path)] += 1
+            counts[read_outcome(path)] += 1
         except KeyboardInterrupt:
             raise
         except BaseException as error:  # noqa: BLE001 - anything at all is what is looked for
@@ -100,14 +100,16 @@ def run(name: str, original: bytes, seeds: range, folder: Path) -> tuple[Counter
 
 
 def main() -> int:
-    """Run, and tell what was found."""
+    """Read all damaged files and print the findings."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--inputs", type=int, default=120_000, help="in all, STEP apart")
+    parser.add_argument("--inputs", type=int, default=120_000, help="total number of inputs, without STEP")
     parser.add_argument("--only", metavar="NAME", help="one file")
-    parser.add_argument("--seed", type=int, help="one seed, or the first")
-    parser.add_argument("--traceback", action="store_true", help="with --only and --seed: where it happens")
+    parser.add_argument("--seed", type=int, help="a single seed, or the first one")
+    parser.add_argument(
+        "--traceback", action="store_true", help="with --only and --seed: print where the error occurs"
+    )
     arguments = parser.parse_args()
     files = every_format() | ({"part.step": step_box(2, 3, 4).encode()} if find_spec("cascadio") else {})
     files = {name: data for name, data in files.items() if arguments.only in (None, name)}
@@ -115,7 +117,7 @@ def main() -> int:
     begun, total, found = time.process_time(), Counter[str](), 0
     with TemporaryDirectory(prefix="fuzz") as folder:
         for name, data in files.items():
-            load_model(write(Path(folder), name, data))  # imports, before memory is limited
+            load_model(write(Path(folder), name, data))  # load the imports before memory is limited
         limit_memory()
         for name, data in files.items():
             count = each if not name.endswith("step") else max(each // 100, 1)
@@ -124,7 +126,7 @@ def main() -> int:
                 (arguments.seed or 0) + (1 if arguments.only and arguments.seed is not None else count),
             )
             if arguments.traceback:
-                outcome(write(Path(folder), name, damaged(data, seeds[0])))
+                read_outcome(write(Path(folder), name, damaged(data, seeds[0])))
             counts, findings = run(name, data, seeds, Path(folder))
             total += counts
             found += len(findings)
@@ -137,7 +139,7 @@ def main() -> int:
 
 
 def write(folder: Path, name: str, data: bytes) -> Path:
-    """The file, written."""
+    """Write a file and return its path."""
     path = folder / name
     path.write_bytes(data)
     return path

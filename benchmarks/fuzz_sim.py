@@ -1,15 +1,15 @@
-"""Hostile bytes for the simulated printer, on every firmware: nothing breaks, nothing grows, nothing odd is said.
+"""Send hostile bytes to the simulated printer with every firmware, and check its replies and its memory.
 
     python -m benchmarks.fuzz_sim [--streams 100000] [--seed 0] [--firmware NAME]
 
-Each stream is some dozen pieces, drawn from pure noise, words of G-code thrown together, right lines with numbers and
-checksums, and those damaged, sent whole or in bits, with pauses, resets and hangs between. Held against it:
+Each stream consists of some dozen pieces: pure noise, random words of G-code, valid lines with numbers and checksums,
+and damaged ones. They are sent whole or in pieces, with pauses, resets and hangs in between. These rules must hold:
 
-- no exception;
-- every line that the printer says is one of those that its firmware has (`grammar`), and the echo of a text only where
-  the text came from the host;
-- an answer for everything that was taken: a printer that was not killed says `ok` to what is asked of it in the end;
-- what is kept stays bounded, however much comes.
+- no exception occurs;
+- every line that the printer sends matches the grammar of its firmware (`grammar`), and it only echoes text that came
+  from the host;
+- a printer that was not killed still answers `ok` at the end;
+- memory stays bounded.
 """
 
 from __future__ import annotations
@@ -69,11 +69,11 @@ _WANTED = re.compile(r"(?:Resend: ?|rs N)(\d{1,9})").findall
 
 
 class Outcome(Exception):  # noqa: N818 - what a stream came to, when it is not good
-    """What was wrong, with all that is needed to have it again."""
+    """A failure, with everything needed to repeat it."""
 
 
-def _words(chance: Random, codes: tuple[str, ...]) -> str:
-    """A command with some words, mostly of a kind."""
+def _make_command(chance: Random, codes: tuple[str, ...]) -> str:
+    """Return a command with some words, mostly typical of this command."""
     count = chance.randrange(4)
     words = [chance.choice("XYZEFSIJRPTNC") + chance.choice(_NUMBERS) for _ in range(count)]
     words.insert(0, chance.choice(codes))
@@ -82,14 +82,14 @@ def _words(chance: Random, codes: tuple[str, ...]) -> str:
     return chance.choice((" ", " ", "", "  ")).join(words)
 
 
-def _damaged(chance: Random, line: bytes) -> bytes:
-    """A line with one bit turned."""
+def _flip_bit(chance: Random, line: bytes) -> bytes:
+    """Return a line with one bit flipped."""
     at = chance.randrange(len(line))
     return line[:at] + bytes((line[at] ^ 1 << chance.randrange(8),)) + line[at + 1 :]
 
 
 class _Session:
-    """One stream for one printer, and what it says."""
+    """One stream of bytes for one printer, and the printer's replies."""
 
     def __init__(self, name: str, seed: int) -> None:
         self.chance = Random(f"{name} {seed}")
@@ -99,7 +99,7 @@ class _Session:
         self.executed = 0
         self.now = 0.0
         self.rest = ""
-        self.number = 0  # of the last line sent
+        self.number = 0  # number of the last line sent
         machine = self.chance.choice((MACHINE, BARE))
         self.printer = SimulatedPrinter(
             machine, SIMULATED_FIRMWARES[name], on_executed=self._note, boots=self.chance.random() < 0.5
@@ -112,7 +112,7 @@ class _Session:
             self.told.add(text)
 
     def send(self, data: bytes) -> None:
-        """Send, at once or in bits, and listen."""
+        """Send bytes at once or in pieces, and read the replies."""
         step = self.chance.choice((len(data), len(data), 1, 7))
         for at in range(0, len(data), step):
             self.printer.receive(data[at : at + step], self.now)
@@ -128,7 +128,7 @@ class _Session:
         self.listen()
 
     def listen(self) -> str:
-        """What is said now, every line looked at."""
+        """Read the replies and check every line."""
         heard = self.printer.send(self.now).decode("latin-1")
         *lines, self.rest = (self.rest + heard).split("\n")
         for line in lines:
@@ -137,13 +137,13 @@ class _Session:
             ):
                 raise Outcome(f"{self.place}: said {line!r}")
         if self.chance.random() < 0.7:
-            # A host that obeys gets further.
+            # A host that resends the requested line gets further.
             for wanted in _WANTED(heard):
                 self.number = int(wanted) - 1
         return heard
 
-    def piece(self, codes: tuple[str, ...]) -> bytes:
-        """Something to send."""
+    def make_piece(self, codes: tuple[str, ...]) -> bytes:
+        """Return the next bytes to send."""
         chance = self.chance
         draw = chance.random()
         if draw < 0.08:
@@ -151,22 +151,22 @@ class _Session:
         if draw < 0.2:
             return bytes(chance.choice(_LIKELY) for _ in range(chance.randrange(1, 120)))
         if draw < 0.4:
-            return f"{_words(chance, codes)}\n".encode("latin-1")
+            return f"{_make_command(chance, codes)}\n".encode("latin-1")
         self.number += chance.choice((1, 1, 1, 1, 1, 1, 1, 1, 0, 2, -3))
-        body = f"N{self.number} {_words(chance, codes)}".encode("latin-1")
+        body = f"N{self.number} {_make_command(chance, codes)}".encode("latin-1")
         line = b"%b*%d\n" % (body, checksum(body[:256]))
-        return (_damaged(chance, line) if chance.random() < 0.1 else line) * chance.choice((1, 1, 1, 1, 2))
+        return (_flip_bit(chance, line) if chance.random() < 0.1 else line) * chance.choice((1, 1, 1, 1, 2))
 
-    def bounded(self) -> None:
-        """What is kept is little."""
+    def check_memory(self) -> None:
+        """Check that the printer keeps little data."""
         printer = self.printer
         if printer.unread_bytes > 70_000 or len(printer.state.out) > 20_000:
             raise Outcome(
                 f"{self.place}: keeps {printer.unread_bytes} bytes and {len(printer.state.out)} lines"
             )
 
-    def answers(self) -> None:
-        """A printer that was not killed still answers, when it has come to the end of what it does."""
+    def check_reply(self) -> None:
+        """Check that a printer that was not killed still replies when it has finished its work."""
         printer = self.printer
         printer.reset(self.now) if self.chance.random() < 0.1 else None
         self.send(b"\n")
@@ -191,20 +191,20 @@ class _Session:
         if self.executed == before and not (
             printer.state.card.writing or printer.has_unanswered_command or printer.state.killed
         ):
-            raise Outcome(f"{self.place}: takes nothing any more")
+            raise Outcome(f"{self.place}: accepts no more commands")
 
 
 def stream(name: str, seed: int) -> int:
-    """Send one stream to a firmware; how many commands were executed.
+    """Send one stream to a firmware and return the number of executed commands.
 
     Raises:
-        Outcome: something that no firmware would do.
+        Outcome: the printer broke a rule.
     """
     session = _Session(name, seed)
     chance = session.chance
     codes = _CODES if chance.random() < 0.3 else _QUIET
     for _ in range(chance.randrange(4, 40)):
-        session.send(session.piece(codes))
+        session.send(session.make_piece(codes))
         draw = chance.random()
         if draw < 0.3:
             session.wait(chance.choice((0.001, 0.1, 1.0, 30.0)))
@@ -212,20 +212,20 @@ def stream(name: str, seed: int) -> int:
             session.printer.reset(session.now)
         elif draw < 0.34:
             session.printer.hang(chance.choice((0.01, 3.0)), session.now)
-        session.bounded()
-    session.answers()
-    session.bounded()
+        session.check_memory()
+    session.check_reply()
+    session.check_memory()
     session.printer.report()
     return session.executed
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run them all; 1 when something was wrong."""
+    """Run all streams; return 1 if one failed."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--streams", type=int, default=100_000)
-    parser.add_argument("--seed", type=int, default=0, help="of the first stream")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the first stream")
     parser.add_argument("--firmware", choices=list(SIMULATED_FIRMWARES))
     chosen = parser.parse_args(arguments)
     names = [chosen.firmware] if chosen.firmware else list(SIMULATED_FIRMWARES)
@@ -246,7 +246,7 @@ def main(arguments: list[str] | None = None) -> int:
         print(line)
     done, seconds = sum(executed.values()), process_time() - began
     print(
-        f"{chosen.streams} streams, {len(wrong)} of them wrong, {done} commands executed, {seconds:.0f} s CPU"
+        f"{chosen.streams} streams, {len(wrong)} of them failed, {done} commands executed, {seconds:.0f} s CPU"
     )
     for name, count in sorted(executed.items()):
         print(f"  {name:<20}{count:>9} commands")

@@ -1,12 +1,12 @@
-"""Write what the commands make of many parts and profiles, and compare it with what they made before.
+"""Write the output of the commands for many parts and profiles, and compare it with earlier output.
 
     python -m benchmarks.golden write build/golden/before
     python -m benchmarks.golden write build/golden/after
     python -m benchmarks.golden compare build/golden/before build/golden/after
 
-Every case is sliced by the command line; its plan, check and dry run are written as JSON beside the G-code. A change of
-structure that shall not change results is made between the two runs; what differs is shown, and the exit code is 1.
-The version in the first line of G-code is not compared, and of thumbnails the pixels, not the bytes of the files.
+The command line slices every case. Its plan, check and dry run are written as JSON beside the G-code. Refactor between
+the two runs: differences are shown, and the exit code is then 1. The version in the first line of G-code is not
+compared. Of thumbnails, the pixels are compared, not the bytes.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ from printer_slicer.model import Mesh
 
 ROOT: Final = Path(__file__).parents[1]
 PARTS: Final = ROOT / "sample_parts"
-SHOWN: Final = 12  # lines of a difference
+SHOWN: Final = 12  # lines of a difference that are printed
 FIRMWARES: Final = ("klipper", "marlin", "marlin_legacy", "prusa", "repetier", "reprapfirmware", "smoothie")
 
 
 class Case(NamedTuple):
-    """One part, or several, and the options it is sliced with."""
+    """One part, or several, and the options for slicing."""
 
     name: str
     models: tuple[str, ...]
@@ -104,7 +104,7 @@ CASES: Final = (
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Write or compare; 0, or 1 where something differs."""
+    """Write or compare; return 1 if something differs."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -112,7 +112,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     writing = commands.add_parser("write", help="slice all cases into a folder")
     writing.add_argument("folder", type=Path)
     writing.add_argument("--only", nargs="+", metavar="CASE", default=[case.name for case in CASES])
-    comparing = commands.add_parser("compare", help="show what differs between two folders")
+    comparing = commands.add_parser("compare", help="show the differences between two folders")
     comparing.add_argument("before", type=Path)
     comparing.add_argument("after", type=Path)
     options = parser.parse_args(argv)
@@ -128,25 +128,25 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def write(case: Case, folder: Path) -> None:
-    """The G-code of a case, and the JSON of its plan, check and dry run, in a folder of its own."""
+    """Write the G-code of a case, and the JSON of its plan, check and dry run, into a folder."""
     home = (folder / case.name).resolve()
     home.mkdir(parents=True, exist_ok=True)
-    models = [_model(model, home) for model in case.models]
-    _told(home, "plan.json", "plan", *models, *case.options, "--json")
-    _told(home, "slice.json", "slice", *models, "-o", "part.gcode", *case.options, "--json")
-    _told(home, "check.json", "check", "part.gcode", "--model", *models, "--json")
-    _told(home, "dry_run.json", "dry-run", "part.gcode", "--json")
+    models = [_write_model(model, home) for model in case.models]
+    _write_output(home, "plan.json", "plan", *models, *case.options, "--json")
+    _write_output(home, "slice.json", "slice", *models, "-o", "part.gcode", *case.options, "--json")
+    _write_output(home, "check.json", "check", "part.gcode", "--model", *models, "--json")
+    _write_output(home, "dry_run.json", "dry-run", "part.gcode", "--json")
 
 
-def _told(home: Path, name: str, *arguments: str) -> None:
-    """What a command writes to stdout and stderr, and its exit code, as a file."""
+def _write_output(home: Path, name: str, *arguments: str) -> None:
+    """Write stdout, stderr and exit code of a command to a file."""
     command = [sys.executable, "-m", "printer_slicer", *arguments]
     done = subprocess.run(command, cwd=home, capture_output=True, text=True, check=False)
     (home / name).write_text(f"{done.stdout}{done.stderr}exit code {done.returncode}\n", encoding="utf-8")
 
 
-def _model(name: str, home: Path) -> str:
-    """The name of a part's file in a folder; `gallery:` is a part of the gallery, `beside:` one that stands aside."""
+def _write_model(name: str, home: Path) -> str:
+    """Return the file name of a part; `gallery:` is a part of the gallery, `beside:` one placed off-centre."""
     kind, _, part = name.rpartition(":")
     if kind == "gallery":
         return write_part(part, home).name
@@ -157,28 +157,30 @@ def _model(name: str, home: Path) -> str:
 
 
 def differences(before: Path, after: Path) -> Iterator[str]:
-    """In words, for each file that differs or is only in one of two folders."""
+    """Return a line for each file that differs or is in only one of two folders."""
     names = sorted({path.relative_to(side) for side in (before, after) for path in side.rglob("*.*")})
     for name in names:
         old, new = before / name, after / name
         if not (old.exists() and new.exists()):
             yield f"{name}: only in {after if new.exists() else before}"
-        elif old.read_bytes() != new.read_bytes() and (was := _compared(old)) != (now := _compared(new)):
+        elif old.read_bytes() != new.read_bytes() and (was := _comparable_lines(old)) != (
+            now := _comparable_lines(new)
+        ):
             changes = list(difflib.unified_diff(was, now, lineterm="", n=0))[2:]
             shown = [f"  {line[:160]}" for line in changes[:SHOWN]]
             yield "\n".join([f"{name}: {len(changes)} lines of difference", *shown])
 
 
-def _compared(path: Path) -> list[str]:
-    """The lines of a file as they are compared."""
+def _comparable_lines(path: Path) -> list[str]:
+    """Return the lines of a file that are compared."""
     text = re.sub(r"^(; generated by \w+) [\d.]+", r"\1", path.read_text(encoding="utf-8", errors="replace"))
     return re.sub(
-        r"(?s)(?<=; thumbnail begin )(\S+) \d+\n(.*?)(?=; thumbnail end)", _pixels, text
+        r"(?s)(?<=; thumbnail begin )(\S+) \d+\n(.*?)(?=; thumbnail end)", _hash_pixels, text
     ).splitlines()
 
 
-def _pixels(found: re.Match[str]) -> str:
-    """The size of a thumbnail and a checksum of its pixels."""
+def _hash_pixels(found: re.Match[str]) -> str:
+    """Return the size of a thumbnail and a checksum of its pixels."""
     picture = Image.open(io.BytesIO(b64decode(found[2].replace("; ", ""))))
     return f"{found[1]} {sha256(picture.convert('RGBA').tobytes()).hexdigest()}\n"
 

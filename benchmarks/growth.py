@@ -1,10 +1,11 @@
-"""How CPU and memory of `slice` grow with the number of facets: several kinds of meshes, each of several sizes.
+"""Measure how CPU time and memory of `slice` grow with the number of facets, for several kinds of meshes.
 
     python -m benchmarks.growth [--kinds torus relief ...] [--facets 300000 1000000 2500000 5000000] [--rounds N]
 
-Every part is written once, as binary STL, and sliced in a process of its own; the operating system counts CPU and
-peak memory. The last columns are those per facet, beyond what a box of twelve facets takes, as ratios to the smallest
-size: 1 is growth in proportion, less is better. Parts that are refused, as loose facets are, say so by their exit code.
+Every part is written once, as binary STL, and sliced in a separate process. The operating system reports CPU time and
+peak memory. The last columns are CPU time and memory per facet, without those of a box of twelve facets, divided by the
+values for the smallest size: 1 means growth in proportion, and less is better. The exit code shows parts that are
+rejected, such as loose facets.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ Corners = np.ndarray[tuple[int, ...], np.dtype[np.float32]]
 
 
 def write_facets(path: Path, n_facets: int, facets_of: Callable[[np.ndarray], Corners]) -> int:
-    """Write facets (n, 3, 3) that are made from their numbers (n,), some at a time."""
+    """Write facets (n, 3, 3) that are computed from their numbers (n,), in chunks."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("wb") as file:
         file.write(path.stem.encode().ljust(80) + n_facets.to_bytes(4, "little"))
@@ -39,7 +40,7 @@ def write_facets(path: Path, n_facets: int, facets_of: Callable[[np.ndarray], Co
 
 
 def write_disc(path: Path, n_facets: int, radius: float, top: Callable[[np.ndarray], np.ndarray]) -> int:
-    """A disc standing on z = 0, of sectors, and how high it is at each angle: (n,) -> (n,) mm."""
+    """Write a disc of sectors that stands on z = 0; `top` gives its height at each angle, (n,) -> (n,) mm."""
     n_sectors = n_facets // 4
 
     def facets_of(number: np.ndarray) -> Corners:
@@ -67,17 +68,17 @@ def write_disc(path: Path, n_facets: int, radius: float, top: Callable[[np.ndarr
 
 
 def write_relief(path: Path, n_facets: int) -> int:
-    """A disc of 0.2 mm, 160 mm across, its top in waves of 0.05 mm: half of the facets are cut by the only plane."""
+    """Write a disc 0.2 mm high, 160 mm across, with waves of 0.05 mm on top; the only plane cuts half of its facets."""
     return write_disc(path, n_facets, 80.0, lambda turn: 0.175 + 0.025 * np.cos(24 * turn))
 
 
 def write_needles(path: Path, n_facets: int) -> int:
-    """A disc of 2 mm, 100 mm across: needles around it, slivers below and on top."""
+    """Write a disc 2 mm high and 100 mm across with needles around it, and slivers below and on top."""
     return write_disc(path, n_facets, 50.0, lambda turn: np.full(len(turn), 2.0))
 
 
 def write_loose(path: Path, n_facets: int) -> int:
-    """Facets of 1 mm anywhere in a cube of 100 mm, no two of which share an edge."""
+    """Write facets of 1 mm at random places in a cube of 100 mm; no two share an edge."""
 
     def facets_of(number: np.ndarray) -> Corners:
         rng = np.random.default_rng(int(number[0]))
@@ -95,14 +96,14 @@ KINDS: Mapping[str, Callable[[Path, int], int]] = {
 }
 
 
-def n_facets_in(path: Path) -> int:
-    """What a binary STL says; this process must stay small, since children begin with its peak memory."""
+def read_facet_count(path: Path) -> int:
+    """Return the facet count of a binary STL. This process must stay small: children start with its peak memory."""
     with path.open("rb") as file:
         return int.from_bytes(file.read(84)[80:], "little")
 
 
-def costs(path: Path, rounds: int) -> tuple[float, float, int]:
-    """CPU seconds and peak MiB of slicing a part, medians, and the exit code."""
+def measure_slicing(path: Path, rounds: int) -> tuple[float, float, int]:
+    """Return the medians of CPU seconds and peak MiB for slicing a part, and the exit code."""
     words = ["-m", "printer_slicer", "slice", str(path), "-o", str(MADE / "growth.gcode"), "--quiet"]
     MADE.mkdir(parents=True, exist_ok=True)
     runs = [measure(words) for _ in range(rounds)]
@@ -111,7 +112,7 @@ def costs(path: Path, rounds: int) -> tuple[float, float, int]:
 
 
 def main() -> int:
-    """Print a table for each kind."""
+    """Print a table for each kind of mesh."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -119,7 +120,7 @@ def main() -> int:
     parser.add_argument("--facets", nargs="+", type=int, default=SIZES)
     parser.add_argument("--rounds", type=int, default=1)
     arguments = parser.parse_args()
-    base_seconds, base_peak, _ = costs(BOX, max(arguments.rounds, 3))
+    base_seconds, base_peak, _ = measure_slicing(BOX, max(arguments.rounds, 3))
     print(f"a box of 12 facets: {base_seconds:.2f} s, {base_peak:.0f} MiB\n")
     print("| kind | facets | CPU s | peak MiB | exit code | CPU per facet | memory per facet |")
     print("|---|---:|---:|---:|---:|---:|---:|")
@@ -127,8 +128,8 @@ def main() -> int:
         first: tuple[float, float] | None = None
         for wanted in sorted(arguments.facets):
             path = MADE / f"{kind}_{wanted}.stl"
-            count = n_facets_in(path) if path.exists() else KINDS[kind](path, wanted)
-            seconds, peak, code = costs(path, arguments.rounds)
+            count = read_facet_count(path) if path.exists() else KINDS[kind](path, wanted)
+            seconds, peak, code = measure_slicing(path, arguments.rounds)
             each = (seconds - base_seconds) / count, max(peak - base_peak, 1.0) / count
             first = first or each
             ratios = f"{each[0] / first[0]:.2f} | {each[1] / first[1]:.2f}"

@@ -2,12 +2,12 @@
 
     python -m benchmarks.importing [--values N] [--macros N] [--prints N] [--bundle NAME]
 
-1. Every printer, print and filament preset: imported, or the reason. Fails under 95 %.
-2. N printers with their default print and filament, evenly spread: dimensions, limits, temperatures and speeds
-   against PrusaSlicer's own reading (`--save`).
-3. N printers: start and end G-code as we fill them in against those in PrusaSlicer's own file, and
-   pressure advance against what its commands there mean to the firmware.
-4. N printers: the box, sliced and printed on the simulated printer; or the reason why not.
+1. Import every printer, print and filament preset, or print the reason for a failure. The command fails below 95 %.
+2. For N printers with their default print and filament, evenly spread, compare dimensions, limits, temperatures and
+   speeds with PrusaSlicer's own values (`--save`).
+3. For N printers, compare start and end G-code, with placeholders filled in, with PrusaSlicer's own file. Compare
+   pressure advance with the meaning of its commands there to the firmware.
+4. For N printers, slice the box and print it on the simulated printer, or print the reason for a failure.
 """
 
 from __future__ import annotations
@@ -21,7 +21,16 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from benchmarks.prusa_presets import BUNDLES, FILAMENT, Oracle, between, bundles, marked, rendered, saved
+from benchmarks.prusa_presets import (
+    BUNDLES,
+    FILAMENT,
+    Oracle,
+    bundles,
+    commands_between_marks,
+    mark_macros,
+    render_macros,
+    saved,
+)
 from printer_slicer import dry_run, job_of, load_mesh, load_profile
 from printer_slicer.errors import PrinterSlicerError
 from printer_slicer.importing import (
@@ -41,24 +50,27 @@ Triple = dict[str, ImportedProfile]
 
 
 def main() -> int:
-    """Run what is asked for; 1 if anything is not as it should be."""
+    """Run the selected comparisons; return 1 if a result is not as expected."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     for name, usual in (("values", 30), ("macros", 30), ("prints", 12)):
         parser.add_argument(f"--{name}", type=int, default=usual, metavar="N", help=f"default: {usual}")
-    parser.add_argument("--bundle", default="", help="only bundles whose name holds this")
+    parser.add_argument("--bundle", default="", help="only bundles whose name contains this")
     asked = parser.parse_args()
     paths = [path for path in bundles() if asked.bundle in path.name]
     if not paths:
         print(f"{BUNDLES}: no bundles; PrusaSlicer is not installed")
         return 0
     share = coverage(paths)
-    printers = list(all_printers(paths))
+    printers = list(find_printers(paths))
     with TemporaryDirectory() as folder:
-        off = sum(compare_values(one, Path(folder)) for one in spread(printers, asked.values))
-        different = sum(compare_macros(one, Path(folder)) for one in spread(printers, asked.macros))
-        printed = [prints(one, Path(folder)) for one in spread(printers, asked.prints)]
+        off = sum(compare_values(one, Path(folder)) for one in choose_printers(printers, asked.values))
+        different = sum(compare_macros(one, Path(folder)) for one in choose_printers(printers, asked.macros))
+        printed = [
+            prints_as_intended(one, Path(folder))
+            for one in choose_printers(printers, asked.prints_as_intended)
+        ]
     print(
         f"values: {off} differ; macros: {different} differ; printed as intended: {sum(printed)} of {len(printed)}"
     )
@@ -66,14 +78,14 @@ def main() -> int:
 
 
 def coverage(paths: list[Path]) -> float:
-    """Share of presets that import; every other one with its reason."""
+    """Return the share of presets that import, and print the reason for each of the others."""
     counts: Counter[tuple[str, str]] = Counter()
     for path in paths:
         results = import_profiles(path)
         for one in results:
             counts[one.kind, type(one).__name__] += 1
             if isinstance(one, RejectedProfile):
-                print(f"refused: {path.name}: {one.kind} {one.name!r}: {one.problem}")
+                print(f"rejected: {path.name}: {one.kind} {one.name!r}: {one.problem}")
     for kind in ("printer", "quality", "material"):
         good, bad = counts[kind, "ImportedProfile"], counts[kind, "RejectedProfile"]
         print(f"{kind:<10}{good} of {good + bad} imported ({good / max(good + bad, 1):.1%})")
@@ -84,8 +96,8 @@ def coverage(paths: list[Path]) -> float:
     return good / counts.total()
 
 
-def all_printers(paths: list[Path]) -> Iterator[tuple[Path, str]]:
-    """Every filament printer: bundle and name."""
+def find_printers(paths: list[Path]) -> Iterator[tuple[Path, str]]:
+    """Return bundle and name of every filament printer."""
     for path in paths:
         oracle = Oracle(path)
         for name in oracle.names("printer"):
@@ -93,8 +105,8 @@ def all_printers(paths: list[Path]) -> Iterator[tuple[Path, str]]:
                 yield path, name
 
 
-def spread(printers: list[tuple[Path, str]], count: int) -> list[tuple[Path, str]]:
-    """So many of them, evenly spread: first one of each bundle, then more."""
+def choose_printers(printers: list[tuple[Path, str]], count: int) -> list[tuple[Path, str]]:
+    """Return this many printers, evenly spread: first one of each bundle, then more."""
     firsts = {path: (path, name) for path, name in reversed(printers)}
     rest = [one for one in printers if one not in firsts.values()]
     more = max(count - len(firsts), 0)
@@ -103,7 +115,7 @@ def spread(printers: list[tuple[Path, str]], count: int) -> list[tuple[Path, str
 
 
 def triple(path: Path, printer: str) -> tuple[Triple, dict[str, str], list[RejectedProfile]]:
-    """The printer with its default print and filament: ours, and all settings as PrusaSlicer has them."""
+    """Return the printer with its default print and filament: our profiles, and all settings of PrusaSlicer."""
     results = import_profiles(path, ImportRequest(printer=printer))
     made = {one.kind: one for one in results if isinstance(one, ImportedProfile)}
     oracle = Oracle(path)
@@ -116,15 +128,15 @@ def triple(path: Path, printer: str) -> tuple[Triple, dict[str, str], list[Rejec
     return made, settings, [one for one in results if isinstance(one, RejectedProfile)]
 
 
-def expected(theirs: Mapping[str, str]) -> dict[str, float]:
-    """Main values as they follow from what PrusaSlicer saved: our key -> number."""
+def expected_values(theirs: Mapping[str, str]) -> dict[str, float]:
+    """Return the main values that follow from the settings saved by PrusaSlicer: our key -> number."""
 
     def first(key: str) -> float:
-        """The first number of a setting."""
+        """Return the first number of a setting."""
         return float(theirs[key].split(",")[0].strip('"').removesuffix("%"))
 
     def speed(key: str, whole: float) -> float:
-        """A speed; 0 is the greatest, a percentage is of another."""
+        """Return a speed; 0 means the greatest, and a percentage refers to `whole`."""
         share = theirs[key].endswith("%")
         return first(key) / 100 * whole if share else first(key) or first("max_print_speed")
 
@@ -174,9 +186,9 @@ def expected(theirs: Mapping[str, str]) -> dict[str, float]:
 
 
 def differences(made: Triple, theirs: Mapping[str, str]) -> list[str]:
-    """Main values that are not the same."""
+    """Return the main values that differ, as texts."""
     wrong = []
-    for key, wanted in expected(theirs).items():
+    for key, wanted in expected_values(theirs).items():
         kind, *path = key.split(".")
         if kind not in made:
             continue
@@ -189,17 +201,17 @@ def differences(made: Triple, theirs: Mapping[str, str]) -> list[str]:
 
 
 def compare_values(printer: tuple[Path, str], folder: Path) -> int:
-    """How many main values of a printer and its companions differ."""
+    """Return how many main values of a printer and its companions differ."""
     made, settings, refused = triple(*printer)
     wrong = differences(made, saved(settings, folder))
     print(f"values   {printer[1]}: {'; '.join(wrong) or f'equal ({len(made)} presets)'}")
     for one in refused:
-        print(f"         {one.kind} {one.name!r} refused: {one.problem}")
+        print(f"         {one.kind} {one.name!r} rejected: {one.problem}")
     return len(wrong)
 
 
-def loaded(made: Triple, folder: Path, **changes: object) -> Any:
-    """The imported profiles as the program reads them."""
+def load_imported(made: Triple, folder: Path, **changes: object) -> Any:
+    """Return the imported profiles as the program reads them."""
     paths = {}
     for kind, one in made.items():
         paths[kind] = folder / f"{kind}.toml"
@@ -208,16 +220,16 @@ def loaded(made: Triple, folder: Path, **changes: object) -> Any:
 
 
 def our_macros(made: Triple, folder: Path, heights: Mapping[str, str]) -> dict[str, list[str]]:
-    """Start and end G-code as our file holds them."""
+    """Return start and end G-code from our file."""
     changes: dict[str, object] = dict(heights)
     for key in ("start_gcode", "end_gcode"):
         changes[f"printer.{key}"] = f";==={key}\n{made['printer'].values.get(key, '')}\n;==="
-    job = job_of(load_mesh(PART), loaded(made, folder, **changes))
-    return dict(between(job.text.decode()))
+    job = job_of(load_mesh(PART), load_imported(made, folder, **changes))
+    return dict(commands_between_marks(job.text.decode()))
 
 
-def same_line(ours: str, theirs: str) -> bool:
-    """Whether two commands are the same but for the writing of numbers."""
+def is_same_command(ours: str, theirs: str) -> bool:
+    """Return whether two commands are equal apart from the format of numbers."""
     numbers = [[float(word[1]) for word in _SAID.findall(line)] for line in (ours, theirs)]
     words = [_SAID.sub(r"\1", line) for line in (ours, theirs)]
     close = all(abs(a - b) <= 1e-3 + 1e-5 * abs(b) for a, b in zip(*numbers, strict=False))
@@ -225,18 +237,18 @@ def same_line(ours: str, theirs: str) -> bool:
 
 
 def compare_macros(printer: tuple[Path, str], folder: Path) -> int:
-    """How many lines of start and end G-code differ."""
+    """Return how many lines of start and end G-code differ."""
     made, settings, _ = triple(*printer)
     if len(made) < 3:
         print(f"macros   {printer[1]}: not all of its presets import")
         return 0
-    # A height of which the box is a whole number: the top of the last layer is the height of the part for both.
+    # The box is a multiple of this height, so both programs end the last layer at the top of the part.
     low, high = (made["printer"].values[key] for key in ("min_layer", "max_layer"))
     height = next((one for one in (0.1, 0.125, 0.2, 0.25, 0.5) if low <= one <= high), low)
     same_heights = {"layer_height": f"{height}", "first_layer_height": f"{height}"}
-    theirs = rendered(marked(settings | same_heights), PART, folder)
+    theirs = render_macros(mark_macros(settings | same_heights), PART, folder)
     if isinstance(theirs, str):
-        print(f"macros   {printer[1]}: PrusaSlicer does not slice with it: {theirs}")
+        print(f"macros   {printer[1]}: PrusaSlicer does not slice with this printer: {theirs}")
         return 0
     try:
         ours = our_macros(made, folder, {f"quality.{key}": value for key, value in same_heights.items()})
@@ -244,18 +256,18 @@ def compare_macros(printer: tuple[Path, str], folder: Path) -> int:
         print(f"macros   {printer[1]}: {str(error).splitlines()[0]}")
         return 0
     filament = theirs.pop(FILAMENT, None)
-    advance = [] if filament is None else unlike_advance(made["material"], filament)
-    wrong = [line for key in theirs for line in unlike(ours.get(key, []), theirs[key])]
+    advance = [] if filament is None else compare_advance(made["material"], filament)
+    wrong = [line for key in theirs for line in find_missing_commands(ours.get(key, []), theirs[key])]
     total = sum(map(len, theirs.values()))
     print(f"macros   {printer[1]}: {total} commands; {'; '.join(wrong) or 'all the same'}")
     return len(wrong) + len(advance)
 
 
-def unlike_advance(material: ImportedProfile, theirs: list[str]) -> list[str]:
-    """Whether pressure advance is another than the firmware takes from these commands.
+def compare_advance(material: ImportedProfile, theirs: list[str]) -> list[str]:
+    """Return a text if pressure advance differs from the value that the firmware takes from these commands.
 
-    The first M900 decides: from 10 on K is Linear Advance 1.0, which is no time; then commands of the other scale are
-    ignored. Source: Prusa's knowledge base, "Linear Advance".
+    The first M900 decides: a K of 10 or more belongs to Linear Advance 1.0 and is not a time. Then commands of the
+    other scale are ignored. Source: Prusa's knowledge base, "Linear Advance".
     """
     said = [float(found[1]) for line in theirs if (found := _ADVANCE.match(line))]
     wanted = [value for value in said if (value < LINEAR_ADVANCE_1) == (said[0] < LINEAR_ADVANCE_1)][-1:]
@@ -268,26 +280,28 @@ def unlike_advance(material: ImportedProfile, theirs: list[str]) -> list[str]:
     return [wrong]
 
 
-def unlike(ours: list[str], theirs: list[str]) -> Iterator[str]:
-    """Commands of theirs that ours has not, in their order."""
+def find_missing_commands(ours: list[str], theirs: list[str]) -> Iterator[str]:
+    """Return the commands of PrusaSlicer's macro that ours lacks, in order."""
     place = 0
     for line in theirs:
-        if line.startswith("M73 "):  # progress that PrusaSlicer puts between the lines of the macro
+        if line.startswith(
+            "M73 "
+        ):  # progress commands that PrusaSlicer inserts between the lines of the macro
             continue
-        found = next((i for i in range(place, len(ours)) if same_line(ours[i], line)), None)
+        found = next((i for i in range(place, len(ours)) if is_same_command(ours[i], line)), None)
         if found is None:
-            yield f"{line!r} against {ours[place] if place < len(ours) else 'nothing'!r}"
+            yield f"{line!r}, but ours is {ours[place] if place < len(ours) else 'nothing'!r}"
         else:
             place = found + 1
 
 
-def prints(printer: tuple[Path, str], folder: Path) -> bool:
-    """Whether the box comes out as intended on the simulated printer."""
+def prints_as_intended(printer: tuple[Path, str], folder: Path) -> bool:
+    """Return whether the box is printed as intended on the simulated printer."""
     made, _, refused = triple(*printer)
     why = refused[0].problem if refused else ""
     if len(made) == 3:
         try:
-            profile = loaded(made, folder)
+            profile = load_imported(made, folder)
             verdict = dry_run(job_of(load_mesh(PART), profile), profile)
             why = verdict.problems[0] if verdict.problems else ""
         except PrinterSlicerError as error:

@@ -1,10 +1,10 @@
-"""Whether what is released can be installed: wheel and sdist, in fresh environments of every Python that is found.
+"""Test the installation of a release: wheel and sdist, in a new environment of every Python that is found.
 
     python benchmarks/installing.py [PYTHON ...]
 
-Builds both from the files that git knows; then, for every Python of a version that we support: a new environment, the
-wheel and nothing of the checkout, and the first command of the README, on parts that lie elsewhere. The sdist is
-installed under one of them. Prints a table; the exit code says whether all of it went well.
+Both are built from the files in git. Then, for every supported version of Python, the wheel is installed in a new
+environment without access to the checkout, and the first command of the README runs on parts in another folder. The
+sdist is installed with one of these versions. The output is a table; the exit code is 0 if everything succeeded.
 """
 
 from __future__ import annotations
@@ -19,32 +19,32 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-MOST = 2 << 20  # bytes of a wheel
+MOST = 2 << 20  # largest size of a wheel, bytes
 VERSIONS = ("3.11", "3.12", "3.13", "3.14")
 PLAIN = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
 
 
-def pythons() -> Iterator[Path]:
-    """One of each version: on the path, or where pyenv and uv keep them."""
+def find_pythons() -> Iterator[Path]:
+    """Return one interpreter of each version: on the path, or in the folders of pyenv and uv."""
     for version in VERSIONS:
         named = shutil.which(f"python{version}")
         places = [Path(named)] if named else []
         for folder in ("~/.pyenv/versions", "~/.local/share/uv/python"):
             places += sorted(Path(folder).expanduser().glob(f"*{version}.*/bin/python{version}"))
         for place in places:
-            if said(place, "--version").startswith(f"Python {version}."):
+            if read_stdout(place, "--version").startswith(f"Python {version}."):
                 yield place
                 break
 
 
-def said(*command: object, cwd: Path | None = None) -> str:
-    """What a command writes to stdout; empty if it fails."""
+def read_stdout(*command: object, cwd: Path | None = None) -> str:
+    """Return the stdout of a command; empty if it fails."""
     done = subprocess.run([str(one) for one in command], capture_output=True, text=True, cwd=cwd, check=False)
     return done.stdout if done.returncode == 0 else ""
 
 
 def run(*command: object, cwd: Path) -> str:
-    """The same; an error if it fails."""
+    """Run a command and return its stdout; exit with an error if it fails."""
     words = [str(one) for one in command]
     done = subprocess.run(words, capture_output=True, text=True, cwd=cwd, env=PLAIN, check=False)
     if done.returncode:
@@ -52,8 +52,8 @@ def run(*command: object, cwd: Path) -> str:
     return done.stdout
 
 
-def built(folder: Path) -> tuple[Path, Path]:
-    """Wheel and sdist of the files that git knows, made by a fresh environment."""
+def build_packages(folder: Path) -> tuple[Path, Path]:
+    """Build wheel and sdist from the files in git, in a new environment."""
     source = folder / "source"
     source.mkdir()
     names = run("git", "ls-files", "-z", cwd=ROOT).split("\0")
@@ -70,15 +70,15 @@ def built(folder: Path) -> tuple[Path, Path]:
 
 
 def first_command() -> list[str]:
-    """Of the README, behind the name of the program."""
+    """Return the first command of the README, without the name of the program."""
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     found = re.search(r"<!-- first run -->\n```sh\n.*printer-slicer (.*)\n", text)
     assert found, "the README has no first command"
     return found[1].split()
 
 
-def tried(python: Path, package: Path, folder: Path) -> str:
-    """Install a package under a Python and use it; the last thing that it says of the print."""
+def try_package(python: Path, package: Path, folder: Path) -> str:
+    """Install a package under a Python, run it, and return the last line of its output."""
     home = folder / f"{python.name}-{package.suffix.strip('.')}"
     run(python, "-m", "venv", home, cwd=folder)
     inside = home / "bin"
@@ -92,17 +92,23 @@ def tried(python: Path, package: Path, folder: Path) -> str:
 
 
 def main(chosen: Sequence[str]) -> int:
-    """Build, install, print the table."""
+    """Build, install, and print the table."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        wheel, sdist = built(folder)
+        wheel, sdist = build_packages(folder)
         print(
             f"{wheel.name}: {wheel.stat().st_size / 1024:.0f} KiB; {sdist.name}: {sdist.stat().st_size / 1024:.0f} KiB"
         )
-        found = [Path(one) for one in chosen] or list(pythons())
+        found = [Path(one) for one in chosen] or list(find_pythons())
         for python in found:
-            print(f"{said(python, '--version').strip():<16}wheel  {tried(python, wheel, folder)}", flush=True)
-        print(f"{said(found[0], '--version').strip():<16}sdist  {tried(found[0], sdist, folder)}", flush=True)
+            print(
+                f"{read_stdout(python, '--version').strip():<16}wheel  {try_package(python, wheel, folder)}",
+                flush=True,
+            )
+        print(
+            f"{read_stdout(found[0], '--version').strip():<16}sdist  {try_package(found[0], sdist, folder)}",
+            flush=True,
+        )
         small = wheel.stat().st_size < MOST
     if not small:
         print(f"the wheel is larger than {MOST >> 20} MiB")

@@ -1,10 +1,10 @@
-"""Kills the printing host with SIGKILL at random instants, lets `resume` go on, and asks the printer what it executed.
+"""Kill the printing host with SIGKILL at random times, resume the print, and compare what the printer executed.
 
     python benchmarks/killing.py --kills 200 --seed 1
 
-The host is a process of its own, the simulated printer a device of the system. After each kill: what the journal names
-as accepted last, and what the printer had begun by then. At the end of each job: what was executed is what the file
-holds, once and in order.
+The host is a separate process, and the simulated printer a pseudo-terminal. After each kill, the last command that the
+journal lists as accepted is compared with the last command that the printer had started. At the end of each job, the
+printer must have executed the commands of the file, once and in order.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ _LAST_RESORT = 600.0  # s
 
 @dataclass
 class Outcome:
-    """One job.
+    """The result of one job.
 
     Attributes:
-        kills: so many were made while lines went over the wire.
-        ahead: commands that the printer had begun beyond what the journal names, at each kill.
-        exact: executed = the file, once and in order.
-        what: what went wrong.
+        kills: number of kills while lines were sent.
+        ahead: for each kill, the number of commands that the printer had started and the journal does not list.
+        exact: whether the commands of the file were executed once and in order.
+        what: the fault, if there was one.
     """
 
     kills: int = 0
@@ -61,7 +61,7 @@ def served(
     executed: list[str] | None = None,
     ends: Callable[[], None] = lambda: None,
 ) -> Iterator[list[str]]:
-    """A simulated printer; the list, by default a new one, holds what it executes; `ends` is called at its end."""
+    """Serve a simulated printer; `executed` collects its commands, and `ends` is called at its end."""
     ready, stop = Flag(), Flag()
     lines: list[str] = [] if executed is None else executed
 
@@ -87,7 +87,7 @@ def served(
 
 
 def job_text(chance: Random, moves: int) -> str:
-    """Moves of all lengths, in which no two commands are alike."""
+    """Return moves of all lengths, in which no two commands are equal."""
     lines = ["G28", "G90", "M83", "G92 E0", "M302 S0"]
     for number in range(moves):
         x, y = 10 + chance.random() * 180, 10 + chance.random() * 180
@@ -98,12 +98,12 @@ def job_text(chance: Random, moves: int) -> str:
 
 
 def of_job(executed: list[str]) -> list[str]:
-    """Without what hosts ask on their own account."""
+    """Return the commands of the job, without those that hosts send on their own."""
     return [line for line in executed if not line.startswith(OWN)]
 
 
 def start(folder: Path, *arguments: str) -> subprocess.Popen[bytes]:
-    """A host."""
+    """Start a host process."""
     env = {**os.environ, "PRINTER_SLICER_STATE": str(folder / "state"), "PYTHONPATH": str(ROOT)}
     command = [sys.executable, "-m", "printer_slicer", *arguments]
     with (folder / "said").open("ab") as said:
@@ -113,7 +113,7 @@ def start(folder: Path, *arguments: str) -> subprocess.Popen[bytes]:
 
 
 def one_job(seed: int, kills: int, folder: Path) -> Outcome:
-    """Print one job with some kills on the way."""
+    """Print one job with some kills."""
     chance, outcome, never = Random(seed), Outcome(), Flag()
     text = job_text(chance, 50 * kills)
     wanted = text.split("\n")[:-1]
@@ -131,7 +131,7 @@ def one_job(seed: int, kills: int, folder: Path) -> Outcome:
             while host.poll() is None and len(executed) == before and monotonic() - begun < _LAST_RESORT:
                 never.wait(0.002)
             if outcome.kills < kills:
-                # Greeting, lines in flight, a full planner: all of it lies within this time.
+                # The kill can hit the handshake, lines in flight or a full planner: all happen within this time.
                 never.wait(chance.choice([0.02, 0.3, 1.5]) * chance.random())
             if outcome.kills >= kills or host.poll() is not None:
                 break
@@ -139,10 +139,10 @@ def one_job(seed: int, kills: int, folder: Path) -> Outcome:
             host.wait()
             left = list((folder / "state" / "prints").glob("*"))
             if not left and not executed:
-                arguments, left = first, [folder]  # a slow machine: it had not even begun
+                arguments, left = first, [folder]  # a slow machine: the print had not started yet
                 continue
             if not left:
-                break  # it had come to its end, and was on its way out
+                break  # the print was done, and the process was exiting
             outcome.kills += 1
             story = read_journal(left[0])
             outcome.ahead.append(len(of_job(executed)) - story.entries)
@@ -157,12 +157,12 @@ def one_job(seed: int, kills: int, folder: Path) -> Outcome:
 def _first_difference(executed: list[str], wanted: list[str]) -> str:
     for number, (one, other) in enumerate(zip(executed, wanted, strict=False)):
         if one != other:
-            return f"command {number} is {one!r}, and should be {other!r}"
+            return f"command {number} is {one!r}, but should be {other!r}"
     return f"{len(executed)} of {len(wanted)} commands"
 
 
 def main() -> int:
-    """Say how many kills were survived."""
+    """Print how many kills were survived."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -180,7 +180,7 @@ def main() -> int:
         print(f"seed {seed}: {outcome.kills} kills, {'exact' if outcome.exact else outcome.what}", flush=True)
         seed += 1
     print(f"{good} of {made} kills: executed = file, once and in order")
-    print(f"begun beyond what the journal names: {min(ahead)} to {max(ahead)} commands")
+    print(f"started commands that the journal does not list: {min(ahead)} to {max(ahead)}")
     return 0 if good == made else 1
 
 

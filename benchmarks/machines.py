@@ -1,12 +1,12 @@
-"""Minutes of shipped printers against the published process of the same machine, all on the same motion model.
+"""Compare print times of shipped printers with the published process of the same machine, on one motion model.
 
     python -m benchmarks.machines [--models DIR] [--machine NAME ...] [--json FILE] [part ...]
 
-Three files for every machine and part: ours with the speeds that all printers had before they carried their own, ours
-now, and PrusaSlicer's with the machine's published speeds, flow, layer time and slowest speed (`vendor_speeds.py`).
-Shells, widths, infill, layers of 0.2 mm, retraction, start and end are ours in all three. PrusaSlicer 2.5 does not know
-all accelerations and no infill speed of the first layer, so they are written into its file, role by role, before that
-is timed. Every file is read and timed by the same code, with the limits of our printer.
+Three files are compared for every machine and part: ours with the former speeds, which were the same for all printers;
+ours now; and PrusaSlicer's with the machine's published speeds, flow, layer time and minimum speed
+(`vendor_speeds.py`). Shells, widths, infill, layers of 0.2 mm, retraction, start and end are ours in all three.
+PrusaSlicer 2.5 lacks some accelerations and an infill speed for the first layer. They are added to its file, role by
+role, before it is timed. The same code reads and times all files, with the limits of our printer.
 """
 
 from __future__ import annotations
@@ -39,10 +39,10 @@ from printer_slicer.profile import Profile, load_profile, profile_with
 
 PEER: Final = "prusa-slicer"
 MOST: Final = 1.05
-"""Of the vendor's minutes."""
+"""Largest allowed ratio of our minutes to the vendor's."""
 
 PARTS: Final = ("benchy", "bp_case", "crazyradio")
-"""Taken from the models folder when none is named, or `SAMPLE_PARTS` without it."""
+"""Parts from the models folder that are used if no part is named; without the folder, `SAMPLE_PARTS` are used."""
 
 SAMPLE_PARTS: Final = ("case_study", "thin_wall")
 _BARE: Final = {"start_gcode": "", "end_gcode": "", "progress": False, "printer.thumbnails": []}
@@ -63,7 +63,7 @@ _OLD: Final = {
     "printer.speeds.overhang_50": 0,
     "printer.speeds.overhang_25": 0,
 }
-"""What every printer had."""
+"""The former speeds of all printers."""
 
 _ACCELERATED: Final[Mapping[str, int]] = {
     "External perimeter": 1,
@@ -74,7 +74,7 @@ _ACCELERATED: Final[Mapping[str, int]] = {
     "Top solid infill": 5,
     "Bridge infill": 6,
 }
-"""PrusaSlicer's roles, and where `Vendor.accelerations` has theirs; others have the default."""
+"""PrusaSlicer's roles and their indices in `Vendor.accelerations`; other roles have the default."""
 
 _FIRST, _TRAVEL = 7, 8
 _INFILL: Final = ("Internal infill", "Solid infill", "Top solid infill")
@@ -82,7 +82,7 @@ _INFILL: Final = ("Internal infill", "Solid infill", "Top solid infill")
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """Minutes of one part on one machine; nan where a program is missing."""
+    """Minutes of one part on one machine; nan if a program is missing."""
 
     machine: str
     part: str
@@ -92,22 +92,22 @@ class Row:
 
     @property
     def ratio(self) -> float:
-        """Ours now of the vendor's."""
+        """Return our present minutes divided by the vendor's."""
         return self.now / self.vendor
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Print the table; 1 if we are slower than the goal allows."""
+    """Print the table; return 1 if ours take longer than allowed."""
     parser = parser_of("machines", __doc__ or "")
     parser.add_argument("--machine", action="append", choices=[*MACHINES], help="only these printers")
     options = options_of(parser, argv)
     if not shutil.which(PEER):
-        print(f"{PEER} is not installed: nobody to compare with")
+        print(f"{PEER} is not installed, and the comparison needs it")
         return 0
     rows = []
     for part in _parts(options.models, options.parts):
         for machine in options.machine or MACHINES:
-            rows.append(_row(machine, part, load_mesh(part)))
+            rows.append(_measure_row(machine, part, load_mesh(part)))
             print(f"measured {machine}, {part.stem}", file=sys.stderr)
     print("\n".join(table(rows)))
     if options.json:
@@ -123,12 +123,12 @@ def _parts(models: Path | None, wanted: Sequence[str]) -> Iterator[Path]:
     names = list(wanted) or [name for name in PARTS if name in known] or SAMPLE_PARTS
     for name in names:
         if name not in known:
-            sys.exit(f"no part {name}; there are {', '.join(known)}")
+            sys.exit(f"no part {name}; known parts: {', '.join(known)}")
         yield known[name]
 
 
 def table(rows: Sequence[Row]) -> Iterator[str]:
-    """The rows in Markdown."""
+    """Return the rows in Markdown."""
     yield "| machine | part | minutes before | now | vendor | now / vendor |"
     yield "|---|---|---|---|---|---|"
     for row in rows:
@@ -137,19 +137,21 @@ def table(rows: Sequence[Row]) -> Iterator[str]:
         )
 
 
-def _row(machine: str, path: Path, mesh: Mesh) -> Row:
+def _measure_row(machine: str, path: Path, mesh: Mesh) -> Row:
     vendor = MACHINES[machine]
     now = load_profile(machine, quality="standard", changes=_BARE)
-    before = _as_before(now, vendor)
+    before = _former_profile(now, vendor)
     part = place(mesh, now.printer)
-    ours = [_minutes(gcode_of(slice_part(part, profile), profile), profile) for profile in (before, now)]
+    ours = [
+        _total_minutes(gcode_of(slice_part(part, profile), profile), profile) for profile in (before, now)
+    ]
     with TemporaryDirectory() as folder:
-        text = _theirs(part, now, vendor, Path(folder))
-    return Row(machine, path.stem, *ours, _minutes(published(text, vendor, now), now))
+        text = _slice_with_vendor_speeds(part, now, vendor, Path(folder))
+    return Row(machine, path.stem, *ours, _total_minutes(apply_published_values(text, vendor, now), now))
 
 
-def _as_before(now: Profile, vendor: Vendor) -> Profile:
-    """The speeds that every printer had, and the limits that this one had."""
+def _former_profile(now: Profile, vendor: Vendor) -> Profile:
+    """Return the profile with the speeds that all printers had, and the former limits of this one."""
     speed, acceleration = vendor.before
     limits = {f"printer.max_speed_{axis}": speed for axis in "xy"}
     hard = dict.fromkeys(
@@ -158,7 +160,7 @@ def _as_before(now: Profile, vendor: Vendor) -> Profile:
     return profile_with(now, {**_OLD, **limits, **hard, "accelerations.first_layer": acceleration})
 
 
-def _minutes(text: bytes, profile: Profile) -> float:
+def _total_minutes(text: bytes, profile: Profile) -> float:
     printer = profile.printer
     job = build_job(
         "file", text, limits=limits_of(printer), corner=printer.corners[0], flavour=printer.flavour
@@ -166,8 +168,8 @@ def _minutes(text: bytes, profile: Profile) -> float:
     return job.seconds / 60
 
 
-def _theirs(part: Mesh, profile: Profile, vendor: Vendor, folder: Path) -> str:
-    """PrusaSlicer's file of the part with the vendor's speeds."""
+def _slice_with_vendor_speeds(part: Mesh, profile: Profile, vendor: Vendor, folder: Path) -> str:
+    """Return PrusaSlicer's file of the part with the vendor's speeds."""
     outer, inner, sparse, solid, top, gap, bridge, small, travel, first, _ = vendor.speeds
     printer, height = profile.printer, profile.quality.layer_height
     settings = prusa_settings(profile, "arachne") | {
@@ -199,7 +201,7 @@ def _theirs(part: Mesh, profile: Profile, vendor: Vendor, folder: Path) -> str:
 
 
 def write_stl(path: Path, part: Mesh) -> None:
-    """A binary STL file."""
+    """Write a binary STL file."""
     record = np.zeros(
         part.n_facets, np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("more", "<u2")])
     )
@@ -207,13 +209,13 @@ def write_stl(path: Path, part: Mesh) -> None:
     path.write_bytes(bytes(80) + np.uint32(part.n_facets).tobytes() + record.tobytes())
 
 
-def published(text: str, vendor: Vendor, profile: Profile) -> bytes:
-    """PrusaSlicer's file with the accelerations of every role, and the first layer's infill as quick as published.
+def apply_published_values(text: str, vendor: Vendor, profile: Profile) -> bytes:
+    """Add the accelerations of every role and the published infill speed of the first layer to PrusaSlicer's file.
 
     Args:
-        text: what PrusaSlicer wrote, without any of its own.
-        vendor: what is published.
-        profile: ours, whose firmware and limits the accelerations are for.
+        text: PrusaSlicer's file, without accelerations of its own.
+        vendor: the published values.
+        profile: our profile; its firmware and limits apply to the accelerations.
     """
     printer, accelerations = profile.printer, vendor.accelerations
     most = min(printer.max_acceleration_x, printer.max_acceleration_y)

@@ -1,11 +1,11 @@
-"""Where does the plastic lie? Our files against those of other slicers, by the material coverage.
+"""Compare where our files and those of other slicers put material, with the measurements of `check --model`.
 
     python -m benchmarks.material [--models DIR] [--height MM] [--set KEY=VALUE] [--json FILE] [part ...]
 
-Every part is sliced by us, by PrusaSlicer (Arachne and classic perimeters) and by CuraEngine where they are installed,
-with the settings of one profile in uniform layers, and every file is held against the part by the same rules: the shell
-is as deep as the profile's perimeters reach, whatever the file's own do. One row per part and peer: ours / theirs and
-their ratio, in bold where ours is worse by more than what measuring is good for. Peers' G-code is kept in
+Every part is sliced by us, and by PrusaSlicer (Arachne and classic perimeters) and CuraEngine if they are installed.
+All use the settings of one profile in uniform layers. Every file is compared with the part by the same rules: the shell
+is as deep as the profile's perimeters, not as those of the file. There is one row per part and peer: ours / theirs and
+their ratio. The ratio is in bold where ours is worse by more than the measuring error. Peers' G-code is kept in
 `benchmarks/made/` and used again.
 """
 
@@ -35,10 +35,10 @@ from printer_slicer.placing import place
 from printer_slicer.profile import Profile
 from printer_slicer.slicing import cut
 
-_RESOLUTION = 0.005  # mm, of the sections of layers that a file does not have
+_RESOLUTION = 0.005  # mm, layer height for layers that a file does not have
 _SAME_Z = 0.02  # mm
-# What the figures change by when the same file lies a fraction of a cell elsewhere, mm² and share, and mm: files
-# round places to 0.001 mm, and the part is found to as much.
+# Changes of the figures when the same file is moved by a fraction of a cell: mm² and share, and mm. Files round
+# coordinates to 0.001 mm, and the position of the part is found with the same accuracy.
 _UNCOVERED_NOISE = 0.1, 0.01
 _OVERLAP_NOISE = 1.0, 0.04
 _LENGTH_NOISE = 0.002
@@ -46,24 +46,24 @@ _LENGTH_NOISE = 0.002
 
 @dataclass(frozen=True, slots=True)
 class Figures:
-    """What the coverage says about one file; areas mm², lengths mm, shares 0 to 1.
+    """Measurements of one file; areas mm², lengths mm, shares 0 to 1.
 
     Attributes:
-        slicer: that wrote it.
-        z: (L,) mm, tops of its layers.
-        missing: mm² of the sections of layers that it lacks under the top of the part; they count as uncovered.
-        uncovered: of the shell.
-        overlap: filled more than 1.3 times.
-        covered: by all beads of the part.
+        slicer: the program that wrote the file.
+        z: (L,) tops of the layers, mm.
+        missing: area of missing layers below the top of the part, mm²; it counts as uncovered.
+        uncovered: uncovered area of the shell.
+        overlap: area filled more than 1.3 times.
+        covered: area covered by all beads of the part.
         outline: (L,) mm, 95th percentile of the distance of the outlines.
-        farthest: (L,) mm, the largest.
-        outside: mm² beyond the section.
-        air: mm of beads in the air, the longest of them.
-        shell: material in the shell by what it needs: the median over the layers.
-        least: the same in the emptiest layer.
-        volume: of the plastic by that of the sections.
-        findings: what `printer-slicer check` would tell with its usual limits.
-        seconds: CPU that checking took.
+        farthest: (L,) mm, largest distance of the outlines.
+        outside: covered area beyond the section, mm².
+        air: greatest length of unsupported extrusion in a layer, mm.
+        shell: material in the shell, divided by the material that it needs: the median over the layers.
+        least: the same in the layer with the smallest value.
+        volume: volume of the material, divided by that of the sections.
+        findings: number of findings of `printer-slicer check` with its default limits.
+        seconds: CPU time of the check.
     """
 
     slicer: str
@@ -85,7 +85,7 @@ class Figures:
 
 @dataclass(frozen=True, slots=True)
 class Pair:
-    """One figure of both files, mm or mm², and whether ours is worse by more than noise."""
+    """One figure of both files, mm or mm², and whether ours is worse by more than the measuring error."""
 
     ours: float
     theirs: float
@@ -93,11 +93,11 @@ class Pair:
 
     @property
     def worse(self) -> bool:
-        """Whether ours is the greater one."""
+        """Whether our figure is the greater one."""
         return self.ours > self.theirs + self.noise
 
     def cell(self, scale: float, form: str) -> str:
-        """`ours / theirs (ratio)`, the ratio in bold where ours is worse."""
+        """Return `ours / theirs (ratio)`, with the ratio in bold where ours is worse."""
         ratio = f"{self.ours / self.theirs:.2f}" if self.theirs > 1e-9 else "–"
         ratio = f"**{ratio}**" if self.worse else ratio
         return f"{scale * self.ours:{form}} / {scale * self.theirs:{form}} ({ratio})"
@@ -111,27 +111,27 @@ class Row:
     ours: Figures
     theirs: Figures
 
-    def pairs(self) -> dict[str, Pair]:
-        """What is compared; outlines over the layers that both files have."""
+    def compare(self) -> dict[str, Pair]:
+        """Return the compared figures; outlines are compared over the layers that both files have."""
         bare = [one.uncovered + one.missing for one in (self.ours, self.theirs)]
-        own, other = _common(self.ours.z, self.theirs.z)
+        own, other = _common_layers(self.ours.z, self.theirs.z)
 
         def outline(pick: Callable[[Figures], list[float]], over: Callable[[Float], float]) -> Pair:
             first, second = np.array(pick(self.ours))[own], np.array(pick(self.theirs))[other]
             return Pair(over(first), over(second), _LENGTH_NOISE)
 
         return {
-            "uncovered": Pair(bare[0], bare[1], _noise(bare[1], _UNCOVERED_NOISE)),
+            "uncovered": Pair(bare[0], bare[1], _measuring_error(bare[1], _UNCOVERED_NOISE)),
             "overlap": Pair(
-                self.ours.overlap, self.theirs.overlap, _noise(self.theirs.overlap, _OVERLAP_NOISE)
+                self.ours.overlap, self.theirs.overlap, _measuring_error(self.theirs.overlap, _OVERLAP_NOISE)
             ),
             "outline": outline(lambda one: one.outline, lambda value: float(np.nanmean(value))),
             "farthest": outline(lambda one: one.farthest, lambda value: float(np.nanmax(value))),
         }
 
     def line(self) -> str:
-        """As a row of the table."""
-        pairs = self.pairs()
+        """Return the row in Markdown."""
+        pairs = self.compare()
         cells = [
             self.part,
             self.theirs.slicer,
@@ -146,19 +146,19 @@ class Row:
         return f"| {' | '.join(cells)} |"
 
 
-def _noise(value: float, parts: tuple[float, float]) -> float:
-    """What a figure may differ by, from a fixed and a proportional part."""
+def _measuring_error(value: float, parts: tuple[float, float]) -> float:
+    """Return by how much a figure may differ: a fixed and a proportional part."""
     return parts[0] + parts[1] * value
 
 
 _HEAD = (
-    "| part | peer | layers | uncovered mm² | overlap mm² | outline off µm, 95 % of it | at most "
-    "| plastic by volume of the part | told |"
+    "| part | peer | layers | uncovered mm² | overlap mm² | outline deviation µm, 95th percentile | maximum "
+    "| material / volume of the part | findings |"
 )
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Print one line per part and peer, and in how many parts ours is at most theirs."""
+    """Print one line per part and peer, and in how many parts our figure is not above the peer's."""
     options = options_of(parser_of("material", __doc__), argv)
     profile = profile_of(options, {})
     prusa, cura, absent = find_peers()
@@ -170,29 +170,31 @@ def main(argv: Sequence[str] | None = None) -> int:
     rows = []
     for mesh in parts_of(options):
         part = place(repair(mesh)[0], profile.printer)
-        ours = _figures("ours", gcode_of(slice_part(part, profile), profile), part, profile)
-        for theirs in _of_peers(part, profile, peers):
+        ours = _measure_file("ours", gcode_of(slice_part(part, profile), profile), part, profile)
+        for theirs in _measure_peers(part, profile, peers):
             rows.append(Row(part.name, ours, theirs))
             print(rows[-1].line(), flush=True)
         if not peers:
             print(Row(part.name, ours, ours).line(), flush=True)
     for peer in peers:
-        print(_tally(peer.name, [row for row in rows if row.theirs.slicer == peer.name]))
+        print(_print_tally(peer.name, [row for row in rows if row.theirs.slicer == peer.name]))
     if options.json:
         options.json.write_text(json.dumps([asdict(row) for row in rows], indent=1), "utf-8")
     return 0
 
 
-def _of_peers(part: Mesh, profile: Profile, peers: Sequence[PrusaSlicer | CuraEngine]) -> Iterator[Figures]:
+def _measure_peers(
+    part: Mesh, profile: Profile, peers: Sequence[PrusaSlicer | CuraEngine]
+) -> Iterator[Figures]:
     for peer in peers:
         try:
             printed = peer.uniform(Part(part, profile, WORK), profile.quality.layer_height)
-            yield _figures(peer.name, printed.gcode.read_bytes(), part, profile)
+            yield _measure_file(peer.name, printed.gcode.read_bytes(), part, profile)
         except (RunError, PrinterSlicerError) as error:
             print(f"{part.name}: {peer.name}: {str(error).splitlines()[0]}")
 
 
-def _figures(slicer: str, text: bytes, part: Mesh, profile: Profile) -> Figures:
+def _measure_file(slicer: str, text: bytes, part: Mesh, profile: Profile) -> Figures:
     quality, width = profile.quality, profile.extrusion_width
     shell = width + (quality.perimeters - 1) * float(bead.spacing(width, quality.layer_height))
     begun = process_time()
@@ -203,7 +205,7 @@ def _figures(slicer: str, text: bytes, part: Mesh, profile: Profile) -> Figures:
     return Figures(
         slicer=slicer,
         z=coverage.stack.top.tolist(),
-        missing=_missing(coverage, part, quality.layer_height),
+        missing=_missing_area(coverage, part, quality.layer_height),
         uncovered=float(coverage.uncovered.area().sum()),
         overlap=float(coverage.fill.overlap.sum()),
         covered=float(coverage.covered.area().sum()),
@@ -219,24 +221,24 @@ def _figures(slicer: str, text: bytes, part: Mesh, profile: Profile) -> Figures:
     )
 
 
-def _missing(coverage: Coverage, part: Mesh, height: float) -> float:
-    """Mm² of the sections of layers that would lie between the last one of a file and the top of the part."""
+def _missing_area(coverage: Coverage, part: Mesh, height: float) -> float:
+    """Return the area, mm², of the layers that are missing between the last layer of a file and the top of the part."""
     top = np.arange(float(coverage.stack.top[-1]) + height, part.height + height / 2 - 1e-6, height)
     middle = top - height / 2
     top, middle = top[middle < part.height], middle[middle < part.height]
     return float(cut(part, LayerPlan(top, middle), _RESOLUTION).solid.area().sum()) if len(top) else 0.0
 
 
-def _common(own: Sequence[float], other: Sequence[float]) -> tuple[list[int], list[int]]:
-    """Indices of the layers of two files that end at the same height."""
+def _common_layers(own: Sequence[float], other: Sequence[float]) -> tuple[list[int], list[int]]:
+    """Return the indices of the layers of two files that end at the same height."""
     near = np.abs(np.subtract.outer(np.array(own), np.array(other))) < _SAME_Z
     first, second = np.nonzero(near)
     return first.tolist(), second.tolist()
 
 
-def _tally(peer: str, rows: Sequence[Row]) -> str:
-    """In how many parts ours is at most theirs."""
-    pairs = [row.pairs() for row in rows]
+def _print_tally(peer: str, rows: Sequence[Row]) -> str:
+    """Print in how many parts our figure is not above the peer's."""
+    pairs = [row.compare() for row in rows]
     said = (
         f"{name} {sum(not one[name].worse for one in pairs)} of {len(pairs)}"
         for name in (pairs[0] if pairs else ())

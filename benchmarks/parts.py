@@ -1,4 +1,4 @@
-"""The parts of benchmarks that hold our files beside those of others, and the options that these have in common."""
+"""Parts and options for benchmarks that compare our files with those of other slicers."""
 
 from __future__ import annotations
 
@@ -18,22 +18,24 @@ __all__ = ["options_of", "parser_of", "parts_of", "profile_of"]
 
 
 def parser_of(name: str, about: str) -> argparse.ArgumentParser:
-    """The parser of one benchmark, with what all of them take."""
+    """Return the parser of one benchmark, with the common options."""
     parser = argparse.ArgumentParser(prog=f"python -m benchmarks.{name}", description=about.splitlines()[0])
     parser.add_argument(
         "--models", type=Path, help="folder with more parts (default: $PRINTER_SLICER_MODELS)"
     )
     parser.add_argument(
-        "--height", type=float, default=0.2, metavar="MM", help="of all layers (default: 0.2)"
+        "--height", type=float, default=0.2, metavar="MM", help="height of all layers, mm (default: 0.2)"
     )
-    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="a setting for all")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write every figure")
-    parser.add_argument("parts", nargs="*", metavar="part", help="only these, by name")
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="KEY=VALUE", help="change a setting for all slicers"
+    )
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write all figures to this file")
+    parser.add_argument("parts", nargs="*", metavar="part", help="only the parts with these names")
     return parser
 
 
 def options_of(parser: argparse.ArgumentParser, argv: Sequence[str] | None) -> argparse.Namespace:
-    """What was typed."""
+    """Return the parsed options."""
     options = parser.parse_args(argv)
     if options.models is None and os.environ.get("PRINTER_SLICER_MODELS"):
         options.models = Path(os.environ["PRINTER_SLICER_MODELS"])
@@ -41,14 +43,14 @@ def options_of(parser: argparse.ArgumentParser, argv: Sequence[str] | None) -> a
 
 
 def profile_of(options: argparse.Namespace, changes: dict[str, str | float]) -> Profile:
-    """The profile that everybody gets: uniform layers, and these changes."""
+    """Return the common profile: uniform layers, with these changes."""
     typed = dict(change.split("=", 1) for change in options.set)
     height = {"planner.kind": "uniform", "layer_height": options.height, "first_layer_height": options.height}
     return load_profile(changes=height | changes | typed)
 
 
 def parts_of(options: argparse.Namespace) -> Iterator[Mesh]:
-    """The sample parts and those of the models folder, or only the named ones, large enough to print."""
+    """Return the sample parts and those of the models folder, or only the named ones; small parts are enlarged."""
     folders = [SAMPLES, *([options.models] if options.models else [])]
     paths = sorted(
         path

@@ -1,20 +1,20 @@
 """Other slicers: how to run them with our settings, and which layers they print.
 
-Layers are read from their G-code: every z at which plastic is laid while moving in x or y is the top of one, down to
-the one below. Minutes are those of the file's moves on our machine model, from the first one to the last.
+Layers are read from their G-code: every z of an extrusion along x or y is the top of a layer, which reaches down to the
+layer below. Minutes are those of the file's moves on our machine model, from the first move to the last.
 
-What was looked at with PrusaSlicer 2.5.0 and CuraEngine 4.13.0:
+These observations were made with PrusaSlicer 2.5.0 and CuraEngine 4.13.0:
 
-- PrusaSlicer prints any stack of layers that a profile of steps in a 3MF file describes: on four parts with random
-  heights between 0.1 and 0.3 mm every z was within 0.0005 mm, the rounding of its G-code, and no layer was left out. It
-  lays nothing in a tip too thin for a bead, and adds layers over a stack that stops short by more than half of its
-  last one. Its own adaptive profile it samples anew: 314 of 315 layers of benchy remained, some of them 0.10 mm from
-  where the rule had ended one, and the top came out 0.017 mm low.
-- Where a layer is cut was measured on a cone with one perimeter, as the share of the layer's height at which the part
-  is as wide as what is printed: 0.55 to 0.57 with PrusaSlicer, 0.51 with CuraEngine's uniform and 1.02 with its
+- PrusaSlicer prints any stack of layers that a stepped profile in a 3MF file describes. On four parts with random
+  heights between 0.1 and 0.3 mm, every z was within 0.0005 mm, the rounding of its G-code, and no layer was missing. It
+  prints nothing in a tip too thin for an extrusion. It adds layers above a stack that ends too low by more than half of
+  its last layer. It resamples its own adaptive profile: 314 of 315 layers of benchy remained, some of them 0.10 mm away
+  from the result of the rule, and the top was 0.017 mm too low.
+- The cut height of a layer was measured on a cone with one perimeter. It is the share of the layer height at which the
+  part is as wide as the print: 0.55 to 0.57 with PrusaSlicer, 0.51 with CuraEngine's uniform layers and 1.02 with its
   adaptive layers. So they are cut in the middle, in the middle and at the top.
-- CuraEngine, unlike Cura, does not work out settings that follow from others (see `cura_settings`), and it knows
-  shells only as a number of layers of the nominal height.
+- CuraEngine, unlike Cura, does not evaluate settings that follow from others (see `cura_settings`). It only supports
+  shells as a number of layers of the nominal height.
 """
 
 from __future__ import annotations
@@ -48,12 +48,12 @@ __all__ = ["CuraEngine", "Part", "Printed", "PrusaSlicer", "find_peers"]
 
 @dataclass(eq=False)
 class Part:
-    """A part that several slicers print, all with the settings of one profile.
+    """A part that several slicers print with the settings of one profile.
 
     Attributes:
-        mesh: standing on z = 0 in the middle of the bed.
-        profile: heights that a planner may choose are `thinnest` to `thickest`.
-        folder: for what the slicers read and write.
+        mesh: the part, standing on z = 0 in the middle of the bed.
+        profile: the settings; a planner may choose heights from `thinnest` to `thickest`.
+        folder: for input and output files of the slicers.
     """
 
     mesh: Mesh
@@ -62,19 +62,19 @@ class Part:
 
     @property
     def heights(self) -> HeightLimits:
-        """What a peer may choose from."""
+        """Return the layer heights that a peer may choose from."""
         quality = self.profile.quality
         first = quality.first_layer_height or quality.layer_height
         return HeightLimits(first, self.profile.thinnest, quality.layer_height, self.profile.thickest)
 
     @cached_property
     def model(self) -> str:
-        """The part as the model of a 3MF file."""
+        """Return the part as the model of a 3MF file."""
         return model_xml(self.mesh)
 
     @cached_property
     def stl(self) -> Path:
-        """The part as STL file, standing on z = 0 over the origin: CuraEngine puts that on the middle of the bed."""
+        """Return the part as STL, standing on z = 0 over the origin, which CuraEngine puts in the middle of the bed."""
         path = self.folder / f"{self.mesh.name}.centred.stl"
         x, y = np.mean(self.profile.printer.corners, axis=0).tolist()
         export_stl(self.mesh.moved((-x, -y, 0.0)), path)
@@ -82,21 +82,21 @@ class Part:
 
     @cached_property
     def digest(self) -> str:
-        """The same for the same part with the same profile."""
+        """Return a checksum of part and profile."""
         return sha256(self.mesh.triangles.tobytes() + repr(self.profile).encode()).hexdigest()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Printed:
-    """What a peer made of a part.
+    """A peer's result for a part.
 
     Attributes:
         peer: name and version.
-        setting: how it was asked to choose its layers.
-        plan: the z at which it lays plastic, and where it cut the part for each.
+        setting: its settings for layers.
+        plan: the tops of its layers, and the heights at which it cut the part.
         gcode: the file.
-        seconds: modelled time of its moves on our machine, homing and heating not counted.
-        filament: mm that its moves feed.
+        seconds: modelled time of its moves on our machine, without homing and heating.
+        filament: filament that its moves feed, mm.
     """
 
     peer: str
@@ -113,7 +113,7 @@ class PrusaSlicer:
     program = "prusa-slicer"
 
     def __init__(self, walls: str = "classic", **more: str) -> None:
-        """Take how it makes perimeters, `classic`, or `arachne`, which it does by default; and more of its settings."""
+        """Take the perimeter generator, `classic` or `arachne` (the default), and further settings."""
         said = subprocess.run([self.program, "--help"], capture_output=True, text=True, check=False).stdout
         found = re.search(r"PrusaSlicer-([\d.]+)", said)
         self.name = f"PrusaSlicer {found[1] if found else '(unknown version)'}"
@@ -123,16 +123,16 @@ class PrusaSlicer:
         self._more = {key.replace("_", "-"): value for key, value in more.items()}
 
     def uniform(self, part: Part, height: float) -> Printed:
-        """Layers of one height, mm, after the first."""
+        """Slice with layers of one height, mm, after the first."""
         return self._sliced(part, f"uniform {height:g}", height)
 
     def adaptive(self, part: Part, quality: float) -> Printed:
-        """Its own adaptive layers, between the part's thinnest and thickest; quality 0 is finest, 1 coarsest."""
+        """Slice with its own adaptive layers, within the part's range; quality 0 is finest, 1 coarsest."""
         profile = adaptive_profile(part.mesh, part.heights, quality)
         return self._sliced(part, f"adaptive {quality:g}", part.heights.nominal, profile)
 
     def stack(self, part: Part, plan: LayerPlan) -> Printed:
-        """Any stack of layers; what it changes shows in the plan of the result."""
+        """Slice any stack of layers; the plan of the result shows what PrusaSlicer changed."""
         profile = stack_profile(plan.top, part.mesh.height)
         return self._sliced(part, "stack", part.heights.nominal, profile, first=float(plan.top[0]))
 
@@ -172,10 +172,11 @@ class PrusaSlicer:
 
 
 class CuraEngine:
-    """CuraEngine's command line. Uniform layers are cut in their middle, adaptive ones at their top.
+    """CuraEngine's command line. It cuts uniform layers in their middle, adaptive layers at their top.
 
-    Its beads are rectangles: one of our width lies as far from the next as it is wide, and holds more than ours,
-    whose sides are round. With `same_beads` its lines are as wide as ours lie apart, and hold as much per mm.
+    It models extrusions as rectangles. At the same width, its lines are one width apart and contain more material than
+    ours, whose sides are round. With `same_beads`, its line width is our line spacing, and both contain equal volumes
+    per mm.
     """
 
     program = "CuraEngine"
@@ -189,16 +190,16 @@ class CuraEngine:
         self._same_beads = same_beads
 
     def uniform(self, part: Part, height: float, **more: object) -> Printed:
-        """Layers of one height, mm, after the first; `more` of its settings."""
+        """Slice with layers of one height, mm, after the first, and with `more` of its settings."""
         settings: dict[str, object] = {"layer_height": height, **more}
         if self._same_beads:
             settings["line_width"] = round(float(bead.spacing(part.profile.extrusion_width, height)), 4)
         return self._sliced(part, f"uniform {height:g}", settings, cut_ratio=0.5)
 
     def adaptive(self, part: Part, threshold: float, step: float = 0.01) -> Printed:
-        """Its adaptive layers: `threshold` is how far stairs may reach out, `step` how fast heights may change, mm.
+        """Slice with adaptive layers: `threshold` is how far stairs may extend, `step` how fast heights change, mm.
 
-        It knows one variation for both directions, so its heights are nominal ± the wider side of the part's range.
+        It has one variation for both directions, so its heights are nominal ± the wider side of the part's range.
         """
         heights = part.heights
         variation = max(heights.nominal - heights.thinnest, heights.thickest - heights.nominal)
@@ -228,7 +229,7 @@ class CuraEngine:
 
 
 def find_peers() -> tuple[PrusaSlicer | None, CuraEngine | None, list[str]]:
-    """The peers that are installed, and a line for each that is not."""
+    """Return the installed peers, and a line for each missing one."""
     absent = []
     prusa = PrusaSlicer() if shutil.which(PrusaSlicer.program) else None
     if prusa is None:
@@ -248,16 +249,16 @@ def find_peers() -> tuple[PrusaSlicer | None, CuraEngine | None, list[str]]:
 
 
 def _read(part: Part, peer: str, setting: str, gcode: Path, *, cut_ratio: float) -> Printed:
-    """The layers of a file and the time of its moves.
+    """Read the layers of a file and the time of its moves.
 
     Raises:
-        RunError: there are none.
+        RunError: the file has no layers.
     """
     printer = part.profile.printer
     moves = read_moves(split_gcode(gcode.read_bytes()).commands, printer.corners[0])
     top = np.sort(np.array(moves.heights()))
     if len(top) == 0:
-        raise RunError(f"{peer} laid no plastic: {gcode.name}")
+        raise RunError(f"{peer} extruded nothing: {gcode.name}")
     plan = LayerPlan.from_tops(top, f"{peer}, {setting}", cut_ratio=cut_ratio)
     return Printed(
         peer, setting, plan, gcode, moves.seconds(limits_of(printer)), float(moves.delta[:, 3].sum())
@@ -265,7 +266,7 @@ def _read(part: Part, peer: str, setting: str, gcode: Path, *, cut_ratio: float)
 
 
 def _digest(part: Part, name: str, words: Sequence[str], more: bytes = b"") -> str:
-    """What decides the output of a run, in short."""
+    """Return a checksum of everything that decides the output of a run."""
     text = "\0".join([part.digest, name, *words]).encode()
     return sha256(text + more).hexdigest()[:12]
 

@@ -1,12 +1,12 @@
-"""Layer plans of every planner and of other slicers, by one judge: deviation of the surface against minutes.
+"""Compare the layer plans of every planner and of other slicers: deviation of the surface against minutes.
 
     python -m benchmarks.planning [--models DIR] [--printer NAME] [--heights THIN THICK] [part ...]
 
-All plans of a part are scored by the same functions: the time of our toolpaths over them, the distance of points on
-the part from the stack that would be printed, the certified error and volume error, flats and part height. Of peers the
-time of their own G-code on our machine model is shown as well, and the time of PrusaSlicer's toolpaths over our plans.
-Results go to `benchmarks/made/`: the figures as JSON, a picture for each part, and the peers' G-code, which is used
-again as long as part, profile and peer stay the same.
+The same functions score all plans of a part: the time of our toolpaths, the distance of points on the part from the
+printed stack, the certified error and volume error, flats and part height. For peers, the output also has the time of
+their own G-code on our machine model. For our plans, it also has the time of PrusaSlicer's toolpaths. Results go to
+`benchmarks/made/`: the figures as JSON, a picture for each part, and the peers' G-code. The G-code is used again while
+part, profile and peer are the same.
 """
 
 from __future__ import annotations
@@ -19,8 +19,9 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
+from benchmarks.find_match import Match, find_match
+
 from benchmarks.curves import Row, draw
-from benchmarks.match import Match, match
 from benchmarks.peers import CuraEngine, Part, PrusaSlicer, find_peers
 from benchmarks.processes import SAMPLES, WORK, RunError, machine_note
 from benchmarks.reports import BASES, judgement, match_table, part_table, plan_table, ratio_table
@@ -36,13 +37,13 @@ from printer_slicer.profile import Profile, load_profile
 
 @dataclass(slots=True)
 class Result:
-    """What came out for one part.
+    """Results for one part.
 
     Attributes:
-        name: of the part.
+        name: name of the part.
         rows: all plans.
-        matches: peers' plans against ours on the peers' terms.
-        failures: a line for everything that did not work.
+        matches: our plans at the errors of the peers' plans.
+        failures: a line for every failure.
     """
 
     name: str
@@ -52,9 +53,9 @@ class Result:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the comparison; 1 if a part could not be measured."""
+    """Run the comparison; return 1 if a part could not be measured."""
     options = _options(argv)
-    models = _models(options.models, options.parts)
+    models = _find_models(options.models, options.parts)
     folder = WORK / "planning"
     folder.mkdir(parents=True, exist_ok=True)
     changes = {
@@ -72,13 +73,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     results = []
     for path in models:
         results.append(_measure(path, profile, folder, (prusa, cura), options))
-        _show(results[-1])
-    print("\nOurs by theirs, all parts\n")
+        _print_result(results[-1])
+    print("\nOurs divided by theirs, all parts\n")
     print(part_table([(result.name, result.rows, result.matches) for result in results]))
     print("\n" + judgement([(result.rows, result.matches) for result in results]))
     target = options.json or WORK / "planning.json"
     target.write_text(
-        json.dumps({"note": note, "parts": [_plain(result) for result in results]}, indent=1) + "\n"
+        json.dumps({"note": note, "parts": [_to_json(result) for result in results]}, indent=1) + "\n"
     )
     print(f"figures: {target}")
     return int(any(not result.rows for result in results))
@@ -87,12 +88,12 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _options(argv: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks.planning",
-        description="Layer plans of every planner and of other slicers, by one judge.",
+        description="Compare the layer plans of every planner and of other slicers.",
     )
     add = parser.add_argument
     add("parts", nargs="*", help="files, or names without extension; default: all sample parts and models")
     add("--models", type=Path, help="folder with more parts (default: $PRINTER_SLICER_MODELS)")
-    add("--printer", help="printer profile, whose machine all minutes are for")
+    add("--printer", help="printer profile; all minutes are for its machine")
     add("--material", help="material profile")
     add(
         "--heights",
@@ -100,7 +101,7 @@ def _options(argv: Sequence[str] | None) -> argparse.Namespace:
         nargs=2,
         default=(0.1, 0.3),
         metavar=("THIN", "THICK"),
-        help="mm (default 0.1 0.3)",
+        help="thinnest and thickest layer, mm (default 0.1 0.3)",
     )
     add("--points", type=int, default=20_000, help="points on each part (default 20000)")
     add("--quick", action="store_true", help="only the optimal planner and the peers' usual settings")
@@ -115,8 +116,8 @@ def _options(argv: Sequence[str] | None) -> argparse.Namespace:
     return options
 
 
-def _models(models: Path | None, wanted: Sequence[str]) -> list[Path]:
-    """The files to measure."""
+def _find_models(models: Path | None, wanted: Sequence[str]) -> list[Path]:
+    """Return the files to measure."""
     known: dict[str, Path] = {}
     for folder in (models, SAMPLES):
         for path in sorted(folder.iterdir()) if folder else []:
@@ -125,7 +126,7 @@ def _models(models: Path | None, wanted: Sequence[str]) -> list[Path]:
     found = [known[name] if name in known else Path(name) for name in wanted or known]
     missing = [str(path) for path in found if not path.is_file()]
     if missing:
-        sys.exit(f"no part {', '.join(missing)}; there are {', '.join(known)}")
+        sys.exit(f"no part {', '.join(missing)}; known parts: {', '.join(known)}")
     return found
 
 
@@ -139,44 +140,44 @@ def _measure(
     peers: tuple[PrusaSlicer | None, CuraEngine | None],
     options: argparse.Namespace,
 ) -> Result:
-    """All plans of one part; what fails is told and left out."""
+    """Measure all plans of one part; a plan that fails is reported and left out."""
     result = Result(path.stem)
     try:
-        part = Part(place(_sized(result, load_mesh(path)), profile.printer), profile, folder)
+        part = Part(place(_enlarge(result, load_mesh(path)), profile.printer), profile, folder)
     except PrinterSlicerError as error:
-        _told(result, f"{path.stem}: {error}")
+        _report_failure(result, f"{path.stem}: {error}")
         return result
     judge, prusa = Judge(part, options.points), peers[0]
     for family, run in peer_attempts(part, *peers, quick=options.quick):
-        _try(result, family, lambda family=family, run=run: peer_row(judge, family, run()))  # type: ignore[misc]
+        _try_row(result, family, lambda family=family, run=run: peer_row(judge, family, run()))  # type: ignore[misc]
     fed = None if options.no_feed else prusa
     for attempt in attempts(part, quick=options.quick):
-        _try(result, attempt.family, lambda attempt=attempt: our_row(judge, attempt, fed))  # type: ignore[misc]
-    for row in [] if options.no_match else _different(result.rows):
+        _try_row(result, attempt.family, lambda attempt=attempt: our_row(judge, attempt, fed))  # type: ignore[misc]
+    for row in [] if options.no_match else _distinct_rows(result.rows):
         print(f"{result.name}: matching {row.family} {row.setting}", file=sys.stderr, flush=True)
-        result.matches.append(match(judge, row))
+        result.matches.append(find_match(judge, row))
     return result
 
 
-def _sized(result: Result, mesh: Mesh) -> Mesh:
-    """The mesh, large enough to print."""
+def _enlarge(result: Result, mesh: Mesh) -> Mesh:
+    """Return the mesh, enlarged if it is too small to print."""
     sized, told = printable(mesh)
     if told:
-        _told(result, told)
+        _report_failure(result, told)
     return sized
 
 
-def _different(rows: Sequence[Row]) -> list[Row]:
-    """The rows of peers, one for each plan: uniform layers are the same for all."""
+def _distinct_rows(rows: Sequence[Row]) -> list[Row]:
+    """Return one row for each plan of the peers: uniform layers are the same for all peers."""
     return list({row.plan.top.tobytes(): row for row in reversed(rows) if not row.ours}.values())[::-1]
 
 
-def _try(result: Result, family: str, make: Callable[[], Row]) -> None:
-    """Add a row if it can be had."""
+def _try_row(result: Result, family: str, make: Callable[[], Row]) -> None:
+    """Add a row if it can be made."""
     try:
         row = make()
     except (PrinterSlicerError, RunError) as error:
-        _told(result, f"{result.name}: {family}: {error}")
+        _report_failure(result, f"{result.name}: {family}: {error}")
         return
     result.rows.append(row)
     score = row.score
@@ -188,16 +189,17 @@ def _try(result: Result, family: str, make: Callable[[], Row]) -> None:
     )
 
 
-def _told(result: Result, line: str) -> None:
+def _report_failure(result: Result, line: str) -> None:
+    """Report a line, and keep it as a failure of the part."""
     result.failures.append(line)
     print(line, file=sys.stderr, flush=True)
 
 
-# Saying it
+# Printing results
 
 
-def _show(result: Result) -> None:
-    """The tables of one part, and its picture."""
+def _print_result(result: Result) -> None:
+    """Print the tables of one part, and draw its picture."""
     print("\n".join(["", f"## {result.name}", "", *result.failures]))
     if not result.rows:
         return
@@ -211,24 +213,24 @@ def _show(result: Result) -> None:
 def _tables(result: Result) -> Iterator[str]:
     yield plan_table(result.rows)
     error = max(row.score.standard_error for row in result.rows)
-    yield f"Distances in µm; by the choice of the points the means have a standard error of at most {1e3 * error:.2f}."
+    yield f"Distances in µm; sampling gives the means a standard error of at most {1e3 * error:.2f}."
     strayed = [row.strayed for row in result.rows if row.strayed is not None]
     if strayed:
         dropped = max(row.dropped or 0 for row in result.rows)
         yield (
-            f"PrusaSlicer laid the layers of {len(strayed)} of our plans within {1e3 * max(strayed):.2f} µm of their "
-            f"heights and left out {dropped} of one plan at most."
+            f"PrusaSlicer printed the layers of {len(strayed)} of our plans within {1e3 * max(strayed):.2f} µm of "
+            f"their heights and left at most {dropped} layers of a plan empty."
         )
     for name, minutes in BASES:
         table = ratio_table(result.rows, minutes)
         if table:
-            yield f"Ours by theirs, minutes of {name}:\n\n{table}"
+            yield f"Ours divided by theirs, minutes of {name}:\n\n{table}"
     if result.matches:
         yield f"At the peer's own certified error and volume error:\n\n{match_table(result.matches)}"
 
 
-def _plain(result: Result) -> dict[str, object]:
-    """A result as JSON has it."""
+def _to_json(result: Result) -> dict[str, object]:
+    """Return a result in the form of JSON."""
     rows = [
         {
             "family": row.family,

@@ -2,10 +2,10 @@
 
     python -m benchmarks.plans [--models DIR] [--machine NAME ...] [--limit N] [--json FILE] [--again] [part ...]
 
-For each part and machine the default plan and uniform layers of `layer_height` are sliced, and of all uniform plans
-whose certified volume error is no larger than the default plan's the three thickest: only these could be as accurate
-and faster. Minutes are those of the moves, volume errors the certified ones. Rows that the file of figures already has
-are not measured again, so a run may be interrupted and continued.
+For each part and machine, the default plan and uniform layers of `layer_height` are sliced. So are the three thickest
+of all uniform plans whose certified volume error is at most that of the default plan: only these could be as accurate
+and faster. Minutes are those of the moves, and volume errors are certified. Rows in the file of figures are not
+measured again, so a run may be interrupted and continued.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _SIDES: Final = 96
 _HEIGHTS: Final = 14  # of uniform plans, from the thinnest to the thickest layer of the machine's list
 
 Outline = tuple[Sequence[tuple[float, float]], int, float]
-"""(z, radius) from the bed up, mm; waves around it and how deep they are, of the radius."""
+"""(z, radius) from the bed up, mm; number of waves around the body, and their depth as a share of the radius."""
 
 GENERATED: Final[Mapping[str, Outline]] = {
     "dome": ([(25 * np.sin(a), 25 * np.cos(a)) for a in np.linspace(0, np.pi / 2 - 0.02, 48)], 0, 0),
@@ -55,7 +55,7 @@ GENERATED: Final[Mapping[str, Outline]] = {
     "thread": ([(z, 12 + 1.5 * np.sin(2 * np.pi * z / 5)) for z in np.linspace(0, 30, 120)], 0, 0),
     "chamfered": ([(0, 28), (1.5, 30), (12, 30), (13.7, 28.3)], 0, 0),
 }
-"""Bodies of one outline that grows and shrinks over height."""
+"""Bodies with one outline whose size changes over height."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +63,7 @@ class Row:
     """One part on one machine: minutes and volume errors, mm³.
 
     Attributes:
-        rival: layer height, mm, of the quickest uniform plan that is as exact as the default one; 0 if none is.
+        rival: layer height, mm, of the fastest uniform plan that is as accurate as the default one; 0 if there is none.
     """
 
     part: str
@@ -77,8 +77,8 @@ class Row:
     rival_error: float
 
     @property
-    def is_beaten(self) -> bool:
-        """Whether a uniform plan is as exact and quicker, or as quick and more exact."""
+    def has_better_uniform_plan(self) -> bool:
+        """Whether a uniform plan is as accurate and faster, or as fast and more accurate."""
         if not self.rival or self.rival_minutes > self.minutes:
             return False
         quicker = self.rival_minutes < self.minutes * (1 - NEARLY)
@@ -86,11 +86,13 @@ class Row:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Measure what is missing and print the table; 1 if a uniform plan beats a default one."""
+    """Measure missing rows and print the table; return 1 if a uniform plan is better than a default one."""
     parser = parser_of("plans", __doc__ or "")
     parser.add_argument("--machine", action="append", choices=[*MACHINES], help="only these printers")
-    parser.add_argument("--limit", type=int, default=10**9, metavar="N", help="no more new rows than these")
-    parser.add_argument("--again", action="store_true", help="measure what is in the file of figures too")
+    parser.add_argument("--limit", type=int, default=10**9, metavar="N", help="maximum number of new rows")
+    parser.add_argument(
+        "--again", action="store_true", help="also measure rows that the file of figures contains"
+    )
     options = options_of(parser, argv)
     target = options.json or WORK / "plans.json"
     known = {} if options.again or not target.exists() else _read(target)
@@ -106,7 +108,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             print(f"measured {mesh.name} on {machine}", file=sys.stderr, flush=True)
     rows = sorted(known.values(), key=lambda row: (row.part, row.machine))
     print("\n".join([*table(rows), "", *summary(rows)]))
-    return int(any(row.is_beaten for row in rows))
+    return int(any(row.has_better_uniform_plan for row in rows))
 
 
 def _read(path: Path) -> dict[tuple[str, str], Row]:
@@ -115,10 +117,10 @@ def _read(path: Path) -> dict[tuple[str, str], Row]:
 
 
 def _parts(models: Path | None, wanted: Sequence[str]) -> Iterator[Mesh]:
-    """Sample parts, generated ones and those of the models folder."""
+    """Return sample parts, generated ones and those of the models folder."""
     for name, outline in GENERATED.items():
         if not wanted or name in wanted:
-            yield Mesh(lathed(*outline), name)
+            yield Mesh(make_body(*outline), name)
     for folder in [SAMPLES, *([models] if models else [])]:
         for path in sorted(folder.iterdir()):
             if path.suffix.lower().removeprefix(".") in FORMATS and (not wanted or path.stem in wanted):
@@ -126,8 +128,8 @@ def _parts(models: Path | None, wanted: Sequence[str]) -> Iterator[Mesh]:
                 yield Mesh(mesh.triangles, path.stem)
 
 
-def lathed(points: Sequence[tuple[float, float]], waves: int, depth: float) -> np.ndarray:
-    """(F, 3, 3) a closed body, see `Outline`."""
+def make_body(points: Sequence[tuple[float, float]], waves: int, depth: float) -> np.ndarray:
+    """Return a closed body of revolution (F, 3, 3), see `Outline`."""
     angle = np.linspace(0, 2 * np.pi, _SIDES, endpoint=False)
     shape = (1 + depth * np.cos(waves * angle))[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
     rings = np.stack([np.column_stack([r * shape, np.full(_SIDES, z)]) for z, r in points])
@@ -142,7 +144,7 @@ def lathed(points: Sequence[tuple[float, float]], waves: int, depth: float) -> n
 
 
 def measure(mesh: Mesh, machine: str) -> Row:
-    """The row of one part on one machine."""
+    """Measure one part on one machine."""
     usual = load_profile(machine)
     part = place(mesh, usual.printer)
 
@@ -150,33 +152,33 @@ def measure(mesh: Mesh, machine: str) -> Row:
         return certify(read_surface(part), plan).volume_error
 
     plan = plan_layers(part, usual)
-    mine = _minutes(mesh, usual, plan), error(plan)
+    mine = _slice_minutes(mesh, usual, plan), error(plan)
     usual_height = usual.quality.layer_height
     steps = ZSteps(part, usual)
     few = np.linspace(0, len(steps.allowed) - 1, min(_HEIGHTS, len(steps.allowed))).astype(np.int64)
     heights = {round(height, 6) for height in (steps.allowed[few] * steps.size).tolist()}
-    uniform = {height: _uniform(machine, height) for height in heights | {usual_height}}
+    uniform = {height: _plan_uniform(machine, height) for height in heights | {usual_height}}
     plans = {height: plan_layers(part, one) for height, one in uniform.items()}
     errors = {height: error(one) for height, one in plans.items()}
     exact = sorted(height for height in plans if errors[height] <= mine[1] + 1e-6)[-_RIVALS:]
     wanted = {*exact, usual_height}
-    minutes = {height: _minutes(mesh, uniform[height], plans[height]) for height in wanted}
+    minutes = {height: _slice_minutes(mesh, uniform[height], plans[height]) for height in wanted}
     rival = min(exact, key=lambda height: minutes[height], default=0.0)
     theirs = (minutes[rival], errors[rival]) if rival else (0.0, 0.0)
     return Row(mesh.name, machine, *mine, minutes[usual_height], errors[usual_height], rival, *theirs)
 
 
-def _uniform(machine: str, height: float) -> Profile:
+def _plan_uniform(machine: str, height: float) -> Profile:
     return load_profile(machine, changes={"quality.planner.kind": "uniform", "quality.layer_height": height})
 
 
-def _minutes(mesh: Mesh, profile: Profile, plan: LayerPlan) -> float:
+def _slice_minutes(mesh: Mesh, profile: Profile, plan: LayerPlan) -> float:
     return float(move_seconds(slice_part(mesh, profile, plan=plan), profile).sum()) / 60
 
 
 def table(rows: Sequence[Row]) -> Iterator[str]:
-    """The rows in Markdown, and what they come to."""
-    yield "| part | machine | minutes, mm³ | uniform | of it | as exact | minutes, mm³ | of it |"
+    """Return the rows in Markdown, and a summary."""
+    yield "| part | machine | minutes, mm³ | uniform | ratio | as accurate | minutes, mm³ | ratio |"
     yield "|---|---|---|---|---|---|---|---|"
     for row in rows:
         mine, uniform = (
@@ -192,24 +194,24 @@ def table(rows: Sequence[Row]) -> Iterator[str]:
 
 
 def summary(rows: Sequence[Row]) -> Iterator[str]:
-    """A line for each part: the default plan by uniform layers, from the least to the most of all machines."""
+    """Return a line for each part: the default plan divided by uniform plans, as a range over all machines."""
     yield (
         "| part | machines | time / uniform | error / uniform | time / equally accurate uniform "
-        "| plans beaten by a uniform one |"
+        "| plans worse than a uniform one |"
     )
     yield "|---|---|---|---|---|---|"
     for part in sorted({row.part for row in rows}):
         own = [row for row in rows if row.part == part]
-        by_usual = _span([row.minutes / row.uniform_minutes for row in own])
-        errors = _span([row.error / row.uniform_error for row in own if row.uniform_error > NEARLY])
-        by_rival = _span([row.minutes / row.rival_minutes for row in own if row.rival])
-        beaten = sum(row.is_beaten for row in own)
-        yield f"| {part} | {len(own)} | {by_usual} | {errors} | {by_rival} | {beaten} |"
-    beaten = sum(row.is_beaten for row in rows)
-    yield f"\n{len(rows) - beaten} of {len(rows)} are beaten by no uniform plan"
+        by_usual = _format_range([row.minutes / row.uniform_minutes for row in own])
+        errors = _format_range([row.error / row.uniform_error for row in own if row.uniform_error > NEARLY])
+        by_rival = _format_range([row.minutes / row.rival_minutes for row in own if row.rival])
+        n_worse = sum(row.has_better_uniform_plan for row in own)
+        yield f"| {part} | {len(own)} | {by_usual} | {errors} | {by_rival} | {n_worse} |"
+    n_worse = sum(row.has_better_uniform_plan for row in rows)
+    yield f"\nno uniform plan is better than {len(rows) - n_worse} of {len(rows)} plans"
 
 
-def _span(ratios: Sequence[float]) -> str:
+def _format_range(ratios: Sequence[float]) -> str:
     return f"{min(ratios):.2f} to {max(ratios):.2f}" if ratios else "-"
 
 

@@ -1,9 +1,9 @@
-"""A wide plate of many islands for measuring: 35 twisted gears with bores on a base of 304 x 214 mm, as binary STL.
+"""Write a wide plate with many islands for measurements: 35 twisted gears on a base of 304 x 214 mm, as binary STL.
 
     python benchmarks/plate.py [--output FILE]
 
-25.8 mm high: 129 layers of 0.2 mm with some 700 contour points each once simplified. Every gear reaches into the base,
-as bodies of parts drawn in pieces do.
+The plate is 25.8 mm high: 129 layers of 0.2 mm with about 700 simplified contour points each. Every gear overlaps the
+base, as in parts that are drawn as several bodies.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ from pathlib import Path
 import numpy as np
 from processes import WORK
 
-ACROSS, DEEP, PITCH = 7, 5, 42.0  # gears, and mm between them
-BASE, INSIDE, TOP = 3.0, 2.0, 25.8  # mm: top of the base, where gears begin, where they end
-TEETH, BORE, RINGS, TWIST = 7, 10, 48, 0.9  # corners of a tooth are two; radians from bottom to top
+ACROSS, DEEP, PITCH = 7, 5, 42.0  # number of gears, and their distance, mm
+BASE, INSIDE, TOP = 3.0, 2.0, 25.8  # mm: top of the base, bottom and top of the gears
+TEETH, BORE, RINGS, TWIST = 7, 10, 48, 0.9  # two corners for each tooth; twist from bottom to top in radians
 FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
 
 def main() -> int:
-    """Write it."""
+    """Write the plate."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -37,7 +37,7 @@ def main() -> int:
 
 
 def base() -> np.ndarray:
-    """(12, 3, 3) mm, the plate that carries the gears."""
+    """Return the base plate (12, 3, 3), mm."""
     low = np.array([-152.0, -107.0, 0.0])
     corners = np.array([(x, y, z) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))])
     corners = low + corners * [304.0, 214.0, BASE]
@@ -47,7 +47,7 @@ def base() -> np.ndarray:
 
 
 def gear(column: int, row: int) -> np.ndarray:
-    """(F, 3, 3) mm, a gear with a bore, twisted around its axis, every second one the other way."""
+    """Return a gear (F, 3, 3) with a bore, mm, twisted around its axis; every second one turns the other way."""
     middle = (np.array([column, row]) - [(ACROSS - 1) / 2, (DEEP - 1) / 2]) * PITCH
     sense = 1 if (column + row) % 2 else -1
     outer = np.arange(2 * TEETH) * np.pi / TEETH
@@ -65,7 +65,7 @@ def gear(column: int, row: int) -> np.ndarray:
 
 
 def side(rings: np.ndarray, outward: bool) -> np.ndarray:
-    """(2 (R - 1) n, 3, 3) the wall through rings (R, n, 3)."""
+    """Return the wall (2 (R - 1) n, 3, 3) through rings (R, n, 3)."""
     a, b = rings[:-1], np.roll(rings[:-1], -1, axis=1)
     c, d = np.roll(rings[1:], -1, axis=1), rings[1:]
     facets = np.concatenate([np.stack([a, b, c], axis=2), np.stack([a, c, d], axis=2)]).reshape(-1, 3, 3)
@@ -73,7 +73,7 @@ def side(rings: np.ndarray, outward: bool) -> np.ndarray:
 
 
 def cap(outer: np.ndarray, inner: np.ndarray, middle: np.ndarray, *, up: bool) -> np.ndarray:
-    """(F, 3, 3) the end between two rings, by walking around both."""
+    """Return the end face (F, 3, 3) between two rings."""
     angle = [np.arctan2(*(ring[:, :2] - middle).T[::-1]) for ring in (outer, inner)]
     first = [int(np.argmin(one)) for one in angle]
     rings = [np.roll(ring, -k, axis=0) for ring, k in zip((outer, inner), first, strict=True)]

@@ -1,8 +1,8 @@
-"""What PrusaSlicer itself makes of the presets in its vendors' bundles.
+"""Read the presets in the bundles of PrusaSlicer's vendors with PrusaSlicer itself.
 
-Its command line reads no bundles. So this file resolves what a preset inherits (its own few lines, which share nothing
-with the importer) and PrusaSlicer does the rest: `--load flat.ini --save all.ini` fills in its defaults and its own
-reading of every value, and `--export-gcode` fills in its macros.
+PrusaSlicer's command line reads no bundles. So this module resolves inherited settings, without code of the importer.
+PrusaSlicer does the rest: `--load flat.ini --save all.ini` adds its defaults and interprets every value, and
+`--export-gcode` fills in its macros.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from collections.abc import Iterator
 from configparser import RawConfigParser
 from pathlib import Path
 
-__all__ = ["BUNDLES", "FILAMENT", "Oracle", "bundles", "rendered", "saved"]
+__all__ = ["BUNDLES", "FILAMENT", "Oracle", "bundles", "render_macros", "saved"]
 
 BUNDLES = Path("/usr/share/PrusaSlicer/profiles")
 MARK = ";==="
-FILAMENT = "start_filament_gcode"  # marked where it is one quoted text
+FILAMENT = "start_filament_gcode"  # settings that are one quoted text
 KEPT_OUT = (
     "inherits",
     "compatible_printers",
@@ -29,12 +29,12 @@ KEPT_OUT = (
 
 
 def bundles() -> list[Path]:
-    """The bundles that are installed with PrusaSlicer; none where it is not."""
+    """Return the bundles that are installed with PrusaSlicer; none if it is not installed."""
     return sorted(BUNDLES.glob("*.ini"))
 
 
 class Oracle:
-    """The presets of a bundle, resolved."""
+    """The presets of a bundle, with inherited settings."""
 
     def __init__(self, path: Path) -> None:
         self._parser = RawConfigParser(
@@ -45,16 +45,16 @@ class Oracle:
             interpolation=None,
         )
         self._parser.optionxform = str  # type: ignore[assignment,method-assign]
-        # A value may begin with a semicolon but a line only holds a comment then.
+        # A value may start with a semicolon, but a line that starts with one is a comment.
         self._parser.read_string(path.read_text(encoding="utf-8"))
 
     def names(self, kind: str) -> list[str]:
-        """All presets of a kind (`printer`, `print`, `filament`) that are not abstract."""
+        """Return all presets of a kind (`printer`, `print`, `filament`) that are not abstract."""
         heads = [head.partition(":") for head in self._parser.sections()]
         return [name for one, _, name in heads if one == kind and not name.startswith("*")]
 
     def settings(self, kind: str, name: str) -> dict[str, str]:
-        """Its settings, those it inherits included."""
+        """Return the settings of a preset, including inherited ones."""
         own = dict(self._parser.items(f"{kind}:{name}"))
         whole: dict[str, str] = {}
         for parent in filter(None, (word.strip() for word in own.get("inherits", "").split(";"))):
@@ -63,18 +63,24 @@ class Oracle:
         return whole
 
 
-def written(settings: dict[str, str], path: Path) -> Path:
-    """A file for `--load`."""
+def write_settings(settings: dict[str, str], path: Path) -> Path:
+    """Write settings to a file for `--load`."""
     lines = [f"{key} = {value}\n" for key, value in settings.items() if key not in KEPT_OUT]
     path.write_text("".join(lines), encoding="utf-8")
     return path
 
 
 def saved(settings: dict[str, str], folder: Path) -> dict[str, str]:
-    """All settings as PrusaSlicer saves them."""
+    """Return all settings as PrusaSlicer saves them."""
     whole = folder / "all.ini"
     whole.unlink(missing_ok=True)
-    command = ["prusa-slicer", "--load", str(written(settings, folder / "flat.ini")), "--save", str(whole)]
+    command = [
+        "prusa-slicer",
+        "--load",
+        str(write_settings(settings, folder / "flat.ini")),
+        "--save",
+        str(whole),
+    ]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
     if not whole.exists():
         raise RuntimeError((done.stdout + done.stderr)[-500:])
@@ -82,8 +88,8 @@ def saved(settings: dict[str, str], folder: Path) -> dict[str, str]:
     return {key.removesuffix(" ="): value for key, _, value in pairs if not key.startswith("#")}
 
 
-def marked(settings: dict[str, str]) -> dict[str, str]:
-    """The same settings with marks around start and end G-code, and that of the filament."""
+def mark_macros(settings: dict[str, str]) -> dict[str, str]:
+    """Return the same settings with marks around start and end G-code, and those of the filament."""
     around = settings | {
         key: f"{MARK}{key}\\n{settings.get(key, '')}\\n{MARK}" for key in ("start_gcode", "end_gcode")
     }
@@ -94,20 +100,20 @@ def marked(settings: dict[str, str]) -> dict[str, str]:
     return around
 
 
-def rendered(settings: dict[str, str], part: Path, folder: Path) -> dict[str, list[str]] | str:
-    """G-code of machine and filament as PrusaSlicer fills it in for settings (`marked`), or what it says instead."""
+def render_macros(settings: dict[str, str], part: Path, folder: Path) -> dict[str, list[str]] | str:
+    """Return G-code of machine and filament as PrusaSlicer fills it in for settings (`mark_macros`), or its error."""
     gcode = folder / "peer.gcode"
     gcode.unlink(missing_ok=True)
-    loaded = written(settings, folder / "marked.ini")
+    loaded = write_settings(settings, folder / "marked.ini")
     command = ["prusa-slicer", "--load", str(loaded), "-g", "-o", str(gcode), str(part)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
     if not gcode.exists():
         return (done.stdout + done.stderr).strip().splitlines()[-1]
-    return dict(between(gcode.read_text(encoding="utf-8", errors="replace")))
+    return dict(commands_between_marks(gcode.read_text(encoding="utf-8", errors="replace")))
 
 
-def between(gcode: str) -> Iterator[tuple[str, list[str]]]:
-    """The commands between marks, without comments."""
+def commands_between_marks(gcode: str) -> Iterator[tuple[str, list[str]]]:
+    """Return the commands between marks, without comments."""
     for name, text in re.findall(rf"^{MARK}(\w+)\n(.*?)^{MARK}$", gcode, re.DOTALL | re.MULTILINE):
         lines = (line.partition(";")[0].strip() for line in text.splitlines())
         yield name, [line for line in lines if line]

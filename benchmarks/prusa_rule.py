@@ -1,10 +1,10 @@
-"""PrusaSlicer's adaptive layers, which only its window offers: the rule, and the file that hands the result over.
+"""PrusaSlicer's rule for adaptive layers, which has no command line option, and the 3MF file that passes on its result.
 
-The rule was written anew from its description: a facet whose normal has the horizontal part s and the vertical part c
-lets a layer be as high as min(d / 0.184, 1.44 d √(s / c)), which keeps the area of the stairs' triangles constant. d is
-a height between the thinnest, the nominal and the thickest layer, chosen by a quality from 0 (finest) to 1.
-From the bed up each layer takes the least that the facets it meets allow; a facet that begins inside the layer and asks
-for less ends the layer where it begins.
+The rule was implemented from its description. A facet whose normal has the horizontal component s and the vertical
+component c allows a layer height of min(d / 0.184, 1.44 d √(s / c)). This keeps the area of the stair triangles
+constant. A quality from 0 (finest) to 1 selects d between the thinnest, the nominal and the thickest layer. From the
+bed up, each layer gets the least height that its facets allow. If a facet that allows less starts inside the layer, the
+layer ends where the facet starts.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from printer_slicer.model import Mesh
 
 __all__ = ["HeightLimits", "adaptive_profile", "model_xml", "stack_profile", "write_3mf"]
 
-_TOUCHING = 1e-4  # mm; a facet that ends this near over the last layer has no say
+_TOUCHING = 1e-4  # mm; a facet that ends within this distance above the last layer is ignored
 _ROUGHNESS = 0.184
-_STEEP = 1e-5  # vertical part of a normal under which a facet is a wall
-_PLACES = 9  # decimals of z and heights in the file: their sums must not drift
+_STEEP = 1e-5  # a facet whose normal has a smaller vertical component is a wall
+_PLACES = 9  # decimals of z and heights in the file, enough that sums stay accurate
 
 _CONTENT_TYPES = """<?xml version="1.0" encoding="UTF-8"?>
 <Types xmlns="http://schemas.openxmlformats.org/package/2006/content-types">
@@ -54,7 +54,7 @@ _MODEL = """<?xml version="1.0" encoding="UTF-8"?>
 
 @dataclass(frozen=True, slots=True)
 class HeightLimits:
-    """Layer heights in mm: the fixed first one, and what the others are chosen from."""
+    """Layer heights in mm: the fixed first one, and the range for the others."""
 
     first: float
     thinnest: float
@@ -63,16 +63,16 @@ class HeightLimits:
 
 
 def adaptive_profile(mesh: Mesh, heights: HeightLimits, quality: float) -> Float:
-    """(n, 2) z and layer height there, mm: what the window of PrusaSlicer makes of a part.
+    """Return z and layer height there (n, 2), mm, as PrusaSlicer's window computes them for a part.
 
-    The slicer reads it as a broken line and samples it anew, so the layers it prints are not quite these.
+    The slicer interpolates and resamples the profile, so its printed layers differ slightly.
 
     Args:
         mesh: the part, standing on z = 0.
         heights: first, thinnest, nominal and thickest layer.
-        quality: 0, all thinnest, to 1; 0.5 is what the window begins with.
+        quality: from 0, thinnest layers only, to 1; the window's default is 0.5.
     """
-    low, high, allowed = _facets(mesh, _spread(heights, quality))
+    low, high, allowed = _allowed_heights(mesh, _height_of_quality(heights, quality))
     points = [(0.0, heights.first), (heights.first, heights.first), (heights.first, heights.first)]
     z = heights.first
     while z + _TOUCHING < mesh.height:
@@ -88,13 +88,13 @@ def adaptive_profile(mesh: Mesh, heights: HeightLimits, quality: float) -> Float
     return np.array(points)
 
 
-def _spread(heights: HeightLimits, quality: float) -> float:
-    """The layer height that stands for the quality, mm."""
+def _height_of_quality(heights: HeightLimits, quality: float) -> float:
+    """Return the layer height of a quality, mm."""
     return float(np.interp(quality, [0.0, 0.5, 1.0], [heights.thinnest, heights.nominal, heights.thickest]))
 
 
-def _facets(mesh: Mesh, height: float) -> tuple[Float, Float, Float]:
-    """Lowest and highest z of each facet and the layer height it allows, mm, by ascending lowest z."""
+def _allowed_heights(mesh: Mesh, height: float) -> tuple[Float, Float, Float]:
+    """Return lowest and highest z of each facet and the layer height it allows, mm, by ascending lowest z."""
     a, b, c = mesh.triangles.transpose(1, 0, 2)
     normal = np.cross(b - a, c - a)
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
@@ -108,11 +108,11 @@ def _facets(mesh: Mesh, height: float) -> tuple[Float, Float, Float]:
 
 
 def stack_profile(top: Float, part_height: float) -> Float:
-    """(n, 2) z and layer height there, mm: a line of steps that makes PrusaSlicer print layers with these tops.
+    """Return z and layer height there (n, 2), mm: a stepped line that makes PrusaSlicer print layers with these tops.
 
     Args:
         top: (L,) mm, ascending.
-        part_height: mm; the slicer drops a profile that does not end there.
+        part_height: mm; the slicer ignores a profile that does not end there.
     """
     bottom = np.concatenate([[0.0], top[:-1]])
     height = top - bottom
@@ -122,7 +122,7 @@ def stack_profile(top: Float, part_height: float) -> Float:
 
 
 def model_xml(mesh: Mesh) -> str:
-    """The part as the model of a 3MF file."""
+    """Return the part as the model of a 3MF file."""
     corners, index = np.unique(mesh.triangles.reshape(-1, 3), axis=0, return_inverse=True)
     vertices = (f'<vertex x="{x:.6f}" y="{y:.6f}" z="{z:.6f}"/>' for x, y, z in corners.tolist())
     triangles = (

@@ -1,4 +1,4 @@
-"""Our profile in the words of PrusaSlicer's command line."""
+"""Convert our profile to options of PrusaSlicer's command line."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ _FLAGS = (
     "only-retract-when-crossing-perimeters",
     "no-extra-perimeters",
 )
-"""Switches: nothing that we do not do, and what both do in the same way."""
+"""Switches that turn off features that we lack, and make others work as ours do."""
 
 
 def prusa_settings(profile: Profile, walls: str = "classic") -> dict[str, str]:
-    """Option (without dashes) -> value; switches have the empty value. Layer heights are left to the caller.
+    """Return options (without dashes) -> value; switches have an empty value. The caller sets layer heights.
 
-    Where both have a setting it gets our value; where PrusaSlicer alone has it, the one that comes nearest to what we
-    do. Shells are given in mm to both.
+    A setting that both programs have gets our value. A setting that only PrusaSlicer has gets the value that is closest
+    to our behaviour. Shells are given in mm to both.
 
     Args:
         profile: ours.
-        walls: how perimeters are made, `classic` or `arachne`.
+        walls: the perimeter generator, `classic` or `arachne`.
     """
     generator = {"perimeter-generator": walls}
     return dict.fromkeys(_FLAGS, "") | _machine(profile) | _shape(profile) | generator | _speeds(profile)
@@ -48,13 +48,16 @@ def _machine(profile: Profile) -> dict[str, str]:
         "slowdown-below-layer-time": material.min_layer_time,
         "min-print-speed": material.min_speed,
     }
-    return {key: f"{number:g}" for key, number in numbers.items()} | {
-        "gcode-flavor": "marlin2",  # both our dialects obey it, and 2.5 knows no other one of ours
-        "bed-shape": f"{left:g}x{front:g},{right:g}x{front:g},{right:g}x{back:g},{left:g}x{back:g}",
-        "center": f"{(left + right) / 2:g},{(front + back) / 2:g}",
-        "start-gcode": "G28",  # priming and presenting the part are no part of the comparison
-        "end-gcode": "M84",
-    }
+    return (
+        {key: f"{number:g}" for key, number in numbers.items()}
+        | {
+            "gcode-flavor": "marlin2",  # both our dialects accept it, and version 2.5 supports no other one of ours
+            "bed-shape": f"{left:g}x{front:g},{right:g}x{front:g},{right:g}x{back:g},{left:g}x{back:g}",
+            "center": f"{(left + right) / 2:g},{(front + back) / 2:g}",
+            "start-gcode": "G28",  # priming and presenting the part are not compared
+            "end-gcode": "M84",
+        }
+    )
 
 
 def _shape(profile: Profile) -> dict[str, str]:

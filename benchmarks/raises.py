@@ -1,9 +1,9 @@
-"""Which errors no test provokes: every place where one of our errors is made, against those that the tests reach.
+"""Find errors that no test provokes: compare the places where our errors are raised with those that the tests reach.
 
     python benchmarks/raises.py [arguments of pytest]
 
-Errors tell where they are made; nothing is traced, so the tests take as long as they do anyway. Tests that start
-processes of their own count too.
+Each error records where it is raised. Nothing is traced, so the tests take no longer than usual. Errors in processes
+that tests start count, too.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ errors.PrinterSlicerError.__init__ = __init__
 """
 
 
-def sites() -> dict[tuple[str, int], str]:
-    """Every place where an error is made: file and line -> kind and the beginning of what it says."""
+def find_raising_lines() -> dict[tuple[str, int], str]:
+    """Return every place where an error is raised: file and line -> class and the start of the message."""
     found = {}
     for path in sorted(PACKAGE.rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
@@ -52,7 +52,7 @@ def sites() -> dict[tuple[str, int], str]:
 
 
 class _Hooked(subprocess.Popen):
-    """Processes that tests start, whatever environment they give them."""
+    """Environment for processes that tests start, whatever environment they pass."""
 
     folder = ""
 
@@ -63,12 +63,12 @@ class _Hooked(subprocess.Popen):
 
 
 def main(arguments: list[str]) -> int:
-    """Run the tests and print what they left out; the exit code says whether they left out anything."""
+    """Run the tests and print the unreached errors; return 1 if there are any."""
     with tempfile.TemporaryDirectory() as folder:
         told = Path(folder) / "told.txt"
         told.touch()
         hook = _HOOK.format(told=str(told))
-        # For this process, and for those that tests start.
+        # For this process, and for processes that tests start.
         anywhere = "from contextlib import suppress\nwith suppress(ImportError):\n" + indent(hook, "    ")
         (Path(folder) / "sitecustomize.py").write_text(anywhere)
         _Hooked.folder = folder
@@ -76,11 +76,11 @@ def main(arguments: list[str]) -> int:
         exec(hook, {})
         code = pytest.main(arguments)
         reached = set(told.read_text().split("\n"))
-    known = sites()
+    known = find_raising_lines()
     missing = {place: said for place, said in known.items() if f"{place[0]}:{place[1]}" not in reached}
     for (path, line), said in missing.items():
         print(f"{Path(path).relative_to(ROOT)}:{line}: {said}")
-    print(f"{len(known) - len(missing)} of {len(known)} errors were provoked")
+    print(f"tests raise {len(known) - len(missing)} of {len(known)} errors")
     return int(code) or int(bool(missing))
 
 

@@ -28,7 +28,7 @@ _PLAN: Final = (
 )
 
 
-def _said(*arguments: str) -> str:
+def _run_command(*arguments: str) -> str:
     """Return what a command prints to stdout."""
     with redirect_stdout(io.StringIO()) as out:
         code = command_line(list(arguments))
@@ -40,12 +40,12 @@ def _said(*arguments: str) -> str:
 def _paper() -> str:
     """Return the table of the plans for the part of the paper."""
     with chdir(ROOT):
-        plans = json.loads(_said(*_PLAN, "--json"))["plans"]
-    rows = ["| plan | layers | saved | time | saved |", "|---|---:|---:|---:|---:|", *map(_row, plans)]
+        plans = json.loads(_run_command(*_PLAN, "--json"))["plans"]
+    rows = ["| plan | layers | saved | time | saved |", "|---|---:|---:|---:|---:|", *map(_format_row, plans)]
     return "\n".join(rows)
 
 
-def _row(plan: Mapping[str, Any]) -> str:
+def _format_row(plan: Mapping[str, Any]) -> str:
     name, *_ = plan["plan"].split()
     runs = ", ".join(f"{count} x {height:g}" for count, height in plan["heights"])
     minutes = round(plan["seconds"] / 60)
@@ -64,8 +64,8 @@ def _dry_run() -> str:
     arguments = next(one for one in reversed(made) if "--time-budget" in one).split()
     arguments[1] = str(ROOT / arguments[1])
     with TemporaryDirectory() as folder, chdir(folder):
-        _said(*arguments)
-        text = _said("dry-run", "vase.gcode")
+        _run_command(*arguments)
+        text = _run_command("dry-run", "vase.gcode")
     shown = re.split(r"\n(?i:plastic|executed)", text, maxsplit=1)[0]
     return f"```text\n{shown}\n```"
 

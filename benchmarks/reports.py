@@ -1,4 +1,4 @@
-"""The tables of the planning benchmark, and whether its targets are met."""
+"""Print the tables of the planning benchmark, and whether its targets are met."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from benchmarks.sweeps import OPTIMAL, USUAL
 __all__ = ["BASES", "judgement", "match_table", "part_table", "plan_table", "ratio_table"]
 
 BASES: Final[tuple[tuple[str, Minutes], ...]] = (
-    ("our toolpaths over every plan", lambda row: row.score.minutes),
-    ("PrusaSlicer's toolpaths over every plan", lambda row: row.prusa_minutes),
-    ("everybody's own G-code", lambda row: row.own_minutes),
+    ("our toolpaths for every plan", lambda row: row.score.minutes),
+    ("PrusaSlicer's toolpaths for every plan", lambda row: row.prusa_minutes),
+    ("each slicer's own G-code", lambda row: row.own_minutes),
 )
 """Ways to count minutes."""
 
 _DEVIATION, _MINUTES = 0.75, 0.8
-"""Targets against the best peer: our deviation by its in equal minutes, or minutes by its for equal deviation."""
+"""Targets against the best peer: ratio of deviations in equal minutes, or ratio of minutes for equal deviation."""
 
 _LAYERS: Final = {"PrusaSlicer adaptive": 0.95, "Cura adaptive": 0.90}
-"""Targets at the peer's own errors: layers by its, median over the parts; never more than 1."""
+"""Targets at the peer's own errors: ratio of layers, median over the parts; never more than 1."""
 
 _WHOLE: Final = 1e-9
 
 
 def plan_table(rows: Sequence[Row]) -> str:
-    """Everything about every plan. Distances are µm, the volume is mm³."""
+    """Return all figures of every plan. Distances are in µm, volumes in mm³."""
     heads = ["planner", "setting", "layers", "min", "own min", "Prusa min", "mean", "p95", "max", "bound"]
     heads += ["volume", "worst flat", "top", "CPU s"]
     return _table(heads, [_cells(row) for row in rows], 2)
@@ -55,9 +55,9 @@ def _cells(row: Row) -> list[str]:
 
 
 def ratio_table(rows: Sequence[Row], minutes: Minutes) -> str:
-    """Our curve against each plan of the peers; those that no other peer's plan beats have a star.
+    """Compare our curve with each plan of the peers. A star marks plans that no other peer's plan beats.
 
-    Empty where there are no such minutes of ours or of a peer.
+    The result is empty if there are no such minutes of ours or of a peer.
     """
     lines: list[list[str]] = []
     if not any(row.ours and minutes(row) is not None for row in rows):
@@ -87,7 +87,7 @@ def ratio_table(rows: Sequence[Row], minutes: Minutes) -> str:
 
 
 def _ratios(rows: Sequence[Row], minutes: Minutes) -> Iterator[tuple[Row, bool, float | None, float | None]]:
-    """For each plan of a peer: whether it is among the best, our deviation by its, our minutes by its."""
+    """Return for each plan of a peer: whether it is among the best, and our deviation and minutes divided by its."""
     ours = Frontier([row for row in rows if row.ours and row.family in OPTIMAL], minutes)
     theirs = [row for row in rows if not row.ours and minutes(row) is not None]
     for row in theirs:
@@ -101,7 +101,7 @@ def _ratios(rows: Sequence[Row], minutes: Minutes) -> Iterator[tuple[Row, bool, 
 
 
 def match_table(matches: Sequence[Match]) -> str:
-    """Fewest layers with no larger error and volume error than a peer's plan."""
+    """Return the fewest layers with no larger error and volume error than a peer's plan."""
     lines = []
     for one in matches:
         layers = one.our_layers / one.layers - 1 if one.our_layers else None
@@ -124,7 +124,7 @@ def match_table(matches: Sequence[Match]) -> str:
 
 
 def part_table(parts: Sequence[tuple[str, Sequence[Row], Sequence[Match]]]) -> str:
-    """For each part the range of our deviation, minutes and layers by those of the peers' adaptive plans.
+    """Return for each part the range of deviation, minutes and layers: ours divided by the peers' adaptive plans.
 
     Args:
         parts: name, plans and matches of each.
@@ -151,7 +151,7 @@ def _range(values: Sequence[float | None]) -> str:
 
 
 def judgement(parts: Sequence[tuple[Sequence[Row], Sequence[Match]]]) -> str:
-    """Every target, and how near all parts together come."""
+    """Return a line for every target and the result over all parts."""
     lines = []
     for name, minutes in BASES:
         found = [
@@ -166,14 +166,14 @@ def judgement(parts: Sequence[tuple[Sequence[Row], Sequence[Match]]]) -> str:
             )
             worst = max((d for d, _ in found if d is not None), default=0.0)
             lines.append(
-                f"{name}: of {len(found)} best plans of peers {met} are beaten by {_DEVIATION:g} of the deviation or "
-                f"{_MINUTES:g} of the minutes; largest ratio of deviations {worst:.3f}"
+                f"{name}: for {met} of {len(found)} best plans of peers, ours needs at most {_DEVIATION:g} of the "
+                f"deviation or {_MINUTES:g} of the minutes; largest ratio of deviations {worst:.3f}"
             )
     return "\n".join([*lines, *_layer_lines([one for _, some in parts for one in some])])
 
 
 def _layer_lines(matches: Sequence[Match]) -> Iterator[str]:
-    """Whether ours need fewer layers at the errors of the peers' own adaptive plans."""
+    """Return whether our plans need fewer layers at the errors of the peers' own adaptive plans."""
     for family, target in _LAYERS.items():
         known = [
             (one, (one.our_layers or 2 * one.layers) / one.layers) for one in matches if one.family == family
@@ -183,8 +183,8 @@ def _layer_lines(matches: Sequence[Match]) -> Iterator[str]:
             most = max(share for _, share in known)
             met = "met" if median(usual) <= target and most <= 1 else "MISSED"
             yield (
-                f"layers at the errors of {family}: median {median(usual):.3f} of its usual ones (target {target:g}), "
-                f"most {most:.3f} of {len(known)} plans (target 1): {met}"
+                f"layers at the errors of {family}: median ratio {median(usual):.3f} for its usual settings "
+                f"(target {target:g}), largest ratio {most:.3f} for {len(known)} plans (target 1): {met}"
             )
 
 
@@ -193,7 +193,7 @@ def _number(value: float | None, form: str = ".3f") -> str:
 
 
 def _table(heads: Sequence[str], lines: Sequence[Sequence[str]], n_words: int) -> str:
-    """A table whose first columns are words and whose others are numbers."""
+    """Return a table whose first columns are text and whose other columns are numbers."""
     rule = "|" + "---|" * n_words + "---:|" * (len(heads) - n_words)
     rows = ["| " + " | ".join(line) + " |" for line in [heads, *lines]]
     return "\n".join([rows[0], rule, *rows[1:]])

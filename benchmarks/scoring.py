@@ -1,4 +1,4 @@
-"""What a layer plan comes to, whoever made it: the same functions for all."""
+"""Score layer plans of all planners and slicers with the same functions."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ from printer_slicer.surface import Certificate, Surface, certify, find_flats, re
 
 __all__ = ["Judge", "Score"]
 
-_TIP = 1e-3  # mm that may be missing at the top without a closer look
+_TIP = 1e-3  # mm that may be missing at the top without further checks
 
 
 @dataclass(frozen=True, slots=True)
 class Score:
-    """How good a plan is, and what it costs. Lengths mm.
+    """Quality and cost of a plan. Lengths in mm.
 
     Attributes:
-        layers: how many.
-        minutes: modelled time of our toolpaths over this plan.
-        mean: from points on the surface of the part to the nearest point of the stack's surface.
-        standard_error: of the mean, by the choice of the points.
+        layers: number of layers.
+        minutes: modelled time of our toolpaths for this plan.
+        mean: mean distance from points on the surface of the part to the surface of the stack.
+        standard_error: sampling error of the mean.
         p95: the distance that 95 % of the points do not exceed.
         max: largest distance of the points.
-        bound: no wrong place is farther from the surface than this, by certificate.
-        volume: mm³, at most, filled or empty wrongly, by certificate; what is missing at the top is in it.
+        bound: certified deviation: no wrong point is farther from the surface.
+        volume: certified bound of the volume error, mm³; it includes a missing top.
         worst_flat: largest distance of a flat of more than 1 mm² from the nearest end of a layer.
-        top_error: top of the last layer over the top of the part.
+        top_error: height of the last layer's top above the top of the part.
     """
 
     layers: int
@@ -62,19 +62,19 @@ class Judge:
         return read_surface(self.part.mesh)
 
     def certificate(self, plan: LayerPlan) -> Certificate:
-        """What is proven about a plan."""
+        """Return the certificate of a plan."""
         return certify(self._surface, plan)
 
     def score(self, plan: LayerPlan) -> Score:
-        """Slice the part with this plan and measure what comes out; the same plan is measured once."""
+        """Slice the part with this plan and measure the result; each plan is measured once."""
         key = plan.top.tobytes() + plan.cut.tobytes()
         if key not in self._scores:
-            self._scores[key] = self._measured(plan)
+            self._scores[key] = self._measure(plan)
         return self._scores[key]
 
-    def _measured(self, plan: LayerPlan) -> Score:
+    def _measure(self, plan: LayerPlan) -> Score:
         mesh = self.part.mesh
-        stages = self._sliced(plan)
+        stages = self._slice(plan)
         distances = measure_deviation(mesh, stages.sections, self._n_points)
         certificate = self.certificate(plan)
         return Score(
@@ -91,16 +91,16 @@ class Judge:
         )
 
     def worst_flat(self, plan: LayerPlan) -> float:
-        """Largest distance, mm, of a flat of the part from the nearest end of a layer."""
+        """Return the largest distance, mm, of a flat of the part from the nearest end of a layer."""
         flats = find_flats(self.part.mesh)[0]
         ends = np.concatenate([[0.0], plan.top])
         return float(np.abs(flats[:, None] - ends).min(axis=1).max(initial=0.0))
 
-    def completed(self, plan: LayerPlan) -> LayerPlan:
-        """The plan with layers up to the top of the part, if no bead fits into what is missing there.
+    def extend_to_top(self, plan: LayerPlan) -> LayerPlan:
+        """Extend the plan to the top of the part, if no extrusion fits into the missing part.
 
-        Layers read from G-code end where the last plastic lies. In a thin tip nobody lays any, and that is not the
-        plan's fault; a slab that could have been printed stays missing.
+        Layers read from G-code end at the last extrusion. No slicer prints a very thin tip, and the plan is not to
+        blame for this. A missing layer that could have been printed stays missing.
         """
         missing = self.part.mesh.height - float(plan.top[-1])
         if missing <= _TIP:
@@ -111,8 +111,8 @@ class Judge:
         ratio = (plan.cut[-1] - plan.bottom[-1]) / plan.height[-1]
         bottom = top[plan.n_layers - 1 : -1]
         whole = LayerPlan(top, np.concatenate([plan.cut, bottom + ratio * (more - bottom)]), plan.planner)
-        printed = self._sliced(whole).program.printed
+        printed = self._slice(whole).program.printed
         return plan if (printed >= plan.n_layers).any() else whole
 
-    def _sliced(self, plan: LayerPlan) -> Stages:
+    def _slice(self, plan: LayerPlan) -> Stages:
         return slice_stages(self.part.mesh, self.part.profile, plan=plan)

@@ -1,4 +1,4 @@
-"""What each firmware may say, line by line: patterns of their own, by which the simulated printer is judged."""
+"""Patterns for every line that each firmware may send, to check the simulated printer."""
 
 from __future__ import annotations
 
@@ -101,15 +101,15 @@ _FIELDS = {
 }
 
 
-def _filled(words: str) -> str:
-    """The pattern of a switch with fields in it."""
+def _fill_pattern(words: str) -> str:
+    """Return the pattern of a message with fields."""
     parts = re.split(r"\{(\w+)\}", words)
     return "".join(_FIELDS[part] if i % 2 else re.escape(part) for i, part in enumerate(parts))
 
 
 @cache
 def grammar(name: str) -> re.Pattern[str]:
-    """Everything that a firmware says, line by line, but for the texts of M118."""
+    """Return a pattern for every line that a firmware sends, except texts of M118."""
     firmware = SIMULATED_FIRMWARES[name]
     lines = [re.escape(line) for line in firmware.banner]
     said: tuple[str, ...] = (
@@ -120,7 +120,7 @@ def grammar(name: str) -> re.Pattern[str]:
         firmware.unknown_reply,
     )
     said += (*firmware.resend.split("\n"), *firmware.halt_messages, *firmware.heater_fault_messages)
-    lines += map(_filled, said)
+    lines += map(_fill_pattern, said)
     lines += [
         r".*FIRMWARE_NAME:.*",
         r"skip -?\d+",

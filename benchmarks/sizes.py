@@ -1,4 +1,4 @@
-"""Parts that were drawn in another unit, made large enough to print."""
+"""Enlarge parts that were drawn in another unit."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ _SMALLEST, _ENLARGED = 10.0, 60.0  # mm, largest edge of a part's envelope
 
 
 def printable(mesh: Mesh) -> tuple[Mesh, str]:
-    """The mesh, enlarged if it is too small to print, and a line that says so or nothing."""
+    """Return the mesh, enlarged if it is too small to print, and a line that says so, or an empty one."""
     largest = float(mesh.size.max())
     if largest >= _SMALLEST:
         return mesh, ""

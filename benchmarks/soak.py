@@ -1,9 +1,9 @@
-"""Prints very many lines over a device of the system, and looks at the host's memory and time meanwhile.
+"""Print very many lines over a pseudo-terminal, and measure memory and time of the host.
 
     python benchmarks/soak.py --lines 1000000
 
-Host and simulated printer are processes of their own; the printer makes nobody wait. Says the resident memory of the
-host after a tenth of the lines and at the end, lines per second, and how much CPU time the host took.
+Host and simulated printer are separate processes, and the printer never makes the host wait. The output gives the
+resident memory of the host after a tenth of the lines and at the end, lines per second, and the CPU time of the host.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from time import monotonic
 ROOT = Path(__file__).parents[1]
 
 
-def resident(pid: int) -> int:
-    """Resident memory of a process, kB."""
+def resident_memory(pid: int) -> int:
+    """Return the resident memory of a process, kB."""
     for line in Path(f"/proc/{pid}/status").read_text(encoding="ascii").splitlines():
         if line.startswith("VmRSS:"):
             return int(line.split()[1])
@@ -29,18 +29,18 @@ def resident(pid: int) -> int:
 
 
 def cpu_seconds(pid: int) -> float:
-    """CPU time that a process has taken, s."""
+    """Return the CPU time of a process, s."""
     fields = Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def command(*arguments: str) -> list[str]:
-    """Our command line."""
+    """Return our command line."""
     return [sys.executable, "-m", "printer_slicer", *arguments]
 
 
 def soak(lines: int, folder: Path) -> tuple[list[tuple[int, int]], float, float, int]:
-    """(lines done, resident kB) at each hundredth, s, CPU s, exit code."""
+    """Return (lines done, resident kB) at each hundredth, s, CPU s, exit code."""
     text = "G28\nG90\nM83\n" + "".join(
         f"G1 X{50 + n % 97 * 0.5:.1f} Y{50 + n % 89 * 0.5:.1f} F9000\n" for n in range(lines)
     )
@@ -64,7 +64,7 @@ def soak(lines: int, folder: Path) -> tuple[list[tuple[int, int]], float, float,
             event = json.loads(line)
             if event["event"] == "progress":
                 begun = begun or monotonic()
-                seen.append((event["done"], resident(host.pid)))
+                seen.append((event["done"], resident_memory(host.pid)))
                 taken = cpu_seconds(host.pid) if event["done"] < event["total"] else taken
         seconds = monotonic() - begun
         printer.terminate()
@@ -72,7 +72,7 @@ def soak(lines: int, folder: Path) -> tuple[list[tuple[int, int]], float, float,
 
 
 def main() -> int:
-    """Say how the memory grew."""
+    """Print how the memory grew."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -84,7 +84,8 @@ def main() -> int:
     last = seen[-1][1]
     print(f"{seen[-1][0]} lines in {seconds:.0f} s ({seen[-1][0] / seconds:.0f}/s), exit code {code}")
     print(
-        f"host: {taken:.0f} s of CPU with start; {early} kB after a tenth, {last} kB at the end: +{last - early} kB"
+        f"host: {taken:.0f} s of CPU time including the start; {early} kB after a tenth, {last} kB at the end: "
+        f"+{last - early} kB"
     )
     return 0 if code == 0 and last - early <= 5 * 1024 else 1
 

@@ -1,10 +1,9 @@
-"""CPU time of each stage of slicing one part, in one process, and relative to a fixed numpy loop.
+"""Measure the CPU time of each stage of slicing one part, also relative to a fixed numpy loop.
 
     python benchmarks/stages.py [MODEL] [--quality NAME] [--printer NAME] [--rounds N]
 
-The stages are those that `printer_slicer.pipeline` reports, under its names, with reading the file before and writing
-the text after them. The last column divides by the time of a loop that never changes, so it can be compared between
-machines and between days.
+The stages and their names are those of `printer_slicer.pipeline`, plus reading the file and writing the text. The last
+column divides by the time of a loop that never changes, so it can be compared between machines and between days.
 """
 
 from __future__ import annotations
@@ -29,13 +28,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Print one line per stage."""
     options = _options(argv)
     profile = load_profile(options.printer, None, options.quality)
-    _calibration()
-    _times_of(options.model, profile)
+    _calibration_seconds()
+    _measure_stages(options.model, profile)
     calibrations: list[float] = []
     rounds: list[dict[str, float]] = []
     for _ in range(options.rounds):
-        calibrations.append(_calibration())
-        rounds.append(_times_of(options.model, profile))
+        calibrations.append(_calibration_seconds())
+        rounds.append(_measure_stages(options.model, profile))
     print(machine_note())
     print(f"{options.model.name}, {options.printer or 'default printer'}, quality {options.quality}")
     print(_table(rounds, median(calibrations)))
@@ -43,7 +42,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _options(argv: Sequence[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description="CPU time of each stage of slicing one part.")
+    parser = argparse.ArgumentParser(description="Measure the CPU time of each stage of slicing one part.")
     parser.add_argument(
         "model", nargs="?", type=Path, default=SAMPLES / "vase.stl", help="default: the sample vase"
     )
@@ -53,8 +52,8 @@ def _options(argv: Sequence[str] | None) -> argparse.Namespace:
     return parser.parse_args(argv)
 
 
-def _times_of(model: Path, profile: Profile) -> dict[str, float]:
-    """Stage -> CPU seconds, all threads, of one run."""
+def _measure_stages(model: Path, profile: Profile) -> dict[str, float]:
+    """Return CPU seconds of each stage, all threads, of one run."""
     times: dict[str, float] = {}
     switch = _stopwatch(times)
     switch("loading")
@@ -67,7 +66,7 @@ def _times_of(model: Path, profile: Profile) -> dict[str, float]:
 
 
 def _stopwatch(times: dict[str, float]) -> Callable[[str], None]:
-    """A function that is told which stage begins, and books the time since then to the one before."""
+    """Return a function that is called when a stage starts, and adds the time since then to the previous stage."""
     current, since = "", process_time()
 
     def switch(stage: str) -> None:
@@ -80,8 +79,8 @@ def _stopwatch(times: dict[str, float]) -> Callable[[str], None]:
     return switch
 
 
-def _calibration() -> float:
-    """CPU seconds of fixed work of the kinds that slicing consists of: sort, gather, scan, search, count."""
+def _calibration_seconds() -> float:
+    """Return CPU seconds of fixed work as in slicing: sort, gather, scan, search, count."""
     values = (np.arange(_NUMBERS, dtype=np.uint64) * np.uint64(2654435761) % np.uint64(2**32)).astype(
         np.float64
     )
@@ -96,7 +95,7 @@ def _calibration() -> float:
 
 
 def _table(rounds: Sequence[dict[str, float]], unit: float) -> str:
-    """One row per stage, and their sum."""
+    """Return one row per stage, and their sum."""
     total = median(sum(times.values()) for times in rounds)
     rows = [(stage, [times[stage] for times in rounds]) for stage in rounds[0]]
     rows.append(("all", [sum(times.values()) for times in rounds]))

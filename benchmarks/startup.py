@@ -1,8 +1,8 @@
-"""What starting costs: CPU of `--help` and of slicing the smallest part, beyond that of a bare interpreter.
+"""Measure the cost of starting: CPU time of `--help` and of slicing the smallest part, beyond a bare interpreter.
 
     python benchmarks/startup.py [--rounds N]
 
-Whole processes, one of each per round, so that whatever else the machine does meets all of them.
+Whole processes are measured, one of each command per round, so that other load on the machine affects all of them.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ _LOADED = (
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Print one row per command; an error if slicing an STL file loads a heavy module."""
-    parser = argparse.ArgumentParser(description="CPU of starting, in whole processes.")
+    """Print one row per command; return an error if slicing an STL file loads a heavy module."""
+    parser = argparse.ArgumentParser(description="Measure the CPU time of starting, in whole processes.")
     parser.add_argument("--rounds", type=int, default=15, help="measured runs of each command (default 15)")
     rounds = parser.parse_args(argv).rounds
     with tempfile.TemporaryDirectory() as folder:
@@ -59,7 +59,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _table(costs: dict[str, list[Cost]]) -> str:
-    """One row per command; differences are taken within a round."""
+    """Return one row per command; differences are taken within a round."""
     lines = [
         f"| command | CPU ms, median [min..max] | beyond `{_BARE}` | wall ms | peak MiB |",
         "|---|---:|---:|---:|---:|",

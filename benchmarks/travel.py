@@ -1,15 +1,16 @@
-"""How does the nozzle get from bead to bead? Our files against those of other slicers.
+"""Compare the travel moves of our files with those of other slicers.
 
     python -m benchmarks.travel [--models DIR] [--height MM] [--set KEY=VALUE] [--json FILE] [part ...]
 
-Every part is sliced by us, by PrusaSlicer (as it is by default, and avoiding perimeters) and by CuraEngine (with lines
-of our width, which hold more, and with lines that hold as much as ours) where they are installed, with the settings of
-one profile in uniform layers. CuraEngine knows no shells that stay thick across slopes: beside it stands our file
-without them too. All files are read by the same code: a way is
-everything between two beads; the outlines that it crosses are those of the part's section in the layer of the bead it
-leads to. Minutes are those of the moves on one machine, that of the profile: what files say of accelerations and other
-limits is left out, nobody has start G-code beyond homing, and nobody slows down for layers to cool, which each would
-reckon by an estimate of its own (`--set material.min_layer_time=8` asks all of them to). Peers' G-code is kept in
+Every part is sliced by us, and by PrusaSlicer and CuraEngine if they are installed, with the settings of one profile in
+uniform layers. PrusaSlicer runs with its defaults, and once more avoiding perimeters. CuraEngine runs with lines of our
+width, which contain more material, and with lines that contain as much as ours. CuraEngine does not keep shells thick
+across slopes, so it is also compared with our file without this feature.
+
+The same code reads all files. A way is everything between two extrusions. It crosses outlines of the part's section in
+the layer of the extrusion that follows. Minutes are those of the moves on the profile's machine: accelerations and
+other limits in files are ignored. No file has start G-code beyond homing. No slicer slows down for layers to cool,
+because each uses its own estimate (`--set material.min_layer_time=8` turns this on for all). Peers' G-code is kept in
 `benchmarks/made/` and used again.
 """
 
@@ -49,18 +50,18 @@ _NOBODY = {"printer.start_gcode": "G28", "material.min_layer_time": 0, "material
 
 @dataclass(frozen=True, slots=True)
 class Figures:
-    """How the nozzle travels in one file, between its first and its last bead.
+    """Travel in one file, between its first and its last extrusion.
 
     Attributes:
-        slicer: that wrote it.
-        seconds: that its moves take.
-        travel: mm along x and y that lay nothing.
-        retractions: ways on which filament is pulled back.
-        crossings: how often ways cross outlines of the part.
-        crossing: ways that cross any.
-        oozing: of these those without retraction that are longer than travels that need none.
-        ways: between beads that do not follow each other.
-        cpu: s that slicing took, for our own file.
+        slicer: the program that wrote the file.
+        seconds: time of its moves.
+        travel: length of moves along x and y without extrusion, mm.
+        retractions: number of ways with a retraction.
+        crossings: number of crossings of ways with outlines of the part.
+        crossing: number of ways that cross an outline.
+        oozing: number of these ways that have no retraction, although they are longer than travels that need none.
+        ways: number of ways between extrusions that are not adjacent.
+        cpu: CPU time of slicing, s, for our own file.
     """
 
     slicer: str
@@ -84,17 +85,17 @@ _COLUMNS: Mapping[str, Callable[[Figures], str]] = {
 }
 
 
-def figures(slicer: str, text: bytes, part: Mesh, profile: Profile) -> Figures:
-    """Read one file.
+def measure_travel(slicer: str, text: bytes, part: Mesh, profile: Profile) -> Figures:
+    """Measure one file.
 
     Args:
         slicer: its name.
         text: G-code.
-        part: repaired; where it lies in the file is found.
-        profile: that everybody was given.
+        part: the repaired part; its position in the file is found.
+        profile: the common profile.
 
     Raises:
-        UsageError: the text lays nothing.
+        UsageError: the text extrudes nothing.
     """
     deposit, stack = read_gcode_extrusions(text, profile.material.filament_diameter, slicer)
     stack, sections, _ = placed_sections(part, deposit, stack)
@@ -102,14 +103,14 @@ def figures(slicer: str, text: bytes, part: Mesh, profile: Profile) -> Figures:
     beads, laying, _ = extrusions_of_moves(moves, profile.material.filament_diameter)
     lays = np.zeros(len(moves.speed), np.bool_)
     lays[laying] = True
-    way = np.cumsum(lays)  # of a move that lays nothing: the bead it leads to
+    way = np.cumsum(lays)  # for a move without extrusion, the extrusion that follows
     between = ~lays & (way > 0) & (way < beads.n_beads)
     length = np.where(between, np.hypot(*moves.delta[:, :2].T), 0.0)
     travel = np.bincount(way, weights=length, minlength=beads.n_beads + 1)
     pulled = np.bincount(way[between & (moves.delta[:, 3] < 0)], minlength=len(travel)) > 0
     going = np.flatnonzero(length)
     end = moves.end[going, :2]
-    count = _crossings(sections, stack.top, end - moves.delta[going, :2], end, beads.z_top[way[going]])
+    count = _count_crossings(sections, stack.top, end - moves.delta[going, :2], end, beads.z_top[way[going]])
     crossed = np.bincount(way[going], weights=count, minlength=len(travel))
     oozing = (crossed > 0) & ~pulled & (travel > profile.printer.retract_before_travel)
     alike = replace(moves, changes=(), acceleration=np.full(len(moves.speed), np.nan))
@@ -125,8 +126,8 @@ def figures(slicer: str, text: bytes, part: Mesh, profile: Profile) -> Figures:
     )
 
 
-def _crossings(sections: Areas, top: Float, begin: Float, end: Float, z: Float) -> Int:
-    """(P,) how often ways (P, 2) to (P, 2) cross outlines of the section at height z (P,); none without a section."""
+def _count_crossings(sections: Areas, top: Float, begin: Float, end: Float, z: Float) -> Int:
+    """Return (P,) how often ways cross outlines of the section at height z (P,); 0 without a section."""
     layer = np.clip(np.searchsorted(top, z - _SAME_Z), 0, len(top) - 1)
     there = np.abs(top[layer] - z) < _SAME_Z
     count = np.zeros(len(z), np.int64)
@@ -135,10 +136,13 @@ def _crossings(sections: Areas, top: Float, begin: Float, end: Float, z: Float) 
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Print one line per part, and how ours compare with each peer's."""
+    """Print one line per part, and the comparison with each peer."""
     parser = parser_of("travel", __doc__)
     parser.add_argument(
-        "--walls", default="arachne", choices=("classic", "arachne"), help="of PrusaSlicer (default: arachne)"
+        "--walls",
+        default="arachne",
+        choices=("classic", "arachne"),
+        help="perimeter generator of PrusaSlicer (default: arachne)",
     )
     parser.add_argument("--alone", action="store_true", help="only our own files")
     options = options_of(parser, argv)
@@ -159,36 +163,38 @@ def main(argv: Sequence[str] | None = None) -> int:
     upright = profile_with(profile, {"quality.slope_shell_ratio": 0})
     for mesh in parts_of(options):
         part = place(repair(mesh)[0], profile.printer)
-        own = [_own(_OURS, part, profile), _own(_UPRIGHT, part, upright)]
-        rows[part.name] = [*own, *_of_peers(part, profile, peers)]
+        own = [_measure_ours(_OURS, part, profile), _measure_ours(_UPRIGHT, part, upright)]
+        rows[part.name] = [*own, *_measure_peers(part, profile, peers)]
         cells = [" / ".join(form(one) for one in rows[part.name]) for form in _COLUMNS.values()]
         print(f"| {part.name} | {' | '.join(cells)} | {rows[part.name][0].cpu:.2f} |", flush=True)
     for peer in peers:
-        print(_compared(peer.name, list(rows.values()), 1 if isinstance(peer, CuraEngine) else 0))
+        print(_print_comparison(peer.name, list(rows.values()), 1 if isinstance(peer, CuraEngine) else 0))
     if options.json:
         found = {name: [asdict(one) for one in row] for name, row in rows.items()}
         options.json.write_text(json.dumps(found, indent=1), "utf-8")
     return 0
 
 
-def _own(name: str, part: Mesh, profile: Profile) -> Figures:
+def _measure_ours(name: str, part: Mesh, profile: Profile) -> Figures:
     begun = process_time()
     text = gcode_of(slice_part(part, profile), profile)
     cpu = process_time() - begun
-    return replace(figures(name, text, part, profile), cpu=cpu)
+    return replace(measure_travel(name, text, part, profile), cpu=cpu)
 
 
-def _of_peers(part: Mesh, profile: Profile, peers: Sequence[PrusaSlicer | CuraEngine]) -> Iterator[Figures]:
+def _measure_peers(
+    part: Mesh, profile: Profile, peers: Sequence[PrusaSlicer | CuraEngine]
+) -> Iterator[Figures]:
     for peer in peers:
         try:
             printed = peer.uniform(Part(part, profile, WORK), profile.quality.layer_height)
-            yield figures(peer.name, printed.gcode.read_bytes(), part, profile)
+            yield measure_travel(peer.name, printed.gcode.read_bytes(), part, profile)
         except (RunError, PrinterSlicerError) as error:
             print(f"{part.name}: {peer.name}: {str(error).splitlines()[0]}")
 
 
-def _compared(peer: str, rows: Sequence[Sequence[Figures]], which: int) -> str:
-    """Ours by theirs: the median over the parts, the greatest, and in how many parts ours is at most theirs.
+def _print_comparison(peer: str, rows: Sequence[Sequence[Figures]], which: int) -> str:
+    """Print our figures divided by a peer's: the median over the parts, the greatest, and how often ours is not above.
 
     `which` of the first figures of each row are ours.
     """
@@ -199,8 +205,8 @@ def _compared(peer: str, rows: Sequence[Sequence[Figures]], which: int) -> str:
         ratios = [own / other for own, other in both if other]
         most = sum(own <= other for own, other in both)
         spread = f"{median(ratios):.2f}, at most {max(ratios):.2f}, " if ratios else ""
-        said.append(f"{name} {spread}no more in {most} of {len(both)}")
-    return f"\n{(_OURS, _UPRIGHT)[which]} by {peer}: {'; '.join(said)}"
+        said.append(f"{name} {spread}not above it in {most} of {len(both)}")
+    return f"\n{(_OURS, _UPRIGHT)[which]} divided by {peer}: {'; '.join(said)}"
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
-"""What the makers of ten machines, and the bundles of PrusaSlicer, publish for layers of 0.2 mm with PLA.
+"""Published process settings of ten machines, from their makers and PrusaSlicer's bundles, for layers of 0.2 mm in PLA.
 
-Written down a second time on purpose: the shipped printers are judged by these figures. Flow, layer time and slowest
-speed are those of the usual PLA of the same source.
+These figures are deliberately independent of the shipped printers, which are compared with them. Flow, layer time and
+minimum speed are those of the standard PLA of the same source.
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ __all__ = ["MACHINES", "Vendor"]
 
 @dataclass(frozen=True, slots=True)
 class Vendor:
-    """One machine's published process; speeds in mm/s, accelerations in mm/s².
+    """The published process of one machine; speeds in mm/s, accelerations in mm/s².
 
     Attributes:
         source: profile and vendor.
         speeds: outer, inner, sparse, solid, top, gap, bridge, small, travel, first layer, its infill.
         accelerations: default, outer, inner, sparse, solid, top, bridge, first layer, travel.
         flow: mm³/s.
-        layer_time: s that a layer takes at least.
-        slowest: speed down to which layers are slowed for that.
-        before: greatest speed and acceleration that the shipped printer had before it carried speeds.
+        layer_time: minimum layer time, s.
+        slowest: minimum speed of layers that are slowed down.
+        before: former greatest speed and acceleration of the shipped printer.
     """
 
     source: str
@@ -109,4 +109,4 @@ MACHINES: Final[Mapping[str, Vendor]] = {
         (500, 5000),
     ),
 }
-"""By the names of the shipped printers."""
+"""Published processes by the names of the shipped printers."""

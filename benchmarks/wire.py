@@ -1,9 +1,9 @@
-"""How fast lines go to the printer: our protocol and the simulated printer in one process, under an invented clock.
+"""Measure how fast lines go to the printer, with host and simulated printer in one process on a simulated clock.
 
     python benchmarks/wire.py [MODEL] [--lines N] [--rounds N]
 
-Three answers: how much CPU a line costs on a cable that takes no time; how many lines a second a real cable would
-carry, in simulated time, with one line in flight and with two; and how much CPU a dry run of a whole job takes.
+There are three results: the CPU time per line on a cable without delay; the lines per second of a real cable in
+simulated time, with one line in flight and with two; and the CPU time of a dry run of a whole job.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from printer_slicer.stream.protocol import Streamer
 from printer_slicer.stream.session import run
 
 BAUD, LATENCY = 115_200, 0.001
-"""Of the real cable: Bd, and s that each byte takes in addition in each direction."""
+"""The real cable: baud rate, and additional delay of each byte in each direction, s."""
 
 _RADIUS, _CHORD = 20.0, 0.05  # mm
 
@@ -43,38 +43,42 @@ class Streamed:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Print the three answers; 1 if the dry run found the job wanting."""
+    """Print the three results; return 1 if the dry run found a fault."""
     options = _options(argv)
     short, long = _circle(options.lines), _circle(2 * options.lines)
     print(machine_note())
     size = sum(len(command) for command in long[1:]) / (len(long) - 1)
     print(f"lines such as {long[-1].decode()}, {size:.1f} bytes on average without number and checksum")
-    clean = [_stream(long, MARLIN_2_1, baud=None, latency=0.0, window=2) for _ in range(options.rounds + 1)][
-        1:
-    ]
+    clean = [
+        _stream_job(long, MARLIN_2_1, baud=None, latency=0.0, window=2) for _ in range(options.rounds + 1)
+    ][1:]
     rates = [len(long) / streamed.cpu for streamed in clean]
     print(
-        f"clean cable, no time on the wire: {spread(rates, ',.0f')} lines per second of CPU, both ends together"
+        f"cable without errors and delay: {spread(rates, ',.0f')} lines per second of CPU time, both ends together"
     )
     for firmware in (MARLIN_2_1, MARLIN_2_0_AVR):
         for window in (1, 2):
-            print(_on_the_wire(short, long, firmware, window))
+            print(_print_wire_rate(short, long, firmware, window))
     job = job_from(options.model, load_profile(None, None, "standard"))
     return _print_dry_run(job, options.rounds)
 
 
 def _options(argv: Sequence[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description="Lines per second of the protocol, and CPU of a dry run.")
+    parser = argparse.ArgumentParser(
+        description="Measure lines per second of the protocol, and CPU time of a dry run."
+    )
     parser.add_argument(
         "model", nargs="?", type=Path, default=SAMPLES / "vase.stl", help="default: the sample vase"
     )
-    parser.add_argument("--lines", type=int, default=10_000, help="of the shorter job (default 10000)")
+    parser.add_argument(
+        "--lines", type=int, default=10_000, help="number of lines of the shorter job (default 10000)"
+    )
     parser.add_argument("--rounds", type=int, default=3, help="measured runs (default 3)")
     return parser.parse_args(argv)
 
 
 def _circle(lines: int) -> list[bytes]:
-    """Short moves around a circle, over and over, as a slicer writes them."""
+    """Return short moves around a circle, repeated, as a slicer writes them."""
     commands = [b"M83", b"G1 X120 Y100 F6000"]
     for i in range(1, lines + 1):
         angle = i * _CHORD / _RADIUS % (2 * pi)
@@ -83,10 +87,10 @@ def _circle(lines: int) -> list[bytes]:
     return commands
 
 
-def _stream(
+def _stream_job(
     commands: list[bytes], firmware: SimulatedFirmware, *, baud: int | None, latency: float, window: int
 ) -> Streamed:
-    """Stream a job; an error unless every line was executed once and in order."""
+    """Stream a job; raise an error unless every line was executed once and in order."""
     executed: list[str] = []
     machine = Machine(limits=QUICK.limits, coldest_extrusion=0.0)
     printer = SimulatedPrinter(machine, firmware, on_executed=executed.append)
@@ -99,10 +103,11 @@ def _stream(
     return Streamed(cpu, port.now())
 
 
-def _on_the_wire(short: list[bytes], long: list[bytes], firmware: SimulatedFirmware, window: int) -> str:
-    """Lines per simulated second; the difference of two jobs, so that greeting and end do not count."""
+def _print_wire_rate(short: list[bytes], long: list[bytes], firmware: SimulatedFirmware, window: int) -> str:
+    """Print lines per simulated second, from the difference of two jobs, so that handshake and end do not count."""
     one, two = (
-        _stream(commands, firmware, baud=BAUD, latency=LATENCY, window=window) for commands in (short, long)
+        _stream_job(commands, firmware, baud=BAUD, latency=LATENCY, window=window)
+        for commands in (short, long)
     )
     rate = (len(long) - len(short)) / (two.seconds - one.seconds)
     name = "Marlin 2.0, 8 bits" if firmware is MARLIN_2_0_AVR else "Marlin 2.1"
@@ -110,7 +115,7 @@ def _on_the_wire(short: list[bytes], long: list[bytes], firmware: SimulatedFirmw
 
 
 def _print_dry_run(job: Job, rounds: int) -> int:
-    """CPU of dry-running a job; 1 if it would not print as intended."""
+    """Print the CPU time of dry-running a job; return 1 if it would not print as intended."""
     profile = load_profile(None, None, "standard")
     times = []
     for _ in range(rounds + 1):

@@ -1,4 +1,4 @@
-"""Faults of cables and firmwares, each a function of the bytes on their way, drawn from a seed."""
+"""Faults of cables and firmwares; each is a function of the bytes on their way, drawn from a seed."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from printer_slicer.sim.link import CableNoise, Direction
 
 __all__ = [
     "doubled_oks",
-    "flips",
+    "flip_bytes",
     "garbage",
     "glued_oks",
     "inserted_newlines",
@@ -25,14 +25,14 @@ _OK = re.compile(rb"ok[^\n]*\n")
 _REQUEST = re.compile(rb"(?:Resend:|rs )[^\n]*\n")
 
 
-def flips(chance: Random, way: Direction, *, flip: float = 0.0, drop: float = 0.0) -> Fault:
-    """Bytes flipped or dropped in one direction."""
+def flip_bytes(chance: Random, way: Direction, *, flip: float = 0.0, drop: float = 0.0) -> Fault:
+    """Flip or drop bytes in one direction."""
     damage = CableNoise(chance, flip=flip, drop=drop)
     return lambda data, direction: damage(data, direction) if direction == way else data
 
 
-def _changed(chance: Random, way: Direction, share: float, old: bytes, new: bytes) -> Fault:
-    """A share of the places where `old` stands get `new` instead."""
+def _replace_some(chance: Random, way: Direction, share: float, old: bytes, new: bytes) -> Fault:
+    """Replace `old` by `new` in a share of the places."""
 
     def fault(data: bytes, direction: Direction) -> bytes:
         if direction != way or old not in data:
@@ -47,14 +47,15 @@ def _changed(chance: Random, way: Direction, share: float, old: bytes, new: byte
 
 
 def lost_newlines(chance: Random) -> Fault:
-    """One line break to the printer in a hundred is lost."""
-    return _changed(chance, "to printer", 0.01, b"\n", b"")
+    """Lose one line break to the printer in a hundred."""
+    return _replace_some(chance, "to printer", 0.01, b"\n", b"")
 
 
 def inserted_newlines(chance: Random) -> Fault:
-    """One line in a hundred is broken in two, but not between its number and its command.
+    """Break one line in a hundred in two, but not between its number and its command.
 
-    There it would leave a line without number, which most firmware executes, and no host can prevent that.
+    Between them, it would leave a line without a number. Most firmware executes such a line, and no host can prevent
+    that.
     """
 
     def fault(data: bytes, way: Direction) -> bytes:
@@ -66,8 +67,8 @@ def inserted_newlines(chance: Random) -> Fault:
     return fault
 
 
-def _oks(chance: Random, share: float, change: bytes) -> Fault:
-    """A share of the oks becomes `change`, in which `@` is the ok."""
+def _change_oks(chance: Random, share: float, change: bytes) -> Fault:
+    """Replace a share of the oks by `change`, in which `@` stands for the ok."""
 
     def one(match: re.Match[bytes]) -> bytes:
         return change.replace(b"@", match[0]) if chance.random() < share else match[0]
@@ -76,27 +77,27 @@ def _oks(chance: Random, share: float, change: bytes) -> Fault:
 
 
 def lost_oks(chance: Random) -> Fault:
-    """One ok in a hundred is lost, with its line break."""
-    return _oks(chance, 0.01, b"")
+    """Lose one ok in a hundred, with its line break."""
+    return _change_oks(chance, 0.01, b"")
 
 
 def doubled_oks(chance: Random) -> Fault:
-    """One ok in fifty comes twice."""
-    return _oks(chance, 0.02, b"@@")
+    """Send one ok in fifty twice."""
+    return _change_oks(chance, 0.02, b"@@")
 
 
 def glued_oks(chance: Random) -> Fault:
-    """One ok in fifty stands behind other words, without a line break between."""
-    return _oks(chance, 0.02, b"echo:some words@")
+    """Put one ok in fifty after other words, without a line break between them."""
+    return _change_oks(chance, 0.02, b"echo:some words@")
 
 
 def pieces(chance: Random) -> Fault:
-    """An ok in a hundred has its line break in the middle."""
-    return _oks(chance, 0.01, b"o\nk\n")
+    """Put a line break into the middle of one ok in a hundred."""
+    return _change_oks(chance, 0.01, b"o\nk\n")
 
 
 def garbage(chance: Random) -> Fault:
-    """A few bytes of anything in front of one answer in fifty."""
+    """Insert a few random bytes in front of one answer in fifty."""
 
     def fault(data: bytes, way: Direction) -> bytes:
         if way == "to printer" or chance.random() > 0.02:
@@ -107,7 +108,7 @@ def garbage(chance: Random) -> Fault:
 
 
 def noise_burst(chance: Random) -> Fault:
-    """Ten thousand bytes of noise in front of one answer in five hundred."""
+    """Insert ten thousand bytes of noise in front of one answer in five hundred."""
 
     def fault(data: bytes, way: Direction) -> bytes:
         if way == "to printer" or chance.random() > 0.002:
@@ -118,8 +119,8 @@ def noise_burst(chance: Random) -> Fault:
 
 
 def repeated_requests(chance: Random, times: int) -> Fault:
-    """Damage, and every request for a line comes several times."""
-    damage = flips(chance, "to printer", flip=2e-4)
+    """Damage bytes, and repeat every resend request several times."""
+    damage = flip_bytes(chance, "to printer", flip=2e-4)
 
     def fault(data: bytes, way: Direction) -> bytes:
         if way == "to printer":

@@ -1,6 +1,6 @@
-"""One print over a bad cable under an invented clock, and the verdict on it: what the reliability matrix is made of.
+"""Run one print over a bad cable on a simulated clock, and judge it; the reliability matrix consists of such prints.
 
-The cable's faults are functions of the bytes on their way; they are drawn from the seed, so a trial can be repeated.
+Faults of the cable are functions of the bytes on their way. They are drawn from the seed, so a trial can be repeated.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from printer_slicer.stream.events import Event, Finished, Halted, Probe, ResendR
 from printer_slicer.stream.protocol import Streamer
 from printer_slicer.stream.session import run
 
-__all__ = ["QUICK", "Fault", "Setup", "Trial", "job_of", "print_over", "questions"]
+__all__ = ["QUICK", "Fault", "Setup", "Trial", "count_queries", "job_of", "print_over"]
 
 Fault = Callable[[bytes, Direction], bytes]
 
@@ -41,18 +41,18 @@ QUICK = Machine(
     coldest_extrusion=0.0,
     probe_points=9,
 )
-"""So quick that only the cable limits how fast lines go."""
+"""A machine so fast that only the cable limits the rate of lines."""
 
 _OURS = {"M105", "M110", "M115", "M400", "M114"}
-"""What the host asks by itself; the jobs here have none of it."""
+"""Commands that the host sends on its own; the jobs here do not contain them."""
 
-_FLIPPED = 4  # letters of one line
+_FLIPPED = 4  # largest number of changed letters in one line
 _COMMAND = re.compile(r"[GMT]\d")
 _LONGEST = 5000.0
-"""s of simulated time after which a print is taken to go on for ever."""
+"""Simulated time, s, after which a print is assumed to go on for ever."""
 
 _MEASURED_FROM = 50
-"""Entries of the job that the printer has taken when the measurement of the rate begins."""
+"""Number of accepted entries of the job at which the measurement of the rate starts."""
 
 
 class NeverEndsError(Exception):
@@ -61,18 +61,18 @@ class NeverEndsError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Setup:
-    """What a trial is made of, besides its seed.
+    """Everything that defines a trial, besides its seed.
 
     Attributes:
-        firmware: of the printer.
-        job: its commands.
-        fault: what the cable does.
-        on_event: told what the host tells, with the trial.
-        machine: of the printer.
-        baud, latency: of the cable, Bd and s.
-        told_baud: speed that the host is told; None: that it means nothing.
-        limits: whether the host knows the machine.
-        longest_wait: s after which the owner of the host looks up.
+        firmware: firmware of the printer.
+        job: commands of the job.
+        fault: the fault of the cable.
+        on_event: called with the trial and each event of the host.
+        machine: machine of the printer.
+        baud, latency: baud rate and latency (s) of the cable.
+        told_baud: baud rate that the host assumes; None if it has no meaning.
+        limits: whether the host knows the limits of the machine.
+        longest_wait: time, s, after which the caller wakes the host at the latest.
     """
 
     firmware: SimulatedFirmware
@@ -82,20 +82,20 @@ class Setup:
     machine: Machine = QUICK
     baud: int | None = 115_200
     latency: float = 0.001
-    told_baud: int | None = None
+    assumed_baud: int | None = None
     limits: bool = True
     longest_wait: float = 60.0
 
 
 @dataclass
 class Trial:
-    """One print, and what became of it.
+    """One print and its result.
 
     Attributes:
-        executed: every command that the printer began.
-        events: all that the host told.
-        spoken: bytes written to the printer, and the time, s, by entries acknowledged.
-        moments: what a fault or a user notes, by name, s.
+        executed: every command that the printer started.
+        events: all events of the host.
+        spoken: bytes written to the printer, and the time, s, by number of acknowledged entries.
+        moments: times that a fault or a user recorded, by name, s.
     """
 
     setup: Setup
@@ -112,10 +112,10 @@ class Trial:
         self.printer = SimulatedPrinter(setup.machine, setup.firmware, on_executed=self.executed.append)
         self.port = VirtualPort(self.printer, baud=setup.baud, latency=setup.latency, noise=self._damage)
         limits = setup.machine.limits if setup.limits else None
-        self.streamer = Streamer(setup.job, limits=limits, baud=setup.told_baud)
+        self.streamer = Streamer(setup.job, limits=limits, baud=setup.assumed_baud)
 
     def run(self) -> Trial:
-        """Print to the end, whichever it is."""
+        """Print to the end, whatever it is."""
         wait = self.setup.longest_wait
         with suppress(NeverEndsError):
             run(self.streamer, self.port, self.port.now, on_event=self._note, longest_wait=wait)
@@ -139,16 +139,16 @@ class Trial:
 
     @property
     def end(self) -> Event:
-        """The last thing told."""
+        """The last event."""
         return self.events[-1]
 
     @property
     def job_lines(self) -> list[str]:
-        """Commands executed that are not the host's own; where repeats are allowed by design, without them."""
+        """Return the executed commands without the host's own; where repeats are allowed by design, without repeats."""
         lines = [line for line in self._not_of_the_host if _COMMAND.match(line)]
         if self.setup.firmware.accepted_lines == "next":
             return lines
-        # Without line numbers what is the same twice as once may go out again; a move that extrudes never.
+        # Without line numbers, a command may be repeated if this has no effect; an extruding move never is.
         return [
             line
             for i, line in enumerate(lines)
@@ -157,7 +157,7 @@ class Trial:
 
     @property
     def _not_of_the_host(self) -> list[str]:
-        """What was executed, whatever damage has made of it, without the host's own questions."""
+        """Return the executed commands, damaged or not, without the host's own queries."""
         return [line for line in self.executed if line[:4] not in _OURS]
 
     @property
@@ -166,19 +166,19 @@ class Trial:
         return [line.decode() for line in self.setup.job]
 
     def count(self, *kinds: type) -> int:
-        """Events of these kinds."""
+        """Count events of these kinds."""
         return sum(isinstance(event, kinds) for event in self.events)
 
     @property
     def rate(self) -> float:
-        """Share of the wire's speed at which lines went out, in the middle of the job."""
+        """Return the share of the wire's speed at which lines went out, in the middle of the job."""
         if self._from is None:
             return 0.0
         seconds, size = self._to[0] - self._from[0], self._to[1] - self._from[1]
         return size * 10 / (self.setup.baud or 1) / seconds if seconds > 0 else 0.0
 
     def verdict(self) -> str:
-        """`exact`, `altered` (by damage that the checksum cannot see), `stopped: why`, or `WRONG: ...`."""
+        """Return `exact`, `altered` (by damage that the checksum cannot detect), `stopped: why`, or `WRONG: ...`."""
         lines, wanted = self.job_lines, self.wanted
         strays = self.printer.report().unnumbered_moves
         if isinstance(self.end, Halted):
@@ -186,23 +186,23 @@ class Trial:
             queued = self.setup.firmware.queue_places + 1 if self.setup.firmware.ok_when_read else 0
             if not done - queued <= len(lines) <= len(wanted) + strays:
                 return f"WRONG: {len(lines)} lines were executed, {done} acknowledged"
-            if strays == 0 and _differences(lines, wanted[: len(lines)]) is None:
+            if strays == 0 and _count_changed_lines(lines, wanted[: len(lines)]) is None:
                 return "WRONG: stopped, and before that lines were lost, repeated or out of order"
             return f"stopped: {self.end.reason}"
         if not isinstance(self.end, Finished) or self.end.acknowledged != len(wanted):
             return f"WRONG: ended with {self.end}"
         seen = self._not_of_the_host if self.setup.firmware.accepted_lines == "next" else lines
-        different = 0 if lines == wanted else _differences(seen, wanted)
+        different = 0 if lines == wanted else _count_changed_lines(seen, wanted)
         if strays or different is None:
-            return f"WRONG: {strays} strays, {len(lines)} of {len(wanted)} lines"
+            return f"WRONG: {strays} unexpected lines, {len(lines)} of {len(wanted)} lines"
         return "altered" if different else "exact"
 
 
-def _differences(lines: Sequence[str], wanted: Sequence[str]) -> int | None:
-    """How many of the wanted lines were executed with a few letters changed; None if one was lost, or came twice.
+def _count_changed_lines(lines: Sequence[str], wanted: Sequence[str]) -> int | None:
+    """Return how many of the wanted lines were executed with a few letters changed; None if one was lost or repeated.
 
-    A line that damage has made into something that no firmware knows is no harm unless it stands for a wanted one: the
-    checksum hid that, or it lost its number and was asked for again.
+    A line that damage has turned into an unknown command is harmless unless it replaces a wanted one. In this case, the
+    checksum hid the damage, or the line lost its number and was requested again.
     """
     changed = 0
     for tag, first, last, begin, end in SequenceMatcher(None, wanted, lines, autojunk=False).get_opcodes():
@@ -210,7 +210,7 @@ def _differences(lines: Sequence[str], wanted: Sequence[str]) -> int | None:
             continue
         missing = list(wanted[first:last])
         for line in lines[begin:end]:
-            if missing and _akin(line, missing[0]):
+            if missing and _is_similar(line, missing[0]):
                 missing.pop(0)
                 changed += 1
             elif _COMMAND.match(line):
@@ -220,10 +220,10 @@ def _differences(lines: Sequence[str], wanted: Sequence[str]) -> int | None:
     return changed
 
 
-def _akin(a: str, b: str) -> bool:
-    """Whether one is the other with few letters flipped or lost."""
-    # RepRapFirmware reads a line whose star is damaged as one without checksum, with the digits behind it; and where a
-    # letter has become a star or a semicolon, up to there.
+def _is_similar(a: str, b: str) -> bool:
+    """Return whether one line equals the other apart from a few changed or lost letters."""
+    # RepRapFirmware reads a line with a damaged star as a line without checksum, including the digits after it. If a
+    # letter became a star or a semicolon, it reads the line up to there.
     if len(a) <= len(b) and sum(one != other for one, other in zip(a, b, strict=False)) <= _FLIPPED:
         return True
     same = sum(block.size for block in SequenceMatcher(None, a, b, autojunk=False).get_matching_blocks())
@@ -231,7 +231,7 @@ def _akin(a: str, b: str) -> bool:
 
 
 def job_of(chance: Random, lines: int) -> list[bytes]:
-    """Short moves, all different, with relative E as slicers write it, and a setting now and then."""
+    """Return short moves, all different, with relative E as slicers write it, and a setting now and then."""
     job = [b"G28", b"G90", b"M83", b"G92 E0", b"G1 X100 Y100 Z0.2 F30000"]
     x, y, heading = 100.0, 100.0, 0.0
     for i in range(len(job), lines - 3):
@@ -251,6 +251,6 @@ def print_over(setup: Setup, **changes: object) -> Trial:
     return Trial(replace(setup, **changes) if changes else setup).run()  # type: ignore[arg-type]
 
 
-def questions(trial: Trial) -> int:
-    """How often the host had to ask or to repeat."""
+def count_queries(trial: Trial) -> int:
+    """Return how often the host had to query or to repeat."""
     return trial.count(Probe, ResendRequested)

@@ -116,7 +116,9 @@ def test_it_is_so_over_a_device_of_the_system(row: str, tmp_path: Path) -> None:
     names = suits(row)
     chance = Random(row)
     firmware = names[list(ROWS).index(row) % len(names)]
-    setup = ROWS[row].make(chance, Setup(SIMULATED_FIRMWARES[firmware], job_of(chance, 120), told_baud=None))
+    setup = ROWS[row].make(
+        chance, Setup(SIMULATED_FIRMWARES[firmware], job_of(chance, 120), assumed_baud=None)
+    )
     trial, errands, ready = Trial(setup), Errands(), threading.Event()
     server = threading.Thread(
         target=serve,
