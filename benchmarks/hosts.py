@@ -277,7 +277,7 @@ def _print_rates(hosts: dict[str, Host], folder: Path, lines: int) -> None:
                 rate = (seen["in_order"] - PREPARED - 1) / max(seen["seconds"], 1e-9)
                 well = "" if seen["in_order"] == seen["commands"] else f" {seen['in_order']} lines, {ended}"
                 row.append(f"{name} {rate:.0f} ({rate / wire:.0%}){well}")
-            print(f"{baud} Bd, {latency:g} ms, wire {wire:.0f}: {'; '.join(row)}", flush=True)
+            print(f"{baud} baud, {latency:g} ms, wire {wire:.0f}: {'; '.join(row)}", flush=True)
 
 
 def _print_protocol_rates(lines: int) -> None:
@@ -293,7 +293,9 @@ def _print_protocol_rates(lines: int) -> None:
             run(Streamer(commands, limits=MACHINES["quick"]), port, port.now)
             first, last = 10, len(commands) - 1  # far from the start and end of the job
             rate = (last - first) / (times[last] - times[first])
-            print(f"{baud} Bd, {latency:g} ms: {rate:.0f} ({rate / _wire_rate(_make_fast(lines), baud):.1%})")
+            print(
+                f"{baud} baud, {latency:g} ms: {rate:.0f} ({rate / _wire_rate(_make_fast(lines), baud):.1%})"
+            )
 
 
 def _print_standstills(hosts: dict[str, Host], folder: Path, lines: int) -> None:
@@ -309,12 +311,12 @@ def _print_standstills(hosts: dict[str, Host], folder: Path, lines: int) -> None
                 seen, _ = _print_job(host, folder, text, 400.0, *flags)
                 stands = f"{seen['underruns']} ({seen['underrun_seconds']:.1f} s)"
                 row.append(f"{name} {stands}, {seen['seconds']:.1f} s")
-            print(f"{baud} Bd, {latency:g} ms: {'; '.join(row)}", flush=True)
+            print(f"{baud} baud, {latency:g} ms: {'; '.join(row)}", flush=True)
 
 
 def _print_faults(hosts: dict[str, Host], folder: Path, faults: Sequence[str]) -> None:
     text = circle(1500)
-    print("\nfaults, 115200 Bd, 1 ms, 1505 lines")
+    print("\nfaults, 115200 baud, 1 ms, 1505 lines")
     for fault in faults:
         for name, host in hosts.items():
             flags = _flags(BAUDS[0], LATENCIES[0], "--machine", "part", "--fault", fault)

@@ -243,7 +243,7 @@ def _print_tally(peer: str, rows: Sequence[Row]) -> str:
         f"{name} {sum(not one[name].worse for one in pairs)} of {len(pairs)}"
         for name in (pairs[0] if pairs else ())
     )
-    return f"\nours at most that of {peer}: {', '.join(said)}"
+    return f"\nthese figures of ours are not above those of {peer}: {', '.join(said)}"
 
 
 if __name__ == "__main__":

@@ -19,9 +19,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
-from benchmarks.find_match import Match, find_match
-
 from benchmarks.curves import Row, draw
+from benchmarks.match import Match, find_match
 from benchmarks.peers import CuraEngine, Part, PrusaSlicer, find_peers
 from benchmarks.processes import SAMPLES, WORK, RunError, machine_note
 from benchmarks.reports import BASES, judgement, match_table, part_table, plan_table, ratio_table

@@ -250,8 +250,8 @@ def _flips(rate: float) -> Row:
 
 
 ROWS: dict[str, Row] = {
-    "clean, 115200 Bd": Row(_baud(115_200), check=_clean),
-    "clean, 250000 Bd": Row(_baud(250_000), check=_clean, suits=lambda f: f.seconds_per_byte == 0.0),
+    "clean, 115200 baud": Row(_baud(115_200), check=_clean),
+    "clean, 250000 baud": Row(_baud(250_000), check=_clean, suits=lambda f: f.seconds_per_byte == 0.0),
     "flips to printer 1e-6": _flips(1e-6),
     "flips to printer 1e-4": _flips(1e-4),
     "flips to printer 1e-3": _flips(1e-3),

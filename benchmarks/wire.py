@@ -111,7 +111,9 @@ def _print_wire_rate(short: list[bytes], long: list[bytes], firmware: SimulatedF
     )
     rate = (len(long) - len(short)) / (two.seconds - one.seconds)
     name = "Marlin 2.0, 8 bits" if firmware is MARLIN_2_0_AVR else "Marlin 2.1"
-    return f"{BAUD} Bd, {LATENCY * 1000:g} ms, {name}, window {window}: {rate:.0f} lines per simulated second"
+    return (
+        f"{BAUD} baud, {LATENCY * 1000:g} ms, {name}, window {window}: {rate:.0f} lines per simulated second"
+    )
 
 
 def _print_dry_run(job: Job, rounds: int) -> int:

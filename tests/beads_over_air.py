@@ -1,6 +1,7 @@
-"""An oracle for what beads rest on: every piece of 0.25 mm by itself, on cells of 0.1 mm, however short what hangs is.
+"""Reference for unsupported extrusion: judge each piece of 0.25 mm separately, on cells of 0.1 mm.
 
-The program tells unsupported extrusion only where it lies 5 mm from everything that rests. This judges each bead.
+It also finds short unsupported pieces. The program only reports extrusion that is more than 5 mm away from everything
+supported.
 """
 
 from __future__ import annotations

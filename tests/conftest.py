@@ -1,8 +1,8 @@
-"""What all tests share.
+"""Fixtures and Hypothesis profiles that all tests share.
 
-`just check` runs what is not marked `thorough`, with the few examples of the profile `check`, the same every time.
-`just thorough` runs everything, with many examples drawn from one seed. A test that names its own `max_examples` must
-need exactly so many.
+`just check` runs the tests without the mark `thorough`, with the few examples of the profile `check`, the same every
+time. `just thorough` runs all tests, with many examples drawn from one seed. Only a test that needs an exact number of
+examples sets its own `max_examples`.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Seeded shapes made of solids that are added and taken away: thin fins, slender tips, slivers between cuts."""
+"""Random shapes from solids that are added and subtracted: thin fins, slender tips, slivers between cuts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How much of what a test could try belongs in `just check`."""
+"""Choose how many cases and examples of a test run in `just check`, and how many in `just thorough`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Small closed meshes and profiles whose answers are known, for the tests of the slicing half."""
+"""Small closed meshes and profiles with known results, for tests of the slicer."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Programs of all kinds: units, offsets, modes, tools, letters of either case, comments, numbers and checksums."""
+"""Random G-code programs with units, offsets, modes, tools, lower case, comments, line numbers and checksums."""
 
 from __future__ import annotations
 

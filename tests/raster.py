@@ -1,4 +1,4 @@
-"""Beads drawn on a fine grid: what they cover, and how much plastic lies where."""
+"""Draw extrusions on a fine grid: the area that they cover, and the volume in each cell."""
 
 from __future__ import annotations
 

@@ -50,7 +50,7 @@ def test_lines_are_executed_once_in_order_or_the_print_ends_with_a_reason(
 def test_every_dialect_of_the_host_is_spoken_by_a_simulated_firmware() -> None:
     spoken = set()
     for firmware in SIMULATED_FIRMWARES:
-        trial, _ = trial_of("clean, 115200 Bd", firmware, 0, 60)
+        trial, _ = trial_of("clean, 115200 baud", firmware, 0, 60)
         spoken |= {event.dialect for event in trial.events if isinstance(event, Identified)}
 
     assert spoken == set(WIRE_DIALECTS)

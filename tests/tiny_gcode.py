@@ -1,4 +1,4 @@
-"""A reader of G-code that shares nothing with the package: one line at a time, floats, no arcs."""
+"""A minimal reader of G-code that shares no code with the package: one line at a time, floats, no arcs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Waiting for what another thread or process does: for a state, never for a time."""
+"""Wait for a state of another thread or process, never for a fixed time."""
 
 from __future__ import annotations
 

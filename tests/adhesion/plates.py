@@ -1,4 +1,4 @@
-"""What stands on the bed, given as areas, and what is laid around it, as shapely sees it."""
+"""Plates of parts, given as areas, and reference areas of skirt, brim and raft computed with shapely."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A program that uses most of the public list; it must pass mypy --strict, and it runs as a test of itself."""
+"""Use most names of the public API. This program must pass mypy --strict, and it runs as a test."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Types commands: in this process, where it is quick, or in one of their own, where signals and pipes matter."""
+"""Run commands for tests: in this process if that is fast, or in a separate one for signals and pipes."""
 
 from __future__ import annotations
 

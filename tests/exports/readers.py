@@ -1,4 +1,4 @@
-"""Readers of contour files, written from the specifications alone; they know nothing of the writers.
+"""Readers of contour files, written from the specifications alone; they share no code with the writers.
 
 A layer is its z and its closed polylines; a polyline is its points as the file lists them, in mm.
 """

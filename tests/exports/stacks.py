@@ -1,4 +1,4 @@
-"""Stacks of contours whose answers are known, and what files are compared by."""
+"""Stacks of contours with known areas, and functions to compare exported files."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""The golden file: a box of 10 x 10 x 0.8 in three layers, one of them sparse, with settings of its own.
+"""Write the golden file: a box of 10 x 10 x 0.8 mm in three layers, one with internal infill, with its own settings.
 
     python -m tests.golden.make
 
-writes it again. Look at the difference before keeping it: every changed line is a change in what is printed.
+Review the difference before you keep the file: every changed line changes the print.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Programs of others that are run as they are: print servers and hosts, each in a Python of its own.
+"""Run print servers and hosts of other projects unchanged, each in its own Python environment.
 
 `PRINTER_SLICER_HOSTS` names a folder with the environments `octoprint`, `printrun` and `moonraker`; docs/hosts.md
-says how to make it. Where one is missing, its tests are skipped.
+explains how to create them. If one is missing, its tests are skipped.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Small servers that speak as PrusaLink and Duet boards are documented to, for where the real ones are only hardware.
+"""Small servers that follow the documentation of PrusaLink and Duet boards, whose real software needs hardware.
 
 Made from the published descriptions alone: PrusaLink's OpenAPI file, the RepRapFirmware wiki's "HTTP requests", the
 REST API of the Duet Software Framework, and RFC 7616 for digest authentication.

@@ -1,4 +1,4 @@
-"""Regions for the tests of infill: the same areas on every layer of an uneven plan; and what paths amount to."""
+"""Regions for infill tests, with the same areas on every layer of an uneven plan, and measurements of paths."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Damages to files, told apart by a seed: bytes, runs, numbers, and what lies packed in archives."""
+"""Damage files for tests, from a seed: bytes, runs of bytes, numbers, and the contents of archives."""
 
 from __future__ import annotations
 

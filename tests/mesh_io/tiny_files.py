@@ -1,4 +1,4 @@
-"""Small files of every format, written by hand, and the box that most of them hold."""
+"""Small hand-written files of every format; most of them contain the same box."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A box as a STEP file (ISO 10303-21, AP214), written by hand."""
+"""A box as a hand-written STEP file (ISO 10303-21, AP214)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Shipped printers for the tests of planners, and the same machine on another clock."""
+"""Shipped printers for the tests of planners, and the same machine with all times scaled."""
 
 from __future__ import annotations
 

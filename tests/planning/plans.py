@@ -1,4 +1,4 @@
-"""What a plan does to a part, worked out facet by facet, to hold planners to their word."""
+"""Reference for layer plans: compute the errors of a plan facet by facet, to check the planners."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Simulated printers behind devices of the system, which stand still, vanish and come back when a test wants it."""
+"""Simulated printers on pseudo-terminals that can stall, disappear and return at a test's request."""
 
 from __future__ import annotations
 

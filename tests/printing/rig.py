@@ -1,4 +1,4 @@
-"""A print with its conductor on a simulated printer with an invented clock, and what its motors really made."""
+"""A print controller with a simulated printer on a simulated clock, and a record of the printer's motion."""
 
 from __future__ import annotations
 

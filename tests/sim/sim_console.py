@@ -1,4 +1,4 @@
-"""A person with a terminal at the simulated printer: says lines, notes what comes back and when."""
+"""A terminal connected to the simulated printer: it sends lines and records the replies with their times."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ def test_the_command_tells_what_was_wrong(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["--streams", "11"]) == 0
-    assert "11 streams, 0 of them wrong" in capsys.readouterr().out
+    assert "11 streams, 0 of them failed" in capsys.readouterr().out
 
     def broken(name: str, seed: int) -> int:
         raise ZeroDivisionError(name)

@@ -1,4 +1,4 @@
-"""Every conversation is held twice: in whole lines and byte by byte."""
+"""Run every conversation twice: in whole lines and byte by byte."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A printer played by the test, line by line, with a clock that the test moves."""
+"""A printer that the test plays line by line, with a clock that the test advances."""
 
 from __future__ import annotations
 

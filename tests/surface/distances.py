@@ -1,8 +1,8 @@
-"""What is wrong in a stack of layers, found by trying points: how far from the part's surface is a wrong point?
+"""Sample the wrong points of a stack of layers, and compute their exact distance from the surface of the part.
 
-A stack holds, in each layer, one area from the bottom of the layer to its top. A point is wrongly filled if the stack
-holds it and the part does not, wrongly empty the other way round. All answers are exact but for rounding; points too
-near to an edge or a face to be sure are left out.
+In each layer, a stack contains one area from the bottom of the layer to its top. A point is wrongly filled if the stack
+contains it and the part does not, and wrongly empty in the opposite case. Results are exact apart from rounding. Points
+that are too near to an edge or a face for a certain answer are left out.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Bodies to be broken, and ways to break them."""
+"""Bodies for tests of mesh repair, and functions that damage them."""
 
 from __future__ import annotations
 

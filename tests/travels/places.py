@@ -1,4 +1,4 @@
-"""Sections, and paths that are single places, so that a test says exactly which ways there are."""
+"""Sections, and paths that consist of a single point, so that a test can define the exact travel moves."""
 
 from __future__ import annotations
 

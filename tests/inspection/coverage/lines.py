@@ -1,4 +1,4 @@
-"""G-code of known beads, line by line."""
+"""G-code with known extrusions, line by line."""
 
 from __future__ import annotations
 
