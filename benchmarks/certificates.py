@@ -67,10 +67,10 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _row(path: Path, profile: Profile, n_points: int) -> bool:
     """Measure a part, print its row, and return whether it is as certified."""
-    sized, told = printable(load_mesh(path))
+    sized, note = printable(load_mesh(path))
     part = place(sized, profile.printer)
-    if told:
-        print(told, file=sys.stderr)
+    if note:
+        print(note, file=sys.stderr)
     seconds = []
     for _ in range(3):
         fresh = Mesh(part.triangles, part.name)  # a mesh remembers its surface

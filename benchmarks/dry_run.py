@@ -113,7 +113,7 @@ def measure_job(path: Path, changes: dict[str, object]) -> dict[str, float]:
     memory = subprocess.run(
         [sys.executable, "-c", _MEMORY, str(path), json.dumps(changes)], capture_output=True, check=True
     )
-    peak, held, rehearsed = map(float, memory.stdout.split())
+    peak, held, peak_of_dry_run = map(float, memory.stdout.split())
     return {
         "lines": said["commands"],
         "hours": said["modelled_seconds"] / 3600,
@@ -121,7 +121,7 @@ def measure_job(path: Path, changes: dict[str, object]) -> dict[str, float]:
         "cpu": after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime,
         "read_mb": peak,
         "held_mb": held,
-        "grown_mb": rehearsed - held,
+        "grown_mb": peak_of_dry_run - held,
         "ok": float(said["ok"]),
     }
 

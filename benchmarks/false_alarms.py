@@ -265,9 +265,9 @@ def check_part(name: str, path: Path, folder: Path, turn: int) -> list[str]:
         ("dry-run", gcode, *flags),
     ):
         code, facts = run_command(*words)
-        told = [*_finding_texts(facts), facts.get("error", "")]
-        rest = [text for text in told if text and not any(word in text.lower() for word in ALLOWED)]
-        if rest or (code and not any(told)):
+        messages = [*_finding_texts(facts), facts.get("error", "")]
+        rest = [text for text in messages if text and not any(word in text.lower() for word in ALLOWED)]
+        if rest or (code and not any(messages)):
             found.append(f"{' '.join(map(str, words[:1]))} ended with {code}: {'; '.join(rest)[:300]}")
     gcode.unlink()
     return found
@@ -306,9 +306,9 @@ def main(words: Sequence[str] | None = None) -> int:
             for text in found:
                 print(f"{part} ({MACHINES[turn % 10]}, {QUALITIES[turn % 4]}): {text}", flush=True)
             print(f"{count} {part}", flush=True)
-    refused = sum(number > 0 for number in alarms.values())
-    print(f"{count} parts, {refused} with findings")
-    return int(refused > 0)
+    n_rejected = sum(number > 0 for number in alarms.values())
+    print(f"{count} parts, {n_rejected} with findings")
+    return int(n_rejected > 0)
 
 
 if __name__ == "__main__":

@@ -95,7 +95,7 @@ class _Session:
         self.chance = Random(f"{name} {seed}")
         self.name = name
         self.place = f"firmware {name!r}, seed {seed}"
-        self.told: set[str] = set()
+        self.sent_texts: set[str] = set()
         self.executed = 0
         self.now = 0.0
         self.rest = ""
@@ -109,7 +109,7 @@ class _Session:
     def _note(self, text: str) -> None:
         self.executed += 1
         if "118" in text:
-            self.told.add(text)
+            self.sent_texts.add(text)
 
     def send(self, data: bytes) -> None:
         """Send bytes at once or in pieces, and read the replies."""
@@ -133,7 +133,7 @@ class _Session:
         *lines, self.rest = (self.rest + heard).split("\n")
         for line in lines:
             if not self.grammar.fullmatch(line) and not any(
-                line.rpartition("// ")[2].removeprefix("echo:") in one for one in self.told
+                line.rpartition("// ")[2].removeprefix("echo:") in one for one in self.sent_texts
             ):
                 raise Outcome(f"{self.place}: said {line!r}")
         if self.chance.random() < 0.7:

@@ -146,7 +146,7 @@ def _write_output(home: Path, name: str, *arguments: str) -> None:
 
 
 def _write_model(name: str, home: Path) -> str:
-    """Return the file name of a part; `gallery:` is a part of the gallery, `beside:` one placed off-centre."""
+    """Return the file name of a part; `gallery:` is a part of the gallery, `beside:` one moved to the side."""
     kind, _, part = name.rpartition(":")
     if kind == "gallery":
         return write_part(part, home).name

@@ -224,12 +224,14 @@ def _print_with_octoprint(url: str, port: Path, job: Path, limit: float) -> str:
     _request(url, f"/api/files/local/{job.name}", {"command": "select", "print": True})
     _wait_until(lambda: state().startswith("Printing"), 15, 0.05)
     over = _wait_until(lambda: not state().startswith(("Printing", "Finishing", "Starting")), limit)
-    told = _request(url, "/api/job")
-    done = (told.get("progress") or {}).get("completion") == 100
+    job_state = _request(url, "/api/job")
+    done = (job_state.get("progress") or {}).get("completion") == 100
     _request(url, "/api/connection", {"command": "disconnect"})
     if not over:
         return "hangs"
-    return "ended" if done and told.get("state") == "Operational" else f"stopped: {told.get('state')}"
+    return (
+        "ended" if done and job_state.get("state") == "Operational" else f"stopped: {job_state.get('state')}"
+    )
 
 
 # Runs
@@ -309,8 +311,8 @@ def _print_standstills(hosts: dict[str, Host], folder: Path, lines: int) -> None
             for name, host in hosts.items():
                 flags = _flags(baud, latency, "--machine", "part")
                 seen, _ = _print_job(host, folder, text, 400.0, *flags)
-                stands = f"{seen['underruns']} ({seen['underrun_seconds']:.1f} s)"
-                row.append(f"{name} {stands}, {seen['seconds']:.1f} s")
+                standstills = f"{seen['underruns']} ({seen['underrun_seconds']:.1f} s)"
+                row.append(f"{name} {standstills}, {seen['seconds']:.1f} s")
             print(f"{baud} baud, {latency:g} ms: {'; '.join(row)}", flush=True)
 
 

@@ -202,10 +202,10 @@ def differences(made: Triple, theirs: Mapping[str, str]) -> list[str]:
 
 def compare_values(printer: tuple[Path, str], folder: Path) -> int:
     """Return how many main values of a printer and its companions differ."""
-    made, settings, refused = triple(*printer)
+    made, settings, rejected = triple(*printer)
     wrong = differences(made, saved(settings, folder))
     print(f"values   {printer[1]}: {'; '.join(wrong) or f'equal ({len(made)} presets)'}")
-    for one in refused:
+    for one in rejected:
         print(f"         {one.kind} {one.name!r} rejected: {one.problem}")
     return len(wrong)
 
@@ -297,8 +297,8 @@ def find_missing_commands(ours: list[str], theirs: list[str]) -> Iterator[str]:
 
 def prints_as_intended(printer: tuple[Path, str], folder: Path) -> bool:
     """Return whether the box is printed as intended on the simulated printer."""
-    made, _, refused = triple(*printer)
-    why = refused[0].problem if refused else ""
+    made, _, rejected = triple(*printer)
+    why = rejected[0].problem if rejected else ""
     if len(made) == 3:
         try:
             profile = load_imported(made, folder)

@@ -229,10 +229,10 @@ def apply_published_values(text: str, vendor: Vendor, profile: Profile) -> bytes
         if line.startswith("M204"):
             continue
         found = re.match(r"G1 (?=.*[XY])", line)
-        lays = " E" in line
-        if found and (lays or one):
+        is_extrusion = " E" in line
+        if found and (is_extrusion or one):
             which = _FIRST if layer == 1 else _ACCELERATED.get(role, 0)
-            wanted = min(accelerations[which if lays else _TRAVEL], most)
+            wanted = min(accelerations[which if is_extrusion else _TRAVEL], most)
             if wanted != now:
                 lines.append(set_to(wanted))
                 now = wanted

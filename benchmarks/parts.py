@@ -60,6 +60,6 @@ def parts_of(options: argparse.Namespace) -> Iterator[Mesh]:
     )
     for path in paths:
         if not options.parts or path.stem in options.parts:
-            mesh, told = printable(load_mesh(path))
-            print(told, file=sys.stderr, end="\n" if told else "")
+            mesh, note = printable(load_mesh(path))
+            print(note, file=sys.stderr, end="\n" if note else "")
             yield Mesh(mesh.triangles, path.stem)

@@ -32,7 +32,7 @@ def __init__(self, *given, **named):
     frame = sys._getframe(1)
     while frame.f_code.co_name == "__init__" and frame.f_code.co_filename.endswith("errors.py"):
         frame = frame.f_back
-    with open({told!r}, "a") as file:
+    with open({log!r}, "a") as file:
         file.write(f"{{frame.f_code.co_filename}}:{{frame.f_lineno}}\\n")
     made(self, *given, **named)
 errors.PrinterSlicerError.__init__ = __init__
@@ -65,9 +65,9 @@ class _Hooked(subprocess.Popen):
 def main(arguments: list[str]) -> int:
     """Run the tests and print the unreached errors; return 1 if there are any."""
     with tempfile.TemporaryDirectory() as folder:
-        told = Path(folder) / "told.txt"
-        told.touch()
-        hook = _HOOK.format(told=str(told))
+        log = Path(folder) / "raised.txt"
+        log.touch()
+        hook = _HOOK.format(log=str(log))
         # For this process, and for processes that tests start.
         anywhere = "from contextlib import suppress\nwith suppress(ImportError):\n" + indent(hook, "    ")
         (Path(folder) / "sitecustomize.py").write_text(anywhere)
@@ -75,7 +75,7 @@ def main(arguments: list[str]) -> int:
         subprocess.Popen = _Hooked  # type: ignore[misc]
         exec(hook, {})
         code = pytest.main(arguments)
-        reached = set(told.read_text().split("\n"))
+        reached = set(log.read_text().split("\n"))
     known = find_raising_lines()
     missing = {place: said for place, said in known.items() if f"{place[0]}:{place[1]}" not in reached}
     for (path, line), said in missing.items():

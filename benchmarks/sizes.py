@@ -14,5 +14,5 @@ def printable(mesh: Mesh) -> tuple[Mesh, str]:
     largest = float(mesh.size.max())
     if largest >= _SMALLEST:
         return mesh, ""
-    told = f"{mesh.name}: {largest:.3g} mm, drawn in another unit? enlarged to {_ENLARGED:g} mm"
-    return Mesh(mesh.triangles * (_ENLARGED / largest), mesh.name), told
+    note = f"{mesh.name}: {largest:.3g} mm, drawn in another unit? enlarged to {_ENLARGED:g} mm"
+    return Mesh(mesh.triangles * (_ENLARGED / largest), mesh.name), note

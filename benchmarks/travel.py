@@ -101,10 +101,10 @@ def measure_travel(slicer: str, text: bytes, part: Mesh, profile: Profile) -> Fi
     stack, sections, _ = placed_sections(part, deposit, stack)
     moves = read_moves(split_gcode(text).commands, profile.printer.corners[0])
     beads, laying, _ = extrusions_of_moves(moves, profile.material.filament_diameter)
-    lays = np.zeros(len(moves.speed), np.bool_)
-    lays[laying] = True
-    way = np.cumsum(lays)  # for a move without extrusion, the extrusion that follows
-    between = ~lays & (way > 0) & (way < beads.n_beads)
+    is_extrusion = np.zeros(len(moves.speed), np.bool_)
+    is_extrusion[laying] = True
+    way = np.cumsum(is_extrusion)  # for a move without extrusion, the extrusion that follows
+    between = ~is_extrusion & (way > 0) & (way < beads.n_beads)
     length = np.where(between, np.hypot(*moves.delta[:, :2].T), 0.0)
     travel = np.bincount(way, weights=length, minlength=beads.n_beads + 1)
     pulled = np.bincount(way[between & (moves.delta[:, 3] < 0)], minlength=len(travel)) > 0

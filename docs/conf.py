@@ -1,4 +1,4 @@
-"""The site, made by Sphinx: `just docs`."""
+"""Configuration of Sphinx for the documentation site: `just docs`."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ release = version = VERSION
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 myst_enable_extensions = ["colon_fence"]
 myst_heading_anchors = 4
-nitpicky = False  # our types lead to rooms that are not public
+nitpicky = False  # our types refer to modules that are not public
 default_role = "code"
 html_theme = "furo"
 html_title = f"printer_slicer {VERSION}"
@@ -38,7 +38,7 @@ exclude_patterns = ["_build"]
 
 
 def outside(page: Path, target: str) -> bool:
-    """Whether a relative link leads to a file of the repository that is no page of the site."""
+    """Return whether a relative link refers to a file of the repository that is not a page of the site."""
     if re.match(r"[a-z]+:|#", target):
         return False
     goal = (page.parent / target.partition("#")[0]).resolve()
@@ -46,24 +46,24 @@ def outside(page: Path, target: str) -> bool:
 
 
 def without_links_outside(_app: Sphinx, name: str, source: list[str]) -> None:
-    """What such links are called stays: the site stands without the repository."""
+    """Replace such links by their text, because the site works without the repository."""
     page = HERE / f"{name}.md"
     text = re.sub(
         r"(?<!!)\[([^\]]+)\]\(([^)\s]+)\)", lambda m: m[1] if outside(page, m[2]) else m[0], source[0]
     )
-    # What tests run and what they leave alone is no affair of readers.
+    # Readers need not see which examples the tests skip.
     source[0] = re.sub(r"(?m)^( *```\w+) not-here$", r"\1", text)
 
 
 def as_literals(
     _app: Sphinx, _what: str, _name: str, _object: object, _options: object, lines: list[str]
 ) -> None:
-    """Our docstrings are Markdown as far as `code` goes."""
+    """Convert `code` in docstrings from Markdown to reStructuredText."""
     lines[:] = [re.sub(r"(?<!`)`([^`]+)`(?!`)", r"``\1``", line) for line in lines]
 
 
 def setup(app: Sphinx) -> None:
-    """Write the page of the command line; look at links as pages are read."""
+    """Write the page of the command line, and process links as pages are read."""
     (HERE / "reference" / "cli.md").write_text(format_markdown_page(), encoding="utf-8")
     app.connect("source-read", without_links_outside)
     app.connect(
