@@ -158,17 +158,17 @@ def main() -> int:
         stop=lambda: bool(stopped),
         ready=lambda name: print(name, flush=True),
     )
-    told = printer.report()
+    machine_report = printer.report()
     facts = {
         "commands": len(commands),
         "in_order": printer.in_order,
         "strays": printer.strays,
         "after_reset": printer.after_reset,
         "seconds": printer.last - printer.first,
-        "starvations": told.underruns,
-        "starved_seconds": told.underrun_seconds,
-        "motion_seconds": told.motion_seconds,
-        "line_errors": told.line_errors,
+        "starvations": machine_report.underruns,
+        "starved_seconds": machine_report.underrun_seconds,
+        "motion_seconds": machine_report.motion_seconds,
+        "line_errors": machine_report.line_errors,
     }
     options.report.write_text(json.dumps(facts))
     return 0

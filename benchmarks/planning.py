@@ -160,9 +160,9 @@ def _measure(
 
 def _enlarge(result: Result, mesh: Mesh) -> Mesh:
     """Return the mesh, enlarged if it is too small to print."""
-    sized, told = printable(mesh)
-    if told:
-        _report_failure(result, told)
+    sized, size_note = printable(mesh)
+    if size_note:
+        _report_failure(result, size_note)
     return sized
 
 
