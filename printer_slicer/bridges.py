@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -23,6 +22,7 @@ from printer_slicer.geometry import (
     union,
 )
 from printer_slicer.geometry.boxes import Boxes
+from printer_slicer.values import Struct, replace
 
 __all__ = ["Bridges", "bridge_angles", "find_bridges", "find_internal_bridges"]
 
@@ -40,8 +40,7 @@ _NARROW = (
 )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Bridges:
+class Bridges(Struct, frozen=True, eq=False):
     """A list of bridges.
 
     Attributes:

@@ -11,8 +11,6 @@ apart.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
 import numpy as np
 
 from printer_slicer import bead
@@ -34,6 +32,7 @@ from printer_slicer.geometry.clipping import clip_to_spans
 from printer_slicer.model import LayerPlan, Regions, Sections, Toolpaths
 from printer_slicer.profile import Profile
 from printer_slicer.roles import Role
+from printer_slicer.values import Struct, force_setattr, replace
 
 __all__ = [
     "SAME_PLACE",
@@ -52,8 +51,7 @@ __all__ = [
 _NOTHING = 1e-6  # mm
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class PathSpans:
+class PathSpans(Struct, frozen=True, eq=False):
     """Spans of paths, from one position along a path to another.
 
     Attributes:
@@ -69,7 +67,7 @@ class PathSpans:
     def __post_init__(self) -> None:
         n = len(self.path)
         for name, dtype in (("path", np.int64), ("begin", np.float64), ("end", np.float64)):
-            object.__setattr__(self, name, frozen_array(getattr(self, name), dtype, (n,)))
+            force_setattr(self, name, frozen_array(getattr(self, name), dtype, (n,)))
 
     def take(self, chosen: Int) -> PathSpans:
         """Return the spans with the given indices."""
@@ -185,8 +183,7 @@ _PEN = SAME_PLACE  # mm, half the width of a band; lines this far apart share ha
 _SHORTEST = 20.0  # mm of perimeter; shorter spans cost more in starts and travels than they save
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class PerimeterBands:
+class PerimeterBands(Struct, frozen=True, eq=False):
     """Bands along perimeters, about 0.06 mm wide.
 
     Attributes:

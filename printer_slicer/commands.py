@@ -5,7 +5,6 @@ from __future__ import annotations
 import errno
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 from typing import Final, overload
@@ -14,6 +13,7 @@ from printer_slicer.errors import UsageError
 from printer_slicer.gcode.lexer import strip
 from printer_slicer.input_files import read_input
 from printer_slicer.stream.framing import check_commands
+from printer_slicer.values import Struct
 
 __all__ = ["Commands", "GcodeText", "check_sendable", "find_lines", "read_text", "split_gcode"]
 
@@ -104,8 +104,7 @@ def _strip_lines(lines: list[bytes]) -> list[bytes]:
     ]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class GcodeText:
+class GcodeText(Struct, frozen=True, eq=False):
     """The commands of a G-code text, and the layers and roles that its comments name.
 
     Attributes:

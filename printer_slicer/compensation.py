@@ -5,8 +5,6 @@ Filament shrinks, bulges, and is squeezed out on the bed (elephant foot). Outlin
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from printer_slicer.arrays import Float
@@ -21,6 +19,7 @@ from printer_slicer.geometry import (
 )
 from printer_slicer.model import Sections
 from printer_slicer.profile import Profile
+from printer_slicer.values import replace
 
 __all__ = ["compensate"]
 

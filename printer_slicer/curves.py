@@ -12,7 +12,6 @@ circular arc center and its radius"; chords as in `motion.arcs`.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,6 +19,7 @@ from printer_slicer.arrays import Bool, Float, Int, consecutive, run_starts
 from printer_slicer.model import Toolpaths
 from printer_slicer.motion.arcs import CHORDS_PER_TURN, LONGEST_CHORD, SHORTEST_CHORD
 from printer_slicer.profile import Profile
+from printer_slicer.values import Struct, replace
 
 __all__ = ["PathLines", "fit_arcs", "fit_ranges", "merge_moves"]
 
@@ -30,8 +30,7 @@ Fits = Callable[[Int, Int], Bool]
 """Tests whether ranges of moves, from `first` (T,) up to `stop` (T,), may be joined."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class PathLines:
+class PathLines(Struct, frozen=True, eq=False):
     """Straight moves of all paths.
 
     Attributes:

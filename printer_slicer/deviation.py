@@ -8,20 +8,18 @@ layer tops, a lost feature and the steps on a slope all count.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, frozen_array
 from printer_slicer.errors import PartError
 from printer_slicer.geometry.segment_index import OutlineIndex
 from printer_slicer.model import Mesh, Sections
+from printer_slicer.values import Struct, force_setattr
 
 __all__ = ["Deviation", "measure_deviation"]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Deviation:
+class Deviation(Struct, frozen=True, eq=False):
     """Distances from points on the surface of the part to the boundary of the stacked layers.
 
     Attributes:
@@ -33,8 +31,8 @@ class Deviation:
     distance: Float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "points", frozen_array(self.points, np.float64, (-1, 3)))
-        object.__setattr__(self, "distance", frozen_array(self.distance, np.float64, (len(self.points),)))
+        force_setattr(self, "points", frozen_array(self.points, np.float64, (-1, 3)))
+        force_setattr(self, "distance", frozen_array(self.distance, np.float64, (len(self.points),)))
 
     @property
     def mean(self) -> float:

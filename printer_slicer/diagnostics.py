@@ -7,10 +7,10 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
 from typing import Any, Final, Literal, NamedTuple
 
 from printer_slicer.errors import PolicyError, UsageError
+from printer_slicer.values import Struct, as_dict, force_setattr
 
 __all__ = [
     "CODES",
@@ -198,8 +198,7 @@ _COUNTED_BY_LAYER: Final = frozenset({"unsupported", "crash", "bed", "flow"})
 """Codes of which a dry run counts the affected layers."""
 
 
-@dataclass(frozen=True, slots=True)
-class Diagnostic:
+class Diagnostic(Struct, frozen=True):
     """An error or warning about a print.
 
     Attributes:
@@ -239,7 +238,7 @@ class Diagnostic:
 
     def __post_init__(self) -> None:
         row = CODES[self.code]
-        object.__setattr__(self, "remedy", self.remedy or row.remedy)
+        force_setattr(self, "remedy", self.remedy or row.remedy)
 
     @property
     def is_error(self) -> bool:
@@ -296,7 +295,7 @@ def _describe_count(diagnostic: Diagnostic) -> str:
 def as_json(diagnostic: Diagnostic) -> dict[str, Any]:
     """Return all fields, and those of version 0.1: name, kind, what, text, why, refused, harmless, x, y."""
     x, y = diagnostic.place or (None, None)
-    return asdict(diagnostic) | {
+    return as_dict(diagnostic) | {
         "name": diagnostic.code,
         "kind": CODES[diagnostic.code].kind or diagnostic.code,
         "what": diagnostic.message,

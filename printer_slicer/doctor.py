@@ -15,7 +15,6 @@ import os
 import stat
 import sys
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from statistics import median, quantiles
@@ -27,6 +26,7 @@ from printer_slicer.stream.link_meter import LinkMeter, LinkStatistics, MeteredT
 from printer_slicer.stream.protocol import Streamer
 from printer_slicer.stream.serial_port import find_processes_using
 from printer_slicer.stream.session import Transport, run
+from printer_slicer.values import Struct
 
 if sys.platform != "win32":
     import grp
@@ -34,8 +34,7 @@ if sys.platform != "win32":
 __all__ = ["PortCheck", "PortState", "PrinterDiagnosis", "diagnose_printer", "read_port_state"]
 
 
-@dataclass(frozen=True, slots=True)
-class PortCheck:
+class PortCheck(Struct, frozen=True):
     """The result of one check.
 
     Attributes:
@@ -58,8 +57,7 @@ _SLOW_TIMER_MS: Final = 2
 _PSEUDO_TERMINALS: Final = "/dev/pts/"
 
 
-@dataclass(frozen=True, slots=True)
-class PortState:
+class PortState(Struct, frozen=True):
     """The state of a port as the system reports it.
 
     Attributes:
@@ -223,8 +221,7 @@ _USED_CAPABILITIES: Final = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class PrinterDiagnosis:
+class PrinterDiagnosis(Struct, frozen=True):
     """The reports of a printer and its response times, s.
 
     Attributes:

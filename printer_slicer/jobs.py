@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,6 +15,7 @@ from printer_slicer.motion.rules import MotionLimits
 from printer_slicer.repr_svg import Summary, SvgRepr
 from printer_slicer.saving import save
 from printer_slicer.texts import format_duration
+from printer_slicer.values import Struct, field, replace
 
 if TYPE_CHECKING:
     from printer_slicer.gcode import Moves
@@ -27,8 +27,7 @@ __all__ = ["GCODE_SUFFIXES", "Job", "JobSummary", "build_job", "is_gcode", "spli
 GCODE_SUFFIXES = frozenset({".gcode", ".gco", ".g", ".nc"})
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Job(SvgRepr):
+class Job(SvgRepr, Struct, frozen=True, eq=False):
     """A print job: G-code text, its commands, and facts about it.
 
     Attributes:

@@ -6,7 +6,6 @@ An override applies to the layers whose middle lies in its height range.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,12 +13,12 @@ from printer_slicer.arrays import Bool, Float, Int, frozen_array
 from printer_slicer.model import LayerPlan
 from printer_slicer.profile import Profile, profile_with
 from printer_slicer.profile.object_profiles import list_height_overrides
+from printer_slicer.values import Struct, force_setattr
 
 __all__ = ["LayerSettings", "settings_by_layer"]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class LayerSettings:
+class LayerSettings(Struct, frozen=True, eq=False):
     """The distinct profiles of a part's layers, and the index of each layer's profile.
 
     Attributes:
@@ -31,7 +30,7 @@ class LayerSettings:
     of_layer: Int
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "of_layer", frozen_array(self.of_layer, np.int64, (-1,)))
+        force_setattr(self, "of_layer", frozen_array(self.of_layer, np.int64, (-1,)))
 
     def values(self, read: Callable[[Profile], float]) -> Float:
         """Return (L,) the value of a setting on each layer; booleans become 0 and 1."""

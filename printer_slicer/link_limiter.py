@@ -9,7 +9,6 @@ the macros at each layer.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,6 +22,7 @@ from printer_slicer.model import Program, Sections, Toolpaths, Travels
 from printer_slicer.profile import Profile
 from printer_slicer.roles import Role
 from printer_slicer.travels import travel
+from printer_slicer.values import Struct, replace
 
 __all__ = ["LinkReport", "find_underruns", "limit_link"]
 
@@ -33,8 +33,7 @@ _MIN_SPEED = 0.1  # mm/s; no move is slowed down below this speed
 _MAX_RESTORE_LINES = 4  # maximum number of lines that restore the state after a macro
 
 
-@dataclass(frozen=True, slots=True)
-class LinkReport:
+class LinkReport(Struct, frozen=True):
     """The changes that keep a program within the throughput of the link.
 
     Attributes:

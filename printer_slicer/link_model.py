@@ -20,7 +20,6 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -31,6 +30,7 @@ from printer_slicer.motion.rules import Block, MotionLimits
 from printer_slicer.motion.vectorized import Blocks, squared_corner_speeds
 from printer_slicer.motion.vectorized_lookahead import lookahead_seconds
 from printer_slicer.stream.window import PROBE_BYTES
+from printer_slicer.values import Struct
 
 __all__ = [
     "HANDSHAKE_LINES",
@@ -61,8 +61,7 @@ _MIN_BATCH: Final = 48  # fewer lines are computed faster one by one
 _SINGLE_LINES: Final = (16, 256)  # lines sent singly after a failed batch: at first, and at most
 
 
-@dataclass(frozen=True, slots=True)
-class SerialLink:
+class SerialLink(Struct, frozen=True):
     """A serial connection, and the limits of the host for lines in flight.
 
     Attributes:
@@ -138,8 +137,7 @@ def line_sizes(commands: Sequence[bytes], first: int) -> tuple[Int, Int]:
     return 1 + digits + 1 + own + 1 + shown + 1, 1 + digits + 1 + own + 1 + 3 + 1
 
 
-@dataclass(slots=True)
-class LinkState:
+class LinkState(Struct):
     """The state of the link between two lines, with times in s.
 
     Attributes:
@@ -209,8 +207,7 @@ class BatchRetry:
         self._left -= 1
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class LineBatch:
+class LineBatch(Struct, frozen=True, eq=False):
     """Consecutive lines and their moves.
 
     Attributes:
@@ -432,8 +429,7 @@ def _transmission_ends(earliest: Float, takes: Float, free: float) -> Float:
     return np.asarray(total + np.maximum(free, np.maximum.accumulate(earliest - (total - takes))))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class TimedJob:
+class TimedJob(Struct, frozen=True, eq=False):
     """The lines and moves of a job.
 
     Attributes:
@@ -452,7 +448,6 @@ class TimedJob:
     limits: Mapping[int, MotionLimits]
 
 
-@dataclass(slots=True)
 class LinkRun:
     """A simulation of a job that is sent over a link.
 
@@ -466,23 +461,16 @@ class LinkRun:
         batched: number of lines whose times were computed in batches.
     """
 
-    job: TimedJob
-    link: SerialLink
-    limits: MotionLimits
-    begins: Float = field(init=False)
-    end: float = 0.0
-    clock: PlannerClock = field(init=False)
-    batched: int = 0
-    _state: LinkState = field(init=False)
-    _breaks: list[int] = field(init=False)
-    _first_move: list[int] = field(init=False)  # first move of each line; at the end, the number of moves
-
-    def __post_init__(self) -> None:
-        self.begins = np.full(len(self.job.sizes), np.nan)
-        self.clock = PlannerClock(self.limits, self._record_start)
-        self._state = LinkState.idle(self.link, 0.0)
-        self._first_move = np.searchsorted(self.job.moving, np.arange(len(self.job.sizes) + 1)).tolist()
-        self._breaks = sorted({*self.job.stands, *self.job.limits, len(self.job.sizes)})
+    def __init__(self, job: TimedJob, link: SerialLink, limits: MotionLimits) -> None:
+        self.job, self.link, self.limits = job, link, limits
+        self.begins = np.full(len(job.sizes), np.nan)
+        self.end = 0.0
+        self.clock = PlannerClock(limits, self._record_start)
+        self.batched = 0
+        self._state = LinkState.idle(link, 0.0)
+        # The first move of each line; at the end, the number of moves.
+        self._first_move: list[int] = np.searchsorted(job.moving, np.arange(len(job.sizes) + 1)).tolist()
+        self._breaks = sorted({*job.stands, *job.limits, len(job.sizes)})
 
     def run(self) -> LinkRun:
         """Send all lines of the job; return this run."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from difflib import get_close_matches
 
 import numpy as np
@@ -20,6 +19,7 @@ from printer_slicer.overhangs import grade_overhangs
 from printer_slicer.profile import Profile
 from printer_slicer.profile.object_profiles import list_overridden_objects, profile_for_object
 from printer_slicer.slicing import cut
+from printer_slicer.values import replace
 
 __all__ = ["cut_objects", "object_paths", "split_objects", "stack_sections"]
 

@@ -6,7 +6,6 @@ sections themselves are compared, so the result is exact for any layer height.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -23,6 +22,7 @@ from printer_slicer.geometry import (
 from printer_slicer.geometry.depth import mark_near_outlines
 from printer_slicer.geometry.facet_topology import expand_counts
 from printer_slicer.model import Sections, Toolpaths
+from printer_slicer.values import Struct
 
 __all__ = ["grade_overhangs"]
 
@@ -67,8 +67,7 @@ def _find_overhangs(solid: Areas, below: Areas, width: float) -> Areas:
     return air.select(np.abs(air.ring_area()) > 1e-3 * width**2)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Pieces:
+class _Pieces(Struct, frozen=True, eq=False):
     """Segments of all paths, some of them cut into equal pieces.
 
     Attributes:

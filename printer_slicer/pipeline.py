@@ -6,7 +6,6 @@ Mesh -> LayerPlan -> Sections -> Walls -> Regions -> Toolpaths -> Travels -> Pro
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Unpack
 
 from printer_slicer.adhesion import add_adhesion, place_on_raft
@@ -28,6 +27,7 @@ from printer_slicer.stages import SliceOptions, Stages, check_part
 from printer_slicer.strategies import BUILT_IN, Strategies, run_program_functions
 from printer_slicer.time_budget import choose_plan
 from printer_slicer.travels import travel
+from printer_slicer.values import replace
 
 __all__ = ["plan_part", "slice_part", "slice_planned", "slice_stages"]
 

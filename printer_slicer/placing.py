@@ -6,7 +6,6 @@ Facets are processed in blocks, so a large mesh is never in memory more than twi
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from math import cos, isfinite, radians, sin
 from typing import Final
 
@@ -19,6 +18,7 @@ from printer_slicer.mesh_io.soundness import LARGEST, facet_blocks
 from printer_slicer.mesh_io.units import UNIT_NAMES
 from printer_slicer.model import Mesh, PlateObject
 from printer_slicer.profile import Printer
+from printer_slicer.values import Struct
 
 __all__ = ["COPY_GAP", "IN_THE_MIDDLE", "Placement", "copy_in_grid", "join", "place", "transform"]
 
@@ -30,8 +30,7 @@ _QUARTERS: Final = {0.0: (1.0, 0.0), 90.0: (0.0, 1.0), 180.0: (-1.0, 0.0), 270.0
 """Exact cosine and sine of quarter turns, so that horizontal facets stay exactly horizontal."""
 
 
-@dataclass(frozen=True, slots=True)
-class Placement:
+class Placement(Struct, frozen=True):
     """The position of a part on the bed.
 
     Attributes:

@@ -16,8 +16,6 @@ and the shell of a 45° slope is depth sin t thick.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from printer_slicer import bead
@@ -36,6 +34,7 @@ from printer_slicer.geometry import (
 from printer_slicer.layer_settings import LayerSettings, settings_by_layer
 from printer_slicer.model import Areas, LayerPlan, Regions, Sections, Walls
 from printer_slicer.profile import Profile
+from printer_slicer.values import Struct
 
 __all__ = ["classify"]
 
@@ -91,8 +90,7 @@ def classify(sections: Sections, walls: Walls, profile: Profile) -> Regions:
     )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _RegionSettings:
+class _RegionSettings(Struct, frozen=True, eq=False):
     """Settings of the regions for each layer (L,), in mm, mm², ratios and counts.
 
     Attributes:

@@ -7,7 +7,7 @@ drawing function when it is imported.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 __all__ = ["Summary", "SvgRepr", "set_svg_renderer"]
 
@@ -19,8 +19,7 @@ def set_svg_renderer(renderer: Callable[[object], str]) -> None:
     _renderers[:] = [renderer]
 
 
-@dataclass(frozen=True, slots=True)
-class Summary:
+class Summary(NamedTuple):
     """A table to show for a value without geometry: title, named facts and problems."""
 
     title: str

@@ -5,13 +5,13 @@ A new role needs a new member of `Role` and its row; nothing else lists roles or
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import Enum, IntEnum
 from typing import Final
 
 import numpy as np
 
 from printer_slicer.arrays import Bool, Int
+from printer_slicer.values import Struct
 
 __all__ = ["ROLES", "Phase", "Role", "RoleRow", "is_perimeter", "roles_with"]
 
@@ -46,8 +46,7 @@ class Phase(Enum):
     IRONING = "ironing"
 
 
-@dataclass(frozen=True, slots=True)
-class RoleRow:
+class RoleRow(Struct, frozen=True):
     """Properties of a role.
 
     Attributes:

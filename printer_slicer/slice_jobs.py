@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -22,6 +21,7 @@ from printer_slicer.progress import Report, quiet
 from printer_slicer.stages import Stages
 from printer_slicer.strategies import BUILT_IN, Strategies
 from printer_slicer.texts import describe_type
+from printer_slicer.values import replace
 
 __all__ = ["job_from", "job_of", "slice"]
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from typing import TypedDict
 
 import numpy as np
@@ -29,6 +28,7 @@ from printer_slicer.progress import Report
 from printer_slicer.repr_svg import SvgRepr
 from printer_slicer.strategies import Strategies
 from printer_slicer.texts import describe_type
+from printer_slicer.values import Struct, field, force_setattr
 
 __all__ = ["SliceOptions", "Stages", "check_part"]
 
@@ -70,8 +70,7 @@ def check_part(mesh: object, profile: object) -> None:
         )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Stages(SvgRepr):
+class Stages(SvgRepr, Struct, frozen=True, eq=False):
     """The result of every stage from a part to its moves.
 
     Attributes:
@@ -102,7 +101,7 @@ class Stages(SvgRepr):
     shift: Float = field(default_factory=lambda: np.zeros(3))
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "shift", frozen_array(self.shift, np.float64, (3,)))
+        force_setattr(self, "shift", frozen_array(self.shift, np.float64, (3,)))
 
     def __repr__(self) -> str:
         values = ("part", "sections", "walls", "regions", "toolpaths", "travels", "program")

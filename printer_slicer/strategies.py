@@ -7,7 +7,6 @@ that an error message names the function and not a later stage. Exceptions that 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -21,6 +20,7 @@ from printer_slicer.model import Heat, LayerPlan, Mesh, Program, ToolChange
 from printer_slicer.planning import Planner
 from printer_slicer.profile import Profile
 from printer_slicer.texts import callable_name, describe_type
+from printer_slicer.values import Struct, force_setattr, replace
 
 __all__ = ["BUILT_IN", "Strategies", "check_plan", "run_line_functions", "run_program_functions"]
 
@@ -28,8 +28,7 @@ _ROUNDING_ERROR: Final = 1e-6  # mm, of sums of heights
 _STEP_TOLERANCE: Final = 1e-3  # z steps
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Strategies:
+class Strategies(Struct, frozen=True, kw_only=True):
     """User functions that replace built-in ones; the profile sets everything else.
 
     Attributes:
@@ -60,7 +59,7 @@ class Strategies:
         for name in ("on_program", "on_lines"):
             value = getattr(self, name)
             if callable(value):
-                object.__setattr__(self, name, (value,))
+                force_setattr(self, name, (value,))
             for one in getattr(self, name):
                 _check_function(name, one)
 

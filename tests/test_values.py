@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
+from inspect import signature
 from itertools import product
 from math import pi
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from printer_slicer.model import Mesh
+import printer_slicer
+from printer_slicer.model import LayerPlan, Mesh
 from printer_slicer.pipeline import slice_part, slice_stages
 from printer_slicer.profile import load_profile
 from printer_slicer.slicing import contours, find_mesh_faults
@@ -89,3 +92,18 @@ def test_boxes_that_share_an_edge_are_crowded_there() -> None:
 
     assert len(faults.crowded_edges) == 1
     assert faults.crowded_edges[0].tolist() == [5, 5, 2.5]
+
+
+def test_all_values_are_structs() -> None:
+    """Creating a dataclass takes twenty times as long."""
+    package = Path(printer_slicer.__file__).parent
+
+    assert [str(path) for path in package.rglob("*.py") if "@dataclass" in path.read_text("utf-8")] == []
+
+
+def test_functions_for_dataclasses_accept_values() -> None:
+    plan = LayerPlan.from_tops(np.array([0.2, 0.4]), "first")
+
+    assert replace(plan, planner="second").planner == "second"
+    assert [field.name for field in fields(plan)] == ["top", "cut", "planner", "containment", "base"]
+    assert str(signature(LayerPlan)).startswith("(top: 'Float', cut: 'Float', planner: 'str' = ''")

@@ -7,8 +7,6 @@ zone. Each zone is one layer of the stacks in this module, so that all are proce
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from printer_slicer import bead
@@ -29,6 +27,7 @@ from printer_slicer.geometry import (
 from printer_slicer.model import Areas, Sections, Toolpaths
 from printer_slicer.profile import Profile, Quality
 from printer_slicer.roles import Role
+from printer_slicer.values import Struct
 
 __all__ = ["brim_paths"]
 
@@ -37,8 +36,7 @@ _CLOSEST_RATIO = 0.6
 _EAR_CORNERS = 48  # corners of an ear
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _BrimZones:
+class _BrimZones(Struct, frozen=True, eq=False):
     """The zones of the first layer; zone 0 is around everything, the others are holes.
 
     Attributes:

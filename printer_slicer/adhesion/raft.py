@@ -6,7 +6,6 @@ raft and the gap. Paths keep their extrusion height, so the part's first layer i
 
 from __future__ import annotations
 
-from dataclasses import replace
 from math import ceil, floor
 
 import numpy as np
@@ -19,6 +18,7 @@ from printer_slicer.geometry import chain_rows, hatch, offset
 from printer_slicer.model import Areas, Sections, Toolpaths
 from printer_slicer.profile import Profile
 from printer_slicer.roles import Role
+from printer_slicer.values import replace
 
 __all__ = ["place_on_raft", "raft_heights", "raft_paths"]
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from printer_slicer import bead
@@ -13,6 +11,7 @@ from printer_slicer.geometry import convex_hull, offset, simplify
 from printer_slicer.model import Areas, Sections, Toolpaths
 from printer_slicer.profile import Profile
 from printer_slicer.roles import Role
+from printer_slicer.values import replace
 
 __all__ = ["skirt_paths"]
 

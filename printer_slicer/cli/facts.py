@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -17,6 +16,7 @@ from printer_slicer.slicing import find_mesh_faults
 from printer_slicer.stages import Stages
 from printer_slicer.surface import Certificate, find_flats
 from printer_slicer.texts import format_duration, format_significant
+from printer_slicer.values import as_dict
 
 __all__ = [
     "certificate_facts",
@@ -59,7 +59,7 @@ def slicing_facts(
         "filament_mm": round(program.filament_used, 3),
         "filament_g": round(program.filament_used * area / 1000 * profile.material.density, 3),
         "moves": program.n_moves,
-        "link": asdict(stages.link) if stages.link else None,
+        "link": as_dict(stages.link) if stages.link else None,
         "volume_mm3": round(_part_volume(stages, certificate), 3),
         "lost_mm3": round(float((stages.walls.lost * plan.height).sum()), 3),
         "empty_layers": plan.n_layers - len(_find_filled_layers(stages)),

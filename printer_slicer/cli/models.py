@@ -6,7 +6,6 @@ import argparse
 import contextlib
 import sys
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,6 +19,7 @@ from printer_slicer.healing import repair, require_no_repair
 from printer_slicer.mesh_io import Model, load_model
 from printer_slicer.placing import Placement, copy_in_grid, join, transform
 from printer_slicer.profile import profile_with, settings_of
+from printer_slicer.values import Struct, replace
 
 if TYPE_CHECKING:
     from printer_slicer.cli.output import StageReport
@@ -48,8 +48,7 @@ _MAX_THRESHOLD, _OLD_MAX_THRESHOLD = (
 _MAX_KEPT = 1 << 30  # bytes
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Plate:
+class Plate(Struct, frozen=True, eq=False):
     """Placement, warnings and facts of the models that are printed together.
 
     Attributes:

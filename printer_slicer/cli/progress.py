@@ -7,7 +7,6 @@ import json
 import sys
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import asdict
 from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING
@@ -33,6 +32,7 @@ from printer_slicer.stream.events import (
     event_kind,
 )
 from printer_slicer.texts import format_duration
+from printer_slicer.values import as_dict
 
 if TYPE_CHECKING:
     from printer_slicer.printing import Controls, PrintResult
@@ -107,7 +107,7 @@ class show_progress:  # noqa: N801 - used like a function
         if isinstance(event, Accepted):
             return
         if self._json and not isinstance(event, LineSent):
-            print(json.dumps({"event": event_kind(event), **asdict(event)}, default=str), flush=True)
+            print(json.dumps({"event": event_kind(event), **as_dict(event)}, default=str), flush=True)
         elif (not self._quiet and (text := _format_for_user(event))) or (
             self._verbose and (text := _format_details(event))
         ):
@@ -174,7 +174,7 @@ def print_with_progress(
         False: "the printer is NOT at the end position of the job",
     }
     if arguments.json:
-        print(json.dumps({"event": "finished", **asdict(done)}))
+        print(json.dumps({"event": "finished", **as_dict(done)}))
     else:
         known = f"; {position[done.verified]}" if done.verified is not None else ""
         print_text(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict
 from math import pi
 from typing import TYPE_CHECKING, Any, Final
 
@@ -17,6 +16,7 @@ from printer_slicer.diagnostics import as_json, sentence
 from printer_slicer.errors import UsageError, VerificationError
 from printer_slicer.jobs import Job
 from printer_slicer.texts import format_duration
+from printer_slicer.values import as_dict
 
 if TYPE_CHECKING:
     from printer_slicer.inspection.deposition.record import Deposition
@@ -292,7 +292,7 @@ def _format_link(verdict: Verdict) -> str:
 
 def verdict_facts(verdict: Verdict, job: Job, profile: Profile) -> dict[str, object]:
     """Return the result of a dry run for JSON."""
-    report = asdict(verdict.report)
+    report = as_dict(verdict.report)
     report["violations"] = [list(violation) for violation in verdict.report.violations]
     report["underrun_list"] = [list(one) for one in verdict.report.underrun_list]
     return {

@@ -10,8 +10,7 @@ import io
 import re
 import unicodedata
 from base64 import b64encode
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from html import escape
 from itertools import groupby, pairwise
@@ -25,6 +24,7 @@ from printer_slicer.arrays import Float
 from printer_slicer.errors import UsageError
 from printer_slicer.saving import save
 from printer_slicer.thumbnails import encode_image
+from printer_slicer.values import Struct
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -59,8 +59,7 @@ _SUPERSCRIPTS: Final = {"²": "2", "³": "3"}
 _SUPERSCRIPT_SIZE, _SUPERSCRIPT_RISE = 0.62, 0.36  # of the size of the text
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Fill:
+class Fill(Struct, frozen=True, eq=False):
     """An area of one colour.
 
     Attributes:
@@ -74,8 +73,7 @@ class Fill:
     name: str = ""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Line:
+class Line(Struct, frozen=True, eq=False):
     """A line through points (n, 2), px.
 
     Attributes:
@@ -95,8 +93,7 @@ class Line:
     name: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class Box:
+class Box(Struct, frozen=True):
     """An upright rectangle; `edge` is the colour of a thin line around it, empty for none."""
 
     x: float
@@ -108,8 +105,7 @@ class Box:
     name: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class Text:
+class Text(Struct, frozen=True):
     """One line of text; (x, y) is the start, middle or end of its baseline, see `anchor`."""
 
     x: float
@@ -121,8 +117,7 @@ class Text:
     bold: bool = False
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Strokes:
+class Strokes(Struct, frozen=True, eq=False):
     """Lines of one colour with round ends and corners.
 
     Attributes:
@@ -138,8 +133,7 @@ class Strokes:
     name: str = ""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Raster:
+class Raster(Struct, frozen=True, eq=False):
     """An image of pixels (h, w, 4), RGBA from 0 to 255, drawn in the given size."""
 
     x: float
@@ -153,8 +147,7 @@ Shape = Fill | Line | Strokes | Box | Text | Raster
 _EDGE_WIDTH: Final = 0.5
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Picture:
+class Picture(Struct, frozen=True, eq=False):
     """Shapes on a white background; later shapes cover earlier ones.
 
     Attributes:
@@ -288,7 +281,7 @@ def _replace_control_characters(text: str) -> str:
 
 # SVG
 
-_SVG_GROUPS: Final = {
+_SVG_GROUPS: Final[Mapping[type, str]] = {
     Fill: "",
     Strokes: ' fill="none" stroke-linecap="round" stroke-linejoin="round"',
 }

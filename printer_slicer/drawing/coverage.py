@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -14,6 +13,7 @@ from printer_slicer.drawing.canvas import Box, Fill, Line, Picture, Shape, Text,
 from printer_slicer.geometry import Areas, intersection, stroke_lines
 from printer_slicer.inspection.coverage.measurement import Coverage, find_overlaps
 from printer_slicer.inspection.deposition.marks import Purpose
+from printer_slicer.values import Struct
 
 __all__ = ["coverage_picture"]
 
@@ -55,8 +55,7 @@ class _Row(NamedTuple):
     heading: str
 
 
-@dataclass(frozen=True, slots=True)
-class _View:
+class _View(Struct, frozen=True):
     """A rectangle of a layer, mm, and its position in the picture, px."""
 
     low: tuple[float, float]

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from printer_slicer.arrays import Float
+from printer_slicer.values import Struct
 
 __all__ = ["Panel", "ZAxis", "axis_marks"]
 
 
-@dataclass(frozen=True, slots=True)
-class Panel:
+class Panel(Struct, frozen=True):
     """A rectangle of the picture, px."""
 
     left: float
@@ -31,8 +29,7 @@ class Panel:
         return self.bottom - self.top
 
 
-@dataclass(frozen=True, slots=True)
-class ZAxis:
+class ZAxis(Struct, frozen=True):
     """A vertical axis for z in a picture.
 
     Attributes:

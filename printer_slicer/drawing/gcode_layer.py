@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final
 
@@ -17,6 +16,7 @@ from printer_slicer.geometry import Areas, intersection
 from printer_slicer.inspection.coverage.layer_extrusions import LayerExtrusions
 from printer_slicer.inspection.deposition.marks import Purpose
 from printer_slicer.roles import Role
+from printer_slicer.values import Struct
 
 __all__ = ["View", "gcode_layer_picture"]
 
@@ -49,8 +49,7 @@ _LIGHT: Final = 0.25  # share of white in the colours, so that dark ones keep a 
 _DARK: Final = 0.5  # brightness of edges
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class View:
+class View(Struct, frozen=True, eq=False):
     """Selection and size of the drawing.
 
     Attributes:
@@ -66,8 +65,7 @@ class View:
     section: Sequence[Float] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class _Frame:
+class _Frame(Struct, frozen=True):
     """A rectangle of the bed, mm, and its position in the picture, px."""
 
     low: Float

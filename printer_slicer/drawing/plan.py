@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from itertools import pairwise
 from typing import Final
 
@@ -18,6 +17,7 @@ from printer_slicer.drawing.plan_side import draw_error, draw_front, draw_grid, 
 from printer_slicer.drawing.stack import draw_stack
 from printer_slicer.model import LayerPlan, Sections
 from printer_slicer.surface import Certificate
+from printer_slicer.values import replace
 
 __all__ = ["draw_plan"]
 

@@ -9,7 +9,6 @@ splitting here.)
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import groupby
 from math import cos, radians, sin
 from typing import Final
@@ -22,6 +21,7 @@ from printer_slicer.drawing.colours import darken
 from printer_slicer.drawing.frame import Panel, axis_marks
 from printer_slicer.geometry import simplify
 from printer_slicer.model import Areas, Sections
+from printer_slicer.values import Struct
 
 __all__ = ["draw_stack"]
 
@@ -38,8 +38,7 @@ _BORDER: Final = 0.1  # of the part's width, bed around it
 _BED, _GRID = "#eef1f4", "#d3d9df"
 
 
-@dataclass(frozen=True, slots=True)
-class _View:
+class _View(Struct, frozen=True):
     """Projection of the part into the picture: px per mm, and position of the middle of the part's base."""
 
     scale: float

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import singledispatch
 from itertools import pairwise
 from typing import Final
@@ -35,6 +34,7 @@ from printer_slicer.roles import ROLES, Role
 from printer_slicer.surface import Certificate
 from printer_slicer.texts import describe_type
 from printer_slicer.thumbnails import render
+from printer_slicer.values import Struct
 
 __all__ = ["draw"]
 
@@ -172,8 +172,7 @@ def _draw_height_legend(plan: LayerPlan, colours: Sequence[str], x: float, y: fl
 # Layers
 
 
-@dataclass(frozen=True, slots=True)
-class _Layers:
+class _Layers(Struct, frozen=True):
     """Layers of a value that is drawn from above.
 
     Attributes:
@@ -253,8 +252,7 @@ def _draw_program(program: Program, layer: int | None) -> Picture:
     return _draw_layers(beads.layers(program.plan, "moves"), layer)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _StraightMoves:
+class _StraightMoves(Struct, frozen=True, eq=False):
     """Straight moves from `begin` to `end`, (n, 2) mm, with width, role and ascending layer (n,)."""
 
     begin: Float

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
@@ -12,12 +11,12 @@ from numpy.typing import NDArray
 
 from printer_slicer.arrays import Bool, Int, consecutive, frozen_array
 from printer_slicer.geometry import Areas
+from printer_slicer.values import Struct, force_setattr
 
 __all__ = ["RoundedRings", "round_to_float32", "round_to_grid"]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class RoundedRings:
+class RoundedRings(Struct, frozen=True, eq=False):
     """Rings of a stack with coordinates rounded to the numbers of a file format.
 
     Points that equal the next one after rounding are removed, and so are rings that lose their area or change their
@@ -48,7 +47,7 @@ class RoundedRings:
             ("ring_layer", np.int64, (-1,)),
             ("outer", np.bool_, (-1,)),
         ):
-            object.__setattr__(self, name, frozen_array(getattr(self, name), dtype, shape))
+            force_setattr(self, name, frozen_array(getattr(self, name), dtype, shape))
 
     def layers(self) -> Iterator[range]:
         """Yield the ring indices of each layer, from the bed up."""

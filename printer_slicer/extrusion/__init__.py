@@ -7,7 +7,6 @@ ramp of the fan.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -20,6 +19,7 @@ from printer_slicer.extrusion.timing import copy_times, move_seconds
 from printer_slicer.model import Event, Heat, Program, ToolChange, Toolpaths, Travels
 from printer_slicer.profile import Material, Profile
 from printer_slicer.roles import Role, is_perimeter, roles_with
+from printer_slicer.values import replace
 
 __all__ = ["extrude", "move_seconds"]
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -13,6 +12,7 @@ from printer_slicer.extrusion.timing import move_seconds, retime_moves
 from printer_slicer.model import Event, Fan, Program
 from printer_slicer.profile import Material, Profile
 from printer_slicer.roles import ROLES, Role, roles_with
+from printer_slicer.values import replace
 
 __all__ = ["fan_events", "slow_small_layers"]
 

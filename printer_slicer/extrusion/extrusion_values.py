@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from printer_slicer import bead
@@ -12,6 +10,7 @@ from printer_slicer.extrusion.move_rows import MoveKind, MoveRows
 from printer_slicer.model import Toolpaths
 from printer_slicer.profile import Profile, Speeds
 from printer_slicer.roles import ROLES, Role, is_perimeter, roles_with
+from printer_slicer.values import Struct
 
 __all__ = ["SUPPORT_RATIOS", "BeadValues", "compute_bead_values", "move_speeds"]
 
@@ -19,8 +18,7 @@ SUPPORT_RATIOS = (0.0, 0.25, 0.5, 0.75, 1.0)
 """Support ratios for which there are settings of overhangs."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class BeadValues:
+class BeadValues(Struct, frozen=True, eq=False):
     """Values of extruding moves, in their order.
 
     Attributes:

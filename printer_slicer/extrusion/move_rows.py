@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.extrusion.wiping import Wipes, find_wipes
 from printer_slicer.model import Toolpaths, Travels, find_travel_ends
 from printer_slicer.profile import Profile
+from printer_slicer.values import Struct
 
 __all__ = ["APPROACH", "MoveKind", "MoveRows", "list_moves"]
 
@@ -25,8 +24,7 @@ class MoveKind:
     RETRACT, WIPE, LIFT, TRAVEL, DROP, DERETRACT, BEAD = range(7)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class MoveRows:
+class MoveRows(Struct, frozen=True, eq=False):
     """All moves, without speeds; the last one retracts after the last path.
 
     Attributes:
@@ -94,8 +92,7 @@ def list_moves(paths: Toolpaths, travels: Travels, profile: Profile) -> MoveRows
     )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _TravelEnds:
+class _TravelEnds(Struct, frozen=True, eq=False):
     """Start, end and height of the travel to each path.
 
     Attributes:

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from printer_slicer.arrays import Float, Int, consecutive
 from printer_slicer.model import Toolpaths, Travels
 from printer_slicer.profile import Profile
+from printer_slicer.values import Struct
 
 __all__ = ["Wipes", "find_wipes"]
 
 _WIPE_SPEED_RATIO = 0.9  # fraction of the retraction speed that is used while wiping
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Wipes:
+class Wipes(Struct, frozen=True, eq=False):
     """Wipes before the travel to each path, over the end of the previous path.
 
     Attributes:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final, Literal, NamedTuple, TypeAlias
 
 from printer_slicer.texts import format_number
+from printer_slicer.values import Struct, field
 
 if TYPE_CHECKING:
     from printer_slicer.profile import Printer
@@ -54,8 +54,7 @@ STRTOD_NUMBERS: Final = NumberReading(
 """What firmwares do that read numbers with C's `strtod`."""
 
 
-@dataclass(frozen=True, slots=True)
-class SetsLimits:
+class SetsLimits(Struct, frozen=True):
     """A command that sets motion limits.
 
     Attributes:
@@ -70,8 +69,7 @@ class SetsLimits:
     scale: float = 1.0
 
 
-@dataclass(frozen=True, slots=True)
-class SetsAccelerations:
+class SetsAccelerations(Struct, frozen=True):
     """A command that sets accelerations, mm/s².
 
     Attributes:
@@ -81,8 +79,7 @@ class SetsAccelerations:
     sets: Mapping[tuple[str, ...], tuple[str, ...]]
 
 
-@dataclass(frozen=True, slots=True)
-class SetsRetraction:
+class SetsRetraction(Struct, frozen=True):
     """A command that sets up firmware retraction (G10 and G11).
 
     Attributes:
@@ -96,8 +93,7 @@ CommandMeaning: TypeAlias = SetsLimits | SetsAccelerations | SetsRetraction | No
 """What a command sets; None: nothing that affects moves."""
 
 
-@dataclass(frozen=True, slots=True)
-class Dialect:
+class Dialect(Struct, frozen=True):
     """How a firmware writes and reads G-code. The functions return whole lines.
 
     Attributes:
@@ -173,8 +169,7 @@ MARLIN_RESEND: Final = ("Error:checksum mismatch, Last Line: 6", "Resend: 7", "o
 """The lines with which Marlin requests line 7 again."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WireDialect:
+class WireDialect(Struct, frozen=True, kw_only=True):
     """The serial protocol of one kind of firmware.
 
     Attributes:
@@ -213,8 +208,7 @@ def _format_marlin_baby_step(mm: float) -> bytes:
     return b"M290 Z%.3f" % mm
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Firmware:
+class Firmware(Struct, frozen=True, kw_only=True):
     """The properties of one firmware.
 
     Attributes:

@@ -10,10 +10,11 @@ Prusa-Firmware's list of commands.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from enum import Flag, auto
 from math import inf
 from typing import Final, Literal, TypeAlias
+
+from printer_slicer.values import Struct
 
 __all__ = [
     "TABLE",
@@ -76,8 +77,7 @@ class Effect(Flag):
     TAKES_TEXT = auto()
 
 
-@dataclass(frozen=True, slots=True)
-class CommandRow:
+class CommandRow(Struct, frozen=True):
     """The effects of one command.
 
     Attributes:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
 from heapq import merge
 from itertools import chain
 from math import ceil
@@ -31,6 +30,7 @@ from printer_slicer.model import Acceleration, Event, Fan, Heat, PressureAdvance
 from printer_slicer.profile import Profile
 from printer_slicer.roles import ROLES, Role
 from printer_slicer.texts import format_number
+from printer_slicer.values import Struct, field
 
 __all__ = [
     "TYPE_NAMES",
@@ -54,8 +54,7 @@ _PROGRESS_INTERVAL: Final = 5.0  # s: minimum time between updates of the percen
 _Insertion = tuple[int, list[str]]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class WriteContext:
+class WriteContext(Struct, frozen=True, eq=False):
     """The inputs from which the parts of a file are written.
 
     Attributes:

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -24,6 +23,7 @@ from printer_slicer.model import Labels, Program
 from printer_slicer.profile import Profile
 from printer_slicer.roles import Role
 from printer_slicer.texts import format_number
+from printer_slicer.values import Struct
 
 __all__ = [
     "LABEL_FORMATS",
@@ -40,8 +40,7 @@ __all__ = [
 ]
 
 
-@dataclass(frozen=True, slots=True)
-class LabelFormat:
+class LabelFormat(Struct, frozen=True):
     """A format of object labels.
 
     Attributes:
@@ -105,8 +104,7 @@ def format_definitions(marks: Marking | None) -> list[str]:
     return marks[1].define(marks[0].names, marks[0].boxes) if marks else []
 
 
-@dataclass(frozen=True, slots=True)
-class ObjectMark:
+class ObjectMark(Struct, frozen=True):
     """Labels before move `index`, where object `stop` ends and object `start` begins; -1: no object.
 
     The extrusions of object `stop` end before move `after`; those of object `start` begin with move `until`.

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Final
 
 from printer_slicer.gcode.commands import takes_text
+from printer_slicer.values import Struct, field
 
 __all__ = [
     "LintCommand",
@@ -123,8 +123,7 @@ def is_macro(command: bytes) -> bool:
     return not _CODE.match(command) and _SETS_ONLY.match(command) is None
 
 
-@dataclass(frozen=True, slots=True)
-class LintCommand:
+class LintCommand(Struct, frozen=True):
     """One command of a line, with all words that some firmware may read in it.
 
     Attributes:

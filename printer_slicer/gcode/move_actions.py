@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -13,6 +12,7 @@ from printer_slicer.firmware import Dialect
 from printer_slicer.firmware.firmware import SetsAccelerations, SetsLimits, SetsRetraction
 from printer_slicer.motion.arcs import arc_points, centre_by_offset, centre_by_radius
 from printer_slicer.motion.positioning_mode import PositioningMode
+from printer_slicer.values import Struct, field
 
 __all__ = ["Action", "MoveBuffer", "ReaderState", "build_actions", "move_straight"]
 
@@ -54,8 +54,7 @@ class MoveBuffer:
             self._rows = []
 
 
-@dataclass(slots=True)
-class ReaderState:
+class ReaderState(Struct):
     """Position and modes of the machine, and the moves read so far.
 
     Attributes:

@@ -7,14 +7,13 @@ are rounded once, by numpy's `rint` (ties to even), to integers of the last deci
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from printer_slicer.arrays import Bool, Int, run_starts
 from printer_slicer.model import Program
 from printer_slicer.roles import Role
+from printer_slicer.values import Struct
 
 __all__ = ["E_DECIMALS", "XY_DECIMALS", "Z_DECIMALS", "MoveText", "format_moves"]
 
@@ -24,8 +23,7 @@ _ZERO, _ONE, _MINUS, _POINT = (np.uint8(ord(letter)) for letter in "01-.")
 _Letters = NDArray[np.uint8]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class MoveText:
+class MoveText(Struct, frozen=True, eq=False):
     """The text of all moves.
 
     Attributes:

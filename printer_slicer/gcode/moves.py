@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.motion.rules import Axes, MotionLimits
 from printer_slicer.motion.vectorized import RequestedMoves, Stopwatch
+from printer_slicer.values import Struct, replace
 
 __all__ = ["Moves", "Timer", "changed_limits", "choose_accelerations"]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Moves:
+class Moves(Struct, frozen=True, eq=False):
     """The moves of a file.
 
     Attributes:

@@ -7,7 +7,6 @@ integer of all its digits divided by a power of ten; both are exact, so it equal
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from math import isnan
 from typing import Final
 
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 
 from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.gcode.move_actions import ReaderState, move_straight
+from printer_slicer.values import Struct
 
 __all__ = ["LETTERS", "PlainMoves", "apply_plain_moves", "read_plain_moves"]
 
@@ -59,8 +59,7 @@ _KINDS: Final = _build_character_kinds()
 _ALLOWED: Final = _build_allowed_pairs().reshape(-1)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class PlainMoves:
+class PlainMoves(Struct, frozen=True, eq=False):
     """The plain moves among some commands.
 
     Attributes:

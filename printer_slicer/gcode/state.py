@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass
 from math import hypot, pi
 from typing import ClassVar, Final, NamedTuple, TypeAlias
 
@@ -24,6 +23,7 @@ from printer_slicer.gcode.commands import (
 )
 from printer_slicer.gcode.lexer import find_letters, parse
 from printer_slicer.motion.positioning_mode import PositioningMode
+from printer_slicer.values import Struct
 
 __all__ = ["HeaterTarget", "MachineState", "ModalState", "Move", "Place", "find_heater_target", "uses_inches"]
 
@@ -98,8 +98,7 @@ def uses_inches(commands: Iterable[bytes]) -> bool:
     return any(b"20" in command[:6] and parse(command)[0] == _INCHES for command in commands)
 
 
-@dataclass(frozen=True, slots=True)
-class ModalState:
+class ModalState(Struct, frozen=True):
     """Position and modes between two commands. Lengths mm, speeds mm/s.
 
     Attributes:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
 from datetime import datetime
 from itertools import chain, pairwise
 
@@ -36,12 +35,12 @@ from printer_slicer.macros import Value
 from printer_slicer.model import Labels, Program
 from printer_slicer.motion.rules import limits_of
 from printer_slicer.profile import Profile
+from printer_slicer.values import Struct, replace
 
 __all__ = ["ProgramFacts", "write_gcode", "write_program"]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ProgramFacts:
+class ProgramFacts(Struct, frozen=True, eq=False):
     """Facts about a program besides its moves.
 
     Attributes:
@@ -186,8 +185,7 @@ def _encode_lines(lines: list[str]) -> bytes:
     return "".join(f"{line}\n" for line in lines).encode("ascii", "replace")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _FormattedMoves:
+class _FormattedMoves(Struct, frozen=True, eq=False):
     """The moves as text, which of them are firmware retractions (K,), and where objects start and end."""
 
     rows: MoveText

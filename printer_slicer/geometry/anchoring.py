@@ -5,8 +5,6 @@ This makes fewer, longer lines. Ends that stay free get a hook, so that they hol
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from printer_slicer.arrays import (
@@ -23,6 +21,7 @@ from printer_slicer.geometry.areas import Areas
 from printer_slicer.geometry.connectivity import count_chain_steps
 from printer_slicer.geometry.corner_cutting import cut_sharp_corners, reach_of_corner
 from printer_slicer.geometry.polylines import Polylines
+from printer_slicer.values import Struct
 
 __all__ = ["anchor"]
 
@@ -71,8 +70,7 @@ def anchor(areas: Areas, lines: Polylines, *, longest: float, hook: float, apart
     return cut_sharp_corners(joined, corner, areas, apart) if apart else joined
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _JoinedOutlines:
+class _JoinedOutlines(Struct, frozen=True, eq=False):
     """All outlines joined end to end, so that one number gives a position on an outline.
 
     Attributes:
@@ -107,8 +105,7 @@ class _JoinedOutlines:
         return begin + ((place - self.place[edge]) / long)[:, None] * (end - begin)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Connections:
+class _Connections(Struct, frozen=True, eq=False):
     """Possible connections: from each line end to the next one on its ring, in order around the rings.
 
     Attributes:
@@ -233,12 +230,11 @@ def _choose_alternating(run: Int, length: Float, is_ring: Bool) -> Bool:
     size = np.diff(np.append(begin, len(run)))
     owner = np.repeat(np.arange(len(begin)), size)
     step = np.arange(len(run)) - begin[owner]
-    odd = step % 2 == 1
+    odd, closed = step % 2 == 1, is_ring[begin]
     signed = np.where(odd, -length, length)
     before = np.cumsum(signed) - signed
     before -= before[begin[owner]]  # sum of the even connections so far minus the odd ones
     total = np.add.reduceat(signed, begin)
-    closed = is_ring[begin]
     # Shift the alternation before the even connection where that saves most. Runs of odd length need no shift.
     even_run = (size % 2 == 0) & ~closed
     choice = np.where(odd, np.inf, before)
@@ -251,8 +247,7 @@ def _choose_alternating(run: Int, length: Float, is_ring: Bool) -> Bool:
     return np.asarray(np.where(step < change[owner], ~odd, odd))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _OutlineParts:
+class _OutlineParts(Struct, frozen=True, eq=False):
     """Parts of outlines, from `place` forward to `to_place`, or backward if `to_place` is less.
 
     Attributes:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -20,12 +19,12 @@ from printer_slicer.arrays import (
 )
 from printer_slicer.deprecation import renamed_method
 from printer_slicer.repr_svg import SvgRepr
+from printer_slicer.values import Struct, force_setattr
 
 __all__ = ["Areas", "Lines"]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Areas(SvgRepr):
+class Areas(SvgRepr, Struct, frozen=True, eq=False):
     """Areas of all layers as closed rings: solids run counter-clockwise, holes clockwise.
 
     Attributes:
@@ -41,9 +40,9 @@ class Areas(SvgRepr):
     n_layers: int
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "xy", frozen_array(self.xy, np.float64, (-1, 2)))
-        object.__setattr__(self, "ring_start", frozen_array(self.ring_start, np.int64, (-1,)))
-        object.__setattr__(self, "ring_layer", frozen_array(self.ring_layer, np.int64, (-1,)))
+        force_setattr(self, "xy", frozen_array(self.xy, np.float64, (-1, 2)))
+        force_setattr(self, "ring_start", frozen_array(self.ring_start, np.int64, (-1,)))
+        force_setattr(self, "ring_layer", frozen_array(self.ring_layer, np.int64, (-1,)))
         if len(self.ring_start) != len(self.ring_layer) + 1:
             raise ValueError("ring_start must have one entry more than ring_layer")
         if len(self.ring_layer) and not 0 <= self.ring_layer[0] <= self.ring_layer[-1] < self.n_layers:
@@ -245,8 +244,7 @@ class Areas(SvgRepr):
         return Areas(points, np.concatenate([[0], np.cumsum(sizes)]), layer[order], self.n_layers)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Lines:
+class Lines(Struct, frozen=True, eq=False):
     """Straight lines of all layers, as returned by `hatch`.
 
     Attributes:
@@ -264,12 +262,12 @@ class Lines:
     edge: Int
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "ends", frozen_array(self.ends, np.float64, (-1, 2, 2)))
+        force_setattr(self, "ends", frozen_array(self.ends, np.float64, (-1, 2, 2)))
         n_lines = len(self.ends)
-        object.__setattr__(self, "layer", frozen_array(self.layer, np.int64, (n_lines,)))
-        object.__setattr__(self, "row", frozen_array(self.row, np.int64, (n_lines,)))
-        object.__setattr__(self, "u", frozen_array(self.u, np.float64, (n_lines, 2)))
-        object.__setattr__(self, "edge", frozen_array(self.edge, np.int64, (n_lines, 2)))
+        force_setattr(self, "layer", frozen_array(self.layer, np.int64, (n_lines,)))
+        force_setattr(self, "row", frozen_array(self.row, np.int64, (n_lines,)))
+        force_setattr(self, "u", frozen_array(self.u, np.float64, (n_lines, 2)))
+        force_setattr(self, "edge", frozen_array(self.edge, np.int64, (n_lines, 2)))
 
     @property
     def n_lines(self) -> int:

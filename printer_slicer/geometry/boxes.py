@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, bounding_boxes, consecutive
 from printer_slicer.geometry.areas import Areas
+from printer_slicer.values import Struct
 
 __all__ = ["Boxes"]
 
 _PAIRS_AT_ONCE = 1 << 18  # bounds the memory for comparisons
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Boxes:
+class Boxes(Struct, frozen=True, eq=False):
     """Axis-aligned boxes; a box may have no width or no height.
 
     Attributes:

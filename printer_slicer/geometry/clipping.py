@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, consecutive, distinct, run_starts
@@ -11,6 +9,7 @@ from printer_slicer.geometry.areas import Areas
 from printer_slicer.geometry.polygons import STEPS_PER_MM
 from printer_slicer.geometry.polylines import Polylines
 from printer_slicer.geometry.vectors import cross
+from printer_slicer.values import Struct
 
 __all__ = ["clip_lines", "clip_to_spans", "clip_with_sources"]
 
@@ -78,8 +77,7 @@ def _find_cuts(areas: Areas, lines: Polylines) -> tuple[_Cuts, _Cuts]:
     return _find_starts_and_ends(areas, lines, owner, (at, edge, share, enters))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Segments:
+class _Segments(Struct, frozen=True, eq=False):
     """Segments from `a` to `b` (n, 2), in grid steps, on a layer (n,)."""
 
     a: Int
@@ -234,8 +232,7 @@ def _find_starts_and_ends(
     return begin, end
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Cuts:
+class _Cuts(Struct, frozen=True, eq=False):
     """Starts or ends of clipped parts.
 
     Attributes:

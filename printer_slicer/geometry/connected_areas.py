@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,12 +10,12 @@ from printer_slicer.arrays import Float, Int, frozen_array
 from printer_slicer.geometry.areas import Areas
 from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.geometry.ring_queries import find_enclosing_rings
+from printer_slicer.values import Struct, force_setattr
 
 __all__ = ["ConnectedAreas", "split_connected"]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ConnectedAreas:
+class ConnectedAreas(Struct, frozen=True, eq=False):
     """Connected pieces of areas, stored like the layers of a stack.
 
     Attributes:
@@ -30,8 +29,8 @@ class ConnectedAreas:
     of_ring: Int
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "layer", frozen_array(self.layer, np.int64, (self.areas.n_layers,)))
-        object.__setattr__(self, "of_ring", frozen_array(self.of_ring, np.int64, (-1,)))
+        force_setattr(self, "layer", frozen_array(self.layer, np.int64, (self.areas.n_layers,)))
+        force_setattr(self, "of_ring", frozen_array(self.of_ring, np.int64, (-1,)))
 
     def take(self, which: Int) -> ConnectedAreas:
         """Return the pieces with the given indices (n,), ascending."""

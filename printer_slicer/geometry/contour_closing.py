@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.geometry.facet_topology import expand_counts, may_have_neighbours
 from printer_slicer.geometry.ring_queries import crosses_any_edge
+from printer_slicer.values import Struct
 
 __all__ = ["Chords", "LooseEnds", "close_with_chords", "join_near_ends"]
 
@@ -21,8 +21,7 @@ _MAX_PAIRS = 200_000
 close; the search would take minutes without a useful result."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class LooseEnds:
+class LooseEnds(Struct, frozen=True, eq=False):
     """Loose ends of the contours of all planes.
 
     Attributes:
@@ -59,8 +58,7 @@ class LooseEnds:
         )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Chords:
+class Chords(Struct, frozen=True, eq=False):
     """Straight lines that close contours.
 
     Attributes:
@@ -121,8 +119,7 @@ def _find_pairs_within(loose: LooseEnds, radius: float) -> tuple[Int, Int]:
     by_tail, by_head = (np.argsort(part, kind="stable") for part in (key[: len(tails)], key[len(tails) :]))
     tails, tail_key = tails[by_tail], key[: len(tails)][by_tail]
     heads, head_key = heads[by_head], key[len(by_tail) :][by_head]
-    found: list[tuple[Int, Int]] = []
-    total = 0
+    found, total = list[tuple[Int, Int]](), 0
     for shift in (-row, 0, row):
         first = np.searchsorted(head_key, tail_key + (shift - 1))
         last = np.searchsorted(head_key, tail_key + (shift + 1), side="right")

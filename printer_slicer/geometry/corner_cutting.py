@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from printer_slicer.arrays import Float, Int
 from printer_slicer.geometry.areas import Areas
 from printer_slicer.geometry.polylines import Polylines
 from printer_slicer.geometry.ring_queries import crosses_rings, find_enclosing_rings
+from printer_slicer.values import Struct
 
 __all__ = ["cut_sharp_corners", "reach_of_corner"]
 
@@ -50,8 +49,7 @@ def cut_sharp_corners(lines: Polylines, corners: Int, areas: Areas, apart: float
     return cuts.take(free).apply() if len(free) else lines
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Cuts:
+class _Cuts(Struct, frozen=True, eq=False):
     """Parts to cut out of lines; positions count along all lines joined end to end, 1 mm apart.
 
     Attributes:

@@ -5,7 +5,6 @@ Each connected area has its own diagram.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -17,6 +16,7 @@ from printer_slicer.geometry.polygons import STEPS_PER_MM
 from printer_slicer.geometry.self_intersections import find_layers_with_self_intersections
 from printer_slicer.geometry.vectors import cross, dot, nearest_on_segments, norm
 from printer_slicer.geometry.voronoi_diagram import Diagram, compute_diagrams
+from printer_slicer.values import Struct, force_setattr
 
 __all__ = ["CHORD", "MedialAxis", "follow_parts", "medial_axis"]
 
@@ -26,8 +26,7 @@ _TIP = 1e-6  # mm; a radius below this is the tip of a corner
 _MAX_PIECES = 64  # of one edge
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class MedialAxis:
+class MedialAxis(Struct, frozen=True, eq=False):
     """Medial axis: points equally far from two positions on the outline, joined by straight pieces.
 
     Piece `e` consists of two half-pieces, `2e` and `2e + 1`, in opposite directions. Each belongs to the side or corner
@@ -68,7 +67,7 @@ class MedialAxis:
             ("corner", np.bool_, (h,)),
             ("left_out", np.int64, (-1,)),
         ):
-            object.__setattr__(self, name, frozen_array(getattr(self, name), dtype, shape))
+            force_setattr(self, name, frozen_array(getattr(self, name), dtype, shape))
 
     @property
     def end(self) -> Int:
@@ -101,8 +100,7 @@ def medial_axis(areas: Areas, reach: float, sides: Bool | None = None, *, chord:
     return _compute_axis(selected, reach, left_out, chord)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Sides:
+class _Sides(Struct, frozen=True, eq=False):
     """Sides of the outlines.
 
     Attributes:
@@ -140,8 +138,7 @@ def _select_sides(areas: Areas, sides: Bool | None) -> _Sides:
     return _Sides(areas.xy.take(index.ravel(), axis=0).reshape(-1, 4, 2), index[:, 1:3], layer, piece)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _DiagramEdges:
+class _DiagramEdges(Struct, frozen=True, eq=False):
     """Edges of the diagram, each followed by its twin, before they are split into pieces.
 
     Attributes:

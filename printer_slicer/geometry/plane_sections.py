@@ -8,7 +8,6 @@ the limit from below, and each plane crosses an edge once or not at all.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +18,7 @@ from printer_slicer.geometry.areas import Areas
 from printer_slicer.geometry.connectivity import Index, find_cycles, weld_keys
 from printer_slicer.geometry.facet_topology import coordinate_keys, directed_edge_keys, expand_counts
 from printer_slicer.geometry.vectors import cross
+from printer_slicer.values import Struct
 
 __all__ = ["Crossings", "intersect_with_planes", "section_areas", "section_contours"]
 
@@ -26,8 +26,7 @@ _SEGMENTS_AT_ONCE = 250_000  # per batch, so that the arrays stay in the process
 _UInt = NDArray[np.uint64]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Crossings:
+class Crossings(Struct, frozen=True, eq=False):
     """Sections of a mesh: nodes where its edges cross planes, and segments that join pairs of nodes.
 
     Attributes:

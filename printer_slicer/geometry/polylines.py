@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, consecutive, frozen_array, polyline_lengths
 from printer_slicer.geometry.areas import Areas, Lines
+from printer_slicer.values import Struct, force_setattr
 
 __all__ = ["Polylines"]
 
 _SAME = 1e-6  # mm
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Polylines:
+class Polylines(Struct, frozen=True, eq=False):
     """Lines of all layers: line `i` is `xy[start[i]:start[i + 1]]`.
 
     Attributes:
@@ -43,7 +42,7 @@ class Polylines:
             ("edge", np.int64, (n_lines, 2)),
             ("closed", np.bool_, (n_lines,)),
         ):
-            object.__setattr__(self, name, frozen_array(getattr(self, name), dtype, shape))
+            force_setattr(self, name, frozen_array(getattr(self, name), dtype, shape))
 
     def __repr__(self) -> str:
         return f"<Polylines: {self.n_lines} lines, {len(self.xy)} points, {self.length().sum():.4g} mm>"

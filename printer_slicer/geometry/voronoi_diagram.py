@@ -10,7 +10,6 @@ import gc
 from array import array
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from itertools import chain
 from operator import attrgetter
 from typing import Any
@@ -19,6 +18,7 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, next_in_ring, run_starts
 from printer_slicer.geometry.polygons import STEPS_PER_MM
+from printer_slicer.values import Struct, field
 
 __all__ = ["Diagram", "compute_diagrams"]
 
@@ -27,8 +27,7 @@ __all__ = ["Diagram", "compute_diagrams"]
 _CENTER_OFFSET = 10_000_000
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Diagram:
+class Diagram(Struct, frozen=True, eq=False):
     """Voronoi edges between the cells of sides and of their ends; edge `e` has the reversed twin `e ^ 1`.
 
     Attributes:
@@ -143,8 +142,7 @@ def _build_diagram(sides: list[list[list[int]]]) -> Any:
     return builder
 
 
-@dataclass(frozen=True, slots=True)
-class _RawDiagrams:
+class _RawDiagrams(Struct, frozen=True):
     """Collected diagrams of the library, with separate numbering for each area.
 
     All data comes from the cells: each knows its edges and their start vertices. Twin edges have consecutive numbers.

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.geometry.connectivity import label_components, weld_keys
 from printer_slicer.geometry.facet_topology import corner_keys
+from printer_slicer.values import Struct
 
 __all__ = ["Facets"]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Facets:
+class Facets(Struct, frozen=True, eq=False):
     """A surface as numbered corners and numbered edges.
 
     Attributes:

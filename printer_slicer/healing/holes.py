@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, next_in_ring
@@ -12,6 +10,7 @@ from printer_slicer.geometry.facet_topology import expand_counts
 from printer_slicer.geometry.vectors import dot, nearest_share
 from printer_slicer.healing.facets import Facets
 from printer_slicer.model import Repair
+from printer_slicer.values import Struct
 
 __all__ = ["CRACK", "fill_holes"]
 
@@ -25,8 +24,7 @@ _MAX_PAIRS = 30_000_000  # corners times edges to compare in the search for crac
 _PAIRS_AT_ONCE = 1_000_000
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Holes:
+class _Holes(Struct, frozen=True, eq=False):
     """The borders of holes: closed loops of open edges.
 
     Attributes:

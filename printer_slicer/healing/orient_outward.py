@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int
@@ -12,6 +10,7 @@ from printer_slicer.healing.facets import Facets
 from printer_slicer.healing.holes import CRACK
 from printer_slicer.healing.nesting import compute_winding_numbers, measure_coverage
 from printer_slicer.model import Repair
+from printer_slicer.values import Struct
 
 __all__ = ["measure_volume_and_area", "orient_outward"]
 
@@ -25,8 +24,7 @@ _MAX_OPEN_SHELLS = 2000  # maximum number of open shells that are compared
 _N_FURTHER_POINTS = 6  # additional test points of an outward shell, which must all lie within another shell
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Shells:
+class _Shells(Struct, frozen=True, eq=False):
     """The surface split into shells: closed ones, and groups of open ones within a crack's width of each other.
 
     Attributes:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from difflib import get_close_matches
 from typing import Final
 
@@ -14,6 +13,7 @@ from printer_slicer.importing.presets import Preset
 from printer_slicer.importing.printer_search import find_printers
 from printer_slicer.importing.prusaslicer_names import DEFAULTS
 from printer_slicer.importing.results import KINDS, RejectedProfile
+from printer_slicer.values import Struct, field
 
 __all__ = ["PresetBundle", "group_sections"]
 
@@ -25,8 +25,7 @@ _LONGEST_NAME: Final = 200  # characters
 _FEWEST_COMPLETE: Final = 30  # settings; a preset with fewer cannot be used without the one it inherits from
 
 
-@dataclass(frozen=True, slots=True)
-class PresetBundle:
+class PresetBundle(Struct, frozen=True):
     """A file with many presets.
 
     Attributes:
@@ -40,8 +39,8 @@ class PresetBundle:
     models: Mapping[str, IniSection]
     dialect: str
     place: str
-    _resolved: dict[tuple[str, str], dict[str, SourceSetting]] = field(default_factory=dict, repr=False)
-    _suggested: list[str] = field(default_factory=list, repr=False)
+    _resolved: dict[tuple[str, str], dict[str, SourceSetting]] = field(default_factory=dict)
+    _suggested: list[str] = field(default_factory=list)
 
     def presets(self, kinds: Sequence[str] = KINDS) -> Iterator[Preset | RejectedProfile]:
         """Yield each preset with the settings it inherits, or the reason why it cannot be used; skip abstract ones."""

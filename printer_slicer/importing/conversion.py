@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
 from math import isfinite
 from typing import Any, Final
 
@@ -11,6 +10,7 @@ from printer_slicer.errors import ProfileError
 from printer_slicer.importing.presets import Preset, Quantity, parse_quantity
 from printer_slicer.importing.prusaslicer_names import METADATA, setting_kind
 from printer_slicer.importing.results import ConvertedSetting, ImportedProfile, ImportNote, UnsupportedSetting
+from printer_slicer.values import Struct, field, replace
 
 __all__ = ["ONE_TOOL", "SUPPORTS_OFF", "Conversion"]
 
@@ -21,8 +21,7 @@ _NOT_APPLICABLE: Final = (ONE_TOOL, SUPPORTS_OFF)
 _OFF_VALUES: Final = ("", "0", "0%", "nil", "none", "false", "no", "0,0", "disabled", '""')
 
 
-@dataclass(slots=True)
-class Conversion:
+class Conversion(Struct):
     """Converts a preset setting by setting, and records where each value comes from."""
 
     preset: Preset

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
@@ -14,6 +13,7 @@ from printer_slicer.importing.cura_values import CuraExpressionError, evaluate_c
 from printer_slicer.importing.ini import IniSection, SourceSetting, read_sections
 from printer_slicer.importing.orca import read_json
 from printer_slicer.importing.presets import Preset, parse_quantity
+from printer_slicer.values import Struct, field
 
 __all__ = ["CuraDefinition", "is_cura_definition", "make_cura_presets", "read_cura_profile"]
 
@@ -25,8 +25,7 @@ def is_cura_definition(values: Mapping[str, Any]) -> bool:
     return "version" in values and ("overrides" in values or isinstance(values.get("settings"), dict))
 
 
-@dataclass(slots=True)
-class CuraDefinition:
+class CuraDefinition(Struct):
     """A machine with its own settings and those it inherits.
 
     Attributes:

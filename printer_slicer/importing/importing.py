@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -21,6 +20,7 @@ from printer_slicer.importing.results import ImportedProfile, ImportNote, Reject
 from printer_slicer.importing.safety_checks import DEFAULT_LIMITS, TemperatureLimits, check_safety
 from printer_slicer.importing.source_files import PresetsInFile, read_presets
 from printer_slicer.name_search import remove_nozzle
+from printer_slicer.values import Struct, field, replace
 
 __all__ = ["ImportRequest", "convert_presets", "import_profiles"]
 
@@ -28,8 +28,7 @@ _MOST_SHOWN: Final = 6  # printers in a message
 _COMPANION_KINDS: Final = ("material", "quality")
 
 
-@dataclass(frozen=True, slots=True)
-class ImportRequest:
+class ImportRequest(Struct, frozen=True):
     """A selection of presets to import, and options of the import.
 
     Attributes:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
 from typing import Final
 
 from printer_slicer.errors import ProfileError
+from printer_slicer.values import Struct, field
 
 __all__ = ["FILE_REMEDY", "IniSection", "SourceSetting", "read_sections", "split_texts", "unescape"]
 
@@ -21,8 +21,7 @@ _ITEM: Final = re.compile(r'\s*+("(?:[^"\\]|\\.)*+"(?=\s*+(?:;|\Z))|[^;]*+)\s*+(
 _ESCAPES: Final = {"n": "\n", "r": "\r", "t": "\t"}
 
 
-@dataclass(frozen=True, slots=True)
-class SourceSetting:
+class SourceSetting(Struct, frozen=True):
     """A setting as written in the source.
 
     Attributes:
@@ -36,8 +35,7 @@ class SourceSetting:
     place: str
 
 
-@dataclass(frozen=True, slots=True)
-class IniSection:
+class IniSection(Struct, frozen=True):
     """A section of an INI file; settings before the first heading form a section without a title."""
 
     title: str

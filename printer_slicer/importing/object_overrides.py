@@ -7,7 +7,6 @@ after this become overrides. In this way, percentages and layer counts are conve
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
 from typing import Any, Final
 
 from printer_slicer.importing.presets import ObjectSettings, Preset
@@ -15,6 +14,7 @@ from printer_slicer.importing.results import ConvertedSetting, ImportedProfile, 
 from printer_slicer.profile.base import HEIGHT, OBJECT
 from printer_slicer.profile.overrides import HIGHEST
 from printer_slicer.profile.tables import settings_table
+from printer_slicer.values import replace
 
 __all__ = ["add_object_overrides", "flatten_settings", "overridable_settings"]
 

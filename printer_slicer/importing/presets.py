@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from math import isfinite
 from typing import Final
 
 from printer_slicer.errors import ProfileError
 from printer_slicer.importing.ini import SourceSetting, split_texts, unescape
 from printer_slicer.importing.results import ImportNote
+from printer_slicer.values import Struct, field
 
 __all__ = ["ObjectSettings", "Preset", "Quantity", "parse_quantity"]
 
@@ -18,8 +18,7 @@ _EMPTY_VALUES: Final = ("", "nil", '""')
 _COMMENT: Final = re.compile(r"(?<!\s)\s+[#;].*")
 
 
-@dataclass(frozen=True, slots=True)
-class Quantity:
+class Quantity(Struct, frozen=True):
     """A number or a percentage; the setting determines which value a percentage refers to."""
 
     value: float
@@ -30,8 +29,7 @@ class Quantity:
         return self.value / 100 * whole if self.is_percent else self.value
 
 
-@dataclass(frozen=True, slots=True)
-class ObjectSettings:
+class ObjectSettings(Struct, frozen=True):
     """Settings of one object, or of one height range of an object.
 
     Attributes:
@@ -53,8 +51,7 @@ class ObjectSettings:
         return f"{self.object}, z {self.low:g} to {self.high:g}" if self.high else self.object
 
 
-@dataclass(frozen=True, slots=True)
-class Preset:
+class Preset(Struct, frozen=True):
     """A printer, material or quality of another slicer.
 
     Attributes:

@@ -6,11 +6,11 @@ Other slicers keep speeds in print settings. Here, a printer has default speeds 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any, Final
 
 from printer_slicer.importing.results import ConvertedSetting, ImportedProfile
 from printer_slicer.profile.speeds import PrinterAccelerations, PrinterSpeeds
+from printer_slicer.values import replace
 
 __all__ = ["add_printer_defaults"]
 

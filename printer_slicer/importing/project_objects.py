@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 from xml.parsers import expat
@@ -15,6 +14,7 @@ from printer_slicer.importing.ini import SourceSetting
 from printer_slicer.importing.orca import translate_orca
 from printer_slicer.importing.presets import ObjectSettings
 from printer_slicer.importing.results import ImportNote
+from printer_slicer.values import Struct, field
 
 __all__ = ["read_object_settings"]
 
@@ -40,8 +40,7 @@ _VOLUMES: Final = ("volume", "part")
 _EVERYWHERE: Final = (0.0, 0.0)
 
 
-@dataclass(slots=True)
-class _Object:
+class _Object(Struct):
     """An object of a project: its name, its settings, and those of its height ranges and volumes."""
 
     name: str = ""

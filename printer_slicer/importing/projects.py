@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,12 +19,12 @@ from printer_slicer.importing.qualities import convert_quality
 from printer_slicer.importing.results import ImportedProfile
 from printer_slicer.importing.source_files import read_presets
 from printer_slicer.profile import Profile
+from printer_slicer.values import Struct, replace
 
 __all__ = ["Project", "read_project"]
 
 
-@dataclass(frozen=True, slots=True)
-class Project:
+class Project(Struct, frozen=True):
     """Object settings of a 3MF file.
 
     Attributes:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import Any, Final
 
 from printer_slicer.errors import ProfileError
+from printer_slicer.values import Struct, field
 
 __all__ = [
     "KINDS",
@@ -25,8 +25,7 @@ class NoSettingsError(ProfileError):
     """An error: a G-code file contains no settings of a slicer."""
 
 
-@dataclass(frozen=True, slots=True)
-class ConvertedSetting:
+class ConvertedSetting(Struct, frozen=True):
     """A setting that was imported, unchanged or converted.
 
     Attributes:
@@ -46,8 +45,7 @@ class ConvertedSetting:
     differs: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class UnsupportedSetting:
+class UnsupportedSetting(Struct, frozen=True):
     """A setting that was not imported.
 
     Attributes:
@@ -63,16 +61,14 @@ class UnsupportedSetting:
     off: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class ImportNote:
+class ImportNote(Struct, frozen=True):
     """A warning: the file, line and setting that it is about, and its text."""
 
     place: str
     text: str
 
 
-@dataclass(frozen=True, slots=True)
-class ImportedProfile:
+class ImportedProfile(Struct, frozen=True):
     """A converted profile.
 
     Attributes:
@@ -93,7 +89,7 @@ class ImportedProfile:
     taken: tuple[ConvertedSetting, ...] = ()
     left: tuple[UnsupportedSetting, ...] = ()
     notes: tuple[ImportNote, ...] = ()
-    settings: Mapping[str, str] = field(default_factory=dict, repr=False)
+    settings: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def approximated(self) -> tuple[ConvertedSetting, ...]:
@@ -101,8 +97,7 @@ class ImportedProfile:
         return tuple(one for one in self.taken if one.how)
 
 
-@dataclass(frozen=True, slots=True)
-class RejectedProfile:
+class RejectedProfile(Struct, frozen=True):
     """A preset that could not be converted, with the problem and the remedy."""
 
     kind: str

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -28,6 +27,7 @@ from printer_slicer.importing.prusaslicer_names import DEFAULTS
 from printer_slicer.importing.results import ConvertedSetting, ImportedProfile
 from printer_slicer.profile.gcode_settings import is_printer_slicer_gcode, settings_in_gcode
 from printer_slicer.profile.reading import flatten
+from printer_slicer.values import replace
 
 __all__ = ["PresetsInFile", "read_presets"]
 

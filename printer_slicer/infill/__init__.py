@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Final
 
 from printer_slicer.arrays import Int
@@ -30,6 +29,7 @@ from printer_slicer.infill.triangles import triangle_lines
 from printer_slicer.layer_settings import settings_by_layer
 from printer_slicer.model import Regions, Toolpaths
 from printer_slicer.profile import Profile
+from printer_slicer.values import replace
 
 __all__ = ["PATTERNS", "Infill", "InfillTask", "Pattern", "infill_paths"]
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from printer_slicer.arrays import Float, run_starts
@@ -18,6 +16,7 @@ from printer_slicer.geometry import (
     row_ends,
 )
 from printer_slicer.infill.connections import MAX_CONNECTION, Zigzags
+from printer_slicer.values import Struct
 
 __all__ = ["HatchGrids", "join_bridge_lines", "measure_extensions"]
 
@@ -25,8 +24,7 @@ _HALF_SLIVER = 0.01  # mm: half the width of gaps that rounding leaves between t
 _SLACK = 1.05  # of the longest extension, because curves are polygons
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class HatchGrids:
+class HatchGrids(Struct, frozen=True, eq=False):
     """Hatch grids of P pieces: (P,) angle in radians, row spacing in mm, and phase in rows; see `hatch`."""
 
     angle: Float

@@ -6,20 +6,18 @@ slicing and selective hatching strategy for layered manufacturing, 1999.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from printer_slicer.arrays import Float, Int, frozen_array, run_starts
 from printer_slicer.combine_layers import area_savings, choose_groups, last_layers, tallest_groups
 from printer_slicer.geometry import Areas, difference, offset_open, window_intersection
 from printer_slicer.model import LayerPlan
+from printer_slicer.values import Struct, force_setattr
 
 __all__ = ["InfillAreas", "combine_infill_areas", "group_layers"]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class InfillAreas:
+class InfillAreas(Struct, frozen=True, eq=False):
     """Areas of internal infill, as E entries; each is printed on one layer.
 
     Attributes:
@@ -37,7 +35,7 @@ class InfillAreas:
     def __post_init__(self) -> None:
         n = self.area.n_layers
         for name, dtype in (("layer", np.int64), ("height", np.float64), ("turn", np.int64)):
-            object.__setattr__(self, name, frozen_array(getattr(self, name), dtype, (n,)))
+            force_setattr(self, name, frozen_array(getattr(self, name), dtype, (n,)))
 
 
 def combine_infill_areas(infill: Areas, plan: LayerPlan, groups: Int, narrowest: float) -> InfillAreas:

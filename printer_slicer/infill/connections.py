@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, consecutive, next_in_ring, previous_in_ring
 from printer_slicer.geometry import Areas, Lines, row_ends
+from printer_slicer.values import Struct
 
 __all__ = ["MAX_CONNECTION", "Zigzags", "join_rows", "measure_extension_room"]
 
@@ -15,8 +14,7 @@ __all__ = ["MAX_CONNECTION", "Zigzags", "join_rows", "measure_extension_room"]
 MAX_CONNECTION = 2.2
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Zigzags:
+class Zigzags(Struct, frozen=True, eq=False):
     """Polylines of alternating rows and connections; the point between the two is repeated.
 
     Attributes:

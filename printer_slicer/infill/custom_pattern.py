@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from printer_slicer.geometry import Polylines, clip_lines
 from printer_slicer.infill.infill_task import InfillTask, Pattern
 from printer_slicer.profile import Profile
 from printer_slicer.texts import callable_name, describe_type
+from printer_slicer.values import Struct
 
 __all__ = ["Infill", "check_density", "make_checked_pattern"]
 
@@ -21,8 +21,7 @@ _LEAST_VOLUME: float = 20.0  # mm³; smaller volumes are not checked, because si
 _MAX_COORDINATE: float = 1e5  # mm
 
 
-@dataclass(frozen=True, slots=True)
-class Infill:
+class Infill(Struct, frozen=True):
     """A custom pattern for internal infill.
 
     Attributes:

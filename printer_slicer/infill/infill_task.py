@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
 from printer_slicer.arrays import Float, Int, frozen_array
 from printer_slicer.geometry import Areas, Polylines, hatch
 from printer_slicer.model import Regions
+from printer_slicer.values import Struct, force_setattr
 
 __all__ = ["InfillTask", "Pattern", "line_families"]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class InfillTask:
+class InfillTask(Struct, frozen=True, eq=False):
     """Areas to fill with lines of one pattern, as E entries; an entry is filled with extrusions of one height.
 
     Attributes:
@@ -47,9 +46,9 @@ class InfillTask:
     def __post_init__(self) -> None:
         n = self.area.n_layers
         for name in ("z", "height"):
-            object.__setattr__(self, name, frozen_array(getattr(self, name), np.float64, (n,)))
+            force_setattr(self, name, frozen_array(getattr(self, name), np.float64, (n,)))
         for name in ("turn", "layer"):
-            object.__setattr__(self, name, frozen_array(getattr(self, name), np.int64, (n,)))
+            force_setattr(self, name, frozen_array(getattr(self, name), np.int64, (n,)))
 
 
 # Returns lines within the area of a task, and (E,) ratio of their length to the wanted length at this z.

@@ -7,8 +7,6 @@ next support, and the lines take the direction in which they sag least.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, distinct
@@ -30,6 +28,7 @@ from printer_slicer.geometry import (
 )
 from printer_slicer.model import Regions
 from printer_slicer.profile import Profile
+from printer_slicer.values import Struct, replace
 
 __all__ = ["layers_below_bridges", "support_internal_bridges"]
 
@@ -38,8 +37,7 @@ _CLEARLY_BETTER = 0.95  # share of the best sag so far that another direction mu
 _ROUNDING = 1e-3  # mm; engines round to 0.01 µm
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _BridgeAreas:
+class _BridgeAreas(Struct, frozen=True, eq=False):
     """Areas in which internal bridges may lie, and their unsupported part.
 
     Attributes:
@@ -53,8 +51,7 @@ class _BridgeAreas:
     overlap: float
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _ExtendedRows:
+class _ExtendedRows(Struct, frozen=True, eq=False):
     """Rows across pieces, extended to their supports.
 
     Attributes:
@@ -213,11 +210,7 @@ def _make_extended_rows(
     keys = _RowKeys.of(lines, room, air)
     own, rooms, gaps = (
         keys.keys_of(one, layer)
-        for one, layer in (
-            (lines, pieces.layer[lines.layer]),
-            (room, room.layer),
-            (air, air.layer),
-        )
+        for one, layer in ((lines, pieces.layer[lines.layer]), (room, room.layer), (air, air.layer))
     )
     bounds = _find_allowed_ranges(own, rooms)
     low = _find_supported_begins(own[:, 0], own[:, 1], bounds[:, 0], gaps, bridge_areas.overlap)
@@ -231,8 +224,7 @@ def _make_extended_rows(
     return _ExtendedRows(lines, u, spans[np.maximum(last, first)] - spans[first])
 
 
-@dataclass(frozen=True, slots=True)
-class _RowKeys:
+class _RowKeys(Struct, frozen=True):
     """Sort keys for positions along the rows of all layers, so that all can be searched at once."""
 
     row: int

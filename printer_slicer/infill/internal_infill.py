@@ -6,8 +6,6 @@ sets the density: the cross-section is the layer height times a spacing that is 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
 import numpy as np
 
 from printer_slicer import bead
@@ -20,6 +18,7 @@ from printer_slicer.infill.perimeter_overlap import extend_ends
 from printer_slicer.model import Regions, Toolpaths
 from printer_slicer.profile import Profile
 from printer_slicer.roles import Role
+from printer_slicer.values import Struct, replace
 
 __all__ = ["PatternLayout", "internal_infill_paths", "lay_out_pattern", "lines_on_layers"]
 
@@ -30,8 +29,7 @@ _SHORTEST_LINE = 0.7  # extrusion widths: shorter lines consist of their round e
 _MAX_WIDTH_CHANGE = 0.2  # largest change of the extrusion width to correct the density
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class PatternLayout:
+class PatternLayout(Struct, frozen=True, eq=False):
     """Layout of the lines of a pattern for the whole part.
 
     Attributes:

@@ -140,8 +140,7 @@ def attach_trees(tree: Tree, wall: WallDistance, reach: float) -> Tree:
     owner = find_chain_ends(np.where(parent >= 0, parent, np.arange(len(parent))))  # the root of each
     key_of = np.zeros(len(parent))
     key_of[root] = key
-    on_tree = np.full(len(far), -1)
-    share = np.zeros(len(far))
+    on_tree, share = np.full(len(far), -1), np.zeros(len(far))
     ends = tree.branch_ends()
     for i, one in enumerate(far.tolist()):
         places, along = nearest_on_segments(xy[root[one]], ends[:, 0], ends[:, 1])

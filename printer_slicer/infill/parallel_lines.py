@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from printer_slicer import bead
@@ -24,6 +22,7 @@ from printer_slicer.infill.variable_width import fill_gaps
 from printer_slicer.model import LayerPlan, Toolpaths
 from printer_slicer.profile import Profile
 from printer_slicer.roles import Role, roles_with
+from printer_slicer.values import Struct
 
 __all__ = ["RowSettings", "fill_with_rows"]
 
@@ -36,8 +35,7 @@ _MAX_BEADS_BETWEEN = 3  # most extrusions side by side in gaps between rows
 _MAX_FLOW, _MIN_FLOW = 1.15, 0.85  # limits of the flow factor that gives a piece its nominal volume
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class RowSettings:
+class RowSettings(Struct, frozen=True, eq=False):
     """Settings of the rows in each of P pieces.
 
     Attributes:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from printer_slicer.arrays import Float, Int
 from printer_slicer.geometry import Areas, Polylines
 from printer_slicer.infill.connections import measure_extension_room
+from printer_slicer.values import replace
 
 __all__ = ["extend_ends"]
 

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, bounding_boxes, consecutive, frozen_array
 from printer_slicer.geometry import Areas, Polylines, clip_lines
+from printer_slicer.values import Struct, force_setattr
 
 __all__ = ["PeriodicLines", "clip_periodic_lines"]
 
 _MAX_POINTS = 500_000  # points that are clipped at once
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class PeriodicLines:
+class PeriodicLines(Struct, frozen=True, eq=False):
     """Two lines for each entry, repeated with a period along and a pitch across.
 
     Attributes:
@@ -34,9 +32,9 @@ class PeriodicLines:
     swapped: Bool
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "uv", frozen_array(self.uv, np.float64, (-1, 2)))
-        object.__setattr__(self, "start", frozen_array(self.start, np.int64, (-1,)))
-        object.__setattr__(self, "swapped", frozen_array(self.swapped, np.bool_, (len(self.start) // 2,)))
+        force_setattr(self, "uv", frozen_array(self.uv, np.float64, (-1, 2)))
+        force_setattr(self, "start", frozen_array(self.start, np.int64, (-1,)))
+        force_setattr(self, "swapped", frozen_array(self.swapped, np.bool_, (len(self.start) // 2,)))
 
 
 def clip_periodic_lines(area: Areas, waves: PeriodicLines) -> Polylines:

@@ -19,10 +19,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 from printer_slicer.macros.values import MacroFault, Pattern, Scalar, check_range
+from printer_slicer.values import Struct
 
 __all__ = [
     "Binary",
@@ -82,24 +82,21 @@ class Token(NamedTuple):
     end_position: int
 
 
-@dataclass(frozen=True, slots=True)
-class Literal:
+class Literal(Struct, frozen=True):
     """A literal value."""
 
     value: Scalar
     position: int
 
 
-@dataclass(frozen=True, slots=True)
-class Name:
+class Name(Struct, frozen=True):
     """A setting, a fact or a variable."""
 
     name: str
     position: int
 
 
-@dataclass(frozen=True, slots=True)
-class Unary:
+class Unary(Struct, frozen=True):
     """A unary operator, `-` or `not`, and its operand."""
 
     sign: str
@@ -107,8 +104,7 @@ class Unary:
     position: int
 
 
-@dataclass(frozen=True, slots=True)
-class Binary:
+class Binary(Struct, frozen=True):
     """A binary operator and its operands."""
 
     sign: str
@@ -117,8 +113,7 @@ class Binary:
     position: int
 
 
-@dataclass(frozen=True, slots=True)
-class Choice:
+class Choice(Struct, frozen=True):
     """A conditional expression, `condition ? yes : no`."""
 
     condition: Node
@@ -127,8 +122,7 @@ class Choice:
     position: int
 
 
-@dataclass(frozen=True, slots=True)
-class Index:
+class Index(Struct, frozen=True):
     """One item of a list, counted from 0."""
 
     container: Node
@@ -136,16 +130,14 @@ class Index:
     position: int
 
 
-@dataclass(frozen=True, slots=True)
-class Vector:
+class Vector(Struct, frozen=True):
     """A literal list."""
 
     items: tuple[Node, ...]
     position: int
 
 
-@dataclass(frozen=True, slots=True)
-class Call:
+class Call(Struct, frozen=True):
     """A function call."""
 
     name: str

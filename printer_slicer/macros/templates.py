@@ -21,13 +21,13 @@ import re
 from collections import ChainMap
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
 from typing import Final, Never
 
 from printer_slicer.errors import ProfileError
 from printer_slicer.macros.evaluation import check_known, evaluate, evaluate_with_vectors, is_true
 from printer_slicer.macros.syntax import ExpressionReader, Index, Literal, Name, Node, Token, names_in
 from printer_slicer.macros.values import Items, MacroFault, UnknownName, Value, format_value
+from printer_slicer.values import Struct, field
 
 __all__ = ["Template", "escape_braces", "read_template"]
 
@@ -41,8 +41,7 @@ _BRACE: Final = re.compile(r"[{\[}\n]")
 _SQUARE: Final = re.compile(r"\[\s*([A-Za-z_]\w*)\s*(?:\[\s*(\w+)\s*\]\s*)?\]", re.ASCII)
 
 
-@dataclass(frozen=True, slots=True)
-class _Mark:
+class _Mark(Struct, frozen=True):
     """The start of a branch or the end of a block: `if`, `elsif`, `else` or `endif`."""
 
     word: str
@@ -50,8 +49,7 @@ class _Mark:
     position: int
 
 
-@dataclass(frozen=True, slots=True)
-class _Insertion:
+class _Insertion(Struct, frozen=True):
     """An expression whose value is inserted; in a comment, `source` is inserted if a name is unknown."""
 
     tree: Node
@@ -59,8 +57,7 @@ class _Insertion:
     is_in_comment: bool
 
 
-@dataclass(frozen=True, slots=True)
-class _Assignment:
+class _Assignment(Struct, frozen=True):
     """An assignment to a variable; `scope` is `local` or `global`, or empty for an existing variable."""
 
     scope: str
@@ -69,8 +66,7 @@ class _Assignment:
     tree: Node
 
 
-@dataclass(frozen=True, slots=True)
-class _Block:
+class _Block(Struct, frozen=True):
     """The branches of an `if`; the first one whose condition is true is used. `else` has the condition None."""
 
     branches: tuple[tuple[_Mark, tuple[_Piece, ...]], ...]
@@ -80,8 +76,7 @@ _Piece = str | _Insertion | _Assignment | _Block
 _FlatPiece = str | _Insertion | _Assignment | _Mark
 
 
-@dataclass(frozen=True, slots=True)
-class Template:
+class Template(Struct, frozen=True):
     """A parsed macro.
 
     Attributes:
@@ -181,8 +176,7 @@ def _walk_pieces(pieces: tuple[_Piece, ...]) -> Iterator[_Insertion | _Assignmen
                 yield from _walk_pieces(inner)
 
 
-@dataclass(slots=True)
-class _Renderer:
+class _Renderer(Struct):
     """Evaluates a macro with known values and with variables."""
 
     known: Mapping[str, Value]
@@ -254,8 +248,7 @@ class _Renderer:
         return Items([*values[:index], value, *values[index + 1 :]])
 
 
-@dataclass(slots=True)
-class _BranchRenderer(_Renderer):
+class _BranchRenderer(_Renderer, Struct):
     """Renders all branches that may be used.
 
     Attributes:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,6 +11,7 @@ import numpy as np
 from printer_slicer.errors import MeshError
 from printer_slicer.mesh_io.limits import check_facets, check_instances, check_vertices
 from printer_slicer.mesh_io.soundness import BLOCK, EXPORT_AGAIN
+from printer_slicer.values import Struct, field
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -29,8 +29,7 @@ __all__ = [
 ]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ObjectReference:
+class ObjectReference(Struct, frozen=True, eq=False):
     """An object placed in another one, or on the plate.
 
     Attributes:
@@ -89,8 +88,7 @@ class ObjectTable:
         return [self._n_numbers[0] + len(self._last.xyz), self._n_numbers[1] + len(self._last.corners)]
 
 
-@dataclass(slots=True, eq=False)
-class ObjectBuilder:
+class ObjectBuilder(Struct, eq=False):
     """An object that is being read.
 
     Attributes:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from printer_slicer.errors import MeshError
 from printer_slicer.input_files import WRITER_SECONDS
+from printer_slicer.values import Struct
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -16,8 +16,7 @@ __all__ = ["LIMITS", "Limits", "check_facets", "check_instances", "check_vertice
 MIB: Final = 1 << 20
 
 
-@dataclass(frozen=True, slots=True)
-class Limits:
+class Limits(Struct, frozen=True):
     """Maximum values that `load_mesh` accepts; it raises a `MeshError` beyond them.
 
     Attributes:

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from printer_slicer.mesh_io.assembly import ObjectBuilder
 from printer_slicer.mesh_io.markup import XmlReader
+from printer_slicer.values import Struct
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -32,8 +32,7 @@ LONGEST_NAME: Final = 40
 NEGATIVE_KINDS: Final = frozenset({"negativevolume", "negative_part"})
 
 
-@dataclass(frozen=True, slots=True)
-class _Volume:
+class _Volume(Struct, frozen=True):
     """A volume that must not be printed."""
 
     name: str

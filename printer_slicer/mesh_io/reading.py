@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -17,6 +16,7 @@ from printer_slicer.mesh_io.limits import LIMITS, Limits
 from printer_slicer.mesh_io.soundness import COPY_AGAIN, drop_degenerate_facets, facet_blocks
 from printer_slicer.mesh_io.units import UNITS, check_unit, unit_advice
 from printer_slicer.model import Mesh, PlateObject
+from printer_slicer.values import Struct
 
 if TYPE_CHECKING:
     import os
@@ -56,8 +56,7 @@ N_CERTAIN: Final = 3
 """Number of entries of MAGIC that take precedence over the file name."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Model:
+class Model(Struct, frozen=True, eq=False):
     """A part read from a file.
 
     Attributes:

@@ -10,10 +10,11 @@ from __future__ import annotations
 import re
 import warnings
 from collections.abc import Collection
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
 import numpy as np
+
+from printer_slicer.values import Struct
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -46,8 +47,7 @@ POSITIONS_PER_ROW: Final = 16
 """Number of positions searched for each remaining row, if few rows remain."""
 
 
-@dataclass(frozen=True, slots=True)
-class Property:
+class Property(Struct, frozen=True):
     """A column of a table: numbers of type `kind` or, with `count`, lists of them whose length has this type."""
 
     name: str
@@ -55,8 +55,7 @@ class Property:
     count: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class Element:
+class Element(Struct, frozen=True):
     """A table with `n_rows` rows."""
 
     name: str
@@ -64,8 +63,7 @@ class Element:
     properties: tuple[Property, ...]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Column:
+class Column(Struct, frozen=True, eq=False):
     """The numbers of one property: how many each row has (n,), and those of all rows in one array."""
 
     counts: Int
@@ -241,12 +239,13 @@ def read_table(
     """
     if not 0 <= element.n_rows <= body.end:
         raise ValueError(
-            f"element '{element.name[:40]}' states {element.n_rows} rows, but only {body.end} bytes or words follow"
+            f"element '{element.name[:40]}' has {element.n_rows} rows, but only {body.end} bytes or words follow"
         )
     if not element.n_rows:
         return {}, start
     first, counts, stride = _read_row_layout(body, element, start)
-    if start + element.n_rows * stride <= body.end and _has_equal_rows(body, element, first, counts, stride):
+    end = start + element.n_rows * stride
+    if end <= body.end and _has_equal_rows(body, element, first, counts, stride):
         return {
             one.name: Column(
                 np.broadcast_to(np.int64(count), (element.n_rows,)),
@@ -254,7 +253,7 @@ def read_table(
             )
             for one, at, count in zip(element.properties, first, counts, strict=True)
             if one.name in names
-        }, start + element.n_rows * stride
+        }, end
     return _read_uneven_rows(body, element, start, names)
 
 

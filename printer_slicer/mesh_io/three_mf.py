@@ -10,7 +10,6 @@ import math
 import posixpath
 from collections import Counter
 from collections.abc import Hashable
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -27,6 +26,7 @@ from printer_slicer.mesh_io.markup import XmlReader, get_integer, get_number
 from printer_slicer.mesh_io.modifiers import MAX_LISTED_NAMES, read_modifiers
 from printer_slicer.mesh_io.soundness import EXPORT_AGAIN
 from printer_slicer.mesh_io.units import UNITS, parse_unit
+from printer_slicer.values import Struct, field
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -64,8 +64,7 @@ PAINT: Final = {
 USUAL_ROOT_MODEL: Final = "3d/3dmodel.model"
 
 
-@dataclass(slots=True, eq=False)
-class _Model:
+class _Model(Struct, eq=False):
     """The data of one model file of an archive."""
 
     objects: ObjectTable

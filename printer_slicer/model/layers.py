@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -12,6 +11,7 @@ from printer_slicer.arrays import Bool, Float, Int, frozen_array
 from printer_slicer.errors import PlanError
 from printer_slicer.geometry import Areas
 from printer_slicer.repr_svg import SvgRepr
+from printer_slicer.values import Struct, field, force_setattr, replace
 
 __all__ = ["SAME_TOP", "Contours", "Gap", "LayerPlan", "Regions", "Sections"]
 
@@ -19,8 +19,7 @@ SAME_TOP: Final = 1e-7
 """Layers of different objects have the same top if their tops differ by less than this, mm."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class LayerPlan(SvgRepr):
+class LayerPlan(SvgRepr, Struct, frozen=True, eq=False):
     """The stack of layers: their tops, and the heights at which the mesh is cut.
 
     Attributes:
@@ -40,11 +39,9 @@ class LayerPlan(SvgRepr):
     base: Float = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "top", frozen_array(self.top, np.float64, (-1,)))
-        object.__setattr__(self, "cut", frozen_array(self.cut, np.float64, (len(self.top),)))
-        object.__setattr__(
-            self, "base", frozen_array(self.base, np.float64, (len(self.base) and len(self.top),))
-        )
+        force_setattr(self, "top", frozen_array(self.top, np.float64, (-1,)))
+        force_setattr(self, "cut", frozen_array(self.cut, np.float64, (len(self.top),)))
+        force_setattr(self, "base", frozen_array(self.base, np.float64, (len(self.base) and len(self.top),)))
 
     def __repr__(self) -> str:
         if not self.n_layers:
@@ -128,8 +125,7 @@ def _convert_tops(top: object) -> Float:
     return found
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Contours:
+class Contours(Struct, frozen=True, eq=False):
     """The contours of all layers, before and after the segments are joined.
 
     Attributes:
@@ -146,13 +142,12 @@ class Contours:
     repaired: Areas
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "segments", frozen_array(self.segments, np.float64, (-1, 2, 2)))
+        force_setattr(self, "segments", frozen_array(self.segments, np.float64, (-1, 2, 2)))
         n_segments = len(self.segments)
-        object.__setattr__(self, "segment_layer", frozen_array(self.segment_layer, np.int64, (n_segments,)))
+        force_setattr(self, "segment_layer", frozen_array(self.segment_layer, np.int64, (n_segments,)))
 
 
-@dataclass(frozen=True, slots=True)
-class Gap:
+class Gap(Struct, frozen=True):
     """A gap of `width` mm in the contour of a layer, where the mesh is open; the gap was closed."""
 
     layer: int
@@ -167,8 +162,7 @@ class Gap:
         return float(np.pi / 8 * self.width**2)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Sections(SvgRepr):
+class Sections(SvgRepr, Struct, frozen=True, eq=False):
     """The solid area of the part in each layer, simplified within the resolution of the profile.
 
     Attributes:
@@ -210,8 +204,7 @@ _REGIONS: Final = (
 )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Regions(SvgRepr):
+class Regions(SvgRepr, Struct, frozen=True, eq=False):
     """The area inside the perimeters, divided by role; regions of a layer do not overlap.
 
     Attributes:
@@ -242,13 +235,13 @@ class Regions(SvgRepr):
 
     def __post_init__(self) -> None:
         angle = frozen_array(self.bridge_angle, np.float64, (self.bridge.n_rings,))
-        object.__setattr__(self, "bridge_angle", angle)
+        force_setattr(self, "bridge_angle", angle)
         for name in ("internal_bridge", "inside"):
             if getattr(self, name).n_layers == 0:  # not given
-                object.__setattr__(self, name, Areas.empty(self.plan.n_layers))
+                force_setattr(self, name, Areas.empty(self.plan.n_layers))
         n_rings = self.internal_bridge.n_rings
         given = self.internal_bridge_angle if len(self.internal_bridge_angle) else np.zeros(n_rings)
-        object.__setattr__(self, "internal_bridge_angle", frozen_array(given, np.float64, (n_rings,)))
+        force_setattr(self, "internal_bridge_angle", frozen_array(given, np.float64, (n_rings,)))
 
     def __repr__(self) -> str:
         names = (

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
@@ -13,6 +12,7 @@ from printer_slicer.errors import MeshError, UsageError
 from printer_slicer.model.plate_objects import PlateObject
 from printer_slicer.repr_svg import SvgRepr
 from printer_slicer.texts import describe_type
+from printer_slicer.values import Struct, force_setattr
 
 if TYPE_CHECKING:
     import trimesh
@@ -25,8 +25,7 @@ _bounds: WeakKeyDictionary[Mesh, Float] = WeakKeyDictionary()
 """Cached bounds, which many stages use."""
 
 
-@dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
-class Mesh(SvgRepr):
+class Mesh(SvgRepr, Struct, frozen=True, eq=False, weakref=True):
     """The surface of the part as unconnected triangles, as in an STL file.
 
     Neighbouring triangles have exactly equal corner coordinates.
@@ -42,7 +41,7 @@ class Mesh(SvgRepr):
     objects: tuple[PlateObject, ...] = ()
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "triangles", frozen_array(self.triangles, np.float64, (-1, 3, 3)))
+        force_setattr(self, "triangles", frozen_array(self.triangles, np.float64, (-1, 3, 3)))
 
     def __repr__(self) -> str:
         x, y, z = self.size.tolist() if self.n_facets else (0, 0, 0)
@@ -137,8 +136,7 @@ class Mesh(SvgRepr):
         return Mesh(self.triangles + np.asarray(by, dtype=np.float64), self.name, items)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class MeshFaults:
+class MeshFaults(Struct, frozen=True, eq=False):
     """The faulty edges of a mesh; each is given by its midpoint, (n, 3), mm.
 
     Attributes:
@@ -153,7 +151,7 @@ class MeshFaults:
 
     def __post_init__(self) -> None:
         for name in ("open_edges", "flipped_edges", "crowded_edges"):
-            object.__setattr__(self, name, frozen_array(getattr(self, name), np.float64, (-1, 3)))
+            force_setattr(self, name, frozen_array(getattr(self, name), np.float64, (-1, 3)))
 
     @property
     def count(self) -> int:
@@ -161,8 +159,7 @@ class MeshFaults:
         return len(self.open_edges) + len(self.flipped_edges) + len(self.crowded_edges)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Repair:
+class Repair(Struct, frozen=True, eq=False):
     """One kind of repair of a mesh.
 
     Attributes:
@@ -179,7 +176,7 @@ class Repair:
     area: float = 0.0
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "places", frozen_array(self.places, np.float64, (-1, 3)))
+        force_setattr(self, "places", frozen_array(self.places, np.float64, (-1, 3)))
 
     @property
     def count(self) -> int:
@@ -187,8 +184,7 @@ class Repair:
         return len(self.places)
 
 
-@dataclass(frozen=True, slots=True)
-class Repairs:
+class Repairs(Struct, frozen=True):
     """All repairs of a mesh.
 
     Attributes:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import numpy as np
@@ -22,6 +21,7 @@ from printer_slicer.arrays import (
 from printer_slicer.model.layers import SAME_TOP, LayerPlan
 from printer_slicer.repr_svg import SvgRepr
 from printer_slicer.roles import Role
+from printer_slicer.values import Struct, field, force_setattr, replace
 
 __all__ = [
     "Acceleration",
@@ -43,8 +43,7 @@ _POINT_COLUMNS: Final = ("xy", "width", "support_ratio", "z_offset", "flow_ratio
 _PATH_COLUMNS: Final = ("layer", "role", "height", "closed", "chain_id", "settings_id", "z_top", "tool")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Toolpaths(SvgRepr):
+class Toolpaths(SvgRepr, Struct, frozen=True, eq=False):
     """Polylines to print; path `i` has the points `xy[start[i]:start[i + 1]]`.
 
     Attributes:
@@ -98,14 +97,14 @@ class Toolpaths(SvgRepr):
             ("centre", np.nan, (n_points, 2)),
         ):
             if getattr(self, name) is _NOT_GIVEN:
-                object.__setattr__(self, name, np.broadcast_to(np.float64(value), shape))
+                force_setattr(self, name, np.broadcast_to(np.float64(value), shape))
         if self.chain_id is _NO_NUMBERS:
-            object.__setattr__(self, "chain_id", np.full(n_paths, -1))
+            force_setattr(self, "chain_id", np.full(n_paths, -1))
         for name in ("settings_id", "tool"):
             if getattr(self, name) is _NO_NUMBERS:
-                object.__setattr__(self, name, np.zeros(n_paths, np.int64))
+                force_setattr(self, name, np.zeros(n_paths, np.int64))
         if self.z_top is _NOT_GIVEN:
-            object.__setattr__(self, "z_top", self.plan.top[self.layer])
+            force_setattr(self, "z_top", self.plan.top[self.layer])
         for name, dtype, shape in (
             ("xy", np.float64, (-1, 2)),
             ("width", np.float64, (n_points,)),
@@ -124,7 +123,7 @@ class Toolpaths(SvgRepr):
             ("tool", np.int64, (n_paths,)),
         ):
             if name not in _MAY_BE_DEFAULT or not _is_default(getattr(self, name)):
-                object.__setattr__(self, name, frozen_array(getattr(self, name), dtype, shape))
+                force_setattr(self, name, frozen_array(getattr(self, name), dtype, shape))
 
     def __repr__(self) -> str:
         metres = float(self.length().sum()) / 1000
@@ -308,16 +307,14 @@ def reorder_ragged(columns: Sequence[Float], size: Int, order: Int) -> tuple[lis
     return [column.take(chosen, axis=0) for column in columns], counts
 
 
-@dataclass(frozen=True, slots=True)
-class Fan:
+class Fan(Struct, frozen=True):
     """Set the part fan before move `index`; `ratio` 0 to 1."""
 
     index: int
     ratio: float
 
 
-@dataclass(frozen=True, slots=True)
-class Heat:
+class Heat(Struct, frozen=True):
     """Set temperatures, °C, before move `index`; None leaves a heater unchanged; `tool` selects the nozzle."""
 
     index: int
@@ -326,24 +323,21 @@ class Heat:
     tool: int = 0
 
 
-@dataclass(frozen=True, slots=True)
-class Acceleration:
+class Acceleration(Struct, frozen=True):
     """Set the acceleration `value`, mm/s², from move `index` on; also of travels if the firmware has one value."""
 
     index: int
     value: float
 
 
-@dataclass(frozen=True, slots=True)
-class PressureAdvance:
+class PressureAdvance(Struct, frozen=True):
     """Set the pressure advance, s, from move `index` on."""
 
     index: int
     seconds: float
 
 
-@dataclass(frozen=True, slots=True)
-class ToolChange:
+class ToolChange(Struct, frozen=True):
     """Switch to extruder `tool`, an index in `Profile.extruders`, before move `index`."""
 
     index: int
@@ -353,8 +347,7 @@ class ToolChange:
 Event = Fan | Heat | Acceleration | PressureAdvance | ToolChange
 
 
-@dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
-class Program(SvgRepr):
+class Program(SvgRepr, Struct, frozen=True, eq=False, weakref=True):
     """The moves of a print, before they are written as G-code: straight lines between positions.
 
     Attributes:
@@ -392,11 +385,11 @@ class Program(SvgRepr):
     def __post_init__(self) -> None:
         n_moves = len(self.xyz)
         if self.tool is _NO_NUMBERS:
-            object.__setattr__(self, "tool", np.zeros(n_moves, np.int64))
+            force_setattr(self, "tool", np.zeros(n_moves, np.int64))
         if self.z_top is _NOT_GIVEN:
-            object.__setattr__(self, "z_top", self.plan.top[self.layer])
+            force_setattr(self, "z_top", self.plan.top[self.layer])
         if self.centre is _NOT_GIVEN:
-            object.__setattr__(self, "centre", np.broadcast_to(np.float64(np.nan), (n_moves, 2)))
+            force_setattr(self, "centre", np.broadcast_to(np.float64(np.nan), (n_moves, 2)))
         for name, dtype, shape in (
             ("origin", np.float64, (3,)),
             ("xyz", np.float64, (-1, 3)),
@@ -411,7 +404,7 @@ class Program(SvgRepr):
             ("tool", np.int64, (n_moves,)),
         ):
             if name not in _MAY_BE_DEFAULT or not _is_default(getattr(self, name)):
-                object.__setattr__(self, name, frozen_array(getattr(self, name), dtype, shape))
+                force_setattr(self, name, frozen_array(getattr(self, name), dtype, shape))
 
     def __repr__(self) -> str:
         metres = self.filament_used / 1000

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
 import numpy as np
 
 from printer_slicer.arrays import Float, Int, frozen_array
+from printer_slicer.values import Struct, force_setattr, replace
 
 __all__ = ["Labels", "PlateObject"]
 
 
-@dataclass(frozen=True, slots=True)
-class PlateObject:
+class PlateObject(Struct, frozen=True):
     """One object of a mesh.
 
     Attributes:
@@ -46,8 +44,7 @@ class PlateObject:
         return replace(self, first=0, count=0)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Labels:
+class Labels(Struct, frozen=True, eq=False):
     """The object of each move.
 
     Attributes:
@@ -61,5 +58,5 @@ class Labels:
     object_id: Int
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "boxes", frozen_array(self.boxes, np.float64, (len(self.names), 2, 2)))
-        object.__setattr__(self, "object_id", frozen_array(self.object_id, np.int64, (-1,)))
+        force_setattr(self, "boxes", frozen_array(self.boxes, np.float64, (len(self.names), 2, 2)))
+        force_setattr(self, "object_id", frozen_array(self.object_id, np.int64, (-1,)))

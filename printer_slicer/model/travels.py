@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, frozen_array
 from printer_slicer.model.paths import Toolpaths
+from printer_slicer.values import Struct, force_setattr
 
 __all__ = ["Travels", "find_travel_ends"]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Travels:
+class Travels(Struct, frozen=True, eq=False):
     """Travel moves in printing order: travel `i` leads from the end of path `i - 1` to the start of path `i`.
 
     Attributes:
@@ -36,7 +34,7 @@ class Travels:
             ("retract", np.bool_, (n_ways,)),
             ("crossings", np.int64, (n_ways,)),
         ):
-            object.__setattr__(self, name, frozen_array(getattr(self, name), dtype, shape))
+            force_setattr(self, name, frozen_array(getattr(self, name), dtype, shape))
 
     def __repr__(self) -> str:
         crossing = int((self.crossings > 0).sum())

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,12 +11,12 @@ from printer_slicer.geometry import Areas
 from printer_slicer.model.layers import LayerPlan
 from printer_slicer.model.paths import Toolpaths
 from printer_slicer.repr_svg import SvgRepr
+from printer_slicer.values import Struct, force_setattr
 
 __all__ = ["Walls"]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Walls(SvgRepr):
+class Walls(SvgRepr, Struct, frozen=True, eq=False):
     """The perimeters, and the area inside them.
 
     Attributes:
@@ -37,9 +36,7 @@ class Walls(SvgRepr):
 
     def __post_init__(self) -> None:
         for name in ("width", "lost"):
-            object.__setattr__(
-                self, name, frozen_array(getattr(self, name), np.float64, (self.plan.n_layers,))
-            )
+            force_setattr(self, name, frozen_array(getattr(self, name), np.float64, (self.plan.n_layers,)))
 
     @property
     def drawable(self) -> object:

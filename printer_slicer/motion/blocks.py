@@ -6,9 +6,10 @@ computed as squares, because under constant acceleration v² changes by 2·a·d 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import acos, inf, sqrt
 from typing import Final, Literal, NamedTuple
+
+from printer_slicer.values import Struct
 
 __all__ = [
     "SHORTEST",
@@ -46,8 +47,7 @@ SQUARE_CORNER_FACTOR: Final = sqrt(2) - 1
 """Factor with which the deviation formula gives the square corner velocity at 90°."""
 
 
-@dataclass(frozen=True, slots=True)
-class MotionLimits:
+class MotionLimits(Struct, frozen=True):
     """Motion limits of a machine.
 
     Attributes:

@@ -6,7 +6,6 @@ agree up to rounding. Letters in shapes: K moves, B blocks (moves that are not z
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,6 +20,7 @@ from printer_slicer.motion.blocks import (
     STRAIGHT_COSINE,
 )
 from printer_slicer.motion.rules import EQUAL_RATIO
+from printer_slicer.values import Struct
 
 if TYPE_CHECKING:
     from printer_slicer.motion.blocks import MotionLimits
@@ -43,8 +43,7 @@ __all__ = [
 ]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Blocks:
+class Blocks(Struct, frozen=True, eq=False):
     """Columns of `rules.Block`: length, speed, acceleration, share (B,); unit (4, B)."""
 
     length: Float
@@ -93,8 +92,7 @@ def durations(
     return seconds
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class SpeedProfile:
+class SpeedProfile(Struct, frozen=True, eq=False):
     """Planned speeds at the corners of B blocks.
 
     Attributes:
@@ -136,8 +134,7 @@ class SpeedProfile:
         return int(found[-1]) if len(found) else 0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class CruiseLimits:
+class CruiseLimits(Struct, frozen=True, eq=False):
     """Cruise limits for `minimum_cruise_ratio`, see `rules._squared_cruise_limits`.
 
     Attributes:
@@ -381,8 +378,7 @@ def ramp_times(blocks: Blocks, squares: Float, tops: Float) -> Float:
     return np.where(reaches, trapezoid, triangle)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class RequestedMoves:
+class RequestedMoves(Struct, frozen=True, eq=False):
     """Requested moves: delta (K, 4), mm; speed (K,); acceleration (K,); whether the machine stops afterwards (K,)."""
 
     delta: Float

@@ -7,8 +7,6 @@ solid infill last. Paths without a fixed order are sorted for short travels.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from printer_slicer.arrays import Bool, Int, consecutive
@@ -24,6 +22,7 @@ from printer_slicer.ordering.spiral import apply_spiral_settings, make_spiral, s
 from printer_slicer.ordering.units import Units, find_inner_loops, group_units
 from printer_slicer.ordering.walls import cluster_walls
 from printer_slicer.profile import Profile
+from printer_slicer.values import replace
 
 __all__ = ["apply_spiral_settings", "order"]
 

@@ -11,7 +11,6 @@ Source: Viterbi 1967, "Error bounds for convolutional codes", applied to trees o
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,6 +18,7 @@ from printer_slicer.arrays import Bool, Float, Int, bounding_boxes
 from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.model import Toolpaths
 from printer_slicer.ordering.loops import Loops
+from printer_slicer.values import Struct
 
 __all__ = ["align_seams"]
 
@@ -61,8 +61,7 @@ def align_seams(paths: Toolpaths, loops: Loops, toward: Float, *, prefers_side: 
     return along
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Candidates:
+class _Candidates(Struct, frozen=True, eq=False):
     """Candidate seam positions, C for each of R loops.
 
     Attributes:

@@ -5,21 +5,19 @@ A position on a loop is given in mm along it from its first point; values wrap a
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-
 import numpy as np
 
 from printer_slicer.arrays import Float, Int, consecutive, next_in_ring
 from printer_slicer.geometry.vectors import nearest_share, norm
 from printer_slicer.model import Toolpaths
+from printer_slicer.values import Struct, replace
 
 __all__ = ["Loops", "argmin_by_group", "close_loops", "start_loops_at"]
 
 _SAME_POINT = 2e-3  # mm; a position this close to a point of its loop is that point
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Loops:
+class Loops(Struct, frozen=True, eq=False):
     """A selection of closed paths.
 
     Attributes:
@@ -38,20 +36,10 @@ class Loops:
     start: Int
     point: Int
     layer: Int
-    reach: Float = field(init=False)
-    length: Float = field(init=False)
-    following: Int = field(init=False)
-    _mark: Float = field(init=False)
-
-    def __post_init__(self) -> None:
-        following = next_in_ring(self.start)
-        step = np.hypot(*(self.xy.take(following, axis=0) - self.xy).T)
-        walked = np.append(0.0, np.cumsum(step))
-        size = np.diff(self.start)
-        object.__setattr__(self, "reach", walked[:-1] - np.repeat(walked[self.start[:-1]], size))
-        object.__setattr__(self, "length", np.diff(walked[self.start]))
-        object.__setattr__(self, "following", following)
-        object.__setattr__(self, "_mark", walked)
+    reach: Float
+    length: Float
+    following: Int
+    _mark: Float
 
     @classmethod
     def of(cls, paths: Toolpaths, selected: Int) -> Loops:
@@ -59,7 +47,11 @@ class Loops:
         size = np.diff(paths.start)[selected]
         point = consecutive(paths.start[selected], size)
         start = np.append(0, np.cumsum(size))
-        return cls(selected, paths.xy.take(point, axis=0), start, point, paths.layer[selected])
+        xy, following = paths.xy.take(point, axis=0), next_in_ring(start)
+        walked = np.append(0.0, np.cumsum(np.hypot(*(xy.take(following, axis=0) - xy).T)))
+        reach = walked[:-1] - np.repeat(walked[start[:-1]], size)
+        length = np.diff(walked[start])
+        return cls(selected, xy, start, point, paths.layer[selected], reach, length, following, walked)
 
     @property
     def n_loops(self) -> int:

@@ -6,8 +6,6 @@ with it. After a full turn the same section is printed again at the top of the l
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from printer_slicer.arrays import Float, Int, consecutive
@@ -15,6 +13,7 @@ from printer_slicer.model import Toolpaths
 from printer_slicer.ordering.loops import Loops
 from printer_slicer.profile import Profile
 from printer_slicer.roles import Role
+from printer_slicer.values import replace
 
 __all__ = ["add_scarfs"]
 

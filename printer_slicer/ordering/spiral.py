@@ -7,7 +7,6 @@ turn, and falls to 0 on an additional last turn at the top.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -18,6 +17,7 @@ from printer_slicer.model import Toolpaths
 from printer_slicer.ordering.loops import Loops, start_loops_at
 from printer_slicer.profile import Profile, profile_with
 from printer_slicer.roles import Role
+from printer_slicer.values import replace
 
 __all__ = ["apply_spiral_settings", "make_spiral", "select_spiral_paths"]
 
@@ -107,9 +107,7 @@ def _make_rising_turns(paths: Toolpaths, loops: Loops, base: Loops, profile: Pro
     share = around / np.maximum(loops.length[loop], 1e-9)
     layer = loops.layer[loop]
     height = paths.plan.height[layer]
-    under = np.append(0.0, paths.plan.height[loops.layer])[
-        turn
-    ]  # height of the turn below; 0 below the first
+    under = np.append(0.0, paths.plan.height[loops.layer])[turn]  # of the turn below; 0 below the first
     is_last = turn == loops.n_loops
     bead_height = np.where(is_last, (1 - share) * height, (1 - share) * under + share * height)
     reach = _MAX_BLEND_WIDTHS * profile.extrusion_width

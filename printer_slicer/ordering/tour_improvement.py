@@ -7,11 +7,10 @@ applied together.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, consecutive, distinct
+from printer_slicer.values import Struct
 
 __all__ = ["shorten_tour"]
 
@@ -70,8 +69,7 @@ def _pad_with_dummies(points: Float) -> Float:
     return np.concatenate([nowhere, points, nowhere])
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Tour:
+class _Tour(Struct, frozen=True, eq=False):
     """Units in their current order; `begin` and `end` have a dummy point on each side."""
 
     unit: Int

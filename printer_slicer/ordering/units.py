@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int
@@ -11,14 +9,14 @@ from printer_slicer.model import Toolpaths
 from printer_slicer.ordering.walls import WallClusters
 from printer_slicer.profile import Profile
 from printer_slicer.roles import ROLES, Phase, Role, roles_with
+from printer_slicer.values import Struct
 
 __all__ = ["Units", "find_inner_loops", "group_units"]
 
 _HIGHER = 1e-3  # mm
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Units:
+class Units(Struct, frozen=True, eq=False):
     """Units of paths, sorted by layer, island and step.
 
     Attributes:

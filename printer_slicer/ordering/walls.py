@@ -7,8 +7,6 @@ before the inner ones that support it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int
@@ -18,6 +16,7 @@ from printer_slicer.model import Toolpaths
 from printer_slicer.ordering.loops import Loops, start_loops_at
 from printer_slicer.ordering.seams import find_external_loops
 from printer_slicer.profile import Profile
+from printer_slicer.values import Struct
 
 __all__ = ["WallClusters", "cluster_walls"]
 
@@ -26,8 +25,7 @@ _MAX_GAP_WIDTHS = 1.7  # maximum distance of loops that touch, in extrusion widt
 _SEAM_STAGGER = 1.5  # mm along the loop between the seams of an inner and its external loop
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class WallClusters:
+class WallClusters(Struct, frozen=True, eq=False):
     """Clusters of loops that are printed together.
 
     Attributes:

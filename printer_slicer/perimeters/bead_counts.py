@@ -6,14 +6,13 @@ count of a neighbour.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, unique_inverse
 from printer_slicer.geometry.connectivity import label_components
 from printer_slicer.perimeters.beading import Beading
 from printer_slicer.perimeters.graph import AxisGraph, find_crossings, thin_and_thick_ends
+from printer_slicer.values import Struct
 
 __all__ = ["CountedGraph", "count_beads"]
 
@@ -30,8 +29,7 @@ _SPUR_RADIUS_RATIO = 0.3  # of the narrowest bead's spacing
 _SPUR_LENGTH = 0.05  # mm beyond the round end of a bead
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class CountedGraph:
+class CountedGraph(Struct, frozen=True, eq=False):
     """A medial axis with the number of beads across each piece.
 
     Attributes:
@@ -232,8 +230,7 @@ def _values_of_runs(run: Int, values: Int, n: int) -> Int:
     return result
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Runs:
+class _Runs(Struct, frozen=True, eq=False):
     """Runs, connected pieces of one count: length, least and greatest radius, count and layer (n,)."""
 
     length: Float

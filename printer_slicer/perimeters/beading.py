@@ -10,11 +10,10 @@ dense contour-parallel toolpaths in fused deposition modeling, 2020 (arXiv 2004.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from printer_slicer.arrays import Float, Int
+from printer_slicer.values import Struct
 
 __all__ = ["Beading"]
 
@@ -24,8 +23,7 @@ _THIN_RATIO = 0.6  # of the thinnest feature; beads continue through dips down t
 _LEAST_MIDDLE_BEAD = 0.3  # spacings, least width of a middle bead
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Beading:
+class Beading(Struct, frozen=True, eq=False):
     """Rules for the beads across an area, for each layer.
 
     Attributes:

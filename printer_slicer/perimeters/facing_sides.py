@@ -7,14 +7,13 @@ of them faces that.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.geometry import Areas
 from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.geometry.vectors import cross, dot, nearest_on_segments, norm
+from printer_slicer.values import Struct
 
 __all__ = ["find_facing_sides"]
 
@@ -75,8 +74,7 @@ def _mark_small_rings(areas: Areas, distance: Float) -> Bool:
     return np.repeat(small, size)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _OutlineSides:
+class _OutlineSides(Struct, frozen=True, eq=False):
     """Sides of outlines, and the corners at their beginnings.
 
     Attributes:

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from printer_slicer.arrays import Float, Int, compact_ids, consecutive
 from printer_slicer.geometry.medial_axis import MedialAxis, follow_parts
 from printer_slicer.geometry.vectors import norm
+from printer_slicer.values import Struct
 
 __all__ = ["AxisGraph", "find_crossings", "thin_and_thick_ends"]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class AxisGraph:
+class AxisGraph(Struct, frozen=True, eq=False):
     """Points and pieces of a medial axis, named as in `MedialAxis`.
 
     Attributes:

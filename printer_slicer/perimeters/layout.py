@@ -5,8 +5,6 @@ Values belong to ports. A port is a point together with one bead count; where th
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, unique_inverse
@@ -14,6 +12,7 @@ from printer_slicer.geometry.connectivity import find_chain_ends
 from printer_slicer.perimeters.bead_counts import CountedGraph
 from printer_slicer.perimeters.beading import Beading
 from printer_slicer.perimeters.graph import AxisGraph, find_crossings, thin_and_thick_ends
+from printer_slicer.values import Struct, replace
 
 __all__ = ["BeadLayout", "lay_out_beads"]
 
@@ -21,8 +20,7 @@ __all__ = ["BeadLayout", "lay_out_beads"]
 _TRANSITION_LENGTH = 0.2
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class BeadLayout:
+class BeadLayout(Struct, frozen=True, eq=False):
     """Beads of a graph. Level i is the loop of depth i; the last level is the border of the remaining area.
 
     Attributes:
@@ -84,8 +82,7 @@ def _divide_pieces(counted: CountedGraph, cuts: list[tuple[Int, Float]]) -> Coun
     )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _PieceEnds:
+class _PieceEnds(Struct, frozen=True, eq=False):
     """The ports of a graph; see `BeadLayout`.
 
     Attributes:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, distinct, polyline_lengths, run_starts
@@ -14,6 +12,7 @@ from printer_slicer.geometry.vectors import dot, norm
 from printer_slicer.perimeters.beading import Beading
 from printer_slicer.perimeters.graph import thin_and_thick_ends
 from printer_slicer.perimeters.layout import BeadLayout
+from printer_slicer.values import Struct, replace
 
 __all__ = ["MiddleLines", "trace_middle_lines"]
 
@@ -22,8 +21,7 @@ _LEAST_LENGTH = 0.4  # bead widths; shorter lines are not worth a start and a st
 _RING_CORNERS = 6  # corners of the ring that replaces a dot
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class MiddleLines:
+class MiddleLines(Struct, frozen=True, eq=False):
     """Polylines with widths.
 
     Attributes:
@@ -198,8 +196,7 @@ def _find_continuations(point: Int, way: Float) -> tuple[Int, Bool]:
     return result, met & (result < 0)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _LineSteps:
+class _LineSteps(Struct, frozen=True, eq=False):
     """Half-pieces (h,) in the order of the lines: their line, whether it is closed and whether it meets others."""
 
     half: Int

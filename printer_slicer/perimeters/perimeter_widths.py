@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from printer_slicer import bead
 from printer_slicer.arrays import Float
 from printer_slicer.model import Toolpaths
 from printer_slicer.roles import Role
+from printer_slicer.values import replace
 
 __all__ = ["widen_perimeters"]
 

@@ -6,7 +6,6 @@ the fixed-width loop to the next mouth.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import reduce
 
 import numpy as np
@@ -17,6 +16,7 @@ from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.geometry.connectivity import find_cycles
 from printer_slicer.geometry.vectors import cross, nearest_on_segments, norm
 from printer_slicer.perimeters.layout import BeadLayout
+from printer_slicer.values import Struct
 
 __all__ = ["BeadRings", "TracedBeads", "join_loops", "trace_beads"]
 
@@ -24,8 +24,7 @@ _ROUNDING = 1e-6  # mm
 _MAX_MOUTH_DISTANCE = 0.02  # mm, largest distance between a mouth and its fixed-width loop
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class TracedBeads:
+class TracedBeads(Struct, frozen=True, eq=False):
     """Steps of loops along half-pieces, with the outline on the left.
 
     Attributes:
@@ -43,8 +42,7 @@ class TracedBeads:
     following: Int
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class BeadRings:
+class BeadRings(Struct, frozen=True, eq=False):
     """Closed loops with their widths; outer loops are counter-clockwise.
 
     Attributes:
@@ -186,8 +184,7 @@ def _gather_rings(
     return BeadRings(xy.compress(apart, axis=0), width[apart], size[whole], level, layer)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _FixedLoops:
+class _FixedLoops(Struct, frozen=True, eq=False):
     """The fixed-width loops of one level, walked backward like the steps, with the mouths between points.
 
     Attributes:
@@ -218,13 +215,11 @@ class _FixedLoops:
         mouth = np.concatenate([walk.xy[leaves, 0], walk.xy[joins, 1]])
         layer = walk.layer[np.concatenate([leaves, joins])]
         side, share, gap = _find_nearest_sides(areas, mouth, layer)
-        lost = layer[gap > _MAX_MOUTH_DISTANCE]
-        ring_of_point = areas.point_ring
+        found, ring_of_point = gap <= _MAX_MOUTH_DISTANCE, areas.point_ring
         touched = np.zeros(areas.n_rings, np.bool_)
-        touched[ring_of_point[side[gap <= _MAX_MOUTH_DISTANCE]]] = True
+        touched[ring_of_point[side[found]]] = True
         touched[~touched] = ~_are_beside_pieces(areas.select(~touched), layout)
         points = np.flatnonzero(touched[ring_of_point])
-        found = gap <= _MAX_MOUTH_DISTANCE
         at = np.concatenate([points.astype(np.float64), (side + np.clip(share, 1e-9, 1 - 1e-9))[found]])
         ring = ring_of_point[np.concatenate([points, side[found]])]
         order = np.lexsort((-at, ring))
@@ -238,7 +233,7 @@ class _FixedLoops:
             ring[order],
             np.concatenate([none, np.where(is_leave, step, -1)[found]])[order],
             np.concatenate([none, np.where(is_leave, -1, step)[found]])[order],
-            lost,
+            layer[~found],
         )
 
     def link_points(self, first: int, following: Int) -> tuple[Int, Int]:

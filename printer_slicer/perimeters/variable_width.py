@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, distinct
@@ -20,6 +18,7 @@ from printer_slicer.perimeters.graph import AxisGraph
 from printer_slicer.perimeters.layout import BeadLayout, lay_out_beads
 from printer_slicer.perimeters.middle_lines import MiddleLines, trace_middle_lines
 from printer_slicer.perimeters.tracing import BeadRings, join_loops, trace_beads
+from printer_slicer.values import Struct
 
 __all__ = ["NarrowFill", "fill_narrow_areas"]
 
@@ -33,8 +32,7 @@ _ROUNDING = 1e-3  # mm of an outline
 _AXIS_MARGIN = 0.5  # mm around narrow places within which the medial axis must be known
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class NarrowFill:
+class NarrowFill(Struct, frozen=True, eq=False):
     """All loops and lines of the layers with narrow places.
 
     Attributes:
@@ -232,11 +230,8 @@ def _select_narrow_pieces(
     kept = np.flatnonzero(used | (counted.wide & touched[ends].any(axis=1)))
     central, corner = (counted.central & used)[kept], (counted.corner & used)[kept]
     count = np.where(used, counted.count, 0)[kept]
-    return (
-        CountedGraph(graph.with_pieces(kept), used[kept], central, corner, counted.wide[kept], count),
-        layers,
-        broken,
-    )
+    pieces = CountedGraph(graph.with_pieces(kept), used[kept], central, corner, counted.wide[kept], count)
+    return pieces, layers, broken
 
 
 def _rings_to_areas(rings: BeadRings, n_layers: int) -> Areas:

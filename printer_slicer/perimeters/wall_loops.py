@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from printer_slicer import bead
@@ -16,6 +14,7 @@ from printer_slicer.perimeters.simplification import points_to_keep
 from printer_slicer.perimeters.variable_width import NarrowFill, fill_narrow_areas
 from printer_slicer.profile import Profile
 from printer_slicer.roles import Role
+from printer_slicer.values import Struct
 
 __all__ = ["FillResult", "fill_narrow", "fill_pieces", "make_loops"]
 
@@ -25,8 +24,7 @@ _INSET = 1e-3  # mm; remaining areas lie this far inside, so that rounding canno
 _LEAST_STRIP_RATIO = 0.5  # of the narrowest spacing; thinner strips between loops stay empty
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class FillResult:
+class FillResult(Struct, frozen=True, eq=False):
     """The result of filling areas.
 
     Attributes:

@@ -128,9 +128,7 @@ def _find_constant_intervals(
     planes = np.stack([low + margin, (low + high) / 2, high - margin], axis=1)
     area = section_areas(mesh.triangles, planes.ravel()).reshape(-1, 3)
     constant = np.zeros(len(near), np.bool_)
-    constant[near] = _are_areas_equal(area[:, 0], area[:, 1], settings) & _are_areas_equal(
-        area[:, 1], area[:, 2], settings
-    )
+    constant[near] = _are_areas_equal(area[:, :2], area[:, 1:], settings).all(axis=1)
     return level, constant
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -24,12 +23,12 @@ from printer_slicer.planning.z_steps import ZSteps, fill_with_layers
 from printer_slicer.profile import Profile
 from printer_slicer.surface import Surface, read_surface
 from printer_slicer.surface.vertical_runs import bound_runs_by_length
+from printer_slicer.values import Struct, force_setattr, replace
 
 __all__ = ["CandidateLayers"]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class CandidateLayers:
+class CandidateLayers(Struct, frozen=True, eq=False):
     """All candidate layers, sorted by their top, then by height.
 
     Attributes:
@@ -63,8 +62,8 @@ class CandidateLayers:
             ("volume", np.float64),
             ("seconds", np.float64),
         ):
-            object.__setattr__(self, name, frozen_array(getattr(self, name), kind, (len(self.graph.start),)))
-        object.__setattr__(self, "uniform", frozen_array(self.uniform, np.float64, (-1, 2)))
+            force_setattr(self, name, frozen_array(getattr(self, name), kind, (len(self.graph.start),)))
+        force_setattr(self, "uniform", frozen_array(self.uniform, np.float64, (-1, 2)))
 
     @classmethod
     def for_part(

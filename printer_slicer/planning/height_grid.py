@@ -9,7 +9,6 @@ the number of candidates small without losing useful plans.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from math import gcd
 from typing import Final, NamedTuple
 
@@ -20,6 +19,7 @@ from printer_slicer.model import Mesh
 from printer_slicer.planning.z_steps import ZSteps
 from printer_slicer.profile import HeightRange, Profile
 from printer_slicer.surface import find_flats, read_surface
+from printer_slicer.values import Struct
 
 __all__ = [
     "FINEST",
@@ -35,8 +35,7 @@ FINEST: Final = 0.0025
 """mm; a grid finer than this is not needed to meet event planes."""
 
 
-@dataclass(frozen=True, slots=True)
-class HeightGrid:
+class HeightGrid(Struct, frozen=True):
     """The grid of heights at which layers may end.
 
     Attributes:

@@ -8,7 +8,6 @@ changes, along straight lines it is proportional to 1 / speed.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -17,6 +16,7 @@ from printer_slicer.arrays import Float, next_in_ring
 from printer_slicer.geometry import Areas
 from printer_slicer.motion.rules import MotionLimits
 from printer_slicer.motion.vectorized import durations
+from printer_slicer.values import Struct
 
 __all__ = ["LineMotion", "LineTimes", "RowTimes", "time_contours", "time_moves", "time_rows"]
 
@@ -39,8 +39,7 @@ class LineMotion(NamedTuple):
     acceleration: float
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class LineTimes:
+class LineTimes(Struct, frozen=True, eq=False):
     """Times of (n,) items as a function of speed between two limits.
 
     Attributes:
@@ -89,8 +88,7 @@ def time_contours(contours: Areas, line: LineMotion, slowest: float, limits: Mot
     return _sample_times(contour_seconds, line.speed, slowest)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class RowTimes:
+class RowTimes(Struct, frozen=True, eq=False):
     """Time of a line and its connection to the next one, by line length.
 
     Attributes:

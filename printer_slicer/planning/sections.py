@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -12,6 +11,7 @@ from printer_slicer.geometry import Areas, simplify
 from printer_slicer.geometry.plane_sections import section_contours
 from printer_slicer.profile import Profile
 from printer_slicer.surface import Surface
+from printer_slicer.values import Struct
 
 __all__ = ["SectionSums", "Shadows", "measure_sections"]
 
@@ -21,8 +21,7 @@ _LEAST_DISTANCE: Final = 0.1  # mm, minimum distance between these heights
 _COVERED_WIDTH: Final = 1.0  # mm of width per mm of height: perimeters cover the area under steeper slopes
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Shadows:
+class Shadows(Struct, frozen=True, eq=False):
     """Upward and downward facing areas of a part below some heights.
 
     Attributes:
@@ -50,8 +49,7 @@ class Shadows:
         return np.asarray(np.interp(high, self.z, self.down) - np.interp(low, self.z, self.down))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class SectionSums:
+class SectionSums(Struct, frozen=True, eq=False):
     """Sums over the sections at L heights, and contours at P heights.
 
     Attributes:

@@ -11,13 +11,13 @@ plan can use (Handler and Zang, "A dual algorithm for the constrained shortest p
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final
 
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, frozen_array
+from printer_slicer.values import Struct, force_setattr
 
 __all__ = [
     "ArcGraph",
@@ -38,8 +38,7 @@ _EQUAL: Final = 1e-9  # relative difference of totals below which plans are equa
 _ROUNDING: Final = 1e-12  # relative rounding error of sums in another order
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ArcGraph:
+class ArcGraph(Struct, frozen=True, eq=False):
     """Arcs, sorted by the node at which they end.
 
     Attributes:
@@ -51,8 +50,8 @@ class ArcGraph:
     start: Int
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "begin", frozen_array(self.begin, np.int64, (-1,)))
-        object.__setattr__(self, "start", frozen_array(self.start, np.int64, (int(self.begin[-1]),)))
+        force_setattr(self, "begin", frozen_array(self.begin, np.int64, (-1,)))
+        force_setattr(self, "start", frozen_array(self.start, np.int64, (int(self.begin[-1]),)))
 
     @property
     def n(self) -> int:
@@ -142,8 +141,7 @@ def optimal_arcs(graph: ArcGraph, costs: Sequence[Float]) -> Int:
     return kept if costs else np.zeros(0, np.int64)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class NeighbourLimits:
+class NeighbourLimits(Struct, frozen=True, eq=False):
     """Limits for the heights of neighbouring layers.
 
     Attributes:
@@ -158,7 +156,7 @@ class NeighbourLimits:
 
     def __post_init__(self) -> None:
         for name, kind in (("least", np.int64), ("most", np.int64), ("spared", np.bool_)):
-            object.__setattr__(self, name, frozen_array(getattr(self, name), kind, (-1,)))
+            force_setattr(self, name, frozen_array(getattr(self, name), kind, (-1,)))
 
     def allows_all_between(self, lowest: int, highest: int) -> bool:
         """Return whether any two heights from `lowest` to `highest` may be neighbours."""

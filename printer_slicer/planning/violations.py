@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
@@ -14,6 +13,7 @@ from printer_slicer.planning.height_grid import FINEST
 from printer_slicer.planning.z_steps import layer_tolerances
 from printer_slicer.profile import HeightRange, Profile
 from printer_slicer.surface import Certificate, find_flats
+from printer_slicer.values import Struct
 
 __all__ = ["PlanViolation", "find_violations"]
 
@@ -23,8 +23,7 @@ _CAUSE_UNREACHED: Final = "no allowed layer heights add up to this height within
 _UNGUARANTEED: Final = ("uniform", "area")  # planners that guarantee neither tolerance nor flats
 
 
-@dataclass(frozen=True, slots=True)
-class PlanViolation:
+class PlanViolation(Struct, frozen=True):
     """A constraint that a plan violates.
 
     Attributes:

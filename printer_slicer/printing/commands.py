@@ -16,11 +16,11 @@ status                        show the state of the print
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from math import isfinite
 from typing import Final, TypeAlias
 
 from printer_slicer.errors import UsageError
+from printer_slicer.values import Struct
 
 __all__ = [
     "COMMAND_PARSERS",
@@ -42,8 +42,7 @@ __all__ = [
 ]
 
 
-@dataclass(frozen=True, slots=True)
-class Pause:
+class Pause(Struct, frozen=True):
     """Pause the print.
 
     Attributes:
@@ -57,80 +56,68 @@ class Pause:
     park: bool = True
 
 
-@dataclass(frozen=True, slots=True)
-class Resume:
+class Resume(Struct, frozen=True):
     """Resume the print at the position and with the settings that it had before the pause."""
 
 
-@dataclass(frozen=True, slots=True)
-class Cancel:
+class Cancel(Struct, frozen=True):
     """Cancel the job and run the end script."""
 
 
-@dataclass(frozen=True, slots=True)
-class CancelObject:
+class CancelObject(Struct, frozen=True):
     """Cancel one object on the plate, by its name or number."""
 
     name: str
 
 
-@dataclass(frozen=True, slots=True)
-class Speed:
+class Speed(Struct, frozen=True):
     """Set the speed, in percent of the speeds in the file."""
 
     percent: float
 
 
-@dataclass(frozen=True, slots=True)
-class Flow:
+class Flow(Struct, frozen=True):
     """Set the flow, in percent of the flow in the file."""
 
     percent: float
 
 
-@dataclass(frozen=True, slots=True)
-class SetTemperature:
+class SetTemperature(Struct, frozen=True):
     """Set a target temperature, °C; `heater` is nozzle or bed."""
 
     heater: str
     celsius: float
 
 
-@dataclass(frozen=True, slots=True)
-class SetFan:
+class SetFan(Struct, frozen=True):
     """Set the speed of the part fan, in percent, until the file changes it."""
 
     percent: float
 
 
-@dataclass(frozen=True, slots=True)
-class BabyStep:
+class BabyStep(Struct, frozen=True):
     """Move the nozzle and all following moves up by `mm`, down if negative."""
 
     mm: float
 
 
-@dataclass(frozen=True, slots=True)
-class Say:
+class Say(Struct, frozen=True):
     """Send one line of G-code."""
 
     gcode: str
 
 
-@dataclass(frozen=True, slots=True)
-class Answer:
+class Answer(Struct, frozen=True):
     """Press a button of the printer's prompt, counted from 0."""
 
     choice: int
 
 
-@dataclass(frozen=True, slots=True)
-class Status:
+class Status(Struct, frozen=True):
     """Request the status of the print."""
 
 
-@dataclass(frozen=True, slots=True)
-class Stop:
+class Stop(Struct, frozen=True):
     """Halt the printer at once with M112."""
 
 

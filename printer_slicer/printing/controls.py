@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from threading import Event as Flag
 from threading import Lock
@@ -17,6 +16,7 @@ from printer_slicer.printing import commands
 from printer_slicer.printing.print_controller import PrintController, Request
 from printer_slicer.stream.events import Event
 from printer_slicer.stream.link_meter import LinkStatistics
+from printer_slicer.values import Struct
 
 __all__ = ["Controls", "EventListener", "PrintOptions", "PrintResult"]
 
@@ -177,8 +177,7 @@ class Controls:
 EventListener = Callable[[Event], None]
 
 
-@dataclass(frozen=True, slots=True)
-class PrintResult:
+class PrintResult(Struct, frozen=True):
     """Result of a completed print.
 
     Attributes:

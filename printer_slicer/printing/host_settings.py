@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from printer_slicer.firmware import FIRMWARES, Firmware
 from printer_slicer.motion.rules import MotionLimits, limits_of
-from printer_slicer.printing.journal import dataclass_from_json
+from printer_slicer.printing.journal import struct_from_json
+from printer_slicer.values import Struct, as_dict, field
 
 if TYPE_CHECKING:
     from printer_slicer.profile import Profile
@@ -16,8 +16,7 @@ if TYPE_CHECKING:
 __all__ = ["HostSettings", "host_settings_from", "parse_host_settings"]
 
 
-@dataclass(frozen=True, slots=True)
-class HostSettings:
+class HostSettings(Struct, frozen=True):
     """Printer settings that the host needs during a print. Lengths in mm, speeds in mm/s.
 
     Attributes:
@@ -61,7 +60,7 @@ class HostSettings:
 
     def as_json(self) -> dict[str, Any]:
         """Return the settings as a JSON object."""
-        return asdict(self)
+        return as_dict(self)
 
 
 def host_settings_from(profile: Profile, allowed: Iterable[str] = ()) -> HostSettings:
@@ -94,7 +93,7 @@ def parse_host_settings(values: Mapping[str, Any]) -> HostSettings:
     Raises:
         TypeError: a value has the wrong type.
     """
-    setup = dataclass_from_json(HostSettings, values)
+    setup = struct_from_json(HostSettings, values)
     if setup.flavour not in FIRMWARES:
         raise TypeError(f"flavour is {setup.flavour!r}, which this version does not support")
     return setup

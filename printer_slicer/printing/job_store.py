@@ -7,7 +7,6 @@ import os
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from shutil import rmtree
@@ -15,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from printer_slicer.errors import OutputError, UsageError
 from printer_slicer.input_files import check_is_file, read_input
+from printer_slicer.values import Struct
 
 if TYPE_CHECKING:
     from filelock import BaseFileLock
@@ -54,8 +54,7 @@ def default_job_store() -> Path:
     return Path(user_state_path("printer-slicer", appauthor=False)) / "prints"
 
 
-@dataclass(slots=True)
-class Print:
+class Print(Struct):
     """A print in the job store.
 
     Attributes:
@@ -143,8 +142,7 @@ class Print:
         rmtree(self.folder, ignore_errors=True)
 
 
-@dataclass(frozen=True, slots=True)
-class DamagedPrint:
+class DamagedPrint(Struct, frozen=True):
     """A stored print that cannot be resumed, because one of its files is damaged.
 
     Attributes:
@@ -178,8 +176,7 @@ class _InvalidHeadError(ValueError):
     """Error: the head file of a print is invalid."""
 
 
-@dataclass(frozen=True, slots=True)
-class PortAddress:
+class PortAddress(Struct, frozen=True):
     """Port and baud rate of a print."""
 
     port: str

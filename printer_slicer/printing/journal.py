@@ -22,15 +22,15 @@ import os
 from bisect import bisect_right
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field, fields, is_dataclass
-from functools import cache
 from math import isfinite, isnan
 from pathlib import Path
-from types import NoneType, UnionType
-from typing import Any, Final, Literal, TypeVar, Union, cast, get_args, get_origin, get_type_hints
+from typing import Any, Final, TypeVar
 from zlib import crc32
 
+import msgspec
+
 from printer_slicer.input_files import check_is_file, read_input
+from printer_slicer.values import Struct, field
 
 __all__ = [
     "HEATERS_OFF",
@@ -39,8 +39,8 @@ __all__ = [
     "Journal",
     "JournalData",
     "NumberedRecord",
-    "dataclass_from_json",
     "read_journal",
+    "struct_from_json",
 ]
 
 _FILE_NAME: Final = "journal"
@@ -130,8 +130,7 @@ class Journal:
         self._file = -1
 
 
-@dataclass(frozen=True, slots=True)
-class NumberedRecord:
+class NumberedRecord(Struct, frozen=True):
     """Record `N`: once line `number` is accepted, `entries` job entries are; each further line adds one entry."""
 
     number: int
@@ -139,8 +138,7 @@ class NumberedRecord:
     command: bytes
 
 
-@dataclass(slots=True)
-class JournalData:
+class JournalData(Struct):
     """Contents of a journal.
 
     Attributes:
@@ -196,9 +194,8 @@ class JournalData:
             self._restart_numbering(_parse_count(rest))
         elif kind == "N":
             number, entries, command = rest.split(" ", 2)
-            self._add_line(
-                NumberedRecord(_parse_count(number), _parse_count(entries), command.encode("latin-1"))
-            )
+            record = NumberedRecord(_parse_count(number), _parse_count(entries), command.encode("latin-1"))
+            self._add_line(record)
         elif kind == "A":
             number, entries, now = rest.split(" ")
             self._accept(_parse_count(number), _parse_count(entries), _parse_time(now))
@@ -286,57 +283,28 @@ def read_journal(folder: Path) -> JournalData:
     return journal_data
 
 
-_Value = TypeVar("_Value")
+_Stored = TypeVar("_Stored", bound=Struct)
 
 
-@cache
-def _get_field_types(kind: Any) -> dict[str, Any]:
-    """Return the resolved type of each field of a dataclass."""
-    return get_type_hints(kind)
-
-
-def dataclass_from_json(kind: type[_Value], stored: object) -> _Value:
-    """Rebuild a dataclass from the JSON form of `dataclasses.asdict`; unknown fields are ignored.
+def struct_from_json(kind: type[_Stored], stored: object) -> _Stored:
+    """Rebuild a value from the JSON form of `as_dict`; unknown fields are ignored.
 
     Raises:
-        TypeError: a value has the wrong type; the message names it.
+        TypeError: a value is missing or has the wrong type; the message names it.
     """
-    if not isinstance(stored, Mapping):
-        raise TypeError(f"expected a JSON object, found {_abbreviate(stored)}")
-    field_types = _get_field_types(cast("Any", kind))
-    known = [field.name for field in fields(cast("Any", kind)) if field.init and field.name in stored]
-    return kind(**{name: _convert(field_types[name], stored[name], name) for name in known})
+    if _has_nan(stored):
+        raise TypeError("a number is NaN")
+    try:
+        return msgspec.convert(stored, kind)
+    except msgspec.ValidationError as error:
+        reason, _, path = str(error).partition(" - at `$")
+        raise TypeError(f"{path.strip('.`')}: {reason}" if path else reason) from error
 
 
-def _convert(expected: Any, stored: object, name: str) -> Any:
-    """Convert the stored value of field `name` to the expected type."""
-    if is_dataclass(expected) and isinstance(expected, type):
-        return dataclass_from_json(expected, stored)
-    if get_origin(expected) in {Union, UnionType}:
-        kinds = [kind for kind in get_args(expected) if kind is not NoneType]
-        return None if stored is None and NoneType in get_args(expected) else _convert(kinds[0], stored, name)
-    if get_origin(expected) is tuple and isinstance(stored, list | tuple):
-        kinds = list(get_args(expected))
-        kinds = kinds[:1] * len(stored) if kinds[1:] == [Ellipsis] else kinds
-        if len(kinds) == len(stored):
-            return tuple(_convert(kind, one, name) for kind, one in zip(kinds, stored, strict=True))
-    elif get_origin(expected) is not tuple and _has_type(expected, stored):
-        return stored
-    raise TypeError(f"{name} has the invalid value {_abbreviate(stored)}")
-
-
-def _has_type(expected: Any, stored: object) -> bool:
-    """Return whether a stored value has the expected type, which is neither a dataclass, a union nor a tuple."""
-    if get_origin(expected) is Literal:
-        return stored in get_args(expected)
-    if expected is float:
-        return isinstance(stored, float | int) and not isinstance(stored, bool) and not isnan(stored)
-    if expected is int:
-        return isinstance(stored, int) and not isinstance(stored, bool)
-    return isinstance(stored, get_origin(expected) or expected)
-
-
-def _abbreviate(stored: object) -> str:
-    """Return the text of a stored value for a message, shortened if it is long."""
-    text = repr(stored)
-    return text if len(text) <= 30 else f"{text[:27]}..."
+def _has_nan(stored: object) -> bool:
+    """Return whether a number in a JSON document is NaN, which JSON does not know."""
+    if isinstance(stored, Mapping):
+        return any(map(_has_nan, stored.values()))
+    if isinstance(stored, list):
+        return any(map(_has_nan, stored))
+    return isinstance(stored, float) and isnan(stored)

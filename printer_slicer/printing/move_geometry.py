@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from math import atan2, cos, hypot, pi, sin, sqrt
 
 from printer_slicer.gcode.commands import Effect, commands_that
 from printer_slicer.gcode.lexer import parse
 from printer_slicer.gcode.state import ModalState
 from printer_slicer.printing.machine_state import Step, format_number
+from printer_slicer.values import replace
 
 __all__ = ["find_nearest_move", "remaining_move", "state_at"]
 

@@ -13,7 +13,6 @@ from __future__ import annotations
 import re
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any, Final, overload
 
 from printer_slicer.errors import UsageError
@@ -22,6 +21,7 @@ from printer_slicer.gcode.commands import Effect, commands_that
 from printer_slicer.gcode.lexer import parse, split_code, strip
 from printer_slicer.gcode.state import MachineState, ModalState
 from printer_slicer.printing.machine_state import PrintState, format_number
+from printer_slicer.values import Struct
 
 __all__ = ["LiveJob", "Span", "find_object_spans"]
 
@@ -40,8 +40,7 @@ _MAX_LOOK_AHEAD: Final = 40
 _TOLERANCE: Final = 1e-6
 
 
-@dataclass(frozen=True, slots=True)
-class Span:
+class Span(Struct, frozen=True):
     """Range of job entries, from `first` to before `end`, that print the object `name`."""
 
     name: str

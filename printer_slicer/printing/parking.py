@@ -7,15 +7,15 @@ resume   (heat - purge old filament) - move over the position - lower - deretrac
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from printer_slicer.gcode.lexer import parse
 from printer_slicer.gcode.state import ModalState
 from printer_slicer.printing.commands import Pause
 from printer_slicer.printing.host_settings import HostSettings
-from printer_slicer.printing.journal import dataclass_from_json
+from printer_slicer.printing.journal import struct_from_json
 from printer_slicer.printing.machine_state import PrintState, format_number
+from printer_slicer.values import Struct, as_dict, field
 
 __all__ = [
     "ParkedState",
@@ -32,8 +32,7 @@ __all__ = [
 _TOLERANCE = 0.001  # mm
 
 
-@dataclass(frozen=True, slots=True)
-class ParkedState:
+class ParkedState(Struct, frozen=True):
     """State of a parked print: the position to return to, and how.
 
     Attributes:
@@ -59,7 +58,7 @@ class ParkedState:
 
     def as_json(self) -> dict[str, Any]:
         """Return the state as a JSON object for the journal."""
-        return asdict(self)
+        return as_dict(self)
 
 
 def parse_parked_state(values: Mapping[str, Any]) -> ParkedState:
@@ -68,7 +67,7 @@ def parse_parked_state(values: Mapping[str, Any]) -> ParkedState:
     Raises:
         TypeError: a value has the wrong type.
     """
-    return dataclass_from_json(ParkedState, values)
+    return struct_from_json(ParkedState, values)
 
 
 def make_parked_state(

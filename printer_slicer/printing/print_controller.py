@@ -8,7 +8,6 @@ from __future__ import annotations
 import json
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
 from enum import Enum
 from math import inf
 from typing import Any, Final
@@ -42,6 +41,7 @@ from printer_slicer.stream.protocol import Streamer
 from printer_slicer.stream.replies import Position, Unknown, read_reply
 from printer_slicer.stream.send_history import PROBE_COMMAND
 from printer_slicer.stream.states import State
+from printer_slicer.values import Struct, replace
 
 __all__ = ["AUTOREPORT_COMMAND", "PrintController", "PrintPhase", "Prompts", "Request", "TemperaturePoll"]
 
@@ -523,8 +523,7 @@ class PrintPhase(Enum):
     RETURNING = "returning"
 
 
-@dataclass(slots=True)
-class Request:
+class Request(Struct):
     """A request to execute a command.
 
     Attributes:

@@ -6,7 +6,6 @@ import json
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import replace
 from os import getpid
 from pathlib import Path
 from threading import Event as Flag
@@ -44,6 +43,7 @@ from printer_slicer.stream.serial_port import (
     open_port,
 )
 from printer_slicer.stream.session import run
+from printer_slicer.values import replace
 
 if TYPE_CHECKING:
     from printer_slicer.profile import Profile

@@ -7,19 +7,19 @@ its planned motion. If both agree, the printer has kept its state, and no line i
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import Any, Final
 
 from printer_slicer.gcode.lexer import parse
 from printer_slicer.gcode.state import ModalState
 from printer_slicer.printing.host_settings import HostSettings
-from printer_slicer.printing.journal import HEATERS_OFF, Journal, JournalData, dataclass_from_json
+from printer_slicer.printing.journal import HEATERS_OFF, Journal, JournalData, struct_from_json
 from printer_slicer.printing.machine_state import SCRIPT_ENTRY, PrintState
 from printer_slicer.printing.objects import LiveJob, Span
 from printer_slicer.printing.parking import ParkedState, build_return_script, parse_parked_state
 from printer_slicer.stream.events import AxisPositions
 from printer_slicer.stream.resync import Resync
 from printer_slicer.stream.session import Transport
+from printer_slicer.values import Struct, field
 
 __all__ = [
     "PrinterStateLost",
@@ -42,8 +42,7 @@ class PrinterStateLost(Exception):  # noqa: N818 - a state of the printer, not a
     """Raised if the printer has lost its state; the message gives the reason."""
 
 
-@dataclass(frozen=True, slots=True)
-class ResumePlan:
+class ResumePlan(Struct, frozen=True):
     """Plan of a resume: where and how to continue the print.
 
     Attributes:
@@ -70,8 +69,7 @@ class ResumePlan:
         return self.phase == "parking"
 
 
-@dataclass(frozen=True, slots=True)
-class _JournalStates:
+class _JournalStates(Struct, frozen=True):
     """States in the journal that a resume needs."""
 
     phase: str = "printing"
@@ -96,22 +94,21 @@ def find_journal_damage(journal_data: JournalData, total: int) -> str:
     if most > total:
         return f"it lists {most} accepted commands, but the job has {total}"
     try:
-        states = dataclass_from_json(
+        states = struct_from_json(
             _JournalStates, {name: one for name, one in journal_data.states.items() if one not in ({}, "")}
         )
         if not all(isinstance(at, int) and 0 <= at <= total for at in states.cancelled_at.values()):
             return "a cancelled object has an invalid command number"
         places: list[ParkedState | _RecoveryPosition] = [states.parked] if states.parked else []
         if states.recovering_at is not None:
-            places.append(dataclass_from_json(_RecoveryPosition, states.recovering_at))
+            places.append(struct_from_json(_RecoveryPosition, states.recovering_at))
     except TypeError as error:
         return f"a recorded state is invalid: {error}"
     beyond = [place.entries for place in places if not 0 <= place.entries <= total]
     return f"it resumes after {beyond[0]} commands, but the job has {total}" if beyond else ""
 
 
-@dataclass(frozen=True, slots=True)
-class _RecoveryPosition:
+class _RecoveryPosition(Struct, frozen=True):
     """Recovery point as stored in the journal, see `recovery.RecoveryPoint`."""
 
     entries: int

@@ -6,7 +6,6 @@ move down beside the part - move to the position - lower - restore filament, mod
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
 from typing import Any, Final
 
 from printer_slicer.errors import PrintError
@@ -14,7 +13,7 @@ from printer_slicer.gcode.state import ModalState
 from printer_slicer.jobs import Job
 from printer_slicer.printing.host_settings import HostSettings
 from printer_slicer.printing.job_store import Print
-from printer_slicer.printing.journal import LOST, JournalData, dataclass_from_json, read_journal
+from printer_slicer.printing.journal import LOST, JournalData, read_journal, struct_from_json
 from printer_slicer.printing.machine_state import PrintState, format_number
 from printer_slicer.printing.move_geometry import remaining_move, state_at
 from printer_slicer.printing.objects import LiveJob, find_object_spans
@@ -28,6 +27,7 @@ from printer_slicer.printing.power_loss_position import find_stop_position
 from printer_slicer.printing.reattach import ResumePlan, rebuild_job
 from printer_slicer.printing.resume_approach import find_approach, sample_extrusions
 from printer_slicer.stream.protocol import RESET_REASON
+from printer_slicer.values import Struct, as_dict
 
 __all__ = ["RecoveryPlan", "RecoveryPoint", "build_recovery_script", "find_recovery_point", "plan_recovery"]
 
@@ -42,8 +42,7 @@ _COLD_NOZZLE_ADVICE: Final = "The job sets no nozzle temperature: heat nozzle an
 _REMEDY: Final = "Start again with printer-slicer print --discard-unfinished"
 
 
-@dataclass(frozen=True, slots=True)
-class RecoveryPoint:
+class RecoveryPoint(Struct, frozen=True):
     """Point at which a print resumes.
 
     Attributes:
@@ -59,11 +58,10 @@ class RecoveryPoint:
     def as_json(self) -> dict[str, Any]:
         """Return the point as a JSON object for the journal."""
         replay = [command.decode("latin-1") for command in self.replay]
-        return {"entries": self.entries, "stand": asdict(self.stand), "replay": replay}
+        return {"entries": self.entries, "stand": as_dict(self.stand), "replay": replay}
 
 
-@dataclass(frozen=True, slots=True)
-class RecoveryPlan(ResumePlan):
+class RecoveryPlan(ResumePlan, Struct, frozen=True):
     """Plan of a recovery, see `ResumePlan`.
 
     Attributes:
@@ -152,7 +150,7 @@ def find_recovery_point(
     if values := journal_data.states.get("recovering_at"):
         replay = tuple(text.encode("latin-1") for text in values["replay"])
         job.follow(int(values["entries"]))
-        return RecoveryPoint(int(values["entries"]), dataclass_from_json(ModalState, values["stand"]), replay)
+        return RecoveryPoint(int(values["entries"]), struct_from_json(ModalState, values["stand"]), replay)
     if values := journal_data.states.get("parked"):
         job.follow(journal_data.entries)
         parked: ParkedState = parse_parked_state(values)

@@ -1,7 +1,6 @@
 """Overrides: settings for single objects or height ranges, as tables and as text."""
 
-from __future__ import annotations
-
+# Annotations are not postponed: msgspec needs their values, and evaluates texts one by one.
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Annotated, Any, Final

@@ -1,7 +1,6 @@
 """Settings of the planners: one group for each planner."""
 
-from __future__ import annotations
-
+# Annotations are not postponed: msgspec needs their values, and evaluates texts one by one.
 from collections.abc import Mapping
 from typing import Annotated, Final, Literal, get_args
 

@@ -1,7 +1,6 @@
 """Settings of a quality: layers, perimeters, infill, adhesion, speeds."""
 
-from __future__ import annotations
-
+# Annotations are not postponed: msgspec needs their values, and evaluates texts one by one.
 from typing import Annotated, Literal
 
 from msgspec import field

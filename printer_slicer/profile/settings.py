@@ -4,8 +4,7 @@ Help texts, tables and error messages are generated from these definitions. The 
 `printer_slicer.profile.load_profile` and `profile_with` do.
 """
 
-from __future__ import annotations
-
+# Annotations are not postponed: msgspec needs their values, and evaluates texts one by one.
 from typing import Annotated, Literal
 
 from msgspec import field

@@ -1,7 +1,6 @@
 """Speeds and accelerations by role, of printers and of qualities."""
 
-from __future__ import annotations
-
+# Annotations are not postponed: msgspec needs their values, and evaluates texts one by one.
 from typing import Annotated
 
 from printer_slicer.profile.base import ANYWHERE, Settings, meta

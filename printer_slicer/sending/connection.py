@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Self
@@ -12,6 +11,7 @@ from typing import Any, Final, Self
 import httpx
 
 from printer_slicer.errors import PortError, UsageError
+from printer_slicer.values import Struct
 
 __all__ = ["Connection", "CountedFile", "Upload", "rejection_error"]
 
@@ -19,8 +19,7 @@ _CHUNK: Final = 1 << 16
 _MAX_ERROR_LENGTH: Final = 200  # maximum length of a server's error message, characters
 
 
-@dataclass(frozen=True, slots=True)
-class Upload:
+class Upload(Struct, frozen=True):
     """A file to upload, with its destination on the server.
 
     Attributes:

@@ -6,11 +6,11 @@ holds the state that such commands depend on. The caller computes their combined
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from printer_slicer.sim.commands import start_command
 from printer_slicer.sim.move_commands import MAX_DISTANCE_OUTSIDE
+from printer_slicer.values import Struct
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,8 +23,7 @@ if TYPE_CHECKING:
 __all__ = ["Batch", "BatchStart"]
 
 
-@dataclass(frozen=True, slots=True)
-class BatchStart:
+class BatchStart(Struct, frozen=True):
     """The state of a printer before a run of simple commands.
 
     Attributes:
@@ -129,8 +128,7 @@ class BatchStart:
         return size
 
 
-@dataclass(frozen=True, slots=True)
-class Batch:
+class Batch(Struct, frozen=True):
     """The combined effect of a run of commands.
 
     Attributes:

@@ -6,7 +6,6 @@ package names the sources.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 from printer_slicer.sim.heater_commands import set_tool_temperature, wait_for_all_heaters
@@ -22,6 +21,7 @@ from printer_slicer.sim.move_commands import (
 )
 from printer_slicer.sim.pause_commands import wait_for_person
 from printer_slicer.sim.settings_commands import ignore_command, positive_values, set_accelerations
+from printer_slicer.values import replace
 
 if TYPE_CHECKING:
     from collections.abc import Callable

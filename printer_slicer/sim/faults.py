@@ -23,14 +23,16 @@ numbers come from one generator, so runs with the same seed, faults and host are
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from math import inf
 from typing import TYPE_CHECKING, Final, Literal, NamedTuple
+
+from printer_slicer.sim.cable_noise import Direction
+from printer_slicer.values import Struct
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from printer_slicer.sim.cable_noise import Direction, RandomSource
+    from printer_slicer.sim.cable_noise import RandomSource
     from printer_slicer.sim.printer import SimulatedPrinter
 
 __all__ = ["CABLE_KINDS", "KINDS", "Fault", "FaultEvent", "Faults"]
@@ -46,8 +48,7 @@ CABLE_KINDS: Final = frozenset({"flip", "drop", "insert", "duplicate", "burst", 
 _OK_LINE: Final = re.compile(rb"ok[^\n]*\n")
 
 
-@dataclass(frozen=True, slots=True)
-class Fault:
+class Fault(Struct, frozen=True):
     """A fault to inject.
 
     Attributes:

@@ -16,10 +16,10 @@ recorded.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Final
 
 from printer_slicer.sim.simulated_firmware import SimulatedFirmware
+from printer_slicer.values import replace
 
 __all__ = [
     "KLIPPER",

@@ -13,9 +13,10 @@ Not modelled: overshoot, noise and lag of the sensor.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import exp, inf, log
 from typing import Final, Literal
+
+from printer_slicer.values import Struct
 
 __all__ = ["Element", "Heater", "HeaterSpec"]
 
@@ -26,8 +27,7 @@ CONTROL_BAND: Final = 10.0
 """Distance below the target, °C, beyond which the controller gives full power; Marlin's PID_FUNCTIONAL_RANGE."""
 
 
-@dataclass(frozen=True, slots=True)
-class HeaterSpec:
+class HeaterSpec(Struct, frozen=True):
     """Properties of a heater.
 
     Attributes:

@@ -12,9 +12,10 @@ Checks every second start only after a fault was injected or a reading was too l
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import inf
 from typing import TYPE_CHECKING, Final
+
+from printer_slicer.values import Struct
 
 if TYPE_CHECKING:
     from printer_slicer.sim.heater import Heater
@@ -27,8 +28,7 @@ ARRIVAL_BAND: Final = 1.0
 """Distance below the target from which on it counts as reached, °C, because it is approached asymptotically."""
 
 
-@dataclass(frozen=True, slots=True)
-class ProtectionLimits:
+class ProtectionLimits(Struct, frozen=True):
     """Limits of the heater protection; the defaults are those of Marlin for a hotend.
 
     Attributes:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from math import inf
 from typing import TYPE_CHECKING
 
 from printer_slicer.motion.rules import Axes, MotionLimits
 from printer_slicer.sim.heater import HeaterSpec
 from printer_slicer.sim.heater_protection import ProtectionLimits
+from printer_slicer.values import Struct, field
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -52,8 +52,7 @@ def _default_bed_protection() -> ProtectionLimits:
     return ProtectionLimits(margin=10.0, watch_seconds=60.0, hysteresis=2.0, runaway_seconds=20.0)
 
 
-@dataclass(frozen=True, slots=True)
-class Machine:
+class Machine(Struct, frozen=True):
     """The hardware of a printer with a bed and one or more extruders.
 
     Attributes:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 from printer_slicer.sim.machine import AXES, replace_axis_values
+from printer_slicer.values import replace
 
 if TYPE_CHECKING:
     from printer_slicer.motion.rules import Axes, MotionLimits

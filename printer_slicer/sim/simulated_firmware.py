@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import inf
 from typing import TYPE_CHECKING, Final, Literal
+
+from printer_slicer.values import Struct
 
 if TYPE_CHECKING:
     from printer_slicer.sim.machine import Machine
@@ -18,8 +19,7 @@ MARLIN_IDENTITY: Final = (
 """Reply of Marlin to M115, with Marlin's default UUID."""
 
 
-@dataclass(frozen=True, slots=True)
-class SimulatedFirmware:
+class SimulatedFirmware(Struct, frozen=True):
     """Behaviour of the serial port and the command queue of a firmware.
 
     Attributes:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from hashlib import sha256
 from math import inf
 from typing import TYPE_CHECKING, Final, NamedTuple
+
+from printer_slicer.values import Struct
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -47,8 +48,7 @@ class Violation(NamedTuple):
     text: str
 
 
-@dataclass(frozen=True, slots=True)
-class Report:
+class Report(Struct, frozen=True):
     """Summary of all commands executed so far; times are in simulated seconds.
 
     Attributes:
@@ -285,6 +285,6 @@ class Statistics:
 
 _COUNTERS: Final = tuple(
     name
-    for name in Report.__dataclass_fields__
+    for name in Report.__struct_fields__
     if name in Statistics.__slots__ and name not in {"violations", "violation_counts", "underrun_list"}
 )

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Final, TypeAlias
+
+from printer_slicer.values import Struct
 
 __all__ = [
     "Accepted",
@@ -34,15 +35,13 @@ AxisPositions: TypeAlias = tuple[float | None, float | None, float | None]
 """x, y, z in mm; None for an unknown coordinate."""
 
 
-@dataclass(frozen=True, slots=True)
-class Accepted:
+class Accepted(Struct, frozen=True):
     """Acknowledgement: the printer has accepted the first `acknowledged` entries of the job."""
 
     acknowledged: int
 
 
-@dataclass(frozen=True, slots=True)
-class LineSent:
+class LineSent(Struct, frozen=True):
     """A line that is not simply the next entry of the job is about to be sent for the first time.
 
     Attributes:
@@ -56,22 +55,19 @@ class LineSent:
     command: bytes
 
 
-@dataclass(frozen=True, slots=True)
-class ResendRequested:
+class ResendRequested(Struct, frozen=True):
     """The printer detected a transmission error; everything from line `number` is sent again."""
 
     number: int
 
 
-@dataclass(frozen=True, slots=True)
-class Probe:
+class Probe(Struct, frozen=True):
     """An acknowledgement is missing or unreadable, so line `number` is sent as a probe of what the printer received."""
 
     number: int
 
 
-@dataclass(frozen=True, slots=True)
-class Reading:
+class Reading(Struct, frozen=True):
     """Reading of one heater: its name in reports (T, T0, B, C), temperature, and target if reported, °C."""
 
     name: str
@@ -79,23 +75,20 @@ class Reading:
     target: float | None
 
 
-@dataclass(frozen=True, slots=True)
-class Temperature:
+class Temperature(Struct, frozen=True):
     """Temperature report of all heaters; `waiting` means that the printer is waiting for them to heat up."""
 
     readings: tuple[Reading, ...]
     waiting: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class Busy:
+class Busy(Struct, frozen=True):
     """The printer is busy and cannot answer yet; `reason` is text such as "processing" or "paused for user"."""
 
     reason: str
 
 
-@dataclass(frozen=True, slots=True)
-class Identified:
+class Identified(Struct, frozen=True):
     """The printer has reported its firmware and capabilities.
 
     Attributes:
@@ -115,42 +108,36 @@ class Identified:
         return (name, True) in self.capabilities
 
 
-@dataclass(frozen=True, slots=True)
-class Action:
+class Action(Struct, frozen=True):
     """Action command of the printer for its host: "pause", "resume", "cancel", "notification ..."."""
 
     name: str
 
 
-@dataclass(frozen=True, slots=True)
-class Prompt:
+class Prompt(Struct, frozen=True):
     """Prompt of the printer for the user, with untrusted text and buttons; the text is empty once it is closed."""
 
     text: str
     buttons: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Paused:
+class Paused(Struct, frozen=True):
     """The print is paused and waits for the user; `reason` says why."""
 
     reason: str
 
 
-@dataclass(frozen=True, slots=True)
-class Resumed:
+class Resumed(Struct, frozen=True):
     """The print has resumed."""
 
 
-@dataclass(frozen=True, slots=True)
-class StreamWarning:
+class StreamWarning(Struct, frozen=True):
     """Warning of the host that does not stop the print."""
 
     text: str
 
 
-@dataclass(frozen=True, slots=True)
-class PoorLink:
+class PoorLink(Struct, frozen=True):
     """The cable damages lines or loses acknowledgements.
 
     Attributes:
@@ -170,28 +157,24 @@ class PoorLink:
     text: str
 
 
-@dataclass(frozen=True, slots=True)
-class Message:
+class Message(Struct, frozen=True):
     """Any other text from the printer. It is untrusted: neither markup nor a command."""
 
     text: str
 
 
-@dataclass(frozen=True, slots=True)
-class Halted:
+class Halted(Struct, frozen=True):
     """The print ended early; `reason` says why. `commands[:acknowledged]` were accepted."""
 
     reason: str
     acknowledged: int
 
 
-@dataclass(frozen=True, slots=True)
-class Stopping:
+class Stopping(Struct, frozen=True):
     """The user or the printer has cancelled the print; the end script is sent next."""
 
 
-@dataclass(frozen=True, slots=True)
-class Finished:
+class Finished(Struct, frozen=True):
     """The printer has executed everything that was sent.
 
     Attributes:

@@ -10,7 +10,6 @@ There is no clock or port here: times come in, events and bytes come out.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from math import inf
 from typing import TYPE_CHECKING, Final
 
@@ -26,6 +25,7 @@ from printer_slicer.stream.events import (
     Temperature,
 )
 from printer_slicer.stream.framing import frame
+from printer_slicer.values import Struct, field
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -47,8 +47,7 @@ _HEATING_PREFIXES: Final = (b"M", b"m", b"T", b"t", b"G10", b"g10")  # nearly al
 _OFF_COMMANDS: Final = {"T": b"M104%s S0", "B": b"M140 S0", "C": b"M141 S0"}
 
 
-@dataclass(frozen=True, slots=True)
-class HeaterAlarm:
+class HeaterAlarm(Struct, frozen=True):
     """Alarm: the printer was silent for `seconds` while heaters were on.
 
     Attributes:
@@ -64,8 +63,7 @@ class HeaterAlarm:
         return f"no answer from the printer for {self.seconds:.0f} s while heaters are on ({heated}): check the printer"
 
 
-@dataclass(frozen=True, slots=True)
-class NoThermalProtection:
+class NoThermalProtection(Struct, frozen=True):
     """Warning: the firmware reports that it has no thermal protection."""
 
     firmware: str
@@ -75,8 +73,7 @@ class NoThermalProtection:
         return f"{name} has no thermal protection against heater faults: do not leave the printer unattended"
 
 
-@dataclass(slots=True)
-class HeaterWatchdog:
+class HeaterWatchdog(Struct):
     """Heater watchdog of one connection.
 
     Call `on_sent` with each sent command, `on_event` with each event (or `on_answer` for an answer without an event),

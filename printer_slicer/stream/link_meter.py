@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import re
 from collections import Counter, deque
-from dataclasses import dataclass
 from math import exp2, floor, inf, log2
 from typing import TYPE_CHECKING, Final
 
@@ -19,6 +18,7 @@ from printer_slicer.gcode.state import MachineState
 from printer_slicer.motion.planner_clock import PlannerClock
 from printer_slicer.motion.rules import make_block
 from printer_slicer.stream.events import PoorLink, Probe, ResendRequested
+from printer_slicer.values import Struct
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -45,8 +45,7 @@ _IMMEDIATE: Final = (
 _MAX_PARTIAL_LINE: Final = 1024
 
 
-@dataclass(frozen=True, slots=True)
-class LinkStatistics:
+class LinkStatistics(Struct, frozen=True):
     """Statistics of a link. Times in s.
 
     Attributes:

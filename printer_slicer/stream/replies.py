@@ -7,10 +7,10 @@ becomes `Garbled` instead of `Message`, and the streamer then sends a probe.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, TypeAlias
 
 from printer_slicer.stream.events import Action, Busy, Message, Reading, Temperature
+from printer_slicer.values import Struct
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -34,8 +34,7 @@ __all__ = [
 ]
 
 
-@dataclass(frozen=True, slots=True)
-class Ok:
+class Ok(Struct, frozen=True):
     """Acknowledgement of a line.
 
     Attributes:
@@ -51,70 +50,60 @@ class Ok:
     places: int | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Resend:
+class Resend(Struct, frozen=True):
     """Resend request: the printer accepts line `number` next."""
 
     number: int
 
 
-@dataclass(frozen=True, slots=True)
-class LineError:
+class LineError(Struct, frozen=True):
     """Error about a rejected line; it names the line that the printer expects and precedes the `Resend`."""
 
     expected_line: int
     text: str
 
 
-@dataclass(frozen=True, slots=True)
-class Wait:
+class Wait(Struct, frozen=True):
     """Report that the printer is idle."""
 
 
-@dataclass(frozen=True, slots=True)
-class Started:
+class Started(Struct, frozen=True):
     """Report that the printer has just started and has lost its state."""
 
 
-@dataclass(frozen=True, slots=True)
-class Stopped:
+class Stopped(Struct, frozen=True):
     """Report that the printer has halted: killed, a thermal error, or an error of Klipper."""
 
     text: str
 
 
-@dataclass(frozen=True, slots=True)
-class Unknown:
+class Unknown(Struct, frozen=True):
     """Report of a command that the firmware does not know; `command` is the text that the printer received."""
 
     command: bytes
     text: str
 
 
-@dataclass(frozen=True, slots=True)
-class LastLine:
+class LastLine(Struct, frozen=True):
     """Report of the number of the last accepted line, the answer to an unnumbered M110."""
 
     number: int
 
 
-@dataclass(frozen=True, slots=True)
-class Identity:
+class Identity(Struct, frozen=True):
     """Report of the firmware name."""
 
     firmware: str
 
 
-@dataclass(frozen=True, slots=True)
-class Capability:
+class Capability(Struct, frozen=True):
     """Report of one capability of the firmware."""
 
     name: str
     enabled: bool
 
 
-@dataclass(frozen=True, slots=True)
-class Position:
+class Position(Struct, frozen=True):
     """Reported end position of the planned motion: x, y, z, and e if reported, mm."""
 
     x: float
@@ -124,8 +113,7 @@ class Position:
     e: float | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Garbled:
+class Garbled(Struct, frozen=True):
     """Damaged answer.
 
     Attributes:

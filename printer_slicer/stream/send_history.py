@@ -7,11 +7,11 @@ is safe to send whatever line the printer requests.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import inf
 from typing import TYPE_CHECKING, Final
 
 from printer_slicer.stream.framing import frame
+from printer_slicer.values import Struct
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -27,8 +27,7 @@ _CERTAIN_AFTER: Final = 16
 _LINES_KEPT: Final = 2 * _CERTAIN_AFTER
 
 
-@dataclass(slots=True)
-class NumberedLine:
+class NumberedLine(Struct):
     """One numbered line.
 
     Attributes:

@@ -11,7 +11,6 @@ import errno
 import os
 import select
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Final
@@ -20,6 +19,7 @@ import serial
 from serial.tools import list_ports as serial_list
 
 from printer_slicer.errors import PortError
+from printer_slicer.values import Struct
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -48,8 +48,7 @@ _RFC2217_TIMEOUT: Final = 0.02
 """Fixed short timeout, s: over RFC 2217 every change of the timeout negotiates all settings of the port again."""
 
 
-@dataclass(frozen=True, slots=True)
-class PortInfo:
+class PortInfo(Struct, frozen=True):
     """A serial port of this computer.
 
     Attributes:

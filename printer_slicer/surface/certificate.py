@@ -12,7 +12,6 @@ simplification of contours within the resolution of the profile, or the deviatio
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -25,6 +24,7 @@ from printer_slicer.repr_svg import SvgRepr
 from printer_slicer.surface.contacts import Contacts, find_contacts
 from printer_slicer.surface.shadow import Shadow, project_surface
 from printer_slicer.surface.vertical_runs import bound_runs, find_main_contact
+from printer_slicer.values import Struct, force_setattr
 
 __all__ = [
     "Certificate",
@@ -39,8 +39,7 @@ __all__ = [
 _ROUNDING = 1e-7  # mm; allowed excess over a tolerance, for rounding of sums
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Surface:
+class Surface(Struct, frozen=True, eq=False):
     """Properties of a part's surface that limit the error of layers, computed once for any number of plans.
 
     Attributes:
@@ -62,8 +61,7 @@ class Surface:
     height: float
 
 
-@dataclass(frozen=True, slots=True)
-class WorstLayer:
+class WorstLayer(Struct, frozen=True):
     """Layer with the largest bound of a plan, and the feature that causes it.
 
     Attributes:
@@ -82,8 +80,7 @@ class WorstLayer:
     bound: float
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Certificate(SvgRepr):
+class Certificate(SvgRepr, Struct, frozen=True, eq=False):
     """Proven error bounds of a layer plan.
 
     Attributes:
@@ -106,9 +103,7 @@ class Certificate(SvgRepr):
 
     def __post_init__(self) -> None:
         for name in ("bound", "volume"):
-            object.__setattr__(
-                self, name, frozen_array(getattr(self, name), np.float64, (self.plan.n_layers,))
-            )
+            force_setattr(self, name, frozen_array(getattr(self, name), np.float64, (self.plan.n_layers,)))
 
     @property
     def max_error(self) -> float:

@@ -22,7 +22,6 @@ increase a rise.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -33,6 +32,7 @@ from printer_slicer.geometry.connectivity import weld_keys
 from printer_slicer.geometry.facet_topology import coordinate_keys, edge_keys
 from printer_slicer.model import Mesh
 from printer_slicer.surface.envelope import Envelope
+from printer_slicer.values import Struct, force_setattr
 
 __all__ = ["Contacts", "find_contacts"]
 
@@ -44,8 +44,7 @@ _NEXT: Final = [1, 2, 0]
 _BEFORE: Final = [2, 0, 1]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Contacts:
+class Contacts(Struct, frozen=True, eq=False):
     """Ranges of z in which a ball can touch the surface, by ascending `low`.
 
     Attributes:
@@ -62,8 +61,8 @@ class Contacts:
 
     def __post_init__(self) -> None:
         for name in ("low", "high", "rise"):
-            object.__setattr__(self, name, frozen_array(getattr(self, name), np.float64, (len(self.source),)))
-        object.__setattr__(self, "source", frozen_array(self.source, np.int64, (-1,)))
+            force_setattr(self, name, frozen_array(getattr(self, name), np.float64, (len(self.source),)))
+        force_setattr(self, "source", frozen_array(self.source, np.int64, (-1,)))
 
     def event_heights(self) -> Float:
         """Return the heights (n,) of flats, level ridges and valleys, and local extrema, mm."""
@@ -126,10 +125,8 @@ def find_contacts(mesh: Mesh) -> tuple[Contacts, float]:
         envelope.add(*block.facets[:3])
         blocks.append(block._replace(facets=block.facets[:, _is_relevant(envelope, *block.facets[:3])]))
     low, high, rise, facet = np.concatenate([block.facets for block in blocks], axis=1)
-    ridges, valleys, peaks, pits = (
-        _ContactCandidates.select_accepted(marks)
-        for marks in zip(*(block.marks for block in blocks), strict=True)
-    )
+    candidates = zip(*(block.marks for block in blocks), strict=True)
+    ridges, valleys, peaks, pits = map(_ContactCandidates.select_accepted, candidates)
     area = sum(block.area for block in blocks)
     del blocks
     edges, corners = distinct(np.concatenate([ridges, valleys])), np.concatenate([peaks, pits])
@@ -141,8 +138,8 @@ def find_contacts(mesh: Mesh) -> tuple[Contacts, float]:
     rise = np.concatenate([rise, steep, np.ones(len(corners))])
     source = np.concatenate([facet.astype(np.int64), mesh.n_facets + edges, 4 * mesh.n_facets + corners])
     envelope.add(low, high, rise)
-    order = np.flatnonzero((rise > _LEVEL) & _is_relevant(envelope, low, high, rise))
-    order = order[np.argsort(low[order], kind="stable")]
+    kept = np.flatnonzero((rise > _LEVEL) & _is_relevant(envelope, low, high, rise))
+    order = kept[np.argsort(low[kept], kind="stable")]
     return Contacts(low[order], high[order], rise[order], source[order]), area
 
 

@@ -13,13 +13,13 @@ the highest.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
 from printer_slicer.arrays import Float, Int, frozen_array
 from printer_slicer.geometry.facet_topology import expand_counts
 from printer_slicer.model import Mesh
+from printer_slicer.values import Struct, force_setattr
 
 __all__ = ["Shadow", "project_surface"]
 
@@ -28,8 +28,7 @@ _AT_ONCE = 1 << 15  # facets whose columns stay in the processor's cache
 _FEW = 2  # planes between two corners; up to this many are added one by one
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Shadow:
+class Shadow(Struct, frozen=True, eq=False):
     """Shadow of a set of facets: three heights and a projected area for each facet.
 
     Attributes:
@@ -44,7 +43,7 @@ class Shadow:
 
     def __post_init__(self) -> None:
         for name in ("low", "middle", "high", "area"):
-            object.__setattr__(self, name, frozen_array(getattr(self, name), np.float64, (len(self.area),)))
+            force_setattr(self, name, frozen_array(getattr(self, name), np.float64, (len(self.area),)))
 
     def _iterate_blocks(self) -> Iterator[Shadow]:
         """Yield the facets in blocks, so that intermediate results stay in the processor's cache."""

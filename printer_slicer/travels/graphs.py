@@ -7,8 +7,6 @@ route add up to at most `l`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, consecutive, run_starts
@@ -17,6 +15,7 @@ from printer_slicer.geometry.vectors import cross
 from printer_slicer.travels.known_obstacles import KnownObstacles
 from printer_slicer.travels.routing_field import OFF, RoutingField
 from printer_slicer.travels.shortest_paths import GraphEdges, find_shortest_paths
+from printer_slicer.values import Struct
 
 __all__ = ["FoundRoutes", "RouteQueries", "estimate_work", "find_cheapest_routes"]
 
@@ -24,8 +23,7 @@ _MAX_CORNERS = 1024  # considered for each route; those with the shortest detour
 _AHEAD = 32  # legs from a corner lead at most to this many of the next corners along the route
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class RouteQueries:
+class RouteQueries(Struct, frozen=True, eq=False):
     """Routes to search for.
 
     Attributes:
@@ -54,8 +52,7 @@ class RouteQueries:
         return np.asarray(np.hypot(*(self.end - self.begin).T))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class FoundRoutes:
+class FoundRoutes(Struct, frozen=True, eq=False):
     """Routes that were found.
 
     Attributes:
@@ -107,8 +104,7 @@ def find_cheapest_routes(
     )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _CandidateCorners:
+class _CandidateCorners(Struct, frozen=True, eq=False):
     """Corners that may lie on each route, sorted by route and along the route.
 
     Attributes:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from printer_slicer.arrays import Float, Int
@@ -12,6 +10,7 @@ from printer_slicer.geometry.segment_index import OutlineIndex
 from printer_slicer.geometry.vectors import nearest_on_segments
 from printer_slicer.model import Areas
 from printer_slicer.travels.routing_field import OFF, Corners, RoutingField
+from printer_slicer.values import Struct
 
 __all__ = ["InsetRegions", "build_inset_regions", "build_outside_field"]
 
@@ -19,8 +18,7 @@ _SIMPLER = 0.5  # tolerance for simplified outlines, as a fraction of the cleara
 _REACH = 4.0  # clearances; points farther outside the inset regions are not moved into them
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class InsetRegions:
+class InsetRegions(Struct, frozen=True, eq=False):
     """Sections inset by a margin along their outlines.
 
     Attributes:
@@ -73,7 +71,7 @@ def build_inset_regions(solid: Areas, box: tuple[Float, Float], clearance: float
     region = np.arange(areas.n_rings)
     region[~outer] = np.append(np.flatnonzero(outer), -1)[around]
     return InsetRegions(
-        RoutingField(areas, OutlineIndex(areas, *box), region, Corners.inside(areas), np.inf), clearance
+        RoutingField.of(areas, OutlineIndex(areas, *box), region, Corners.inside(areas), np.inf), clearance
     )
 
 
@@ -93,4 +91,4 @@ def build_outside_field(
     corners = Corners.inside(simple, clearance).joined(Corners.outside(simple, clearance))
     if simple.n_rings != solid.n_rings:  # some slivers were dropped; otherwise ring numbers agree
         solid, outlines = simple, OutlineIndex(simple, *box)
-    return RoutingField(solid, outlines, solid.ring_layer, corners, toll)
+    return RoutingField.of(solid, outlines, solid.ring_layer, corners, toll)

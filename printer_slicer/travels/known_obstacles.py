@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from printer_slicer.arrays import Bool, Int, consecutive, distinct
+from printer_slicer.values import Struct
 
 __all__ = ["KnownObstacles"]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class KnownObstacles:
+class KnownObstacles(Struct, frozen=True, eq=False):
     """Pairs of a route and a ring that blocks it.
 
     Attributes:

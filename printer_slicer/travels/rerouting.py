@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
 import numpy as np
 
 from printer_slicer.arrays import Float, Int
@@ -16,6 +14,7 @@ from printer_slicer.travels.inset_regions import InsetRegions, build_inset_regio
 from printer_slicer.travels.routes import Routes, build_routes, drop_repeated_points, move_corners_from_walls
 from printer_slicer.travels.routing import find_routes
 from printer_slicer.travels.routing_field import RoutingField
+from printer_slicer.values import Struct, replace
 
 __all__ = ["reroute"]
 
@@ -83,8 +82,7 @@ def _find_routes_inside(
     return region, other
 
 
-@dataclass(slots=True, eq=False)
-class _RouteImprover:
+class _RouteImprover(Struct, eq=False):
     """Routes that are replaced when better ones are found.
 
     Attributes:

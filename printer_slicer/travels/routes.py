@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from printer_slicer.arrays import Float, Int, consecutive
@@ -11,14 +9,14 @@ from printer_slicer.geometry.facet_topology import expand_counts
 from printer_slicer.geometry.segment_index import OutlineIndex
 from printer_slicer.travels.graphs import FoundRoutes
 from printer_slicer.travels.routing_field import Corners
+from printer_slicer.values import Struct
 
 __all__ = ["Routes", "build_routes", "drop_repeated_points", "move_corners_from_walls", "straight_routes"]
 
 _TRIES = (1.0, 0.5, 0.0)  # fractions of the distance by which corners are moved
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Routes:
+class Routes(Struct, frozen=True, eq=False):
     """Routes of travels as polylines on layers.
 
     Attributes:

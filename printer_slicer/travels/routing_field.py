@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 import numpy as np
 
 from printer_slicer.arrays import Float, Int
 from printer_slicer.geometry.segment_index import OutlineIndex
 from printer_slicer.geometry.vectors import cross
 from printer_slicer.model import Areas
+from printer_slicer.values import Struct
 
 __all__ = ["OFF", "Corners", "RoutingField"]
 
@@ -18,8 +17,7 @@ _SHARPEST = 0.5  # cosine of half the turn; sharper corners are passed no farthe
 _COLUMNS = ("place", "tip", "away", "before", "after", "ring")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Corners:
+class Corners(Struct, frozen=True, eq=False):
     """Corners of outlines that stick into the field in which routes are searched.
 
     Attributes:
@@ -69,8 +67,7 @@ class Corners:
         return Corners(*(getattr(self, name)[indices] for name in _COLUMNS))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class RoutingField:
+class RoutingField(Struct, frozen=True, eq=False):
     """Fields in which routes are searched; each route stays in one field.
 
     Attributes:
@@ -88,17 +85,19 @@ class RoutingField:
     own: Int
     corners: Corners
     toll: float
-    key: Float = field(init=False)
-    pitch: float = field(init=False)
+    key: Float
+    pitch: float
 
-    def __post_init__(self) -> None:
-        x = self.corners.place[:, 0]
+    @classmethod
+    def of(
+        cls, areas: Areas, outlines: OutlineIndex, own: Int, corners: Corners, toll: float
+    ) -> RoutingField:
+        """Return the field with its corners sorted."""
+        x = corners.place[:, 0]
         pitch = 4 * float(np.abs(x).max(initial=0.0)) + 1.0
-        order = np.lexsort((x, self.corners.ring))
-        corners = self.corners.take(order)
-        object.__setattr__(self, "corners", corners)
-        object.__setattr__(self, "key", corners.ring * pitch + x[order])
-        object.__setattr__(self, "pitch", pitch)
+        order = np.lexsort((x, corners.ring))
+        corners = corners.take(order)
+        return cls(areas, outlines, own, corners, toll, corners.ring * pitch + x[order], pitch)
 
     def find_corners_between(self, low: Float, high: Float, ring: Int) -> tuple[Int, Int]:
         """Return the first corner (n,) with x from `low` to `high` (n,) on each ring (n,), and their number (n,)."""

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from printer_slicer.arrays import Float, Int, run_starts
+from printer_slicer.values import Struct
 
 __all__ = ["GraphEdges", "find_shortest_paths"]
 
 _GAIN = 1e-9  # mm; smaller improvements are rounding and must not cause an endless loop
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class GraphEdges:
+class GraphEdges(Struct, frozen=True, eq=False):
     """Directed edges between nodes.
 
     Attributes:

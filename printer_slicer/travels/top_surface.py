@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int
@@ -12,6 +10,7 @@ from printer_slicer.geometry.segment_index import SegmentIndex
 from printer_slicer.model import Toolpaths
 from printer_slicer.roles import Role, roles_with
 from printer_slicer.travels.routes import Routes
+from printer_slicer.values import Struct
 
 __all__ = ["crosses_top_infill"]
 
@@ -19,8 +18,7 @@ _STEP = 0.5  # of the extrusion width: sampling distance along travels
 _OWN = 1.0  # of the extrusion width: within this distance of its ends a travel may lie on the lines that it joins
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _VisibleLines:
+class _VisibleLines(Struct, frozen=True, eq=False):
     """Extrusions of top solid infill and ironing.
 
     Attributes:

@@ -81,5 +81,5 @@ def test_a_function_cannot_ask_for_a_tool_that_there_is_not() -> None:
     def with_another(program: Program) -> Program:
         return replace(program, events=(*program.events, ToolChange(program.n_moves, 1)))
 
-    with pytest.raises(StrategyError, match="uses tool 1, but the profile has 1"):
+    with pytest.raises(StrategyError, match="uses tool 1, but the number of extruders in the profile is 1"):
         slice_stages(box((10.0, 10.0, 2.0)), PLAIN, strategies=Strategies(on_program=[with_another]))

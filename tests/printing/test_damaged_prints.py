@@ -29,7 +29,7 @@ from printer_slicer.printing.job_store import (
     find_unfinished_print,
     stored_prints,
 )
-from printer_slicer.printing.journal import Journal, dataclass_from_json, read_journal
+from printer_slicer.printing.journal import Journal, read_journal, struct_from_json
 from printer_slicer.printing.parking import ParkedState, parse_parked_state
 from printer_slicer.printing.reattach import find_journal_damage
 from printer_slicer.profile import load_profile
@@ -178,15 +178,15 @@ def test_a_head_of_anything_blocks_no_other_print(
 def test_kept_values_come_back_as_they_were_or_are_refused(path: list[int], value: Any) -> None:
     for kept, kind in ((SETUP, HostSettings), (PARKED, ParkedState)):
         values = as_kept(kept)
-        assert as_kept(dataclass_from_json(kind, values)) == values
+        assert as_kept(struct_from_json(kind, values)) == values
         place = values
         for step in path[:-1]:
             inner = [one for one in place.values() if isinstance(one, dict) and one]
             place = inner[step % len(inner)] if inner else place
         place[list(place)[path[-1] % len(place)]] = value
         with contextlib.suppress(TypeError):
-            again = as_kept(dataclass_from_json(kind, values))
-            assert as_kept(dataclass_from_json(kind, again)) == again
+            again = as_kept(struct_from_json(kind, values))
+            assert as_kept(struct_from_json(kind, again)) == again
 
 
 def as_kept(value: Any) -> Any:
@@ -197,12 +197,15 @@ def as_kept(value: Any) -> Any:
 @pytest.mark.parametrize(
     ("state", "told"),
     [
-        ({"parked": 5}, "a JSON object, found 5"),
+        ({"parked": 5}, "parked: Expected `object | null`, got `int`"),
         ({"parked": {"entries": 2}}, "missing"),
-        ({"parked": asdict(PARKED) | {"spot": ["here", 0]}}, "spot has the invalid value 'here'"),
-        ({"parked": None, "phase": ["recovering"]}, "phase has the invalid value"),
+        ({"parked": asdict(PARKED) | {"spot": ["here", 0]}}, "spot[0]: Expected `float`, got `str`"),
+        ({"parked": None, "phase": ["recovering"]}, "phase: Expected `str`, got `array`"),
         ({"cancelled_at": {"gear": 1_000_000}}, "an invalid command number"),
-        ({"recovering_at": {"entries": 1, "stand": [], "replay": []}}, "a JSON object, found []"),
+        (
+            {"recovering_at": {"entries": 1, "stand": [], "replay": []}},
+            "stand: Expected `object`, got `array`",
+        ),
     ],
 )
 def test_a_state_that_makes_no_sense_is_named_before_the_port_is_opened(
@@ -235,10 +238,13 @@ def test_more_commands_than_the_job_has_cannot_have_been_accepted(tmp_path: Path
         (b"A 9 4 11.0", "it lists 4 accepted commands, but the job has 3"),
         (b"E 4", "it lists 4 accepted commands, but the job has 3"),
         (b"N 9 4 M105", "it lists 4 accepted commands, but the job has 3"),
-        (b'S {"parked": 5}', "a recorded state is invalid: expected a JSON object, found 5"),
-        (b'S {"phase": ["recovering"]}', "a recorded state is invalid: phase has"),
+        (b'S {"parked": 5}', "a recorded state is invalid: parked: Expected `object | null`, got `int`"),
+        (b'S {"phase": ["recovering"]}', "a recorded state is invalid: phase: "),
         (b'S {"cancelled_at": {"gear": 1000000}}', "a cancelled object has an invalid command number"),
-        (b'S {"recovering_at": {"entries": 1, "stand": [], "replay": []}}', "a JSON object, found []"),
+        (
+            b'S {"recovering_at": {"entries": 1, "stand": [], "replay": []}}',
+            "stand: Expected `object`, got `array`",
+        ),
         (
             noted(parked=replace(PARKED, entries=4).as_json()),
             "it resumes after 4 commands, but the job has 3",

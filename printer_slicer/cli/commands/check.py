@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass, fields, replace
 from math import inf, isfinite, nan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -25,6 +24,7 @@ from printer_slicer.cli.settings import profile_facts, profile_from
 from printer_slicer.diagnostics import as_json, sentence
 from printer_slicer.errors import UsageError, VerificationError
 from printer_slicer.texts import format_duration
+from printer_slicer.values import Struct, as_dict, replace
 
 if TYPE_CHECKING:
     from printer_slicer.arrays import Float
@@ -174,8 +174,7 @@ def run(arguments: argparse.Namespace) -> int:
 # The commands of the file, and the serial link
 
 
-@dataclass(frozen=True, slots=True)
-class _FileCheck:
+class _FileCheck(Struct, frozen=True):
     """The result of checking the commands of a file: facts for JSON, lines of text, and errors."""
 
     facts: dict[str, Any]
@@ -238,7 +237,7 @@ def _add_line_numbers(job: Job, report: UnderrunReport) -> UnderrunReport:
 
 def _link_facts(report: UnderrunReport) -> dict[str, Any]:
     """Return the timing of the serial link for JSON."""
-    return asdict(report) | {"ok": report.ok, "advice": _suggest_link_rate(report)}
+    return as_dict(report) | {"ok": report.ok, "advice": _suggest_link_rate(report)}
 
 
 def _format_link(arguments: argparse.Namespace, report: UnderrunReport) -> list[str]:
@@ -316,7 +315,7 @@ def _parse_limits(changes: list[str]) -> CoverageLimits:
     """
     from printer_slicer.inspection.coverage.limits import CoverageLimits
 
-    known = {field.name for field in fields(CoverageLimits)}
+    known = set(CoverageLimits.__struct_fields__)
     limits = CoverageLimits()
     for change in changes:
         name, _, text = change.partition("=")
@@ -471,8 +470,8 @@ def _comparison_facts(check: Check, limits: CoverageLimits) -> dict[str, Any]:
         "problems": list(check.problems),
         "findings": found,
         "notes": list(check.notes),
-        "limits": asdict(limits),
-        "rules": asdict(coverage.rules),
+        "limits": as_dict(limits),
+        "rules": as_dict(coverage.rules),
         "shift": [*_round_column(check.match.shift), _round_for_json(check.z)],
         "matched": check.matched,
         "fit": {"share": _round_for_json(check.match.share), "spread": _round_for_json(check.match.spread)},

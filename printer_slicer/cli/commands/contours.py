@@ -6,7 +6,6 @@ import argparse
 import json
 import os
 import re
-from dataclasses import dataclass, replace
 from math import ceil, inf, sqrt
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -23,6 +22,7 @@ from printer_slicer.cli.output import print_text, reject_overwriting_input, show
 from printer_slicer.cli.settings import profile_facts, profile_from
 from printer_slicer.errors import OutputError, UsageError
 from printer_slicer.saving import check_writable, make_folder
+from printer_slicer.values import Struct, replace
 
 if TYPE_CHECKING:
     from printer_slicer.cli.output import StageReport
@@ -75,8 +75,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_layer_options(parser)
 
 
-@dataclass(frozen=True, slots=True)
-class _Target:
+class _Target(Struct, frozen=True):
     """Format and location of the output files.
 
     Attributes:

@@ -5,13 +5,13 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict
 from time import monotonic
 from typing import TYPE_CHECKING, Any, Final
 
 from printer_slicer.cli.arguments import add_output_options, parse_positive_integer
 from printer_slicer.cli.output import print_text, sanitize
 from printer_slicer.errors import PortError
+from printer_slicer.values import as_dict
 
 if TYPE_CHECKING:
     from printer_slicer.doctor import PortCheck, PrinterDiagnosis
@@ -81,7 +81,7 @@ def _check_port(arguments: argparse.Namespace) -> int:
     bad = [check for check in checks if check.state == "bad"]
     if arguments.json:
         facts: dict[str, Any] = {"port": arguments.port, "ok": not bad, "checks": _checks_as_facts(checks)}
-        print(json.dumps(facts | {"printer": asdict(found) if found else None}))
+        print(json.dumps(facts | {"printer": as_dict(found) if found else None}))
     else:
         print_text(arguments, "\n".join(_format_checks(checks)))
     if bad:
@@ -112,7 +112,7 @@ def _run_checks(arguments: argparse.Namespace) -> tuple[list[PortCheck], Printer
 
 def _checks_as_facts(checks: Iterable[PortCheck]) -> list[dict[str, Any]]:
     """Return the results of checks for JSON."""
-    return [asdict(check) for check in checks]
+    return [as_dict(check) for check in checks]
 
 
 def _format_checks(checks: Sequence[PortCheck]) -> list[str]:

@@ -7,7 +7,6 @@ import json
 import shlex
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -16,6 +15,7 @@ from printer_slicer.cli.output import print_text, sanitize, write_file
 from printer_slicer.cli.settings import find_folder_for_new_profiles, prepare_schema_folder
 from printer_slicer.errors import OutputError, ProfileError, UsageError
 from printer_slicer.saving import make_folder
+from printer_slicer.values import replace
 
 if TYPE_CHECKING:
     from printer_slicer.importing import ImportedProfile, ImportNote, RejectedProfile

@@ -8,7 +8,6 @@ import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from time import monotonic
 from typing import Final
@@ -18,6 +17,7 @@ from printer_slicer.cli.help import mark_advanced
 from printer_slicer.cli.output import BAR_DELAY, print_text
 from printer_slicer.cli.settings import profile_facts, profile_from
 from printer_slicer.errors import UsageError
+from printer_slicer.values import replace
 
 __all__ = ["EXAMPLES", "add_arguments", "run"]
 

@@ -6,7 +6,6 @@ import argparse
 import json
 import signal
 import sys
-from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -29,6 +28,7 @@ from printer_slicer.errors import UsageError
 from printer_slicer.progress import quiet
 from printer_slicer.saving import check_writable
 from printer_slicer.texts import format_duration
+from printer_slicer.values import as_dict, replace
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -155,7 +155,7 @@ def run(arguments: argparse.Namespace) -> int:
         faults.current_layer = layer_counter(job, comparison)
     report = _build_and_serve(arguments, profile, comparison, faults)
     result = {
-        **asdict(report),
+        **as_dict(report),
         "violations": [list(violation) for violation in report.violations],
         "print_seconds": report.print_seconds,
         "job_commands": comparison.executed,

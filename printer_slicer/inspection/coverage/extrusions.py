@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import pi
 from typing import TYPE_CHECKING, Final
 
@@ -13,6 +12,7 @@ from printer_slicer.arrays import Bool, Float, Int, frozen_array
 from printer_slicer.gcode import Moves
 from printer_slicer.inspection.deposition.marks import Purpose, purposes_of_roles
 from printer_slicer.roles import Role
+from printer_slicer.values import Struct, force_setattr
 
 if TYPE_CHECKING:
     from printer_slicer.model import Program
@@ -29,8 +29,7 @@ __all__ = [
 _NEGLIGIBLE: Final = 1e-9  # mm³ or mm; smaller values are rounding errors
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Extrusions:
+class Extrusions(Struct, frozen=True, eq=False):
     """Straight extrusions in printing order.
 
     Attributes:
@@ -64,7 +63,7 @@ class Extrusions:
             ("purpose", np.int64, (n_beads,)),
             ("line", np.int64, (n_beads,)),
         ):
-            object.__setattr__(self, name, frozen_array(getattr(self, name), dtype, shape))
+            force_setattr(self, name, frozen_array(getattr(self, name), dtype, shape))
 
     @property
     def n_beads(self) -> int:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -19,6 +18,7 @@ from printer_slicer.inspection.coverage.raster import (
     window_mean,
 )
 from printer_slicer.inspection.coverage.stack import Stack, split_thick_extrusions
+from printer_slicer.values import Struct, force_setattr
 
 __all__ = ["LayerFill", "measure_fill", "overlap_cells"]
 
@@ -26,8 +26,7 @@ _MIN_SHELL_AREA: Final = 1.0  # mm²; the mean fill of a smaller shell has no me
 _MIN_MARGIN, _MAX_MARGIN = 1.0, 5.0  # mm, limits of the margin around extrusions
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class LayerFill:
+class LayerFill(Struct, frozen=True, eq=False):
     """Fill of each layer, measured on the raster.
 
     Attributes:
@@ -47,7 +46,7 @@ class LayerFill:
     def __post_init__(self) -> None:
         n = len(self.overlap)
         for name, shape in (("overlap", (n,)), ("most", (n,)), ("place", (n, 2)), ("shell", (n,))):
-            object.__setattr__(self, name, frozen_array(getattr(self, name), np.float64, shape))
+            force_setattr(self, name, frozen_array(getattr(self, name), np.float64, shape))
 
 
 def measure_fill(

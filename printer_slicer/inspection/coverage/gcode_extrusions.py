@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -14,6 +13,7 @@ from printer_slicer.gcode import Moves, read_moves
 from printer_slicer.gcode.lexer import parse, strip
 from printer_slicer.inspection.coverage.extrusions import Extrusions, extrusions_of_moves
 from printer_slicer.inspection.deposition.marks import Purpose, purpose_of
+from printer_slicer.values import Struct, field, force_setattr, replace
 
 __all__ = ["GcodeExtrusions", "extrusions_of_gcode"]
 
@@ -31,8 +31,7 @@ _TYPE_KEYS: Final = (b"TYPE", b"FEATURE")
 _HEIGHT_KEYS: Final = (b"HEIGHT", b"LAYER_HEIGHT")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class GcodeExtrusions:
+class GcodeExtrusions(Struct, frozen=True, eq=False):
     """The extrusions of a G-code text, with its comments and settings.
 
     Attributes:
@@ -61,10 +60,10 @@ class GcodeExtrusions:
 
     def __post_init__(self) -> None:
         for name in ("layer_comments", "name"):
-            object.__setattr__(self, name, frozen_array(getattr(self, name), np.int64, (self.beads.n_beads,)))
-        object.__setattr__(self, "travel", frozen_array(self.travel, np.float64, (-1, 2, 2)))
-        object.__setattr__(self, "before", frozen_array(self.before, np.int64, (len(self.travel),)))
-        object.__setattr__(self, "diameter", frozen_array(self.diameter, np.float64, (-1,)))
+            force_setattr(self, name, frozen_array(getattr(self, name), np.int64, (self.beads.n_beads,)))
+        force_setattr(self, "travel", frozen_array(self.travel, np.float64, (-1, 2, 2)))
+        force_setattr(self, "before", frozen_array(self.before, np.int64, (len(self.travel),)))
+        force_setattr(self, "diameter", frozen_array(self.diameter, np.float64, (-1,)))
 
 
 def extrusions_of_gcode(text: bytes, *, filament_diameter: float | None = None) -> GcodeExtrusions:
@@ -129,8 +128,7 @@ def _filament_diameters(settings: Mapping[str, str], given: float | None) -> tup
     return np.array([USUAL_DIAMETER]), False
 
 
-@dataclass(frozen=True, slots=True)
-class _Comments:
+class _Comments(Struct, frozen=True):
     """Values of the comments before each extrusion: purpose, name, height (mm or nan), number of layer comments."""
 
     purpose: Int

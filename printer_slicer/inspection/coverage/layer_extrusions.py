@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -11,14 +10,14 @@ from printer_slicer.arrays import Bool, Float, Int, frozen_array
 from printer_slicer.inspection.coverage.extrusions import Extrusions, Purpose
 from printer_slicer.inspection.coverage.gcode_extrusions import GcodeExtrusions
 from printer_slicer.inspection.coverage.stack import Stack
+from printer_slicer.values import Struct, force_setattr, replace
 
 __all__ = ["FileLayers", "LayerExtrusions", "extrusions_of_layer", "file_layers_of"]
 
 _SAME_HEIGHT: Final = 0.004  # mm; nozzle heights that differ by less are one layer, as in `stack`
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class FileLayers:
+class FileLayers(Struct, frozen=True, eq=False):
     """The layers of a file: those of the part, and those with only supports or raft.
 
     Attributes:
@@ -42,7 +41,7 @@ class FileLayers:
             ("bottom", np.float64, (len(self.top),)),
             ("of_stack", np.int64, (len(self.top),)),
         ):
-            object.__setattr__(self, name, frozen_array(getattr(self, name), dtype, shape))
+            force_setattr(self, name, frozen_array(getattr(self, name), dtype, shape))
 
     @property
     def n_levels(self) -> int:
@@ -55,8 +54,7 @@ class FileLayers:
         return index if z >= 0 and index < self.n_levels else -1
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class LayerExtrusions:
+class LayerExtrusions(Struct, frozen=True, eq=False):
     """The extrusions of one layer, in printing order.
 
     Attributes:
@@ -79,8 +77,8 @@ class LayerExtrusions:
     travel: Float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "name", frozen_array(self.name, np.int64, (self.beads.n_beads,)))
-        object.__setattr__(self, "travel", frozen_array(self.travel, np.float64, (-1, 2, 2)))
+        force_setattr(self, "name", frozen_array(self.name, np.int64, (self.beads.n_beads,)))
+        force_setattr(self, "travel", frozen_array(self.travel, np.float64, (-1, 2, 2)))
 
 
 def file_layers_of(gcode: GcodeExtrusions, stack: Stack) -> FileLayers:

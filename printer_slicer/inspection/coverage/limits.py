@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final
 
@@ -14,6 +13,7 @@ from printer_slicer.diagnostics import Diagnostic
 from printer_slicer.geometry import Areas, difference, intersection, offset, offset_open
 from printer_slicer.inspection.coverage.measurement import Coverage
 from printer_slicer.inspection.deposition.unsupported import MIN_REPORTED_LENGTH
+from printer_slicer.values import Struct
 
 __all__ = ["CoverageLimits", "excess_ratio", "find_line_near", "findings", "place_of_largest_area"]
 
@@ -22,8 +22,7 @@ _MIN_SQUARES: Final = 2.0  # squares of the extrusion width that may be missing 
 _INFINITE: Final = np.inf
 
 
-@dataclass(frozen=True, slots=True)
-class CoverageLimits:
+class CoverageLimits(Struct, frozen=True):
     """Limits for each layer.
 
     Attributes:
@@ -53,8 +52,7 @@ def excess_ratio(diagnostic: Diagnostic) -> float:
     return _INFINITE if limit <= 0 else amount / limit
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Measure:
+class _Measure(Struct, frozen=True, eq=False):
     """One measurement: amounts (L,), mask of layers beyond the limit (L,), limit, message and position by layer."""
 
     name: str

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -13,6 +12,7 @@ from printer_slicer.geometry.segment_index import OutlineIndex
 from printer_slicer.inspection.coverage.extrusions import Extrusions, Purpose, sample_points
 from printer_slicer.inspection.coverage.stack import Stack
 from printer_slicer.inspection.deposition.marks import NOT_PART
+from printer_slicer.values import Struct
 
 __all__ = ["Match", "find_detached", "fit_sections", "guess_shift", "shift_areas"]
 
@@ -22,8 +22,7 @@ _SIZE_TOLERANCE: Final = 0.3  # mm by which the box of a layer may differ from t
 _DETACHED_DISTANCE: Final = 1.0  # mm from the section; paths that stay farther away do not belong to it
 
 
-@dataclass(frozen=True, slots=True)
-class Match:
+class Match(Struct, frozen=True):
     """The position of sections in a file, and the quality of their fit.
 
     Attributes:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -23,6 +22,7 @@ from printer_slicer.inspection.coverage.zones import (
 )
 from printer_slicer.inspection.deposition.marks import NOT_PART, Marks
 from printer_slicer.inspection.deposition.unsupported import Unsupported, UnsupportedTracker
+from printer_slicer.values import Struct, force_setattr
 
 __all__ = ["Coverage", "CoverageRules", "coverage_of", "find_overlaps"]
 
@@ -34,8 +34,7 @@ _SAME_HEIGHT: Final = 0.02  # mm; heights that differ by less are one layer
 _MIN_INNER_DEPTH: Final = 1.25  # extrusion widths; a shell deeper than this has inner perimeters
 
 
-@dataclass(frozen=True, slots=True)
-class CoverageRules:
+class CoverageRules(Struct, frozen=True):
     """Parameters of the measurement.
 
     Attributes:
@@ -53,8 +52,7 @@ class CoverageRules:
     overlap_ratio: float = 1.3
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Coverage:
+class Coverage(Struct, frozen=True, eq=False):
     """The extruded material compared with the part; areas in mm², volumes in mm³, lengths in mm.
 
     Attributes:
@@ -97,10 +95,10 @@ class Coverage:
         n = self.stack.n_layers
         for name in ("of_part", "astray"):
             flags = frozen_array(getattr(self, name), np.bool_, (self.stack.beads.n_beads,))
-            object.__setattr__(self, name, flags)
+            force_setattr(self, name, flags)
         for name in ("volume", "section_volume"):
-            object.__setattr__(self, name, frozen_array(getattr(self, name), np.float64, (n,)))
-        object.__setattr__(self, "by_purpose", frozen_array(self.by_purpose, np.float64, (len(Purpose),)))
+            force_setattr(self, name, frozen_array(getattr(self, name), np.float64, (n,)))
+        force_setattr(self, "by_purpose", frozen_array(self.by_purpose, np.float64, (len(Purpose),)))
 
     @property
     def unsupported_length(self) -> Float:

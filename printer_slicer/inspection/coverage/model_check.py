@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -30,6 +29,7 @@ from printer_slicer.model import LayerPlan, Mesh
 from printer_slicer.placing import Placement
 from printer_slicer.progress import Report, quiet
 from printer_slicer.slicing import cut
+from printer_slicer.values import Struct, field, replace
 
 __all__ = ["Check", "CheckOptions", "check_gcode", "placed_sections", "read_gcode_extrusions"]
 
@@ -49,8 +49,7 @@ _MIN_MATCH_SHARE: Final = (
 )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Check:
+class Check(Struct, frozen=True, eq=False):
     """The result of checking a G-code file against its model.
 
     Attributes:
@@ -83,8 +82,7 @@ class Check:
         return not (self.findings or self.problems)
 
 
-@dataclass(frozen=True, slots=True)
-class CheckOptions:
+class CheckOptions(Struct, frozen=True):
     """Options of a check: parameters, limits, and what is known about the file.
 
     Attributes:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -10,6 +9,7 @@ import numpy as np
 from printer_slicer.arrays import Float, Int, consecutive, frozen_array
 from printer_slicer.geometry import Areas
 from printer_slicer.geometry.segment_index import OutlineIndex
+from printer_slicer.values import Struct, force_setattr
 
 __all__ = ["OutlineError", "outline_error", "sample_outlines"]
 
@@ -19,8 +19,7 @@ _REFINEMENT: Final = 8  # number of samples instead of one there
 _IGNORED_LENGTH: Final = 3.0  # mm of both outlines, for tips of fins that are narrower than any line
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class OutlineError:
+class OutlineError(Struct, frozen=True, eq=False):
     """Distances between two outlines of each layer, both ways, mm; nan where a layer lacks one of them.
 
     Attributes:
@@ -34,9 +33,9 @@ class OutlineError:
     place: Float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "p95", frozen_array(self.p95, np.float64, (-1,)))
-        object.__setattr__(self, "largest", frozen_array(self.largest, np.float64, (len(self.p95),)))
-        object.__setattr__(self, "place", frozen_array(self.place, np.float64, (len(self.p95), 2)))
+        force_setattr(self, "p95", frozen_array(self.p95, np.float64, (-1,)))
+        force_setattr(self, "largest", frozen_array(self.largest, np.float64, (len(self.p95),)))
+        force_setattr(self, "place", frozen_array(self.place, np.float64, (len(self.p95), 2)))
 
 
 def outline_error(sections: Areas, printed: Areas, speck: float = 0.0) -> OutlineError:

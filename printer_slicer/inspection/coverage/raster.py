@@ -8,7 +8,6 @@ exact and moves no material by more than one cell. Limits apply to means over wi
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -16,6 +15,7 @@ import numpy as np
 from printer_slicer.arrays import Float, Int, consecutive
 from printer_slicer.geometry import Areas, Lines, hatch
 from printer_slicer.inspection.coverage.extrusions import Extrusions
+from printer_slicer.values import Struct
 
 __all__ = [
     "CellWindow",
@@ -34,8 +34,7 @@ _HEIGHT_TOLERANCE: Final = 0.01  # mm
 _BLOCK_SIZE: Final = 1 << 18  # pieces; limits the memory
 
 
-@dataclass(frozen=True, slots=True)
-class CellWindow:
+class CellWindow(Struct, frozen=True):
     """A rectangle of cells; cell (i, j) has its lower corner at ((left + j) · cell, (front + i) · cell).
 
     Attributes:
@@ -112,9 +111,8 @@ def rasterize_fill(beads: Extrusions, window: CellWindow, layer_height: float = 
         selected = slice(first, last)
         count = along[selected], across[selected]
         weight = (material_width * beads.length)[selected] / (count[0] * count[1])
-        sums += _spread_material(
-            beads.take(np.arange(first, last)), spread_width[selected], weight, count, window
-        )
+        some = beads.take(np.arange(first, last))
+        sums += _spread_material(some, spread_width[selected], weight, count, window)
     return (sums / window.cell**2).reshape(window.deep, window.wide)
 
 

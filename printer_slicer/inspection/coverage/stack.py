@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from math import pi
 from typing import Final
 
@@ -18,6 +17,7 @@ from printer_slicer.inspection.coverage.extrusions import (
 )
 from printer_slicer.inspection.deposition.marks import NOT_PART
 from printer_slicer.model import Program
+from printer_slicer.values import Struct, force_setattr, replace
 
 __all__ = ["Stack", "split_thick_extrusions", "stack_extrusions", "stack_of_program"]
 
@@ -47,8 +47,7 @@ _MAY_BE_THICK: Final = (
 _FILL_SEVERAL_LAYERS: Final = (Purpose.PERIMETER, Purpose.INTERNAL_INFILL)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Stack:
+class Stack(Struct, frozen=True, eq=False):
     """Extrusions with their layers.
 
     Attributes:
@@ -69,7 +68,7 @@ class Stack:
             ("top", np.float64, (-1,)),
             ("bottom", np.float64, (len(self.top),)),
         ):
-            object.__setattr__(self, name, frozen_array(getattr(self, name), dtype, shape))
+            force_setattr(self, name, frozen_array(getattr(self, name), dtype, shape))
 
     @property
     def n_layers(self) -> int:

@@ -8,7 +8,6 @@ print in its cell or in a neighbouring one is lower by at most the diameter of t
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from math import pi
 from typing import Final
 
@@ -17,6 +16,7 @@ import numpy as np
 from printer_slicer.arrays import Bool, Float, Int, consecutive, median
 from printer_slicer.inspection.deposition.marks import Defect, Marks
 from printer_slicer.motion.vectorized import volumetric_flow
+from printer_slicer.values import Struct
 
 __all__ = [
     "CELL",
@@ -42,8 +42,7 @@ _MAX_WIDTH: Final = 2.0  # mm; an extrusion marks no more, however much filament
 _MAP_MARGIN: Final = 2.0  # mm around the area that the nozzle can reach
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class MovePieces:
+class MovePieces(Struct, frozen=True, eq=False):
     """Moves split into pieces no longer than a cell.
 
     Attributes:
@@ -91,8 +90,7 @@ def split_moves(start: Float, end: Float) -> MovePieces:
     )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class PlateHeights:
+class PlateHeights(Struct, frozen=True, eq=False):
     """Height of the print in each cell of the plate.
 
     Attributes:
@@ -249,8 +247,7 @@ _MAX_FLATTENING: Final = 3.0  # diameter of the strand divided by the height of 
 _SAME_HEIGHT: Final = 0.02  # mm; heights that differ by less are checked together
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class LevelMoves:
+class LevelMoves(Struct, frozen=True, eq=False):
     """Moves at one height, with a mask of those that extrude.
 
     Attributes:
@@ -306,8 +303,7 @@ class LevelMoves:
         return LevelMoves(*(np.concatenate([getattr(part, name) for part in parts]) for name in _COLUMNS))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class MoveBatch(LevelMoves):
+class MoveBatch(LevelMoves, Struct, frozen=True, eq=False):
     """Moves of one height as a printer executed them.
 
     Attributes:

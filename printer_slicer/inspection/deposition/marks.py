@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Final, NamedTuple
 
@@ -13,6 +12,7 @@ import numpy as np
 from printer_slicer.arrays import Int
 from printer_slicer.gcode.lexer import parse
 from printer_slicer.roles import ROLES
+from printer_slicer.values import Struct, field
 
 __all__ = ["NOT_PART", "Defect", "Marks", "Purpose", "marks_of", "purpose_of", "purposes_of_roles"]
 
@@ -116,8 +116,7 @@ class Defect(NamedTuple):
     depth: float = 0.0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Marks:
+class Marks(Struct, frozen=True, eq=False):
     """Layers, roles and tools of the commands of a job, from its comments; commands are counted from 1.
 
     Attributes:

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from printer_slicer.inspection.deposition.height_map import PlateHeights
 from printer_slicer.inspection.deposition.marks import Defect
 from printer_slicer.inspection.deposition.timeline import Timeline
+from printer_slicer.values import Struct
 
 __all__ = ["Deposition", "LayerDeposition", "MissingExtrusion"]
 
 
-@dataclass(slots=True)
-class LayerDeposition:
+class LayerDeposition(Struct):
     """Times, volumes and lengths of the moves of a layer.
 
     Attributes:
@@ -69,8 +68,7 @@ class MissingExtrusion(NamedTuple):
     first_empty: int = 0
 
 
-@dataclass(frozen=True, slots=True)
-class Deposition:
+class Deposition(Struct, frozen=True, eq=False):
     """The recorded extrusion of a whole print; times in s.
 
     Attributes:
@@ -105,5 +103,15 @@ class Deposition:
     first_extrusion: int | None
     first_missing: int | None
     missing_extrusion: MissingExtrusion | None
-    plate: PlateHeights = field(compare=False)
-    timeline: Timeline = field(compare=False)
+    plate: PlateHeights
+    timeline: Timeline
+
+    def __eq__(self, other: object) -> bool:
+        """Compare all but the arrays that only pictures show."""
+        names = [name for name in self.__struct_fields__ if name not in {"plate", "timeline"}]
+        return isinstance(other, Deposition) and all(
+            getattr(self, one) == getattr(other, one) for one in names
+        )
+
+    def __hash__(self) -> int:
+        return hash((self.volume, self.length, self.travel))

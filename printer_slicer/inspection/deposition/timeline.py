@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from printer_slicer.arrays import Float, Int
 from printer_slicer.inspection.deposition.height_map import COMMAND, END, START
+from printer_slicer.values import Struct
 
 __all__ = ["Timeline", "TimelineRecorder"]
 
@@ -16,8 +16,7 @@ _SAMPLES: Final = 1024
 _FIRST_STEP: Final = 0.25  # s
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Timeline:
+class Timeline(Struct, frozen=True, eq=False):
     """Mean speed over the time in motion, in equal steps.
 
     Attributes:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Final
 
 from printer_slicer.gcode.state import uses_inches
@@ -13,6 +12,7 @@ from printer_slicer.inspection.dry_run.comparison import Comparison
 from printer_slicer.inspection.dry_run.faults import code_of_violation
 from printer_slicer.jobs import Job
 from printer_slicer.sim.statistics import Report
+from printer_slicer.values import Struct
 
 __all__ = ["Cause", "drop_consequences", "find_causes", "is_explained", "layer_of"]
 
@@ -33,8 +33,7 @@ _ALL_LAYERS: Final = 1 << 30  # for faults that affect all later layers
 _LAYERS_AFTER: Final = 1  # layers after the last one with a fault, in which a consequence is possible
 
 
-@dataclass(slots=True)
-class Cause:
+class Cause(Struct):
     """A fault from which other faults may follow.
 
     Attributes:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -21,6 +20,7 @@ from printer_slicer.motion.rules import MotionLimits
 from printer_slicer.motion.vectorized import find_nonzero_moves, make_blocks
 from printer_slicer.sim.batch import BatchStart
 from printer_slicer.sim.parsed_command import Command
+from printer_slicer.values import Struct
 
 __all__ = ["Chunk", "CommandRun", "limits_after_count"]
 
@@ -87,8 +87,7 @@ def _classify_command(text: str) -> str:
     return ""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class CommandRun:
+class CommandRun(Struct, frozen=True, eq=False):
     """The effect of consecutive commands on a printer in a given state.
 
     Attributes:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
 from typing import Final, NamedTuple
 
 from printer_slicer.commands import find_lines
@@ -21,6 +20,7 @@ from printer_slicer.jobs import Job
 from printer_slicer.printer_macros import match_end_macro, match_start_macro
 from printer_slicer.profile import Profile
 from printer_slicer.sim.statistics import Report, violation_kind
+from printer_slicer.values import replace
 
 __all__ = [
     "FaultLocator",

@@ -125,23 +125,12 @@ def find_missing_material(job: Job, profile: Profile, deposition: Deposition) ->
     """Find layers with less material than those before, or than the part needs."""
     if deposition.layers and deposition.first_extrusion is None:
         what = "the file extrudes nothing"
-        yield ExtrusionFault(
-            -1,
-            0,
-            0,
-            _ALL_LAYERS,
-            Diagnostic("lack", "warning", what, remedy="Check that its moves have E values"),
-        )
+        fault = Diagnostic("lack", "warning", what, remedy="Check that its moves have E values")
+        yield ExtrusionFault(-1, 0, 0, _ALL_LAYERS, fault)
     missing = deposition.missing_extrusion
     if missing is not None and missing.empty_length < _MIN_LENGTH:
         what = f"nothing is extruded over the next {missing.length:.0f} mm of moves, up to z {missing.high:.6g} mm"
-        fault = Diagnostic(
-            "lack",
-            "error",
-            what,
-            remedy="Check for missing E values",
-            z=missing.low,
-        )
+        fault = Diagnostic("lack", "error", what, remedy="Check for missing E values", z=missing.low)
         begin = missing.command - 1
         yield ExtrusionFault(
             begin, begin, missing.proven_at - 1, layer_of(deposition, missing.last - 1), fault

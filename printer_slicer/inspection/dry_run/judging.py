@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
@@ -33,6 +32,7 @@ from printer_slicer.repr_svg import Summary, SvgRepr
 from printer_slicer.sim.statistics import MAX_LAYERS, Report
 from printer_slicer.stream.events import Event, Halted
 from printer_slicer.texts import format_duration
+from printer_slicer.values import Struct, replace
 
 __all__ = ["RunContext", "Verdict", "judge"]
 
@@ -40,8 +40,7 @@ TIME_TOLERANCE: Final = 0.01
 """Largest relative difference between simulated and estimated time that is accepted."""
 
 
-@dataclass(frozen=True, slots=True)
-class Verdict(SvgRepr):
+class Verdict(SvgRepr, Struct, frozen=True):
     """The result of a dry run. Times in s, lengths in mm.
 
     Attributes:

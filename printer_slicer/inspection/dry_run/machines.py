@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Final
 
 from printer_slicer.motion.rules import limits_of
@@ -10,6 +9,7 @@ from printer_slicer.profile import Printer
 from printer_slicer.sim.firmwares import MARLIN_2_1, SIMULATED_FIRMWARES, SimulatedFirmware
 from printer_slicer.sim.heater import HeaterSpec
 from printer_slicer.sim.machine import Machine
+from printer_slicer.values import replace
 
 __all__ = ["machine_of", "simulated_firmware_for"]
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 
 from printer_slicer.errors import PortError, VerificationError
 from printer_slicer.inspection.dry_run.comparison import Comparison
@@ -31,6 +30,7 @@ from printer_slicer.stream.events import Accepted, Event, Finished, Halted
 from printer_slicer.stream.protocol import Streamer
 from printer_slicer.stream.send_queue import POSITION_TOLERANCE
 from printer_slicer.stream.session import run
+from printer_slicer.values import Struct
 
 __all__ = ["dry_run", "layer_counter"]
 
@@ -40,35 +40,43 @@ _MAX_SHOWN = 60  # characters of a command in a message
 _LONGEST_WAIT = 60.0  # s of simulated time for one read
 
 
-@dataclass(slots=True, eq=False)
-class _Simulation:
+class _Simulation(Struct, eq=False):
     """Simulated printer, cable and host, with the observers of a run."""
 
     job: Job
     profile: Profile
     baud: int
     baud_given: bool
-    firmware: SimulatedFirmware | None
-    faults: Faults | None
-    machine: Machine
-    comparison: Comparison = field(init=False)
-    observer: DepositionObserver = field(init=False)
-    printer: SimulatedPrinter = field(init=False)
-    port: VirtualPort = field(init=False)
+    comparison: Comparison
+    observer: DepositionObserver
+    printer: SimulatedPrinter
+    port: VirtualPort
 
-    def __post_init__(self) -> None:
-        self.comparison = Comparison(self.job.commands)
-        self.observer = DepositionObserver(self.job, self.profile, self.comparison)
-        self.printer = SimulatedPrinter(
-            self.machine,
-            self.firmware or simulated_firmware_for(self.profile.printer),
-            faults=self.faults,
-            on_executed=self.comparison,
-            move_log=self.observer.move_log,
+    @classmethod
+    def of(
+        cls,
+        job: Job,
+        profile: Profile,
+        baud: int | None,
+        printer: tuple[Machine, SimulatedFirmware | None],
+        faults: Faults | None,
+    ) -> _Simulation:
+        """Connect a simulated printer, a cable and the observers; `baud` and firmware default to the profile's."""
+        comparison = Comparison(job.commands)
+        observer = DepositionObserver(job, profile, comparison)
+        machine, firmware = printer
+        simulated = SimulatedPrinter(
+            machine,
+            firmware or simulated_firmware_for(profile.printer),
+            faults=faults,
+            on_executed=comparison,
+            move_log=observer.move_log,
         )
-        if self.faults is not None:
-            self.faults.current_layer = layer_counter(self.job, self.comparison)
-        self.port = VirtualPort(self.printer, baud=self.baud, latency=_LATENCY, faults=self.faults)
+        if faults is not None:
+            faults.current_layer = layer_counter(job, comparison)
+        used = baud or profile.printer.baud
+        port = VirtualPort(simulated, baud=used, latency=_LATENCY, faults=faults)
+        return cls(job, profile, used, baud is not None, comparison, observer, simulated, port)
 
     def make_streamer(self, commands: Sequence[bytes]) -> Streamer:
         """Return a host that sends these commands."""
@@ -145,9 +153,7 @@ def dry_run(  # noqa: PLR0913 - all but two have a good default
             remedy="Check dwells (G4) and speed limits (M203, M220)",
         )
     machine = machine_of(profile.printer, extruders, one_hotend=one_hotend)
-    simulation = _Simulation(
-        job, profile, baud or profile.printer.baud, baud is not None, firmware, faults, machine
-    )
+    simulation = _Simulation.of(job, profile, baud, (machine, firmware), faults)
     if every_byte or firmware is not None or faults is not None:
         return _run_over_port(simulation, on_event)
     return _run_fast(simulation, on_event)

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from printer_slicer.arrays import Float, Int
 from printer_slicer.gcode.state import MachineState
+from printer_slicer.values import Struct
 
 __all__ = ["SetPoints", "find_set_points"]
 
 _FULL_FAN = 255.0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class SetPoints:
+class SetPoints(Struct, frozen=True, eq=False):
     """Set points in the order of the commands that change them.
 
     Attributes:

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
 from math import inf
 from typing import Final
 
@@ -24,6 +23,7 @@ from printer_slicer.gcode.moves import choose_accelerations
 from printer_slicer.link_model import LinkRun, SerialLink, TimedJob, line_sizes
 from printer_slicer.motion.rules import MotionLimits
 from printer_slicer.motion.vectorized import Blocks, find_nonzero_moves, make_blocks
+from printer_slicer.values import Struct, replace
 
 __all__ = ["Underrun", "UnderrunReport", "find_underruns", "make_timed_job"]
 
@@ -33,8 +33,7 @@ _MIN_LOSS: Final = 0.25  # s lost in an underrun; starting from rest may take 0.
 _WAITING_COMMANDS: Final = commands_that(Effect.WAITS)
 
 
-@dataclass(frozen=True, slots=True)
-class Underrun:
+class Underrun(Struct, frozen=True):
     """A range of commands in which the machine slows down or stops because lines arrive too late.
 
     Attributes:
@@ -56,8 +55,7 @@ class Underrun:
     layer: int = 0
 
 
-@dataclass(frozen=True, slots=True)
-class UnderrunReport:
+class UnderrunReport(Struct, frozen=True):
     """The buffer underruns of a job on a link.
 
     Attributes:
@@ -136,7 +134,10 @@ def make_timed_job(commands: Sequence[bytes], moves: Moves, limits: MotionLimits
         if first < len(moves.line):
             changed[int(moves.line[first])] = limits
     blocks = Blocks(
-        *(np.concatenate([getattr(part, name) for part in parts], axis=-1) for name in Blocks.__slots__)
+        *(
+            np.concatenate([getattr(part, name) for part in parts], axis=-1)
+            for name in Blocks.__struct_fields__
+        )
     )
     moving = np.concatenate(lines)
     # Commands with moves, such as some that home, count only as their moves.
@@ -173,16 +174,10 @@ def _find_ranges(actual: Float, ideal: Float, marks: Mapping[int, int]) -> Itera
     begins = list(marks)
     for first, last in zip(commands[lows].tolist(), commands[highs].tolist(), strict=True):
         ideal_seconds, actual_seconds = float(ideal[last] - ideal[first]), float(actual[last] - actual[first])
-        if actual_seconds - ideal_seconds < _MIN_LOSS:
+        loss, lines = actual_seconds - ideal_seconds, last - first
+        if loss < _MIN_LOSS:
             continue
         at = bisect_right(begins, first)
         layer = marks[begins[at - 1]] if at else 0
-        lines = last - first
-        yield Underrun(
-            first,
-            last,
-            actual_seconds - ideal_seconds,
-            lines / max(ideal_seconds, 1e-9),
-            lines / actual_seconds,
-            layer=layer,
-        )
+        needed, available = lines / max(ideal_seconds, 1e-9), lines / actual_seconds
+        yield Underrun(first, last, loss, needed, available, layer=layer)

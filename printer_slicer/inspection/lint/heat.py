@@ -6,12 +6,12 @@ Source: Marlin's documentation, "M104", "M109", "M140", "M190", "M141", "M149"; 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 from printer_slicer.gcode.commands import HeaterName, heater_of
 from printer_slicer.gcode.lexer import LintCommand
 from printer_slicer.profile import Profile
+from printer_slicer.values import Struct
 
 __all__ = ["HeaterRules"]
 
@@ -21,8 +21,7 @@ _FAHRENHEIT_ZERO: Final = 32.0
 _KELVIN_ZERO: Final = 273.15
 
 
-@dataclass(slots=True)
-class HeaterRules:
+class HeaterRules(Struct):
     """Checks the target temperatures of a job.
 
     Attributes:

@@ -8,7 +8,6 @@ taken into account.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import chain
 from typing import Final, NamedTuple
 
@@ -21,6 +20,7 @@ from printer_slicer.inspection.deposition.unsupported import UnsupportedTracker,
 from printer_slicer.motion.rules import limits_of
 from printer_slicer.motion.vectorized import FLOW_WINDOW, volumetric_flow
 from printer_slicer.profile import Profile
+from printer_slicer.values import Struct
 
 __all__ = ["SHORT_TERM_FLOW", "MoveChecker"]
 
@@ -135,8 +135,7 @@ class MoveChecker:
         return new_filament
 
 
-@dataclass(slots=True)
-class _Problem:
+class _Problem(Struct):
     """A kind of problem: index of its first command, number of its commands, largest amount, and reason."""
 
     index: int

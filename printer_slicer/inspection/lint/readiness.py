@@ -8,7 +8,6 @@ start macros are assumed to home and heat, because only the printer knows their 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -20,6 +19,7 @@ from printer_slicer.gcode import Moves
 from printer_slicer.gcode.commands import Effect, heater_of, names_that
 from printer_slicer.gcode.lexer import LintCommand
 from printer_slicer.printer_macros import match_start_macro
+from printer_slicer.values import Struct, field
 
 __all__ = ["Readiness"]
 
@@ -35,8 +35,7 @@ _RUNS_MACRO: Final = names_that(Effect.RUNS_MACRO)
 _HOMES: Final = names_that(Effect.HOMES)
 
 
-@dataclass(slots=True)
-class _StateHistory:
+class _StateHistory(Struct):
     """History of a state: indices of the commands that change it, and the states before, between and after."""
 
     since: list[int] = field(default_factory=list)
@@ -60,8 +59,7 @@ class _StateHistory:
         return np.asarray(self.states)[np.searchsorted(self.since, commands, side="left")]
 
 
-@dataclass(slots=True)
-class _Problem:
+class _Problem(Struct):
     """A kind of problem: index of its first command, and number of its commands."""
 
     index: int

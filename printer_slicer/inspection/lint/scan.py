@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
 from math import pi
 from pathlib import Path
 from typing import Final
@@ -26,6 +25,7 @@ from printer_slicer.inspection.lint.table import RULES, Rule
 from printer_slicer.jobs import Job, JobSummary, split_sendable
 from printer_slicer.motion.rules import limits_of
 from printer_slicer.profile import Profile
+from printer_slicer.values import replace
 
 __all__ = ["lint_file", "lint_text", "scan"]
 

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Final
 
 from printer_slicer.firmware.firmware import SetsLimits
 from printer_slicer.gcode.commands import Effect, names_that
 from printer_slicer.gcode.lexer import LintCommand
 from printer_slicer.profile import Printer
+from printer_slicer.values import Struct
 
 __all__ = ["RULES", "Rule", "RuleResult"]
 
@@ -44,8 +44,7 @@ _USUAL_SPEED: Final = (25.0, 200.0)
 _MIN_EXTRUSION_TEMPERATURE: Final = 170.0  # °C; Marlin's own EXTRUDE_MINTEMP
 
 
-@dataclass(frozen=True, slots=True)
-class Rule:
+class Rule(Struct, frozen=True):
     """A rule for some commands.
 
     Attributes:

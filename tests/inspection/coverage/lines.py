@@ -56,7 +56,7 @@ def beads_along(
 def joined(*parts: Extrusions) -> Extrusions:
     """Several, one after the other."""
     return Extrusions(
-        *(np.concatenate([getattr(part, name) for part in parts]) for name in Extrusions.__slots__)
+        *(np.concatenate([getattr(part, name) for part in parts]) for name in Extrusions.__struct_fields__)
     )
 
 
