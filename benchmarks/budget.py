@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from tempfile import TemporaryDirectory
 from typing import Final
 
@@ -101,7 +102,7 @@ def _warm_rows() -> list[Row]:
     rows: list[Row] = []
     for name in ("vase.stl", "case_study.stl"):
         slice_seconds(name)
-        rows.append((f"slice {name}, warm", lambda name=name: slice_seconds(name), calibration_seconds))
+        rows.append((f"slice {name}, warm", partial(slice_seconds, name), calibration_seconds))
     return rows
 
 

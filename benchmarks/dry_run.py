@@ -19,6 +19,7 @@ import sys
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -138,7 +139,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     print(f"{'job':<24}{'lines':>10}{'hours':>7}{'CPU s':>7}{'differs':>10}{memory}  ok")
     far = False
     with tempfile.TemporaryDirectory() as folder:
-        jobs = [(path, {}) for path in options.files]
+        jobs: list[Any] = [(path, {}) for path in options.files]
         for lines in () if options.files else options.lines:
             path = Path(folder, f"vase_{lines}.gcode")
             path.write_bytes(long_job(lines))

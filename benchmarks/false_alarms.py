@@ -160,7 +160,7 @@ def vase(chance: Random) -> Solid:
     """Make a hollow star that turns and widens with height."""
     points, turn = int(chance.integers(3, 9)), chance.uniform(-1, 1)
 
-    def ring(z: float, inset: float) -> list[tuple[float, float]]:
+    def ring(z: float, inset: float) -> Any:
         angles = np.linspace(0, 2 * pi, 120, endpoint=False)
         radius = 8 + 2 * sin(z / 4) + 1.2 * np.cos(points * (angles - turn * z / 20)) - inset
         return np.stack([radius * np.cos(angles), radius * np.sin(angles)], axis=1)
@@ -176,7 +176,8 @@ def rounded(chance: Random) -> Solid:
     balls = [
         move_to(
             icosphere(subdivisions=3, radius=chance.uniform(3, 6)),
-            *chance.uniform(-5, 5, 2),
+            chance.uniform(-5, 5),
+            chance.uniform(-5, 5),
             chance.uniform(2, 6),
         )
         for _ in range(3)

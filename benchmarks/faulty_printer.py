@@ -11,6 +11,7 @@ import argparse
 import json
 import signal
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -69,7 +70,7 @@ class FaultyPrinter:
         job: commands that the printer should execute.
     """
 
-    def __init__(self, fault: str, machine: MotionLimits, job: list[bytes]) -> None:
+    def __init__(self, fault: str, machine: MotionLimits, job: Sequence[bytes]) -> None:
         firmware = replace(MARLIN_2_1, ok_after_resend=fault != "resend without ok")
         self._fault = fault
         self._inner = SimulatedPrinter(
@@ -94,6 +95,11 @@ class FaultyPrinter:
                 self.first = self.last
         else:
             self.strays += 1
+
+    @property
+    def unread_bytes(self) -> int:
+        """Number of received bytes that the printer has not read."""
+        return self._inner.unread_bytes
 
     def receive(self, data: bytes, now: float) -> None:
         """Take bytes from the host."""

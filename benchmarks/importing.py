@@ -216,7 +216,8 @@ def load_imported(made: Triple, folder: Path, **changes: object) -> Any:
     for kind, one in made.items():
         paths[kind] = folder / f"{kind}.toml"
         paths[kind].write_text(profile_text(one), encoding="utf-8")
-    return load_profile(*(str(paths[kind]) for kind in ("printer", "material", "quality")), changes)
+    printer, material, quality = (str(paths[kind]) for kind in ("printer", "material", "quality"))
+    return load_profile(printer, material, quality, changes)
 
 
 def our_macros(made: Triple, folder: Path, heights: Mapping[str, str]) -> dict[str, list[str]]:

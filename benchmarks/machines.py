@@ -142,12 +142,14 @@ def _measure_row(machine: str, path: Path, mesh: Mesh) -> Row:
     now = load_profile(machine, quality="standard", changes=_BARE)
     before = _former_profile(now, vendor)
     part = place(mesh, now.printer)
-    ours = [
+    past, present = (
         _total_minutes(gcode_of(slice_part(part, profile), profile), profile) for profile in (before, now)
-    ]
+    )
     with TemporaryDirectory() as folder:
         text = _slice_with_vendor_speeds(part, now, vendor, Path(folder))
-    return Row(machine, path.stem, *ours, _total_minutes(apply_published_values(text, vendor, now), now))
+    return Row(
+        machine, path.stem, past, present, _total_minutes(apply_published_values(text, vendor, now), now)
+    )
 
 
 def _former_profile(now: Profile, vendor: Vendor) -> Profile:
@@ -220,7 +222,7 @@ def apply_published_values(text: str, vendor: Vendor, profile: Profile) -> bytes
     printer, accelerations = profile.printer, vendor.accelerations
     most = min(printer.max_acceleration_x, printer.max_acceleration_y)
     set_to = FLAVOURS[printer.flavour].acceleration
-    one = printer.firmware.one_acceleration
+    one = printer.firmware.has_single_acceleration
     lines = [] if one else [f"M204 T{min(accelerations[_TRAVEL], most):g}"]
     role, layer, now = "", 0, 0.0
     for line in text.splitlines():

@@ -59,7 +59,7 @@ class _Hooked(subprocess.Popen):
     def __init__(self, *given: Any, env: Mapping[str, str] | None = None, **named: Any) -> None:
         known = dict(os.environ if env is None else env)
         paths = [self.folder, *filter(None, [known.get("PYTHONPATH")])]
-        super().__init__(*given, env=known | {"PYTHONPATH": os.pathsep.join(paths)}, **named)
+        super().__init__(*given, env=known | {"PYTHONPATH": os.pathsep.join(paths)}, **named)  # type: ignore[call-overload]
 
 
 def main(arguments: list[str]) -> int:
@@ -72,7 +72,7 @@ def main(arguments: list[str]) -> int:
         anywhere = "from contextlib import suppress\nwith suppress(ImportError):\n" + indent(hook, "    ")
         (Path(folder) / "sitecustomize.py").write_text(anywhere)
         _Hooked.folder = folder
-        subprocess.Popen = _Hooked  # type: ignore[misc]
+        subprocess.Popen = _Hooked  # type: ignore[assignment, misc]
         exec(hook, {})
         code = pytest.main(arguments)
         reached = set(log.read_text().split("\n"))

@@ -45,7 +45,11 @@ from printer_slicer.profile import Profile, profile_with
 
 _SAME_Z = 0.02  # mm
 _OURS, _UPRIGHT = "ours", "ours, shells as thick as CuraEngine's"
-_NOBODY = {"printer.start_gcode": "G28", "material.min_layer_time": 0, "material.fan_layer_time": 0}
+_NOBODY: dict[str, str | float] = {
+    "printer.start_gcode": "G28",
+    "material.min_layer_time": 0,
+    "material.fan_layer_time": 0,
+}
 
 
 @dataclass(frozen=True, slots=True)
