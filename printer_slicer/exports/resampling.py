@@ -122,13 +122,13 @@ def _measure_edges(areas: Areas) -> Float:
 
 
 def _select_points(areas: Areas, keep: Bool) -> Areas:
-    """Return the stack with the points for which `keep` is true; it must keep at least three of each ring."""
+    """Return the stack with only the points for which `keep` (N,) is true, at least three per ring."""
     count = np.add.reduceat(keep, areas.ring_start[:-1], dtype=np.int64)
     return Areas(areas.xy[keep], np.append(0, np.cumsum(count)), areas.ring_layer, areas.n_layers)
 
 
 def _add_points(areas: Areas, edge: Int, share: Float) -> tuple[Areas, Bool]:
-    """Add points on edges; return the new contours, and a mask (N + P,) of the old points.
+    """Add points on edges; return the new contours, and a mask (N + P,) of the points that existed before.
 
     Args:
         areas: the contours.
@@ -152,7 +152,7 @@ def _add_points(areas: Areas, edge: Int, share: Float) -> tuple[Areas, Bool]:
 
 
 def _add_corner_points(areas: Areas, step: float, reach: int) -> tuple[Areas, Bool]:
-    """Add `reach` points, `step` mm apart, on both sides of each corner; return contours and a mask of old points.
+    """Add `reach` points, `step` mm apart, on both sides of each corner; also return a mask of the earlier points.
 
     Edges that are too short for that are divided evenly.
     """
@@ -168,7 +168,7 @@ def _add_corner_points(areas: Areas, step: float, reach: int) -> tuple[Areas, Bo
 
 
 def _move_points(areas: Areas, bound: float) -> Areas:
-    """Move points by at most `bound` mm, so that no ring meets itself or another ring."""
+    """Move points by at most `bound` mm to smooth rings, so that no ring meets itself or another ring."""
     room = measure_clearance(areas, bound / _MOVE_FRACTION)
     limit = np.minimum(bound, _MOVE_FRACTION * np.minimum(room, room[areas.previous]))
     step = _compute_displacement(areas, limit)
@@ -234,8 +234,10 @@ def _mark_needed_points(areas: Areas, chosen: Bool, bound: float) -> Bool:
         chosen: (N,) mask of points that stay: the first and at least two more of each ring.
         bound: mm.
     """
-    room = np.minimum(bound, _CHORD_FRACTION * measure_clearance(areas, max(bound / _CHORD_FRACTION, _STILL)))
-    chosen = _add_farthest_corners(areas, chosen, room)
+    tolerance = np.minimum(
+        bound, _CHORD_FRACTION * measure_clearance(areas, max(bound / _CHORD_FRACTION, _STILL))
+    )
+    chosen = _keep_farthest_corners(areas, chosen, tolerance)
     sign, sizes = np.sign(areas.ring_area()), np.diff(areas.ring_start)
     check = np.logical_or.reduceat(~chosen, areas.ring_start[:-1])
     while check.any():
@@ -251,8 +253,8 @@ def _mark_needed_points(areas: Areas, chosen: Bool, bound: float) -> Bool:
     return chosen
 
 
-def _add_farthest_corners(areas: Areas, chosen: Bool, room: Float) -> Bool:
-    """Return a mask (N,) of the points needed to keep every chord within `room` (N,) of the edges that it replaces.
+def _keep_farthest_corners(areas: Areas, chosen: Bool, tolerance: Float) -> Bool:
+    """Extend the mask of points to keep (N,) until every chord is within `tolerance` (N,) of the edges it replaces.
 
     Starting from the chosen points, add the farthest corner of each arc that is too far from its chord, until none is.
     """
@@ -262,7 +264,7 @@ def _add_farthest_corners(areas: Areas, chosen: Bool, room: Float) -> Bool:
     open_ = np.flatnonzero(~chosen)
     while len(open_):
         ends = np.flatnonzero(chosen)
-        least = np.minimum.reduceat(room, ends)
+        least = np.minimum.reduceat(tolerance, ends)
         arc = np.searchsorted(ends, open_, side="right") - 1
         begin = ends[arc]
         after = np.append(ends, len(areas.xy))[arc + 1]

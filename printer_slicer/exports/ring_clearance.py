@@ -108,7 +108,7 @@ def _find_near_edges(areas: Areas, reach: float, *, same_ring: bool) -> Iterator
 def _find_touching_boxes(
     lows: Sequence[Float], highs: Sequence[Float], one: Int, other: Int
 ) -> tuple[Int, Int, Int]:
-    """Find the boxes that touch in pairs (P,) of rows; return the pair, and the column in each row.
+    """Find the boxes that touch in pairs (P,) of rows; return the pair of each, and the column of both boxes.
 
     Args:
         lows: (R, n) lower bounds of the boxes, along x and along y.

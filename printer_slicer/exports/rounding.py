@@ -85,7 +85,7 @@ def round_to_float32(areas: Areas) -> RoundedRings:
 
 
 def _build_rounded_rings(areas: Areas, values: NDArray[Any], error: float) -> RoundedRings:
-    """Return the rings with rounded coordinates `values` (N, 2) instead of their points."""
+    """Build the rounded rings of areas from the rounded coordinates `values` (N, 2)."""
     sizes = np.diff(areas.ring_start)
     differs = (values != values[areas.following]).any(axis=1) if len(values) else np.zeros(0, np.bool_)
     before = np.concatenate([[0], np.cumsum(differs)])

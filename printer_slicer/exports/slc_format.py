@@ -55,7 +55,7 @@ def write_slc(sections: Sections) -> bytes:
 
 
 def has_uneven_heights(plan: LayerPlan) -> bool:
-    """Return whether any layer height is not a multiple of the smallest one, which the specification warns of."""
+    """Return whether a layer height is no multiple of the smallest one; the specification warns of such files."""
     thin = float(plan.height.min())
     ratio = plan.height / thin
     return bool((np.abs(ratio - np.rint(ratio)) > _MULTIPLE).any())
