@@ -52,7 +52,7 @@ def plan_area(mesh: Mesh, profile: Profile) -> LayerPlan:
 
 
 def _are_areas_equal(area: Float, other: Float, settings: AreaPlanner) -> Bool:
-    """Return which pairs of areas are equal within the tolerance, element by element."""
+    """Return whether the areas of each pair are equal within the tolerance."""
     return np.asarray(
         np.abs(area - other) <= settings.tolerance + settings.relative_tolerance * np.maximum(area, other)
     )
@@ -78,7 +78,7 @@ def _plan_literal(mesh: Mesh, steps: ZSteps, thin: int, thick: int, settings: Ar
 
 
 def _snap_to_levels(planes: Float, mesh: Mesh) -> Float:
-    """Move planes within rounding error of a z level of the part onto that level; they cut the part just below it."""
+    """Move planes that are within rounding error of a z level of the part onto it; they cut the part just below it."""
     level = np.unique(mesh.triangles[:, :, 2])
     above = np.minimum(np.searchsorted(level, planes), len(level) - 1)
     below = np.maximum(above - 1, 0)
@@ -133,7 +133,7 @@ def _find_constant_intervals(
 
 
 def _drop_short_runs(level: Int, constant: Bool, thick: int) -> Bool:
-    """Keep only runs of constant area with room for a thick layer; shorter runs save nothing."""
+    """Keep only runs of constant area that are at least as high as a thick layer; shorter runs save nothing."""
     run = np.cumsum(np.diff(constant.astype(np.int64), prepend=0) != 0)
     length = np.bincount(run, weights=np.diff(level))
     return np.asarray(constant & (length[run] >= thick))

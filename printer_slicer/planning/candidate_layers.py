@@ -111,7 +111,7 @@ def _sort_by_end(end: Int, n: int) -> Int:
 
 
 def _concatenate(parts: Iterable[Bool | Float | Int], kind: type) -> NDArray[Any]:
-    """Concatenate the parts of a column; without parts, return an empty array of this type."""
+    """Concatenate the parts of a column; if there are none, return an empty array of type `kind`."""
     return np.concatenate([np.zeros(0, kind), *parts]).astype(kind, copy=False)
 
 
@@ -141,7 +141,9 @@ class _VolumeErrors:
     def __init__(self, surface: Surface, grid: HeightGrid, containment: str) -> None:
         self._grid, self._containment = grid, containment
         n_cells = grid.cells * grid.n
-        up, down = (shadow.integral_on_lattice(grid.cell, n_cells) for shadow in (surface.up, surface.down))
+        up, down = (
+            shadow.area_integral_on_lattice(grid.cell, n_cells) for shadow in (surface.up, surface.down)
+        )
         self._both = up + down
         self._over, self._under = (up, down) if containment != "negative" else (down, up)
 
@@ -163,7 +165,7 @@ class _VolumeErrors:
 
 
 def _list_uniform_plans(steps: ZSteps) -> Iterable[Int]:
-    """Yield uniform plans as layer heights in z steps; only the last layer may have a height outside the list."""
+    """Yield uniform plans as layer heights in z steps; only the last layer may have a height that is not allowed."""
     first, rest = steps.split_first_layer()
     for height in steps.allowed.tolist():
         layers = fill_with_layers(rest, height, steps.lowest, steps.highest)

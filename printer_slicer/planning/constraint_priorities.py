@@ -82,7 +82,7 @@ def rank_constraints(
 
 
 def _compute_excess(bound: Float, limit: Float, largest_possible: Float) -> Float:
-    """Return the excess of bounds over their limit (A,), mm, rounded to 1 nm to hide rounding in 32-bit files.
+    """Return the excess of bounds over their limit (A,), mm, rounded to 1 nm to hide rounding errors of 32-bit files.
 
     The excess is 0 for layers so thin that they cannot exceed the limit.
     """
@@ -94,7 +94,7 @@ def _compute_excess(bound: Float, limit: Float, largest_possible: Float) -> Floa
 
 
 def find_underestimated(candidates: CandidateLayers, profile: Profile, layers: Int, bounds: Float) -> Bool:
-    """Return which layers (L,) exceed the tolerance by their exact bound, although their tabulated bound is within it.
+    """Return which layers (L,) exceed the tolerance by their exact bound, although their tabulated bound does not.
 
     Args:
         candidates: the candidate layers.
@@ -117,7 +117,7 @@ def _candidate_tolerances(candidates: CandidateLayers, profile: Profile) -> Floa
 
 
 def _count_missed_planes(mesh: Mesh, candidates: CandidateLayers, profile: Profile) -> Float:
-    """Return the weighted number of flats and range ends inside each layer (A,); the largest flats count twice."""
+    """Return the number (A,) of flats and ends of height ranges inside each layer, weighted from 1 to 2."""
     grid = candidates.grid
     flats, areas = find_flats(mesh)
     borders = range_ends(profile, mesh.height)

@@ -38,7 +38,11 @@ import numpy as np
 
 from printer_slicer.arrays import Float
 from printer_slicer.model import LayerPlan, Mesh
-from printer_slicer.planning.reachable_heights import find_event_planes, find_reachable_layers, stack_layers
+from printer_slicer.planning.reachable_heights import (
+    fill_with_reachable_layers,
+    find_event_planes,
+    find_reachable_layers,
+)
 from printer_slicer.planning.slopes import Slopes, cusp_height, find_thickest_layers
 from printer_slicer.planning.z_steps import ZSteps
 from printer_slicer.profile import CuspPlanner, Profile
@@ -138,6 +142,8 @@ def plan_cusp(mesh: Mesh, profile: Profile) -> LayerPlan:
         planes = find_event_planes(mesh, steps, first) if metric.ends_on_flats else [steps.part]
         heights = np.append(
             heights,
-            stack_layers(find_reachable_layers(limit, planes, first, steps), limit, planes, first, steps),
+            fill_with_reachable_layers(
+                find_reachable_layers(limit, planes, first, steps), limit, planes, first, steps
+            ),
         )
     return steps.make_plan(heights, "cusp")

@@ -61,7 +61,7 @@ class _Rules(NamedTuple):
         return len(self.limit) - 1
 
     def can_fill(self, height: Int, bottom: Int, top: Int) -> Bool:
-        """Return whether a layer of this height is allowed on z step `bottom`, and no event plane is below `top`."""
+        """Return whether a layer of this height is allowed on z step `bottom`, with no event plane below its `top`."""
         at = np.clip(bottom, 0, self.part)
         size = np.clip(height, 0, len(self.listed) - 1)
         listed = self.listed[size] & (size == height)
@@ -151,12 +151,12 @@ def _compute_costs(plans: Int, rules: _Rules) -> Int:
 
 
 def _layer_tops(plans: Int, rules: _Rules) -> Int:
-    """Return the top of each layer in z steps (plans, layers); after the last layer the top of the plan."""
+    """Return the top of each layer in z steps (plans, layers); entries after the last layer hold the plan's top."""
     return np.asarray(np.cumsum(plans, axis=1) + rules.bottom)
 
 
 def _layer_bottoms(plans: Int, rules: _Rules) -> Int:
-    """Return the bottom of each layer in z steps (plans, layers); after the last layer the top of the plan."""
+    """Return the bottom of each layer in z steps (plans, layers); entries after the last layer hold the plan's top."""
     return _layer_tops(plans, rules) - plans
 
 
@@ -185,7 +185,7 @@ def _cross_over(lower: Int, upper: Int, rules: _Rules, rng: np.random.Generator)
 
 
 def _find_joint(here: Int, upper: Int, rules: _Rules) -> tuple[Int, Int, Bool]:
-    """Find the layer that joins plans ending at z step `here` (n,) to the layers of `upper`.
+    """Find the layer that joins plans that end at z step `here` (n,) to the layers of `upper`.
 
     Returns:
         (n,) the height of the joining layer, 0 if `upper` has a top there; (n,) the index of the first layer of `upper`

@@ -119,7 +119,7 @@ def overlaps_range(height_range: HeightRange, grid: HeightGrid, start: Int, end:
 
 
 def find_event_planes(mesh: Mesh, profile: Profile) -> Float:
-    """Return the heights (n,) next to which layers may have any height, mm: flats, ridges, peaks, pits, range ends.
+    """Return the z (n,), mm, of flats, ridges, peaks, pits and range ends, next to which layers may have any height.
 
     Nearly horizontal flats are not events of the surface, so they are added.
     """

@@ -109,7 +109,7 @@ class LayerTimes:
         return known
 
     def _compute_level_times(self, height: float, times: _LayerLineTimes) -> Float:
-        """Compute the times (L,) that `_level_times` caches."""
+        """Compute the time (L,) of a layer of `height` mm at each level, s."""
         material, printer = self._profile.material, self._profile.printer
         length, printing = self._measure_lines(height, times)
         idle = self._travel_seconds + time_moves(height, printer.max_speed_z, printer.max_acceleration_z)

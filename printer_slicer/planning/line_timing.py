@@ -137,7 +137,7 @@ def time_moves(length: Float | float, speed: float, acceleration: float) -> Floa
 
 
 def _sample_times(seconds: Callable[[float], Float], speed: float, slowest: float) -> LineTimes:
-    """Evaluate a function from speed to times (n,) at the slowest and the fastest speed."""
+    """Evaluate times (n,), given as a function of speed, at the slowest and at the fastest speed."""
     slow = min(slowest, speed)
     fast = seconds(speed)
     return LineTimes(slow, speed, fast if slow >= speed else seconds(slow), fast)

@@ -189,7 +189,7 @@ class _Search:
         return found
 
     def _is_dominated(self, layers: Int) -> bool:
-        """Return whether a uniform plan is at least as fast and as accurate as these layers, and better in one."""
+        """Return whether a uniform plan is faster or more accurate than these layers, and not worse in the other."""
         mine = np.array([self._candidates.seconds[layers].sum(), self._candidates.volume[layers].sum()])
         slack = _LEAST_DIFFERENCE * mine
         theirs = self._candidates.uniform

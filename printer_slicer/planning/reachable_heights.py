@@ -1,4 +1,4 @@
-"""Layers that end exactly on event planes: which heights can reach the next plane with allowed layer heights.
+"""Find layers of allowed heights that end exactly on all event planes.
 
 An event plane is a height at which a layer should end: a flat, or the top of the part. Between two planes a planner
 chooses among `ZSteps.allowed`, no thicker than the surface permits. If these heights do not add up to the distance, the
@@ -23,11 +23,17 @@ from printer_slicer.planning.slopes import nearest_step
 from printer_slicer.planning.z_steps import ZSteps, fill_with_layers
 from printer_slicer.surface.flats import find_flats
 
-__all__ = ["find_event_planes", "find_next_planes", "find_reachable_layers", "is_fillable", "stack_layers"]
+__all__ = [
+    "fill_with_reachable_layers",
+    "find_event_planes",
+    "find_next_planes",
+    "find_reachable_layers",
+    "is_fillable",
+]
 
 
 def find_event_planes(mesh: Mesh, steps: ZSteps, bottom: int) -> list[int]:
-    """Return the flats on which layers can end, and the top of the part, above `bottom`: z steps, ascending.
+    """Return, in z steps, the flats above `bottom` on which layers can end, and the top of the part, ascending.
 
     Of flats too close together for the printer's layers, the larger ones are kept.
     """
@@ -50,7 +56,7 @@ def is_fillable(total: int, steps: ZSteps) -> bool:
 
 
 def find_next_planes(planes: Sequence[int], steps: ZSteps) -> Int:
-    """Return the first event plane above each z step (part + 1,); above the last one the top of the part."""
+    """Return the first event plane above each z step (part + 1,), or the top of the part if there is none."""
     place = np.searchsorted(planes, np.arange(steps.part + 1), side="right")
     return np.append(planes, steps.part)[place].astype(np.int64)
 
@@ -79,8 +85,10 @@ def find_reachable_layers(limit: Int, planes: Sequence[int], bottom: int, steps:
     return np.array(reachable, np.int64)
 
 
-def stack_layers(reachable: Int, limit: Int, planes: Sequence[int], bottom: int, steps: ZSteps) -> Int:
-    """Stack layers from `bottom` up with the heights of `find_reachable_layers`; return their heights (n,) in z steps.
+def fill_with_reachable_layers(
+    reachable: Int, limit: Int, planes: Sequence[int], bottom: int, steps: ZSteps
+) -> Int:
+    """Stack layers of the heights `reachable` from `bottom` up; return the heights (n,) of these layers in z steps.
 
     If the last layer below a plane is thinner than the one before, both get half of their sum, if that is allowed.
     """
@@ -158,7 +166,7 @@ def _find_free_layers(limits: list[int], low: int, high: int, count: int) -> dic
 def _search_downward(
     limits: list[int], relaxed: list[int], masks: list[int], free: dict[int, int]
 ) -> list[int]:
-    """Return for each step of an interval a layer height from whose top the plane can be reached; 0 if there is none.
+    """Return for each z step a layer height from whose top the plane at the end can be reached; 0 if there is none.
 
     Prefers a free layer that ends the interval, then the thickest allowed one within the limit, then the one that
     exceeds it least, then the first of two free ones.

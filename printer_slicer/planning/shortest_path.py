@@ -64,7 +64,7 @@ class ArcGraph(Struct, frozen=True, eq=False):
         return np.repeat(np.arange(self.n + 1), np.diff(self.begin))
 
     def with_arcs(self, kept: Int) -> ArcGraph:
-        """Return the graph of only the arcs `kept` (K,), which are ascending."""
+        """Return the graph that has only the arcs `kept` (K,), ascending."""
         return ArcGraph(np.searchsorted(kept, self.begin), self.start[kept])
 
     @property
@@ -120,7 +120,7 @@ def _costs_from_bed(graph: ArcGraph, cost: Float) -> Float:
 
 
 def optimal_arcs(graph: ArcGraph, costs: Sequence[Float]) -> Int:
-    """Find the arcs of the plans that are cheapest by the first cost; of these plans by the second, and so on.
+    """Find the arcs of the plans that are cheapest by the first cost; among equal plans, the second cost decides, etc.
 
     Args:
         graph: the candidate layers.
@@ -241,7 +241,7 @@ def _trace_path(
 
 
 class _WindowMinimum:
-    """Minimum over a window of columns for each column, by a sparse table of runs of 1, 2, 4, ... columns.
+    """Computes the minimum over a window of columns for each column, with a sparse table.
 
     Args:
         first, last: (R,) columns of each window; columns that do not exist are ignored.
@@ -303,7 +303,7 @@ def cheapest_within_budget(
 
 
 def cheapest_with_max_layers(graph: ArcGraph, cost: Float, max_layers: int) -> Int | None:
-    """Find the cheapest plan of at most `max_layers` layers; None if so few do not reach the top.
+    """Find the cheapest plan of at most `max_layers` layers; None if that many layers cannot reach the top.
 
     Args:
         graph: the candidate layers.
@@ -337,7 +337,7 @@ def _reverse_graph(graph: ArcGraph, cost: Float) -> tuple[ArcGraph, Float]:
 
 
 def _compact_subgraph(graph: ArcGraph, kept: Int) -> ArcGraph:
-    """Return the graph of only the arcs `kept` (K,), with only the nodes that they touch."""
+    """Return the graph that has only the arcs `kept` (K,) and the nodes at their ends."""
     start, end = graph.start[kept], graph.end[kept]
     touched: Bool = np.zeros(graph.n + 1, np.bool_)
     touched[[0, graph.n]] = touched[start] = touched[end] = True

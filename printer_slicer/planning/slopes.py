@@ -43,7 +43,7 @@ def cusp_height(profile: Profile) -> float:
 
 
 def nearest_step(z: Float, size: float) -> Int:
-    """Return the z step nearest to each height in mm; halves, within rounding errors, are rounded down."""
+    """Return the z step nearest to each height in mm; heights halfway between steps are rounded down."""
     return np.floor(np.asarray(z) / size + 0.499).astype(np.int64)
 
 
@@ -123,7 +123,7 @@ def find_thickest_layers(
 
 
 def _measure_facets(triangles: Float) -> tuple[Float, Float, Float, Bool]:
-    """Return of each facet (n,) |n_z|, lowest and highest z in mm, and whether it is a flat."""
+    """Return for each facet (n,): |n_z|, the lowest and the highest z in mm, and whether the facet is a flat."""
     ax, ay, az, bx, by, bz, cx, cy, cz = np.ascontiguousarray(triangles.reshape(-1, 9).T)
     low, high = np.minimum(np.minimum(az, bz), cz), np.maximum(np.maximum(az, bz), cz)
     bx, by, bz, cx, cy, cz = bx - ax, by - ay, bz - az, cx - ax, cy - ay, cz - az

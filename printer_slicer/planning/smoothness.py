@@ -56,7 +56,7 @@ def _thinnest_neighbours(height: Int, grid: HeightGrid, steps: ZSteps, spare: fl
 
 
 def _find_spared_nodes(mesh: Mesh, grid: HeightGrid, steps: ZSteps, profile: Profile) -> Bool:
-    """Return which nodes (n + 1,) are spared: large steps next to them cost less."""
+    """Return the nodes (n + 1,) next to which large steps between layer heights cost less."""
     free = np.zeros(grid.n + 1, np.bool_)
     free[0], free[-1] = bool(steps.first), True
     planes = np.concatenate([find_flats(mesh)[0], range_ends(profile, mesh.height)]) / grid.unit

@@ -27,10 +27,10 @@ import numpy as np
 from printer_slicer.arrays import Int
 from printer_slicer.model import LayerPlan, Mesh
 from printer_slicer.planning.reachable_heights import (
+    fill_with_reachable_layers,
     find_event_planes,
     find_reachable_layers,
     is_fillable,
-    stack_layers,
 )
 from printer_slicer.planning.slopes import Slopes, cusp_height
 from printer_slicer.planning.z_steps import ZSteps
@@ -105,7 +105,9 @@ def _fill_with_listed_heights(total: int, limit: int, steps: ZSteps) -> list[int
 def _fill_to_plane(total: int, limit: int, steps: ZSteps) -> Int:
     """Return layers that fill `total` z steps below a plane, with the same limit everywhere."""
     limits = np.full(total, limit, np.int64)
-    return stack_layers(find_reachable_layers(limits, [total], 0, steps), limits, [total], 0, steps)
+    return fill_with_reachable_layers(
+        find_reachable_layers(limits, [total], 0, steps), limits, [total], 0, steps
+    )
 
 
 def _plan_thicker_slab(here: int, end: int, height_limit: _HeightLimit, steps: ZSteps) -> list[int]:

@@ -116,7 +116,7 @@ class _PlanCheck:
             )
 
     def find_missed_ranges(self) -> Iterator[PlanViolation]:
-        """Yield height ranges whose layer height or ends are not met, or that are above the part."""
+        """Yield height ranges above the part, and those whose layer height or ends the plan does not meet."""
         plan, top = self._plan, self._mesh.height
         for height_range in self._settings.ranges:
             if height_range.low >= top:
@@ -175,7 +175,7 @@ class _PlanCheck:
         return first or (f"no more than {few} layers are allowed" if few else cause)
 
     def _explain_first_layer(self, low: float, high: float) -> str:
-        """Return the cause if a z interval lies within a fixed first layer, otherwise an empty string."""
+        """Return the cause of a violation in a z interval within a fixed first layer; empty for other intervals."""
         inside = self._first and low < self._first - _ROUNDING and high <= self._first + _ROUNDING
         return f"the first layer is set to {self._first:g} mm" if inside else ""
 
@@ -185,7 +185,7 @@ class _PlanCheck:
         high: float,
         otherwise: str = _CAUSE_UNREACHED,
     ) -> str:
-        """Return as a cause the setting that determines the layers in a z interval; `otherwise` if there is none."""
+        """Return the setting that determines the layers in a z interval as the cause; `otherwise` if there is none."""
         if first := self._explain_first_layer(low, high):
             return first
         for height_range in self._settings.ranges:

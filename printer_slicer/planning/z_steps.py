@@ -17,7 +17,7 @@ _STEP_TOLERANCE = 1e-2  # of a step; precision of heights in 32-bit coordinates
 
 
 def layer_tolerances(profile: Profile, bottom: Float, top: Float) -> Float:
-    """Return the tolerance of layers, mm: that of the quality, or that of the height ranges that they overlap.
+    """Return the tolerance of layers, mm, from the quality or from the height ranges that they overlap.
 
     Args:
         profile: tolerance and ranges.
@@ -84,7 +84,7 @@ class ZSteps:
         return within if len(within) else np.array([thin], np.int64)
 
     def _round_to_steps(self, height: float) -> int:
-        """Convert the height of the part to whole steps, rounded to nearest, up or down as containment requires."""
+        """Convert the height of the part to whole steps; the containment setting determines the rounding."""
         steps = height / self.size
         if self._containment == "mid":
             return round(steps)

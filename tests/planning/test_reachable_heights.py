@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 
 from printer_slicer.arrays import Int
 from printer_slicer.planning.reachable_heights import (
+    fill_with_reachable_layers,
     find_event_planes,
     find_next_planes,
     find_reachable_layers,
-    stack_layers,
 )
 from printer_slicer.planning.z_steps import ZSteps
 from tests.parts import box, profile, step_pyramid
@@ -31,7 +31,7 @@ def layers(limit: Int | int, planes: list[int], steps: ZSteps, bottom: int = 0) 
     limits = np.full(steps.part, limit) if isinstance(limit, int) else limit
     return [
         int(h)
-        for h in stack_layers(
+        for h in fill_with_reachable_layers(
             find_reachable_layers(limits, planes, bottom, steps), limits, planes, bottom, steps
         )
     ]
