@@ -1,4 +1,4 @@
-"""Surface of a part as a function of z, and proven error bounds for layer plans."""
+"""Analysis of the surface of a part at every height, and proven error bounds for layer plans."""
 
 from printer_slicer.surface.certificate import (
     Certificate,

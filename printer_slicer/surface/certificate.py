@@ -151,7 +151,7 @@ def read_surface(mesh: Mesh) -> Surface:
 
 
 def _analyse_mesh(mesh: Mesh) -> Surface:
-    """Compute the contacts and shadows of the surface of a mesh."""
+    """Compute the contacts and the projected areas of the surface of a mesh."""
     contacts, area = find_contacts(mesh)
     up, down = project_surface(mesh)
     return Surface(mesh.triangles, contacts, contacts.mirror(), up, down, area, mesh.height)
@@ -163,7 +163,7 @@ def layer_bounds(surface: Surface, plan: LayerPlan) -> Float:
 
 
 def _bound_runs(surface: Surface, plan: LayerPlan) -> tuple[Float, Float]:
-    """Return the bounds (L,) of the upward and of the downward runs of each layer, mm."""
+    """Return the deviation bounds (L,), mm, of each layer above its section, and below its section."""
     bottom, top, cut = plan.bottom, plan.top, plan.cut
     if plan.containment == "mid":
         return bound_runs(surface.contacts, cut, top), _bound_downward_runs(surface, cut, bottom)
@@ -175,7 +175,7 @@ def _bound_runs(surface: Surface, plan: LayerPlan) -> tuple[Float, Float]:
 
 
 def _bound_downward_runs(surface: Surface, start: Float, end: Float) -> Float:
-    """Return the bounds (L,) of the runs from `start` down to `end`, mm."""
+    """Return the deviation bounds (L,) for vertical runs from the heights `start` down to `end`, mm."""
     return bound_runs(surface.turned, -start[::-1], -end[::-1])[::-1]
 
 
@@ -225,21 +225,25 @@ def _bound_volumes(surface: Surface, plan: LayerPlan) -> Float:
         aside = 2 * cut - bottom - top
         total = np.zeros(plan.n_layers)
         for shadow in (over, under):
-            below = shadow.integral(planes)
+            below = shadow.area_integral(planes)
             total += below[2::2] + below[:-1:2] - 2 * below[1::2]
             if np.abs(aside).max() > _ROUNDING:
                 total += shadow.area_below(cut) * aside
         return np.maximum(total, 0)
     height, bottom, top = top - bottom, bottom + BESIDE, top - BESIDE
-    added = over.integral(top) - over.integral(bottom) - height * over.area_below(bottom, including=True)
-    added += height * under.area_below(top) - under.integral(top) + under.integral(bottom)
+    added = (
+        over.area_integral(top)
+        - over.area_integral(bottom)
+        - height * over.area_below(bottom, including=True)
+    )
+    added += height * under.area_below(top) - under.area_integral(top) + under.area_integral(bottom)
     return np.maximum(added, 0)
 
 
 def _bound_volume_above(up: Shadow, top: float, height: float) -> float:
     """Return an upper bound of the volume of the part above the last layer, mm³."""
     planes = np.array([top, height])
-    below, everything = up.integral(planes)
+    below, everything = up.area_integral(planes)
     return float((height - top) * up.area_below(planes, including=True)[1] - (everything - below))
 
 

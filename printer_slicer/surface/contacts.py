@@ -1,4 +1,4 @@
-"""Contacts: where a ball can touch the surface, and how steeply. The certified error is computed from them.
+"""Contacts, from which the certified error is computed: where a ball can touch the surface, and how steeply.
 
 A ball on the surface touches a facet along its normal, an edge along a direction between the normals of its facets, and
 a corner along a direction of its normal cone. The *rise* is the vertical component of that unit direction: the rate at
@@ -75,7 +75,7 @@ class Contacts(Struct, frozen=True, eq=False):
 
 
 class _ContactCandidates(NamedTuple):
-    """Edges or corners of one block of facets that may add a contact, and those that certainly add no contact.
+    """Edges or corners of one block of facets that may add a contact, and those that cannot add one.
 
     Attributes:
         place: (n,) number of each candidate.
@@ -144,7 +144,7 @@ def find_contacts(mesh: Mesh) -> tuple[Contacts, float]:
 
 
 def _is_relevant(envelope: Envelope, low: Float, high: Float, rise: Float) -> Bool:
-    """Return a mask (n,) of contacts to keep: those that can add to a run, and flats and extrema."""
+    """Return a mask (n,) of contacts to keep: flats, extrema, and contacts that can increase a bound."""
     return envelope.is_uncovered(low, high, rise) | (rise > 1 - _LEVEL)
 
 

@@ -16,7 +16,7 @@ _MOST_BINS: Final = 1 << 16
 
 
 class Envelope:
-    """Steepest rise at every height, in bins of z; contacts with a lower rise everywhere add nothing to any run.
+    """The steepest rise in each bin of z; contacts that are less steep everywhere add nothing to a bound.
 
     A contact counts in a run from its lowest z on, or from the start of the run if that is higher. If steeper contacts
     cover all of its heights, they add at least as much to every run. They may in turn be covered by others; the

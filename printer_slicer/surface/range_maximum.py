@@ -1,4 +1,4 @@
-"""Compute for each position the largest of the values whose range covers it.
+"""Compute the maximum at each position of values that each hold over a range of positions.
 
 Two overlapping ranges with a power of two as length cover any range. They are stored by length and start, then passed
 down from each length to its half: the sparse table of Bender and Farach-Colton, 2000, filled from the top.
@@ -36,7 +36,7 @@ def propagate_maxima(table: Float) -> Float:
 
 
 def compute_range_maxima(first: Int, last: Int, value: Float, n: int) -> Float:
-    """Return for each of n positions the largest value >= 0 whose range `first` to `last` (inclusive) covers it."""
+    """Return for each of n positions the largest value >= 0 whose range `first` to `last` (inclusive) contains it."""
     if len(first) == 0:
         return np.zeros(n)
     table = np.zeros((int(find_table_level(first, last).max()) + 1, n))

@@ -1,4 +1,4 @@
-"""Shadow of the surface: the area of its projection on the bed, as a function of height.
+"""Projected area on the bed of the surface below a height, as a function of the height.
 
 Let S(z) be the projected area of the surface below z, summed over the facets. Consider a layer from z0 to z1 with its
 section at c. If the surface passes a point (x, y) of the layer once, at height h, the layer is wrong there from h to
@@ -29,7 +29,7 @@ _FEW = 2  # planes between two corners; up to this many are added one by one
 
 
 class Shadow(Struct, frozen=True, eq=False):
-    """Shadow of a set of facets: three heights and a projected area for each facet.
+    """The projection of facets on the bed: three corner heights and a projected area for each facet.
 
     Attributes:
         low, middle, high: (n,) mm, heights of the corners.
@@ -52,7 +52,7 @@ class Shadow(Struct, frozen=True, eq=False):
             yield Shadow(self.low[some], self.middle[some], self.high[some], self.area[some])
 
     def area_below(self, planes: Float, *, including: bool = False) -> Float:
-        """Return the area (n,) of the shadow below each plane, ascending, mm²; `including` counts facets in a plane."""
+        """Return the projected area (n,) below each plane (ascending), mm²; `including` adds facets in planes."""
         total = np.zeros(len(planes))
         for block in self._iterate_blocks():
             first = np.searchsorted(planes, block.high, side="left" if including else "right")
@@ -60,8 +60,8 @@ class Shadow(Struct, frozen=True, eq=False):
             total += np.cumsum(whole)[:-1] + _sum_intersected_facets(block, planes, first, 2)
         return total
 
-    def integral(self, planes: Float) -> Float:
-        """Return the integral (n,) of the shadow from below the part up to each plane (ascending), mm³."""
+    def area_integral(self, planes: Float) -> Float:
+        """Return the integral (n,) of `area_below` over z, from below the part up to each plane (ascending), mm³."""
         total = np.zeros(len(planes))
         for block in self._iterate_blocks():
             first = np.searchsorted(planes, block.high)
@@ -73,8 +73,8 @@ class Shadow(Struct, frozen=True, eq=False):
             total += whole * planes - lever + _sum_intersected_facets(block, planes, first, 3)
         return total
 
-    def integral_on_lattice(self, cell: float, n_cells: int) -> Float:
-        """Return the integral (n_cells + 1,) of the shadow up to each multiple of `cell`, mm³.
+    def area_integral_on_lattice(self, cell: float, n_cells: int) -> Float:
+        """Return the integral (n_cells + 1,) of `area_below` over z up to each multiple of `cell`, mm³.
 
         The cost hardly depends on the number of cells. The result is exact for facets between two planes; other facets
         use the trapezoidal rule.
@@ -108,7 +108,7 @@ def _sum_intersected_facets(shadow: Shadow, planes: Float, end: Int, power: int)
 
 
 def _evaluate_parabolas(shadow: Shadow, facet: Int, z: Float, power: int) -> Float:
-    """Return what each facet adds to the shadow (power 2) or its integral (3) at a height between its corners."""
+    """Return each facet's share of the projected area (power 2) or its integral (3) at a height between its corners."""
     low, middle, high, area = shadow.low[facet], shadow.middle[facet], shadow.high[facet], shadow.area[facet]
     rising = z < middle
     leg = np.where(rising, middle - low, high - middle)
@@ -174,7 +174,7 @@ def _sum_parabolas(reach: tuple[Int, Int], base: Float, bend: Float, apex: Float
 
 
 def project_surface(mesh: Mesh) -> tuple[Shadow, Shadow]:
-    """Return the shadows of the facets that face up and of those that face down."""
+    """Project the facets that face up, and those that face down, on the bed."""
     nothing = np.zeros((4, 0))
     blocks = [_project_block(mesh.triangles[at : at + _AT_ONCE]) for at in range(0, mesh.n_facets, _AT_ONCE)]
     up, down = (np.concatenate([nothing, *side], axis=1) for side in zip(*blocks, strict=True))

@@ -1,4 +1,4 @@
-"""Find features thinner than the layers, where a vertical line passes the surface more than once between two sections.
+"""Find features thinner than the layers: there a vertical line passes the surface repeatedly between two sections.
 
 Between two sections the shadow of the surface counts every passage. The difference of the two sections only shows
 whether their number is odd. The excess comes from pairs of passages: a lid, a slot or the edge of a wedge between two

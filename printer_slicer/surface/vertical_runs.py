@@ -1,4 +1,4 @@
-"""Bound the distance from the surface after a vertical run by the integral of the steepest rise so far.
+"""Bound the distance from the surface at the end of a vertical run by the integral of the steepest rise along it.
 
 Start at height s on the surface and move straight up to height e. At every height z the distance to the surface grows
 at most at the rise of its nearest point. That point lies below z and not below s, because the distance is at most
@@ -35,7 +35,7 @@ _SAME = 5e-6
 
 
 def bound_runs(contacts: Contacts, start: Float, end: Float) -> Float:
-    """Return the exact bounds (n,) of the runs from `start` up to `end`, mm.
+    """Return the exact bounds (n,) of the distance from the surface after runs from `start` up to `end`, mm.
 
     Args:
         contacts: contacts of the surface, seen from above.

@@ -123,7 +123,7 @@ def test_the_integral_is_that_of_the_shadow_under_every_plane_below(name: str) -
     planes = np.sort(np.append(np.random.default_rng(2).uniform(-0.2, mesh.height + 0.3, 6), levels[[0, -1]]))
     for shadow in project_surface(mesh):
         expected = [integrated(shadow, float(z)) for z in planes]
-        assert shadow.integral(planes) == pytest.approx(expected, abs=1e-9)
+        assert shadow.area_integral(planes) == pytest.approx(expected, abs=1e-9)
 
 
 def test_the_integral_over_a_closed_part_is_its_volume() -> None:
@@ -131,7 +131,7 @@ def test_the_integral_over_a_closed_part_is_its_volume() -> None:
     for mesh in (pyramid(4, 2), sphere(1.5), sheared_prism(2, 2, 1.5)):
         up, down = project_surface(mesh)
         top = np.array([mesh.height])
-        assert (down.integral(top) - up.integral(top))[0] == pytest.approx(mesh.volume, rel=1e-9)
+        assert (down.area_integral(top) - up.area_integral(top))[0] == pytest.approx(mesh.volume, rel=1e-9)
 
 
 @given(st.integers(0, 10**6), st.integers(1, 40), st.sampled_from(["any", "tied", "far", "on the lattice"]))
@@ -149,7 +149,7 @@ def test_many_planes_at_once_are_the_same_as_one_by_one(seed: int, n: int, kind:
     planes[rng.random(n) < 0.3] = rng.choice(z.ravel(), 1)
     planes.sort()
 
-    for read in (shadow.area_below, shadow.integral, partial_including(shadow)):
+    for read in (shadow.area_below, shadow.area_integral, partial_including(shadow)):
         together = read(planes)
         alone = np.concatenate([read(planes[i : i + 1]) for i in range(n)])
         assert together == pytest.approx(alone, abs=1e-9)
@@ -165,10 +165,10 @@ def test_no_planes_and_no_facets_are_nothing() -> None:
     nothing: Any = np.zeros(0)
     empty = Shadow(nothing, nothing, nothing, nothing)
 
-    assert up.area_below(nothing).shape == up.integral(nothing).shape == (0,)
+    assert up.area_below(nothing).shape == up.area_integral(nothing).shape == (0,)
     assert empty.area_below(np.array([1.0, 2.0])).tolist() == [0, 0]
-    assert empty.integral(np.array([1.0, 2.0])).tolist() == [0, 0]
-    assert empty.integral_on_lattice(0.1, 3).tolist() == [0] * 4
+    assert empty.area_integral(np.array([1.0, 2.0])).tolist() == [0, 0]
+    assert empty.area_integral_on_lattice(0.1, 3).tolist() == [0] * 4
 
 
 @each_part
@@ -179,12 +179,12 @@ def test_on_a_lattice_the_integral_is_exact_within_the_rule_of_its_steps(name: s
     n_cells = int(mesh.height / cell) + 3
     planes = lattice(cell, n_cells)
     for shadow in project_surface(mesh):
-        exact = shadow.integral(planes)
+        exact = shadow.area_integral(planes)
         sloped = shadow.high > shadow.low
         share = shadow.area[sloped].sum()
         # A parabola over less than a cell errs by no more than its area times a cell.
         allowed = cell * share + 1e-9
-        assert np.abs(shadow.integral_on_lattice(cell, n_cells) - exact).max() <= allowed
+        assert np.abs(shadow.area_integral_on_lattice(cell, n_cells) - exact).max() <= allowed
 
 
 @each_part
@@ -196,7 +196,11 @@ def test_on_a_finer_lattice_the_integral_comes_as_near_as_one_likes(name: str) -
             n_cells = int(mesh.height / cell) + 1
             planes = lattice(cell, n_cells)
             errors.append(
-                float(np.abs(shadow.integral_on_lattice(cell, n_cells) - shadow.integral(planes)).max())
+                float(
+                    np.abs(
+                        shadow.area_integral_on_lattice(cell, n_cells) - shadow.area_integral(planes)
+                    ).max()
+                )
             )
         assert errors[2] <= 1e-5 * max(float(shadow.area.sum()), 1.0) + 1e-9
         assert errors[2] <= errors[0] + 1e-9
@@ -210,7 +214,7 @@ def test_what_lies_between_two_planes_of_the_lattice_is_exact_on_it(seed: int) -
     shadow = thrown(z, rng)
     planes = lattice(cell, 20)
 
-    assert shadow.integral_on_lattice(cell, 20) == pytest.approx(shadow.integral(planes), abs=1e-9)
+    assert shadow.area_integral_on_lattice(cell, 20) == pytest.approx(shadow.area_integral(planes), abs=1e-9)
 
 
 def test_a_tall_part_of_many_facets_keeps_its_digits_on_the_lattice() -> None:
@@ -219,6 +223,6 @@ def test_a_tall_part_of_many_facets_keeps_its_digits_on_the_lattice() -> None:
     up, _ = project_surface(mesh)
     n_cells = 40_000
     planes = lattice(0.005, n_cells)
-    error = np.abs(up.integral_on_lattice(0.005, n_cells) - up.integral(planes))
+    error = np.abs(up.area_integral_on_lattice(0.005, n_cells) - up.area_integral(planes))
 
     assert error.max() <= 1e-6 * up.area.sum()
