@@ -64,7 +64,7 @@ def _make_walls(sections: Sections, selected: Bool, profile: Profile) -> Walls:
 
 
 def _find_exposed_top(solid: Areas, width: float) -> Areas:
-    """Return the areas with nothing above that are too wide to be only the edge of a layer."""
+    """Return the areas with nothing above them, without strips that are only the visible edge of a layer."""
     return offset_open(difference(solid, solid.shift_layers(-1)), 1.5 * width)
 
 

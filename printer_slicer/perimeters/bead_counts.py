@@ -19,10 +19,10 @@ __all__ = ["CountedGraph", "count_beads"]
 _MAX_STEEPNESS = np.sin(np.deg2rad(25) / 2)  # loops simply turn in corners wider than this
 _SHORTEST_CENTRAL_RUN = 0.6  # spacings; a shorter run in front of a wider place is part of a corner
 _SHORTEST_RUN = 1.0  # mm
-_MAX_STRAIN = 0.25  # spacings by which beads of a short run may exceed their limits
+_MAX_EXCESS = 0.25  # spacings by which beads of a short run may exceed their limits
 _LONGER_RUN = 5.0  # mm
-_MAX_STRAIN_LONGER = 0.12  # spacings, the same for longer runs
-_MAX_STRAIN_BULGE = 0.6  # spacings, the same where runs meet
+_MAX_EXCESS_LONGER = 0.12  # spacings, the same for longer runs
+_MAX_EXCESS_BULGE = 0.6  # spacings, the same where runs meet
 _MAX_ROUNDS = 6
 _TIP_RADIUS = 1e-6  # mm of radius
 _SPUR_RADIUS_RATIO = 0.3  # of the narrowest bead's spacing
@@ -109,7 +109,7 @@ def _spur_radius(beading: Beading) -> Float:
 
 
 def _find_spurs(graph: AxisGraph, corner: Bool, central: Bool, count: Int, least_radius: Float) -> Int:
-    """Return the corner pieces that a single bead must follow, because they would otherwise stay too empty."""
+    """Return the pieces into corners that a single bead must follow; otherwise the corners would stay too empty."""
     ends, radius, length = graph.ends, graph.radius, graph.length
     top = _highest_counts(graph, central, count)
     piece = np.flatnonzero(corner)
@@ -133,7 +133,7 @@ def _find_spurs(graph: AxisGraph, corner: Bool, central: Bool, count: Int, least
 
 
 def _find_bulge_counts(graph: AxisGraph, rising: Int, below: Int, is_decided: Bool, beading: Beading) -> Int:
-    """Return the counts (n,) of pieces `rising` that form only a bulge where runs meet; -1 for other pieces."""
+    """Return the bead counts (n,) for pieces `rising` that form only a bulge where runs meet; -1 for other pieces."""
     ends, radius = graph.ends, graph.radius
     group = label_components(ends[rising].T, len(radius))
     low, up = thin_and_thick_ends(ends.take(rising, axis=0), radius)
@@ -146,13 +146,13 @@ def _find_bulge_counts(graph: AxisGraph, rising: Int, below: Int, is_decided: Bo
     own = group[ends[rising, 0]]
     most = _reduce_groups(np.maximum, own, below.astype(np.float64), len(radius), 0.0)[own].astype(np.int64)
     layer = graph.piece_layer[rising]
-    fits = beading.strain(highest[own], most, layer) <= _MAX_STRAIN_BULGE
-    fits &= beading.strain(radius[low], most, layer) <= _MAX_STRAIN_BULGE
+    fits = beading.width_excess(highest[own], most, layer) <= _MAX_EXCESS_BULGE
+    fits &= beading.width_excess(radius[low], most, layer) <= _MAX_EXCESS_BULGE
     return np.where(fits & ~lost[own], most, -1)
 
 
 def _mark_central_pieces(graph: AxisGraph, used: Bool, wide: Bool, beading: Beading) -> tuple[Bool, Int]:
-    """Return which pieces (E,) are central, that is of nearly constant thickness, and the base (E,) of other pieces.
+    """Return which pieces (E,) are central (have nearly constant thickness), and the base (E,) of other pieces.
 
     The base of a piece that gets thicker is the point of a central piece where the rise begins; -1 if there is none.
     """
@@ -183,7 +183,7 @@ def _mark_central_pieces(graph: AxisGraph, used: Bool, wide: Bool, beading: Bead
 
 
 def _replace_short_runs(graph: AxisGraph, central: Bool, count: Int, wide: Bool, beading: Beading) -> Int:
-    """Give short runs the count of a neighbour where the widths allow; runs in front of wide places stay."""
+    """Give short runs the bead count of a neighbour where the widths allow; runs beside wide places keep theirs."""
     piece = np.flatnonzero(central)
     if not len(piece):
         return count
@@ -217,21 +217,21 @@ def _replace_short_runs(graph: AxisGraph, central: Bool, count: Int, wide: Bool,
 
 
 def _reduce_groups(reduction: np.ufunc, group: Int, values: Float, n: int, start: float) -> Float:
-    """Return the minimum or maximum (n,) of the values (m,) of each group; `start` for empty groups."""
+    """Reduce the values (m,) of each group to their minimum or maximum (n,); empty groups get `start`."""
     result = np.full(n, start)
     reduction.at(result, group, values)
     return result
 
 
 def _values_of_runs(run: Int, values: Int, n: int) -> Int:
-    """Return the value of each run (n,), given the same value (m,) for all pieces of a run."""
+    """Return the value of each run (n,), given the values (m,) of pieces, which are equal within a run."""
     result = np.zeros(n, np.int64)
     result[run] = values
     return result
 
 
 class _Runs(Struct, frozen=True, eq=False):
-    """Runs, connected pieces of one count: length, least and greatest radius, count and layer (n,)."""
+    """Runs of connected pieces of one bead count: length, least and greatest radius, count and layer, each (n,)."""
 
     length: Float
     thinnest: Float
@@ -240,7 +240,7 @@ class _Runs(Struct, frozen=True, eq=False):
     layer: Int
 
     def absorb_short_runs(self, neighbours: Int, beading: Beading) -> Int:
-        """Return the counts (n,) after short runs took the count of a neighbour; of adjacent ones only the shortest."""
+        """Give short runs the count of a neighbour, only the shortest of adjacent runs; return all counts (n,)."""
         own, other = neighbours
         ranked = np.lexsort((np.arange(len(self.length)), self.length))
         rank = np.zeros(len(ranked), np.int64)
@@ -250,24 +250,24 @@ class _Runs(Struct, frozen=True, eq=False):
         ask = (self.length[own] < _LONGER_RUN) & (rank[own] < lowest[own]) & (self.count[other] > 0)
         own, other = own[ask], other[ask]
         wanted, layer = self.count[other], self.layer[own]
-        strain = np.maximum(
-            beading.strain(self.thinnest[own], wanted, layer),
-            beading.strain(self.thickest[own], wanted, layer),
+        excess = np.maximum(
+            beading.width_excess(self.thinnest[own], wanted, layer),
+            beading.width_excess(self.thickest[own], wanted, layer),
         )
         longer = np.where(
-            self.count[own] > 0, _MAX_STRAIN_LONGER, -1.0
+            self.count[own] > 0, _MAX_EXCESS_LONGER, -1.0
         )  # runs too thin for any bead stay empty
-        limit = np.where(self.length[own] < _SHORTEST_RUN, _MAX_STRAIN, longer)
+        limit = np.where(self.length[own] < _SHORTEST_RUN, _MAX_EXCESS, longer)
         dip = self._find_dips(*neighbours)[own] & (wanted % 2 == 1)
-        gives = strain <= np.where(dip, np.maximum(limit, beading.max_dip_strain(layer)), limit)
+        gives = excess <= np.where(dip, np.maximum(limit, beading.max_dip_excess(layer)), limit)
         result = self.count.copy()
-        best = np.lexsort((self.length[other], -strain))  # the least strain is written last
+        best = np.lexsort((self.length[other], -excess))  # the least excess is written last
         best = best[gives[best]]
         result[own[best]] = wanted[best]
         return result
 
     def _find_dips(self, own: Int, other: Int) -> Bool:
-        """Return which runs (n,) lie between runs with one more bead, and so would interrupt their middle bead."""
+        """Return which runs (n,) lie between runs with one more bead, whose middle bead they would interrupt."""
         deeper = np.bincount(own, self.count[other] == self.count[own] + 1, len(self.count))
         met = np.bincount(own, minlength=len(self.count))
         return np.asarray((met > 1) & (deeper == met) & (self.count > 0))

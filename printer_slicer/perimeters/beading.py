@@ -48,15 +48,15 @@ class Beading(Struct, frozen=True, eq=False):
 
     @property
     def full_count(self) -> int:
-        """Return the count that means that all loops fit, with space inside them."""
+        """Number of beads that stands for all loops with space left inside them."""
         return 2 * self.loops + 1 + self.has_middle
 
     def room(self, radius: Float, layer: Int) -> Float:
-        """Return the room for beads (n,), mm, where the thickness is twice the radius (n,)."""
+        """Return the thickness available for beads (n,), mm, where the distance to the outlines is `radius` (n,)."""
         return np.asarray(2 * (radius - self.margin[layer]))
 
     def thresholds(self) -> Float:
-        """Return the radii (full_count, L) from which 1, 2, ... beads fit; the last is that of `full_count`."""
+        """Return the least radii (full_count, L) at which 1, 2, ..., `full_count` beads fit."""
         one = self.spacing
         pair = np.clip(_TWO_BEADS_FROM * one, 2 * self.narrowest, np.maximum(self.widest, 2 * self.narrowest))
         middle = np.clip(self.narrowest, _LEAST_MIDDLE_BEAD * one, one)
@@ -67,7 +67,7 @@ class Beading(Struct, frozen=True, eq=False):
         return np.maximum.accumulate(np.array(rows), axis=0)
 
     def spacings(self, room: Float, count: Int, layer: Int) -> Float:
-        """Return the spacing (loops + 1, n) of each loop from the outside inward, then of the middle bead.
+        """Return the spacing (loops + 1, n) of each loop, from the outside inward, followed by that of the middle bead.
 
         Rows of beads that do not exist have the usual spacing. Where loops leave less than the narrowest middle bead
         needs, the innermost loop becomes narrower, within its limits.
@@ -86,8 +86,8 @@ class Beading(Struct, frozen=True, eq=False):
         result[pairs[even] - 1, even] = room[even] / 2 - (pairs[even] - 1) * usual[even]
         return np.maximum(result, 0.0)
 
-    def max_dip_strain(self, layer: Int) -> Float:
-        """Return the strain up to which the middle bead continues through a short thin run, in spacings.
+    def max_dip_excess(self, layer: Int) -> Float:
+        """Return the largest excess (see `width_excess`) at which the middle bead continues through a short thin run.
 
         Up to it, the loops beside the middle bead stay within their limits, and closer to their usual width than
         without the bead: with it they give up half of the missing width, without it they take half of the rest.
@@ -96,8 +96,8 @@ class Beading(Struct, frozen=True, eq=False):
         short = np.minimum(narrowest / 2, 2 * np.maximum(usual - narrowest, 0.0))
         return np.asarray(short / usual)
 
-    def strain(self, radius: Float, count: Int, layer: Int) -> Float:
-        """Return by how much the adapted bead exceeds its limits, in spacings, if other loops have the usual width."""
+    def width_excess(self, radius: Float, count: Int, layer: Int) -> Float:
+        """Return how far the width of the adapted bead is outside its limits, as a fraction of the usual spacing."""
         room = self.room(radius, layer)
         spacings = self.spacings(room, count, layer)
         pairs, odd = np.minimum(count // 2, self.loops), count % 2 == 1
@@ -106,6 +106,6 @@ class Beading(Struct, frozen=True, eq=False):
         own = np.where(inmost, room - 2 * pairs * self.spacing[layer], own)
         low = self.narrowest[layer]
         over = np.where(count >= self.full_count, 0.0, own - self.widest[layer])
-        strain = np.maximum(np.maximum(low - own, over), 0.0) / self.spacing[layer]
+        excess = np.maximum(np.maximum(low - own, over), 0.0) / self.spacing[layer]
         hopeless = (count <= 0) | (2 * radius < _THIN_RATIO * self.thinnest[layer])
-        return np.asarray(np.where(hopeless, np.inf, strain))
+        return np.asarray(np.where(hopeless, np.inf, excess))

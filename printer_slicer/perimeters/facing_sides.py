@@ -34,7 +34,7 @@ def find_facing_sides(areas: Areas, distance: Float, max_angle: float) -> Boxes:
     boxes = Boxes.of_sides(areas)
     low, high, layer = boxes.low, boxes.high, boxes.layer
     a, b = boxes.expand(distance[layer] / 2).find_neighbours()
-    found = _OutlineSides.of(areas).are_facing(a, b, max_angle, distance[layer[a]])
+    found = _OutlineSides.of(areas).is_facing(a, b, max_angle, distance[layer[a]])
     a, b = a[found], b[found]
     reach = distance[layer[a], None]
     small = _mark_small_rings(areas, distance)
@@ -102,13 +102,13 @@ class _OutlineSides(Struct, frozen=True, eq=False):
         turn = cross(way.take(before, axis=0), way)
         return cls(begin, end, normal, normal.take(before, axis=0), turn < -_SMALL_TURN)
 
-    def are_facing(self, a: Int, b: Int, max_angle: float, reach: Float) -> Bool:
-        """Test whether sides, or the corners at their beginnings, face each other within `reach` (n,) mm."""
-        found = self.are_parallel(a, b, np.cos(max_angle), reach)
+    def is_facing(self, a: Int, b: Int, max_angle: float, reach: Float) -> Bool:
+        """Return whether sides, or the corners at their beginnings, face each other within `reach` (n,) mm."""
+        found = self.is_parallel(a, b, np.cos(max_angle), reach)
         found |= self.corner_faces_side(a, b, reach) | self.corner_faces_side(b, a, reach)
         return found | self.corners_face(a, b, reach)
 
-    def are_parallel(self, a: Int, b: Int, cosine: float, reach: Float) -> Bool:
+    def is_parallel(self, a: Int, b: Int, cosine: float, reach: Float) -> Bool:
         """Test whether two sides (n,) face each other and are nearly parallel."""
         opposite = np.flatnonzero(_row_products(self.normal, a, self.normal, b) <= -cosine)
         result = np.zeros(len(a), np.bool_)

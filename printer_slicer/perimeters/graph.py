@@ -137,7 +137,7 @@ def _interpolate(ends: Float, share: Float) -> Float:
 
 
 def _interpolate_feet(foot: Float, owner: Int, low: Float, high: Float) -> Float:
-    """Return the feet (H, 2, 2) of parts of pieces `owner`, which extend from position `low` to `high`."""
+    """Return the feet (H, 2, 2) of parts of the pieces `owner`, each from position `low` to `high` on its piece."""
     up, down = foot.take(2 * owner, axis=0), foot.take(2 * owner + 1, axis=0)
     low, high = low[:, None], high[:, None]
     parts = [
@@ -148,14 +148,14 @@ def _interpolate_feet(foot: Float, owner: Int, low: Float, high: Float) -> Float
 
 
 def thin_and_thick_ends(ends: Int, radius: Float) -> tuple[Int, Int]:
-    """Return of pieces with ends (n, 2) the end (n,) at which the radius (V,) is smaller, and the other end (n,)."""
+    """Return for each piece the end (n,) with the smaller radius, and the end (n,) with the larger one."""
     first, second = ends.T
     falls = radius.take(first) >= radius.take(second)
     return np.where(falls, second, first), np.where(falls, first, second)
 
 
 def find_crossings(ends: Float, level: Float) -> tuple[Int, Float]:
-    """Return items and positions, 0 to 1, where values that are linear between both ends (n, 2) cross `level` (n,)."""
+    """Find where values interpolated between `ends` (n, 2) cross `level` (n,); return items and positions, 0 to 1."""
     low, high = (ends - level[:, None]).T
     item = np.flatnonzero(low * high < 0)
     share = low[item] / (low[item] - high[item])

@@ -1,4 +1,4 @@
-"""Distance from the outline and width of beads along the medial axis.
+"""Compute the width of beads along the medial axis, and their distance from the outline.
 
 Values belong to ports. A port is a point together with one bead count; where the count changes, a point has several.
 """
@@ -21,7 +21,7 @@ _TRANSITION_LENGTH = 0.2
 
 
 class BeadLayout(Struct, frozen=True, eq=False):
-    """Beads of a graph. Level i is the loop of depth i; the last level is the border of the remaining area.
+    """Beads along a medial axis. Level i is the loop of depth i; the last level is the border of the remaining area.
 
     Attributes:
         graph: the medial axis, divided where beads begin or end.
@@ -51,7 +51,7 @@ class BeadLayout(Struct, frozen=True, eq=False):
 
 
 def lay_out_beads(counted: CountedGraph, beading: Beading) -> BeadLayout:
-    """Lay out the beads of a graph with known counts."""
+    """Compute the widths and positions of the beads of a graph whose bead counts are known."""
     # Divide where beads have reached their new positions, and where ending loops turn around.
     ports, half = _PieceEnds.of(counted, beading), beading.spacing[counted.graph.piece_layer] / 2
     counted = _divide_pieces(
@@ -83,7 +83,7 @@ def _divide_pieces(counted: CountedGraph, cuts: list[tuple[Int, Float]]) -> Coun
 
 
 class _PieceEnds(Struct, frozen=True, eq=False):
-    """The ports of a graph; see `BeadLayout`.
+    """Ports (ends of pieces) of a graph, with the bead counts and the changes of count near them; see `BeadLayout`.
 
     Attributes:
         counted: the graph and its counts.
@@ -113,7 +113,7 @@ class _PieceEnds(Struct, frozen=True, eq=False):
 
     @classmethod
     def of(cls, counted: CountedGraph, beading: Beading) -> _PieceEnds:
-        """Return the ports of a graph with known counts."""
+        """Find the ports of a graph whose bead counts are known."""
         graph, base, n = counted.graph, beading.full_count + 1, len(counted.graph.xy)
         leader, count = _find_leaders(counted, beading)
         keys, number = unique_inverse(((graph.ends * n + leader) * base + count).ravel())
@@ -134,7 +134,7 @@ class _PieceEnds(Struct, frozen=True, eq=False):
         return cls(counted, port, point, leader, count, change, distance, beyond, spacing, moved, fewest)
 
     def find_distant_positions(self, distance: Float) -> tuple[Int, Float]:
-        """Find the pieces, and the positions on them, that are `distance` (E,) mm along the axis from a change."""
+        """Find positions on pieces that are `distance` (E,) mm from a change of the count; return pieces, positions."""
         length = np.maximum(self.counted.graph.length, 1e-12)
         ends = self.distance.take(self.port)
         found = []
@@ -169,7 +169,7 @@ class _PieceEnds(Struct, frozen=True, eq=False):
         return inset, width
 
     def make_layout(self, beading: Beading) -> BeadLayout:
-        """Return the layout, with the active levels of each piece."""
+        """Build the layout from the ports."""
         counted, graph = self.counted, self.counted.graph
         inset, width = self.compute_beads(beading)
         count = self.count[self.port[:, 0]]
@@ -237,7 +237,7 @@ def _find_leaders(counted: CountedGraph, beading: Beading) -> tuple[Int, Int]:
 
 
 def _compute_shifts(point: Int, is_used: Bool, pairs: Int, spacing: Float) -> tuple[Float, Int, Bool]:
-    """Return for each port the shift of beads (loops + 1, P), the fewest loops (P,), and whether the count changes.
+    """Return the shift of beads (loops + 1, P), the fewest loops (P,) and whether the count changes (P,) at each port.
 
     The shift moves the beads of all sides of a change to their mean position.
     """

@@ -47,7 +47,7 @@ class MiddleLines(Struct, frozen=True, eq=False):
         return cls(np.zeros((0, 2)), np.zeros(0), none, none, none, np.zeros(0, np.bool_))
 
     def length(self) -> Float:
-        """Return the lengths (M,), mm; the last side of closed lines is not counted."""
+        """Return the length (M,) of each line, mm, without the closing side of closed lines."""
         return polyline_lengths(self.xy, np.append(0, np.cumsum(self.size)), closed=False)
 
     def take(self, is_selected: Bool) -> MiddleLines:
@@ -75,7 +75,7 @@ class MiddleLines(Struct, frozen=True, eq=False):
 
 
 def trace_middle_lines(layout: BeadLayout, beading: Beading) -> MiddleLines:
-    """Return a polyline along every run of pieces with a middle bead, and small rings where only a dot fits."""
+    """Return polylines along all runs of pieces with a middle bead, and a small ring wherever only a dot fits."""
     lines, short = _trace_lines(layout, beading)
     dots = _replace_by_rings(short).merge(_make_dots(layout, beading))
     return lines.merge(dots.take(~_find_overlapping_dots(dots, lines)))
@@ -94,7 +94,7 @@ def _find_overlapping_dots(dots: MiddleLines, lines: MiddleLines) -> Bool:
 
 
 def _make_dots(layout: BeadLayout, beading: Beading) -> MiddleLines:
-    """Return a small ring in the middle of each place about as long as wide with room for one more bead.
+    """Return a small ring in each place that is about as long as wide and has space for one more bead.
 
     The ring is pi/4 widths long, so its volume is that of a disc of the bead's width.
     """
@@ -130,7 +130,7 @@ def _make_rings(middle: Float, width: Float, length: Float, layer: Int, depth: I
 
 
 def _trace_lines(layout: BeadLayout, beading: Beading) -> tuple[MiddleLines, MiddleLines]:
-    """Return a polyline along every run of pieces with a middle bead, and separately those too short for a line.
+    """Return polylines along the runs of pieces with a middle bead: those long enough for a line, and those too short.
 
     Where three runs meet, the straightest two form one line; the others end at its side.
     """
@@ -197,7 +197,7 @@ def _find_continuations(point: Int, way: Float) -> tuple[Int, Bool]:
 
 
 class _LineSteps(Struct, frozen=True, eq=False):
-    """Half-pieces (h,) in the order of the lines: their line, whether it is closed and whether it meets others."""
+    """Half-pieces (h,) in the order of the lines: the line of each, and whether that is closed and meets others."""
 
     half: Int
     line: Int
@@ -207,7 +207,7 @@ class _LineSteps(Struct, frozen=True, eq=False):
 
 
 def _build_polylines(layout: BeadLayout, chosen: _LineSteps) -> tuple[MiddleLines, Bool]:
-    """Return lines through ordered half-pieces, and whether (2, M) they begin and end at ends of the axis.
+    """Build lines through ordered half-pieces; also return whether each begins and ends (2, M) at an end of the axis.
 
     Ends at the side of another line are cut back. Steps shorter than a rounding error become one point.
     """
@@ -279,7 +279,7 @@ def _lengthen_tips(lines: MiddleLines, tips: Bool) -> MiddleLines:
 
 
 def _trim_ends(xy: Float, width: Float, size: Int, before: Float, after: Float) -> tuple[Float, Float]:
-    """Cut `before` and `after` (m,) mm off polylines; points of the cut parts coincide with the new ends."""
+    """Cut `before` and `after` (m,) mm off the two ends of polylines; the points cut off move to the new ends."""
     owner, step = expand_counts(size)
     length = norm(np.diff(xy, axis=0, prepend=xy[:1]))
     length[step == 0] = 0.0

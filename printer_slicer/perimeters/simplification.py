@@ -54,7 +54,7 @@ def points_to_keep(xy: Float, width: Float, size: Int, closed: Bool, tolerance: 
 
 
 def _find_local_minima(candidates: Int, deviation: Float, before: Int, after: Int) -> Bool:
-    """Return which candidates (n,) deviate less than both neighbours; of equal ones, the lower index counts."""
+    """Return which candidates (n,) deviate less than both neighbours; if equal, the lower index counts as less."""
     rank = np.full(len(before), np.inf)
     rank[candidates] = deviation
     prior, next_one = before[candidates], after[candidates]

@@ -128,7 +128,7 @@ def _find_next_steps(layout: BeadLayout, number: Int, level: Int, half: Int) -> 
 def join_loops(
     walk: TracedBeads, ordinary: list[Areas], layout: BeadLayout, width: Float
 ) -> tuple[BeadRings, Int]:
-    """Join steps, and parts of fixed-width loops between mouths, to closed loops.
+    """Join steps, and the parts of fixed-width loops between mouths of narrow places, to closed loops.
 
     Args:
         walk: the steps.
@@ -185,7 +185,7 @@ def _gather_rings(
 
 
 class _FixedLoops(Struct, frozen=True, eq=False):
-    """The fixed-width loops of one level, walked backward like the steps, with the mouths between points.
+    """The fixed-width loops of one level, reversed like the steps, and the mouths of narrow places on these loops.
 
     Attributes:
         level: of all loops.
@@ -207,7 +207,7 @@ class _FixedLoops(Struct, frozen=True, eq=False):
 
     @classmethod
     def of(cls, areas: Areas, level: int, walk: TracedBeads, layout: BeadLayout) -> _FixedLoops:
-        """Find the mouths on the loops of a level; loops inside narrow places without a mouth are left out."""
+        """Find the mouths on the loops of a level; drop loops inside narrow places that have no mouth."""
         entered = np.zeros(len(walk.level), np.bool_)
         entered[walk.following[walk.following >= 0]] = True
         own = walk.level == level
@@ -237,7 +237,7 @@ class _FixedLoops(Struct, frozen=True, eq=False):
         )
 
     def link_points(self, first: int, following: Int) -> tuple[Int, Int]:
-        """Return the item (n,) after each point, and the layers where mouths do not alternate; update `following`.
+        """Link points and steps; return the item (n,) after each point, and the layers where mouths do not alternate.
 
         Items are numbered from `first`. Points between an arrival and the next departure are kept; other points are
         followed by -1.
@@ -269,7 +269,7 @@ class _FixedLoops(Struct, frozen=True, eq=False):
 
 
 def _are_beside_pieces(rings: Areas, layout: BeadLayout) -> Bool:
-    """Return whether rings (R,) lie between the outline and used pieces.
+    """Return which rings (R,) lie between the outline and a used piece of the medial axis.
 
     Two points are tested, a corner and the middle of the longest side, because a ring in a wide area may touch the
     entry of a narrow place with one of them.
@@ -284,7 +284,7 @@ def _are_beside_pieces(rings: Areas, layout: BeadLayout) -> Bool:
 
 
 def _find_rings_beside(ring: Int, point: Float, rings: Areas, layout: BeadLayout) -> Int:
-    """Return the rings whose point (n, 2) lies between the outline and a used piece; a ring may occur repeatedly."""
+    """Return the rings whose `point` (n, 2) lies between the outline and a used piece; a ring may occur repeatedly."""
     graph, layer = layout.graph, np.zeros(rings.n_layers, np.bool_)
     layer[rings.ring_layer[ring]] = True
     half = np.flatnonzero(np.repeat(layout.used & layer[graph.piece_layer], 2))
@@ -312,7 +312,7 @@ def _longest_side_middles(rings: Areas) -> Float:
 
 
 def _find_nearest_sides(areas: Areas, points: Float, layer: Int) -> tuple[Int, Float, Float]:
-    """Return for each point (n,) the nearest side of the rings of its layer, the position on it and the distance.
+    """Return for each point (n,) the nearest side of a ring on its layer, the nearest position there, and the distance.
 
     Points that lie on no ring get side 0 at an infinite distance.
     """

@@ -175,7 +175,7 @@ def _have_real_sides(solid: Areas, sides: Bool, source: Int, corner: Bool) -> Bo
 
 
 def _find_unknown_layers(counted: CountedGraph, near: Boxes, reach: float, n_layers: int) -> Bool:
-    """Return the layers (L,) with pieces so far from narrow places that sides outside the selection may be nearer."""
+    """Return the layers (L,) with pieces so far from narrow places that sides that were not selected may be nearer."""
     graph = counted.graph
     point = distinct(graph.ends[counted.used].ravel())
     result = np.zeros(n_layers, np.bool_)
@@ -207,7 +207,7 @@ def _lost_area(layout: BeadLayout, n_layers: int) -> Float:
 def _select_narrow_pieces(
     counted: CountedGraph, beading: Beading, n_layers: int
 ) -> tuple[CountedGraph, Bool, Bool]:
-    """Return the connected pieces with a narrow place, their layers (L,), and layers (L,) with incomplete ones."""
+    """Return the connected pieces with a narrow place, their layers (L,), and layers (L,) with incomplete pieces."""
     graph = counted.graph
     ends, layer = graph.ends, graph.piece_layer
     group = label_components(ends[counted.used].T, len(graph.xy))

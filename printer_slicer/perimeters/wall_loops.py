@@ -79,7 +79,7 @@ def make_loops(
 def fill_narrow(
     areas: Areas, plan: LayerPlan, profile: Profile, *, beads: int = 1, role: Role = Role.PERIMETER
 ) -> FillResult:
-    """Fill areas between other extrusions where they are narrow, with variable width.
+    """Fill the narrow places of areas that lie between other extrusions, with extrusions of variable width.
 
     Args:
         areas: clean areas; their outlines are the borders of the extrusions around them.
@@ -97,7 +97,7 @@ def fill_narrow(
 def fill_pieces(
     pieces: ConnectedAreas, role: Int, plan: LayerPlan, profile: Profile, *, beads: int
 ) -> tuple[Toolpaths, Int]:
-    """Fill pieces like `fill_narrow`; pieces may touch each other, and each has its own role (P,).
+    """Fill pieces as `fill_narrow` fills areas; pieces may touch each other, and each has its own role (P,).
 
     Returns:
         The paths, and the piece (M,) of each path.
@@ -134,7 +134,7 @@ def _make_beading(
     margin: Float,
     thinnest: Float,
 ) -> Beading:
-    """Make the rules for the number of beads by thickness; `size` is their usual width and height (E,)."""
+    """Make the rules for the number of beads by thickness; `size` holds the usual width and height (E,) of beads."""
     width, height = size
     spacing = bead.spacing(width, height)
     low, high = profile.bead_widths
@@ -168,7 +168,7 @@ def _make_loop_paths(plan: LayerPlan, loops: list[Areas], width: Float, outermos
 def _make_varying_paths(
     plan: LayerPlan, entry_layer: Int, narrow: NarrowFill, outermost: int | Int, inner: int | Int
 ) -> tuple[Toolpaths, Int]:
-    """Return loops and lines of variable width, inner ones first within each entry, and the entry (M,) of each.
+    """Return loops and lines of variable width, inner ones first in each entry, and the entry (M,) of each path.
 
     Args:
         plan: the layers.
