@@ -14,7 +14,7 @@ __all__ = ["add_adhesion", "adhesion_paths", "place_on_raft"]
 
 
 def adhesion_paths(printed: Sections, profile: Profile) -> Toolpaths:
-    """Return the paths of skirt, brim and raft, in this order, of those that the profile turns on.
+    """Return the paths of the skirt, brim and raft that the profile turns on, in this order.
 
     Skirt loops that would leave the bed are omitted.
 

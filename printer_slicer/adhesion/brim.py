@@ -37,7 +37,7 @@ _EAR_CORNERS = 48  # corners of an ear
 
 
 class _BrimZones(Struct, frozen=True, eq=False):
-    """The zones of the first layer; zone 0 is around everything, the others are holes.
+    """Zones in which the brim may lie on the first layer: zone 0 is outside of all parts, the other zones are holes.
 
     Attributes:
         bodies: the bodies in each zone, without their holes.
@@ -154,7 +154,7 @@ def _clip_loops(loops: Areas, within: Areas, width: float) -> tuple[list[Float],
 
 
 def _order_by_body(lines: list[Float], zone: Int, areas: Areas) -> list[int]:
-    """Return the printing order of lines: all lines of a connected area, then those of the nearest other area.
+    """Return the printing order of lines: all lines of a connected area, then all lines of the nearest remaining area.
 
     Args:
         lines: (n, 2) each.

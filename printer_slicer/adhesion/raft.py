@@ -76,7 +76,7 @@ def _find_raft_area(first: Areas, margin: float) -> Areas:
 
 
 def _stack_below(area: Areas, solid: Areas, n_below: int) -> Areas:
-    """Return the stack `solid` above `n_below` more layers, which all have the same area."""
+    """Add `n_below` layers, each with the area `area`, below the stack `solid`."""
     rings = np.tile(np.arange(area.n_rings), n_below)
     below = area.take(rings)
     return Areas(
@@ -120,7 +120,7 @@ def raft_heights(profile: Profile) -> Float:
 
 
 def raft_paths(printed: Sections, profile: Profile) -> Toolpaths:
-    """Return loops and lines of the raft; no paths without a raft.
+    """Return the loops and lines of the raft; empty if the profile has no raft.
 
     Each layer has a loop along its border and lines perpendicular to those of its neighbours; the last lines cross
     those of the part's first layer. The base has wide lines at `raft_base_density`.

@@ -17,7 +17,7 @@ __all__ = ["skirt_paths"]
 
 
 def skirt_paths(sections: Sections, brim: Toolpaths, profile: Profile) -> Toolpaths:
-    """Return loops around the convex hull of all objects, from the outside inward; loops off the bed are omitted.
+    """Return loops around the convex hull of all objects, from the outside inward; skip loops that leave the bed.
 
     A skirt of one layer surrounds that layer and the brim. A draft shield surrounds the sections of all layers, even
     above its own height, so that no part of an object is closer to it than the skirt distance.
@@ -85,7 +85,7 @@ def _count_loops_for_length(hull: Areas, sections: Sections, profile: Profile) -
 
 
 def _list_loops(loops: list[Areas], variant_of_layer: Int, n_loops: int) -> tuple[list[Float], Int]:
-    """Return the loops of every layer from the outside inward: all on the first layer, `n_loops` on the others."""
+    """List the loops of each layer from the outside inward: all loops on the first layer, `n_loops` on later layers."""
     lines: list[Float] = []
     layer: list[int] = []
     for k, variant in enumerate(variant_of_layer.tolist()):

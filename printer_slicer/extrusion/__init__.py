@@ -50,7 +50,7 @@ def extrude(
 def _make_moves(
     paths: Toolpaths, travels: Travels, profile: Profile, profiles: tuple[Profile, ...]
 ) -> tuple[Program, Float]:
-    """Return the moves at full speed, and the fraction (K,) of the width of each that rests on the layer below."""
+    """Return the moves at full speed, and for each (K,) the fraction of its width that rests on the layer below."""
     rows = list_moves(paths, travels, profile)
     beads = compute_bead_values(paths, rows, profiles)
     role = np.where(rows.is_bead, paths.role[rows.path], Role.TRAVEL)
@@ -63,7 +63,7 @@ def _make_moves(
         paths.plan,
         origin=np.array([0.0, 0.0, float(paths.plan.top[0]) + APPROACH]),
         xyz=rows.xyz,
-        filament=rows.pulled + rows.to_moves(beads.filament(diameter[paths.tool[rows.bead_path]])),
+        filament=rows.pulled + rows.to_moves(beads.filament(diameter[paths.tool[rows.bead_path_indices]])),
         speed=move_speeds(paths, rows, beads, profiles),
         layer=layer,
         role=role,

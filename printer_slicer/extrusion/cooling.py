@@ -1,4 +1,4 @@
-"""Slow down layers that are too short to cool, hidden extrusions first, and set the fan."""
+"""Slow down layers that print too fast to cool, hidden extrusions first, and set the fan."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _SLOWING_ROUND: Final = np.array([row.slowed_in for row in ROLES])
 
 
 def slow_small_layers(program: Program, profile: Profile) -> Program:
-    """Slow down extrusions on layers that are too short to cool."""
+    """Slow down extrusions on layers that print too fast to cool."""
     material = profile.material
     if not material.min_layer_time:
         return program
@@ -40,7 +40,7 @@ def slow_small_layers(program: Program, profile: Profile) -> Program:
 def _slow_down(
     program: Program, motion: tuple[Float, Float], floor: Float, may_slow: Bool, profile: Profile
 ) -> tuple[Float, Float]:
-    """Slow down moves on layers that are too short, where `may_slow` (K,); return speeds and times (K,), s."""
+    """Slow down moves that `may_slow` (K,) on layers that print too fast; return speeds, mm/s, and times (K,), s."""
     speed, seconds = motion
     least, layer = profile.material.min_layer_time, program.layer
     for _ in range(_MAX_ROUNDS):
@@ -100,7 +100,7 @@ def _overhang_fan_weights(material: Material) -> tuple[float, ...]:
 
 
 def _take_from_next_extrusion(role: Int, values: Float, default: float) -> Float:
-    """Return the value of the next extrusion for each move (K,); extrusions keep their own value."""
+    """Give each move (K,) the value of the next extrusion; extrusions keep their own value."""
     is_bead = role != Role.TRAVEL
     following = np.minimum.accumulate(np.where(is_bead, np.arange(len(role)), len(role))[::-1])[::-1]
     return np.asarray(np.append(values, default)[following])

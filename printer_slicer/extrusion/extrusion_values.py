@@ -39,18 +39,18 @@ class BeadValues(Struct, frozen=True, eq=False):
 
     @property
     def cross_section(self) -> Float:
-        """Return the cross-section (B,), mm²; it is linear in the width, so the mean width gives the mean."""
+        """Cross-section (B,), mm², at the mean width of each extrusion, which gives the mean cross-section."""
         return bead.cross_section(self.width, self.height) * (self.share * self.flow)
 
     def filament(self, diameter: Float) -> Float:
-        """Return the filament (B,) of each move, mm, for diameters (B,) in mm."""
+        """Return the filament length (B,) of each extrusion, mm, for filament diameters (B,) in mm."""
         per_mm = bead.filament_per_mm(self.width, self.height, diameter)
         return self.length * per_mm * (self.share * self.flow)
 
 
 def compute_bead_values(paths: Toolpaths, rows: MoveRows, profiles: tuple[Profile, ...]) -> BeadValues:
-    """Return the values of extruding moves, with the flow of their paths' profiles."""
-    start, end, path = rows.begin, rows.end, rows.bead_path
+    """Compute the values of extruding moves, with the flow set in the profile of each path."""
+    start, end, path = rows.begin, rows.end, rows.bead_path_indices
     delta = paths.xy.take(end, axis=0) - paths.xy.take(start, axis=0)
     climbed = paths.z_offset[end] - paths.z_offset[start]
     flow, first = (
@@ -85,7 +85,7 @@ def move_speeds(paths: Toolpaths, rows: MoveRows, beads: BeadValues, profiles: t
     )
     if printer.z_hop_ramp:
         lead[MoveKind.LIFT] = speeds.travel
-    speed, path = lead[rows.kind], rows.bead_path
+    speed, path = lead[rows.kind], rows.bead_path_indices
     if speeds.first_layer_travel < speeds.travel:
         careful = (
             (rows.kind <= MoveKind.TRAVEL) & (rows.kind >= MoveKind.WIPE) & paths.begins_at(0)[rows.path]

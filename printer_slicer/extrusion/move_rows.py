@@ -19,7 +19,7 @@ _RAMP_SLOPE = 3.0  # mm of travel per mm of a ramped lift
 
 
 class MoveKind:
-    """Kinds of moves, in the order in which a path has them."""
+    """Kinds of moves, in the order in which they occur for each path."""
 
     RETRACT, WIPE, LIFT, TRAVEL, DROP, DERETRACT, BEAD = range(7)
 
@@ -45,12 +45,12 @@ class MoveRows(Struct, frozen=True, eq=False):
 
     @property
     def is_bead(self) -> Bool:
-        """Return which moves (K,) extrude."""
+        """Mask (K,) of the moves that extrude."""
         return np.asarray(self.kind == MoveKind.BEAD)
 
     @property
-    def bead_path(self) -> Int:
-        """Return the path (B,) of each extrusion."""
+    def bead_path_indices(self) -> Int:
+        """Index (B,) of the path to which each extrusion belongs."""
         return self.path[self.is_bead]
 
     def to_moves(self, values: Float) -> Float:
@@ -141,7 +141,7 @@ def _count_moves(paths: Toolpaths, travels: Travels, wipes: Wipes, ends: _Travel
 def _compute_positions(
     paths: Toolpaths, travels: Travels, wipes: Wipes, ends: _TravelEnds, moves: tuple[Int, Int, Int]
 ) -> Float:
-    """Return the end positions (K, 3), mm; `moves` is the path and kind of each, and the last point of extrusions."""
+    """Return the end position (K, 3) of each move, mm, given its path, its kind, and the last point of extrusions."""
     path, kind, end = moves
     top = paths.z_top
     xyz = np.zeros((len(path), 3))
@@ -166,7 +166,7 @@ def _compute_positions(
 
 
 def _move_retractions(xyz: Float, kind: Int) -> Float:
-    """Move retractions to the actual nozzle position, because very short last extrusions are dropped."""
+    """Move retractions to the actual nozzle position, which differs where a very short last extrusion is dropped."""
     pulls = np.flatnonzero(kind == MoveKind.RETRACT)
     pulls = pulls[pulls > 0]
     xyz[pulls] = xyz[pulls - 1]

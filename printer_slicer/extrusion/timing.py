@@ -55,7 +55,7 @@ def retime_moves(
 
 
 def _compute_seconds(program: Program, speed: Float, profile: Profile, first: int, last: int) -> Float:
-    """Return the times (n,) of the moves from `first` up to `last` at speeds (K,), as if there were no others."""
+    """Return the times (n,) of the moves from `first` up to `last` at speeds (K,), as if there were no other moves."""
     before = program.xyz[first - 1] if first else program.origin
     delta = np.diff(program.xyz[first:last], axis=0, prepend=before[None])
     return durations(

@@ -32,7 +32,7 @@ def centre_by_offset(start: Place, i: float, j: float) -> Place | None:
 
 
 def centre_by_radius(start: Place, goal: Place, radius: float, *, clockwise: bool) -> Place | None:
-    """Return the centre of the arc of `radius` mm from start to goal; a negative radius selects the longer arc.
+    """Return the centre of an arc of `radius` mm from start to goal; a negative radius selects the longer arc.
 
     None if start and goal are equal or the radius is 0.
     """

@@ -116,7 +116,7 @@ class PlannerClock:
         return tuple(self._labels)
 
     def state(self, now: float) -> PlannerState | None:
-        """Return the state at time `now`, s; None while the machine rests."""
+        """Return the state of the planner at time `now`, s; None while the machine rests."""
         self._advance(now)
         if not self._running:
             return None
@@ -124,7 +124,7 @@ class PlannerClock:
         return PlannerState(tuple(queue), last, square, self.ends)
 
     def skip_to(self, state: PlannerState, labels: Sequence[int], seconds: float) -> None:
-        """Continue from a later state.
+        """Skip to a later state of the planner, which was computed elsewhere.
 
         Args:
             state: the later state; the machine must not have rested in between.

@@ -114,7 +114,7 @@ class Lookahead:
         return [(queued.block, queued.corner) for queued in self._queue], self._last, self._square
 
     def skip_to(self, queue: Iterable[tuple[Block, float]], last: Block | None, square: float) -> None:
-        """Continue from another state, as returned by `queue_state`; not supported with `minimum_cruise_ratio`."""
+        """Set the state of the queue, as returned by `queue_state`; not supported with `minimum_cruise_ratio`."""
         self._queue = deque(
             _QueuedBlock(block, corner, 2.0 * block.acceleration * block.length) for block, corner in queue
         )
@@ -145,7 +145,7 @@ class Lookahead:
         return ramp_time(block.length, entry, cruise, self.exit_speed, block.acceleration)
 
     def _reachable_square(self, scale: float, skip: int = 0) -> float:
-        """Return the maximum squared speed at the start of queued block `skip` that allows all later corners.
+        """Return the maximum squared speed at the start of queued block `skip` at which all later corners are possible.
 
         This is the backward pass of a planner, run from the front: a later corner allows its own squared speed plus
         the braking up to it. It ends when the braking distance alone allows more than the best found, mostly after

@@ -17,7 +17,7 @@ __all__ = ["lookahead_seconds"]
 
 
 def lookahead_seconds(blocks: Blocks, corners: Float, known_ahead: int, entry: float) -> tuple[Float, Float]:
-    """Return the time of each block at whose start the planner knows `known_ahead` blocks after it.
+    """Return the time of each block, if the planner knows `known_ahead` more blocks when the block starts.
 
     Args:
         blocks: B blocks without a stop in between.
@@ -40,7 +40,7 @@ def lookahead_seconds(blocks: Blocks, corners: Float, known_ahead: int, entry: f
 
 
 def _reachable_squares(corners: Float, gains: Float, known_ahead: int, count: int) -> Float:
-    """Return the highest squared exit speeds (count,) that allow the known corners, and a stop after them."""
+    """Return the highest squared exit speeds (count,) at which the known corners and a stop after them are possible."""
     best, braking = np.full(count, np.inf), np.zeros(count)
     # A block is done when its braking distance alone allows more than the best found; soon nearly all are.
     on = np.arange(count)
