@@ -164,7 +164,7 @@ def _find_connections(lines: Polylines, outline: _JoinedOutlines, ends: Int, apa
 
 
 def _measure_sharp_corners(lines: Polylines, areas: Areas, end: Int, edge: Int, apart: float) -> Float:
-    """Return the distances (E, 2), mm, along the outline until it is `apart` mm from the line, forward and backward."""
+    """Return how far the outline runs, forward and backward, (E, 2) mm, before it is `apart` mm from the line."""
     last = end % 2 == 1
     point = np.where(last, lines.start[end // 2 + 1] - 1, lines.start[end // 2])
     back = lines.xy[np.where(last, point - 1, point + 1)] - lines.xy[point]
@@ -261,7 +261,7 @@ class _OutlineParts(Struct, frozen=True, eq=False):
     to_place: Float
 
     def append(self, end: Int, place: Float, to_place: Float) -> _OutlineParts:
-        """Return these parts followed by more parts, given by their attributes."""
+        """Return these parts followed by new parts with the given attributes."""
         return _OutlineParts(
             np.concatenate([self.end, end]),
             np.concatenate([self.place, place]),
@@ -270,7 +270,7 @@ class _OutlineParts(Struct, frozen=True, eq=False):
 
 
 def _make_hooks(connections: _Connections, mate: Int, hook: float) -> _OutlineParts:
-    """Make hooks for the ends that stay free."""
+    """Make hooks for the line ends without a connection."""
     length = connections.length
     free = np.flatnonzero(mate[connections.end] < 0)
     room = np.stack([length[free], length[connections.previous[free]]], axis=1) / 2
@@ -307,7 +307,7 @@ def _open_loops(mate: Int, joints: _OutlineParts, hooks: _OutlineParts) -> tuple
 
 
 def _find_next_entries(mate: Int) -> Int:
-    """Return the end (2 S,) at which the next line of the path starts, if this line starts at the given end; or -1."""
+    """Return for each line end (2 S,) where a path that enters there enters its next line, or -1."""
     return np.asarray(mate[np.arange(len(mate)) ^ 1])
 
 
@@ -357,7 +357,7 @@ def _order_paths(mate: Int) -> tuple[Int, Int]:
 
 
 class _VertexPool:
-    """All points that the joined lines may use: of the lines, of the outlines, and the tips of hooks."""
+    """All points that the joined lines may use: points of the lines and outlines, and the tips of hooks."""
 
     def __init__(self, lines: Polylines, outline: _JoinedOutlines, hooks: _OutlineParts) -> None:
         self.lines, self.outline = lines, outline
@@ -381,7 +381,7 @@ class _VertexPool:
         return self._number_sequence(first + turned * (size - 1), size, 1 - 2 * turned), size
 
     def part_vertices(self, parts: _OutlineParts, which: Int, *, backward: bool) -> tuple[Int, Int]:
-        """Return the vertices of the outline parts `which` (-1: none), with hook tips, and the number of each part."""
+        """Return the vertices of the outline parts `which` (-1: none), with hook tips, and how many each part has."""
         some = np.flatnonzero(which >= 0)
         item = which[some]
         areas, is_hook = self.outline.areas, parts is self._hooks
@@ -409,13 +409,13 @@ class _VertexPool:
         return np.insert(index, at, self._tip + item), count
 
     def _count_points_up_to(self, place: Float, ring: Int, start: Int, low: Float, high: Float) -> Int:
-        """Count the points of the ring after its first up to a position that may be more than one turn away."""
+        """Count the points of the ring between its first point and a position, which may be more than one turn away."""
         turns = np.floor((place - low) / (high - low)).astype(np.int64)
         here = place - turns * (high - low)
         return turns * np.diff(self.outline.areas.ring_start)[ring] + self.outline.edge_at(here, ring) - start
 
     def _number_sequence(self, first: Int, count: Int, step: Int) -> Int:
-        """Return `count[i]` numbers `first[i], first[i] + step[i], ...` for every i."""
+        """Return the concatenated sequences of `count[i]` numbers `first[i], first[i] + step[i], ...` for all i."""
         return np.asarray(
             np.repeat(first, count) + consecutive(np.zeros_like(count), count) * np.repeat(step, count)
         )
@@ -438,7 +438,7 @@ class _VertexPool:
         return made, np.flatnonzero(self._is_corner[index[kept]])
 
     def _find_corners(self, n_tips: int) -> Bool:
-        """Return a mask (V,) of vertices that are a line end on an outline or a convex corner of one."""
+        """Return a mask (V,) of vertices that are line ends on an outline or convex corners of an outline."""
         lines, areas = self.lines, self.outline.areas
         of_lines = np.zeros(len(lines.xy), np.bool_)
         of_lines[lines.start[:-1]] |= lines.edge[:, 0] >= 0

@@ -46,7 +46,7 @@ class Boxes(Struct, frozen=True, eq=False):
         return Boxes(self.low - room, self.high + room, self.layer)
 
     def find_overlapping(self, other: Boxes) -> tuple[Int, Int]:
-        """Return index pairs (own, other), unordered, of boxes that overlap or touch on the same layer."""
+        """Return index pairs (own, other), unordered, of boxes of both sets that overlap or touch on the same layer."""
         own_spans, other_spans = _project_on_first_axis(self, other)
         # If two intervals on an axis overlap, one of them starts within the other.
         found = [

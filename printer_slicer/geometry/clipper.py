@@ -65,7 +65,7 @@ _LEAST: Final = 0.5  # grid steps; smaller offsets are skipped
 
 
 def load(areas: Areas) -> list[Rings]:
-    """Return the rings of each layer on the grid, as views of one array."""
+    """Convert the areas to the rings of each layer on the integer grid, as views of one array."""
     grid = np.rint(areas.xy * STEPS_PER_MM).astype(np.int64)
     bounds = areas.ring_start.tolist()
     rings = [grid[start:end] for start, end in pairwise(bounds)]
@@ -74,7 +74,7 @@ def load(areas: Areas) -> list[Rings]:
 
 
 def load_any(areas: Areas) -> list[Rings]:
-    """Return the rings of each layer on the grid, merged by the positive fill rule."""
+    """Convert any rings to the rings of each layer on the integer grid, merged by the positive fill rule."""
     layers = load(areas)
     return combine("union", layers, [[] for _ in layers])
 
@@ -246,7 +246,7 @@ def offset_open(layers: list[Rings], distance: Float, limit: float) -> list[Ring
 
 
 def _miter_layers(layers: list[Rings], distance: Float, limit: float) -> list[Rings]:
-    """Move outlines outward with mitered corners; parts that should vanish remain as rings of the wrong direction."""
+    """Move outlines outward with mitered corners; parts that should vanish remain as reversed rings."""
     moving = np.abs(distance) * STEPS_PER_MM >= _LEAST
     rings = [ring for rings, moves in zip(layers, moving, strict=True) if moves for ring in rings]
     if not rings:
@@ -264,7 +264,7 @@ def _miter_layers(layers: list[Rings], distance: Float, limit: float) -> list[Ri
 
 
 def stroke(xy: Float, start: Int, layer: Int, radius: Float, n_layers: int) -> list[Rings]:
-    """Return for each layer the area within the radius of any of its open polylines."""
+    """Return for each layer the area within a radius of its open polylines."""
     grid = np.rint(xy * STEPS_PER_MM).astype(np.int64)
     pens: dict[tuple[int, float], Rings] = {}
     for (begin, end), one, by in zip(pairwise(start.tolist()), layer.tolist(), radius.tolist(), strict=True):

@@ -96,7 +96,7 @@ def _find_nearby_pairs(segments: _Segments, edges: _Segments) -> tuple[Int, Int]
     n_rows, n_columns = other_row.max() - low_row + 2, other_column.max() - low_column + 2
 
     def number_cells(layer: Int, row: Int, column: Int) -> Int:
-        """Return a number (n,) for each cell in which an edge may lie; -1 for all others."""
+        """Return the number (n,) of each cell in which an edge may lie; -1 for cells without edges."""
         key = (layer * n_rows + row - low_row) * n_columns + column - low_column
         within = (row >= low_row) & (row < low_row + n_rows)
         within &= (column >= low_column) & (column < low_column + n_columns)
@@ -197,7 +197,7 @@ def _drop_cancelling_crossings(place: Int, enters: Bool) -> Int:
 
 
 def _is_shifted_left(step: Int) -> Bool:
-    """Return a mask (n,) of lines whose own points would lie to their left after a tiny shift in x.
+    """Return a mask (n,) of lines whose points would lie to the left of the unshifted line after a tiny shift in x.
 
     If the line is parallel to x, a far smaller shift in y decides.
     """
@@ -207,7 +207,7 @@ def _is_shifted_left(step: Int) -> Bool:
 def _find_starts_and_ends(
     areas: Areas, lines: Polylines, owner: Int, crossings: tuple[Int, Int, Float, Bool]
 ) -> tuple[_Cuts, _Cuts]:
-    """Find the start and end of each part from the crossings (point before, edge, share, enters) along the lines."""
+    """Find the start and end of each clipped part, given the crossings of lines and outlines."""
     at, edge, share, enters = crossings
     line = owner[at]
     depth, before = _count_depths(areas, lines, line, np.where(enters, 1, -1))

@@ -63,7 +63,7 @@ def weld_keys(key: NDArray[np.uint64]) -> tuple[Index, Index]:
 
 
 def _weld_in_one_table(key: NDArray[np.uint64]) -> tuple[Index, Index]:
-    """Number keys with one hash table; see `weld_keys`."""
+    """Number keys as `weld_keys` does, with one hash table."""
     n = len(key)
     bits = max(n.bit_length(), 4)
     owner = np.zeros(n, np.int32)

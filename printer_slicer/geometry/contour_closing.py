@@ -49,7 +49,7 @@ class LooseEnds(Struct, frozen=True, eq=False):
         return int((np.bincount(self.plane[self.tails]) ** 2).sum())
 
     def without(self, joined: Chords) -> LooseEnds:
-        """Return the loose ends that remain after adding the chords."""
+        """Return the loose ends that the chords `joined` do not use."""
         return LooseEnds(
             self.xy,
             self.plane,

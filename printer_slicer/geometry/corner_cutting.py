@@ -50,7 +50,7 @@ def cut_sharp_corners(lines: Polylines, corners: Int, areas: Areas, apart: float
 
 
 class _Cuts(Struct, frozen=True, eq=False):
-    """Parts to cut out of lines; positions count along all lines joined end to end, 1 mm apart.
+    """Parts to cut out of lines; positions are measured along all lines laid end to end with gaps of 1 mm.
 
     Attributes:
         lines: lines without repeated points.

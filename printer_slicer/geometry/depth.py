@@ -65,7 +65,7 @@ def _fill_depths(result: Float, areas: Areas, points: Float, layer: Int, reach: 
 
 
 def mark_near_outlines(areas: Areas, points: Float, layer: Int, reach: float) -> Bool:
-    """Return a mask (P,) of points that may lie within `reach` of an outline of their layer; the others do not."""
+    """Return a mask (P,): true for all points within `reach` of an outline of their layer, and for a few more."""
     parts = [np.zeros(0, np.bool_)]
     for at in range(0, len(points), _AT_ONCE):
         some = slice(at, at + _AT_ONCE)

@@ -308,7 +308,7 @@ def window_intersections(areas: Areas, windows: Sequence[tuple[Int, Int]]) -> li
 
 
 def _intersect_wide_windows(areas: Areas, wide: list[Int], windows: Sequence[tuple[Int, Int]]) -> list[Areas]:
-    """Return the intersections over windows of several layers, for each entry of `windows` that has such windows."""
+    """Return the intersections over windows of two or more layers, for each entry of `windows` that has any."""
     ends = [(first[some], last[some]) for some, (first, last) in zip(wide, windows, strict=True) if len(some)]
     if not ends:
         return []

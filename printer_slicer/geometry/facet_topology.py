@@ -29,14 +29,14 @@ _AT_BORDER = 1 / 60  # of a wide cell: the distance, with a margin for rounded c
 
 
 def expand_counts(count: Int) -> tuple[Int, Int]:
-    """Repeat the index of each item `count` times: return the item of every entry, and its number within the item."""
+    """Repeat the index of each item `count` times; return these indices, and 0, 1, 2, ... within each item."""
     owner = np.repeat(np.arange(len(count)), count)
     first = np.cumsum(count) - count
     return owner, np.arange(len(owner)) - first.take(owner)
 
 
 def find_edge_faults(triangles: Float) -> tuple[Float, Float, Float]:
-    """Find the edges of a mesh that do not have one facet on each side.
+    """Find the edges of a mesh that do not join exactly two consistently oriented facets.
 
     Args:
         triangles: (F, 3, 3) mm.
@@ -77,7 +77,7 @@ def corner_keys(corner: Float) -> _UInt:
 
 
 def coordinate_keys(x: Float, y: Float, z: Float) -> _UInt:
-    """Return the same keys (n,) as `corner_keys`, from separate columns (n,) of coordinates.
+    """Return the keys (n,) that `corner_keys` returns, given the coordinates as separate columns (n,).
 
     Multiplication carries a bit to higher bits only. Coordinates of symmetric parts differ in their highest bit, the
     sign, and in the last bits that 32-bit files have. Rotation moves both to the low end, so that either changes most

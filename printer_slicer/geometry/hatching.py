@@ -115,7 +115,7 @@ def row_ends(lines: Lines, *, max_turn: float | Float) -> tuple[Int, Int]:
 
 
 def _find_only_neighbours(lines: Lines) -> Int:
-    """Return the line (S,) of the next row beside each line, or -1 unless each is the only line beside the other."""
+    """Return the line (S,) beside each line in the next row, or -1 unless both lines have no other beside them."""
     changes = (np.diff(lines.row) != 0) | (np.diff(lines.layer) != 0)
     group = np.append(0, np.cumsum(changes))
     # One ascending key for row and position: rows are laid end to end, with gaps.
@@ -142,7 +142,7 @@ def _find_only_neighbours(lines: Lines) -> Int:
 
 
 def find_columns(lines: Lines) -> tuple[Int, Int]:
-    """Group lines of neighbouring rows into columns: each line is the only one beside the next.
+    """Group the lines of neighbouring rows into columns, in which each line is the only one beside the next.
 
     Returns:
         The lowest line (S,) of the column of each line, and the number of rows (S,) from there to the line.
@@ -160,7 +160,7 @@ def _group_columns(lines: Lines, above: Int) -> tuple[Int, Int]:
 
 
 def _choose_turns(lines: Lines, above: Int, lowest: Int, max_turn: float | Float) -> tuple[Bool, Bool]:
-    """Return two masks (S,): lines that are joined to the one above, and lines that are printed backward."""
+    """Return two masks (S,): lines that are joined to the line above them, and lines that are printed backward."""
     limit = np.asarray(max_turn, dtype=np.float64)
     limit = limit[lines.layer] if limit.ndim else limit
     step = lines.ends.take(above, axis=0) - lines.ends

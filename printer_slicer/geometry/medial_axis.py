@@ -71,7 +71,7 @@ class MedialAxis(Struct, frozen=True, eq=False):
 
     @property
     def end(self) -> Int:
-        """The (H,) points at which the half-pieces end."""
+        """Index (H,) of the point at which each half-piece ends."""
         return np.asarray(self.start.reshape(-1, 2)[:, ::-1].ravel())
 
 
@@ -126,7 +126,7 @@ class _Sides(Struct, frozen=True, eq=False):
 
 
 def _select_sides(areas: Areas, sides: Bool | None) -> _Sides:
-    """Return the sides to use."""
+    """Select the sides of outlines from which the medial axis is computed."""
     after = areas.following
     index = np.stack([areas.previous, np.arange(len(after)), after, after[after]], axis=1)
     piece = split_connected(areas).of_ring[areas.point_ring]
@@ -169,7 +169,7 @@ class _DiagramEdges(Struct, frozen=True, eq=False):
         )
 
     def nearest_points(self, xy: Float, which: Int) -> Float:
-        """Return the nearest position (n, 2) to each point (n, 2) on the side or corner of its edge `which` (n,)."""
+        """Return for each point (n, 2) the nearest position (n, 2) on the side or corner of its edge `which` (n,)."""
         points = self.points.take(which, axis=0)
         return nearest_on_segments(xy, points[:, 1], points[:, 2])[0]
 
@@ -194,7 +194,7 @@ def follow_parts(following: Int, count: Int) -> Int:
 def _compute_axis(sides: _Sides, reach: float, left_out: Int, chord: float) -> MedialAxis:
     """Compute the medial axis from sides on the remaining layers."""
     diagram = compute_diagrams(sides.points[:, 1:3], sides.piece)
-    places, edge = _bound_edges(diagram, sides.points, 2 * reach)
+    places, edge = _clip_infinite_edges(diagram, sides.points, 2 * reach)
     chosen = np.flatnonzero(diagram.primary & (edge >= 0).all(axis=1))
     cell = diagram.cell[chosen]
     site, place = diagram.side[cell], diagram.place[cell]
@@ -225,8 +225,8 @@ def _compute_axis(sides: _Sides, reach: float, left_out: Int, chord: float) -> M
     return _split_edges(edges, _find_next_edges(diagram, chosen[kept]), left_out, chord)
 
 
-def _bound_edges(diagram: Diagram, points: Float, length: float) -> tuple[Float, Int]:
-    """Return vertices (V, 2) and both ends (E, 2) of edges; cut infinite edges at `length` mm from their start.
+def _clip_infinite_edges(diagram: Diagram, points: Float, length: float) -> tuple[Float, Int]:
+    """Clip infinite edges `length` mm from their start; return vertices (V, 2) and the vertex at both ends (E, 2).
 
     Infinite edges lie between two corners, where the sides beyond are not used.
     """
@@ -245,7 +245,7 @@ def _bound_edges(diagram: Diagram, points: Float, length: float) -> tuple[Float,
 
 
 def _is_inside(edges: _DiagramEdges, twin: Int) -> Bool:
-    """Return a mask (h,) of edges inside the areas: to the left of their side, or of a side of their corner."""
+    """Return a mask (h,) of edges inside the areas, to the left of the side or corner to which they belong."""
     middle = (edges.ends[:, 0] + edges.ends[:, 1]) / 2
     before, begin, end, after = np.moveaxis(edges.points, 1, 0)
     left = cross(end - begin, middle - begin) > 0
@@ -276,7 +276,7 @@ def _find_next_edges(diagram: Diagram, chosen: Int) -> Int:
 
 
 def _split_edges(edges: _DiagramEdges, following: Int, left_out: Int, chord: float) -> MedialAxis:
-    """Split edges into straight pieces where they curve, or where extrusions beside them curve around a corner."""
+    """Split edges into straight pieces where the edges, or extrusions along them, are curved."""
     used, number = compact_ids(edges.vertex, int(edges.vertex.max(initial=-1)) + 1)
     xy, layer = np.zeros((len(used), 2)), np.zeros(len(used), np.int64)
     xy[number], layer[number] = edges.ends, edges.layer[:, None]

@@ -103,7 +103,7 @@ _Points = tuple[tuple[Float, Float], ...]
 
 
 def _cut_off_corner(corners: _Corners, indices: Int, by: Float) -> _Points:
-    """Return both ends of the side that cuts off a corner at the distance, relative to the corner."""
+    """Return both ends of the side that cuts off a corner at distance `by`, relative to the corner."""
     (vx, vy), (ux, uy) = (
         tuple(column.take(indices) for column in direction) for direction in (corners.before, corners.after)
     )

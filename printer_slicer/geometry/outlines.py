@@ -53,7 +53,7 @@ def clip_outlines(outlines: Areas, within: Areas) -> tuple[Float, Int, Int, Bool
 
 
 def _join_at_ring_starts(paths: _Paths, first: Int, last: Int) -> _Paths:
-    """Append each path `first` to its path `last`; store the point shared by both, or by the ends of a ring, once."""
+    """Append each path `first` to its path `last`; store the point at which they join only once."""
     xy, size, ring, closed = paths
     start = np.cumsum(size) - size
     alone = np.ones(len(size), np.bool_)

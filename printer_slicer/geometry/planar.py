@@ -55,7 +55,7 @@ STRAIGHT: Final = 1e-12
 
 
 def load(areas: Areas) -> list[Any]:
-    """Return one geometry per layer; clean rings may touch, so they are loaded like any other rings."""
+    """Convert the areas to one geometry per layer; clean rings may touch, so `load_any` loads them."""
     return load_any(areas)
 
 
@@ -128,7 +128,7 @@ def offset(layers: list[Any], distance: Float, join: Join, limit: float = MITER_
 
 
 def stroke(xy: Float, start: Int, layer: Int, radius: Float, n_layers: int) -> list[Any]:
-    """Return for each layer the area within the radius of any of its open polylines."""
+    """Return for each layer the area within a radius of its open polylines."""
     index = np.repeat(np.arange(len(layer)), np.diff(start))
     lines = np.asarray(shapely.linestrings(xy, indices=index), dtype=np.object_)
     order = np.lexsort((radius, layer))
@@ -217,7 +217,7 @@ def _build_areas(rings: Shapes, layer: Int, n_layers: int) -> Areas:
 
 
 def _find_winding_numbers(areas: Areas, points: Float, point_layer: Int) -> Int:
-    """Return the winding number (P,) of the rings of its layer around each point."""
+    """Return for each point the winding number (P,) of the rings of its layer."""
     winding = np.zeros(len(points), dtype=np.int64)
     ends = areas.xy[areas.following]
     bounds = areas.ring_start[areas.layer_start]
@@ -229,7 +229,7 @@ def _find_winding_numbers(areas: Areas, points: Float, point_layer: Int) -> Int:
 
 
 def _count_windings(starts: Float, ends: Float, points: Float) -> Int:
-    """Return the winding number (P,) of the edges around each point.
+    """Return for each point the winding number (P,) of the edges.
 
     It is the number of edges that cross the ray to the right upward, minus those that cross it downward.
 
@@ -310,7 +310,7 @@ def _remove_collinear(areas: Areas) -> Areas:
 
 
 def _is_corner(areas: Areas) -> Bool:
-    """Return a mask (N,) of points that differ from the previous one; if all do, of points where the ring turns."""
+    """Return a mask (N,) of points that do not repeat the previous one; if none does, of points where rings turn."""
     following, previous = areas.following, areas.previous
     x, y = np.ascontiguousarray(areas.xy.T)
     ahead_x, ahead_y = x.take(following) - x, y.take(following) - y
@@ -329,7 +329,7 @@ class SegmentTree:
         self._tree = shapely.STRtree(shapely.linestrings(ends))
 
     def nearest(self, points: Float) -> Int:
-        """Return the segment (P,) nearest to each point (P, 2); any one if several are equally near."""
+        """Return the segment (P,) nearest to each point (P, 2); if several are equally near, any of these."""
         found = self._tree.query_nearest(shapely.points(points), all_matches=False)
         return np.asarray(found[1], dtype=np.int64)
 

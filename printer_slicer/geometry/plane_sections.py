@@ -144,7 +144,7 @@ def _cross_planes(triangles: Float, level: Index, planes: Float, low: int, high:
 
 
 def _select_half_edges(which: Bool, *, turned: bool = False) -> _HalfEdges:
-    """Return the half-edges for which the mask `which` (3, n) is true; `turned` ones go down from their corner."""
+    """Return the half-edges for which the mask `which` (3, n) is true; `turned` marks those that run downward."""
     item = np.flatnonzero(which)
     after = item + which.shape[1]
     after[after >= which.size] -= which.size
@@ -152,7 +152,7 @@ def _select_half_edges(which: Bool, *, turned: bool = False) -> _HalfEdges:
 
 
 def _find_nodes(half_edges: _HalfEdges, level: Index, slot: Int, base: Int | Index) -> Int:
-    """Return the node (S,) that each facet-plane pair has on its rising (or falling) side."""
+    """Return the node (S,) where each plane crosses the rising (or falling) half-edge of its facet."""
     first = level.take(half_edges.low)
     owner, place = expand_counts(level.take(half_edges.high) - first)
     plane = first.take(owner) + place
@@ -178,7 +178,7 @@ def _interpolate(corner: tuple[Float, Float, Float], low: Int, high: Int, z: Flo
 
 
 def _pair_half_edges(key: _UInt, n_rising: int) -> tuple[Int, Int, Int, Int]:
-    """Number the edges and pair their half-edges.
+    """Number the edges, and pair the two half-edges of each.
 
     Args:
         key: keys of all rising half-edges, then of all falling ones.

@@ -61,7 +61,7 @@ class Polygons(Protocol):
         """Convert one value per layer to clean areas."""
 
     def combine(self, operation: Operation, a: list[Layer], b: list[Layer]) -> list[Layer]:
-        """Return the union, difference or intersection, entry by entry."""
+        """Return the union, difference or intersection of two lists of layers, entry by entry."""
 
     def outlines_within(self, outlines: Areas, layers: list[Layer]) -> list[list[Float]]:
         """Return for each layer the parts of the rings of `outlines` that lie within it: open lines (n, 2), mm."""
@@ -76,4 +76,4 @@ class Polygons(Protocol):
         """
 
     def stroke(self, xy: Float, start: Int, layer: Int, radius: Float, n_layers: int) -> list[Layer]:
-        """Return for each layer the area within the radius of any of its open polylines."""
+        """Return for each layer the area within a radius of its open polylines."""

@@ -1,4 +1,4 @@
-"""Open and closed lines of all layers, and the outlines that they end on."""
+"""Open and closed polylines of all layers."""
 
 from __future__ import annotations
 

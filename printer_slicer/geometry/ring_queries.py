@@ -1,4 +1,4 @@
-"""Find the rings around points, and where straight lines cross rings."""
+"""Find the rings that enclose points, and the positions where straight lines cross rings."""
 
 from __future__ import annotations
 

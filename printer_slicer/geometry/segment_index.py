@@ -47,7 +47,7 @@ class SegmentIndex:
         self._tree = SegmentTree(moved) if len(moved) else None
 
     def nearest(self, points: Float, layer: Int) -> Int:
-        """Return the nearest segment (P,) on its layer for each point (P, 2); -1 if the layer is empty."""
+        """Return for each point (P, 2) the nearest segment (P,) of its layer; -1 if the layer is empty."""
         result = np.full(len(points), -1, np.int64)
         known = np.flatnonzero(self._filled[layer])
         if self._tree is not None and len(known):

@@ -48,7 +48,7 @@ def remove_spikes(areas: Areas) -> Areas:
 
 
 def _is_in_flat_ring(areas: Areas, spikes: Bool) -> Bool:
-    """Return a mask (N,) of points whose ring is at most one step wide on average, or has only `spikes` (N,)."""
+    """Return a mask (N,) of points whose ring has a mean width of one grid step or less, or has only `spikes`."""
     flat = 2 * np.abs(areas.ring_area()) <= areas.ring_length() * _LEAST
     flat |= np.logical_and.reduceat(spikes, areas.ring_start[:-1])
     return np.repeat(flat, np.diff(areas.ring_start))

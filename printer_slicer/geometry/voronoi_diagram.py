@@ -97,7 +97,7 @@ def compute_diagrams(ends: Float, area: Int) -> Diagram:
 
 
 def _is_primary(cell: Int, steps: Int, side: Int, place: Int) -> Bool:
-    """Return a mask (E,): false for edges between a side and its own end, or another end at the same position.
+    """Return a mask (E,) of edges, except those between the cells of a side and of a point at one of its ends.
 
     `steps` (S, 2, 2) are the ends of the sides.
     """

@@ -48,7 +48,7 @@ def intersect_windows(layers: Sequence[T], first: Int, last: Int, intersect: Int
 
 
 def _find_needed_entries(first: Int, tail: Int, level: Int) -> list[Int]:
-    """Return the entries of each table that the windows need, directly or to build the next tables."""
+    """Return for each table the entries that the windows or the next table need."""
     top = int(level.max(initial=0))
     needed = [distinct(np.concatenate([first[level == p], tail[level == p]])) for p in range(top + 1)]
     for p in range(top, 0, -1):

@@ -124,7 +124,7 @@ class _CandidateCorners(Struct, frozen=True, eq=False):
 def _find_corner_range(
     queries: RouteQueries, reach: Float, route: Int, ring: Int, field: RoutingField
 ) -> tuple[Int, Int]:
-    """Return the range of corners of each ring that may lie on its route, by x: first corner (n,), number (n,)."""
+    """Return the first corner (n,) and the number of corners (n,), by x, of each ring that may lie on its route."""
     middle, half = (queries.begin + queries.end)[:, 0] / 2, (queries.end - queries.begin)[:, 1] / 2
     wide = np.sqrt(np.maximum(reach**2 / 4 - half**2, 0.0))  # of the ellipse around both ends
     return field.find_corners_between((middle - wide)[route], (middle + wide)[route], ring)
@@ -227,7 +227,7 @@ def _add_crossing_costs(
 
 
 def _passes_on_one_side(place: Float, corner: Int, field: RoutingField) -> Bool:
-    """Return a mask (n,) of legs from `place` (n, 2) that have both edges at the corner (n,) on the same side."""
+    """Return a mask (n,) of legs from `place` (n, 2) to a corner (n,) whose two edges are on one side of the leg."""
     corners = field.corners
     tip = corners.tip[corner]
     leg = tip - place

@@ -1,4 +1,4 @@
-"""Regions for travels: the sections of the part, inset by a clearance, and the field outside of them."""
+"""Regions for travels: the sections of the part inset by a clearance, and the field outside of these regions."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _REACH = 4.0  # clearances; points farther outside the inset regions are not mov
 
 
 class InsetRegions(Struct, frozen=True, eq=False):
-    """Sections inset by a margin along their outlines.
+    """Sections of the part, inset by a margin, in which travels keep a clearance from the outlines.
 
     Attributes:
         field: routing field; each outer ring with its holes is a separate field, numbered by the ring.

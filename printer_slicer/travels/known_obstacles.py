@@ -28,7 +28,7 @@ class KnownObstacles(Struct, frozen=True, eq=False):
         return route, ring
 
     def contains(self, route: Int, ring: Int) -> Bool:
-        """Return a mask (n,) of the pairs of a route and a ring that are known."""
+        """Return a mask (n,) of the given pairs of a route and a ring that are known."""
         key = route * self.n_rings + ring
         place = np.searchsorted(self.key, key)
         return np.asarray(np.append(self.key, -1)[place] == key)

@@ -69,7 +69,7 @@ def reroute(
 def _find_routes_inside(
     improver: _RouteImprover, regions: InsetRegions, indices: Int, limit: Float
 ) -> tuple[Int, Int]:
-    """Lead the routes `indices` (n,) through inset regions where they become no longer than `limit` (n,) mm.
+    """Reroute `indices` (n,) through inset regions where this makes a route no longer than its `limit` (n,) mm.
 
     Returns:
         The regions (n,) in which they start and end; -1 for none.

@@ -1,4 +1,4 @@
-"""Routes as ragged polylines, with a function that moves their corners away from the walls they turn around."""
+"""Routes of travels as ragged polylines; corners are moved away from the walls around which routes turn."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class Routes(Struct, frozen=True, eq=False):
         return Routes(self.xy[consecutive(first[indices], count)], count, self.layer[indices])
 
     def replace_routes(self, indices: Int, by: Routes) -> Routes:
-        """Return all routes, with those at `indices` (n,), ascending, replaced by the routes `by`."""
+        """Return all routes, in which the routes at `indices` (n,), ascending, are replaced by the routes `by`."""
         order = np.arange(len(self.count))
         order[indices] = len(self.count) + np.arange(len(indices))
         count = np.concatenate([self.count, by.count])

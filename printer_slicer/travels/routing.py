@@ -25,7 +25,7 @@ _WORK = 1 << 26  # legs in total, some seconds; the remaining routes stay straig
 
 
 def find_routes(queries: RouteQueries, field: RoutingField) -> FoundRoutes:
-    """Find the shortest routes, including tolls for crossed outlines."""
+    """Find the cheapest routes, whose cost is the length plus a cost for each crossed outline."""
     n_routes, straight, work = len(queries.own), queries.straight, 0
     is_found, level = np.zeros(n_routes, np.bool_), np.zeros(n_routes, np.int64)
     left, none = np.flatnonzero(straight <= queries.limit), np.zeros(0, np.int64)
@@ -70,7 +70,7 @@ def _split_batches(
 
 
 def _find_obstacles(found: FoundRoutes, queries: RouteQueries, field: RoutingField) -> tuple[Int, Int]:
-    """Return pairs of a found route and a ring of its field that it meets."""
+    """Return pairs of a found route and a ring of its field that the route meets."""
     count = np.where(found.is_found, found.count + 2, 0)
     first = np.cumsum(count) - count
     owner, place = expand_counts(count)

@@ -18,7 +18,7 @@ _COLUMNS = ("place", "tip", "away", "before", "after", "ring")
 
 
 class Corners(Struct, frozen=True, eq=False):
-    """Corners of outlines that stick into the field in which routes are searched.
+    """Corners of outlines around which routes may turn.
 
     Attributes:
         place: (C, 2) mm, position beside the corner at which a route turns.
@@ -37,17 +37,17 @@ class Corners(Struct, frozen=True, eq=False):
 
     @classmethod
     def inside(cls, areas: Areas, off: float = OFF) -> Corners:
-        """Return the corners that stick into areas; their places are `off` mm away from the outlines."""
+        """Return the concave corners of areas, for routes inside; turning points are `off` mm from the outlines."""
         return cls._find_corners(areas, -1, off)
 
     @classmethod
     def outside(cls, areas: Areas, off: float = OFF) -> Corners:
-        """Return the corners that stick out of areas; their places are `off` mm away from the outlines."""
+        """Return the convex corners of areas, for routes outside; turning points are `off` mm from the outlines."""
         return cls._find_corners(areas, 1, off)
 
     @classmethod
     def _find_corners(cls, areas: Areas, sign: int, off: float) -> Corners:
-        """Return the convex (sign 1) or concave (sign -1) corners of areas, with places `off` mm from outlines."""
+        """Return convex (sign 1) or concave (sign -1) corners of areas; turning points are `off` mm from outlines."""
         before, after = areas.xy[areas.previous], areas.xy[areas.following]
         coming, going = _normalize(areas.xy - before), _normalize(after - areas.xy)
         some = np.flatnonzero(sign * cross(coming, going) > 0)

@@ -76,7 +76,7 @@ def find_shortest_paths(links: GraphEdges, begin: Int, end: Int, n_nodes: int) -
 
 
 def _trace_back(came: Int, begin: Int, end: Int) -> tuple[Int, Int]:
-    """Follow the predecessors `came` back from `end` to `begin` (W,).
+    """Follow the predecessors `came` of nodes back from `end` to `begin` (W,).
 
     Returns:
         The nodes strictly between them in path order, one path after the other, and their number (W,).

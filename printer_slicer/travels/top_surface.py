@@ -33,7 +33,7 @@ class _VisibleLines(Struct, frozen=True, eq=False):
 
 
 def crosses_top_infill(paths: Toolpaths, routes: Routes, leads_to: Int) -> Bool:
-    """Return a mask (W,) of travels that cross printed top solid infill that is not ironed later.
+    """Return a mask (W,) of travels that cross top solid infill after it was printed, unless it is ironed later.
 
     Args:
         paths: paths in printing order.
