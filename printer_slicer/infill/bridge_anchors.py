@@ -25,7 +25,7 @@ _SLACK = 1.05  # of the longest extension, because curves are polygons
 
 
 class HatchGrids(Struct, frozen=True, eq=False):
-    """Hatch grids of P pieces: (P,) angle in radians, row spacing in mm, and phase in rows; see `hatch`."""
+    """Hatch grids of P pieces, each (P,): angle in radians, row spacing in mm, and phase in rows; see `hatch`."""
 
     angle: Float
     step: Float

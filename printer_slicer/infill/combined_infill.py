@@ -1,4 +1,4 @@
-"""Print the internal infill of several layers in one thick extrusion: accurate outside, fast inside.
+"""Print the internal infill of several thin layers in one thick layer, which saves time.
 
 Sources: Sabourin, Houser & Bohn, Accurate exterior, fast interior layered manufacturing, 1997; Ma & He, An adaptive
 slicing and selective hatching strategy for layered manufacturing, 1999.
@@ -18,7 +18,7 @@ __all__ = ["InfillAreas", "combine_infill_areas", "group_layers"]
 
 
 class InfillAreas(Struct, frozen=True, eq=False):
-    """Areas of internal infill, as E entries; each is printed on one layer.
+    """Areas of internal infill, as E entries, each of which is printed on one layer.
 
     Attributes:
         area: E entries.
@@ -95,7 +95,7 @@ def group_layers(
 
 
 def _count_turns(groups: Int) -> Int:
-    """Return the counter (L,) for patterns that alternate: the number of the group plus that within the group."""
+    """Return the counter (L,) by which patterns alternate: the group number plus the number of group layers above."""
     own = np.arange(len(groups))
     number = np.cumsum(run_starts(groups)) - 1
     return np.asarray(number + last_layers(groups) - own, np.int64)

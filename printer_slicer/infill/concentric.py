@@ -31,7 +31,7 @@ def concentric_lines(task: InfillTask) -> tuple[Polylines, Float]:
 
 
 def _cut_loops(loops: Areas, area: Areas, is_cut: Bool) -> list[Polylines]:
-    """Return the loops as lines; on layers that are cut (L,), only their parts within the area."""
+    """Return the loops as lines; on layers with `is_cut` (L,), clip them to the area."""
     whole = Polylines.around(loops.of_layers(~is_cut))
     if not is_cut.any():
         return [whole]

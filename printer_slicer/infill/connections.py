@@ -15,7 +15,7 @@ MAX_CONNECTION = 2.2
 
 
 class Zigzags(Struct, frozen=True, eq=False):
-    """Polylines of alternating rows and connections; the point between the two is repeated.
+    """Polylines in which rows and connections alternate; the point where they meet is stored twice.
 
     Attributes:
         xy: (N, 2) mm.
@@ -111,7 +111,7 @@ def _extend_row_ends(rows: Lines, area: Areas, angle: Float, end: Int, depth: Fl
 
 
 def measure_extension_room(xy: Float, out: Float, area: Areas, edge: Int, depth: Float) -> Float:
-    """Return how far rows can be extended (N,), mm, up to `depth` (N,) mm beyond the edge `edge` (N,).
+    """Return how far rows can be extended (N,), mm, without reaching more than `depth` (N,) mm beyond `edge` (N,).
 
     The two neighbouring edges limit the extension in the same way.
     """

@@ -38,12 +38,12 @@ class Infill(Struct, frozen=True):
 
     @property
     def name(self) -> str:
-        """Return the name for messages."""
+        """Name of the pattern in messages."""
         return callable_name(self.lines)
 
 
 def make_checked_pattern(custom: Infill) -> Pattern:
-    """Make a `Pattern` from a custom one: check its lines, and clip them to the areas."""
+    """Wrap a custom pattern in a `Pattern` that checks its lines and clips them to the areas."""
 
     def pattern(task: InfillTask) -> tuple[Polylines, Float]:
         """Return the lines within the areas."""

@@ -70,7 +70,7 @@ def _wave_position(u: Float, z: Float, along_y: Bool) -> Float:
 
 
 def _choose_points(u: Float, v: Float, length: Float, error: float) -> tuple[Float, Int]:
-    """Choose points along one period of each wave (E, n + 1); return their positions and their number per wave.
+    """Choose points along one period of each wave; return their positions (E, n + 1) and their number per wave.
 
     A chord of length c over a curve of curvature k deviates by k c² / 8, so chords have the length sqrt(8 error / k).
     """
@@ -106,7 +106,7 @@ def _line_density(length: Float) -> Float:
 
 
 def _mean_line_density() -> float:
-    """Return the mean density over all z; by symmetry an eighth of the period is enough."""
+    """Return the mean line length per area over all z, computed from an eighth of the period because of symmetry."""
     z = (np.arange(64) + 0.5)[:, None] * np.pi / 256
     u = np.linspace(-np.pi, np.pi, _N_SAMPLES + 1)
     v = _wave_position(u[None, :], z, np.zeros_like(z, dtype=np.bool_))

@@ -100,7 +100,7 @@ def _split_stacked_layers(bridge: Areas) -> tuple[Bool, Bool]:
 def _extend_bridges(
     regions: Regions, bridges: Areas, lines: Polylines, profile: Profile, is_affected: Bool
 ) -> Regions:
-    """Extend the bridges `bridges` on some layers (L,); other internal bridges on these layers become solid infill."""
+    """Extend `bridges` on the layers `is_affected` (L,), where all other internal bridges become solid infill."""
     width, wanted = profile.extrusion_width, regions.internal_bridge.of_layers(is_affected)
     pieces, bridge_areas = (
         split_connected(bridges),
@@ -243,13 +243,13 @@ class _RowKeys(Struct, frozen=True):
         return cls(int(row.min()), int(row.max() - row.min()) + 1, low, float(u.max()) - low + 1.0)
 
     def keys_of(self, lines: Lines, layer: Int) -> Float:
-        """Return the keys (S, 2) of both ends of lines; `layer` (S,) is their layer."""
+        """Return the keys (S, 2) of both ends of lines on `layer` (S,)."""
         group = layer * self.rows + (lines.row - self.row)
         return group[:, None] * self.pitch + (lines.u - self.low)
 
 
 def _find_allowed_ranges(rows: Float, ranges: Float) -> Float:
-    """Return begin and end (S, 2) of the allowed area along each row; the area includes at least the row."""
+    """Return begin and end (S, 2) of the allowed range along each row, which includes at least the row itself."""
     if not len(ranges):
         return rows
     found = np.maximum(np.searchsorted(ranges[:, 0], rows.mean(axis=1), side="right") - 1, 0)
@@ -260,7 +260,7 @@ def _find_allowed_ranges(rows: Float, ranges: Float) -> Float:
 
 
 def _find_supported_begins(begin: Float, end: Float, limit: Float, gaps: Float, overlap: float) -> Float:
-    """Return where rows (S,) must begin so that their begin is supported; never before `limit`.
+    """Return the positions (S,), never before `limit`, from which rows must start so that their start is supported.
 
     Args:
         begin: (S,) present begin of the rows.

@@ -1,4 +1,4 @@
-"""Fill internal infill regions with lines of a pattern at the wanted density.
+"""Fill internal infill regions with the lines of a pattern at the density that the profile sets.
 
 The distance between lines is the same on layers of all heights, so that lines stand on each other. The extrusion width
 sets the density: the cross-section is the layer height times a spacing that is the same for all heights.
@@ -52,7 +52,7 @@ class PatternLayout(Struct, frozen=True, eq=False):
 def lay_out_pattern(
     regions: Regions, groups: Int, pattern: Pattern, profile: Profile, *, measured: bool
 ) -> PatternLayout:
-    """Find the spacing at which lines and anchors together reach the density.
+    """Find the line spacing at which lines and anchors together reach the density of the profile.
 
     Args:
         regions: the area inside the perimeters.
@@ -137,7 +137,7 @@ def _make_task(regions: Regions, infill: Areas, groups: Int, profile: Profile) -
 
 
 def _wanted_volumes(task: InfillTask, infill: Areas, profile: Profile) -> Float:
-    """Return the wanted volume of each entry, (E,) mm³."""
+    """Return the volume (E,) of infill that the density requires in each entry, mm³."""
     density, inset = profile.quality.infill_density, task.inset
     volume = density * _grown_areas(task.area, inset) * task.height
     if task.area.n_layers > infill.n_layers:
@@ -153,14 +153,14 @@ def _grown_areas(area: Areas, inset: float) -> Float:
 
 
 def _draw_pattern(task: InfillTask, pattern: Pattern) -> tuple[Polylines, Float]:
-    """Return the lines of the pattern except very short ones, and the length ratio (E,), see `Pattern`."""
+    """Return the lines of the pattern without very short lines, and the length ratio (E,); see `Pattern`."""
     lines, length_ratio = pattern(task)
     # Lines between perimeters that nearly touch shrink to dots; each would cost a stop.
     return lines.take(np.flatnonzero(lines.length() >= _SHORTEST_LINE * task.bead)), length_ratio
 
 
 def _add_anchors(task: InfillTask, lines: Polylines, profile: Profile, anchor_ratio: float) -> Polylines:
-    """Connect lines along the perimeters; `anchor_ratio` is the share of the longest anchors to use."""
+    """Connect lines along the perimeters; `anchor_ratio` is the anchor length as a fraction of the profile's."""
     longest = anchor_ratio * profile.quality.infill_anchor_max
     hook = min(anchor_ratio * profile.quality.infill_anchor, longest)
     return anchor(task.area, lines, longest=longest, hook=hook, apart=task.bead)
@@ -169,7 +169,7 @@ def _add_anchors(task: InfillTask, lines: Polylines, profile: Profile, anchor_ra
 def _fit_spacing(
     task: InfillTask, pattern: Pattern, volume: Float, profile: Profile
 ) -> tuple[InfillTask, float]:
-    """Fit the spacing so that lines and anchors together have the wanted volume.
+    """Fit the spacing so that lines and anchors together have the required volume.
 
     In small areas, where anchors would make up most of the volume, they become shorter. The second result is the
     share of the longest anchors to use.

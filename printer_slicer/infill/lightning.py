@@ -1,4 +1,4 @@
-"""Lightning infill: trees that support only roofs and internal floors; everything else stays hollow.
+"""Lightning infill: trees that support only roofs and internal floors; the rest of the part stays hollow.
 
 Layers are processed from the top down. Below areas with nothing above, trees grow from the perimeters until every
 point is near a branch. On each layer below, tips are shorter and bends straighter, within the allowed overhang. So
@@ -95,7 +95,7 @@ def _grow_layer_trees(task: InfillTask, area: Areas) -> list[Tree]:
 
 
 def _find_roof_points(task: InfillTask, area: Areas) -> tuple[Float, Int, Int]:
-    """Return points (P, 2) of a square lattice below everything that is not internal infill on the layer above.
+    """Return points (P, 2) of a square lattice where the layer above has anything but internal infill.
 
     Points are sorted by layer; the second and third result are the layer and the level of each. Higher levels are
     supported first.
@@ -174,7 +174,7 @@ def _find_longest_children(xy: Float, parent: Int) -> tuple[Int, Int]:
 
 
 def _find_line_ends(xy: Float, parent: Int, last: Int, order: Int, head: Bool) -> Float:
-    """Return the end (M, 2) of each line: on the branch that it joins, or slightly beyond the perimeter, mm."""
+    """Return the end (M, 2) of each line, mm: on the branch that the line joins, or slightly beyond the perimeter."""
     root = parent[last] < 0
     place = np.flatnonzero(np.append(head[1:], True))
     before = order[np.maximum(place - 1, 0)]

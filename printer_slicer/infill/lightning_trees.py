@@ -50,7 +50,7 @@ class Tree(NamedTuple):
         return Tree(self.xy[nodes], number[self.parent[nodes]])
 
     def with_positions(self, xy: Float, removed: Bool) -> Tree:
-        """Return the trees with nodes at `xy` (n, 2), without the `removed` nodes (n,) and very short segments."""
+        """Move the nodes to `xy` (n, 2); return the trees without the `removed` nodes (n,) and very short segments."""
         short = self.parent >= 0
         short[short] = np.hypot(*(xy[short] - xy[self.parent[short]]).T) < _MERGE_DISTANCE
         goal = find_chain_ends(np.where(short, self.parent, np.arange(len(xy))))
@@ -101,7 +101,7 @@ def shrink_trees(tree: Tree, reach: float) -> Tree:
 
 
 def clip_trees(tree: Tree, area: Areas) -> Tree:
-    """Clip trees to the area of a layer; branches that leave it get a root on the outline."""
+    """Clip trees to the area of a layer; branches that leave the area get a root on the outline."""
     branch = tree.branch_nodes
     lines = Polylines.of(
         tree.branch_ends().reshape(-1, 2), np.full(len(branch), 2), np.zeros(len(branch), np.int64)

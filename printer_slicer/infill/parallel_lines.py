@@ -56,7 +56,7 @@ class RowSettings(Struct, frozen=True, eq=False):
 def fill_with_rows(
     plan: LayerPlan, pieces: ConnectedAreas, beads: RowSettings, profile: Profile, inside: Areas | None = None
 ) -> list[Toolpaths]:
-    """Fill pieces with parallel lines, at a spacing that fits a whole number of them.
+    """Fill pieces with parallel lines, at a spacing at which a whole number of lines fits.
 
     Bridge lines start and end in the walls around `inside`, if given.
     """
@@ -129,7 +129,7 @@ def _hatch_pieces(pieces: ConnectedAreas, beads: RowSettings) -> tuple[Lines, Ar
 
 
 def _drop_short_lines(lines: Zigzags, shortest: Float) -> Zigzags:
-    """Drop lines shorter than `shortest` (P,) mm; each would cost a stop."""
+    """Drop lines shorter than `shortest` (P,) mm, because the nozzle would stop for each."""
     return lines.take(np.flatnonzero(lines.length().sum(axis=1) >= shortest[lines.entry]))
 
 
@@ -171,7 +171,7 @@ def _fill_between_rows(
 
 
 def _rows_area(rows: Lines, area: Areas, angle: Float, gap: Float) -> Areas:
-    """Return the area (P entries) that rows fill: rectangles, extended to where connections fill the space beyond.
+    """Return the area (P entries) that rows fill: rectangles, extended to the space that connections fill.
 
     Rows are not extended where the border meets them at a small angle, because there are no connections there.
     """

@@ -15,7 +15,7 @@ __all__ = ["extend_ends"]
 def extend_ends(
     joined: Polylines, lines: Polylines, area: Areas, overlap: float, return_distance: float
 ) -> Polylines:
-    """Extend the ends of lines that are left after joining by `overlap` mm beyond the border of the area.
+    """Extend the ends of lines that remain after joining by `overlap` mm beyond the border of the area.
 
     A connection that starts at an extended end returns to the border within `return_distance` mm of it.
 
@@ -61,7 +61,7 @@ def _find_line_ends(lines: Polylines, area: Areas, overlap: float) -> tuple[tupl
 
 
 def _match_points(joined: Polylines, places: tuple[Float, Int]) -> tuple[Int, Int]:
-    """Find the points of joined lines at the positions of ends (E,); return the indices of both."""
+    """Find the points of joined lines at the positions of ends (E,); return the indices of points and ends."""
     layer = np.repeat(joined.layer, joined.size)
     rows = [np.column_stack([of, xy]) for of, xy in ((places[1], places[0]), (layer, joined.xy))]
     known = [np.ascontiguousarray(one).view(np.dtype((np.void, 24))).ravel() for one in rows]

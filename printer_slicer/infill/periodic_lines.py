@@ -14,7 +14,7 @@ _MAX_POINTS = 500_000  # points that are clipped at once
 
 
 class PeriodicLines(Struct, frozen=True, eq=False):
-    """Two lines for each entry, repeated with a period along and a pitch across.
+    """Two lines for each entry, which repeat with a period along the pattern and a pitch across it.
 
     Attributes:
         uv: (T, 2) mm along and across, points of one period of each line, ascending along.

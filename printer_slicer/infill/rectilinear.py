@@ -12,6 +12,6 @@ __all__ = ["rectilinear_lines"]
 
 
 def rectilinear_lines(task: InfillTask) -> tuple[Polylines, Float]:
-    """Return parallel lines; those of one direction lie above each other."""
+    """Return parallel lines; all lines of one direction lie directly above each other."""
     angle = np.asarray(task.angle + np.pi / 2 * (task.turn % 2), np.float64)
     return Polylines.hatched(hatch(task.area, angle=angle, spacing=task.spacing)), np.ones(len(task.z))

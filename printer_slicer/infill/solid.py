@@ -1,4 +1,4 @@
-"""Fill solid regions with extrusions side by side, as many as fit into each connected area."""
+"""Fill solid regions with extrusions side by side, at a spacing that fits each connected area."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def _make_ironing_lines(
 def _make_row_settings(
     plan: LayerPlan, pieces: ConnectedAreas, role: Int, angle: Float, profile: Profile
 ) -> RowSettings:
-    """Return the settings of rows with the usual spacing, and with a width that is fitted to the piece."""
+    """Return the settings of rows with the usual spacing and a width fitted to each piece."""
     height = plan.height[pieces.layer]
     wide = bead.layer_widths(plan.n_layers, profile.width_of_first_layer, profile.extrusion_width)
     gap = bead.spacing(wide[pieces.layer], height)
@@ -94,7 +94,7 @@ def _fill_internal_bridges(regions: Regions, profile: Profile) -> list[Toolpaths
 
 
 def _with_flow_ratio(beads: RowSettings, ratio: float, profile: Profile) -> RowSettings:
-    """Return the settings with `ratio` times the usual flow at the same spacing; lines are never narrower than high."""
+    """Return row settings with `ratio` times the usual flow at the same spacing; lines are at least as wide as high."""
     usual = bead.spacing(profile.extrusion_width, beads.height)
     width = np.maximum(np.round(bead.width_for_spacing(usual * ratio, beads.height), 4), beads.height)
     return RowSettings(beads.role, beads.angle, beads.gap, width, beads.height)

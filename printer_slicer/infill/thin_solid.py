@@ -1,4 +1,4 @@
-"""Fill narrow solid strips beside the perimeters with lines along them, instead of many short lines across."""
+"""Fill narrow solid strips beside the perimeters with lines along the strip, instead of many short lines across."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Fill narrow solid areas with extrusions of variable width along them."""
+"""Fill narrow solid areas with extrusions of variable width along the area."""
 
 from __future__ import annotations
 

@@ -137,7 +137,7 @@ class _Candidates(Struct, frozen=True, eq=False):
 
     @staticmethod
     def _limited_distance(gap: Float) -> Float:
-        """Return the lengths of vectors (..., 2), mm, at most `_MAX_DISTANCE_COST`."""
+        """Return the lengths of vectors (..., 2), mm, limited to `_MAX_DISTANCE_COST`."""
         x, y = gap[..., 0], gap[..., 1]
         return np.asarray(np.minimum(np.sqrt(x * x + y * y), _MAX_DISTANCE_COST))
 
@@ -149,7 +149,7 @@ def _split_by_layer(layer: Int) -> Iterator[Int]:
 
 
 def _find_first_hits(owner: Int, is_hit: Bool) -> Int:
-    """Return the index (R,) of the first hit of each owner; each owner has at least one hit."""
+    """Return for each owner (R,) the index of its first entry where `is_hit` is true; every owner has one."""
     hits = np.flatnonzero(is_hit)
     return np.asarray(hits[np.searchsorted(owner[hits], np.arange(int(owner[-1]) + 1))])
 

@@ -1,4 +1,4 @@
-"""Start loops without a fixed seam close to where the nozzle comes from."""
+"""Move the start of loops without a fixed seam close to the previous position of the nozzle."""
 
 from __future__ import annotations
 

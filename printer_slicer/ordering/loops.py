@@ -97,7 +97,7 @@ class Loops(Struct, frozen=True, eq=False):
 
 
 def argmin_by_group(values: Float, size: Int) -> tuple[Int, Float]:
-    """Return the index of the first minimum in each group of `size` (Q,) values, and the minima, (Q,) each."""
+    """Return the index (Q,) of the first minimum in each group of `size` (Q,) values, and the minima (Q,)."""
     if not len(size):
         return np.zeros(0, np.int64), np.zeros(0)
     least = np.minimum.reduceat(values, np.cumsum(size) - size)
@@ -119,7 +119,7 @@ def close_loops(paths: Toolpaths) -> Toolpaths:
 
 
 def start_loops_at(paths: Toolpaths, loops: Loops, along: Float) -> Toolpaths:
-    """Move the start of loops to the positions `along` (R,), mm, and add points there if necessary."""
+    """Move the start of loops to the positions `along` (R,), mm, and insert points there if necessary."""
     point, beyond = loops.find_segments(np.arange(loops.n_loops), along)
     ends = loops.following[point]
     size = np.hypot(*(loops.xy[ends] - loops.xy[point]).T)

@@ -1,4 +1,4 @@
-"""Order units island by island, by nearest neighbour, then shorten the tour."""
+"""Order units island by island: visit the nearest unit next, then shorten the tour."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def route_units(units: Units) -> tuple[Int, Bool]:
 
 
 def _number_runs(*columns: Int) -> Int:
-    """Return for each item the number of its run; the columns are constant within a run."""
+    """Return for each item the number of its run of consecutive items with equal values in all columns."""
     new = np.zeros(len(columns[0]), np.bool_)
     for column in columns:
         new[1:] |= np.diff(column) != 0
@@ -131,7 +131,7 @@ class _Nozzle:
         self._x, self._y = (bx, by) if is_reversed else (ex, ey)
 
     def sort_islands(self, islands: dict[int, list[tuple[int, int]]]) -> Iterator[int]:
-        """Yield the islands of one layer in visiting order: next is the one that starts nearest to the nozzle."""
+        """Yield the islands of one layer in visiting order: always the island that starts nearest to the nozzle."""
         if len(islands) < 2:
             yield from islands
             return

@@ -1,4 +1,4 @@
-"""Scarf seams: start and end of a loop overlap in a slope, which hides the seam.
+"""Scarf seams: the start and end of a loop overlap in a slope, which hides the seam.
 
 On the first section of the loop the nozzle rises from the layer below to the top of the layer, and the flow increases
 with it. After a full turn the same section is printed again at the top of the layer, with the rest of the flow.
@@ -71,7 +71,7 @@ def _add_slopes(paths: Toolpaths, loops: Loops, length: float, start_ratio: floa
 def _list_scarf_points(
     paths: Toolpaths, loops: Loops, within: Int, count: Int, length: float
 ) -> tuple[Int, Float]:
-    """Return the source of every new point, and the positions of the points of the loops along their loop, mm."""
+    """Return the source of every new point, and the position of every point along its loop, mm."""
     size = np.diff(paths.start)
     owner = np.repeat(np.arange(paths.n_paths), count)
     step = consecutive(np.zeros_like(count), count)

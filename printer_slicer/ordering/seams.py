@@ -44,7 +44,7 @@ def _choose_seam_positions(paths: Toolpaths, loops: Loops, rule: str, angle_deg:
 
 
 def _find_rear_positions(loops: Loops) -> Float:
-    """Return the position (R,) of the rearmost point of each loop, mm; among equal ones of the rightmost."""
+    """Return the position (R,) of the rearmost point of each loop, mm; of equally far points, that of the rightmost."""
     owner = np.repeat(np.arange(loops.n_loops), np.diff(loops.start))
     ranked = np.lexsort((loops.xy[:, 0], np.round(loops.xy[:, 1], 3), owner))
     return loops.reach[ranked[loops.start[1:] - 1]]

@@ -76,7 +76,7 @@ def make_spiral(paths: Toolpaths, profile: Profile) -> Toolpaths:
 
 
 def _find_first_spiral_layer(paths: Toolpaths, profile: Profile) -> int:
-    """Return the first layer above the bottom; the layer on the bed or raft must adhere and belongs to the bottom."""
+    """Return the first layer above the bottom; the bottom includes at least the layer on the bed or raft."""
     base = int(paths.layer[paths.role == Role.RAFT].max(initial=-1)) + 1
     bottom = paths.plan.bottom
     over = np.searchsorted(
@@ -140,7 +140,7 @@ def _join_turns(xy: Float, size: Int, reach: float) -> Float:
 
 
 def _blend_outlines(loops: Loops, base: Loops, position: tuple[Int, Int, Float], reach: float) -> Float:
-    """Return points (n, 2) of turns, blended from the outline below to that of the layer.
+    """Return points (n, 2) of turns, blended from the outline of the layer below to the outline of their own layer.
 
     `position` is the turn, the loop point and the fraction of the turn of each, (n,).
     """

@@ -70,7 +70,7 @@ def _pad_with_dummies(points: Float) -> Float:
 
 
 class _Tour(Struct, frozen=True, eq=False):
-    """Units in their current order; `begin` and `end` have a dummy point on each side."""
+    """A tour: units in their current order; `begin` and `end` have a dummy point on each side."""
 
     unit: Int
     is_reversed: Bool
@@ -154,7 +154,7 @@ def _distances(one: tuple[Float, Float], other: tuple[Float, Float]) -> Float:
 
 
 def _select_changes(place: Int, span: Int, saved: Float, n: int) -> Int:
-    """Select changes that save something and do not overlap, the best first."""
+    """Select changes that shorten the tour and do not overlap, the best first."""
     better = np.flatnonzero(saved > _LEAST_SAVING)
     better = better[np.argsort(-saved[better], kind="stable")]
     taken = bytearray(n + 2)
@@ -169,7 +169,7 @@ def _select_changes(place: Int, span: Int, saved: Float, n: int) -> Int:
 
 
 def _find_nearby_places(place: Int, span: Int, group: Int) -> Int:
-    """Return the places near these changes, whose own changes must be evaluated again."""
+    """Return the places near these changes, where possible changes must be evaluated again."""
     first = np.maximum(place - _MAX_SPAN, 0)
     last = np.minimum(place + span + 2, len(group))
     near = consecutive(first, last - first)

@@ -99,6 +99,6 @@ def _assign_steps(paths: Toolpaths, *, infill_first: bool) -> Int:
 
 
 def _is_combined(paths: Toolpaths) -> Bool:
-    """Return which paths (M,) are perimeters for several layers together."""
+    """Return which paths (M,) are perimeters that combine several layers in one extrusion."""
     higher = paths.height > paths.plan.height[paths.layer] + _HIGHER
     return np.asarray(higher & (paths.role == Role.PERIMETER))

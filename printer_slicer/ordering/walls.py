@@ -59,7 +59,7 @@ def cluster_walls(paths: Toolpaths, inner: Int, profile: Profile) -> tuple[Toolp
 
 
 def _order_loops(cluster: Int, owner: Int, distance: Float, is_outer: Bool, *, outside_in: bool) -> Int:
-    """Return the printing order (R,) of loops: inner or external ones by owner, then the other kind in reverse.
+    """Return the printing order (R,) of loops: inner loops (or external ones) by owner, then the other kind in reverse.
 
     External loops without inner loops come in between.
     """
