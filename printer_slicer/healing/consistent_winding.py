@@ -13,7 +13,7 @@ __all__ = ["orient_consistently"]
 
 
 def orient_consistently(facets: Facets, name: str) -> tuple[Facets, list[Repair]]:
-    """Flip facets until neighbours face the same way; in each patch, flip the side with less area.
+    """Flip facets until neighbours face the same way; in each patch, flip the group with less area.
 
     Each facet is two nodes of a graph, as it is and flipped. Neighbours link the nodes that face the same way. In a
     one-sided patch both nodes of a facet are connected.

@@ -104,7 +104,7 @@ def _group_equal_facets(facets: Facets) -> tuple[Int, Int]:
 
 
 def _find_handedness(corners: Int) -> Int:
-    """Return 1 for each facet (F,) whose corner numbers, starting at the lowest, ascend around it; -1 for others."""
+    """Return 1 for facets (F,) whose corner numbers, starting at the lowest, ascend around the facet; otherwise -1."""
     a, b, c = corners.T
     ascents = (a < b).astype(int) + (b < c) + (c < a)
     return np.where(ascents == 2, 1, -1)
@@ -148,7 +148,7 @@ def _count_facets_at(facets: Facets, key: Int) -> Int:
 
 
 def drop_sheets(facets: Facets) -> tuple[Facets, list[Repair]]:
-    """Drop sheets: patches without thickness in or beside a surface that is closed without them.
+    """Drop sheets: patches without thickness in or beside a surface that is closed even without the patches.
 
     A patch ends at open edges or at edges with more than two facets. It is dropped if it has neighbours at its border
     and each of them has a partner without it. The smallest patches are dropped first.

@@ -60,17 +60,17 @@ class Facets(Struct, frozen=True, eq=False):
 
     @property
     def triangles(self) -> Float:
-        """Return the triangles (F, 3, 3), mm."""
+        """Triangles (F, 3, 3), mm."""
         return np.asarray(self.points[self.corners])
 
     @property
     def centroids(self) -> Float:
-        """Return the centroid (F, 3) of each facet, mm."""
+        """Centroid (F, 3) of each facet, mm."""
         return np.asarray(self.triangles.mean(axis=1))
 
     @property
     def normals(self) -> Float:
-        """Return the normal (F, 3) of each facet; its length is twice the area, mm²."""
+        """Normal (F, 3) of each facet; the length of the normal is twice the area, mm²."""
         a, b, c = self.triangles.transpose(1, 0, 2)
         return np.cross(b - a, c - a)
 
@@ -79,11 +79,11 @@ class Facets(Struct, frozen=True, eq=False):
         return Facets.from_indices(self.points, self.corners[keep])
 
     def flip(self, turn: Bool) -> Facets:
-        """Return all facets; those for which `turn` (F,) is true are flipped."""
+        """Flip the facets for which `turn` (F,) is true; return all facets."""
         return Facets.from_indices(self.points, np.where(turn[:, None], self.corners[:, ::-1], self.corners))
 
     def pair_neighbours(self) -> tuple[Int, Bool]:
-        """Return pairs of facets (2, P) that share an edge with no third one; whether they face the same way (P,)."""
+        """Return pairs of facets (2, P) that alone share an edge, and whether they face the same way (P,)."""
         half = np.flatnonzero(self.count[self.edges.ravel()] == 2)
         order = half[np.argsort(self.edges.ravel()[half], kind="stable")]
         first, second = order[::2], order[1::2]

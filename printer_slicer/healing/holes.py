@@ -37,12 +37,12 @@ class _Holes(Struct, frozen=True, eq=False):
 
     @property
     def size(self) -> Int:
-        """Return the number of corners of each hole (H,)."""
+        """Number of corners of each hole (H,)."""
         return np.diff(self.start)
 
     @property
     def following(self) -> Int:
-        """Return, for each corner (n,), the index of the next corner around the hole."""
+        """Index (n,) of the next corner around the hole, for each corner."""
         return next_in_ring(self.start)
 
     def select(self, keep: Bool) -> _Holes:
@@ -126,7 +126,7 @@ def _find_holes(facets: Facets) -> _Holes:
 
 
 def _is_isolated_facet(facets: Facets, holes: _Holes) -> Bool:
-    """Return whether each hole (H,) is the border of a single facet that is connected to no other."""
+    """Return whether each hole (H,) is the border of a single facet that is connected to no other facet."""
     triple = np.flatnonzero(holes.size == 3)
     corners = np.sort(holes.corner[holes.start[:-1][triple][:, None] + np.arange(3)], axis=1)
     a, b, c = np.concatenate([np.sort(facets.corners, axis=1), corners]).T
@@ -177,7 +177,7 @@ def _is_side_of_crack(points: Float, holes: _Holes) -> Bool:
 
 
 def _is_small_for_body(facets: Facets, holes: _Holes, area: Float) -> Bool:
-    """Return, for each hole (H,), whether all holes of its body are small enough compared with the body's area."""
+    """Return for each hole (H,) whether all holes of its body together are small compared with the body's area."""
     body = label_components(facets.corners.T, len(facets.points))
     n_bodies = int(body.max()) + 1
     there = np.bincount(body[facets.corners[:, 0]], np.linalg.norm(facets.normals, axis=1) / 2, n_bodies)

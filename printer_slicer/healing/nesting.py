@@ -122,7 +122,7 @@ def _compute_solid_angles(triangles: Float, places: Float) -> Float:
 
 
 def _find_turning_directions(triangles: Float, x: Float, y: Float) -> Int:
-    """Return, seen from above, how each facet (n,) runs around its point: 1 counter-clockwise, -1 clockwise, 0 not."""
+    """Return how each facet (n,) runs around its point, seen from above: 1 counter-clockwise, -1 clockwise, 0 not."""
     start, end = triangles, triangles[:, [1, 2, 0]]
     x, y = x[:, None], y[:, None]
     up = (start[:, :, 1] <= y) & (end[:, :, 1] > y)
@@ -136,7 +136,7 @@ def _find_turning_directions(triangles: Float, x: Float, y: Float) -> Int:
 
 
 def _interpolate_heights(triangles: Float, x: Float, y: Float) -> Float:
-    """Return the height (n,) of the plane of each facet above its point; vertical facets give their top."""
+    """Return the height (n,) of the plane of each facet at its point (x, y); for vertical facets, that of their top."""
     a, b, c = triangles.transpose(1, 0, 2)
     normal = np.cross(b - a, c - a)
     flat = normal[:, 2] != 0

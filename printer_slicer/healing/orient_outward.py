@@ -25,7 +25,7 @@ _N_FURTHER_POINTS = 6  # additional test points of an outward shell, which must 
 
 
 class _Shells(Struct, frozen=True, eq=False):
-    """The surface split into shells: closed ones, and groups of open ones within a crack's width of each other.
+    """The surface split into shells: closed patches, and groups of open patches within a crack's width of each other.
 
     Attributes:
         shell_of_facet: (F,) the shell of each facet.

@@ -19,7 +19,7 @@ _MAX_EDGES = 100_000  # maximum number of open edges that are compared
 
 
 def drop_loose_facets(facets: Facets) -> tuple[Facets, list[Repair]]:
-    """Drop flat patches that share no edge with another patch and do not run along an open edge of one.
+    """Drop flat patches that share no edge with another patch and do not run along an open edge of another patch.
 
     An edge runs along another if both of its ends and its middle are within the width of a crack. All patches stay if
     nothing else would remain, or if the rest is open too and they are more than a twentieth of the surface: then the
@@ -43,7 +43,7 @@ def drop_loose_facets(facets: Facets) -> tuple[Facets, list[Repair]]:
 
 
 def _find_patches_along_others(facets: Facets, patch: Int, open_edge: Bool, loose: Bool) -> Int:
-    """Return the patches (n,) among `loose` (P,) with an open edge that runs along one of another patch."""
+    """Return the patches (n,) among `loose` (P,) that have an open edge along an open edge of another patch."""
     from printer_slicer.geometry.planar import SegmentTree  # noqa: PLC0415 - shapely only when it is needed
 
     if not loose.any():

@@ -63,7 +63,7 @@ class Archive:
                 self._expanded += len(piece)
                 if self._expanded > self._limits.expanded_bytes:  # the directory may understate the size
                     raise self._expansion_error(
-                        f"the archive unpacks to over {self._limits.expanded_bytes} bytes, the limit"
+                        f"the archive unpacks to more than {self._limits.expanded_bytes} bytes, the limit"
                     )
                 yield piece
                 self._source.report_progress(min(file.tell() / max(info.file_size, 1), 1.0))

@@ -43,7 +43,7 @@ class _MalformedError(Exception):
 
 
 def is_ascii_stl(source: ModelFile) -> bool:
-    """Return whether a file starts like an ASCII STL and has almost no zero bytes; binary files have many."""
+    """Return whether a file starts like an ASCII STL and has almost no zero bytes, of which binary files have many."""
     head = source.head
     if head.startswith((b"\xff\xfe", b"\xfe\xff")):
         head = head.replace(b"\0", b"")[2:]
@@ -95,7 +95,7 @@ def _read_facets(texts: Iterator[bytes], source: ModelFile, limits: Limits) -> t
 
 
 def _zero_normals(source: ModelFile) -> Iterator[bytes]:
-    """Yield the file as `_read_whole_lines` does, with all normals set to zero."""
+    """Yield chunks of the file as `_read_whole_lines` does, but with all normals set to zero."""
     return (NORMAL.sub(b"facet normal 0 0 0 ", text) for text in _read_whole_lines(source))
 
 
@@ -116,7 +116,7 @@ def _read_whole_lines(source: ModelFile) -> Iterator[bytes]:
 
 
 def _strip_padding(chunks: Iterator[bytes]) -> Iterator[bytes]:
-    """Yield the chunks without padding at the end of the file; elsewhere one byte of it stays and causes an error."""
+    """Yield the chunks without padding at the end of the file; elsewhere, one byte of it stays to cause an error."""
     held = b""
     for chunk in chunks:
         text = chunk.rstrip(PADDING)
@@ -199,7 +199,7 @@ def _find_fault(source: ModelFile) -> MeshError:
 
 
 def _describe_invalid_word(word: bytes, place: int) -> str:
-    """Describe what is wrong with a word at this index of GRAMMAR; empty if it is valid."""
+    """Describe what is wrong with a word at this index of GRAMMAR; empty if the word is valid."""
     wanted = GRAMMAR[place]
     found = word[:40].decode("ascii", "replace")
     if wanted != b"#":

@@ -89,7 +89,7 @@ class _Document:
         self._length = sum(map(len, buffers.values()))
 
     def reject_compression(self, item: dict[str, Any]) -> None:
-        """Reject compressed data, also if the file does not declare that it requires the extension.
+        """Reject compressed data, even if the file does not declare that it requires the compression extension.
 
         Raises:
             MeshError: a primitive or a buffer view uses a compression extension.
@@ -580,7 +580,7 @@ def _require_finite(matrices: Float) -> Float:
 
 
 def _require_index(value: object) -> int:
-    """Return an index after checking that it is not negative, which Python would count from the end."""
+    """Return an index after checking that it is not negative; Python would count a negative index from the end."""
     if not isinstance(value, int) or value < 0:
         raise ValueError(f"expected an index, found {str(value)[:20]}")
     return value

@@ -1,4 +1,4 @@
-"""Limits for model files; they protect the computer from files made to exhaust it."""
+"""Limits for model files, which protect against files made to exhaust memory or time."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def check_facets(count: int, path: Path, limits: Limits) -> None:
 
 
 def check_vertices(count: int, path: Path, limits: Limits, per_facet: int = 1) -> None:
-    """Check the number of vertices; the limit is `per_facet` times that of facets.
+    """Check the number of vertices, of which at most `per_facet` times the facet limit are allowed.
 
     Raises:
         MeshError: there are more than allowed.

@@ -68,7 +68,7 @@ def read_off(data: bytes, path: Path, limits: Limits) -> Float:
 
 
 def _read_lines(text: str, path: Path, limits: Limits) -> Float:
-    """Read the text after the keyword if every vertex and every face has its own line."""
+    """Read the text after the keyword, in which every vertex and every face has its own line."""
     lines = [line for line in text.splitlines() if line and not line.isspace()]
     announced = lines[0].split() if lines else []
     if len(announced) < 2 or not all(word.isdecimal() for word in announced[:2]):
@@ -85,7 +85,7 @@ def _read_lines(text: str, path: Path, limits: Limits) -> Float:
 
 
 def _read_by_counts(text: str, n_extra: int, path: Path, limits: Limits) -> Float | None:
-    """Read the text by its counts of vertices, faces and corners; return None unless these use up all numbers.
+    """Read the text number by number, by its counts of vertices, faces and corners; None if numbers are left over.
 
     A truncated file or a missing number must not produce a different part. So this does not apply to files with one
     line per vertex and face or with faces of fewer than three corners, and the number of edges may only be missing

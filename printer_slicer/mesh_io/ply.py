@@ -129,7 +129,7 @@ def _parse_property(words: Sequence[str]) -> Property:
 
 
 def _find_column(columns: dict[str, Column], element: Element, *names: str) -> Column:
-    """Return the first column with one of these names that has numbers; if none has, the first that exists."""
+    """Return the first column with one of these names that has numbers; if none has numbers, the first that exists."""
     found = [columns[name] for name in names if name in columns]
     if found:
         return next((column for column in found if len(column.values)), found[0])

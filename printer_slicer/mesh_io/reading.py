@@ -94,7 +94,7 @@ class Model(Struct, frozen=True, eq=False):
 
 
 def _ignore_progress(_share: float) -> None:
-    """Ignore progress."""
+    """Do nothing with the fraction read, when no progress is to be reported."""
 
 
 def load_mesh(path: str | os.PathLike[str], *, units: str | None = None, limits: Limits = LIMITS) -> Mesh:
@@ -147,7 +147,7 @@ def load_model(
 def _list_objects(
     facet_counts: list[tuple[str, int]], triangles: Float, name: str
 ) -> tuple[PlateObject, ...]:
-    """Return the objects of a file, if there are several or one has a name; `name` is for unnamed objects."""
+    """Return the objects of a file; empty for a single unnamed object. `name` is for unnamed objects."""
     first, items = 0, []
     for label, count in (
         facet_counts if len(facet_counts) > 1 or (facet_counts and facet_counts[0][0]) else []
@@ -159,7 +159,7 @@ def _list_objects(
 
 
 def _detect_format(source: ModelFile) -> str:
-    """Detect the format: by unambiguous first bytes, then by the extension, then by the content."""
+    """Detect the format of a file by unambiguous first bytes, then by its extension, then by its content."""
     if has_binary_stl_size(source):
         return "stl"
     if source.head.startswith(COMPRESSED):

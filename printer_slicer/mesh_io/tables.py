@@ -1,4 +1,4 @@
-"""Read tables of numbers and of lists of numbers, as text or as bytes of either order, for PLY and OFF files.
+"""Read tables of numbers and of lists of numbers, as text or in binary of either byte order, for PLY and OFF files.
 
 Rows of equal length are read as one table. Rows of different lengths, for example triangles and quads, are read in
 windows of many rows. A text is first converted to one array of numbers, so that both kinds are read by the same code.
@@ -48,7 +48,7 @@ POSITIONS_PER_ROW: Final = 16
 
 
 class Property(Struct, frozen=True):
-    """A column of a table: numbers of type `kind` or, with `count`, lists of them whose length has this type."""
+    """A column of a table: numbers of type `kind`, or lists of such numbers if `count`, the type of lengths, is set."""
 
     name: str
     kind: str
@@ -64,7 +64,7 @@ class Element(Struct, frozen=True):
 
 
 class Column(Struct, frozen=True, eq=False):
-    """The numbers of one property: how many each row has (n,), and those of all rows in one array."""
+    """The numbers of one property: the count of each row (n,), and the numbers of all rows in one array."""
 
     counts: Int
     values: NDArray[Any]
@@ -258,7 +258,7 @@ def read_table(
 
 
 def _read_row_layout(body: TableBody, element: Element, at: int) -> tuple[list[int], list[int], int]:
-    """Return where the numbers of each property of a row start, how many they are, and the length of the row."""
+    """Return for each property of a row where its numbers start and how many it has; also return the row's length."""
     start, places, counts = at, [], []
     for one in element.properties:
         count = 1
@@ -335,7 +335,7 @@ def _find_row_starts(body: TableBody, element: Element, start: int, window: int)
 
 
 def _find_row_layouts(body: TableBody, element: Element, starts: Int) -> tuple[list[Int], list[Int], Int]:
-    """Return, for each row, where the numbers of each property start, how many they are, and where the row ends.
+    """Return for each property of each row where its numbers start and how many it has; also return where rows end.
 
     Invalid counts are -1.
 

@@ -223,7 +223,7 @@ def _read_model_file(archive: Archive, limits: Limits, part: str) -> _Model:
 def _read_referenced(
     archive: Archive, limits: Limits, start: str, first: _Model
 ) -> tuple[dict[Hashable, ObjectBuilder], dict[Hashable, str], Counter[tuple[Hashable, str]]]:
-    """Return the objects, their types and their painted facets, including those of other model files.
+    """Return objects, their types and their painted facets, also from other model files that the first one uses.
 
     The root model file may use objects of other model files, but those may not use further files.
     """

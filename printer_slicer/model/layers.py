@@ -1,4 +1,4 @@
-"""Layer plans, sections of the part, and regions of each section by role."""
+"""Layer plans, sections of the part, and regions of sections by role."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ class LayerPlan(SvgRepr, Struct, frozen=True, eq=False):
 
     @property
     def bottom(self) -> Float:
-        """Return the z of the bottom of each layer (L,), mm."""
+        """Height z of the bottom of each layer (L,), mm."""
         return np.array(self.base) if len(self.base) else np.concatenate([[0.0], self.top[:-1]])
 
     def find_tops(self, tops: Float) -> Int:
@@ -99,7 +99,7 @@ class LayerPlan(SvgRepr, Struct, frozen=True, eq=False):
 
     @property
     def height(self) -> Float:
-        """Return the layer heights (L,), mm."""
+        """Layer heights (L,), mm."""
         # Rounded to 0.1 nm, because rounding errors in differences of tops would make equal heights unequal.
         return np.round(self.top - self.bottom, 7)
 
@@ -126,7 +126,7 @@ def _convert_tops(top: object) -> Float:
 
 
 class Contours(Struct, frozen=True, eq=False):
-    """The contours of all layers, before and after the segments are joined.
+    """The contours of all layers: the separate segments, and the contours joined from them.
 
     Attributes:
         segments: (S, 2, 2) mm, the raw contour: one segment per facet and plane, in the order of the facets, with the
@@ -181,7 +181,7 @@ class Sections(SvgRepr, Struct, frozen=True, eq=False):
     inverted: Areas | None = None
 
     def solid_at(self, plan: LayerPlan) -> Areas:
-        """Return the solid area for the layers of another plan, matched by their tops."""
+        """Return the solid area on the layers of another plan; layers are matched by their tops."""
         if plan is self.plan:
             return self.solid
         layer = self.plan.find_tops(plan.top)
@@ -257,7 +257,7 @@ class Regions(SvgRepr, Struct, frozen=True, eq=False):
         return f"<Regions: {self.plan.n_layers} layers, mm3: {text or 'nothing'}>"
 
     def on_plan(self, plan: LayerPlan) -> Regions:
-        """Return the regions on the layers of another plan, matched by their tops."""
+        """Return the regions on the layers of another plan; layers are matched by their tops."""
         if plan is self.plan:
             return self
         layer = plan.find_tops(self.plan.top)
@@ -265,7 +265,7 @@ class Regions(SvgRepr, Struct, frozen=True, eq=False):
         return replace(self, plan=plan, **areas)
 
     def of_layers(self, here: Bool) -> Regions:
-        """Return the regions of the layers for which `here` (L,) is true; other layers become empty."""
+        """Keep the regions of the layers for which `here` (L,) is true; all other layers become empty."""
         return Regions(
             self.plan,
             **{name: getattr(self, name).of_layers(here) for name in _REGIONS},

@@ -207,11 +207,11 @@ class Toolpaths(SvgRepr, Struct, frozen=True, eq=False):
         return replace(self, plan=plan, layer=layer, z_top=plan.top[layer])
 
     def with_tool(self, tool: int) -> Toolpaths:
-        """Return the paths with another extruder."""
+        """Return the paths assigned to another extruder."""
         return replace(self, tool=np.full(self.n_paths, tool))
 
     def with_settings(self, of_layer: Int) -> Toolpaths:
-        """Return the paths with the profile index `of_layer` (L,) of their layers."""
+        """Assign profiles to paths: each path gets the profile index `of_layer` (L,) of its layer."""
         return replace(self, settings_id=of_layer[self.layer])
 
     def take(self, chosen: Int) -> Toolpaths:
@@ -221,7 +221,7 @@ class Toolpaths(SvgRepr, Struct, frozen=True, eq=False):
         return self.of_points(points, np.append(0, np.cumsum(size)), chosen)
 
     def of_points(self, point: Int, start: Int, path: Int) -> Toolpaths:
-        """Build paths (m,) from points with these indices (n,); other columns are copied from the paths `path` (m,).
+        """Build paths (m,) from points with these indices (n,); all columns of paths are copied from `path` (m,).
 
         Path `i` has the points `point[start[i]:start[i + 1]]`. `support_ratio` is copied with the points, so it is only
         correct for paths that keep their direction.
@@ -235,7 +235,7 @@ class Toolpaths(SvgRepr, Struct, frozen=True, eq=False):
         return replace(self, start=start, **columns, **of_path)
 
     def begins_at(self, layer: int) -> Bool:
-        """Return which paths (M,) are in this layer, counted from 0, or in a later one but rest at the same height.
+        """Return which paths (M,) are on this layer (from 0), or on a later layer but rest at the same height.
 
         The latter are in the first layers of objects with their own layer plan.
         """
@@ -254,22 +254,22 @@ class Toolpaths(SvgRepr, Struct, frozen=True, eq=False):
 
     @property
     def following(self) -> Int:
-        """Return, for each point (N,), the index of the next one; the last point of an open path has its own index."""
+        """Index (N,) of the next point of each point; for the last point of an open path, its own index."""
         return next_in_ring(self.start, self.closed)
 
     @property
     def beads_of_each(self) -> Int:
-        """Return the number of line segments of each path (M,); a loop has one more, back to its first point."""
+        """Number of line segments of each path (M,); loops have one more than open paths, back to the first point."""
         return np.diff(self.start) - ~self.closed
 
     @property
     def ends_of_beads(self) -> tuple[Int, Int]:
-        """Return the indices of the start and end points, (B,) each, of all line segments."""
+        """Indices of the start points (B,) and end points (B,) of all line segments."""
         begin = consecutive(self.start[:-1], self.beads_of_each)
         return begin, self.following.take(begin)
 
     def steps(self) -> Float:
-        """Return the distance of each point from the next (N,), mm; 0 at the end of an open path."""
+        """Return the distance (N,) from each point to the next one, mm; 0 at the end of an open path."""
         return np.asarray(np.hypot(*(self.xy.take(self.following, axis=0) - self.xy).T))
 
     def length(self) -> Float:
@@ -277,7 +277,7 @@ class Toolpaths(SvgRepr, Struct, frozen=True, eq=False):
         return polyline_lengths(self.xy, self.start, self.closed)
 
     def area(self) -> Float:
-        """Return the area covered by each path seen from above (M,), mm²: length times spacing."""
+        """Return the area that each path covers in the top view (M,), mm²: length times spacing."""
         if not self.n_paths:
             return np.zeros(0)
         spacing = bead.spacing(self.width, np.repeat(self.height, np.diff(self.start)))
@@ -289,7 +289,7 @@ class Toolpaths(SvgRepr, Struct, frozen=True, eq=False):
 
 
 def _is_default(column: Float) -> bool:
-    """Return whether a column holds its default value, as one broadcast value that takes no memory."""
+    """Return whether a column holds only its default value, as a single value that numpy broadcasts."""
     return len(column) > 0 and column.strides[0] == 0
 
 
@@ -417,7 +417,7 @@ class Program(SvgRepr, Struct, frozen=True, eq=False, weakref=True):
 
     @property
     def on_same_arc(self) -> Bool:
-        """Return whether each move is a chord of the same arc as the previous move (K,)."""
+        """Mask (K,) of the moves that are chords of the same arc as the move before."""
         same = np.zeros(self.n_moves, np.bool_)
         if self.has_arcs:  # nan never equals nan
             same[1:] = (self.centre[1:] == self.centre[:-1]).all(axis=1)
@@ -430,12 +430,12 @@ class Program(SvgRepr, Struct, frozen=True, eq=False, weakref=True):
 
     @property
     def start(self) -> Float:
-        """Return the position at the start of each move (K, 3), mm."""
+        """Position (K, 3) at the start of each move, mm."""
         return np.concatenate([self.origin[None], self.xyz[:-1]])
 
     @property
     def printed(self) -> Int:
-        """Return the indices of layers with extrusions; a layer is empty if the part is too thin there."""
+        """Indices of the layers that have extrusions; a layer has none if the part is too thin there."""
         return distinct(self.layer[self.role != Role.TRAVEL])
 
     @property

@@ -1,4 +1,4 @@
-"""Objects on a plate: the facets and the moves of each."""
+"""Objects on a plate, with the facets and the moves of each object."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class PlateObject(Struct, frozen=True):
         return PlateObject.of(self.name, np.array([self.low, self.high]) + by, self.first, self.count)
 
     def with_facets_before(self, facets: int) -> PlateObject:
-        """Return the object for a mesh that has `facets` more facets before those of the object."""
+        """Return the object for a mesh in which `facets` more facets precede those of the object."""
         return replace(self, first=self.first + facets)
 
     def without_facets(self) -> PlateObject:

@@ -40,14 +40,14 @@ class Walls(SvgRepr, Struct, frozen=True, eq=False):
 
     @property
     def drawable(self) -> object:
-        """The perimeters, which a picture of the walls shows."""
+        """The perimeters, which are what `draw` shows of the walls."""
         return self.paths
 
     def __repr__(self) -> str:
         return f"<Walls: {self.plan.n_layers} layers, {self.paths.n_paths} perimeters>"
 
     def on_plan(self, plan: LayerPlan) -> Walls:
-        """Return the walls on the layers of another plan, matched by their tops."""
+        """Return the walls on the layers of another plan; layers are matched by their tops."""
         if plan is self.plan:
             return self
         layer = plan.find_tops(self.plan.top)
