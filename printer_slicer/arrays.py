@@ -1,4 +1,4 @@
-"""Array types and helpers for ragged arrays: runs, rings, distinct values."""
+"""Array types, and functions for ragged arrays, runs, rings and distinct values."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def next_in_ring(start: Int, closed: bool | Bool = True) -> Int:
 
 
 def previous_in_ring(start: Int) -> Int:
-    """Return the index (N,) of the previous item in each ring, the inverse of `next_in_ring`."""
+    """Return the index (N,) of the previous item in each ring; this is the inverse of `next_in_ring`."""
     first, last = start[:-1], start[1:] - 1
     some = last >= first
     previous = np.arange(-1, int(start[-1]) - 1)

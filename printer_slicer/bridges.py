@@ -65,7 +65,7 @@ class Bridges(Struct, frozen=True, eq=False):
         return self.place_on_layers()[0].merge(self.loose)
 
     def add_scraps(self, scraps: ConnectedAreas, near: Float) -> Bridges:
-        """Add each scrap within `near` (L,) mm of bridges to the bridge with the largest overlap."""
+        """Add each scrap within `near` (L,) mm of bridges to the bridge that overlaps the scrap most."""
         around = offset(self.areas, near[self.layer])
         own, scrap = Boxes(*around.boxes(), self.layer).find_overlapping(
             Boxes(*scraps.areas.boxes(), scraps.layer)
@@ -106,7 +106,7 @@ def find_bridges(
 
 
 def find_internal_bridges(solid: Areas, below: Areas, width: float | Float, anchor: float | Float) -> Areas:
-    """Find the parts of solid areas that lie over internal infill, with anchors at their sides.
+    """Find the parts of solid areas that lie over internal infill, extended by anchors at the sides.
 
     Args:
         solid: areas.
@@ -187,7 +187,7 @@ def _choose_better_directions(
 
 
 def _score_directions(bridge: Areas, support: Areas, spacing: Float, angle: Float) -> Float:
-    """Return a score (P,) for how well lines of one direction are supported in each piece; 0 if no line is."""
+    """Return a score (P,) for how well lines of one direction are supported in each piece; 0 if none is supported."""
     lines = hatch(bridge, angle=angle, spacing=spacing)
     carried = _count_supported_ends(lines, hatch(support, angle=angle, spacing=spacing))
     length, n = lines.length(), bridge.n_layers

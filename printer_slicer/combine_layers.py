@@ -18,7 +18,7 @@ _CUT = 0.05  # cost of filling the rest of a layer separately, as a fraction of 
 
 
 def tallest_groups(plan: LayerPlan, limit: float) -> Int:
-    """Return the first layer (L,) of the tallest possible group that ends with each layer.
+    """Return for each layer the first layer (L,) of the tallest group that may end with it.
 
     Args:
         plan: the layers; the first one is always a group of its own.

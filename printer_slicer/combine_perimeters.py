@@ -1,4 +1,4 @@
-"""Combine perimeters of several layers into one thick extrusion, where these layers agree.
+"""Combine perimeters of several layers into one thick extrusion where they are in the same place on all layers.
 
 External perimeters make the surface and keep the height of their layer; the perimeters behind them only fill. Sources:
 Sabourin, Houser & Bohn, Accurate exterior, fast interior layered manufacturing, 1997; Ma & He, An adaptive slicing and
@@ -119,7 +119,7 @@ def find_spans_within(paths: Toolpaths, areas: Areas, shortest: float) -> PathSp
 
 
 def find_spans_between(paths: Toolpaths, inside: PathSpans) -> PathSpans:
-    """Find the remaining spans between the spans `inside`, on the paths that have any."""
+    """Find the remaining spans between the spans `inside`, on paths that have a span inside."""
     long = paths.length()
     path, low, high = inside.path, inside.begin, inside.end
     is_first = run_starts(path)
@@ -139,7 +139,7 @@ def find_spans_between(paths: Toolpaths, inside: PathSpans) -> PathSpans:
 
 
 def cut_paths(paths: Toolpaths, chosen_spans: PathSpans) -> Toolpaths:
-    """Cut spans out of paths, with their widths and supports; a span of a whole loop stays closed."""
+    """Cut spans out of paths, with their widths and support ratios; a span of a whole loop stays closed."""
     if not len(chosen_spans.path):
         return paths.take(np.zeros(0, np.int64))
     point, start = unroll_paths(paths, 2)
@@ -195,7 +195,7 @@ class PerimeterBands(Struct, frozen=True, eq=False):
     uncovered: Areas
 
     def find_shared(self, first: Int, last: Int) -> Areas:
-        """Return for each layer k the bands shared by layers `first[k]` to `last[k]`; nothing if these are equal."""
+        """Return for each k the bands shared by layers `first[k]` to `last[k]`; nothing for a single layer."""
         several = last > first
         own = np.arange(len(first))
         window = window_intersection(
@@ -255,7 +255,7 @@ def find_shared_pieces(bands: PerimeterBands, groups: Int) -> ConnectedAreas:
 
 
 def _drop_narrow_bands(bands: Areas) -> Areas:
-    """Drop bands of perimeters that are too far apart to be combined."""
+    """Drop the narrow bands that remain where perimeters are too far apart to be combined."""
     return offset_open(bands, (2 * _PEN - SAME_PLACE) / 2)
 
 
@@ -333,7 +333,7 @@ def _find_combinable_spans(paths: Toolpaths, pieces: ConnectedAreas, groups: Int
 
 
 def _mark_uniform_pieces(made: Toolpaths, piece: Int, count: int, groups: Int) -> Bool:
-    """Return a mask (count,) of pieces whose spans have equal length and enough equal width on all layers of a group.
+    """Return a mask (count,) of pieces whose spans have similar length and width on all layers of their group.
 
     Args:
         made: the spans as paths.

@@ -49,7 +49,7 @@ class PathLines(Struct, frozen=True, eq=False):
 
     @classmethod
     def of(cls, paths: Toolpaths) -> PathLines:
-        """Return the moves path by path; loops end with the move to their first point."""
+        """Convert paths to moves, path by path; loops end with the move to their first point."""
         begin, end = paths.ends_of_beads
         owner = np.repeat(np.arange(paths.n_paths), paths.beads_of_each)
         way = paths.xy[end] - paths.xy[begin]
@@ -67,7 +67,7 @@ class PathLines(Struct, frozen=True, eq=False):
 
 
 def fit_ranges(line: PathLines, fits: Fits) -> tuple[Int, Int]:
-    """Join moves into ranges (T,), from `first` up to `stop`, until none can be joined with the next one."""
+    """Join moves into ranges (T,), from `first` up to `stop`, until no two consecutive ranges fit together."""
     first = np.arange(len(line.begin))
     stop = first + 1
     idle = 0  # rounds in which nothing was joined
@@ -80,7 +80,7 @@ def fit_ranges(line: PathLines, fits: Fits) -> tuple[Int, Int]:
 
 
 def _join_ranges(line: PathLines, first: Int, stop: Int, fits: Fits, *, odd: bool) -> tuple[Int, Int, bool]:
-    """Join ranges (T,) with their successors where that fits; also return whether any were joined.
+    """Join ranges (T,) with their successors where they fit together; also return whether any were joined.
 
     Every second range is tested, alternating between odd and even ones.
     """

@@ -113,7 +113,7 @@ def _distance_to_stack(points: Float, sections: Sections) -> Float:
 def _search_layers(
     outlines: OutlineIndex, planes: Float, start: tuple[Float, Float, Int, Bool], best: Float, step: int
 ) -> None:
-    """Reduce the distances `best` by searching the layers above (step 1) or below (step -1) each point.
+    """Search the layers above (step 1) or below (step -1) each point for shorter distances, and lower `best` to these.
 
     If the xy of a point is in exactly one of two neighbouring sections, the point is above or below a horizontal face,
     and nothing beyond it is nearer. The rim of such a face belongs to a wall, so for other points the walls are enough.

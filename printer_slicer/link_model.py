@@ -89,7 +89,7 @@ class SerialLink(Struct, frozen=True):
         return self.window_bytes - PROBE_BYTES
 
     def lines_per_second(self, size: float) -> float:
-        """Return the throughput for lines of `size` bytes, lines/s, limited by baud rate or waits for answers."""
+        """Return the throughput for lines of `size` bytes, lines/s, limited by the baud rate or by waits for answers."""
         byte = self.byte_seconds
         round_trip = (size + _OK_BYTES) * byte + self.latency_out + self.latency_back
         in_flight = max(1.0, min(self.window_lines, self.line_bytes // size))
@@ -97,7 +97,7 @@ class SerialLink(Struct, frozen=True):
 
 
 def lateness(begins: Float, takes: Float) -> Float:
-    """Return the delay (K,) of the lines of each move on a link with a fixed throughput, s.
+    """Return how late (K,) the lines of each move arrive on a link with a fixed throughput, s.
 
     Args:
         begins: (K,) start of each move if lines take no time, s.
@@ -138,7 +138,7 @@ def line_sizes(commands: Sequence[bytes], first: int) -> tuple[Int, Int]:
 
 
 class LinkState(Struct):
-    """The state of the link between two lines, with times in s.
+    """The state of the link after one line and before the next; times are in s.
 
     Attributes:
         link: the link.
@@ -177,7 +177,7 @@ class LinkState(Struct):
         self.back = max(self.back, now) + size * self.link.byte_seconds
 
     def acknowledge(self, now: float) -> None:
-        """Record that the last line was executed at `now`, s, and that its answer has been sent."""
+        """Record that the last line was executed at `now`, s, and that the printer sent its answer."""
         self.answered = (*self.answered, self.back + self.link.latency_back)[1:]
         self.executed = now
 
@@ -187,7 +187,7 @@ class LinkState(Struct):
 
 
 class BatchRetry:
-    """Decides when to try a batch again after a failed one: after 16 lines, then after 32, up to 256."""
+    """Decides when to try a batch again after a batch failed: after 16 lines, then after 32, and so on up to 256."""
 
     def __init__(self) -> None:
         self._pause, self._left = _SINGLE_LINES[0], 0
@@ -258,7 +258,7 @@ def send_batch(
     limits: MotionLimits,
     busy: tuple[float, int] = (0.0, 0),
 ) -> BatchTimes:
-    """Send lines to a machine that is moving, up to the first line at which the planner runs out of moves.
+    """Send lines to a machine that is moving; stop at the first line at which the planner runs out of moves.
 
     Args:
         lines: lines to send.
@@ -297,7 +297,7 @@ def send_batch(
 
 
 def _is_delayed_by_busy(waits: Float, busy: tuple[float, int], link: SerialLink) -> Bool:
-    """Return a mask (n,) of the lines whose answer is delayed by a busy message, given their waits (n,), s."""
+    """Return a mask (n,) of the lines whose answer a busy message delays, given how long the lines wait (n,), s."""
     every, size = busy
     if every <= 0:
         return np.zeros(len(waits), np.bool_)
@@ -308,7 +308,7 @@ def _is_delayed_by_busy(waits: Float, busy: tuple[float, int], link: SerialLink)
 
 
 def _prepend_queued(planner: PlannerState, fresh: Blocks, limits: MotionLimits) -> tuple[Blocks, Float]:
-    """Return the queued blocks followed by new blocks, and the squared junction speed before each of them."""
+    """Return the queued blocks followed by new blocks, and for each block the squared junction speed before it."""
     blocks = _concatenate_blocks(_stack_blocks([block for block, _ in planner.queue]), fresh)
     known = np.array([corner for _, corner in planner.queue])
     if not len(fresh.length):
@@ -375,7 +375,7 @@ class _LineTimes(NamedTuple):
     sure: int
 
     def state_after(self, count: int, lines: LineBatch, before: LinkState) -> LinkState:
-        """Return the state of the link after the first `count` lines."""
+        """Return the state of the link after the first `count` of these lines."""
         sizes = np.concatenate([before.sizes, lines.sizes[:count]])[count:].astype(np.int64)
         return LinkState(
             before.link,

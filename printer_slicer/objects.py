@@ -1,4 +1,4 @@
-"""Slice objects that have their own settings or layer plans; where objects overlap, the first one counts."""
+"""Slice objects that have their own settings or layer plans; an overlap belongs to the first object."""
 
 from __future__ import annotations
 
@@ -93,13 +93,13 @@ def _require_known_facets(part: Mesh) -> None:
 
 
 def _list_object_names(part: Mesh) -> list[set[str]]:
-    """Return for each object all names by which it may be called."""
+    """Return for each object all names by which overrides may refer to it."""
     object_names = _number_equal_names([item.name for item in part.objects] or [part.name])
     return [object_names[0] | {part.name}] if len(object_names) == 1 else object_names
 
 
 def _number_equal_names(names: Sequence[str]) -> list[set[str]]:
-    """Return the name of each object, with a numbered name as well if several objects have the same name."""
+    """Return the names of each object: its own name, and a numbered name if several objects have the same name."""
     count: dict[str, int] = {}
     object_names = []
     for name in names:

@@ -62,7 +62,7 @@ def grade_overhangs(paths: Toolpaths, sections: Sections) -> Toolpaths:
 
 
 def _find_overhangs(solid: Areas, below: Areas, width: float) -> Areas:
-    """Return the parts of each section where an extrusion does not count as supported."""
+    """Return the parts of each section where extrusions count as unsupported."""
     air = difference(solid.select(solid.ring_layer > 0), offset(below, (1 - _SUPPORTED) * width))
     return air.select(np.abs(air.ring_area()) > 1e-3 * width**2)
 
@@ -135,7 +135,7 @@ def _split_into_blocks(paths: Toolpaths, count: Int) -> list[int]:
 
 
 def _cut_segments(paths: Toolpaths, near: Bool, count: Int) -> _Pieces:
-    """Cut the segment from each point into `count` (N,) pieces; those `near` (N,) overhangs are to be tested."""
+    """Cut the segment from each point into `count` (N,) pieces; `near` (N,) marks segments to test for overhangs."""
     following = paths.following
     point, step = expand_counts(count)
     path = np.repeat(np.arange(paths.n_paths), np.diff(paths.start)).take(point)
@@ -145,7 +145,7 @@ def _cut_segments(paths: Toolpaths, near: Bool, count: Int) -> _Pieces:
 def _compute_support_ratios(
     paths: Toolpaths, pieces: _Pieces, under: tuple[Areas, Areas], width: float
 ) -> Float:
-    """Return the support ratio of each piece (K,), from both of its ends; no extrusion is wider than `width`."""
+    """Return the support ratio of each piece (K,), computed at its two ends; no extrusion is wider than `width`."""
     result = np.ones(len(pieces.point))
     chosen = np.flatnonzero(pieces.open)
     looked_at = pieces.take(chosen)
@@ -175,7 +175,7 @@ def _compute_support_ratios(
 
 
 def _find_constant_ratios(pieces: _Pieces, indices: Int, middle: Float, layer: Int, air: Areas) -> Float:
-    """Return the ratio of pieces (n,) far from the edges of overhangs: 1 outside, 0 inside; test one piece per run.
+    """Return the support ratio of pieces (n,) far from the edges of overhangs: 0 inside overhangs, 1 outside.
 
     Args:
         pieces: all pieces.
@@ -193,7 +193,7 @@ def _find_constant_ratios(pieces: _Pieces, indices: Int, middle: Float, layer: I
 
 
 def _measure_depths(under: tuple[Areas, Areas], points: Float, layer: Int, reach: float, last: Int) -> Float:
-    """Return the depth (P,) of points, limited to +- `reach`, mm; chains of points end at the indices `last`.
+    """Return the depth (P,) of points inside areas, limited to +- `reach`, mm; chains of points end at indices `last`.
 
     `under` is the section of the layer below, and the overhanging areas of the layer itself.
     """
@@ -225,7 +225,7 @@ def _measure_depths(under: tuple[Areas, Areas], points: Float, layer: Int, reach
 
 
 def _join_pieces(paths: Toolpaths, pieces: _Pieces, support_ratio: Float, shortest: float) -> Toolpaths:
-    """Join pieces of the same grade; return the paths with a point at the start of each run of one grade."""
+    """Join consecutive pieces of equal grade; return the paths with a point wherever the grade changes."""
     length = paths.steps().take(pieces.point) / pieces.count
     of_piece = np.digitize(support_ratio, _GRADES)
     grade = _merge_short_runs(of_piece, pieces.path, length, shortest)

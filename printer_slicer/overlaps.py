@@ -57,7 +57,7 @@ def find_overlaps(meshes: Sequence[Mesh]) -> Iterator[Overlap]:
 
 
 def _measure_overlaps(common: Areas) -> tuple[Float, Float]:
-    """Join overlaps across tiles; return the box size (n, 2), mm, and area (n,), mm², of each connected overlap."""
+    """Join overlaps across tiles; return the bounding box size (n, 2), mm, and area (n,), mm², of each."""
     if not common.n_rings:
         return np.zeros((0, 2)), np.zeros(0)
     whole = normalize(common.restacked(np.arange(common.n_rings), np.zeros(common.n_rings, np.int64), 1))
@@ -98,7 +98,7 @@ def _cut_object(part: Mesh, number: int, z: Float) -> Areas:
 
 
 def _project_mesh(mesh: Mesh, low: Float, high: Float) -> Areas:
-    """Project the upward facets within a window from `low` to `high` (2,), mm; each tile of the window is a layer.
+    """Project the upward facets in a window from `low` to `high` (2,), mm; each tile of the window becomes a layer.
 
     Facets that touch a tile are projected whole; two meshes in one window have the same tiles.
     """
@@ -114,7 +114,7 @@ def _project_mesh(mesh: Mesh, low: Float, high: Float) -> Areas:
 
 
 def _assign_tiles(first: Float, last: Float, low: Float, high: Float) -> tuple[Int, Int]:
-    """Return pairs of a box (m,) and a tile (m,) of the window that touch; boxes go from `first` to `last` (n, 2)."""
+    """Return pairs of a box (m,) and a tile (m,) of the window that touch; boxes span `first` to `last` (n, 2)."""
     size = (high - low) / _TILES
     begin, end = (
         np.clip(((corner - low) / size).astype(np.int64), 0, _TILES - 1) for corner in (first, last)

@@ -128,7 +128,7 @@ class _RegionSettings(Struct, frozen=True, eq=False):
 def _find_exposed_areas(
     sections: Sections, inside: Areas, rules: _RegionSettings
 ) -> tuple[tuple[Areas, Areas], tuple[Areas, Areas]]:
-    """Return the areas near a surface above and below, and the areas directly at a surface above and below.
+    """Return the areas near a surface (above, below), and the areas directly at a surface (above, below).
 
     On layers that are all solid, the first pair is not needed and equals the second.
     """
@@ -158,7 +158,7 @@ def _find_exposed_areas(
 
 
 def _find_shell(walls: Walls, near: tuple[Areas, Areas], rules: _RegionSettings) -> Areas:
-    """Return the areas that must be solid to close surfaces and slopes; on full layers, the whole inside."""
+    """Return the areas that must be solid to close surfaces and slopes; on fully solid layers, the whole inside."""
     if rules.full.all():
         return walls.inside
     shell = offset_open(union(*near), walls.width / 4)
@@ -190,7 +190,7 @@ def _find_slope_areas(walls: Walls, rules: _RegionSettings) -> tuple[Areas, Area
 
 
 def _remove_tiny_pieces(shell: Areas, width: Float) -> Areas:
-    """Remove tiny pieces of the shell, which faceted slopes leave where solid strips end.
+    """Remove tiny pieces of the shell, which occur on faceted slopes where solid strips end.
 
     Such pieces are useless beside internal infill. Areas too small for internal infill become solid anyway.
     """
@@ -224,7 +224,7 @@ def _compute_unneeded_width(
 
 
 def _split_usable_infill(infill: Areas, width: Float, rules: _RegionSettings) -> tuple[Areas, Areas]:
-    """Split internal infill into usable areas and scraps that are too small or too narrow for it."""
+    """Split internal infill into usable areas, and scraps that are too small or too narrow for infill."""
     as_they_are = rules.empty | (rules.smallest == 0)
     if as_they_are.all():
         return infill, Areas.empty(infill.n_layers)
@@ -275,5 +275,5 @@ def _window_below(plan: LayerPlan, thickness: Float) -> tuple[Int, Int]:
 
 
 def _grow_areas(area: Areas, inside: Areas, width: Float, by: Float) -> Areas:
-    """Drop slivers narrower than half an extrusion, then grow the areas by `by` (L,) mm onto their supports."""
+    """Drop slivers narrower than half an extrusion, then extend the areas by `by` (L,) mm onto their supports."""
     return intersection(offset(offset_open(area, width / 4), by), inside)

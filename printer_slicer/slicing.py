@@ -157,7 +157,7 @@ class _Rings(NamedTuple):
 
 
 def _cut_rings(mesh: Mesh, plan: LayerPlan, resolution: float | None = None) -> _Rings:
-    """Cut the contours of all layers, a few layers at a time, so that only simplified contours accumulate in memory.
+    """Cut the contours of all layers, a few layers at a time, so that memory holds mostly simplified contours.
 
     Args:
         mesh: the part.
@@ -235,7 +235,7 @@ def _close_contours(
 
 
 def _close_ends(following: Int, loose: LooseEnds, n_pairs: int) -> tuple[Chords, LooseEnds]:
-    """Join loose ends up to 1 mm apart, then the remaining ends by chords that cross nothing.
+    """Join loose ends up to 1 mm apart, then join the remaining ends by chords that cross no segment.
 
     Args:
         following: next node of each node of some planes.
