@@ -89,7 +89,7 @@ class SerialLink(Struct, frozen=True):
         return self.window_bytes - PROBE_BYTES
 
     def lines_per_second(self, size: float) -> float:
-        """Return the throughput for lines of `size` bytes, lines/s, limited by the baud rate or by waits for answers."""
+        """Return the throughput for lines of `size` bytes, lines/s, limited by baud rate or by waits for answers."""
         byte = self.byte_seconds
         round_trip = (size + _OK_BYTES) * byte + self.latency_out + self.latency_back
         in_flight = max(1.0, min(self.window_lines, self.line_bytes // size))
