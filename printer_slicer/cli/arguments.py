@@ -24,6 +24,7 @@ __all__ = [
     "add_machine_options",
     "add_model_options",
     "add_output_options",
+    "add_port_arguments",
     "add_setting_options",
     "attach_values",
     "parse_address",
@@ -259,6 +260,11 @@ def add_setting_options(parser: argparse.ArgumentParser, *, strict_help: str = "
         )
         mark_advanced(
             group.add_argument(
+                "--no-supports", action="store_true", help="print without supports (the default)"
+            )
+        )
+        mark_advanced(
+            group.add_argument(
                 "--load",
                 metavar="FILE",
                 type=Path,
@@ -286,10 +292,17 @@ def add_setting_options(parser: argparse.ArgumentParser, *, strict_help: str = "
     return group
 
 
-class _SupportsAction(argparse.Action):
-    """Action of --supports: rejects the option, because supports are not available yet."""
+_NO_SUPPORTS: Final = frozenset({"0", "false", "no", "none", "off"})
+"""Values of --supports that switch supports off, in lower case."""
 
-    def __call__(self, *_: object) -> None:
+
+class _SupportsAction(argparse.Action):
+    """Action of --supports: rejects every style, because supports are not available yet."""
+
+    def __call__(self, *given: Any) -> None:
+        _parser, _namespace, style, _option = given
+        if str(style or "").lower() in _NO_SUPPORTS:
+            return
         raise UsageError(
             "--supports: supports are not available yet",
             remedy="Rotate the part with --rotate so that nothing needs support, or add supports to the model",
@@ -632,6 +645,19 @@ def reject_model_options(arguments: argparse.Namespace) -> None:
 
 
 # G-code and machines
+
+
+def add_port_arguments(parser: argparse.ArgumentParser, meaning: str, *, required: bool) -> None:
+    """Add the argument PORT to a command, and --port for those who know the option from `print`.
+
+    Args:
+        parser: parser of the command.
+        meaning: help of the argument.
+        required: whether a port must be named.
+    """
+    group = parser.add_mutually_exclusive_group(required=required)
+    group.add_argument("port", nargs="?", metavar="PORT", default=argparse.SUPPRESS, help=meaning)
+    mark_advanced(group.add_argument("--port", metavar="PORT", help="the same as the argument PORT"))
 
 
 # The keys of diagnostics.NAMES; that module is not imported, so that --help stays fast.

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import re
 import sys
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from importlib import import_module
 from typing import Any, Final, NoReturn
 
@@ -58,6 +59,7 @@ _EXAMPLES: Final = """\
   printer-slicer control pause                       pause a running print
   printer-slicer resume                              resume an interrupted print
 """
+_OPTION: Final = re.compile(r"--?[A-Za-z]\S*")
 _ENDING: Final = """\
 exit codes: 0 done, 2 usage, 3 the part cannot be sliced, 4 serial port,
 5 print failed, 6 cancelled, 7 verification failed
@@ -129,14 +131,21 @@ class _Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Raise a usage error instead of exiting."""
-        flags = [flag for action in self._actions for flag in action.option_strings]
-        _, unknown, typed = message.partition("unrecognized arguments: ")
-        words = typed.split()
-        flag = next((word.partition("=")[0] for word in words if word.startswith("-")), "")
         problem = message.removeprefix("argument ").replace("expected one argument", "needs a value")
-        if unknown:
-            problem = f"{flag}: no such option" if flag else f"{words[0]}: unexpected argument"
-        usage = f"{suggest_option(flag, flags) if unknown else ''}{self.format_usage().strip()}; see {self.prog} --help"
+        self._raise_usage_error(problem)
+
+    def reject_unknown_words(self, words: Sequence[str]) -> NoReturn:
+        """Raise a usage error about the first unknown option; without one, about the first unexpected argument."""
+        flag = next((word.partition("=")[0] for word in words if word.startswith("-")), "")
+        flags = [flag for action in self._actions for flag in action.option_strings]
+        arguments = [str(action.metavar) for action in self._actions if not action.option_strings]
+        if not flag:
+            self._raise_usage_error(f"{words[0]}: unexpected argument")
+        self._raise_usage_error(f"{flag}: no such option", suggest_option(flag, flags, arguments))
+
+    def _raise_usage_error(self, problem: str, hint: str = "") -> NoReturn:
+        """Raise a usage error with the name of the command, a hint and the usage line."""
+        usage = f"{hint}{self.format_usage().strip()}; see {self.prog} --help"
         raise UsageError(": ".join(filter(None, (self.prog.partition(" ")[2], problem))), remedy=usage)
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
@@ -172,10 +181,22 @@ class CommandParser(_Parser):
         """Parse, and reject unknown words here, where the options to suggest are known."""
         if args and args[0] in self.below:
             return self.below[args[0]].parse_known_args(args[1:], namespace)
-        found, unknown = super().parse_known_args(args, namespace)
+        try:
+            found, unknown = super().parse_known_args(args, namespace)
+        except UsageError:  # such as a missing argument, because its option is misspelt
+            if unknown := self._find_unknown_options(args or ()):
+                self.reject_unknown_words(unknown)
+            raise
         if unknown:
-            self.error(f"unrecognized arguments: {' '.join(unknown)}")
+            self.reject_unknown_words(unknown)
         return found, unknown
+
+    def _find_unknown_options(self, args: Sequence[str]) -> list[str]:
+        """Return the unknown options among the arguments of a command."""
+        words = args[: args.index("--")] if "--" in args else args
+        known = self._option_string_actions
+        flags = [word for word in words if _OPTION.fullmatch(word)]
+        return [one for one in flags if one.partition("=")[0] not in known and one[:2] not in known]
 
     def format_usage(self) -> str:
         """Return the usage line."""

@@ -42,13 +42,15 @@ _COMMANDS: Final[Mapping[str, str]] = {
     "pause": "control pause",
     "cancel": "control cancel",
     "stop": "control cancel",
-    "abort": "control cancel",
+    "abort": "control abort",
+    "estop": "control abort",
+    "m112": "control abort",
     "status": "control status",
     "recover": "resume",
     "list": "profiles",
-    "printers": "profiles",
-    "materials": "profiles",
-    "filaments": "profiles",
+    "printers": "profiles list printers",
+    "materials": "profiles list materials",
+    "filaments": "profiles list materials",
     "presets": "profiles",
     "profile": "profiles",
     "settings": "profiles settings",
@@ -81,11 +83,16 @@ _OPTIONS: Final[Mapping[str, str]] = {
     "--layer": "--layer-height MM",
     "--height": "--layer-height MM",
     "--layerheight": "--layer-height MM",
+    "--max-layer": "--set max_layer_height=MM",
+    "--min-layer": "--set min_layer_height=MM",
     "--first-layer-height": "--first-layer MM",
     "--support": "--supports",
     "--support-material": "--supports",
     "--enable-support": "--supports",
     "--brim-width": "--brim MM",
+    "--no-brim": "--set brim_width=0",
+    "--no-skirt": "--set skirt_loops=0",
+    "--no-raft": "--set raft_height=0",
     "--skirts": "--set skirt_loops=N",
     "--raft": "--set raft_height=MM",
     "--raft-layers": "--set raft_height=MM",
@@ -127,6 +134,7 @@ _OPTIONS: Final[Mapping[str, str]] = {
     "--speed-baud": "--baud N",
     "--device": "--port PORT",
     "--serial": "--port PORT",
+    "--port": "--pty LINK or --tcp HOST:PORT",
     "--preview": "--picture FILE.svg",
     "--image": "--picture FILE.svg",
     "--png": "--picture FILE.png",
@@ -136,6 +144,17 @@ _OPTIONS: Final[Mapping[str, str]] = {
     "--format": "--json",
 }
 """Option that people try -> the option of this program for it."""
+
+_ARGUMENTS: Final[Mapping[str, str]] = {
+    "--model": "MODEL",
+    "--models": "MODEL",
+    "--part": "MODEL",
+    "--stl": "MODEL",
+    "--gcode": "FILE.gcode",
+    "--file": "FILE.gcode",
+    "--input": "FILE.gcode",
+}
+"""Option that people try -> the argument for it, where a command takes this argument without an option."""
 
 _MODELS: Final = (".stl", ".3mf", ".obj", ".ply", ".off", ".glb", ".gltf", ".step", ".stp")
 _GCODE: Final = (".gcode", ".gco", ".g")
@@ -159,26 +178,44 @@ def suggest_command(word: str, commands: Collection[str]) -> str:
     return suggest(lower, commands)
 
 
-def suggest_option(flag: str, known: Collection[str]) -> str:
+def suggest_option(flag: str, known: Collection[str], arguments: Iterable[str] = ()) -> str:
     """Return a question that suggests an option in place of an unknown one; empty without a suggestion.
 
     Args:
         flag: the option as typed, without its value.
         known: the options of the command.
+        arguments: names of the arguments that the command takes without an option, such as "MODEL|FILE.gcode".
     """
-    meant = _OPTIONS.get(flag.lower().replace("_", "-"), "")
-    if meant.partition(" ")[0].rstrip(",") in known:
+    word = flag.lower().replace("_", "-")
+    if (meant := _OPTIONS.get(word, "")) and _applies(meant, known):
         return f"Did you mean {meant}? "
-    if near := suggest(flag, known, _MIN_OPTION_SIMILARITY):
+    given = _ARGUMENTS.get(word, "")
+    if given and any(given in argument.split("|") for argument in arguments):
+        return f"Did you mean {given} without {flag}? "
+    if near := suggest(flag, _with_same_beginning(flag, known), _MIN_OPTION_SIMILARITY):
         return near
-    if "--set" in known and _is_setting(name := flag.removeprefix("--").replace("-", "_")):
-        return f"Did you mean --set {name}=VALUE? "
-    return ""
+    setting = f"--set {word.removeprefix('--').replace('-', '_')}"
+    return f"Did you mean {setting}=VALUE? " if _applies(setting, known) else ""
 
 
-def _is_setting(name: str) -> bool:
-    """Return whether a name is a setting of this program or of another slicer."""
+def _with_same_beginning(flag: str, known: Iterable[str]) -> list[str]:
+    """Return the options with the same first letter, since typing errors are rare in it: --arrange is not --range."""
+    first = flag.lstrip("-")[:1]
+    return [one for one in known if one.lstrip("-")[:1] == first]
+
+
+def _applies(meant: str, known: Collection[str]) -> bool:
+    """Return whether a command has an option, and if it is --set, whether it uses the setting."""
+    option, _, rest = meant.partition(" ")
+    if option.rstrip(",") not in known:
+        return False
+    if option != "--set":
+        return True
     from printer_slicer.importing.familiar import is_familiar
-    from printer_slicer.profile.keys import is_setting
+    from printer_slicer.importing.prusaslicer_names import setting_kind
+    from printer_slicer.profile.keys import is_setting, section_of_setting
 
-    return is_setting(name) or is_familiar(name)
+    name = rest.partition("=")[0]
+    if not (is_setting(name) or is_familiar(name)):
+        return False
+    return "--quality" in known or (section_of_setting(name) or setting_kind(name)) != "quality"

@@ -22,7 +22,15 @@ from printer_slicer.profile.settings import (
     Speeds,
 )
 
-__all__ = ["INNER_TABLES", "TABLE_LISTS", "find_nearest_key", "is_setting", "keys_of", "resolve_key"]
+__all__ = [
+    "INNER_TABLES",
+    "TABLE_LISTS",
+    "find_nearest_key",
+    "is_setting",
+    "keys_of",
+    "resolve_key",
+    "section_of_setting",
+]
 
 INNER_TABLES: Final[Mapping[str, Mapping[str, type[Struct]]]] = {
     "printer": {"speeds": PrinterSpeeds, "accelerations": PrinterAccelerations},
@@ -51,6 +59,15 @@ def keys_of(kind: str, values: Mapping[str, Any]) -> list[str]:
 
 def is_setting(key: str) -> bool:
     """Return whether a key is the current or a former name of a setting, with or without its section."""
+    return bool(section_of_setting(key))
+
+
+def section_of_setting(key: str) -> str:
+    """Return the section of a setting: that in its key, or the first that has it; empty if there is no such setting.
+
+    Args:
+        key: the current or a former name of the setting, with or without its section.
+    """
     key = current_name(key.removesuffix("+"))
     section, _, rest = key.partition(".")
     names = [(kind, name) for kind in KINDS for name in keys_of(kind, {})]
@@ -58,8 +75,9 @@ def is_setting(key: str) -> bool:
         ("quality", f"planner.{name}") for one in PLANNER_SETTINGS.values() for name in one.__struct_fields__
     ]
     if section in KINDS:
-        return any((section, rest) == one for one in names)
-    return any(key in (name, name.removeprefix("planner.")) for _, name in names)
+        return section if (section, rest) in names else ""
+    sections = [kind for kind, name in names if key in (name, name.removeprefix("planner."))]
+    return "quality" if section in INNER_TABLES["quality"] and sections else next(iter(sections), "")
 
 
 def find_nearest_key(key: str, known: Sequence[str]) -> str:

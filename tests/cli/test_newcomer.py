@@ -54,6 +54,8 @@ SLICES = [
     ("--copies 3", "; quality.name = adaptive"),
     ("--scale 50%", "; quality.name = adaptive"),
     ("--rotate 90", "; quality.name = adaptive"),
+    ("--no-supports", "; quality.name = adaptive"),
+    ("--supports none", "; quality.name = adaptive"),
     # PrusaSlicer
     ("--set layer_height=0.2", "; quality.layer_height = 0.2"),
     ("--set fill_density=20%", "; quality.infill_density = 0.2"),
@@ -107,7 +109,32 @@ SUGGESTS = [
     ("pause", "printer-slicer control pause"),
     ("printers", "printer-slicer profiles"),
     ("connect", "printer-slicer console --port PORT"),
+    ("abort", "'printer-slicer control abort'"),
+    ("estop", "'printer-slicer control abort'"),
+    ("M112", "'printer-slicer control abort'"),
+    ("stop", "'printer-slicer control cancel'"),
     ("slice {part} --fill-density 20%", "--infill PERCENT"),
+    ("slice {part} --max-layer 0.3", "--set max_layer_height=MM"),
+    ("slice {part} --max-layer-height 0.3", "--set max_layer_height=VALUE"),
+    ("slice {part} --min-layer-height 0.1", "--set min_layer_height=VALUE"),
+    ("slice {part} --no-brim", "--set brim_width=0"),
+    ("slice --model {part}", "Did you mean MODEL without --model?"),
+    ("dry-run --model {part}", "Did you mean MODEL without --model?"),
+    ("console --device /dev/ttyUSB0", "Did you mean --port PORT?"),
+    ("sim --port /dev/ttyUSB0", "--pty LINK or --tcp HOST:PORT"),
+    (
+        "print part.gcode --device /dev/ttyUSB0",
+        "print: --device: no such option\n  Did you mean --port PORT?",
+    ),
+    (
+        "print part.gcode --serial /dev/ttyUSB0",
+        "print: --serial: no such option\n  Did you mean --port PORT?",
+    ),
+    ("print part.gcode --prt /dev/ttyUSB0", "print: --prt: no such option\n  Did you mean '--port'?"),
+    ("send part.gcode --too octoprint http://pi", "send: --too: no such option\n  Did you mean '--to'?"),
+    ("contours {part} --ouput x.svg", "contours: --ouput: no such option\n  Did you mean '--output'?"),
+    ("console --port X --bau 9600", "console: --bau: no such option\n  Did you mean '--baud'?"),
+    ("print part.gcode --frobnicate", "print: --frobnicate: no such option"),
     ("slice {part} --support-material", "--supports"),
     ("slice {part} --temperature 210", "--set nozzle_temperature=DEGREES"),
     ("slice {part} --nozzle-diameter 0.6", "--set nozzle_diameter=MM"),
@@ -132,6 +159,10 @@ NOTHING = [
     "slice {part} --set thin_walls=0",
     "slice {part} --set frobnicate=3",
     "slice {part} --frobnicate",
+    "slice {part} --arrange",
+    "check part.gcode --layer-height 0.2",
+    "check part.gcode --fill-pattern gyroid",
+    "console --port X --no-baud",
     "frobnicate",
 ]
 
@@ -182,6 +213,15 @@ def test_no_wrong_suggestion(line: str, part: Path) -> None:
 
     assert outcome.code == 2
     assert "did you mean" not in outcome.err.lower()
+
+
+@pytest.mark.parametrize("command", ["console", "doctor"])
+@pytest.mark.parametrize("port", [("--port", "nowhere"), ("nowhere",)])
+def test_a_port_is_named_with_and_without_its_option(command: str, port: tuple[str, ...]) -> None:
+    outcome = typed(command, *port)
+
+    assert outcome.code == 4
+    assert "nowhere" in outcome.err
 
 
 def test_three_copies_stand_beside_each_other(part: Path, tmp_path: Path) -> None:

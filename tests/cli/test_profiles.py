@@ -31,6 +31,20 @@ def told(*arguments: object) -> Any:
     return json.loads(outcome.out)
 
 
+@pytest.mark.parametrize(
+    ("words", "kind"),
+    [
+        (["printers"], "printer"),
+        (["printer"], "printer"),
+        (["materials"], "material"),
+        (["qualities"], "quality"),
+        (["list", "qualities"], "quality"),
+    ],
+)
+def test_a_kind_alone_is_listed(words: list[str], kind: str) -> None:
+    assert list(json.loads(typed("profiles", *words, "--json").out)) == [kind]
+
+
 def failed(*arguments: object) -> Outcome:
     outcome = typed("profiles", *arguments)
     assert (outcome.code, outcome.out) == (2, "")
@@ -188,7 +202,6 @@ def test_profiles_of_a_folder_are_used_by_other_commands(tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("words", "problem", "remedy"),
     [
-        (["printer"], "profiles printer: one profile must be named", "profiles printer NAME"),
         (["show", "a", "b", "c"], "profiles show: one profile must be named", "profiles show NAME"),
         (["show", "standart"], "unknown profile 'standart'", "Did you mean 'standard'?"),
         (["diff", "standard"], "profiles diff: two profiles must be named", "profiles diff standard fine"),

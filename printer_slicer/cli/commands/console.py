@@ -16,6 +16,7 @@ from typing import IO, TYPE_CHECKING, Final
 from printer_slicer.cli.arguments import (
     add_machine_options,
     add_output_options,
+    add_port_arguments,
     parse_number,
     parse_positive_integer,
 )
@@ -42,7 +43,7 @@ _POLL_SECONDS = 0.05  # s between reads of the port
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `console`."""
-    parser.add_argument("port", metavar="PORT", help="serial device, or socket:// or rfc2217:// URL")
+    add_port_arguments(parser, "serial device, or socket:// or rfc2217:// URL", required=True)
     parser.add_argument(
         "--baud", type=parse_positive_integer, default=115200, metavar="N", help="baud rate; default: 115200"
     )

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 from time import monotonic
 from typing import TYPE_CHECKING, Any, Final
 
-from printer_slicer.cli.arguments import add_output_options, parse_positive_integer
+from printer_slicer.cli.arguments import add_output_options, add_port_arguments, parse_positive_integer
 from printer_slicer.cli.output import print_text, sanitize
 from printer_slicer.errors import PortError
 from printer_slicer.values import as_dict
@@ -27,12 +27,8 @@ _MARKS: Final = {"good": "ok  ", "warn": "warn", "bad": "BAD "}
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `doctor`."""
-    parser.add_argument(
-        "port",
-        nargs="?",
-        metavar="PORT",
-        help="device or URL of the port to check; default: check all ports without opening them",
-    )
+    meaning = "device or URL of the port to check; default: check all ports without opening them"
+    add_port_arguments(parser, meaning, required=False)
     parser.add_argument(
         "--baud", type=parse_positive_integer, metavar="N", default=115_200, help="baud rate; default: 115200"
     )

@@ -52,6 +52,7 @@ _ACTIONS: Final = {
     "schema": "write JSON Schema files for editors",
 }
 _KINDS: Final = ("printer", "material", "quality")
+_PLURALS: Final = {"printers": "printer", "materials": "material", "qualities": "quality"}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -63,7 +64,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "what",
         nargs="?",
         metavar="ACTION",
-        choices=(*_ACTIONS, *_KINDS),
+        choices=(*_ACTIONS, *_KINDS, *_PLURALS),
         default="list",
         help="one of the actions below; default: list",
     )
@@ -100,12 +101,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run an action on profiles, such as list or show."""
     what = arguments.what
-    if what in _KINDS:  # `profiles printer NAME`
-        what, arguments.names = "show", [arguments.what, *arguments.names]
-        if len(arguments.names) == 1:
-            _raise_usage_error(
-                f"profiles {arguments.what}: one profile must be named", f"profiles {arguments.what} NAME"
-            )
+    if what in _KINDS or what in _PLURALS:  # `profiles printer NAME`, or `profiles printers`
+        what, arguments.names = "show" if arguments.names else "list", [what, *arguments.names]
+        arguments.names[0] = _PLURALS.get(arguments.names[0], arguments.names[0])
     if what in ("list", "show", "diff", "check"):
         check_profile_folders(arguments)
     return _ACTION_FUNCTIONS[what](arguments)
@@ -128,7 +126,7 @@ def _list_profiles(arguments: argparse.Namespace) -> int:
     from printer_slicer.profile.folders import profile_root
     from printer_slicer.profile.inspection import read_headline
 
-    wanted = [name.removesuffix("s") for name in arguments.names] or list(KINDS)
+    wanted = [_PLURALS.get(name, name) for name in arguments.names] or list(KINDS)
     for name in wanted:
         if name not in KINDS:
             _raise_usage_error(
