@@ -12,13 +12,14 @@ import pytest
 
 import printer_slicer
 from printer_slicer.cli.parser import COMMANDS
-from printer_slicer.printing.commands import Stop
+from printer_slicer.printing.commands import Abort
 from printer_slicer.printing.control_socket import serve_control
 from printer_slicer.printing.controls import Controls
 from printer_slicer.printing.host_settings import host_settings_from
 from printer_slicer.printing.job_store import PortAddress, create_print
 from printer_slicer.printing.print_controller import Request
 from printer_slicer.profile import load_profile
+from tests.cli.command_line import typed
 from tests.waiting import LAST_RESORT
 
 ROOT = Path(__file__).parents[1]
@@ -169,13 +170,32 @@ class Granting:
         request.done("the printer was told to halt")
 
 
+@pytest.mark.parametrize("words", ["abort", "ABORT", "M112", "estop", "abort now", "stop"])
+def test_an_emergency_stop_has_several_names(
+    words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    controls, granting = Controls(), Granting()
+    controls.bind(granting)  # type: ignore[arg-type]
+    monkeypatch.setenv("PRINTER_SLICER_STATE", str(tmp_path))
+    held = create_print(
+        tmp_path / "prints", "job.gcode", b"G28\n", PortAddress("port", 1), host_settings_from(load_profile())
+    )
+    with serve_control(held.folder, controls, held.name):
+        outcome = typed("control", *words.split())
+    held.delete()
+
+    assert outcome.code == 0, outcome.err
+    assert granting.wanted == [Abort()]
+    assert ("'control abort'" in outcome.err) == (words == "stop")
+
+
 def test_an_emergency_stop_imports_nothing_that_it_does_without(tmp_path: Path) -> None:
     """What is imported delays the first byte."""
     controls, granting = Controls(), Granting()
     controls.bind(granting)  # type: ignore[arg-type]
     run = (
         "import os, sys\nos.environ['PRINTER_SLICER_STATE'] = sys.argv[1]\n"
-        "from printer_slicer.cli import main\nassert main(['control', 'stop']) == 0\n"
+        "from printer_slicer.cli import main\nassert main(['control', 'abort']) == 0\n"
         "print('loaded:', *sys.modules)"
     )
     held = create_print(
@@ -186,7 +206,7 @@ def test_an_emergency_stop_imports_nothing_that_it_does_without(tmp_path: Path) 
     held.delete()
     own = {name.removeprefix("printer_slicer.") for name in names if name.startswith("printer_slicer.")}
 
-    assert granting.wanted == [Stop()]
+    assert granting.wanted == [Abort()]
     assert not {name.partition(".")[0] for name in names} & {
         *HEAVY,
         "httpx",

@@ -82,7 +82,7 @@ class Keyboard:
 
     def _confirm_command(self, key: str) -> None:
         """Send the command of a key if it was pressed twice; ask for the second press otherwise."""
-        what = {"c": "cancel", "!": "stop"}[key]
+        what = {"c": "cancel", "!": "abort"}[key]
         now = self._clock()
         if self._unconfirmed[0] == key and now - self._unconfirmed[1] <= _CONFIRM_SECONDS:
             self._unconfirmed = ("", 0.0)
@@ -107,12 +107,12 @@ class Keyboard:
 
     def _send_command(self, line: str) -> None:
         """Send a command to the print, and show the answer or the error."""
-        from printer_slicer.printing.commands import Stop, parse_command
+        from printer_slicer.printing.commands import Abort, parse_command
 
         try:
             command = parse_command(line)
-            if isinstance(command, Stop):
-                self._controls.stop()
+            if isinstance(command, Abort):
+                self._controls.abort()
             else:
                 self._tell(self._controls.ask(command))
         except UsageError as error:

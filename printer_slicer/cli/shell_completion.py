@@ -312,6 +312,6 @@ _DESTINATION_COMPLETERS: Final[Mapping[str, _Completer]] = {
     "port": _complete_port,
     "name": _complete_print_names,
     "words": _make_word_completer(
-        "status", "pause", "resume", "cancel", "object", "speed", "flow", "fan", "nozzle", "bed", "stop"
+        "status", "pause", "resume", "cancel", "object", "speed", "flow", "fan", "nozzle", "bed", "abort"
     ),
 }

@@ -2,7 +2,7 @@
 
 pause [now] [cold] [here]     pause after the planned moves or at once; let the nozzle cool down; do not park
 resume, cancel                resume, or cancel and run the end script
-stop                          halt the printer at once (emergency stop)
+abort                         halt the printer at once with M112 (emergency stop); also: estop, M112
 object NAME                   cancel one object on the plate
 speed PERCENT, flow PERCENT   set speed or flow in percent of the values in the file
 nozzle C, bed C               set a target temperature, °C
@@ -24,6 +24,8 @@ from printer_slicer.values import Struct
 
 __all__ = [
     "COMMAND_PARSERS",
+    "FORMER_ABORT",
+    "Abort",
     "Answer",
     "BabyStep",
     "Cancel",
@@ -37,9 +39,12 @@ __all__ = [
     "SetTemperature",
     "Speed",
     "Status",
-    "Stop",
     "parse_command",
 ]
+
+
+FORMER_ABORT: Final = "stop"
+"""Former name of the command `abort`, which works in this release."""
 
 
 class Pause(Struct, frozen=True):
@@ -117,7 +122,7 @@ class Status(Struct, frozen=True):
     """Request the status of the print."""
 
 
-class Stop(Struct, frozen=True):
+class Abort(Struct, frozen=True):
     """Halt the printer at once with M112."""
 
 
@@ -134,7 +139,7 @@ PrintCommand: TypeAlias = (
     | Say
     | Answer
     | Status
-    | Stop
+    | Abort
 )
 
 _PAUSE_OPTIONS: Final = frozenset({"now", "cold", "here"})
@@ -194,7 +199,7 @@ COMMAND_PARSERS: Final[Mapping[str, Callable[[str], PrintCommand]]] = {
     "pause": _parse_pause,
     "resume": _make_parser_without_argument(Resume),
     "cancel": _make_parser_without_argument(Cancel),
-    "stop": _make_parser_without_argument(Stop),
+    "abort": lambda _: Abort(),  # whatever follows: an emergency stop must not fail because of it
     "status": _make_parser_without_argument(Status),
     "object": _make_text_parser(CancelObject, "the name or number of an object on the plate"),
     "say": _make_text_parser(Say, "a line of G-code"),
@@ -208,6 +213,8 @@ COMMAND_PARSERS: Final[Mapping[str, Callable[[str], PrintCommand]]] = {
 }
 """Parser of the arguments of each command, by the first word of the command."""
 
+_OTHER_NAMES: Final[Mapping[str, str]] = {"estop": "abort", "m112": "abort", FORMER_ABORT: "abort"}
+
 
 def parse_command(line: str) -> PrintCommand:
     """Parse a command line.
@@ -216,6 +223,7 @@ def parse_command(line: str) -> PrintCommand:
         UsageError: the line is not a valid command.
     """
     word, _, rest = line.strip().partition(" ")
+    word = _OTHER_NAMES.get(word.lower(), word.lower())
     if word not in COMMAND_PARSERS:
         raise UsageError(f"unknown command {word!r}", remedy="Use one of " + ", ".join(COMMAND_PARSERS))
     return COMMAND_PARSERS[word](rest.strip())

@@ -84,7 +84,7 @@ class Controls:
         """Return whether a queued request would end the print."""
         with self._lock:
             return any(
-                isinstance(request.command, commands.Cancel | commands.Stop)
+                isinstance(request.command, commands.Cancel | commands.Abort)
                 for request in self._queued_requests
             )
 
@@ -169,9 +169,13 @@ class Controls:
                 return self._last_status
         return self._last_status | {"state": "waiting", "waits_for": waits_for}
 
-    def stop(self) -> None:
+    def abort(self) -> None:
         """Halt the printer at once with M112."""
-        self.submit(Request(commands.Stop()))
+        self.submit(Request(commands.Abort()))
+
+    def stop(self) -> None:
+        """Halt the printer; former name of `abort`, without a warning that could delay or prevent it."""
+        self.abort()
 
 
 EventListener = Callable[[Event], None]

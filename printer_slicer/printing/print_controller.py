@@ -117,7 +117,7 @@ class PrintController:
             commands.CancelObject: self._on_cancel_object,
             commands.Answer: self._on_answer,
             commands.Status: lambda _: json.dumps(self.status()),
-            commands.Stop: lambda _: self.halt(),
+            commands.Abort: lambda _: self.halt(),
         }
 
     def status(self) -> dict[str, Any]:

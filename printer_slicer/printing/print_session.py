@@ -443,7 +443,7 @@ class PrintSession:
         """Cancel the print on the first signal; halt the printer on the second."""
         self._interrupts += 1
         if self._controller is not None:
-            self._controller.submit(Request(commands.Cancel() if self._interrupts == 1 else commands.Stop()))
+            self._controller.submit(Request(commands.Cancel() if self._interrupts == 1 else commands.Abort()))
         if self._transport is not None:
             self._transport.wake()
 

@@ -100,7 +100,7 @@ def test_an_emergency_stop_waits_for_nothing_and_a_dead_printer_ends_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with served(tmp_path / "port"):
-        outcome = piped(".stop\nM105\n", tmp_path / "port", monkeypatch=monkeypatch)
+        outcome = piped(".abort\nM105\n", tmp_path / "port", monkeypatch=monkeypatch)
 
     assert outcome.code == 4
     assert "has halted" in outcome.err

@@ -44,8 +44,8 @@ class Heard(Controls):
             raise UsageError("it cannot resume", remedy="wait")
         return "granted"
 
-    def stop(self) -> None:
-        self.asked.append(commands.Stop())
+    def abort(self) -> None:
+        self.asked.append(commands.Abort())
 
 
 def pressed(keys: str, *, seconds_between: float = 0.1) -> tuple[list[commands.PrintCommand], list[str]]:
@@ -68,7 +68,7 @@ def pressed(keys: str, *, seconds_between: float = 0.1) -> tuple[list[commands.P
         ("ud", [commands.BabyStep(0.02), commands.BabyStep(-0.02)]),
         ("1", [commands.Answer(1)]),
         ("cc", [commands.Cancel()]),
-        ("!!", [commands.Stop()]),
+        ("!!", [commands.Abort()]),
         ("c!c", []),
         (":M117 pX\x7f\x7fhi\r", [commands.Say("M117 hi")]),
         (":M500\x1bp", [commands.Pause()]),

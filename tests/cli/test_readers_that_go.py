@@ -44,7 +44,7 @@ COMMANDS: Final[dict[str, tuple[object, ...]]] = {
     "print without a printer": ("print", "good.gcode", "--port", "nowhere", "--printer", "marlin_220"),
     "resume": ("resume", "--list"),
     "resume nothing": ("resume",),
-    "control": ("control", "stop"),
+    "control": ("control", "abort"),
     "console": ("console", "nowhere"),
     "send": ("send", "missing.gcode", "--to", "octoprint", "http://127.0.0.1:1"),
     "doctor": ("doctor", "nowhere"),

@@ -13,7 +13,7 @@ import pytest
 from printer_slicer import printing
 from printer_slicer.deprecation import accept_former_option
 from printer_slicer.errors import PortError
-from printer_slicer.printing.commands import Stop
+from printer_slicer.printing.commands import Abort
 from printer_slicer.printing.control_socket import send_control_command
 from printer_slicer.printing.controls import Controls, PrintResult
 from printer_slicer.printing.print_controller import Request
@@ -89,7 +89,7 @@ def test_former_names_work_with_a_warning() -> None:
     deaf = Deaf()
     controls.bind(deaf)  # type: ignore[arg-type]
     with pytest.warns(FutureWarning, match=r"Controls\.want is now called Controls\.submit"):
-        controls.want(Request(Stop()))
+        controls.want(Request(Abort()))
     assert len(deaf.tickets) == 1
     with pytest.warns(
         FutureWarning, match=r"printing\.Done is now called printer_slicer\.printing\.PrintResult"

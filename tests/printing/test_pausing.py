@@ -110,7 +110,7 @@ def test_now_is_sooner_than_behind_the_plan() -> None:
                 board = rig.printer._state
                 board.motion_queue.advance(at)
                 if not board.motion_queue.is_busy:
-                    rig.submit(commands.Stop())
+                    rig.submit(commands.Abort())
 
         rig.run(turn)
         return rig.port.now() - requested[0]

@@ -121,7 +121,7 @@ def test_a_policy_may_refuse_what_a_person_types() -> None:
 
 
 def test_an_emergency_stop_goes_out_with_a_full_window_and_a_full_planner() -> None:
-    rig = run_with(Rig(LINES), {100: commands.Stop()})
+    rig = run_with(Rig(LINES), {100: commands.Abort()})
 
     assert isinstance(rig.events[-1], Halted)
     rig.port.read(1.0)
@@ -390,6 +390,10 @@ def test_a_file_without_marks_has_no_things() -> None:
         ("nozzle 210.5", commands.SetTemperature("nozzle", 210.5)),
         ("babystep -0.02", commands.BabyStep(-0.02)),
         ("say M117 hello", commands.Say("M117 hello")),
+        ("abort", commands.Abort()),
+        ("m112", commands.Abort()),
+        ("stop", commands.Abort()),
+        ("cancel", commands.Cancel()),
     ],
 )
 def test_wishes_are_read(line: str, command: commands.PrintCommand) -> None:

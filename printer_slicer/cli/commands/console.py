@@ -35,7 +35,7 @@ EXAMPLES: Final = """\
   printer-slicer console socket://192.168.1.7:8888 --command M503
   printer-slicer console /dev/ttyUSB0 --command M500 --allow eeprom"""
 _HELP = (
-    "type G-code; .temp reads temperatures, .stop is an emergency stop, .help shows this help, "
+    "type G-code; .temp reads temperatures, .abort is an emergency stop, .help shows this help, "
     ".quit or Ctrl-D exits"
 )
 _POLL_SECONDS = 0.05  # s between reads of the port
@@ -159,7 +159,7 @@ class Console:
         if line == ".help":
             print(_HELP, file=sys.stderr)
             return True
-        if line == ".stop":
+        if line in {".abort", ".stop"}:
             self._write(b"\nM112\n")
             return True
         command = self._parse_line(line, is_interactive=is_interactive)

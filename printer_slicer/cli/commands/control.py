@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from typing import Any, Final
 
 from printer_slicer.cli.arguments import add_output_options
@@ -24,7 +25,11 @@ EXAMPLES: Final = """\
   printer-slicer control speed 80           also: flow PERCENT, fan PERCENT, nozzle C, bed C, babystep MM
   printer-slicer control say M117 hello
   printer-slicer control answer 0           press a button of the printer's prompt
-  printer-slicer control stop               emergency stop: halt the printer (M112)"""
+  printer-slicer control abort              emergency stop: halt the printer (M112)"""
+_FORMER_NAME: Final = (
+    "printer-slicer: warning: 'control stop' is now 'control abort'; 'control cancel' ends a print without halting "
+    "the printer"
+)
 _STATUS_TIMEOUT = 2.0  # s, timeout of `control status`
 
 
@@ -39,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Send a command to the process that runs a print, and print its answer."""
-    from printer_slicer.printing.commands import Status, parse_command
+    from printer_slicer.printing.commands import FORMER_ABORT, Status, parse_command
     from printer_slicer.printing.control_socket import send_control_command
     from printer_slicer.printing.job_store import default_job_store, find_print
 
@@ -60,6 +65,8 @@ def run(arguments: argparse.Namespace) -> int:
         print_text(arguments, _format_status(answer))
     else:
         print_text(arguments, f"{answer['job']}: {answer['answer']}")
+    if arguments.words[0].lower() == FORMER_ABORT:
+        print(_FORMER_NAME, file=sys.stderr)
     return 0
 
 
