@@ -175,7 +175,9 @@ __all__ = [
 ]
 
 
-__getattr__ = _lazy_names(__name__, _HOMES, {"joined": "join", "transformed": "transform"})
+__getattr__ = _lazy_names(
+    __name__, _HOMES, {"Done": "PrintResult", "joined": "join", "transformed": "transform"}
+)
 
 
 def __dir__() -> list[str]:

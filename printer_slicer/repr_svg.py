@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
+from printer_slicer.deprecation import renamed_attribute
+
 __all__ = ["Summary", "SvgRepr", "set_svg_renderer"]
 
 _renderers: list[Callable[[object], str]] = []
@@ -36,6 +38,8 @@ class SvgRepr:
     def drawable(self) -> object:
         """The value that the picture shows; by default the object itself."""
         return self
+
+    looks = renamed_attribute("looks", "drawable")
 
     def _repr_svg_(self) -> str:
         """Return the SVG document that notebooks show."""

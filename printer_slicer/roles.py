@@ -11,13 +11,23 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.arrays import Bool, Int
+from printer_slicer.deprecation import RenamedMembers
 from printer_slicer.values import Struct
 
 __all__ = ["ROLES", "Phase", "Role", "RoleRow", "is_perimeter", "roles_with"]
 
 
-class Role(IntEnum):
+class Role(IntEnum, metaclass=RenamedMembers):
     """Role of an extrusion; the number is the index of its row in `ROLES`."""
+
+    __former_names__ = {  # noqa: RUF012 - a name with underscores is no member
+        "INNER_PERIMETER": "PERIMETER",
+        "OUTER_PERIMETER": "EXTERNAL_PERIMETER",
+        "BOTTOM_SKIN": "BOTTOM_SOLID_INFILL",
+        "SPARSE": "INTERNAL_INFILL",
+        "SOLID": "SOLID_INFILL",
+        "TOP_SKIN": "TOP_SOLID_INFILL",
+    }
 
     TRAVEL = 0
     SKIRT = 1

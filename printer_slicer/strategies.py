@@ -11,6 +11,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from printer_slicer.deprecation import renamed_attribute
 from printer_slicer.errors import StrategyError
 from printer_slicer.firmware import Dialect
 from printer_slicer.gcode import LABEL_FORMATS
@@ -72,6 +73,9 @@ class Strategies(Struct, frozen=True, kw_only=True):
     def checked_flavour(self) -> Dialect | None:
         """The flavour with functions that check every line they return; None if not set."""
         return _wrap_flavour(self.flavour) if self.flavour else None
+
+    own_infill = renamed_attribute("Strategies.own_infill", "Strategies.custom_infill")
+    own_flavour = renamed_attribute("Strategies.own_flavour", "Strategies.checked_flavour")
 
     def facts(self) -> tuple[str, ...]:
         """Return comment lines that name the user's planner and infill, which no setting in the file names."""

@@ -19,12 +19,10 @@ __all__ = [
     "STRICT_HELP",
     "SettingOption",
     "add_allow_option",
-    "add_connection_options",
     "add_layer_options",
     "add_machine_options",
     "add_model_options",
     "add_output_options",
-    "add_port_arguments",
     "add_setting_options",
     "attach_values",
     "parse_address",
@@ -250,30 +248,7 @@ def add_setting_options(parser: argparse.ArgumentParser, *, strict_help: str = "
     group.add_argument("--material", metavar="NAME", help="material profile: a name or a .toml file")
     group.add_argument("--quality", metavar="NAME", help="quality profile: a name or a .toml file")
     if strict_help:
-        _add_single_setting_options(group, is_advanced=False)
-        group.add_argument(
-            "--supports",
-            metavar="STYLE",
-            nargs="?",
-            action=_SupportsAction,
-            help="generate supports; not available yet",
-        )
-        mark_advanced(
-            group.add_argument(
-                "--no-supports", action="store_true", help="print without supports (the default)"
-            )
-        )
-        mark_advanced(
-            group.add_argument(
-                "--load",
-                metavar="FILE",
-                type=Path,
-                action="append",
-                default=[],
-                help="use the profiles in a .toml file, or in a file of PrusaSlicer, OrcaSlicer or Cura; may be "
-                "repeated",
-            )
-        )
+        _add_slicing_options(group)
     group.add_argument(
         "--set", metavar="KEY=VALUE", action="append", default=[], help="change a setting; may be repeated"
     )
@@ -290,6 +265,32 @@ def add_setting_options(parser: argparse.ArgumentParser, *, strict_help: str = "
     if strict_help:
         mark_advanced(group.add_argument("--strict", action="store_true", help=strict_help))
     return group
+
+
+def _add_slicing_options(group: argparse._ArgumentGroup) -> None:
+    """Add the options for everyday settings, supports, and profiles of other slicers."""
+    _add_single_setting_options(group, is_advanced=False)
+    group.add_argument(
+        "--supports",
+        metavar="STYLE",
+        nargs="?",
+        action=_SupportsAction,
+        help="generate supports; not available yet",
+    )
+    mark_advanced(
+        group.add_argument("--no-supports", action="store_true", help="print without supports (the default)")
+    )
+    mark_advanced(
+        group.add_argument(
+            "--load",
+            metavar="FILE",
+            type=Path,
+            action="append",
+            default=[],
+            help="use the profiles in a .toml file, or in a file of PrusaSlicer, OrcaSlicer or Cura; may be "
+            "repeated",
+        )
+    )
 
 
 _NO_SUPPORTS: Final = frozenset({"0", "false", "no", "none", "off"})
@@ -647,19 +648,6 @@ def reject_model_options(arguments: argparse.Namespace) -> None:
 # G-code and machines
 
 
-def add_port_arguments(parser: argparse.ArgumentParser, meaning: str, *, required: bool) -> None:
-    """Add the argument PORT to a command, and --port for those who know the option from `print`.
-
-    Args:
-        parser: parser of the command.
-        meaning: help of the argument.
-        required: whether a port must be named.
-    """
-    group = parser.add_mutually_exclusive_group(required=required)
-    group.add_argument("port", nargs="?", metavar="PORT", default=argparse.SUPPRESS, help=meaning)
-    mark_advanced(group.add_argument("--port", metavar="PORT", help="the same as the argument PORT"))
-
-
 # The keys of diagnostics.NAMES; that module is not imported, so that --help stays fast.
 _FINDING_NAMES: Final = (
     "temperature, box, feed, flow, ratio, unsupported, cold, homing, eeprom, limits, calibration, autotune, "
@@ -688,36 +676,3 @@ def add_machine_options(parser: _Container) -> None:
         "--set", metavar="KEY=VALUE", action="append", default=[], help="change a setting; may be repeated"
     )
     add_allow_option(parser)
-
-
-def add_connection_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options for the connection to a printer, and for what happens when it is lost."""
-    group = parser.add_argument_group("connection")
-    mark_advanced(
-        group.add_argument(
-            "--dtr",
-            choices=("auto", "on", "off"),
-            default="auto",
-            help="state of the DTR line, which resets many boards when the port is opened; auto leaves it to the "
-            "system; default: auto",
-        )
-    )
-    mark_advanced(
-        group.add_argument(
-            "--reconnect",
-            metavar="S",
-            type=parse_timeout,
-            default=30.0,
-            help="seconds to wait for the printer to come back after its cable was unplugged; default: 30",
-        )
-    )
-    mark_advanced(
-        group.add_argument(
-            "--guard",
-            metavar="S",
-            type=parse_timeout,
-            default=120.0,
-            help="seconds after which a second process switches the heaters off if this program has crashed and the "
-            "print was not resumed; 0: never; default: 120",
-        )
-    )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Final, Literal, NamedTuple, TypeAlias
 
+from printer_slicer.deprecation import accept_former_fields
 from printer_slicer.texts import format_number
 from printer_slicer.values import Struct, field
 
@@ -93,6 +94,7 @@ CommandMeaning: TypeAlias = SetsLimits | SetsAccelerations | SetsRetraction | No
 """What a command sets; None: nothing that affects moves."""
 
 
+@accept_former_fields(reads="commands")
 class Dialect(Struct, frozen=True):
     """How a firmware writes and reads G-code. The functions return whole lines.
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from printer_slicer.deprecation import renamed_method
 from printer_slicer.errors import MeshError, UsageError
 from printer_slicer.mesh_io.ascii_stl import is_ascii_stl, read_ascii_stl
 from printer_slicer.mesh_io.binary_stl import has_binary_stl_size, read_binary_stl
@@ -91,6 +92,8 @@ class Model(Struct, frozen=True, eq=False):
             if float(size.max()) < 10
             else (f"{self.path.name}: the part is {extent} mm; {advice}")
         )
+
+    doubts = renamed_method("Model.doubts", "Model.size_warning")
 
 
 def _ignore_progress(_share: float) -> None:

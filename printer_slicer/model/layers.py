@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, frozen_array
+from printer_slicer.deprecation import accept_former_fields
 from printer_slicer.errors import PlanError
 from printer_slicer.geometry import Areas
 from printer_slicer.repr_svg import SvgRepr
@@ -162,6 +163,7 @@ class Gap(Struct, frozen=True):
         return float(np.pi / 8 * self.width**2)
 
 
+@accept_former_fields(turned="inverted")
 class Sections(SvgRepr, Struct, frozen=True, eq=False):
     """The solid area of the part in each layer, simplified within the resolution of the profile.
 
@@ -204,6 +206,12 @@ _REGIONS: Final = (
 )
 
 
+@accept_former_fields(
+    bottom_skin="bottom_solid_infill",
+    top_skin="top_solid_infill",
+    solid="solid_infill",
+    sparse="internal_infill",
+)
 class Regions(SvgRepr, Struct, frozen=True, eq=False):
     """The area inside the perimeters, divided by role; regions of a layer do not overlap.
 

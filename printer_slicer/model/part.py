@@ -8,6 +8,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from printer_slicer.arrays import Float, frozen_array
+from printer_slicer.deprecation import accept_former_fields
 from printer_slicer.errors import MeshError, UsageError
 from printer_slicer.model.plate_objects import PlateObject
 from printer_slicer.repr_svg import SvgRepr
@@ -25,6 +26,7 @@ _bounds: WeakKeyDictionary[Mesh, Float] = WeakKeyDictionary()
 """Cached bounds, which many stages use."""
 
 
+@accept_former_fields(items="objects")
 class Mesh(SvgRepr, Struct, frozen=True, eq=False, weakref=True):
     """The surface of the part as unconnected triangles, as in an STL file.
 

@@ -18,6 +18,7 @@ from printer_slicer.arrays import (
     next_in_ring,
     polyline_lengths,
 )
+from printer_slicer.deprecation import accept_former_arguments, accept_former_fields, renamed_method
 from printer_slicer.model.layers import SAME_TOP, LayerPlan
 from printer_slicer.repr_svg import SvgRepr
 from printer_slicer.roles import Role
@@ -43,6 +44,9 @@ _POINT_COLUMNS: Final = ("xy", "width", "support_ratio", "z_offset", "flow_ratio
 _PATH_COLUMNS: Final = ("layer", "role", "height", "closed", "chain_id", "settings_id", "z_top", "tool")
 
 
+@accept_former_fields(
+    carried="support_ratio", sweep="chain_id", rise="z_offset", share="flow_ratio", rule="settings_id"
+)
 class Toolpaths(SvgRepr, Struct, frozen=True, eq=False):
     """Polylines to print; path `i` has the points `xy[start[i]:start[i + 1]]`.
 
@@ -130,6 +134,7 @@ class Toolpaths(SvgRepr, Struct, frozen=True, eq=False):
         return f"<Toolpaths: {self.plan.n_layers} layers, {self.n_paths} paths, {metres:.4g} m>"
 
     @classmethod
+    @accept_former_arguments(carried="support_ratio", sweep="chain_id", rule="settings_id")
     def gathered(  # noqa: PLR0913 - one argument per column
         cls,
         plan: LayerPlan,
@@ -213,6 +218,8 @@ class Toolpaths(SvgRepr, Struct, frozen=True, eq=False):
     def with_settings(self, of_layer: Int) -> Toolpaths:
         """Assign profiles to paths: each path gets the profile index `of_layer` (L,) of its layer."""
         return replace(self, settings_id=of_layer[self.layer])
+
+    ruled = renamed_method("Toolpaths.ruled", "Toolpaths.with_settings")
 
     def take(self, chosen: Int) -> Toolpaths:
         """Return the paths with these indices; their layers must ascend."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from printer_slicer.arrays import Float, Int, frozen_array
+from printer_slicer.deprecation import accept_former_fields
 from printer_slicer.values import Struct, force_setattr, replace
 
 __all__ = ["Labels", "PlateObject"]
@@ -44,6 +45,7 @@ class PlateObject(Struct, frozen=True):
         return replace(self, first=0, count=0)
 
 
+@accept_former_fields(item="object_id")
 class Labels(Struct, frozen=True, eq=False):
     """The object of each move.
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, frozen_array
+from printer_slicer.deprecation import renamed_attribute
 from printer_slicer.model.paths import Toolpaths
 from printer_slicer.values import Struct, force_setattr
 
@@ -49,6 +50,8 @@ class Travels(Struct, frozen=True, eq=False):
     def n_travels(self) -> int:
         """Number of travels, equal to the number of paths."""
         return len(self.retract)
+
+    n_ways = renamed_attribute("Travels.n_ways", "Travels.n_travels")
 
 
 def find_travel_ends(paths: Toolpaths) -> tuple[Float, Float]:

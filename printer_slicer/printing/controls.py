@@ -10,7 +10,7 @@ from threading import Event as Flag
 from threading import Lock
 from typing import Any, TypedDict
 
-from printer_slicer.deprecation import warn_renamed
+from printer_slicer.deprecation import accept_former_arguments, renamed_attribute, renamed_method
 from printer_slicer.errors import UsageError
 from printer_slicer.printing import commands
 from printer_slicer.printing.print_controller import PrintController, Request
@@ -40,6 +40,7 @@ class Controls:
         self.requested = Flag()
         """Flag that is set when a command is submitted while no printer is connected."""
 
+    @accept_former_arguments(conductor="controller")
     def bind(
         self,
         controller: PrintController | None,
@@ -63,6 +64,7 @@ class Controls:
                 controller.submit(self._queued_requests.popleft())
             self.requested.clear()
 
+    @accept_former_arguments(ticket="request")
     def submit(self, request: Request) -> None:
         """Submit a request without waiting for its result."""
         with self._lock:
@@ -74,11 +76,6 @@ class Controls:
             wake = self._wake
         wake()
 
-    def want(self, request: Request) -> None:
-        """Submit a request; former name of `submit`."""
-        warn_renamed("Controls.want", "Controls.submit")
-        self.submit(request)
-
     @property
     def has_end_request(self) -> bool:
         """Return whether a queued request would end the print."""
@@ -88,6 +85,7 @@ class Controls:
                 for request in self._queued_requests
             )
 
+    @accept_former_arguments(wish="command")
     def ask(self, command: commands.PrintCommand, timeout: float = _TIMEOUT) -> str:
         """Submit a command and wait for its result.
 
@@ -140,6 +138,7 @@ class Controls:
         """Move the nozzle up by `mm`, down if negative."""
         self.ask(commands.BabyStep(mm))
 
+    @accept_former_arguments(command="gcode")
     def say(self, gcode: str) -> None:
         """Send one line of G-code."""
         self.ask(commands.Say(gcode))
@@ -176,6 +175,10 @@ class Controls:
     def stop(self) -> None:
         """Halt the printer; former name of `abort`, without a warning that could delay or prevent it."""
         self.abort()
+
+    want = renamed_method("Controls.want", "Controls.submit")
+    wanted = renamed_attribute("Controls.wanted", "Controls.requested")
+    wants_end = renamed_attribute("Controls.wants_end", "Controls.has_end_request")
 
 
 EventListener = Callable[[Event], None]

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from msgspec import Meta, Struct
+
+from printer_slicer.deprecation import warn_renamed
+from printer_slicer.profile.renamed import RENAMED
 
 __all__ = ["ANYWHERE", "EACH_HEIGHT", "EACH_OBJECT", "HEIGHT", "OBJECT", "Settings", "meta"]
 
@@ -13,6 +16,8 @@ OBJECT = "object"
 ANYWHERE = (OBJECT, HEIGHT)
 EACH_OBJECT = (OBJECT,)
 EACH_HEIGHT = (HEIGHT,)
+
+_FORMER_ATTRIBUTES = {old.rpartition(".")[2]: new.rpartition(".")[2] for old, new in RENAMED.items()}
 
 
 def meta(meaning: str, unit: str = "", *, own: tuple[str, ...] = (), **bounds: Any) -> Meta:
@@ -30,3 +35,14 @@ def meta(meaning: str, unit: str = "", *, own: tuple[str, ...] = (), **bounds: A
 
 class Settings(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Base class of all groups of settings; instances are frozen, and unknown keys are an error."""
+
+    if not TYPE_CHECKING:  # else every name would seem to exist
+
+        def __getattr__(self, name: str) -> Any:
+            """Return a setting by its former name, with a warning."""
+            kind = type(self).__name__
+            new = _FORMER_ATTRIBUTES.get(name, name)
+            if new == name or new not in self.__struct_fields__:
+                raise AttributeError(f"{kind!r} object has no attribute {name!r}", name=name, obj=self)
+            warn_renamed(f"{kind}.{name}", f"{kind}.{new}")
+            return getattr(self, new)

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from printer_slicer.sim.machine import Position
     from printer_slicer.sim.move_log import MoveLog
 
+from printer_slicer.deprecation import accept_former_fields
+
 __all__ = ["MAX_LAYERS", "Report", "Statistics", "Violation", "violation_kind"]
 
 _KIND_END: Final = re.compile(r"[:,]| \d")
@@ -48,6 +50,13 @@ class Violation(NamedTuple):
     text: str
 
 
+@accept_former_fields(
+    starvations="underruns",
+    starved_seconds="underrun_seconds",
+    starved="underrun_list",
+    laid_min="extrusion_min",
+    laid_max="extrusion_max",
+)
 class Report(Struct, frozen=True):
     """Summary of all commands executed so far; times are in simulated seconds.
 

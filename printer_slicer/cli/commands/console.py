@@ -16,10 +16,10 @@ from typing import IO, TYPE_CHECKING, Final
 from printer_slicer.cli.arguments import (
     add_machine_options,
     add_output_options,
-    add_port_arguments,
     parse_number,
     parse_positive_integer,
 )
+from printer_slicer.cli.connection_options import add_port_arguments
 from printer_slicer.cli.output import sanitize
 from printer_slicer.cli.settings import profile_from
 from printer_slicer.errors import OutputError, PortError, UsageError

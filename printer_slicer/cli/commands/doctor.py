@@ -8,7 +8,8 @@ from collections.abc import Iterable, Sequence
 from time import monotonic
 from typing import TYPE_CHECKING, Any, Final
 
-from printer_slicer.cli.arguments import add_output_options, add_port_arguments, parse_positive_integer
+from printer_slicer.cli.arguments import add_output_options, parse_positive_integer
+from printer_slicer.cli.connection_options import add_port_arguments
 from printer_slicer.cli.output import print_text, sanitize
 from printer_slicer.errors import PortError
 from printer_slicer.values import as_dict

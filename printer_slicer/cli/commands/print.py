@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any, Final
 from printer_slicer.cli.arguments import (
     STRICT_HELP,
     add_allow_option,
-    add_connection_options,
     add_layer_options,
     add_model_options,
     add_output_options,
     add_setting_options,
     parse_positive_integer,
 )
+from printer_slicer.cli.connection_options import add_connection_options
 from printer_slicer.cli.help import mark_advanced
 from printer_slicer.cli.output import print_text, show_stages
 from printer_slicer.cli.settings import profile_facts, profile_from

@@ -8,7 +8,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from printer_slicer.cli.arguments import add_connection_options, add_output_options
+from printer_slicer.cli.arguments import add_output_options
+from printer_slicer.cli.connection_options import add_connection_options
 from printer_slicer.cli.output import print_text, sanitize
 
 if TYPE_CHECKING:

@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float
+from printer_slicer.deprecation import accept_former_fields
 from printer_slicer.diagnostics import Diagnostic
 from printer_slicer.geometry import Areas, difference, intersection, offset, offset_open
 from printer_slicer.inspection.coverage.measurement import Coverage
@@ -22,6 +23,7 @@ _MIN_SQUARES: Final = 2.0  # squares of the extrusion width that may be missing 
 _INFINITE: Final = np.inf
 
 
+@accept_former_fields(air="unsupported", under="underfilled", over="overfilled")
 class CoverageLimits(Struct, frozen=True):
     """Limits for each layer.
 

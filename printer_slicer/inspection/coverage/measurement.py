@@ -8,6 +8,7 @@ import numpy as np
 
 from printer_slicer import bead
 from printer_slicer.arrays import Bool, Float, frozen_array
+from printer_slicer.deprecation import accept_former_fields, renamed_attribute
 from printer_slicer.geometry import Areas, difference, offset, offset_open, union
 from printer_slicer.inspection.coverage.extrusions import Extrusions, Purpose
 from printer_slicer.inspection.coverage.fill import LayerFill, measure_fill, overlap_cells
@@ -34,6 +35,9 @@ _SAME_HEIGHT: Final = 0.02  # mm; heights that differ by less are one layer
 _MIN_INNER_DEPTH: Final = 1.25  # extrusion widths; a shell deeper than this has inner perimeters
 
 
+@accept_former_fields(
+    skin="surface_depth", slit="min_gap", beyond="outside_tolerance", too_often="overlap_ratio"
+)
 class CoverageRules(Struct, frozen=True):
     """Parameters of the measurement.
 
@@ -107,6 +111,8 @@ class Coverage(Struct, frozen=True, eq=False):
         for one in self.unsupported:
             length[self.layer_at(one.z)] += one.length
         return length
+
+    hanging = renamed_attribute("Coverage.hanging", "Coverage.unsupported_length")
 
     def layer_at(self, z: float) -> int:
         """Return the index of the lowest layer whose top is at or above a height, mm."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
+from printer_slicer.deprecation import accept_former_fields
 from printer_slicer.inspection.deposition.height_map import PlateHeights
 from printer_slicer.inspection.deposition.marks import Defect
 from printer_slicer.inspection.deposition.timeline import Timeline
@@ -13,6 +14,13 @@ from printer_slicer.values import Struct
 __all__ = ["Deposition", "LayerDeposition", "MissingExtrusion"]
 
 
+@accept_former_fields(
+    empty="empty_length",
+    back="retracted_length",
+    wrong="first_empty",
+    middle="median_section",
+    thick="thick_section",
+)
 class LayerDeposition(Struct):
     """Times, volumes and lengths of the moves of a layer.
 
@@ -68,6 +76,9 @@ class MissingExtrusion(NamedTuple):
     first_empty: int = 0
 
 
+@accept_former_fields(
+    mishaps="defects", laid="first_extrusion", lost="first_missing", drought="missing_extrusion"
+)
 class Deposition(Struct, frozen=True, eq=False):
     """The recorded extrusion of a whole print; times in s.
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
+from printer_slicer.deprecation import accept_former_fields
 from printer_slicer.diagnostics import Diagnostic, sentence
 from printer_slicer.gcode import read_moves
 from printer_slicer.inspection.deposition.record import Deposition
@@ -40,6 +41,7 @@ TIME_TOLERANCE: Final = 0.01
 """Largest relative difference between simulated and estimated time that is accepted."""
 
 
+@accept_former_fields(account="deposition")
 class Verdict(SvgRepr, Struct, frozen=True):
     """The result of a dry run. Times in s, lengths in mm.
 

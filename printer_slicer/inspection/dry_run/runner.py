@@ -6,6 +6,7 @@ import re
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
 
+from printer_slicer.deprecation import accept_former_arguments
 from printer_slicer.errors import PortError, VerificationError
 from printer_slicer.inspection.dry_run.comparison import Comparison
 from printer_slicer.inspection.dry_run.deposition_observer import DepositionObserver
@@ -115,6 +116,7 @@ def layer_counter(job: Job, comparison: Comparison) -> Callable[[], int] | None:
     return layer_now
 
 
+@accept_former_arguments(front_end="firmware")
 def dry_run(  # noqa: PLR0913 - all but two have a good default
     job: Job,
     profile: Profile | None = None,
