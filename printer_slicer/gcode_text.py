@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from datetime import datetime
 
+from printer_slicer.arguments import check_arguments
 from printer_slicer.extrusion import move_seconds
 from printer_slicer.gcode import write_gcode
 from printer_slicer.model import Labels, Mesh, Program
@@ -15,6 +16,7 @@ from printer_slicer.thumbnails import thumbnail_lines
 __all__ = ["gcode_of"]
 
 
+@check_arguments(program=Program, profile=Profile)
 def gcode_of(  # noqa: PLR0913 - all options have defaults
     program: Program,
     profile: Profile,

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from printer_slicer.arguments import check_argument
 from printer_slicer.commands import GcodeText, check_sendable, find_lines, split_gcode
 from printer_slicer.diagnostics import Diagnostic, check_allowed_codes, sentence
 from printer_slicer.errors import UsageError
@@ -86,12 +87,16 @@ class Job(SvgRepr, Struct, frozen=True, eq=False):
         """Return `profile`, or the profile of the job if it is None.
 
         Raises:
-            UsageError: both are None.
+            UsageError: both are None, or `profile` is not a Profile.
         """
-        if (found := profile or self.profile) is None:
+        from printer_slicer.profile import Profile as ProfileType  # noqa: PLC0415 - loaded by the caller anyway
+
+        found = self.profile if profile is None else profile
+        if found is None:
             raise UsageError(
                 f"{self.name}: the job has no profile", remedy="Pass a profile as the argument `profile`"
             )
+        check_argument("profile", found, ProfileType)
         return found
 
     def save(self, path: str | Path) -> None:

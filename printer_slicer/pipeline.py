@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from typing import Unpack
 
 from printer_slicer.adhesion import add_adhesion, place_on_raft
+from printer_slicer.arguments import check_arguments
 from printer_slicer.curves import fit_arcs
 from printer_slicer.extrusion import extrude
 from printer_slicer.healing import repair, require_no_repair
@@ -32,6 +33,7 @@ from printer_slicer.values import replace
 __all__ = ["plan_part", "slice_part", "slice_planned", "slice_stages"]
 
 
+@check_arguments(placement=Placement, strategies=Strategies)
 def slice_stages(  # noqa: PLR0913 - all options have defaults
     mesh: Mesh,
     profile: Profile,
@@ -111,6 +113,7 @@ def slice_planned(
     return Stages(part, solid, *joined, toolpaths, travels, program, link, labels)
 
 
+@check_arguments(part=Mesh, profile=Profile, strategies=Strategies)
 def plan_part(part: Mesh, profile: Profile, strategies: Strategies = BUILT_IN) -> LayerPlan:
     """Plan the layers of a placed part within the time budget; arguments and errors are those of `slice_stages`."""
     return choose_plan(part, profile, strategies, slice_planned)

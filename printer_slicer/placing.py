@@ -11,6 +11,7 @@ from typing import Final
 
 import numpy as np
 
+from printer_slicer.arguments import check_argument, check_arguments
 from printer_slicer.arrays import Float
 from printer_slicer.errors import PartError, UsageError
 from printer_slicer.mesh_io import UNITS, unit_advice
@@ -55,6 +56,7 @@ IN_THE_MIDDLE: Final = Placement()
 """The default placement: on the middle of the bed."""
 
 
+@check_arguments(mesh=Mesh, printer=Printer, placement=Placement)
 def place(mesh: Mesh, printer: Printer, placement: Placement = IN_THE_MIDDLE) -> Mesh:
     """Move a part to its position on the bed.
 
@@ -144,6 +146,7 @@ def _check_position(name: str, low: Float, high: Float, printer: Printer, placem
         )
 
 
+@check_arguments(mesh=Mesh)
 def transform(
     mesh: Mesh,
     *,
@@ -161,7 +164,10 @@ def transform(
     Raises:
         UsageError: a factor is not greater than 0 or moves the part beyond 10 km, or an angle is not finite.
     """
-    factors = np.broadcast_to(np.asarray(scale, dtype=np.float64), 3)
+    factors = _read_three(
+        "scale", scale, "a factor such as 0.5 for 50 %, or one for each axis such as (1, 1, 2)"
+    )
+    angles = _read_three("rotate", np.atleast_1d(rotate), "three angles in degrees such as (0, 0, 90)")
     if not (np.isfinite(factors).all() and (factors > 0).all()):
         raise UsageError(
             f"scale {scale}: each factor must be greater than 0",
@@ -174,13 +180,13 @@ def transform(
             "file",
             remedy=f"Choose a smaller factor; coordinates up to {LARGEST / 1e6:g} km are allowed",
         )
-    if not all(map(isfinite, rotate)):
+    if not all(map(isfinite, angles)):
         raise UsageError(
             f"rotate {rotate}: these are not three angles",
             remedy="Give three finite angles in degrees, about x, y and z",
         )
     matrix = np.diag(factors)
-    for axis, angle in enumerate(rotate):
+    for axis, angle in enumerate(angles.tolist()):
         # The first matrix product loads 18 MiB of libraries, so it is skipped where no rotation is needed.
         matrix = _rotation_matrix(axis, angle) @ matrix if angle % 360.0 else matrix
     if np.array_equal(matrix, np.eye(3)):
@@ -191,6 +197,21 @@ def transform(
         part = mesh.triangles[block]
         made[block] = part * np.diag(matrix) if plain else part @ matrix.T
     return Mesh(made, mesh.name, _update_envelopes(mesh.objects, made))
+
+
+def _read_three(name: str, value: object, example: str) -> Float:
+    """Return an argument as three numbers; one number stands for all three.
+
+    Raises:
+        UsageError: it is not a number or three numbers.
+    """
+    try:
+        numbers = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        numbers = np.zeros(0)
+    if numbers.shape not in ((), (3,)):
+        raise UsageError(f"the argument `{name}` must be numbers, not {value!r}", remedy=f"Pass {example}")
+    return np.broadcast_to(numbers, 3)
 
 
 def _format_factors(factors: Float) -> str:
@@ -216,6 +237,9 @@ def join(meshes: Sequence[Mesh]) -> Mesh:
     Raises:
         UsageError: the list is empty.
     """
+    check_argument("meshes", meshes, (list, tuple))
+    for mesh in meshes:
+        check_argument("meshes", mesh, Mesh)
     if not meshes:
         raise UsageError("no part to join", remedy="Pass at least one part")
     if len(meshes) == 1:

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
+from printer_slicer.arguments import PATH, check_arguments
 from printer_slicer.errors import UsageError
 from printer_slicer.gcode_text import gcode_of
 from printer_slicer.importing.familiar import translate_setting
@@ -28,7 +29,10 @@ __all__ = ["job_from", "job_of", "slice"]
 _ALWAYS_ALLOWED: Final = frozenset({"wait"})  # a pause in our own G-code is one that the settings ask for
 
 
-def job_from(path: Path, profile: Profile, *, report: Report = quiet, strict: bool = False) -> Job:
+@check_arguments(path=PATH, profile=Profile)
+def job_from(
+    path: str | os.PathLike[str], profile: Profile, *, report: Report = quiet, strict: bool = False
+) -> Job:
     """Make a job from a file: slice a model, or read a G-code file unchanged.
 
     Args:
@@ -40,6 +44,7 @@ def job_from(path: Path, profile: Profile, *, report: Report = quiet, strict: bo
     Raises:
         PrinterSlicerError: the file cannot be read, sliced or sent.
     """
+    path = Path(path)
     if is_gcode(path):
         report("reading")
         return replace(lint_file(path, profile), profile=profile)
@@ -117,13 +122,9 @@ def slice(  # noqa: A001 - called as ps.slice
     name = ""
     if not isinstance(path_or_mesh, Mesh):
         name = _check_model_path(path_or_mesh).name
-    names: dict[str, Any] = {
-        kind: None if value is None else os.fspath(value)
-        for kind, value in (("printer", printer), ("material", material), ("quality", quality))
-    }
-    folders = [Path(folder) for folder in profiles]
-    changes = _translate_settings(settings, names, folders)
-    profile = load_profile(**names, changes=changes, folders=folders)
+    names: dict[str, Any] = {"printer": printer, "material": material, "quality": quality}
+    changes = _translate_settings(settings, names, profiles)
+    profile = load_profile(**names, changes=changes, folders=profiles)
     part = path_or_mesh if isinstance(path_or_mesh, Mesh) else load_mesh(path_or_mesh)
     return job_of(part, profile, name=name)
 
@@ -149,7 +150,7 @@ def _check_model_path(given: object) -> Path:
 
 
 def _translate_settings(
-    settings: Mapping[str, object], names: Mapping[str, Any], folders: Sequence[Path]
+    settings: Mapping[str, object], names: Mapping[str, Any], folders: Sequence[str | os.PathLike[str]]
 ) -> dict[str, Any]:
     """Convert the keyword arguments of `slice` to changes for `load_profile`.
 

@@ -7,8 +7,9 @@ from typing import TypedDict
 
 import numpy as np
 
+from printer_slicer.arguments import check_argument
 from printer_slicer.arrays import Float, frozen_array
-from printer_slicer.errors import MeshError, UsageError
+from printer_slicer.errors import MeshError
 from printer_slicer.link_limiter import LinkReport
 from printer_slicer.model import (
     Labels,
@@ -27,7 +28,6 @@ from printer_slicer.profile import Profile
 from printer_slicer.progress import Report
 from printer_slicer.repr_svg import SvgRepr
 from printer_slicer.strategies import Strategies
-from printer_slicer.texts import describe_type
 from printer_slicer.values import Struct, field, force_setattr
 
 __all__ = ["SliceOptions", "Stages", "check_part"]
@@ -43,22 +43,15 @@ class SliceOptions(TypedDict, total=False):
     strategies: Strategies
 
 
-def check_part(mesh: object, profile: object) -> None:
+def check_part(mesh: Mesh, profile: Profile) -> None:
     """Check the types of part and profile, and that the mesh has valid facets.
 
     Raises:
         UsageError: `mesh` is not a Mesh, or `profile` is not a Profile.
         MeshError: the mesh has no facets, or a coordinate that is not finite.
     """
-    if not isinstance(mesh, Mesh):
-        raise UsageError(
-            f"the part must be a Mesh, not {describe_type(mesh)}", remedy="Read it with ps.load_mesh(path)"
-        )
-    if not isinstance(profile, Profile):
-        raise UsageError(
-            f"the profile must be a Profile, not {describe_type(profile)}",
-            remedy="Load it with ps.load_profile(printer)",
-        )
+    check_argument("mesh", mesh, Mesh)
+    check_argument("profile", profile, Profile)
     if not mesh.n_facets:
         raise MeshError(
             f"{mesh.name}: the mesh has no facets", remedy="Pass triangles of shape (F, 3, 3), mm"

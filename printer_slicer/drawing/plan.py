@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 
+from printer_slicer.arguments import check_arguments
 from printer_slicer.arrays import Float
 from printer_slicer.drawing.canvas import Line, Picture, Shape, Text, fit_text, text_width
 from printer_slicer.drawing.colours import WARNING, height_colours
@@ -32,6 +33,7 @@ _SMALLEST_TITLE: Final = 26
 _DARK, _SOFT = "#1f2430", "#5b6472"
 
 
+@check_arguments(sections=Sections, certificate=Certificate, title=str)
 def draw_plan(
     sections: Sections,
     certificate: Certificate,

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from functools import singledispatch
 from itertools import pairwise
+from types import NoneType
 from typing import Final
 
 import numpy as np
 
+from printer_slicer.arguments import check_arguments
 from printer_slicer.arrays import Float, Int
 from printer_slicer.drawing.canvas import (
     Box,
@@ -57,6 +59,7 @@ _REGIONS: Final = {
 }
 
 
+@check_arguments(layer=(int, np.integer, NoneType))
 def draw(value: object, layer: int | None = None) -> Picture:
     """Draw a mesh, a layer plan, a certificate, or layers of sections, walls, regions, toolpaths, moves or areas.
 

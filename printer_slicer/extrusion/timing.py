@@ -6,6 +6,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from printer_slicer.arguments import check_arguments
 from printer_slicer.arrays import Float, Int, frozen_array
 from printer_slicer.extrusion.acceleration import move_accelerations
 from printer_slicer.model import Program
@@ -19,6 +20,7 @@ __all__ = ["copy_times", "move_seconds", "retime_moves"]
 _cached_times: WeakKeyDictionary[Program, tuple[MotionLimits, Float]] = WeakKeyDictionary()
 
 
+@check_arguments(program=Program, profile=Profile)
 def move_seconds(program: Program, profile: Profile) -> Float:
     """Return the time (K,) of each move on this printer, s, with unlimited look-ahead.
 

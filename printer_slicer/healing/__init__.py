@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from weakref import WeakKeyDictionary
 
+from printer_slicer.arguments import check_arguments
 from printer_slicer.errors import MeshError
 from printer_slicer.healing.consistent_winding import orient_consistently
 from printer_slicer.healing.duplicates import drop_duplicates, drop_sheets, join_corners
@@ -26,6 +27,7 @@ _repaired_meshes: WeakKeyDictionary[Mesh, bool] = WeakKeyDictionary()
 """Repaired meshes, which are not repaired again, and whether each was sound from the start."""
 
 
+@check_arguments(mesh=Mesh)
 def repair(mesh: Mesh) -> tuple[Mesh, Repairs]:
     """Repair a mesh so that it bounds a solid as far as possible, and report what was done.
 

@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from printer_slicer.arguments import PATH, check_arguments
 from printer_slicer.errors import MeshError, OutputError
 from printer_slicer.mesh_io.limits import check_facets
 from printer_slicer.mesh_io.soundness import BLOCK, COPY_AGAIN, EXPORT_AGAIN, LARGEST, facet_blocks
+from printer_slicer.model import Mesh
 
 if TYPE_CHECKING:
     import os
@@ -17,7 +19,6 @@ if TYPE_CHECKING:
     from printer_slicer.arrays import Float
     from printer_slicer.mesh_io.files import ModelFile
     from printer_slicer.mesh_io.limits import Limits
-    from printer_slicer.model import Mesh
 
 __all__ = ["export_stl", "has_binary_stl_size", "read_binary_stl"]
 
@@ -131,6 +132,7 @@ def _is_mostly_facets(piece: bytes) -> bool:
     return bool(0 < n_facets >= np.count_nonzero(corners.any(axis=(1, 2))) / 2)
 
 
+@check_arguments(mesh=Mesh, path=PATH)
 def export_stl(mesh: Mesh, path: str | os.PathLike[str]) -> None:
     """Write a binary STL; the same mesh always gives the same bytes.
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from types import NoneType
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from printer_slicer.arguments import PATH, check_arguments
 from printer_slicer.deprecation import renamed_method
 from printer_slicer.errors import MeshError, UsageError
 from printer_slicer.mesh_io.ascii_stl import is_ascii_stl, read_ascii_stl
@@ -100,6 +102,7 @@ def _ignore_progress(_share: float) -> None:
     """Do nothing with the fraction read, when no progress is to be reported."""
 
 
+@check_arguments(path=PATH, units=(str, NoneType))
 def load_mesh(path: str | os.PathLike[str], *, units: str | None = None, limits: Limits = LIMITS) -> Mesh:
     """Load the mesh of a file in mm; it stays where the file places it and is not moved to the bed.
 
@@ -118,6 +121,7 @@ def load_mesh(path: str | os.PathLike[str], *, units: str | None = None, limits:
     return load_model(path, units=units, limits=limits).mesh
 
 
+@check_arguments(path=PATH, units=(str, NoneType))
 def load_model(
     path: str | os.PathLike[str],
     *,

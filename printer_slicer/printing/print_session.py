@@ -11,8 +11,10 @@ from pathlib import Path
 from threading import Event as Flag
 from threading import Thread, current_thread, main_thread
 from time import monotonic, time_ns
+from types import NoneType
 from typing import TYPE_CHECKING, Any, Unpack, cast
 
+from printer_slicer.arguments import check_arguments
 from printer_slicer.deprecation import accept_former_option
 from printer_slicer.diagnostics import raise_on_errors
 from printer_slicer.errors import Cancelled, PortError, PrintError, UsageError
@@ -66,6 +68,7 @@ _CHECK_REMEDY = "Check the printer, its cable and its power; the part is not fin
 _PORT_POLL_INTERVAL = 0.5
 
 
+@check_arguments(job=Job, port=str, baud=(int, NoneType))
 def print_job(
     job: Job, profile: Profile | None, port: str, *, baud: int | None = None, **options: Unpack[PrintOptions]
 ) -> PrintResult:

@@ -7,15 +7,18 @@ with the same bounds.
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from types import NoneType
+from typing import Any, Final
 
 import msgspec
 
-from printer_slicer.errors import ProfileError
+from printer_slicer.arguments import PATH, check_argument, check_arguments
+from printer_slicer.errors import ProfileError, UsageError
 from printer_slicer.profile.checks import conflicts
 from printer_slicer.profile.conversion import SettingFault, convert_section
 from printer_slicer.profile.keys import resolve_key
@@ -48,14 +51,19 @@ _RATIO_UNITS = ("0-1", "ratio")
 _BARE_POINT = re.compile(r"([-+]?)([0-9]*)\.([0-9]*)")
 
 
+_NAME: Final = (*PATH, NoneType)
+"""The types of the name of a profile."""
+
+
+@check_arguments(printer=_NAME, material=_NAME, quality=_NAME)
 def load_profile(
-    printer: str | None = None,
-    material: str | None = None,
-    quality: str | None = None,
+    printer: str | os.PathLike[str] | None = None,
+    material: str | os.PathLike[str] | None = None,
+    quality: str | os.PathLike[str] | None = None,
     changes: Mapping[str, object] | None = None,
     *,
     slices: bool = True,
-    folders: Sequence[Path] = (),
+    folders: Sequence[str | os.PathLike[str]] = (),
 ) -> Profile:
     """Load printer, material and quality, and apply changes.
 
@@ -72,13 +80,44 @@ def load_profile(
     Raises:
         ProfileError: a setting is invalid; names file, line, key and bound.
     """
-    names = {"printer": printer, "material": material, "quality": quality}
-    if changes is not None and not isinstance(changes, Mapping):
+    names = {
+        kind: None if name is None else os.fspath(name)
+        for kind, name in (("printer", printer), ("material", material), ("quality", quality))
+    }
+    _check_folders(folders)
+    changes = _check_changes({} if changes is None else changes)
+    return _build_profile(
+        read_sources(names, _choose_planner(changes), [Path(one) for one in folders]), slices=slices
+    )
+
+
+def _check_folders(folders: object) -> None:
+    """Check that folders of profiles are a list of paths.
+
+    Raises:
+        UsageError: they are not, for example a single path.
+    """
+    if isinstance(folders, PATH) or not isinstance(folders, Sequence):
+        raise UsageError(
+            f"folders of profiles must be a list, not {describe_type(folders)}",
+            remedy='Pass a list of folders, such as ["my_profiles"]',
+        )
+    for folder in folders:
+        check_argument("folders", folder, PATH)
+
+
+def _check_changes(changes: Mapping[str, object]) -> Mapping[str, object]:
+    """Return changes of settings after checking their type.
+
+    Raises:
+        ProfileError: they are not a mapping.
+    """
+    if not isinstance(changes, Mapping):
         raise ProfileError(
             f"changes must be a mapping of names to values, not {describe_type(changes)}",
             remedy='Write it like this: changes={"layer_height": 0.2}',
         )
-    return _build_profile(read_sources(names, _choose_planner(changes or {}), folders), slices=slices)
+    return changes
 
 
 def _choose_planner(changes: Mapping[str, object]) -> Mapping[str, object]:
@@ -145,6 +184,7 @@ def _sort_key(change: tuple[str, object]) -> int:
     return -1 if key.endswith("planner.kind") else int(key.endswith("+"))
 
 
+@check_arguments(profile=Profile)
 def profile_with(profile: Profile, changes: Mapping[str, object]) -> Profile:
     """Return a copy of a profile with some settings changed and all bounds checked.
 
@@ -155,7 +195,7 @@ def profile_with(profile: Profile, changes: Mapping[str, object]) -> Profile:
     Raises:
         ProfileError: a setting does not exist, or a value is out of bounds.
     """
-    return _copy_with_changes(profile, changes)
+    return _copy_with_changes(profile, _check_changes(changes))
 
 
 def _copy_with_changes(profile: Profile, changes: Mapping[str, object], *, slices: bool = True) -> Profile:

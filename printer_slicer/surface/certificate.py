@@ -16,6 +16,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from printer_slicer.arguments import check_arguments
 from printer_slicer.arrays import Float, frozen_array
 from printer_slicer.deprecation import renamed_method
 from printer_slicer.geometry.slab_projection import BESIDE
@@ -143,6 +144,7 @@ class Certificate(SvgRepr, Struct, frozen=True, eq=False):
 _cached_surfaces: WeakKeyDictionary[Mesh, Surface] = WeakKeyDictionary()
 
 
+@check_arguments(mesh=Mesh)
 def read_surface(mesh: Mesh) -> Surface:
     """Return the surface of a part that stands on z = 0; the result is cached per mesh."""
     if mesh not in _cached_surfaces:
@@ -179,6 +181,7 @@ def _bound_downward_runs(surface: Surface, start: Float, end: Float) -> Float:
     return bound_runs(surface.turned, -start[::-1], -end[::-1])[::-1]
 
 
+@check_arguments(surface=Surface, plan=LayerPlan)
 def certify(surface: Surface, plan: LayerPlan) -> Certificate:
     """Certify a layer plan: bound its deviation and volume error for this part.
 

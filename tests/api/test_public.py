@@ -355,8 +355,8 @@ def test_what_has_no_picture_is_refused() -> None:
 @pytest.mark.parametrize(
     ("give", "said"),
     [
-        (lambda: ps.slice_stages("box.stl", PROFILE), "the part must be a Mesh, not a value of type str"),  # type: ignore[arg-type]
-        (lambda: ps.slice_stages(BOX, "pla"), "the profile must be a Profile, not a value of type str"),  # type: ignore[arg-type]
+        (lambda: ps.slice_stages("box.stl", PROFILE), "`mesh` must be a Mesh, not a value of type str"),  # type: ignore[arg-type]
+        (lambda: ps.slice_stages(BOX, "pla"), "`profile` must be a Profile, not a value of type str"),  # type: ignore[arg-type]
         (lambda: ps.slice_stages(ps.Mesh(np.zeros((0, 3, 3))), PROFILE), "has no facets"),
         (lambda: ps.slice_stages(ps.Mesh(np.full((4, 3, 3), np.nan)), PROFILE), "is not a finite number"),
         (lambda: ps.slice_stages(ps.Mesh(np.full((4, 3, 3), np.inf)), PROFILE), "is not a finite number"),
@@ -370,6 +370,58 @@ def test_what_makes_no_sense_is_told_with_a_remedy(give: Callable[[], object], s
         give()
 
     assert caught.value.remedy
+
+
+WRONG_ARGUMENTS: Final[list[tuple[str, str, Callable[[], object]]]] = [
+    ("job", "ps.job_from", lambda: ps.dry_run("half.gcode")),  # type: ignore[arg-type]
+    ("job", "ps.job_from", lambda: ps.print_job("half.gcode", None, "/dev/x")),  # type: ignore[arg-type]
+    ("port", "text", lambda: ps.print_job(ps.job_of(STAGES, PROFILE), None, 7)),  # type: ignore[arg-type]
+    ("profile", "ps.load_profile", lambda: ps.dry_run(ps.slice(BOX), "ender3")),  # type: ignore[arg-type]
+    ("baud", "whole number", lambda: ps.dry_run(ps.slice(BOX), baud="115200")),  # type: ignore[arg-type]
+    ("layer", "whole number", lambda: ps.draw(STAGES, layer="3")),  # type: ignore[arg-type]
+    ("printer", "profile.printer", lambda: ps.place(BOX, PROFILE)),  # type: ignore[arg-type]
+    ("placement", "ps.Placement", lambda: ps.place(BOX, PROFILE.printer, (1, 2))),  # type: ignore[arg-type]
+    ("placement", "ps.Placement", lambda: ps.slice_stages(BOX, PROFILE, placement=3)),  # type: ignore[arg-type]
+    ("strategies", "ps.Strategies", lambda: ps.plan_part(BOX, PROFILE, len)),  # type: ignore[arg-type]
+    ("scale", "0.5 for 50 %", lambda: ps.transform(BOX, scale="50%")),  # type: ignore[arg-type]
+    ("rotate", "three angles", lambda: ps.transform(BOX, rotate=90)),  # type: ignore[arg-type]
+    ("rotate", "three angles", lambda: ps.transform(BOX, rotate="90")),  # type: ignore[arg-type]
+    ("mesh", "ps.load_mesh", lambda: ps.repair("part.stl")),  # type: ignore[arg-type]
+    ("mesh", "ps.load_mesh", lambda: ps.read_surface("part.stl")),  # type: ignore[arg-type]
+    ("meshes", "[mesh]", lambda: ps.join(BOX)),  # type: ignore[arg-type]
+    ("meshes", "ps.load_mesh", lambda: ps.join(["part.stl"])),  # type: ignore[list-item]
+    ("surface", "ps.read_surface", lambda: ps.certify(BOX, STAGES.plan)),  # type: ignore[arg-type]
+    ("text", "read_bytes", lambda: ps.check_gcode("part.gcode", BOX)),  # type: ignore[arg-type]
+    ("program", "stages.program", lambda: ps.gcode_of(STAGES, PROFILE)),  # type: ignore[arg-type]
+    ("program", "stages.program", lambda: ps.move_seconds(STAGES, PROFILE)),  # type: ignore[arg-type]
+    ("path", "part.stl", lambda: ps.load_mesh(7)),  # type: ignore[arg-type]
+    ("path", "part.stl", lambda: ps.export_stl(BOX, 7)),  # type: ignore[arg-type]
+    ("printer", "text", lambda: ps.load_profile(7)),  # type: ignore[arg-type]
+    ("printer", "text", lambda: ps.slice(BOX, printer=7)),  # type: ignore[arg-type]
+    ("profile", "ps.load_profile", lambda: ps.profile_with("ender3", {})),  # type: ignore[arg-type]
+    ("changes", "layer_height", lambda: ps.profile_with(PROFILE, [1])),  # type: ignore[arg-type]
+    ("folders", "list of folders", lambda: ps.load_profile(folders="mine")),
+    ("sections", "stages.sections", lambda: ps.draw_plan(STAGES, None, "t")),  # type: ignore[arg-type]
+]
+
+
+@pytest.mark.parametrize(("argument", "remedy", "call"), WRONG_ARGUMENTS)
+def test_an_argument_of_another_type_is_named_with_what_to_pass(
+    argument: str, remedy: str, call: Callable[[], object]
+) -> None:
+    with pytest.raises(ps.PrinterSlicerError, match=rf"{argument}\b.* must be .*not ") as caught:
+        call()
+
+    assert remedy in caught.value.remedy
+    assert len(str(caught.value).splitlines()) <= 2
+
+
+def test_files_are_named_by_text_or_paths() -> None:
+    path = ROOT / "sample_parts" / "box.stl"
+
+    assert ps.job_from(str(path), PROFILE).text == ps.job_from(path, PROFILE).text
+    assert ps.load_profile(ROOT / "profiles" / "printers" / "creality_ender3.toml").printer.name
+    assert ps.load_profile("creality_ender3", folders=[str(ROOT / "profiles")]).printer.name
 
 
 def test_pictures_are_saved_by_name(tmp_path: Path) -> None:

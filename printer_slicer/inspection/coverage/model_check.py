@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 
+from printer_slicer.arguments import check_arguments
 from printer_slicer.arrays import Bool
 from printer_slicer.diagnostics import Diagnostic
 from printer_slicer.errors import PartError, UsageError
@@ -101,6 +102,7 @@ class CheckOptions(Struct, frozen=True):
 USUAL: Final = CheckOptions()
 
 
+@check_arguments(text=bytes, mesh=Mesh, asked=CheckOptions)
 def check_gcode(
     text: bytes, mesh: Mesh, asked: CheckOptions = USUAL, *, name: str = "G-code", report: Report = quiet
 ) -> Check:

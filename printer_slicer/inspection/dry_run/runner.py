@@ -5,7 +5,9 @@ from __future__ import annotations
 import re
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
+from types import NoneType
 
+from printer_slicer.arguments import check_arguments
 from printer_slicer.deprecation import accept_former_arguments
 from printer_slicer.errors import PortError, VerificationError
 from printer_slicer.inspection.dry_run.comparison import Comparison
@@ -117,6 +119,7 @@ def layer_counter(job: Job, comparison: Comparison) -> Callable[[], int] | None:
 
 
 @accept_former_arguments(front_end="firmware")
+@check_arguments(job=Job, baud=(int, NoneType), extruders=(int, NoneType))
 def dry_run(  # noqa: PLR0913 - all but two have a good default
     job: Job,
     profile: Profile | None = None,
