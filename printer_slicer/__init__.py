@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 
 from printer_slicer import repr_svg
 from printer_slicer.lazy_names import lazy_names as _lazy_names
+from printer_slicer.version import VERSION as _VERSION
 
 if TYPE_CHECKING:
     from printer_slicer.drawing import Picture, draw, draw_plan
@@ -50,6 +51,7 @@ if TYPE_CHECKING:
     from printer_slicer.placing import Placement, join, place, transform
     from printer_slicer.printing import Controls, PrintResult, print_job
     from printer_slicer.profile import Profile, load_profile, profile_with
+    from printer_slicer.profile.tables import find_settings
     from printer_slicer.roles import Role
     from printer_slicer.slice_jobs import job_from, job_of, slice  # noqa: A004 - called as ps.slice
     from printer_slicer.stages import Stages
@@ -95,6 +97,7 @@ _HOMES = {
     "draw_plan": "drawing",
     "dry_run": "inspection.dry_run.runner",
     "export_stl": "mesh_io",
+    "find_settings": "profile.tables",
     "gcode_of": "gcode_text",
     "job_from": "slice_jobs",
     "job_of": "slice_jobs",
@@ -154,6 +157,7 @@ __all__ = [
     "draw_plan",
     "dry_run",
     "export_stl",
+    "find_settings",
     "gcode_of",
     "job_from",
     "job_of",
@@ -174,6 +178,8 @@ __all__ = [
     "transform",
 ]
 
+
+__version__ = _VERSION
 
 __getattr__ = _lazy_names(
     __name__, _HOMES, {"Done": "PrintResult", "joined": "join", "transformed": "transform"}

@@ -45,6 +45,7 @@ class Job(SvgRepr, Struct, frozen=True, eq=False):
         findings: diagnostics: errors, warnings and notes.
         allowed: names of the findings that the user has allowed, see `diagnostics.NAMES`.
         profile: the profile with which the job was sliced or read; None if there was none.
+        notes: for each setting of another slicer that was given to `slice`, what it became.
     """
 
     name: str
@@ -60,6 +61,7 @@ class Job(SvgRepr, Struct, frozen=True, eq=False):
     findings: tuple[Diagnostic, ...] = ()
     allowed: frozenset[str] = frozenset()
     profile: Profile | None = None
+    notes: tuple[str, ...] = ()
 
     @property
     def plan(self) -> LayerPlan | None:
@@ -69,7 +71,8 @@ class Job(SvgRepr, Struct, frozen=True, eq=False):
     def __repr__(self) -> str:
         layers = f"{self.plan.n_layers} layers, " if self.plan else ""
         findings = f", {len(self.findings)} findings" if self.findings else ""
-        return f"<Job {self.name!r}: {layers}{len(self.commands)} commands, {self.seconds / 60:.0f} min{findings}>"
+        facts = f"{layers}{len(self.commands)} commands, {self.seconds / 60:.0f} min{findings}"
+        return f"<Job {self.name!r}: {'; '.join([facts, *self.notes])}>"
 
     @property
     def drawable(self) -> object:

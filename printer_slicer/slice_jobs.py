@@ -113,7 +113,8 @@ def slice(  # noqa: A001 - called as ps.slice
         profiles: folders of profiles that are searched before the user's and the shipped ones.
         **settings: settings to change, by the names used here or by those of PrusaSlicer, OrcaSlicer and Cura. A key
             in a table is written with two underscores, or with a dict: `speeds__travel=120`, `speeds={"travel": 120}`.
-            A percentage is text, such as "20%". A `layer_height` without a planner means uniform layers.
+            A percentage is text, such as "20%". A `layer_height` without a planner means uniform layers. `notes` of the
+            job tell what settings of other slicers became; `find_settings` lists all settings.
 
     Raises:
         UsageError: a file cannot be read, or a profile or a setting does not exist or is out of bounds.
@@ -123,10 +124,10 @@ def slice(  # noqa: A001 - called as ps.slice
     if not isinstance(path_or_mesh, Mesh):
         name = _check_model_path(path_or_mesh).name
     names: dict[str, Any] = {"printer": printer, "material": material, "quality": quality}
-    changes = _translate_settings(settings, names, profiles)
+    changes, notes = _translate_settings(settings, names, profiles)
     profile = load_profile(**names, changes=changes, folders=profiles)
     part = path_or_mesh if isinstance(path_or_mesh, Mesh) else load_mesh(path_or_mesh)
-    return job_of(part, profile, name=name)
+    return replace(job_of(part, profile, name=name), notes=notes)
 
 
 def _check_model_path(given: object) -> Path:
@@ -151,8 +152,8 @@ def _check_model_path(given: object) -> Path:
 
 def _translate_settings(
     settings: Mapping[str, object], names: Mapping[str, Any], folders: Sequence[str | os.PathLike[str]]
-) -> dict[str, Any]:
-    """Convert the keyword arguments of `slice` to changes for `load_profile`.
+) -> tuple[dict[str, Any], tuple[str, ...]]:
+    """Convert the keyword arguments of `slice` to changes for `load_profile`; also note what settings became.
 
     Raises:
         ProfileError: a setting of another slicer has no counterpart, or a name is ambiguous.
@@ -162,10 +163,14 @@ def _translate_settings(
         return load_profile(**names, slices=False, folders=folders)
 
     changes: dict[str, Any] = {}
+    notes: list[str] = []
     for key, value in _flatten_settings(settings):
         found = translate_setting(key, _format_for_other_slicer(value), load_base_profile, _format_argument)
         changes |= {key: value} if found is None else found.changes
-    return changes
+        if found is not None:
+            own = ", ".join(f"{name}={made}" for name, made in found.changes.items())
+            notes.append(f"{found.slicer}'s {key.replace('.', '__')}={value!r} sets {own}")
+    return changes, tuple(notes)
 
 
 def _flatten_settings(settings: Mapping[str, object], table: str = "") -> Iterator[tuple[str, object]]:

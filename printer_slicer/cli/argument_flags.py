@@ -1,6 +1,7 @@
 """Replace arguments of Python functions in messages by options of the command line.
 
-Messages of the library name arguments in backticks: `scale=0.5`, `units="inch"`, `drop=False`.
+Messages of the library name arguments in backticks: `scale=0.5`, `units="inch"`, `drop=False`. The function
+`ps.find_settings()` becomes the command `printer-slicer profiles settings`.
 """
 
 from __future__ import annotations
@@ -34,7 +35,10 @@ _ALLOWING: Final = re.compile(r"`job\.allowing\(\[([^`\n]*)\]\)`")
 
 def replace_arguments_by_options(text: str) -> str:
     """Replace the arguments that a message names in backticks by options of the command line."""
-    return _ARGUMENT.sub(_format_option, _ALLOWING.sub(_format_allow_options, text)) if "`" in text else text
+    if "`" not in text:
+        return text
+    text = text.replace("`ps.find_settings()`", "`printer-slicer profiles settings`")
+    return _ARGUMENT.sub(_format_option, _ALLOWING.sub(_format_allow_options, text))
 
 
 def _format_option(match: re.Match[str]) -> str:

@@ -203,7 +203,7 @@ def convert_familiar_setting(name: str, text: str, profile: Profile) -> Familiar
     if converted is None:
         raise ProfileError(
             f"{name}={text}: this setting of {slicer} has no equivalent here",
-            remedy="`printer-slicer profiles settings` lists all settings",
+            remedy="`ps.find_settings()` lists all settings",
         )
     return converted
 

@@ -119,7 +119,7 @@ def _list_facts(known: Collection[str]) -> str:
     facts = sorted((FACTS | LAYER_FACTS).intersection(known)) or sorted(known)[:20]
     settings = any("." in name for name in known)
     return f"Choose one of: {', '.join(facts)}" + (
-        ", and the settings that `printer-slicer profiles settings` lists" if settings else ""
+        ", and the settings that `ps.find_settings()` lists" if settings else ""
     )
 
 

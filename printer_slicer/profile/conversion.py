@@ -18,7 +18,7 @@ from printer_slicer.profile.settings import PLANNER_SETTINGS
 
 __all__ = ["SettingFault", "convert_section", "find_first_fault"]
 
-_SETTINGS_HINT = "`printer-slicer profiles settings` lists types, units and bounds"
+_SETTINGS_HINT = "`ps.find_settings()` lists types, units and bounds"
 _MAX_SHOWN: Final = 60  # characters of a value in a message
 
 

@@ -110,13 +110,18 @@ def _check_changes(changes: Mapping[str, object]) -> Mapping[str, object]:
     """Return changes of settings after checking their type.
 
     Raises:
-        ProfileError: they are not a mapping.
+        ProfileError: they are not a mapping, or a value is None.
     """
     if not isinstance(changes, Mapping):
         raise ProfileError(
             f"changes must be a mapping of names to values, not {describe_type(changes)}",
             remedy='Write it like this: changes={"layer_height": 0.2}',
         )
+    for key, value in changes.items():
+        if value is None:
+            raise ProfileError(
+                f"{key}: None is not a value", remedy="Omit the setting to keep the value of the profile"
+            )
     return changes
 
 

@@ -132,6 +132,4 @@ def resolve_key(sources: Mapping[str, SettingsSource], key: str) -> tuple[str, s
     names = sorted({f"{kind}.{path}" for kind, path in known} | {path for _, path in known})
     near = find_nearest_key(key, names)
     hint = f"Did you mean {near!r}? " if near else ""
-    raise ProfileError(
-        f"{key}: no such setting", remedy=f"{hint}`printer-slicer profiles settings` lists all settings"
-    )
+    raise ProfileError(f"{key}: no such setting", remedy=f"{hint}`ps.find_settings()` lists all settings")

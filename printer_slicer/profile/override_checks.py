@@ -75,7 +75,7 @@ def _check_key(
     if not found:
         near = find_nearest_key(key, [*allowed, *(name.partition(".")[2] for name in allowed)])
         hint = f"Did you mean {near!r}? " if near else ""
-        yield "no such setting", f"{hint}`printer-slicer profiles settings` lists all settings"
+        yield "no such setting", f"{hint}`ps.find_settings()` lists all settings"
     elif found[0] not in allowed:
         places = (
             " and ".join(_PLACE_NAMES[one] for one in sorted(required, reverse=True))

@@ -12,7 +12,7 @@ from msgspec import inspect
 from printer_slicer.profile.lists import list_as_text
 from printer_slicer.profile.reading import KINDS
 
-__all__ = ["SettingRow", "choices_of", "rows_of", "settings_table"]
+__all__ = ["SettingRow", "choices_of", "find_settings", "rows_of", "settings_table"]
 
 _SIGNS: Final[Mapping[str, str]] = {"ge": ">=", "gt": ">", "le": "<=", "lt": "<"}
 
@@ -42,6 +42,18 @@ class SettingRow(NamedTuple):
     def choices(self) -> str:
         """The choices, separated by commas; empty for settings without choices."""
         return self.bounds.replace(" |", ",") if self.type == "literal" else ""
+
+
+def find_settings(*words: str) -> list[SettingRow]:
+    """Return the settings whose key or meaning contains all words; without words, all settings.
+
+    Args:
+        *words: words in any case, such as "infill".
+    """
+    lower = [word.lower() for word in words]
+    return [
+        row for row in settings_table() if all(word in f"{row.key} {row.meaning}".lower() for word in lower)
+    ]
 
 
 def settings_table() -> Iterator[SettingRow]:

@@ -20,6 +20,7 @@ import pytest
 import printer_slicer as ps
 from printer_slicer.cli.argument_flags import replace_arguments_by_options
 from printer_slicer.drawing.canvas import Text, text_width
+from printer_slicer.version import VERSION
 from tests.api.example import run
 from tests.parts import box, cone
 from tests.waiting import LAST_RESORT
@@ -146,6 +147,45 @@ def test_slice_takes_settings_by_familiar_names(given: dict[str, Any], ours: dic
     job = ps.slice(BOX, **given)
 
     assert job.profile == ps.load_profile(quality=given.get("quality"), changes=ours)
+
+
+def test_a_job_tells_what_settings_of_other_slicers_became() -> None:
+    job = ps.slice(BOX, fill_density="20%", wall_loops=4, layer_height=0.2)
+
+    assert job.notes == (
+        "PrusaSlicer's fill_density='20%' sets quality.infill_density=0.2",
+        "OrcaSlicer's wall_loops=4 sets quality.perimeters=4",
+    )
+    assert all(note in repr(job) for note in job.notes)
+    assert ps.slice(BOX).notes == ()
+
+
+def test_remedies_about_settings_work_in_python() -> None:
+    for give in (lambda: ps.slice(BOX, zebra=1), lambda: ps.load_profile(changes={"zebra": 1})):
+        with pytest.raises(ps.PrinterSlicerError) as caught:
+            give()
+        assert "`ps.find_settings()` lists all" in caught.value.remedy
+        assert "`printer-slicer profiles settings` lists all" in replace_arguments_by_options(
+            caught.value.remedy
+        )
+
+    assert "quality.perimeters" in [row.key for row in ps.find_settings()]
+    assert "quality.infill_density" in [row.key for row in ps.find_settings("Infill", "density")]
+
+
+def test_none_is_no_value_of_a_setting() -> None:
+    for give in (
+        lambda: ps.slice(BOX, layer_height=None),
+        lambda: ps.load_profile(changes={"layer_height": None}),
+        lambda: ps.profile_with(PROFILE, {"layer_height": None}),
+    ):
+        with pytest.raises(ps.PrinterSlicerError, match="layer_height: None is not a value") as caught:
+            give()
+        assert "Omit the setting" in caught.value.remedy
+
+
+def test_the_package_has_a_version() -> None:
+    assert ps.__version__ == VERSION
 
 
 @pytest.mark.parametrize(

@@ -171,8 +171,8 @@ def test_a_misspelt_change_offers_the_near_name() -> None:
     assert "speeds.travel" in refused(speeds__travle="90")
 
 
-def test_an_unknown_change_tells_the_command_that_lists_all_settings() -> None:
-    assert "profiles settings" in refused(nothing_like_it="1")
+def test_an_unknown_change_tells_what_lists_all_settings() -> None:
+    assert "`ps.find_settings()`" in refused(nothing_like_it="1")
 
 
 def test_a_table_cannot_be_changed_as_a_whole() -> None:
@@ -212,9 +212,9 @@ def test_a_profile_without_what_it_must_have_names_file_and_key(write: Write, te
         ('[planner]\nkind = "area"\nrelative_tolerance = 2', "quality.planner.relative_tolerance", "1"),
         ('seam = "front"', "quality.seam", "rear"),
         ('[planner]\nkind = "cosp"', "quality.planner.kind", "uniform, area"),
-        ("perimeters = true", "quality.perimeters", "int"),
-        ("perimeters = 2.5", "quality.perimeters", "int"),
-        ("perimeters = []", "quality.perimeters", "int"),
+        ("perimeters = true", "quality.perimeters", "a whole number"),
+        ("perimeters = 2.5", "quality.perimeters", "a whole number"),
+        ("perimeters = []", "quality.perimeters", "a whole number"),
         ("external_perimeter_first = 2", "quality.external_perimeter_first", "true or false"),
         ("name = 3", "quality.name", "text"),
         ("infill_density = nan", "quality.infill_density", "0"),

@@ -363,15 +363,12 @@ def _show_paths(arguments: argparse.Namespace) -> int:
 def _list_settings(arguments: argparse.Namespace) -> int:
     """List the settings whose key or meaning contains all words of the command line."""
     from printer_slicer.profile.document import settings_markdown
-    from printer_slicer.profile.tables import settings_table
+    from printer_slicer.profile.tables import find_settings
 
     if arguments.markdown:
         print_text(arguments, settings_markdown().rstrip("\n"), is_message=False)
         return 0
-    words = [word.lower() for word in arguments.names]
-    rows = [
-        row for row in settings_table() if all(word in f"{row.key} {row.meaning}".lower() for word in words)
-    ]
+    rows = find_settings(*arguments.names)
     if arguments.json:
         _print_json(arguments, [row._asdict() for row in rows])
         return 0
@@ -382,7 +379,7 @@ def _list_settings(arguments: argparse.Namespace) -> int:
         print_text(arguments, f"{row.key:<42}{default}{unit}{bounds}  {row.meaning}")
     if not rows:
         raise UsageError(
-            f"profiles settings {' '.join(words)}: no setting matches", remedy="Try a shorter word"
+            f"profiles settings {' '.join(arguments.names)}: no setting matches", remedy="Try a shorter word"
         )
     return 0
 
