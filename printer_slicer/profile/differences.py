@@ -2,53 +2,60 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from html import escape
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import msgspec
 
 from printer_slicer.profile.reading import flatten
-from printer_slicer.profile.tables import SettingRow, settings_table
+from printer_slicer.profile.tables import RATIO_UNITS, SettingRow, settings_table
 
 __all__ = ["ChangedSetting", "differences_as_html", "differences_as_text", "list_differences"]
 
-_MOST_ROWS: Final = 24  # rows that are shown
+_MOST_CHANGES: Final = 24  # changes that are shown
+_MOST_ROWS: Final = 6  # settings of each profile that are shown
 _MOST_CHARACTERS: Final = 40  # characters of a value that are shown
 
 
 class ChangedSetting(NamedTuple):
-    """A setting that differs from its default.
+    """A setting that was changed, or that differs from its default.
 
     Attributes:
         key: such as `quality.perimeters`.
-        value: text of the value; for G-code of several lines, the number of lines.
-        unit: unit of both; empty if the setting has none.
-        default: text of the default; empty if every profile must set the setting.
+        value: the value with its unit; for G-code of several lines, the number of lines.
+        default: the default with its unit; empty if every profile must set the setting.
+        is_change: whether it was changed on top of the named profiles.
     """
 
     key: str
     value: str
-    unit: str
     default: str
+    is_change: bool
 
 
-def list_differences(sections: Mapping[str, msgspec.Struct]) -> list[ChangedSetting]:
-    """Return the settings that differ from their defaults, without display names.
+def list_differences(
+    sections: Mapping[str, msgspec.Struct], changed: Collection[str]
+) -> list[ChangedSetting]:
+    """Return the changed settings, then the others that differ from their defaults, without display names.
 
     Args:
         sections: `printer`, `material` and `quality` -> their settings, in the order of the rows.
+        changed: keys of the changed settings.
     """
     rows = {row.key: row for row in settings_table()}
-    return [
-        one for kind, section in sections.items() for one in _list_section_differences(kind, section, rows)
+    found = [
+        one
+        for kind, section in sections.items()
+        for one in _list_section_differences(kind, section, rows, changed)
     ]
+    return sorted(found, key=lambda one: not one.is_change)
 
 
 def _list_section_differences(
-    kind: str, section: msgspec.Struct, rows: Mapping[str, SettingRow]
+    kind: str, section: msgspec.Struct, rows: Mapping[str, SettingRow], changed: Collection[str]
 ) -> Iterator[ChangedSetting]:
-    """Yield the differences of one section."""
+    """Yield the changed settings of one section, and those that differ from their defaults."""
     values = msgspec.to_builtins(section)
     planner = values.get("planner", {}).get("kind", "")
     for path, value in flatten(values):
@@ -56,10 +63,14 @@ def _list_section_differences(
         row = rows.get(key) or rows.get(key.replace(".planner.", f".planner[{planner}]."))
         if row is None or path == "name":
             continue
-        text = _format_value(value)
-        default = "" if row.default in ("required", "empty") else _format_value(_parse_number(row.default))
-        if text != default:
-            yield ChangedSetting(key, text, row.unit, default)
+        text = _format_value(value, row.unit)
+        default = (
+            ""
+            if row.default in ("required", "empty")
+            else _format_value(_parse_number(row.default), row.unit)
+        )
+        if text != default or key in changed:
+            yield ChangedSetting(key, text, default, key in changed)
 
 
 def _parse_number(text: str) -> object:
@@ -70,12 +81,12 @@ def _parse_number(text: str) -> object:
         return text
 
 
-def _format_value(value: object) -> str:
-    """Format a value as one short line."""
+def _format_value(value: object, unit: str) -> str:
+    """Format a value with its unit as one short line; ratios as percentages."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, int | float):
-        return f"{value:.10g}"
+        return f"{value * 100:.10g}%" if unit in RATIO_UNITS else f"{value:.10g} {unit}".rstrip()
     lines = str(value).strip().splitlines()
     text = lines[0] if lines else ""
     if len(lines) > 1:
@@ -83,38 +94,53 @@ def _format_value(value: object) -> str:
     return text if len(text) <= _MOST_CHARACTERS else f"{text[: _MOST_CHARACTERS - 1]}…"
 
 
-def _format_headline(names: Sequence[str], count: int) -> str:
-    """Return a line with the names of the profile and the number of changed settings."""
-    printer, material, quality = names
-    return (
-        f"printer {printer}, material {material}, quality {quality}; "
-        f"{count} setting{'' if count == 1 else 's'} differ{'s' if count == 1 else ''} from the defaults"
-    )
+def _format_headline(sections: Sequence[Any], rows: Sequence[ChangedSetting]) -> str:
+    """Return a line with the names of the profiles, the number of changes and of settings that the profiles set."""
+    printer, material, quality = (one.name for one in sections)
+    count = sum(one.is_change for one in rows)
+    changed = f"{count} setting{'' if count == 1 else 's'} changed" if count else "nothing changed"
+    return f"printer {printer}, material {material}, quality {quality}; {changed}"
 
 
-def differences_as_text(names: Sequence[str], rows: Sequence[ChangedSetting]) -> str:
-    """Return a text with one line for the profile and one line for each of the first rows.
+def _group_rows(rows: Sequence[ChangedSetting]) -> Iterator[tuple[str, Sequence[ChangedSetting], int]]:
+    """Yield title, shown rows and number of further rows of each group: the changes, then each profile."""
+    groups: dict[str, list[ChangedSetting]] = {}
+    for row in rows:
+        kind = row.key.partition(".")[0]
+        groups.setdefault("changed" if row.is_change else f"set by the {kind} profile", []).append(row)
+    for title, members in groups.items():
+        most = _MOST_CHANGES if members[0].is_change else _MOST_ROWS
+        yield title, members[:most], max(len(members) - most, 0)
+
+
+def differences_as_text(sections: Sequence[Any], rows: Sequence[ChangedSetting]) -> str:
+    """Return a text with one line for the profile and one line for each of the first rows of each group.
 
     Args:
-        names: display names of printer, material and quality.
+        sections: printer, material and quality.
         rows: from `list_differences`.
     """
-    shown = rows[:_MOST_ROWS]
-    width = max((len(one.key) for one in shown), default=0)
-    lines = [f"<Profile: {_format_headline(names, len(rows))}"]
-    for one in shown:
-        value = f"{one.value} {one.unit}".rstrip() or "empty"
-        lines.append(f"  {one.key:{width}}  {value}" + (f"  (default {one.default})" if one.default else ""))
-    lines += [f"  and {len(rows) - len(shown)} more"] if len(shown) < len(rows) else []
+    width = max((len(one.key) for _, shown, _ in _group_rows(rows) for one in shown), default=0)
+    lines = [f"<Profile: {_format_headline(sections, rows)}"]
+    for title, shown, more in _group_rows(rows):
+        lines.append(f"  {title}:")
+        for one in shown:
+            default = f"  (default {one.default})" if one.default else ""
+            lines.append(f"    {one.key:{width}}  {one.value or 'empty'}{default}")
+        lines += [f"    and {more} more"] if more else []
     return "\n".join([*lines, ">"]) if len(lines) > 1 else f"{lines[0]}>"
 
 
-def differences_as_html(names: Sequence[str], rows: Sequence[ChangedSetting]) -> str:
-    """Return an HTML table of the first rows; arguments as for `differences_as_text`."""
-    head = "".join(f"<th>{title}</th>" for title in ("setting", "value", "unit", "default"))
-    body = "".join(
-        "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in one) + "</tr>" for one in rows[:_MOST_ROWS]
-    )
-    more = f"<p>and {len(rows) - _MOST_ROWS} more</p>" if len(rows) > _MOST_ROWS else ""
-    title = escape(_format_headline(names, len(rows)))
-    return f"<p>{title}</p><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>{more}"
+def differences_as_html(sections: Sequence[Any], rows: Sequence[ChangedSetting]) -> str:
+    """Return an HTML table with the first rows of each group; arguments as for `differences_as_text`."""
+    body = [_format_html_row(("setting", "value", "default"), "th")]
+    for title, shown, more in _group_rows(rows):
+        body.append(f'<tr><th colspan="3">{escape(title)}</th></tr>')
+        body += [_format_html_row((one.key, one.value, one.default)) for one in shown]
+        body += [_format_html_row((f"and {more} more", "", ""))] if more else []
+    return f"<p>{escape(_format_headline(sections, rows))}</p><table>{''.join(body)}</table>"
+
+
+def _format_html_row(cells: Sequence[str], tag: str = "td") -> str:
+    """Return a row of an HTML table."""
+    return "<tr>" + "".join(f"<{tag}>{escape(cell)}</{tag}>" for cell in cells) + "</tr>"

@@ -16,6 +16,7 @@ from types import NoneType
 from typing import Any, Final
 
 import msgspec
+from msgspec.structs import replace
 
 from printer_slicer.arguments import PATH, check_argument, check_arguments
 from printer_slicer.errors import ProfileError, UsageError
@@ -33,7 +34,7 @@ from printer_slicer.profile.reading import (
     overlay,
     read_chain,
 )
-from printer_slicer.profile.renamed import current_names, resolve_former_name
+from printer_slicer.profile.renamed import current_name, current_names, resolve_former_name
 from printer_slicer.texts import describe_type
 
 __all__ = [
@@ -47,7 +48,6 @@ __all__ = [
     "settings_text",
 ]
 
-_RATIO_UNITS = ("0-1", "ratio")
 _BARE_POINT = re.compile(r"([-+]?)([0-9]*)\.([0-9]*)")
 
 
@@ -85,10 +85,10 @@ def load_profile(
         for kind, name in (("printer", printer), ("material", material), ("quality", quality))
     }
     _check_folders(folders)
-    changes = _check_changes({} if changes is None else changes)
-    return _build_profile(
-        read_sources(names, _choose_planner(changes), [Path(one) for one in folders]), slices=slices
-    )
+    changes = _choose_planner(_check_changes({} if changes is None else changes))
+    sources = read_sources(names, changes, [Path(one) for one in folders])
+    profile = _build_profile(sources, slices=slices)
+    return replace(profile, changed=tuple(_list_changed_keys(sources, changes)))
 
 
 def _check_folders(folders: object) -> None:
@@ -211,7 +211,13 @@ def _copy_with_changes(profile: Profile, changes: Mapping[str, object], *, slice
         )
         for kind in KINDS
     }
-    return _build_profile(_apply_changes(sources, changes), slices=slices)
+    made = _build_profile(_apply_changes(sources, changes), slices=slices)
+    return replace(made, changed=tuple(sorted({*profile.changed, *_list_changed_keys(sources, changes)})))
+
+
+def _list_changed_keys(sources: Mapping[str, SettingsSource], changes: Mapping[str, object]) -> list[str]:
+    """Return the full keys of changes, after they were applied."""
+    return sorted({".".join(resolve_key(sources, current_name(key.removesuffix("+")))) for key in changes})
 
 
 def settings_of(profile: Profile) -> dict[str, dict[str, Any]]:
@@ -274,11 +280,11 @@ def _list_rule_places(path: str, rules: Sequence[Any]) -> dict[str, str]:
 
 def _percent_to_ratio(kind: str, path: str, text: str) -> str:
     """Convert a percentage to a ratio if the setting is a ratio; return the text unchanged for other settings."""
-    from printer_slicer.profile.tables import settings_table  # noqa: PLC0415 - for percentages only
+    from printer_slicer.profile.tables import RATIO_UNITS, settings_table  # noqa: PLC0415 - for percentages only
 
     units = {row.key: row.unit for row in settings_table()}
     try:
-        return f"{float(text[:-1]) / 100:.10g}" if units.get(f"{kind}.{path}") in _RATIO_UNITS else text
+        return f"{float(text[:-1]) / 100:.10g}" if units.get(f"{kind}.{path}") in RATIO_UNITS else text
     except ValueError:
         return text
 

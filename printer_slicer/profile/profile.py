@@ -48,32 +48,46 @@ class Extruder(NamedTuple):
 
 
 class Profile(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """All settings that determine how a part becomes G-code."""
+    """All settings that determine how a part becomes G-code.
+
+    Attributes:
+        printer, material, quality: the settings of each.
+        changed: keys, such as `quality.perimeters`, that were changed on top of the named profiles. Profiles with the
+            same settings are equal, whatever was changed.
+    """
 
     printer: Printer
     material: Material
     quality: Quality
+    changed: tuple[str, ...] = ()
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Profile) and self._sections() == other._sections()
+
+    def __hash__(self) -> int:
+        return hash(self._sections())
+
+    def _sections(self) -> tuple[Printer, Material, Quality]:
+        """Return printer, material and quality."""
+        return self.printer, self.material, self.quality
 
     def __repr__(self) -> str:
         from printer_slicer.profile.differences import differences_as_text  # noqa: PLC0415 - only where it is shown
 
-        return differences_as_text(self._names(), self._differences())
+        return differences_as_text(self._sections(), self._differences())
 
     def _repr_html_(self) -> str:
         """Return the table that notebooks show: settings that differ from their defaults."""
         from printer_slicer.profile.differences import differences_as_html  # noqa: PLC0415 - only where it is shown
 
-        return differences_as_html(self._names(), self._differences())
-
-    def _names(self) -> tuple[str, str, str]:
-        """Return the display names of printer, material and quality."""
-        return self.printer.name, self.material.name, self.quality.name
+        return differences_as_html(self._sections(), self._differences())
 
     def _differences(self) -> list[ChangedSetting]:
-        """Return the settings that differ from their defaults."""
+        """Return the changed settings, then those of the named profiles that differ from their defaults."""
         from printer_slicer.profile.differences import list_differences  # noqa: PLC0415 - only where it is shown
 
-        return list_differences({"quality": self.quality, "material": self.material, "printer": self.printer})
+        sections = {"quality": self.quality, "material": self.material, "printer": self.printer}
+        return list_differences(sections, self.changed)
 
     @property
     def dials(self) -> OptimalPlanner:

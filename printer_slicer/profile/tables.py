@@ -12,9 +12,13 @@ from msgspec import inspect
 from printer_slicer.profile.lists import list_as_text
 from printer_slicer.profile.reading import KINDS
 
-__all__ = ["SettingRow", "choices_of", "find_settings", "rows_of", "settings_table"]
+__all__ = ["RATIO_UNITS", "SettingRow", "choices_of", "find_settings", "rows_of", "settings_table"]
 
 _SIGNS: Final[Mapping[str, str]] = {"ge": ">=", "gt": ">", "le": "<=", "lt": "<"}
+
+
+RATIO_UNITS: Final = ("0-1", "ratio")
+"""Units of settings whose values can be written as percentages."""
 
 
 class SettingRow(NamedTuple):

@@ -238,29 +238,59 @@ def test_a_job_is_printed_with_its_own_profile() -> None:
 # Values in a notebook
 
 
-def test_a_profile_is_a_table_of_what_differs_from_the_defaults() -> None:
-    profile = ps.load_profile("Ender 3", "petg", "standard", {"perimeters": 3, "speeds.travel": 120})
+def test_a_profile_is_a_table_with_the_changes_first() -> None:
+    changes = {"perimeters": 3, "speeds.travel": 120, "infill_density": 0.25}
+    profile = ps.load_profile("Ender 3", "petg", "standard", changes)
     root = ET.fromstring(f"<div>{profile._repr_html_()}</div>")
     rows = [[cell.text or "" for cell in row] for row in root.iter("tr")]
 
-    assert rows[0] == ["setting", "value", "unit", "default"]
-    assert ["quality.perimeters", "3", "", "2"] in rows
-    assert ["quality.speeds.travel", "120", "mm/s", "0"] in rows
-    assert ["quality.planner.kind", "uniform", "", "optimal"] in rows
+    assert (root.findtext("p") or "").endswith("quality standard; 3 settings changed")
+    assert rows[:5] == [
+        ["setting", "value", "default"],
+        ["changed"],
+        ["quality.perimeters", "3", "2"],
+        ["quality.infill_density", "25%", "15%"],
+        ["quality.speeds.travel", "120 mm/s", "0 mm/s"],
+    ]
+    assert ["set by the quality profile"] in rows
+    assert ["quality.planner.kind", "uniform", "optimal"] in rows
+    assert ["printer.bed_x", "220 mm", ""] in rows
     assert not [row for row in rows if "first_layer_speed" in row or row[0].endswith(".name")]
-    assert len(rows) <= 25
+    assert len(rows) <= 30
 
 
-def test_a_profile_says_in_lines_what_differs_from_the_defaults() -> None:
+def test_a_profile_says_in_lines_what_was_changed_and_what_its_profiles_set() -> None:
     lines = repr(ps.load_profile("Ender 3", "petg", changes={"perimeters": 3})).splitlines()
 
-    assert lines[0].startswith("<Profile: printer Creality Ender-3, material PETG, quality adaptive; ")
-    assert [line.split() for line in lines if "perimeters" in line] == [
-        ["quality.perimeters", "3", "(default", "2)"]
+    assert (
+        lines[0] == "<Profile: printer Creality Ender-3, material PETG, quality adaptive; 1 setting changed"
+    )
+    assert lines[1] == "  changed:"
+    assert lines[2].split() == ["quality.perimeters", "3", "(default", "2)"]
+    assert [line.strip() for line in lines if line.endswith(":")][1:] == [
+        f"set by the {kind} profile:" for kind in ("quality", "material", "printer")
     ]
     assert lines[-1] == ">"
     assert len(lines) <= 27
     assert max(map(len, lines)) <= 120
+
+
+def test_a_profile_as_named_has_no_changes() -> None:
+    default = ps.load_profile()
+
+    assert "; nothing changed\n" in repr(default)
+    assert "material.fan_ratio              60%  (default 50%)" in repr(default)
+    assert default.changed == ()
+
+
+def test_a_profile_knows_what_was_changed_but_its_equality_does_not() -> None:
+    changed = ps.profile_with(ps.load_profile(changes={"perimeters": 3}), {"seam": "rear"})
+    back = ps.profile_with(ps.profile_with(PROFILE, {"perimeters": 9}), {"perimeters": 2})
+
+    assert changed.changed == ("quality.perimeters", "quality.seam")
+    assert back == PROFILE
+    assert hash(back) == hash(PROFILE)
+    assert back.changed == ("quality.perimeters",)
 
 
 @pytest.mark.parametrize("name", DRAWN)
