@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from printer_slicer.gcode_text import gcode_of
     from printer_slicer.geometry import Areas, Polylines
     from printer_slicer.healing import repair
+    from printer_slicer.importing.familiar import load_profile, profile_with
     from printer_slicer.infill import Infill, InfillTask
     from printer_slicer.inspection.coverage.model_check import Check, check_gcode
     from printer_slicer.inspection.dry_run.judging import Verdict
@@ -50,7 +51,7 @@ if TYPE_CHECKING:
     from printer_slicer.pipeline import plan_part, slice_part, slice_stages
     from printer_slicer.placing import Placement, join, place, transform
     from printer_slicer.printing import Controls, PrintResult, print_job
-    from printer_slicer.profile import Profile, load_profile, profile_with
+    from printer_slicer.profile import Profile
     from printer_slicer.profile.tables import find_settings
     from printer_slicer.roles import Role
     from printer_slicer.slice_jobs import job_from, job_of, slice  # noqa: A004 - called as ps.slice
@@ -104,12 +105,12 @@ _HOMES = {
     "join": "placing",
     "load_mesh": "mesh_io",
     "load_model": "mesh_io",
-    "load_profile": "profile",
+    "load_profile": "importing.familiar",
     "move_seconds": "extrusion",
     "place": "placing",
     "plan_part": "pipeline",
     "print_job": "printing",
-    "profile_with": "profile",
+    "profile_with": "importing.familiar",
     "read_surface": "surface",
     "repair": "healing",
     "slice": "slice_jobs",

@@ -10,14 +10,14 @@ from typing import Any, Final
 from printer_slicer.arguments import PATH, check_arguments
 from printer_slicer.errors import UsageError
 from printer_slicer.gcode_text import gcode_of
-from printer_slicer.importing.familiar import translate_setting
+from printer_slicer.importing.familiar import load_profile, translate_changes
 from printer_slicer.inspection.lint.scan import lint_file, lint_text
 from printer_slicer.jobs import Job, is_gcode
 from printer_slicer.mesh_io import load_mesh
 from printer_slicer.model import Mesh
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.placing import IN_THE_MIDDLE, Placement
-from printer_slicer.profile import Profile, load_profile
+from printer_slicer.profile import Profile
 from printer_slicer.progress import Report, quiet
 from printer_slicer.stages import Stages
 from printer_slicer.strategies import BUILT_IN, Strategies
@@ -123,9 +123,17 @@ def slice(  # noqa: A001 - called as ps.slice
     name = ""
     if not isinstance(path_or_mesh, Mesh):
         name = _check_model_path(path_or_mesh).name
-    names: dict[str, Any] = {"printer": printer, "material": material, "quality": quality}
-    changes, notes = _translate_settings(settings, names, profiles)
-    profile = load_profile(**names, changes=changes, folders=profiles)
+    names: dict[str, Any] = {
+        kind: None if value is None else os.fspath(value)
+        for kind, value in (("printer", printer), ("material", material), ("quality", quality))
+    }
+    folders = [Path(folder) for folder in profiles]
+
+    def load(changes: Mapping[str, object] | None) -> Profile:
+        return load_profile(**names, changes=changes, slices=False, folders=folders)
+
+    changes, notes = translate_changes(dict(_flatten_settings(settings)), load)
+    profile = load_profile(**names, changes=changes, folders=folders)
     part = path_or_mesh if isinstance(path_or_mesh, Mesh) else load_mesh(path_or_mesh)
     return replace(job_of(part, profile, name=name), notes=notes)
 
@@ -150,29 +158,6 @@ def _check_model_path(given: object) -> Path:
     return path
 
 
-def _translate_settings(
-    settings: Mapping[str, object], names: Mapping[str, Any], folders: Sequence[str | os.PathLike[str]]
-) -> tuple[dict[str, Any], tuple[str, ...]]:
-    """Convert the keyword arguments of `slice` to changes for `load_profile`; also note what settings became.
-
-    Raises:
-        ProfileError: a setting of another slicer has no counterpart, or a name is ambiguous.
-    """
-
-    def load_base_profile() -> Profile:
-        return load_profile(**names, slices=False, folders=folders)
-
-    changes: dict[str, Any] = {}
-    notes: list[str] = []
-    for key, value in _flatten_settings(settings):
-        found = translate_setting(key, _format_for_other_slicer(value), load_base_profile, _format_argument)
-        changes |= {key: value} if found is None else found.changes
-        if found is not None:
-            own = ", ".join(f"{name}={made}" for name, made in found.changes.items())
-            notes.append(f"{found.slicer}'s {key.replace('.', '__')}={value!r} sets {own}")
-    return changes, tuple(notes)
-
-
 def _flatten_settings(settings: Mapping[str, object], table: str = "") -> Iterator[tuple[str, object]]:
     """Yield (dotted key, value) of settings in nested tables; `planner` becomes the key `planner.kind`."""
     for name, value in settings.items():
@@ -183,16 +168,3 @@ def _flatten_settings(settings: Mapping[str, object], table: str = "") -> Iterat
             yield f"{key}.kind", value
         else:
             yield key, value
-
-
-def _format_for_other_slicer(value: object) -> str:
-    """Format a setting's value as other slicers write it in their files."""
-    if isinstance(value, bool):
-        return str(int(value))
-    return ",".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
-
-
-def _format_argument(name: str, value: str) -> str:
-    """Format a setting as a keyword argument of `slice`, for messages."""
-    is_number = value.removeprefix("-").replace(".", "", 1).isdigit()
-    return f"{name.replace('.', '__')}={value if is_number else repr(value)}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import cache
 from math import inf, isfinite
@@ -208,12 +208,17 @@ def parse_box(text: str) -> tuple[tuple[float, float], tuple[float, float]]:
 
 
 def parse_infill_density(text: str) -> float:
-    """Parse an infill density into a ratio from 0 to 1: `20%` and `20` give 0.2, as in other slicers."""
+    """Parse an infill density in percent, `20%` or `20`, into a ratio from 0 to 1."""
     expected = "a percentage, such as 20%; the pattern is set by --set infill=gyroid"
     value = _parse_checked_number(
         text.removesuffix("%"), expected, lambda value: 0 <= value <= _WHOLE_PERCENT
     )
-    return value / _WHOLE_PERCENT if text.endswith("%") or value > 1 else value
+    if 0 < value <= 1 and not text.endswith("%"):
+        percent = f"{_WHOLE_PERCENT * value:g}%"
+        raise argparse.ArgumentTypeError(
+            f"{text}: write {percent}" if value < 1 else f"{text}: write {percent} for solid infill, or 1%"
+        )
+    return value / _WHOLE_PERCENT
 
 
 _Container = argparse._ActionsContainer  # noqa: SLF001 - base class of parsers and argument groups
@@ -626,10 +631,10 @@ def _add_file_reading_options(group: argparse._ArgumentGroup) -> None:
 
 
 def reject_model_options(arguments: argparse.Namespace) -> None:
-    """Reject options for models, and further files, if a G-code file is printed.
+    """Reject options for models and for slicing, and further files, if a G-code file is printed.
 
     Raises:
-        UsageError: an option for models, or more than one file, is given.
+        UsageError: such an option, or more than one file, is given.
     """
     if len(arguments.models) > 1:
         raise UsageError(
@@ -637,12 +642,21 @@ def reject_model_options(arguments: argparse.Namespace) -> None:
             remedy="Print the files one after the other, or slice the models together",
         )
     given = [name for name, usual in _MODEL_DEFAULTS.items() if getattr(arguments, name) != usual]
-    if given:
-        flag = "--no-drop" if given[0] == "drop" else f"--{given[0].replace('_', '-')}"
+    flags = ["--no-drop" if name == "drop" else f"--{name.replace('_', '-')}" for name in given]
+    for flag in [*flags, *_find_slicing_options(arguments)]:
         raise UsageError(
             f"{arguments.models[0]}: {flag} does not apply to G-code, which is printed unchanged",
             remedy=f"Leave out {flag}, or name the model instead of the G-code",
         )
+
+
+def _find_slicing_options(arguments: argparse.Namespace) -> Iterator[str]:
+    """Yield the options of a command line that change only how models are sliced."""
+    keys = {flag: f"setting {option.setting}" for flag, option in SETTING_OPTIONS.items()}
+    keys |= {"--heights": "setting heights", "--range": "range", "--set-for": "set_for", "--load": "load"}
+    for flag, key in keys.items():
+        if getattr(arguments, key, None) not in (None, []):
+            yield flag
 
 
 # G-code and machines

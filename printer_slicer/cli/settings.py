@@ -6,7 +6,10 @@ import argparse
 import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from functools import partial
 from pathlib import Path
+from textwrap import shorten
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, NoReturn
 
 from printer_slicer.cli.arguments import SETTING_OPTIONS
@@ -15,6 +18,7 @@ from printer_slicer.errors import ProfileError, UsageError
 from printer_slicer.saving import make_folder
 
 if TYPE_CHECKING:
+    from printer_slicer.importing.familiar import FamiliarSetting
     from printer_slicer.profile import Profile
 
 __all__ = [
@@ -29,6 +33,7 @@ __all__ = [
 
 _PLANNER_RANGE_SETTINGS = ("tolerance", "layer_height")  # settings that the layer planner reads from --range
 _RANGE_SETTINGS: Final = ("planner.ranges", "planner.ranges+", "ranges")
+_MOST_SHOWN: Final = 80  # characters of a setting or note in a message
 _SEARCHED_BYTES: Final = 1 << 14  # at both ends of a file, where slicers name the machine
 _MACHINE: Final = re.compile(
     rb"^; ?(?:TARGET_MACHINE\.NAME:|machine_type:|printer_model = |printer_settings_id = )([^\r\n]{1,100})",
@@ -137,6 +142,7 @@ def changes_from(arguments: argparse.Namespace) -> dict[str, object]:
         UsageError: --set lacks a value, or the name of a profile is empty.
     """
     _translate_other_slicer_settings(arguments)
+    _translate_overrides(arguments)
     changes = _collect_option_changes(arguments)
     if getattr(arguments, "baud", None):
         changes["printer.baud"] = arguments.baud
@@ -165,41 +171,114 @@ def _translate_other_slicer_settings(arguments: argparse.Namespace) -> None:
     Raises:
         UsageError: a setting of another slicer has no counterpart, or a name is ambiguous.
     """
-    from printer_slicer.profile.keys import is_setting
-
     pairs = [change.partition("=") for change in arguments.set]
-    if all(is_setting(key.strip()) for key, _, _ in pairs):
-        return
-    from printer_slicer.importing.familiar import translate_setting
-    from printer_slicer.profile import load_profile
-
-    names = {kind: getattr(arguments, kind, None) for kind in ("printer", "material", "quality")}
-    folders = check_profile_folders(arguments)
-    around = {key.strip(): value.strip() for key, _, value in pairs if is_setting(key.strip())}
-    around |= {
-        key: value for key, value in _collect_option_changes(arguments).items() if not key.endswith("+")
-    }
-    try:
-        profile = load_profile(**names, changes=around, slices=False, folders=folders)
-    except ProfileError:  # reported when all settings are applied
-        profile = load_profile(**names, slices=False, folders=folders)
+    given = [(key.strip(), value.strip()) for key, equals, value in pairs if equals]
+    if len(given) < len(arguments.set):
+        return  # reported when the changes are collected
+    found = _translate_settings(arguments, given)
     result: list[str] = []
-    for change, (key, equals, value) in zip(arguments.set, pairs, strict=True):
-        name = key.strip()
-        found = (
-            translate_setting(name, value.strip(), lambda: profile, _format_set_option) if equals else None
-        )
-        own = [change] if found is None else [f"{ours}={made}" for ours, made in found.changes.items()]
-        result += own
-        if found is not None and not arguments.quiet:
-            text = f"printer-slicer: {found.slicer}'s {change} sets {', '.join(own)}"
-            print(sanitize(text), file=sys.stderr)
+    for change, one in zip(arguments.set, found, strict=True):
+        if one is None:
+            result.append(change)
+            continue
+        changes = [f"{ours}={_format_value(value)}" for ours, value in one.changes.items()]
+        result += changes
+        if (changes or one.notes) and not arguments.quiet:
+            print(sanitize(_describe_translation(one, changes)), file=sys.stderr)
     arguments.set = result
 
 
-def _format_set_option(name: str, value: str) -> str:
-    """Format a setting as it is typed with --set."""
-    return f"--set {name}={value}"
+def _describe_translation(setting: FamiliarSetting, changes: Sequence[str]) -> str:
+    """Say in one line which settings of this program a setting of another slicer changes."""
+    typed, made, notes = (
+        [shorten(" ".join(one.split()), _MOST_SHOWN, placeholder=" ...") for one in texts]
+        for texts in (setting.typed, changes, setting.notes)
+    )
+    verb = "sets" if len(typed) == 1 else "set"
+    text = " and ".join(typed) + (f" {verb} {', '.join(made)}" if made else "")
+    return f"printer-slicer: {setting.slicer}'s {text}" + (f" ({'; '.join(notes)})" if notes else "")
+
+
+def _translate_overrides(arguments: argparse.Namespace) -> None:
+    """Replace settings of other slicers in --range and --set-for, and print each replacement.
+
+    Raises:
+        UsageError: a setting of another slicer has no counterpart, or a name is ambiguous.
+    """
+    for option in ("range", "set_for"):
+        for rule in getattr(arguments, option, ())[:]:
+            head, equals, value = rule.partition("=")
+            where, _, key = head.rpartition(":")
+            if not equals or not where:
+                continue  # reported when the changes are collected
+            begin = f"--{option.replace('_', '-')} {where}:"
+            (found,) = _translate_settings(arguments, [(key.strip(), value.strip())], begin)
+            if found is None:
+                continue
+            made = [
+                f"{where}:{ours.partition('.')[2]}={_format_value(one)}"
+                for ours, one in found.changes.items()
+            ]
+            rules: list[str] = getattr(arguments, option)
+            rules[rules.index(rule) : rules.index(rule) + 1] = made
+            if made and not arguments.quiet:
+                print(sanitize(_describe_translation(found, made)), file=sys.stderr)
+
+
+def _translate_settings(
+    arguments: argparse.Namespace, given: Sequence[tuple[str, str]], begin: str = "--set "
+) -> Sequence[FamiliarSetting | None]:
+    """Convert settings of other slicers, in the profile of the command line; None for settings of this program.
+
+    Args:
+        arguments: the command line.
+        given: names and values.
+        begin: what was typed before each name, for messages.
+
+    Raises:
+        ProfileError: a setting of another slicer has no counterpart, or a name is ambiguous.
+    """
+    from printer_slicer.profile.keys import is_setting
+    from printer_slicer.profile.tables import takes_form
+
+    if all(is_setting(key) and takes_form(key, value) for key, value in given):
+        return [None] * len(given)  # without the modules that convert profiles
+    from printer_slicer.importing.familiar import translate_settings
+
+    try:
+        return translate_settings(
+            given, partial(_load_context, arguments), lambda name, value: f"{begin}{name}={value}"
+        )
+    except ProfileError as error:
+        message = str(error.args[0])
+        typed = any(message.startswith(f"{name}=") for name, _ in given)
+        raise ProfileError(f"{begin}{message}" if typed else message, remedy=error.remedy) from None
+
+
+def _load_context(arguments: argparse.Namespace, own: Mapping[str, object]) -> Profile:
+    """Load the profile in which settings of other slicers are converted.
+
+    Args:
+        arguments: the command line.
+        own: settings of this program that the command line changes.
+    """
+    from printer_slicer.profile import profile_over
+
+    names = {kind: getattr(arguments, kind, None) for kind in ("printer", "material", "quality")}
+    folders = check_profile_folders(arguments)
+    loaded = _read_loaded_files(arguments, names).values
+    options = _collect_option_changes(arguments)
+    around = {key: value for key, value in options.items() if not key.endswith("+")}
+    with suppress(ProfileError):  # reported when all settings are applied
+        return profile_over(loaded, names, {**around, **own}, folders)
+    return profile_over(loaded, names, {}, folders)
+
+
+def _format_value(value: object) -> str:
+    """Format the value of a setting as it is typed."""
+    from printer_slicer.profile.lists import list_as_text
+
+    return list_as_text(value) if isinstance(value, list | tuple) else str(value)
 
 
 def _find_flavour(firmware: str) -> str:
@@ -217,22 +296,7 @@ def _collect_option_changes(arguments: argparse.Namespace) -> dict[str, object]:
         if key.startswith("setting ")
     }
     changes: dict[str, object] = {key: value for key, value in given.items() if value is not None}
-    heights = str(changes.pop("heights", ""))
-    if ":" in heights:
-        low, high, *step = heights.split(":")
-        if len(step) > 1:
-            raise UsageError(
-                f"--heights {heights}: expected LOW:HIGH or LOW:HIGH:STEP",
-                remedy="Write for example --heights 0.1:0.3:0.02, in mm",
-            )
-        changes |= {
-            "quality.thinnest_layer": low,
-            "quality.thickest_layer": high,
-            "quality.layer_heights": "",
-        }
-        changes |= {"quality.layer_step": step[0]} if step else {}
-    elif heights:
-        changes["quality.layer_heights"] = heights
+    changes |= _parse_heights(str(changes.pop("heights", "")))
     own = list(getattr(arguments, "set_for", ()))
     planned: list[str] = []
     for rule in getattr(arguments, "range", ()):
@@ -247,6 +311,28 @@ def _collect_option_changes(arguments: argparse.Namespace) -> dict[str, object]:
     # The ranges are added after those of the quality profile, because the last one takes precedence.
     changes |= {"quality.planner.ranges+": ";".join(planned)} if planned else {}
     return changes | ({"quality.overrides+": ";".join(own)} if own else {})
+
+
+def _parse_heights(heights: str) -> dict[str, object]:
+    """Return the settings that --heights changes.
+
+    Raises:
+        UsageError: it is neither a list nor a range.
+    """
+    if ":" not in heights:
+        return {"quality.layer_heights": heights} if heights else {}
+    low, high, *step = heights.split(":")
+    if len(step) > 1:
+        raise UsageError(
+            f"--heights {heights}: expected LOW:HIGH or LOW:HIGH:STEP",
+            remedy="Write for example --heights 0.1:0.3:0.02, in mm",
+        )
+    changes: dict[str, object] = {
+        "quality.thinnest_layer": low,
+        "quality.thickest_layer": high,
+        "quality.layer_heights": "",
+    }
+    return changes | ({"quality.layer_step": step[0]} if step else {})
 
 
 def _check_range(rule: str) -> None:

@@ -211,11 +211,11 @@ def _applies(meant: str, known: Collection[str]) -> bool:
         return False
     if option != "--set":
         return True
-    from printer_slicer.importing.familiar import is_familiar
+    from printer_slicer.importing.familiar import has_equivalent
     from printer_slicer.importing.prusaslicer_names import setting_kind
     from printer_slicer.profile.keys import is_setting, section_of_setting
 
     name = rest.partition("=")[0]
-    if not (is_setting(name) or is_familiar(name)):
+    if not (is_setting(name) or has_equivalent(name)):
         return False
     return "--quality" in known or (section_of_setting(name) or setting_kind(name)) != "quality"

@@ -55,10 +55,11 @@ class Conversion(Struct):
         for name in outer:
             table = table.setdefault(name, {})
         table[leaf] = _round_number(value)
-        present = [name for name in names if name in self.preset.entries]
-        label = ", ".join(self.preset.source_name(name) for name in present[:1])
-        text = self.preset.raw(present[0]) if present else self.preset.raw(names[0]) if names else ""
-        self.taken.append(ConvertedSetting(label, text, ours, _round_number(value), how, differs))
+        first = next((name for name in names if name in self.preset.entries), "")
+        label = self.preset.source_name(first)
+        text = self.preset.raw(first or names[0]) if names else ""
+        value = _round_number(value)
+        self.taken.append(ConvertedSetting(label, text, ours, value, how, differs, tuple(names)))
 
     def copy_number(self, ours: str, theirs: str, how: str = "", *, differs: bool = False) -> float:
         """Set one of our settings to a number of the source, and return the number."""
@@ -84,12 +85,12 @@ class Conversion(Struct):
             near: words of the source -> our words with a similar meaning.
             other: our word for all other words of the source.
         """
-        word = self.preset.text(theirs).strip().lower()
+        word = self.preset.word(theirs, [*same, *near])
         value = same.get(word) or near.get(word, other)
         how = "" if word in same else f"{value} is the most similar choice for {word or 'nothing'}"
         self.put(ours, value, theirs, how, differs=word not in same)
 
-    def clamp(  # noqa: PLR0917 - calls read as rows of a table
+    def clamp(  # noqa: PLR0913, PLR0917 - calls read as rows of a table
         self,
         ours: str,
         value: float,
@@ -97,18 +98,36 @@ class Conversion(Struct):
         high: float,
         theirs: str | Sequence[str],
         how: str = "",
+        *,
+        is_derived: bool = False,
     ) -> float:
-        """Set one of our settings to a number within `low` and `high`; warn if the number has to be changed."""
+        """Set one of our settings to a number within `low` and `high`; warn if the number has to be changed.
+
+        Raises:
+            ProfileError: the number has to be changed, and was typed; with `is_derived`, it was not typed itself.
+        """
         clamped = min(max(value, low), high)
         is_outside = abs(clamped - value) > 1e-12
         if is_outside:
             bound = f"the {'minimum' if clamped > value else 'maximum'} here"
+            names = [theirs] if isinstance(theirs, str) else theirs
+            for name in () if is_derived else self.preset.typed.intersection(names):
+                raise self.error(name, f"{clamped:g} is {bound}", "Write a value within the bounds")
             how = f"{how}; {clamped:g} is {bound}" if how else f"{clamped:g} is {bound}"
             self.warn(
                 theirs if isinstance(theirs, str) else theirs[0], f"{value:g} becomes {clamped:g}, {bound}"
             )
         self.put(ours, clamped, theirs, how, differs=is_outside)
         return clamped
+
+    def switch_off(self, ours: str, value: Any, *theirs: str) -> None:
+        """Set one of our settings to the value for off if a setting of the source was typed.
+
+        In files this is not necessary, because the value is the default.
+        """
+        self.mark_used(theirs)
+        if self.preset.typed.intersection(theirs):
+            self.put(ours, value, theirs)
 
     def resolve(self, theirs: str, whole: float) -> float:
         """Return a number of the source; a percentage is taken of `whole`."""

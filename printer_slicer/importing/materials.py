@@ -52,12 +52,7 @@ def convert_material(preset: Preset) -> ImportedProfile:
         "" if density else "not in the source: the density of PLA",
     )
     conversion.copy_number("cost", "filament_cost")
-    flow = preset.number("extrusion_multiplier")
-    if not _LEAST_FLOW_RATIO <= flow <= _MOST_FLOW_RATIO:
-        raise conversion.error(
-            "extrusion_multiplier", f"a flow ratio of {flow:g} is out of range", "Write a number near 1"
-        )
-    conversion.clamp("flow_ratio", flow, 0.5, 1.5, "extrusion_multiplier")
+    _convert_flow_ratio(conversion)
     for ours, theirs in (
         ("nozzle_temperature", "temperature"),
         ("first_layer_nozzle_temperature", "first_layer_temperature"),
@@ -69,6 +64,20 @@ def convert_material(preset: Preset) -> ImportedProfile:
     _convert_cooling(conversion)
     _convert_pressure_advance(conversion)
     return conversion.finish(_explain_unsupported)
+
+
+def _convert_flow_ratio(conversion: Conversion) -> None:
+    """Convert the flow ratio.
+
+    Raises:
+        ProfileError: it is far from 1, as if it were a percentage.
+    """
+    flow = conversion.preset.number("extrusion_multiplier")
+    if not _LEAST_FLOW_RATIO <= flow <= _MOST_FLOW_RATIO:
+        raise conversion.error(
+            "extrusion_multiplier", f"a flow ratio of {flow:g} is out of range", "Write a number near 1"
+        )
+    conversion.clamp("flow_ratio", flow, 0.5, 1.5, "extrusion_multiplier")
 
 
 def _convert_max_flow(conversion: Conversion) -> None:
@@ -84,22 +93,15 @@ def _convert_max_flow(conversion: Conversion) -> None:
 def _convert_cooling(conversion: Conversion) -> None:
     """Convert fan speeds and cooling times; if cooling is off, the fan speed is constant."""
     preset = conversion.preset
-    usual, most = (
-        conversion.resolve(name, 1.0) / (1 if conversion.quantity(name).is_percent else 100)
-        for name in _FAN_SETTINGS[:2]
-    )
+    usual, most = (_read_fan_ratio(preset, name) for name in _FAN_SETTINGS[:2])
     always, cooling = preset.is_on("fan_always_on"), preset.is_on("cooling")
     low, how = usual if always else 0.0, "" if cooling else "cooling is off"
-    conversion.clamp(
-        "fan_ratio", low, 0, 1, ("min_fan_speed", "fan_always_on"), "" if always else "fan_always_on is off"
-    )
+    names: tuple[str, ...] = ("min_fan_speed", "fan_always_on")
+    if low > most and preset.typed.intersection(_FAN_SETTINGS[:2]) == {"max_fan_speed"}:
+        low, names = most, (*names, "max_fan_speed")  # the minimum comes from the profile that is changed
+    conversion.clamp("fan_ratio", low, 0, 1, names, "" if always else "fan_always_on is off")
     conversion.clamp("fan_ratio_max", most if cooling else low, 0, 1, ("max_fan_speed", "cooling"), how)
-    bridge = preset.number("bridge_fan_speed") / 100
-    if preset.dialect == "orca" and not preset.is_on("enable_overhang_bridge_fan"):
-        names = ("enable_overhang_bridge_fan", "bridge_fan_speed")
-        conversion.put("fan_ratio_bridge", 0, names, "as on other extrusions")
-    else:
-        conversion.clamp("fan_ratio_bridge", bridge, 0, 1, ("bridge_fan_speed", "enable_overhang_bridge_fan"))
+    _convert_bridge_fan(conversion)
     conversion.clamp("fan_layer_time", preset.number("fan_below_layer_time"), 0, 600, "fan_below_layer_time")
     conversion.clamp(
         "min_layer_time",
@@ -110,6 +112,24 @@ def _convert_cooling(conversion: Conversion) -> None:
         how,
     )
     conversion.clamp("min_speed", preset.number("min_print_speed"), 1, 100, "min_print_speed")
+    _convert_fan_heights(conversion)
+    _convert_overhang_fan(conversion)
+
+
+def _convert_bridge_fan(conversion: Conversion) -> None:
+    """Convert the fan speed on bridges."""
+    preset = conversion.preset
+    bridge = _read_fan_ratio(preset, "bridge_fan_speed")
+    if preset.dialect == "orca" and not preset.is_on("enable_overhang_bridge_fan"):
+        names = ("enable_overhang_bridge_fan", "bridge_fan_speed")
+        conversion.put("fan_ratio_bridge", 0, names, "as on other extrusions")
+    else:
+        conversion.clamp("fan_ratio_bridge", bridge, 0, 1, ("bridge_fan_speed", "enable_overhang_bridge_fan"))
+
+
+def _convert_fan_heights(conversion: Conversion) -> None:
+    """Convert the layers on which the fan starts and reaches its speed."""
+    preset = conversion.preset
     for ours, theirs, count in (
         ("fan_off_below", "disable_fan_first_layers", off := preset.number("disable_fan_first_layers")),
         ("fan_full_above", "full_fan_speed_layer", max(preset.number("full_fan_speed_layer"), off)),
@@ -122,7 +142,11 @@ def _convert_cooling(conversion: Conversion) -> None:
             theirs,
             _describe_layers(preset) if count else "",
         )
-    _convert_overhang_fan(conversion)
+
+
+def _read_fan_ratio(preset: Preset, name: str) -> float:
+    """Return a fan speed as a ratio; in the source it is a percentage, with or without its sign."""
+    return preset.quantity(name).value / 100
 
 
 def _height_of_layer_count(preset: Preset, count: float) -> float:
@@ -146,17 +170,16 @@ def _convert_overhang_fan(conversion: Conversion) -> None:
         _convert_overhang_threshold(conversion, conversion.resolve("overhang_fan_threshold", 1.0))
         return
     bridge = float(conversion.values["fan_ratio_bridge"]) or 1.0
-    is_graded = (
-        preset.is_on("enable_dynamic_fan_speeds") if preset.has("enable_dynamic_fan_speeds") else False
-    )
+    switch = "enable_dynamic_fan_speeds"
+    is_graded = preset.has(switch) and preset.is_on(switch)
     for number, share in enumerate((0, 25, 50, 75)):
         ours, theirs = f"fan_overhang_{share}_ratio", f"overhang_fan_speed_{number}"
         if is_graded and preset.has(theirs):
-            speed = preset.number(theirs) / 100
-            conversion.clamp(ours, speed / bridge, 0, 1, theirs, "as a ratio of the bridge fan speed")
+            speed = _read_fan_ratio(preset, theirs)
+            how = "as a ratio of the bridge fan speed"
+            conversion.clamp(ours, speed / bridge, 0, 1, (theirs, switch), how)
         else:
-            conversion.put(ours, 1 if share == 0 else 0, theirs)
-    conversion.mark_used(["enable_dynamic_fan_speeds"])
+            conversion.put(ours, 1 if share == 0 else 0, (theirs, switch))
 
 
 def _convert_overhang_threshold(conversion: Conversion, least: float) -> None:

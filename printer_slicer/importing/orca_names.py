@@ -7,7 +7,7 @@ from typing import Final
 
 from printer_slicer.importing.prusaslicer_names import DEFAULTS
 
-__all__ = ["ORCA_DEFAULTS", "ORCA_NAMES"]
+__all__ = ["ORCA_DEFAULTS", "ORCA_NAMES", "ORCA_ONLY"]
 
 ORCA_NAMES: Final[Mapping[str, str]] = {
     # machine
@@ -105,6 +105,28 @@ ORCA_NAMES: Final[Mapping[str, str]] = {
     "enable_support": "support_material",
 }
 """OrcaSlicer's name -> PrusaSlicer's name, where they differ."""
+
+ORCA_ONLY: Final = frozenset(
+    {
+        "enable_overhang_bridge_fan",
+        "enable_pressure_advance",
+        "overhang_fan_threshold",
+        "scarf_angle_threshold",
+        "seam_slope_conditional",
+        "seam_slope_entire_loop",
+        "seam_slope_inner_walls",
+        "seam_slope_min_length",
+        "seam_slope_start_height",
+        "seam_slope_steps",
+        "seam_slope_type",
+        "small_perimeter_threshold",
+        "staggered_inner_seams",
+        "wall_infill_order",
+        "wall_sequence",
+        "xy_hole_compensation",
+    }
+)
+"""Settings of OrcaSlicer that PrusaSlicer does not have."""
 
 ORCA_DEFAULTS: Final[Mapping[str, str]] = dict(DEFAULTS) | {
     # machine

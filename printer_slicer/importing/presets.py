@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
+from difflib import get_close_matches
 from math import isfinite
 from typing import Final
 
 from printer_slicer.errors import ProfileError
 from printer_slicer.importing.ini import SourceSetting, split_texts, unescape
+from printer_slicer.importing.percentages import takes_percentage
 from printer_slicer.importing.results import ImportNote
 from printer_slicer.values import Struct, field
 
-__all__ = ["ObjectSettings", "Preset", "Quantity", "parse_quantity"]
+__all__ = ["OFF_WORDS", "ON_WORDS", "ObjectSettings", "Preset", "Quantity", "parse_quantity"]
 
+ON_WORDS: Final = ("1", "true", "yes", "on")
+OFF_WORDS: Final = ("0", "false", "no", "off")
 _EMPTY_VALUES: Final = ("", "nil", '""')
 _COMMENT: Final = re.compile(r"(?<!\s)\s+[#;].*")
 
@@ -67,6 +71,8 @@ class Preset(Struct, frozen=True):
         heights: for a material, heights of the first layer and of the other layers, mm; 0: unknown.
         object_settings: for a quality, settings of single objects and their height ranges.
         notes: warnings.
+        typed: PrusaSlicer's names of settings that a user typed; unlike those in files, their values are errors if the
+            other slicer would not accept them.
     """
 
     kind: str
@@ -80,6 +86,7 @@ class Preset(Struct, frozen=True):
     heights: tuple[float, float] = (0.0, 0.0)
     object_settings: tuple[ObjectSettings, ...] = ()
     notes: tuple[ImportNote, ...] = ()
+    typed: frozenset[str] = frozenset()
 
     def has(self, key: str) -> bool:
         """Return whether the source sets a setting."""
@@ -93,6 +100,22 @@ class Preset(Struct, frozen=True):
     def text(self, key: str) -> str:
         """Return a value without quotes and escapes."""
         return unescape(self.raw(key))
+
+    def word(self, key: str, known: Collection[str]) -> str:
+        """Return a word in lower case.
+
+        Raises:
+            ProfileError: the word was typed and is not one of the known words.
+        """
+        word = self.text(key).strip().lower()
+        if key in self.typed and word not in known:
+            near = get_close_matches(word, known, n=1)
+            listed = f"Choose one of: {', '.join(one for one in known if one)}"
+            raise ProfileError(
+                f"{self.where(key)}: unknown value {word!r}",
+                remedy=f"Did you mean {near[0]!r}?" if near else listed,
+            )
+        return word
 
     def first_text(self, key: str) -> str:
         """Return the first text of a list."""
@@ -120,7 +143,7 @@ class Preset(Struct, frozen=True):
         """Return the first number or percentage of a setting.
 
         Raises:
-            ProfileError: it is neither.
+            ProfileError: it is neither; or it is a percentage that was typed, and the setting takes none.
         """
         word = _COMMENT.sub("", self.items(key)[0])
         if word in _EMPTY_VALUES:
@@ -130,15 +153,29 @@ class Preset(Struct, frozen=True):
             raise ProfileError(
                 f"{self.where(key)}: {word!r} is not a number", remedy="Write a number such as 0.2 or 50%"
             )
+        if found.is_percent and key in self.typed and not takes_percentage(key, self.dialect):
+            raise ProfileError(
+                f"{self.where(key)}: {self.entries[key].name} takes no percentage",
+                remedy="Write a number without %",
+            )
         return found
 
     def is_on(self, key: str) -> bool:
-        """Return whether a switch is on."""
-        return self.items(key)[0].lower() in ("1", "true", "yes", "on")
+        """Return whether a switch is on.
+
+        Raises:
+            ProfileError: the value was typed, and is neither on nor off.
+        """
+        word = self.items(key)[0].lower()
+        if key in self.typed and word not in (*ON_WORDS, *OFF_WORDS):
+            raise ProfileError(f"{self.where(key)}: expected 1 or 0", remedy="Write 1 for on, or 0 for off")
+        return word in ON_WORDS
 
     def where(self, key: str) -> str:
         """Return the place and name of a setting, for messages."""
         entry = self.entries.get(key)
+        if entry is not None and key in self.typed:
+            return entry.place
         return f"{self.place}: {key}" if entry is None else f"{entry.place}: {entry.name}"
 
     def source_name(self, key: str) -> str:

@@ -136,15 +136,16 @@ def _find_klipper_macro(preset: Preset) -> str:
 def _convert_bed(conversion: Conversion) -> BedRectangle:
     """Convert the size and position of the bed, and the maximum print height."""
     bed = find_rectangle(conversion)
-    (left, front), (right, own_deretract_speed) = bed.low, bed.high
+    (left, front), (right, back) = bed.low, bed.high
     conversion.put("bed_x", right - left, "bed_shape", bed.how, differs=bool(bed.how))
-    conversion.put("bed_y", own_deretract_speed - front, "bed_shape", bed.how, differs=bool(bed.how))
-    is_centred = abs(left + right) < 1e-6 and abs(front + own_deretract_speed) < 1e-6
+    conversion.put("bed_y", back - front, "bed_shape", bed.how, differs=bool(bed.how))
+    is_centred = abs(left + right) < 1e-6 and abs(front + back) < 1e-6
     conversion.put("origin", "centre" if is_centred else "corner", "bed_shape")
-    if not is_centred:
-        for name, value in (("bed_left", left), ("bed_front", front)):
-            if value:
-                conversion.put(name, value, "bed_shape")
+    for name, value in (("bed_left", left), ("bed_front", front)):
+        if value and not is_centred:
+            conversion.put(name, value, "bed_shape")
+        else:
+            conversion.switch_off(name, 0, "bed_shape")
     conversion.copy_number("bed_z", "max_print_height")
     if conversion.preset.number("z_offset"):
         conversion.warn(
@@ -181,6 +182,15 @@ def _convert_layer_limits(conversion: Conversion, nozzle: float, companions: Com
             f"{least:g} mm is more than max_layer_height, {most:g} mm",
             "Set both layer heights of the extruder in the other slicer",
         )
+    _widen_layer_limits(conversion, nozzle, companions)
+    if conversion.preset.has("z_step"):
+        conversion.copy_number("z_step", "z_step")
+    else:
+        conversion.put("z_step", _Z_STEP, how="not in the source: 400 steps/mm, as with most lead screws")
+
+
+def _widen_layer_limits(conversion: Conversion, nozzle: float, companions: CompanionRanges) -> None:
+    """Widen the limits of layer heights to those of the print settings."""
     if 0 < companions.thinnest < conversion.values["min_layer"]:
         conversion.put(
             "min_layer",
@@ -195,10 +205,6 @@ def _convert_layer_limits(conversion: Conversion, nozzle: float, companions: Com
             "max_layer_height",
             "the greatest layer height of its print settings",
         )
-    if conversion.preset.has("z_step"):
-        conversion.copy_number("z_step", "z_step")
-    else:
-        conversion.put("z_step", _Z_STEP, how="not in the source: 400 steps/mm, as with most lead screws")
 
 
 def _set_temperature_limits(conversion: Conversion, companions: CompanionRanges) -> None:
@@ -306,6 +312,19 @@ def _convert_retraction(conversion: Conversion) -> None:
             differs=True,
         )
         firmware = False
+    _convert_wipe(conversion, length, speed, firmware=firmware)
+
+
+def _convert_wipe(conversion: Conversion, length: float, speed: float, *, firmware: bool) -> None:
+    """Convert the wipe.
+
+    Args:
+        conversion: conversion of a printer.
+        length: length of filament that is retracted, mm.
+        speed: speed of retraction, mm/s.
+        firmware: whether the firmware retracts, which then does not wipe.
+    """
+    preset = conversion.preset
     if preset.is_on("wipe") and not firmware and preset.raw("wipe_distance"):
         conversion.clamp(
             "wipe_distance",
@@ -319,9 +338,12 @@ def _convert_retraction(conversion: Conversion) -> None:
         share = 1 - conversion.resolve("retract_before_wipe", 1.0)
         distance = 0.8 * length / max(speed, 1) * (travel.value if travel else 130) * share
         how = "the distance travelled during the retraction"
-        conversion.clamp("wipe_distance", distance, 0, 20, ("wipe", "retract_before_wipe"), how)
+        conversion.clamp(
+            "wipe_distance", distance, 0, 20, ("wipe", "retract_before_wipe"), how, is_derived=True
+        )
     else:
-        conversion.mark_used(["wipe", "retract_before_wipe", "wipe_distance"])
+        conversion.mark_used(["retract_before_wipe", "wipe_distance"])
+        conversion.switch_off("wipe_distance", 0, "wipe")
 
 
 def _convert_file_settings(conversion: Conversion) -> None:

@@ -9,7 +9,7 @@ from printer_slicer import bead
 from printer_slicer.importing.conditions import evaluate_setting
 from printer_slicer.importing.conversion import ONE_TOOL, SUPPORTS_OFF, Conversion
 from printer_slicer.importing.object_overrides import add_object_overrides
-from printer_slicer.importing.presets import Preset
+from printer_slicer.importing.presets import OFF_WORDS, ON_WORDS, Preset
 from printer_slicer.importing.results import ImportedProfile
 from printer_slicer.importing.speeds import convert_speeds
 from printer_slicer.macros import MacroFault
@@ -41,6 +41,19 @@ _NEAR_PATTERNS: Final = {
     "scatteredrectilinear": "rectilinear",
     "archimedeanchords": "concentric",
     "octagramspiral": "concentric",
+    "hilbertcurve": "rectilinear",
+    "line": "rectilinear",
+    "alignedrectilinear": "rectilinear",
+    "monotonic": "rectilinear",
+    "monotoniclines": "rectilinear",
+    "zigzag": "rectilinear",
+    "crosszag": "rectilinear",
+    "lockedzag": "rectilinear",
+    "2dlattice": "grid",
+    "lateral-lattice": "grid",
+    "2dhoneycomb": "honeycomb",
+    "lateral-honeycomb": "honeycomb",
+    "tpmsfk": "gyroid",
 }
 _SEAMS: Final = {
     "aligned": "aligned",
@@ -50,7 +63,44 @@ _SEAMS: Final = {
     "back": "rear",
 }
 _BRIMS: Final = {"outer_only": "outer", "inner_only": "inner", "outer_and_inner": "both", "brim_ears": "ears"}
-_NEAR_BRIMS: Final = {"painted": "ears"}
+_NEAR_BRIMS: Final = {"auto_brim": "outer", "painted": "ears"}
+_NO_BRIM: Final = ("no_brim", "none")
+_IRONED: Final = {
+    "top": "",
+    "topmost": "all top surfaces are ironed here",
+    "solid": "only top surfaces are ironed here",
+}
+_NOT_IRONED: Final = ("", "no ironing", "none")
+_WALL_ORDERS: Final = (
+    "inner wall/outer wall",
+    "outer wall/inner wall",
+    "inner-outer-inner wall",
+    "inner wall/outer wall/infill",
+    "outer wall/inner wall/infill",
+    "infill/inner wall/outer wall",
+    "infill/outer wall/inner wall",
+    "inner-outer-inner wall/infill",
+)
+_ARCS: Final = ("emit_center", *ON_WORDS)
+_NO_VERTICAL_SHELLS: Final = ("", "none", "disabled", *OFF_WORDS)
+_VERTICAL_SHELLS: Final = (
+    "ensure_all",
+    "ensure_moderate",
+    "ensure_critical_only",
+    "partial",
+    "enabled",
+    *ON_WORDS,
+)
+_SINGLE_TOP_PERIMETERS: Final = ("none", "top", "topmost", "not_top", *ON_WORDS, *OFF_WORDS)
+_DRAFT_SHIELDS: Final = ("disabled", "limited", "enabled", *ON_WORDS, *OFF_WORDS)
+_RAFT_SETTINGS: Final = (
+    "raft_layers",
+    "raft_contact_distance",
+    "raft_first_layer_expansion",
+    "raft_first_layer_density",
+    "raft_expansion",
+)
+_SCARFS: Final = ("external", "all")
 _WIDTHS: Final = (
     "perimeter_extrusion_width",
     "external_perimeter_extrusion_width",
@@ -117,9 +167,10 @@ def _convert_layers(conversion: Conversion, height: float) -> None:
     conversion.clamp("first_layer_height", first, 0, 1.6, "first_layer_height", how)
     resolution = conversion.preset.number("resolution") or conversion.preset.number("gcode_resolution")
     conversion.clamp("resolution", resolution, 0, 0.2, ("resolution", "gcode_resolution"))
-    if conversion.preset.text("arc_fitting") in ("emit_center", "1", "true"):
+    if conversion.preset.word("arc_fitting", [*_ARCS, "disabled", *OFF_WORDS]) in _ARCS:
         conversion.clamp("arc_tolerance", max(resolution, 0.0125), 0, 0.2, "arc_fitting", "the resolution")
-    conversion.mark_used(["arc_fitting"])
+    else:
+        conversion.switch_off("arc_tolerance", 0, "arc_fitting")
     _convert_compensation(conversion, height)
 
 
@@ -196,6 +247,8 @@ def _convert_widths(conversion: Conversion, height: float) -> float:
         conversion.clamp(
             "external_perimeter_width", width(_EXTERNAL_WIDTH, height), 0, 4, _EXTERNAL_WIDTH, how
         )
+    else:
+        conversion.switch_off("external_perimeter_width", 0, _EXTERNAL_WIDTH)
     first = width("first_layer_extrusion_width", float(conversion.values["first_layer_height"]))
     found = preset.quantity("first_layer_extrusion_width")
     what = f"percentage {whose if is_of_nozzle else 'of first_layer_height'}" if found.is_percent else ""
@@ -212,6 +265,32 @@ def _convert_perimeters(conversion: Conversion) -> None:
     conversion.put(
         "varying_walls", True, ("perimeter_generator", "thin_walls", "gap_fill_enabled"), how, differs=classic
     )
+    _convert_bead_widths(conversion)
+    _convert_perimeter_order(conversion)
+    for name in ("extra_perimeters_on_overhangs", "extra_perimeters_overhangs"):
+        if preset.has(name):
+            conversion.copy_switch("extra_perimeters", name)
+    for name in ("top_one_perimeter_type", "only_one_perimeter_top"):
+        if preset.has(name):
+            word = preset.word(name, _SINGLE_TOP_PERIMETERS)
+            conversion.put("single_top_perimeter", word not in ("none", *OFF_WORDS), name)
+    if preset.has("staggered_inner_seams"):
+        conversion.copy_switch("staggered_inner_seams", "staggered_inner_seams")
+    conversion.convert_choice("seam", "seam_position", _SEAMS, {}, "aligned")
+    _convert_scarf_joints(conversion)
+    conversion.copy_switch("avoid_crossing", "avoid_crossing_perimeters")
+    detour = preset.quantity("avoid_crossing_perimeters_max_detour")
+    if not detour.is_percent:
+        # In the source, 0 means no limit.
+        conversion.clamp(
+            "max_detour", detour.value or 10000, 0, 10000, "avoid_crossing_perimeters_max_detour"
+        )
+    conversion.copy_switch("spiral", "spiral_vase")
+
+
+def _convert_bead_widths(conversion: Conversion) -> None:
+    """Convert the extrusion widths in thin walls."""
+    preset = conversion.preset
     nozzle = _find_nozzle(conversion)[0]
     for ours, theirs, perimeter_width in (
         ("min_bead_width", "min_bead_width", 85),
@@ -228,38 +307,25 @@ def _convert_perimeters(conversion: Conversion) -> None:
                 theirs,
                 "" if same or not found.is_percent else "percentage of the nozzle",
             )
-    order = preset.text("wall_sequence") or preset.text("wall_infill_order")
-    if order:
-        name = "wall_sequence" if preset.has("wall_sequence") else "wall_infill_order"
+
+
+def _convert_perimeter_order(conversion: Conversion) -> None:
+    """Convert the order of perimeters and infill."""
+    preset = conversion.preset
+    name = "wall_sequence" if preset.text("wall_sequence") else "wall_infill_order"
+    if order := preset.word(name, _WALL_ORDERS):
         conversion.put("external_perimeter_first", order.startswith("outer wall"), name)
     else:
         conversion.copy_switch("external_perimeter_first", "external_perimeters_first")
     conversion.copy_switch("infill_first", "infill_first")
-    for name in ("extra_perimeters_on_overhangs", "extra_perimeters_overhangs"):
-        if preset.has(name):
-            conversion.copy_switch("extra_perimeters", name)
-    for name in ("top_one_perimeter_type", "only_one_perimeter_top"):
-        if preset.has(name):
-            conversion.put("single_top_perimeter", preset.text(name) not in ("none", "0", "false"), name)
-    if preset.has("staggered_inner_seams"):
-        conversion.copy_switch("staggered_inner_seams", "staggered_inner_seams")
-    conversion.convert_choice("seam", "seam_position", _SEAMS, {}, "aligned")
-    _convert_scarf_joints(conversion)
-    conversion.copy_switch("avoid_crossing", "avoid_crossing_perimeters")
-    detour = preset.quantity("avoid_crossing_perimeters_max_detour")
-    if not detour.is_percent:
-        # In the source, 0 means no limit.
-        conversion.clamp(
-            "max_detour", detour.value or 10000, 0, 10000, "avoid_crossing_perimeters_max_detour"
-        )
-    conversion.copy_switch("spiral", "spiral_vase")
 
 
 def _convert_scarf_joints(conversion: Conversion) -> None:
     """Convert scarf joints."""
     preset = conversion.preset
     kind, length = "seam_slope_type", "seam_slope_min_length"
-    if preset.text(kind) in ("", "none"):
+    if preset.word(kind, ["none", *_SCARFS]) not in _SCARFS:
+        conversion.switch_off("scarf_length", 0, kind)
         conversion.mark_used(name for name in preset.entries if name.startswith(("seam_slope_", "scarf_")))
         return
     is_entire_loop = preset.is_on("seam_slope_entire_loop")
@@ -298,22 +364,26 @@ def _convert_shells(conversion: Conversion, height: float) -> None:
         names = (f"{side}_solid_layers", f"{side}_solid_min_thickness")
         conversion.clamp(f"{side}_thickness", max(thickness, least if count else 0), 0, 1000, names, how)
     name = "ensure_vertical_shell_thickness"
-    full = preset.text(name) not in ("0", "disabled", "false", "", "none")
+    full = preset.word(name, [*_VERTICAL_SHELLS, *_NO_VERTICAL_SHELLS]) not in _NO_VERTICAL_SHELLS
     how = "0.9 of the shell thickness on slopes" if full else ""
     conversion.put("slope_shell_ratio", 0.9 if full else 0, name, how, differs=full)
-    ironing = (
-        preset.text("ironing_type") not in ("", "no ironing", "none")
-        if preset.dialect == "orca"
-        else preset.is_on("ironing")
-    )
-    conversion.put("ironing", ironing, ("ironing", "ironing_type"))
+    _convert_ironing(conversion)
+    conversion.copy_switch("thick_bridges", "thick_bridges")
+    conversion.clamp("bridge_flow_ratio", preset.number("bridge_flow_ratio"), 0.3, 2, "bridge_flow_ratio")
+    conversion.mark_used(["top_fill_pattern", "bottom_fill_pattern", "external_fill_pattern"])
+
+
+def _convert_ironing(conversion: Conversion) -> None:
+    """Convert ironing; OrcaSlicer switches it on by its type."""
+    preset = conversion.preset
+    word = preset.word("ironing_type", [*_IRONED, *_NOT_IRONED])
+    is_ironed = word not in _NOT_IRONED if preset.dialect == "orca" else preset.is_on("ironing")
+    how = _IRONED.get(word, "") if is_ironed else ""
+    conversion.put("ironing", is_ironed, ("ironing", "ironing_type"), how, differs=bool(how))
     conversion.clamp("ironing_spacing", preset.number("ironing_spacing"), 0.1, 1, "ironing_spacing")
     conversion.clamp(
         "ironing_flow_ratio", conversion.resolve("ironing_flowrate", 1.0), 0.01, 0.3, "ironing_flowrate"
     )
-    conversion.copy_switch("thick_bridges", "thick_bridges")
-    conversion.clamp("bridge_flow_ratio", preset.number("bridge_flow_ratio"), 0.3, 2, "bridge_flow_ratio")
-    conversion.mark_used(["top_fill_pattern", "bottom_fill_pattern", "external_fill_pattern"])
 
 
 def _convert_infill(conversion: Conversion, height: float, width: float) -> None:
@@ -344,7 +414,8 @@ def _convert_infill(conversion: Conversion, height: float, width: float) -> None
         conversion.clamp(
             "internal_infill_every", every * height, 0, 2, "infill_every_layers", f"{every:g} layers"
         )
-    conversion.mark_used(["infill_every_layers"])
+    else:
+        conversion.switch_off("internal_infill_every", 0, "infill_every_layers")
 
 
 def _convert_overlap(conversion: Conversion, height: float, width: float) -> None:
@@ -365,7 +436,7 @@ def _convert_adhesion(conversion: Conversion, height: float) -> None:
     conversion.clamp("skirt_distance", preset.number("skirt_distance"), 0, 50, "skirt_distance")
     conversion.clamp("skirt_min_length", preset.number("min_skirt_length"), 0, 10000, "min_skirt_length")
     layers = preset.number("skirt_height")
-    is_draft_shield = preset.text("draft_shield") in ("enabled", "1")
+    is_draft_shield = preset.word("draft_shield", _DRAFT_SHIELDS) in ("enabled", *ON_WORDS)
     skirt_height = 10000 if is_draft_shield else first + (layers - 1) * height if layers > 1 else 0
     conversion.clamp(
         "skirt_height",
@@ -382,8 +453,7 @@ def _convert_adhesion(conversion: Conversion, height: float) -> None:
 def _convert_brim(conversion: Conversion) -> None:
     """Convert the brim."""
     preset = conversion.preset
-    kind = preset.text("brim_type")
-    none = kind in ("no_brim", "none")
+    none = preset.word("brim_type", [*_BRIMS, *_NEAR_BRIMS, *_NO_BRIM]) in _NO_BRIM
     conversion.clamp(
         "brim_width", 0 if none else preset.number("brim_width"), 0, 50, ("brim_width", "brim_type")
     )
@@ -403,15 +473,7 @@ def _convert_raft(conversion: Conversion, height: float) -> None:
     preset = conversion.preset
     first = float(conversion.values["first_layer_height"])
     raft = preset.number("raft_layers")
-    conversion.mark_used(
-        [
-            "raft_layers",
-            "raft_contact_distance",
-            "raft_first_layer_expansion",
-            "raft_first_layer_density",
-            "raft_expansion",
-        ]
-    )
+    conversion.mark_used(_RAFT_SETTINGS)
     if raft >= 1:
         conversion.clamp("raft_height", first + (raft - 1) * height, 0, 50, "raft_layers", f"{raft:g} layers")
         conversion.clamp("raft_gap", preset.number("raft_contact_distance"), 0, 1, "raft_contact_distance")
@@ -427,6 +489,8 @@ def _convert_raft(conversion: Conversion, height: float) -> None:
         )
         if conversion.values["brim_width"]:
             conversion.put("brim_width", 0, "brim_width", "a part on a raft has no brim", differs=True)
+    else:
+        conversion.switch_off("raft_height", 0, "raft_layers")
 
 
 def _explain_unsupported(name: str, *, supports: bool) -> str:

@@ -35,6 +35,7 @@ class ConvertedSetting(Struct, frozen=True):
         value: its value here.
         how: how it was converted, where that is not obvious; empty: the value is the same.
         differs: whether this makes the print differ from the source's.
+        sources: PrusaSlicer's names of all settings that the value depends on.
     """
 
     theirs: str
@@ -43,6 +44,7 @@ class ConvertedSetting(Struct, frozen=True):
     value: Any
     how: str = ""
     differs: bool = False
+    sources: tuple[str, ...] = ()
 
 
 class UnsupportedSetting(Struct, frozen=True):

@@ -209,7 +209,8 @@ def _convert_small_perimeters(conversion: Conversion) -> None:
 def _convert_overhangs(conversion: Conversion) -> None:
     """Convert speeds graded by overhang; if the source has none, only bridges are slower."""
     preset = conversion.preset
-    graded = preset.has("enable_dynamic_overhang_speeds") and preset.is_on("enable_dynamic_overhang_speeds")
+    switch = "enable_dynamic_overhang_speeds"
+    graded = preset.has(switch) and preset.is_on(switch)
     outer = float(conversion.values["speeds"]["external_perimeter"])
     for share, number in _OVERHANGS:
         name = f"overhang_speed_{number}"
@@ -220,12 +221,11 @@ def _convert_overhangs(conversion: Conversion) -> None:
                 speed / outer,
                 0.01,
                 1,
-                name,
+                (name, switch),
                 "as a ratio of external perimeters",
             )
         else:
-            conversion.put(f"speeds.overhang_{share}_ratio", 1, name)
-    conversion.mark_used(["enable_dynamic_overhang_speeds"])
+            conversion.put(f"speeds.overhang_{share}_ratio", 1, (name, switch))
 
 
 def _convert_accelerations(conversion: Conversion) -> None:

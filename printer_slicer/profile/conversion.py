@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from datetime import date, time
 from difflib import get_close_matches
 from typing import Any, Final, NamedTuple
@@ -57,9 +58,38 @@ def convert_section(kind: str, source: SettingsSource) -> Any:
 def _try_conversion(kind: str, values: Mapping[str, Any]) -> Any:
     """Convert a section to a struct; return the error of msgspec if that fails."""
     try:
-        return msgspec.convert(values, KINDS[kind], strict=False)
+        return msgspec.convert(_resolve_percentages(values, f"{kind}."), KINDS[kind], strict=False)
     except msgspec.ValidationError as error:
         return error
+
+
+def _resolve_percentages(values: Any, key: str) -> Any:
+    """Return settings with numbers in place of percentages such as "20%", where a setting is a ratio.
+
+    Args:
+        values: the value of a setting, or a table of settings.
+        key: the key of the setting; of a table, the beginning of the keys in it.
+    """
+    if isinstance(values, dict):
+        return {
+            name: _resolve_percentages(value, f"{key}{name}" + "." * isinstance(value, dict))
+            for name, value in values.items()
+        }
+    if key.endswith(".overrides") and isinstance(values, list | tuple):
+        return [_resolve_in_override(one) for one in values]
+    if isinstance(values, str) and values.endswith("%"):
+        from printer_slicer.profile.tables import is_ratio  # noqa: PLC0415 - for percentages only
+
+        with suppress(ValueError):
+            return f"{float(values[:-1]) / 100:.10g}" if is_ratio(key) else values
+    return values
+
+
+def _resolve_in_override(table: Any) -> Any:
+    """Return an override with numbers in place of percentages."""
+    if isinstance(table, dict) and isinstance(changes := table.get("set"), dict):
+        return {**table, "set": {key: _resolve_percentages(value, key) for key, value in changes.items()}}
+    return table
 
 
 def find_first_fault(kind: str, source: SettingsSource) -> SettingFault | None:

@@ -73,7 +73,7 @@ def load_profile(
         quality: likewise.
         changes: `section.key`, or `key` if it is unique, -> value; text is converted to the setting's type. A
             `layer_height` without a planner setting selects uniform layers. A key that ends with +, such as
-            `overrides+`, appends rules to those of the file instead of replacing them.
+            `overrides+`, appends rules.
         slices: whether parts are sliced with the profile; if so, conflicts between the three parts are errors.
         folders: folders of profiles that are searched before the user's and the shipped ones.
 
@@ -252,8 +252,6 @@ def _apply_change(sources: dict[str, SettingsSource], key: str, value: object) -
     value = (
         list_from_text(path, value) if path in LISTS and isinstance(value, str) else _normalize_value(value)
     )
-    if isinstance(value, str) and value.endswith("%"):
-        value = _percent_to_ratio(kind, path, value)
     *tables, leaf = path.split(".")
     change: dict[str, Any] = {leaf: value}
     for table in reversed(tables):
@@ -276,17 +274,6 @@ def _list_rule_places(path: str, rules: Sequence[Any]) -> dict[str, str]:
         with suppress(AttributeError, KeyError, TypeError, ValueError, msgspec.ValidationError):
             places[path] = places[f"{path}[{i}]"] = f"override {list_as_text([one])}"
     return places
-
-
-def _percent_to_ratio(kind: str, path: str, text: str) -> str:
-    """Convert a percentage to a ratio if the setting is a ratio; return the text unchanged for other settings."""
-    from printer_slicer.profile.tables import RATIO_UNITS, settings_table  # noqa: PLC0415 - for percentages only
-
-    units = {row.key: row.unit for row in settings_table()}
-    try:
-        return f"{float(text[:-1]) / 100:.10g}" if units.get(f"{kind}.{path}") in RATIO_UNITS else text
-    except ValueError:
-        return text
 
 
 def _normalize_value(value: Any) -> Any:

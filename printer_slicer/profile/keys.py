@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from difflib import get_close_matches
 from typing import Any, Final
 
@@ -41,7 +41,10 @@ INNER_TABLES: Final[Mapping[str, Mapping[str, type[Struct]]]] = {
 
 TABLE_LISTS: Final[Mapping[str, type[Struct]]] = {"overrides": Override, "planner.ranges": HeightRange}
 """Setting that is a list of tables -> type of these tables."""
-_LEAST_SIMILARITY: Final = 0.75  # minimum similarity of a suggestion, 0 to 1
+_LEAST_SIMILARITY: Final = (
+    0.75  # minimum similarity of a suggestion, 0 to 1, if its words are similar one by one
+)
+_LEAST_SIMILARITY_OF_WHOLE: Final = 0.85  # minimum similarity of any other suggestion
 _LONGEST_SHORT_PREFIX: Final = 2  # letters; prefixes up to this length give no suggestion
 
 
@@ -92,12 +95,34 @@ def find_nearest_key(key: str, known: Sequence[str]) -> str:
     if leaf in all_leaves:
         return all_leaves[leaf]
     for candidates in (leaves, all_leaves):
-        near = get_close_matches(leaf, candidates, n=1, cutoff=_LEAST_SIMILARITY)
+        near = _find_similar(leaf, candidates)
         longer = [one for one in candidates if one.startswith(leaf) and len(leaf) > _LONGEST_SHORT_PREFIX]
         if near or len(longer) == 1:
             return candidates[near[0] if near else longer[0]]
-    near = [] if same else get_close_matches(key, known, n=1, cutoff=_LEAST_SIMILARITY)
+    near = [] if same else _find_similar(key, known)
     return near[0] if near else ""
+
+
+def _find_similar(key: str, known: Collection[str]) -> list[str]:
+    """Return the known names that are similar to a key, the most similar first.
+
+    One different word makes another setting: `print_temperature` is not a misspelt `bed_temperature`.
+    """
+    near = get_close_matches(key, known, cutoff=_LEAST_SIMILARITY)
+    spelt = get_close_matches(key, near, cutoff=_LEAST_SIMILARITY_OF_WHOLE)
+    words = key.split("_")
+    return [
+        name
+        for name in near
+        if name in spelt
+        or (
+            len(words) == len(others := name.split("_"))
+            and all(
+                get_close_matches(word, [other], cutoff=_LEAST_SIMILARITY)
+                for word, other in zip(words, others, strict=True)
+            )
+        )
+    ]
 
 
 def resolve_key(sources: Mapping[str, SettingsSource], key: str) -> tuple[str, str]:
@@ -121,15 +146,29 @@ def resolve_key(sources: Mapping[str, SettingsSource], key: str) -> tuple[str, s
         raise ProfileError(
             f"{key}: more than one section has this setting", remedy=f"Choose one of: {choices}"
         )
+    raise _explain_unknown_key(key, known)
+
+
+def _explain_unknown_key(key: str, known: Sequence[tuple[str, str]]) -> ProfileError:
+    """Return an error about a key that no section has, with a remedy.
+
+    Args:
+        key: the key.
+        known: section and key of all settings.
+    """
     leaf = key.rpartition(".")[2]
     planner_kinds = [kind for kind, struct in PLANNER_SETTINGS.items() if leaf in struct.__struct_fields__]
     if planner_kinds and key in (leaf, f"planner.{leaf}", f"quality.planner.{leaf}"):
         planners = " or ".join(f'`planner.kind="{kind}"`' for kind in planner_kinds)
-        raise ProfileError(f"{key}: the chosen planner has no such setting", remedy=f"Use it with {planners}")
+        return ProfileError(
+            f"{key}: the chosen planner has no such setting", remedy=f"Use it with {planners}"
+        )
     group = [path for _, path in known if path.startswith(f"{key.removeprefix('quality.')}.")]
     if group:
-        raise ProfileError(f"{key}: this is a group of settings", remedy=f"Choose one of: {', '.join(group)}")
+        return ProfileError(
+            f"{key}: this is a group of settings", remedy=f"Choose one of: {', '.join(group)}"
+        )
     names = sorted({f"{kind}.{path}" for kind, path in known} | {path for _, path in known})
     near = find_nearest_key(key, names)
     hint = f"Did you mean {near!r}? " if near else ""
-    raise ProfileError(f"{key}: no such setting", remedy=f"{hint}`ps.find_settings()` lists all settings")
+    return ProfileError(f"{key}: no such setting", remedy=f"{hint}`ps.find_settings()` lists all settings")

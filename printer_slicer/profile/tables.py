@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
+from functools import cache
 from typing import Any, Final, NamedTuple
 
 import msgspec
@@ -12,7 +13,25 @@ from msgspec import inspect
 from printer_slicer.profile.lists import list_as_text
 from printer_slicer.profile.reading import KINDS
 
-__all__ = ["RATIO_UNITS", "SettingRow", "choices_of", "find_settings", "rows_of", "settings_table"]
+__all__ = [
+    "RATIO_UNITS",
+    "SettingRow",
+    "choices_of",
+    "find_settings",
+    "is_ratio",
+    "rows_of",
+    "settings_table",
+    "takes_form",
+]
+    "RATIO_UNITS",
+    "SettingRow",
+    "choices_of",
+    "find_settings",
+    "is_ratio",
+    "rows_of",
+    "settings_table",
+    "takes_form",
+]
 
 _SIGNS: Final[Mapping[str, str]] = {"ge": ">=", "gt": ">", "le": "<=", "lt": "<"}
 
@@ -116,6 +135,32 @@ def _format_default(entry: inspect.Field) -> str:
     if isinstance(value, tuple):
         return list_as_text(value) or "empty"
     return str(value) or "empty"
+
+
+def is_ratio(key: str) -> bool:
+    """Return whether a setting, with or without its section, is a ratio, which can be written as a percentage."""
+    row = _rows_by_key().get(key)
+    return row is not None and row.unit in RATIO_UNITS
+
+
+def takes_form(key: str, text: str) -> bool:
+    """Return whether a setting takes a value of this form: a percentage only for ratios, a word only from its choices.
+
+    Args:
+        key: the setting, with or without its section.
+        text: the value.
+    """
+    if text.endswith("%"):
+        return is_ratio(key)
+    row = _rows_by_key().get(key) if text.isidentifier() else None
+    return row is None or not row.choices or text in row.choices.split(", ")
+
+
+@cache
+def _rows_by_key() -> Mapping[str, SettingRow]:
+    """Return the rows by their keys, with and without sections; those of qualities take precedence."""
+    rows = {re.sub(r"\[\w+\]", "", row.key): row for row in settings_table()}
+    return {key.partition(".")[2]: row for key, row in rows.items()} | rows
 
 
 def choices_of(struct: type[msgspec.Struct], path: str) -> str:

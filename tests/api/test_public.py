@@ -140,6 +140,8 @@ def test_slice_makes_the_job_of_a_file_with_a_printer_by_its_display_name() -> N
         ({"quality": "draft", "fill_density": "20%"}, {"infill_density": 0.2}),
         ({"wall_loops": 4}, {"perimeters": 4}),
         ({"infill_sparse_density": 30}, {"infill_density": 0.3}),
+        ({"support_material": False}, {}),
+        ({"layer_height": 0.1, "top_solid_layers": 5}, {"layer_height": 0.1, "top_thickness": 0.5}),
     ],
     ids=str,
 )
@@ -188,9 +190,17 @@ def test_the_package_has_a_version() -> None:
     assert ps.__version__ == VERSION
 
 
+def test_a_profile_takes_changes_by_familiar_names() -> None:
+    profile = ps.load_profile(changes={"fill_density": "20%", "perimeters": 3})
+
+    assert profile == ps.load_profile(changes={"infill_density": 0.2, "perimeters": 3})
+    assert ps.profile_with(profile, {"wall_loops": 4}) == ps.profile_with(profile, {"perimeters": 4})
+
+
 @pytest.mark.parametrize(
     ("given", "said", "remedy"),
     [
+        ({"travel_speed": "50%"}, "travel_speed takes no percentage", "without %"),
         ({"walls": 3}, "walls=3: no such setting", "Did you mean perimeters=3?"),
         ({"speed": 50}, "speed=50: no such setting", "Did you mean speeds__perimeter=50?"),
         ({"infill_percentage": 20}, "no such setting", "Did you mean infill_density='20%'?"),

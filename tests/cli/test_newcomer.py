@@ -96,6 +96,57 @@ SLICES = [
     ("--set speed_wall_0=30", "; quality.speeds.external_perimeter = 30"),
     ("--set layer_height_0=0.3", "; quality.first_layer_height = 0.3"),
     ("--set magic_spiralize=true", "; quality.spiral = True"),
+    # a percentage or a word that only the other slicer has for a setting of the same name
+    ("--layer-height 0.2 --set first_layer_height=75%", "; quality.first_layer_height = 0.15"),
+    ("--set brim_type=outer_only --brim 3", "; quality.brim_width = 3"),
+    ("--brim 3 --set brim_type=no_brim", "; quality.brim_width = 0.0\n"),
+    ("--load {config} --set top_solid_layers=4", "; quality.top_thickness = 1.0\n"),
+    # settings that only together make sense
+    ("--set fan_always_on=1 --set min_fan_speed=35", "; material.fan_ratio = 0.35"),
+    ("--set fan_always_on=0 --set min_fan_speed=35", "; material.fan_ratio = 0.0\n"),
+    ("--set perimeter_speed=30 --set external_perimeter_speed=50%", "external_perimeter = 15"),
+    ("--set ironing=1 --set ironing_type=topmost", "; quality.ironing = True"),
+    ("--set adhesion_type=brim --set brim_width=4", "; quality.brim_width = 4"),
+    ("--set adhesion_type=brim", "; quality.skirt_loops = 0"),
+    ("--set enable_overhang_speed=1 --set overhang_4_4_speed=12", "; quality.speeds.overhang_0_ratio = 0.2"),
+    # fans
+    ("--set min_fan_speed=35", "; material.fan_ratio = 0.35"),
+    ("--set fan_min_speed=30", "; material.fan_ratio = 0.3"),
+    ("--set max_fan_speed=50", "; material.fan_ratio = 0.5"),
+    ("--set bridge_fan_speed=50%", "; material.fan_ratio_bridge = 0.5"),
+    ("--set cool_fan_enabled=false", "; material.fan_ratio_max = 0.0\n"),
+    # seams, walls, printers
+    ("--set seam_slope_type=external", "; quality.scarf_length = 20"),
+    ("--set seam_position=back", "; quality.seam = rear"),
+    ("--set ironing_type=top", "; quality.ironing = True"),
+    ("--set wall_thickness=1.2", "; quality.perimeters = 3"),
+    ("--set hole_xy_offset=0.1", "; quality.hole_compensation = 0.1"),
+    ("--set gcode_flavor=klipper", "; printer.flavour = klipper"),
+    ("--set bed_shape=0x0,250x0,250x210,0x210", "; printer.bed_x = 250"),
+    ("--set machine_depth=210", "; printer.bed_y = 210"),
+    ("--set support_material=0", "; quality.name = adaptive"),
+    ("--set enable_support=false", "; quality.name = adaptive"),
+    # overrides
+    ("--range 0.3:1:infill_density=50%", "0.3:1:infill_density=0.5"),
+    ("--set-for part:infill_density=40%", "part:infill_density=0.4"),
+    ("--set-for part:wall_loops=4", "part:perimeters=4"),
+    ("--set-for part:enable_support=0", "; quality.name = adaptive"),
+]
+
+# a setting of another slicer, and how the conversion is reported
+REPORTS = [
+    (
+        "--set cool_fan_speed=0",
+        "Cura's cool_fan_speed=0 sets material.fan_ratio=0, material.fan_ratio_max=0, ",
+    ),
+    ("--set fill_pattern=stars", "triangles is the most similar choice for stars"),
+    ("--set seam_slope_type=all", "OrcaSlicer's seam_slope_type=all sets"),
+    ("--set machine_width=200", "Cura's machine_width=200 sets printer.bed_x=200\n"),
+    ("--set machine_start_gcode=G28", "machine_start_gcode=G28 sets printer.start_gcode="),
+    (
+        "--set fan_always_on=1 --set min_fan_speed=35",
+        "PrusaSlicer's fan_always_on=1 and min_fan_speed=35 set material.fan_ratio=0.35\n",
+    ),
 ]
 
 # a command line, and what its message must name
@@ -144,6 +195,36 @@ SUGGESTS = [
     ("slice {part} --set fan_speed=50", "--set fan_ratio=50%"),
     ("slice {part} --set nozzle_temp=210", "--set nozzle_temperature=210"),
     ("slice {part} --infill gyroid", "--set infill=gyroid"),
+    ("slice {part} --infill 0.2", "--infill: 0.2: write 20%"),
+    ("slice {part} --infill 1", "--infill: 1: write 100%"),
+    ("slice {part} --set travel_speed=50%", "--set travel_speed=50%: travel_speed takes no percentage"),
+    ("slice {part} --set speed_travel=120%", "speed_travel takes no percentage"),
+    ("slice {part} --set outer_wall_speed=50%", "outer_wall_speed takes no percentage"),
+    ("slice {part} --set retract_length=50%", "--set retract_length=50%"),
+    ("slice {part} --set fill_pattern=foo", "unknown value 'foo'"),
+    ("slice {part} --set infill_pattern=foo", "Choose one of: lines"),
+    ("slice {part} --set fill_pattern=tri_hexagon", "Did you mean 'tri-hexagon'?"),
+    ("slice {part} --set seam_slope_type=foo", "unknown value 'foo'"),
+    ("slice {part} --set wall_sequence=foo", "unknown value 'foo'"),
+    ("slice {part} --set ironing_type=foo", "unknown value 'foo'"),
+    ("slice {part} --set adhesion_type=foo", "Choose one of: skirt, brim, raft, none"),
+    ("slice {part} --set external_perimeters_first=maybe", "expected 1 or 0"),
+    ("slice {part} --set retraction_enable=maybe", "expected true or false"),
+    ("slice {part} --set skirts=50", "20 is the maximum here"),
+    ("slice {part} --set seam_slope_inner_walls=1", "OrcaSlicer has no effect"),
+    ("slice {part} --range 0.3:1:travel_speed=40%", "--range 0.3:1:travel_speed=40%: travel_speed takes"),
+    ("slice {part} --set-for part:walls=4", "--set-for part:perimeters=4"),
+    ("slice {part} --set speed=50%", "--set speeds.ratio=50%"),
+    ("slice {part} --set retraction=false", "--set retract_length=0"),
+    ("slice {part} --set print_temperature=210", "--set nozzle_temperature=210"),
+    ("slice {part} --set bed=60", "--set bed_temperature=60"),
+    ("slice {part} --set layer=5", "--set layer_height=MM"),
+    ("slice {part} --gcode-flavor marlin2", "--set gcode_flavor=VALUE"),
+    ("dry-run part.gcode --layer-height 0.2", "--layer-height does not apply to G-code"),
+    ("dry-run part.gcode --infill 20%", "--infill does not apply to G-code"),
+    ("dry-run part.gcode --range 1:2:perimeters=3", "--range does not apply to G-code"),
+    ("dry-run part.gcode --heights 0.1,0.2", "--heights does not apply to G-code"),
+    ("dry-run part.gcode --load {config}", "--load does not apply to G-code"),
     ('slice {part} --printer "Ender 3 Pro"', "creality_ender3"),
     ('slice {part} --printer "Ender 2"', "creality_ender3_v2"),
     ("slice {part} --printer SE", "creality_ender3_v3_se"),
@@ -158,6 +239,12 @@ NOTHING = [
     "slice {part} --save x.ini",
     "slice {part} --set thin_walls=0",
     "slice {part} --set frobnicate=3",
+    "slice {part} --set layers=5",
+    "slice {part} --set outer_perimeter=40",
+    "slice {part} --set max_print_speed=80",
+    "slice {part} --wall-generator arachne",
+    "slice {part} --perimeter-generator arachne",
+    "slice {part} --max-print-speed 80",
     "slice {part} --frobnicate",
     "slice {part} --arrange",
     "check part.gcode --layer-height 0.2",
@@ -196,6 +283,15 @@ def test_what_people_type_works(options: str, setting: str, part: Path, tmp_path
 
     assert outcome.code == 0, outcome.err
     assert setting in file.read_text()
+
+
+@pytest.mark.parametrize(("options", "report"), REPORTS)
+def test_settings_of_other_slicers_are_reported(options: str, report: str, part: Path) -> None:
+    outcome = typed("slice", str(part), *words(options, part), "-o", "-")
+
+    assert outcome.code == 0, outcome.err
+    assert report in outcome.err
+    assert len([line for line in outcome.err.splitlines() if "'s " in line]) == 1
 
 
 @pytest.mark.parametrize(("line", "answer"), SUGGESTS)

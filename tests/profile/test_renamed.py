@@ -104,6 +104,19 @@ def test_percentages_of_shares(typed: str, value: float) -> None:
     assert load_profile(changes={"infill_density": typed}).quality.infill_density == value
 
 
+def test_percentages_in_a_file_and_in_its_overrides(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(
+        'name = "mine"\ninherits = "standard"\ninfill_density = "20%"\n'
+        'overrides = [{object = "lid", set = {infill_density = "40%"}}]\n'
+    )
+
+    quality = load_profile(quality=str(path)).quality
+
+    assert quality.infill_density == 0.2
+    assert [dict(one.set) for one in quality.overrides] == [{"infill_density": "0.4"}]
+
+
 def test_a_percentage_of_a_length_is_refused() -> None:
     with pytest.raises(Exception, match=r"extrusion_width=110%: .*expected a number"):
         load_profile(changes={"extrusion_width": "110%"})
