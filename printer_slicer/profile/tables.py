@@ -23,15 +23,6 @@ __all__ = [
     "settings_table",
     "takes_form",
 ]
-    "RATIO_UNITS",
-    "SettingRow",
-    "choices_of",
-    "find_settings",
-    "is_ratio",
-    "rows_of",
-    "settings_table",
-    "takes_form",
-]
 
 _SIGNS: Final[Mapping[str, str]] = {"ge": ">=", "gt": ">", "le": "<=", "lt": "<"}
 
