@@ -90,9 +90,7 @@ class Air:
         if not parts:
             none = np.zeros(0, np.int64)
             return cls(none, none, np.zeros(0), np.zeros((0, 2)), np.zeros(0, np.bool_))
-        return cls(
-            *(np.concatenate([getattr(part, name) for part in parts]) for name in cls.__slots__)
-        )
+        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in cls.__slots__))
 
 
 class Ground:
