@@ -123,10 +123,7 @@ def slice(  # noqa: A001 - called as ps.slice
     name = ""
     if not isinstance(path_or_mesh, Mesh):
         name = _check_model_path(path_or_mesh).name
-    names: dict[str, Any] = {
-        kind: None if value is None else os.fspath(value)
-        for kind, value in (("printer", printer), ("material", material), ("quality", quality))
-    }
+    names: dict[str, Any] = {"printer": printer, "material": material, "quality": quality}
     folders = [Path(folder) for folder in profiles]
 
     def load(changes: Mapping[str, object] | None) -> Profile:

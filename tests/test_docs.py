@@ -10,8 +10,8 @@ import pytest
 
 from benchmarks.readme import BLOCKS, written
 from printer_slicer.diagnostics import CODES
+from printer_slicer.importing.familiar import load_profile
 from printer_slicer.planning import PLANNERS
-from printer_slicer.profile import load_profile
 from printer_slicer.stream.events import Accepted, Event, LineSent, event_kind
 from printer_slicer.stream.states import TRANSITIONS
 

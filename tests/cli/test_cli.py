@@ -451,14 +451,6 @@ def test_every_shipped_profile_can_be_shown(kind: str, name: str) -> None:
     assert all(told["from"] == "default" or ".toml:" in told["from"] for told in shown.values())
 
 
-@pytest.mark.parametrize("what", ["printer", "material", "quality"])
-def test_showing_a_profile_needs_its_name(what: str) -> None:
-    outcome = typed("profiles", what)
-
-    assert outcome.code == 2
-    assert is_message(outcome, what, "NAME")
-
-
 def test_showing_an_unknown_profile_lists_the_known_ones() -> None:
     outcome = typed("profiles", "printer", "nobody")
 
