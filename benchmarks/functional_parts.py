@@ -16,13 +16,12 @@ from typing import Final
 import numpy as np
 import trimesh
 
+from benchmarks.false_alarms import Solid, subtract, unite
 from benchmarks.processes import WORK
 from printer_slicer import Mesh
 from printer_slicer.mesh_io import export_stl
 
 __all__ = ["PARTS", "make_part", "write_parts"]
-
-Solid = trimesh.Trimesh
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -72,14 +71,6 @@ def _cylinder(
     return solid
 
 
-def _cut(solid: Solid, tools: Sequence[Solid]) -> Solid:
-    return trimesh.boolean.difference([solid, *tools], engine="manifold")
-
-
-def _join(solids: Sequence[Solid]) -> Solid:
-    return trimesh.boolean.union(solids, engine="manifold")
-
-
 def _ring_positions(count: int, radius: float) -> Iterator[tuple[float, float]]:
     for angle in np.arange(count) * 2 * np.pi / count:
         yield radius * float(np.cos(angle)), radius * float(np.sin(angle))
@@ -87,35 +78,35 @@ def _ring_positions(count: int, radius: float) -> Iterator[tuple[float, float]]:
 
 def _angle_bracket() -> Solid:
     """Make two plates at a right angle with a rib and four holes."""
-    plates = _join(
-        [_box((50, 40, 5), (0, 0, 2.5)), _box((50, 5, 40), (0, 17.5, 20)), _box((4, 35, 20), (0, 0, 10))]
+    plates = unite(
+        *[_box((50, 40, 5), (0, 0, 2.5)), _box((50, 5, 40), (0, 17.5, 20)), _box((4, 35, 20), (0, 0, 10))]
     )
     holes = [_cylinder(2.6, 20, (x, -8, 2), sections=32) for x in (-15, 15)]
     holes += [_cylinder(2.6, 20, (x, 17, 28), sections=32, axis=1) for x in (-15, 15)]
-    return _cut(plates, holes)
+    return subtract(plates, *holes)
 
 
 def _electronics_box() -> Solid:
     """Make an open box with standoffs, vents and holes for connectors."""
-    shell = _cut(_box((80, 60, 30), (0, 0, 15)), [_box((76, 56, 30), (0, 0, 17))])
+    shell = subtract(_box((80, 60, 30), (0, 0, 15)), _box((76, 56, 30), (0, 0, 17)))
     posts = [_cylinder(3.5, 8, (x, y, 5), sections=40) for x in (-34, 34) for y in (-24, 24)]
     screws = [_cylinder(1.3, 12, (x, y, 8), sections=24) for x in (-34, 34) for y in (-24, 24)]
     vents = [_box((2, 70, 14), (x, 0, 16)) for x in np.arange(-20.0, 21.0, 4.0)]
     sockets = [_box((10, 12, 7), (40, 0, 10)), _cylinder(4, 10, (40, 18, 12), axis=0)]
-    return _cut(_join([shell, *posts]), [*screws, *vents, *sockets])
+    return subtract(unite(shell, *posts), *screws, *vents, *sockets)
 
 
 def _belt_pulley() -> Solid:
     """Make a belt pulley of 60 teeth with flanges, a bore and lightening holes."""
-    body = _join(
-        [_cylinder(19.1, 12, (0, 0, 6), sections=240), _cylinder(21, 1.5, (0, 0, 0.75), sections=240)]
+    body = unite(
+        *[_cylinder(19.1, 12, (0, 0, 6), sections=240), _cylinder(21, 1.5, (0, 0, 0.75), sections=240)]
     )
-    body = _join(
-        [body, _cylinder(21, 1.5, (0, 0, 11.25), sections=240), _cylinder(8, 8, (0, 0, 16), sections=120)]
+    body = unite(
+        *[body, _cylinder(21, 1.5, (0, 0, 11.25), sections=240), _cylinder(8, 8, (0, 0, 16), sections=120)]
     )
     teeth = [_cylinder(0.55, 9, (x, y, 6), sections=24) for x, y in _ring_positions(60, 18.9)]
     holes = [_cylinder(3, 30, (x, y, 6), sections=60) for x, y in _ring_positions(6, 13.0)]
-    return _cut(body, [*teeth, *holes, _cylinder(2.5, 60, (0, 0, 6), sections=90)])
+    return subtract(body, *teeth, *holes, _cylinder(2.5, 60, (0, 0, 6), sections=90))
 
 
 def _knurled_knob() -> Solid:
@@ -127,7 +118,7 @@ def _knurled_knob() -> Solid:
     )
     grooves = [_cylinder(1.2, 60, (x, y, 10), sections=48) for x, y in _ring_positions(48, 20.3)]
     pocket = _cylinder(7.5, 13, (0, 0, 0), sections=6)
-    return _cut(body, [*grooves, pocket, _cylinder(3.2, 80, (0, 0, 10), sections=72)])
+    return subtract(body, *grooves, pocket, _cylinder(3.2, 80, (0, 0, 10), sections=72))
 
 
 def _threaded_adapter() -> Solid:
@@ -149,12 +140,14 @@ def _threaded_adapter() -> Solid:
     if thread.volume < 0:
         thread.invert()
     thread.apply_translation((0, 0, 8))
-    tube = _join([_cylinder(28, 6, (0, 0, 3), sections=720), _cylinder(radius, 36, (0, 0, 20), sections=720)])
+    tube = unite(
+        *[_cylinder(28, 6, (0, 0, 3), sections=720), _cylinder(radius, 36, (0, 0, 20), sections=720)]
+    )
     whole = trimesh.boolean.intersection(
-        [_join([tube, thread]), _box((80, 80, 36), (0, 0, 18))], engine="manifold"
+        [unite(tube, thread), _box((80, 80, 36), (0, 0, 18))], engine="manifold"
     )
     holes = [_cylinder(2.2, 30, (x, y, 3), sections=180) for x, y in _ring_positions(6, 23.0)]
-    return _cut(whole, [*holes, _cylinder(11, 120, (0, 0, 20), sections=720)])
+    return subtract(whole, *holes, _cylinder(11, 120, (0, 0, 20), sections=720))
 
 
 PARTS: Final[Mapping[str, Callable[[], Solid]]] = {

@@ -10,14 +10,14 @@ from typing import Any, Final
 from printer_slicer.arguments import PATH, check_arguments
 from printer_slicer.errors import UsageError
 from printer_slicer.gcode_text import gcode_of
-from printer_slicer.importing.familiar import load_profile, translate_changes
+from printer_slicer.importing.familiar import translate_changes
 from printer_slicer.inspection.lint.scan import lint_file, lint_text
 from printer_slicer.jobs import Job, is_gcode
 from printer_slicer.mesh_io import load_mesh
 from printer_slicer.model import Mesh
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.placing import IN_THE_MIDDLE, Placement
-from printer_slicer.profile import Profile
+from printer_slicer.profile import Profile, load_profile
 from printer_slicer.progress import Report, quiet
 from printer_slicer.stages import Stages
 from printer_slicer.strategies import BUILT_IN, Strategies
