@@ -184,13 +184,18 @@ def _add_user_commands(_: Random, setup: Setup) -> Setup:
 
 
 def _pausing(chance: Random, setup: Setup) -> Setup:
-    def act(trial: Trial, _: Event) -> None:
-        if trial.streamer.state is State.PAUSED:
-            trial.streamer.resume()
-        elif chance.random() < 50 / len(setup.job):
+    """Pause after an event now and then; resume when the host wakes next, or one of the next times."""
+
+    def pause(trial: Trial, _: Event) -> None:
+        if chance.random() < 50 / len(setup.job):
             trial.streamer.pause()
 
-    return replace(setup, on_event=act, longest_wait=0.05)
+    # A paused host with nothing in flight may have no event that could resume the print.
+    def resume(trial: Trial) -> None:
+        if trial.streamer.state is State.PAUSED and chance.random() < 0.5:
+            trial.streamer.resume()
+
+    return replace(setup, on_event=pause, before_send=resume, longest_wait=0.05)
 
 
 def _slow_main_loop(chance: Random, setup: Setup) -> Setup:

@@ -68,6 +68,7 @@ class Setup:
         job: commands of the job.
         fault: the fault of the cable.
         on_event: called with the trial and each event of the host.
+        before_send: called with the trial before the host sends; unlike `on_event`, also when nothing happens.
         machine: machine of the printer.
         baud, latency: baud rate and latency (s) of the cable.
         told_baud: baud rate that the host assumes; None if it has no meaning.
@@ -79,6 +80,7 @@ class Setup:
     job: Sequence[bytes]
     fault: Fault | None = None
     on_event: Callable[[Trial, Event], None] = lambda _trial, _event: None
+    before_send: Callable[[Trial], None] = lambda _trial: None
     machine: Machine = QUICK
     baud: int | None = 115_200
     latency: float = 0.001
@@ -116,10 +118,20 @@ class Trial:
 
     def run(self) -> Trial:
         """Print to the end, whatever it is."""
-        wait = self.setup.longest_wait
         with suppress(NeverEndsError):
-            run(self.streamer, self.port, self.port.now, on_event=self._note, longest_wait=wait)
+            self.print_over_port(self.setup.longest_wait)
         return self
+
+    def print_over_port(self, longest_wait: float) -> None:
+        """Print over `port`, and wake the host after `longest_wait` seconds at the latest."""
+        run(
+            self.streamer,
+            self.port,
+            self.port.now,
+            on_event=self._note,
+            before_send=lambda _: self.setup.before_send(self),
+            longest_wait=longest_wait,
+        )
 
     def _damage(self, data: bytes, way: Direction) -> bytes:
         if self.port.now() > _LONGEST:

@@ -20,7 +20,6 @@ from printer_slicer.sim.firmwares import SIMULATED_FIRMWARES
 from printer_slicer.sim.pty_server import serve
 from printer_slicer.stream.events import Halted, Identified
 from printer_slicer.stream.serial_port import open_port
-from printer_slicer.stream.session import run
 from tests.effort import crossed
 from tests.waiting import LAST_RESORT
 
@@ -129,9 +128,9 @@ def test_it_is_so_over_a_device_of_the_system(row: str, tmp_path: Path) -> None:
     assert ready.wait(LAST_RESORT)
     try:
         with closing(open_port(str(tmp_path / "printer"))) as port:
-            trial.port = desk = Desk(port, trial)  # type: ignore[assignment]
+            trial.port = Desk(port, trial)  # type: ignore[assignment]
             real, trial.printer = trial.printer, errands  # type: ignore[assignment]
-            run(trial.streamer, desk, desk.now, on_event=trial._note, longest_wait=1.0)  # type: ignore[arg-type]
+            trial.print_over_port(longest_wait=1.0)
     finally:
         errands.ended.set()
         server.join(LAST_RESORT)
