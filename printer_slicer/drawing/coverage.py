@@ -9,8 +9,19 @@ import numpy as np
 
 from printer_slicer.arrays import Float
 from printer_slicer.diagnostics import Diagnostic
-from printer_slicer.drawing.canvas import Box, Fill, Line, Picture, Shape, Text, fit_text, text_width
+from printer_slicer.drawing.canvas import (
+    Box,
+    Fill,
+    Line,
+    Picture,
+    Shape,
+    Text,
+    fit_text,
+    text_width,
+    wrap_text,
+)
 from printer_slicer.geometry import Areas, intersection, stroke_lines
+from printer_slicer.inspection.coverage.limits import CoverageLimits, find_nearest_to_limit
 from printer_slicer.inspection.coverage.measurement import Coverage, find_overlaps
 from printer_slicer.inspection.deposition.marks import Purpose
 from printer_slicer.values import Struct
@@ -21,6 +32,7 @@ _PANEL: Final = 520  # px, width of a panel
 _TALLEST, _LOWEST = 620, 180  # px, limits of its height
 _GAP, _HEAD, _LEGEND = 24, 52, 40  # px
 _LETTERS: Final = 15  # px
+_LINE: Final = 20  # px, from one line of a heading to the next
 _BORDER: Final = 1.5  # mm around a layer
 _CLOSE_UP_WIDTH: Final = 8.0  # mm, width of a close-up, or a third of the layer if that is less
 _DRAWN_SHARE: Final = 0.85  # share of the extrusion width that is drawn, so that neighbours stay apart
@@ -79,13 +91,16 @@ class _View(Struct, frozen=True):
         )
 
 
-def coverage_picture(coverage: Coverage, shown: Sequence[Diagnostic], title: str) -> Picture:
-    """Draw the layer of each finding, as a whole and close up; without findings, draw the worst layer.
+def coverage_picture(
+    coverage: Coverage, shown: Sequence[Diagnostic], title: str, limits: CoverageLimits
+) -> Picture:
+    """Draw the layer of each finding, as a whole and close up; without findings, draw the layer nearest to a limit.
 
     Args:
         coverage: the measured coverage.
         shown: findings, one row for each; findings without a position have no close-up.
         title: of the picture.
+        limits: limits that say which layer is nearest to one.
     """
     shapes: list[Shape] = []
     y = float(_HEAD + _LEGEND)
@@ -93,17 +108,17 @@ def coverage_picture(coverage: Coverage, shown: Sequence[Diagnostic], title: str
     rows = [
         _Row(one.layer - 1, one.place, f"layer {one.layer}, z {one.z:.4g} mm: {one.message}") for one in shown
     ]
-    for row in rows or [_find_worst_layer(coverage)]:
-        y += 26
+    for row in rows or [_find_worst_layer(coverage, limits)]:
+        lines = wrap_text(row.heading, _LETTERS, wide - 2 * _GAP, bold=True)
+        y += 26 + _LINE * (len(lines) - 1)
         whole, close = _make_views(coverage, row, y)
         for view in (close, whole):
             if view is not None:
                 shapes += _draw_panel(coverage, row.layer, view)
         if close is not None:
             shapes.append(_draw_close_up_frame(close, whole))
-        shapes.append(
-            Text(_GAP, y - 12, fit_text(row.heading, _LETTERS, wide - 2 * _GAP), _LETTERS, bold=True)
-        )
+        for k, line in enumerate(reversed(lines)):
+            shapes.append(Text(_GAP, y - 12 - _LINE * k, line, _LETTERS, bold=True))
         y += max(view.size[1] for view in (whole, close) if view is not None) + _GAP
     shapes += [
         Text(_GAP, 32, fit_text(title, 20, wide - 2 * _GAP), 20, bold=True),
@@ -112,24 +127,14 @@ def coverage_picture(coverage: Coverage, shown: Sequence[Diagnostic], title: str
     return Picture(round(wide), round(y), tuple(shapes), title)
 
 
-def _find_worst_layer(coverage: Coverage) -> _Row:
-    """Return the layer whose shell is least covered, with the largest gap in it."""
-    shell, uncovered = coverage.shell.area(), coverage.uncovered.area()
-    share = np.divide(uncovered, shell, out=np.zeros_like(shell), where=shell > 0)
-    layer = int(np.argmax(share))
-    place = None
-    rings = [ring for ring in coverage.uncovered.rings(layer) if len(ring) > 2]
-    if rings:
-        x, y = max(rings, key=_ring_diagonal).mean(axis=0).tolist()
-        place = x, y
-    covered = f"{1 - share[layer]:.2%} of the shell is covered" if shell[layer] > 0 else "no shell"
-    heading = f"no findings; worst layer: layer {layer + 1}, z {coverage.stack.top[layer]:.4g} mm, {covered}"
-    return _Row(layer, place, heading)
-
-
-def _ring_diagonal(ring: Float) -> float:
-    """Return the diagonal of the bounding box of a ring, mm."""
-    return float(np.hypot(*np.ptp(ring, axis=0)))
+def _find_worst_layer(coverage: Coverage, limits: CoverageLimits) -> _Row:
+    """Return the layer that is nearest to a limit, with its measurement and how near it is."""
+    nearest, share = find_nearest_to_limit(coverage, limits)
+    heading = (
+        f"no findings; nearest to a limit: layer {nearest.layer}, z {nearest.z:.4g} mm, "
+        f"{nearest.code} at {share:.0%} of its limit: {nearest.message}"
+    )
+    return _Row(nearest.layer - 1, nearest.place, heading)
 
 
 def _make_views(coverage: Coverage, row: _Row, top: float) -> tuple[_View, _View | None]:
@@ -143,10 +148,13 @@ def _make_views(coverage: Coverage, row: _Row, top: float) -> tuple[_View, _View
     whole = _View((low[0], low[1]), (high[0], high[1]), _GAP, top, float(scale))
     if row.place is None:
         return whole, None
-    reach = min(_CLOSE_UP_WIDTH, float(size.max()) / 3) / 2
     tall = float(np.clip(whole.size[1], _LOWEST, _PANEL))
+    reach = min(
+        min(_CLOSE_UP_WIDTH, float(size.max()) / 3) / 2, size[0] / 2, float(size[1]) / 2 * _PANEL / tall
+    )
     up = reach * tall / _PANEL
-    x, y = row.place
+    half = np.array([reach, up])  # the close-up stays within the layer
+    x, y = np.clip(row.place, low + half, high - half).tolist()
     near = _View((x - reach, y - up), (x + reach, y + up), 2 * _GAP + _PANEL, top, _PANEL / (2 * reach))
     return whole, near
 

@@ -3,11 +3,18 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
+import numpy as np
 import pytest
 
+import printer_slicer as ps
+from printer_slicer.diagnostics import Diagnostic
+from printer_slicer.drawing import coverage_picture
+from printer_slicer.drawing.canvas import Box, Line, Text
+from printer_slicer.inspection.coverage.limits import CoverageLimits, find_nearest_to_limit
 from printer_slicer.mesh_io import export_stl
 from tests.cli.command_line import BOX, QUICK, is_message, typed
 from tests.parts import box
@@ -89,14 +96,43 @@ def test_a_picture_shows_the_worst_layers(faulty: Path, tmp_path: Path, kind: st
         assert data.startswith(b"\x89PNG")
 
 
-def test_a_picture_without_findings_shows_the_least_covered_layer(gcode: Path, tmp_path: Path) -> None:
+def test_a_picture_without_findings_shows_the_layer_nearest_to_a_limit(gcode: Path, tmp_path: Path) -> None:
     picture = tmp_path / "nothing.svg"
 
     assert typed("check", gcode, "--model", BOX, "--picture", picture, "-q").code == 0
     text = picture.read_text()
-    assert "no findings; worst layer: layer " in text
-    assert "of the shell is covered" in text
+    assert re.search(
+        r"no findings; nearest to a limit: layer \d+, z [\d.]+ mm, [a-z]+ at \d\d?% of its limit: ", text
+    )
     assert "bead" in {element.get("class") for element in ET.fromstring(text).iter()}
+
+
+def test_the_nearest_limit_is_that_of_the_measure_that_uses_most_of_it(gcode: Path) -> None:
+    coverage = ps.check_gcode(gcode.read_bytes(), ps.load_mesh(BOX)).coverage
+    usual, share = find_nearest_to_limit(coverage)
+    most = float(coverage.outline.p95.max())
+    nearest, high = find_nearest_to_limit(coverage, CoverageLimits(outline=most / 0.99))
+
+    assert 0 < share < 0.99
+    assert 1 <= usual.layer <= coverage.stack.n_layers
+    assert (nearest.code, nearest.layer) == ("outline", int(coverage.outline.p95.argmax()) + 1)
+    assert high == pytest.approx(0.99)
+
+
+def test_the_close_up_of_a_corner_stays_within_the_layer(gcode: Path) -> None:
+    coverage = ps.check_gcode(gcode.read_bytes(), ps.load_mesh(BOX)).coverage
+    corner = coverage.sections.rings(0)
+    x, y = np.concatenate(list(corner)).max(axis=0).tolist()
+    finding = Diagnostic("outside", "error", "a corner " * 40, layer=1, z=0.2, place=(x, y))
+    picture = coverage_picture(coverage, [finding], "title", CoverageLimits())
+    (frame,) = [one.points for one in picture.shapes if isinstance(one, Line) and one.name == "close-up"]
+    whole = next(one for one in reversed(picture.shapes) if isinstance(one, Box) and one.name == "panel")
+    heading = [one for one in picture.shapes if isinstance(one, Text) and "a corner" in one.text]
+
+    assert (frame >= (whole.x - 0.01, whole.y - 0.01)).all()
+    assert (frame <= (whole.x + whole.width + 0.01, whole.y + whole.height + 0.01)).all()
+    assert len(heading) == 2
+    assert all(one.y < whole.y for one in heading)
 
 
 def test_json_and_a_picture_cannot_both_go_to_stdout(gcode: Path) -> None:

@@ -158,7 +158,7 @@ def run(arguments: argparse.Namespace) -> int:
         check = check_gcode(text, mesh, asked, name=arguments.gcode.name, report=report)
         if arguments.picture:
             report("drawing")
-            _draw_worst_layers(check, format_model_names(arguments.models), arguments.picture)
+            _draw_worst_layers(check, limits, format_model_names(arguments.models), arguments.picture)
     if arguments.json:
         facts = _comparison_facts(check, limits) | plate.facts() | file_check.facts
         print(json.dumps(facts | {"ok": check.ok and not file_check.wrong}))
@@ -503,7 +503,7 @@ def _comparison_facts(check: Check, limits: CoverageLimits) -> dict[str, Any]:
     }
 
 
-def _draw_worst_layers(check: Check, model: str, path: Path) -> None:
+def _draw_worst_layers(check: Check, limits: CoverageLimits, model: str, path: Path) -> None:
     """Draw the worst layer of each kind of finding, then further layers with findings, up to four in all."""
     from printer_slicer.drawing import coverage_picture, picture_bytes
 
@@ -514,6 +514,5 @@ def _draw_worst_layers(check: Check, model: str, path: Path) -> None:
     for finding in (*kinds.values(), *check.findings):
         chosen.setdefault(finding.layer, finding)
     title = sanitize(f"{check.name} against {model}")
-    write_file(
-        path, picture_bytes(coverage_picture(check.coverage, list(chosen.values())[:_MAX_DRAWN], title), path)
-    )
+    picture = coverage_picture(check.coverage, list(chosen.values())[:_MAX_DRAWN], title, limits)
+    write_file(path, picture_bytes(picture, path))

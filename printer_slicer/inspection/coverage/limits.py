@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.arrays import Bool, Float
+from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.deprecation import accept_former_fields
 from printer_slicer.diagnostics import Diagnostic
 from printer_slicer.geometry import Areas, difference, intersection, offset, offset_open
@@ -16,7 +16,14 @@ from printer_slicer.inspection.coverage.measurement import Coverage
 from printer_slicer.inspection.deposition.unsupported import MIN_REPORTED_LENGTH
 from printer_slicer.values import Struct
 
-__all__ = ["CoverageLimits", "excess_ratio", "find_line_near", "findings", "place_of_largest_area"]
+__all__ = [
+    "CoverageLimits",
+    "excess_ratio",
+    "find_line_near",
+    "find_nearest_to_limit",
+    "findings",
+    "place_of_largest_area",
+]
 
 _MIN_AREA: Final = 1.0  # mm² in a layer; smaller areas are not reported
 _MIN_SQUARES: Final = 2.0  # squares of the extrusion width that may be missing or surplus at tips
@@ -55,11 +62,22 @@ def excess_ratio(diagnostic: Diagnostic) -> float:
 
 
 class _Measure(Struct, frozen=True, eq=False):
-    """One measurement: amounts (L,), mask of layers beyond the limit (L,), limit, message and position by layer."""
+    """One measurement of all layers.
+
+    Attributes:
+        name: code of its findings.
+        amount: (L,) what was measured.
+        exceeds: (L,) mask of the layers beyond the limit.
+        nearness: (L,) how much of what the limit allows is used: 0 for a perfect layer, 1 at the limit.
+        limit: the limit of `amount`.
+        describe: layer index -> message.
+        locate: layer index -> position, mm; nan without one.
+    """
 
     name: str
     amount: Float
     exceeds: Bool
+    nearness: Float
     limit: float
     describe: Callable[[int], str]
     locate: Callable[[int], tuple[float, float]]
@@ -71,6 +89,24 @@ def findings(coverage: Coverage, limits: CoverageLimits = CoverageLimits()) -> t
     return tuple(sorted(found, key=lambda one: -excess_ratio(one)))
 
 
+def find_nearest_to_limit(
+    coverage: Coverage, limits: CoverageLimits = CoverageLimits()
+) -> tuple[Diagnostic, float]:
+    """Return the layer and measurement nearest to its limit as a diagnostic, and how much of the limit it uses.
+
+    The share is 0 for a perfect layer and 1 at the limit.
+    """
+    measures = list(_list_measures(coverage, limits))
+    nearness = np.nan_to_num([np.where(coverage.stack.ramps, 0.0, one.nearness) for one in measures])
+    row, layer = np.unravel_index(int(nearness.argmax()), nearness.shape)
+    return _make_diagnostic(coverage, measures[row], np.array([layer])), float(nearness[row, layer])
+
+
+def _share_of(amount: Float, limit: float) -> Float:
+    """Return amounts (L,) as shares of their limit; infinite for any amount if the limit is 0."""
+    return np.divide(amount, limit) if limit > 0 else np.where(amount > 0, _INFINITE, 0.0)
+
+
 def _find_runs(coverage: Coverage, measure: _Measure) -> Iterator[Diagnostic]:
     """Yield a diagnostic for each run of consecutive layers beyond the limit."""
     exceeding = np.flatnonzero(measure.exceeds & ~coverage.stack.ramps)
@@ -78,23 +114,27 @@ def _find_runs(coverage: Coverage, measure: _Measure) -> Iterator[Diagnostic]:
         return
     cuts = [0, *(np.flatnonzero(np.diff(exceeding) > 1) + 1).tolist(), len(exceeding)]
     for begin, end in pairwise(cuts):
-        run = exceeding[begin:end]
-        amount = measure.amount[run]
-        layer = int(run[(amount.argmin if measure.name == "underfilled" else amount.argmax)()])
-        x, y = measure.locate(layer)
-        yield Diagnostic(
-            measure.name,
-            "error",
-            measure.describe(layer),
-            line=find_line_near(coverage, layer, x, y),
-            layer=layer + 1,
-            first=int(run[0]) + 1,
-            last=int(run[-1]) + 1,
-            z=float(coverage.stack.top[layer]),
-            place=None if np.isnan(x) else (x, y),
-            amount=float(measure.amount[layer]),
-            limit=measure.limit,
-        )
+        yield _make_diagnostic(coverage, measure, exceeding[begin:end])
+
+
+def _make_diagnostic(coverage: Coverage, measure: _Measure, run: Int) -> Diagnostic:
+    """Return a diagnostic for a run of consecutive layers, at the worst of them."""
+    amount = measure.amount[run]
+    layer = int(run[(amount.argmin if measure.name == "underfilled" else amount.argmax)()])
+    x, y = measure.locate(layer)
+    return Diagnostic(
+        measure.name,
+        "error",
+        measure.describe(layer),
+        line=find_line_near(coverage, layer, x, y),
+        layer=layer + 1,
+        first=int(run[0]) + 1,
+        last=int(run[-1]) + 1,
+        z=float(coverage.stack.top[layer]),
+        place=None if np.isnan(x) else (x, y),
+        amount=float(measure.amount[layer]),
+        limit=measure.limit,
+    )
 
 
 def _list_measures(coverage: Coverage, limits: CoverageLimits) -> Iterator[_Measure]:
@@ -105,6 +145,7 @@ def _list_measures(coverage: Coverage, limits: CoverageLimits) -> Iterator[_Meas
         "uncovered",
         share,
         (share > limits.uncovered) & (uncovered > _MIN_AREA),
+        np.minimum(_share_of(share, limits.uncovered), uncovered / _MIN_AREA),
         limits.uncovered,
         lambda k: f"{uncovered[k]:.1f} mm² ({share[k]:.0%}) of the shell are not covered",
         lambda k: place_of_largest_area(coverage.uncovered, k),
@@ -114,6 +155,7 @@ def _list_measures(coverage: Coverage, limits: CoverageLimits) -> Iterator[_Meas
         "outside",
         outside,
         outside > limits.outside,
+        _share_of(outside, limits.outside),
         limits.outside,
         lambda k: f"{outside[k]:.1f} mm² are printed outside the outline of the part",
         lambda k: place_of_largest_area(coverage.outside, k),
@@ -124,6 +166,7 @@ def _list_measures(coverage: Coverage, limits: CoverageLimits) -> Iterator[_Meas
         "overlap",
         overlap_share,
         (overlap_share > limits.overlap) & (fill.overlap > _MIN_AREA),
+        np.minimum(_share_of(overlap_share, limits.overlap), fill.overlap / _MIN_AREA),
         limits.overlap,
         lambda k: (
             f"extrusions overlap on {fill.overlap[k]:.1f} mm² ({overlap_share[k]:.0%} of the layer),"
@@ -138,6 +181,7 @@ def _list_measures(coverage: Coverage, limits: CoverageLimits) -> Iterator[_Meas
         "outline",
         outline.p95,
         (outline.p95 > limits.outline) & (size > _MIN_AREA),
+        np.minimum(_share_of(outline.p95, limits.outline), size / _MIN_AREA),
         limits.outline,
         lambda k: (
             f"outline error {outline.p95[k]:.2f} mm (95th percentile), at most {outline.largest[k]:.2f} mm"
@@ -155,14 +199,17 @@ def _volume_measures(coverage: Coverage, limits: CoverageLimits) -> Iterator[_Me
     overfilled, underfilled = surplus > min_area, missing > min_area
     if overfilled.any():
         overfilled &= surplus - _area_beside_fins(coverage, overfilled, width) > min_area
-    for name, limit, exceeds in (
-        ("underfilled", limits.underfilled, underfilled),
-        ("overfilled", limits.overfilled, overfilled),
+    # A small shell may deviate by more, because the least area that is reported is a larger share of it.
+    slack = min_area / np.maximum(shell, 1e-9)
+    for name, limit, exceeds, used, allowed in (
+        ("underfilled", limits.underfilled, underfilled, 1 - fill, 1 - limits.underfilled),
+        ("overfilled", limits.overfilled, overfilled, fill - 1, limits.overfilled - 1),
     ):
         yield _Measure(
             name,
             fill,
             exceeds,
+            np.where(exceeds | (used <= allowed + slack), used / np.maximum(allowed + slack, 1e-9), 0.0),
             limit,
             lambda k: (
                 f"the shell has {fill[k]:.0%} of the material it needs (layer height {height[k]:.3g} mm)"
@@ -188,6 +235,7 @@ def _unsupported_measure(coverage: Coverage, limits: CoverageLimits) -> _Measure
         "unsupported",
         length,
         length > limits.unsupported,
+        _share_of(length, limits.unsupported),
         limits.unsupported,
         lambda k: f"{length[k]:.0f} mm of unsupported extrusion",
         lambda k: (float(place[k, 0]), float(place[k, 1])),
