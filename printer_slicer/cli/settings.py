@@ -34,6 +34,7 @@ __all__ = [
 _PLANNER_RANGE_SETTINGS = ("tolerance", "layer_height")  # settings that the layer planner reads from --range
 _RANGE_SETTINGS: Final = ("planner.ranges", "planner.ranges+", "ranges")
 _MOST_SHOWN: Final = 80  # characters of a setting or note in a message
+_MOST_CHANGES: Final = 4  # changes of a profile that the first line names
 _SEARCHED_BYTES: Final = 1 << 14  # at both ends of a file, where slicers name the machine
 _MACHINE: Final = re.compile(
     rb"^; ?(?:TARGET_MACHINE\.NAME:|machine_type:|printer_model = |printer_settings_id = )([^\r\n]{1,100})",
@@ -75,6 +76,7 @@ def profile_from(
     sources = _find_profile_sources(
         {kind: name for kind, name in names.items() if kind in used}, own, folders
     )
+    _add_changes(sources, profile)
     arguments.profile_facts = {"profile": sources}
     if tell:
         _print_profile(arguments, sources, own.refused)
@@ -89,8 +91,16 @@ def _add_set_option(error: ProfileError, arguments: argparse.Namespace) -> Profi
     return ProfileError(f"--set {message}", remedy=error.remedy) if typed else error
 
 
+def _add_changes(sources: dict[str, dict[str, Any]], profile: Profile) -> None:
+    """Add the changed settings of each kind, key -> value, to the sources of a profile."""
+    for change in profile.list_changes():
+        kind, _, key = change.key.partition(".")
+        if kind in sources:
+            sources[kind].setdefault("changes", {})[key] = change.value
+
+
 def _print_profile(
-    arguments: argparse.Namespace, sources: dict[str, dict[str, str]], refused: Sequence[str]
+    arguments: argparse.Namespace, sources: dict[str, dict[str, Any]], refused: Sequence[str]
 ) -> None:
     """Print printer, material and quality with their sources, as the first line of the output.
 
@@ -103,14 +113,33 @@ def _print_profile(
         print(sanitize(text), file=sys.stderr)
     if not arguments.json:
         data = any(str(getattr(arguments, name, "")) == "-" for name in ("output", "picture"))
-        line = ", ".join(f"{kind} {one['name']} ({_format_origin(one)})" for kind, one in sources.items())
+        line = ", ".join(
+            f"{kind} {one['name']} ({_format_origin(one)}){_format_changes(one.get('changes', {}))}"
+            for kind, one in sources.items()
+        )
         print(sanitize(hide_stdin_folder(arguments, line)), file=sys.stderr if data else sys.stdout)
 
 
-def _format_origin(sources: dict[str, str]) -> str:
+def _format_changes(changes: Mapping[str, str]) -> str:
+    """Format the changes of a profile as words that follow its name; empty without changes."""
+    words = [
+        f"{key}={value}" for key, value in changes.items() if key not in ("planner.kind", "layer_height")
+    ]
+    planner, height = changes.get("planner.kind"), changes.get("layer_height")
+    if planner == "uniform" and height:
+        words.insert(0, f"uniform layers of {height}")
+    else:
+        words[:0] = [f"layer_height={height}"] * bool(height) + [f"planner {planner}"] * bool(planner)
+    if len(words) > _MOST_CHANGES + 1:
+        words[_MOST_CHANGES:] = [f"{len(words) - _MOST_CHANGES} more changes"]
+    *others, last = words or [""]
+    return f" with {', '.join(others)}{' and ' if others else ''}{last}" if last else ""
+
+
+def _format_origin(sources: dict[str, Any]) -> str:
     """Format where a profile comes from, and the machine that the file names if there is no profile for it."""
     named = sources.get("named_in_file")
-    return sources["from"] + (f": the file names '{named}', which has no profile" if named else "")
+    return str(sources["from"]) + (f": the file names '{named}', which has no profile" if named else "")
 
 
 def profile_facts(arguments: argparse.Namespace) -> dict[str, Any]:
@@ -550,7 +579,7 @@ def _find_named_machine(path: Path, folders: Sequence[Path]) -> _FileSettings:
 
 def _find_profile_sources(
     names: Mapping[str, str | None], own: _FileSettings, folders: Sequence[Path]
-) -> dict[str, dict[str, str]]:
+) -> dict[str, dict[str, Any]]:
     """Return for each kind the `name` of its profile, its origin (`from`), and an unknown machine (`named_in_file`).
 
     Args:
@@ -560,7 +589,7 @@ def _find_profile_sources(
     """
     from printer_slicer.profile import DEFAULT_NAMES
 
-    sources: dict[str, dict[str, str]] = {}
+    sources: dict[str, dict[str, Any]] = {}
     for kind, name in names.items():
         if name:
             sources[kind] = {"name": _resolve_profile_name(kind, name, folders), "from": f"--{kind}"}

@@ -159,7 +159,8 @@ def profile_over(
         else read_chain(kind, names.get(kind) or DEFAULT_NAMES[kind], folders)
         for kind in KINDS
     }
-    return _build_profile(_apply_changes(sources, changes or {}), slices=slices)
+    profile = _build_profile(_apply_changes(sources, changes or {}), slices=slices)
+    return replace(profile, changed=tuple(_list_changed_keys(sources, changes or {})))
 
 
 def read_sources(

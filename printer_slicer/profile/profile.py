@@ -82,6 +82,10 @@ class Profile(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
         return differences_as_html(self._sections(), self._differences())
 
+    def list_changes(self) -> list[ChangedSetting]:
+        """Return the settings that were changed on top of the named profiles."""
+        return [one for one in self._differences() if one.is_change] if self.changed else []
+
     def _differences(self) -> list[ChangedSetting]:
         """Return the changed settings, then those of the named profiles that differ from their defaults."""
         from printer_slicer.profile.differences import list_differences  # noqa: PLC0415 - only where it is shown

@@ -210,7 +210,8 @@ def test_slicing_to_stdout_writes_the_gcode_and_nothing_else(tmp_path: Path) -> 
     assert outcome.code == 0
     assert (
         outcome.err
-        == "printer marlin_220 (--printer), material pla (--material), quality standard (--quality)\n"
+        == "printer marlin_220 (--printer), material pla (--material), quality standard (--quality) "
+        "with uniform layers of 0.3 mm\n"
     )
     assert outcome.out.encode() == (tmp_path / "box.gcode").read_bytes()
 

@@ -203,3 +203,43 @@ def test_gcode_that_can_be_read_only_once_is_refused() -> None:
     assert outcome.code == 2
     assert "is a pipe" in outcome.err
     assert "use - as" in outcome.err
+
+
+MANY_SETTINGS = ("perimeters", "bottom_layers", "top_layers", "skirt_loops", "brim_width", "speeds.travel")
+
+
+@pytest.mark.parametrize(
+    ("options", "quality"),
+    [
+        (["--layer-height", "0.3"], "adaptive (default) with uniform layers of 0.3 mm"),
+        (
+            ["--layer-height", "0.3", "--infill", "25%", "--walls", "3"],
+            "adaptive (default) with uniform layers of 0.3 mm, perimeters=3 and infill_density=25%",
+        ),
+        (["--planner", "cusp"], "adaptive (default) with planner cusp"),
+        (["--set", "seam=rear"], "adaptive (default) with seam=rear"),
+        (
+            [f"--set={key}=3" for key in MANY_SETTINGS],
+            "adaptive (default) with perimeters=3, bottom_thickness=0.6 mm, ",
+        ),
+        ([], "adaptive (default)"),
+    ],
+)
+def test_the_first_line_names_what_was_changed(tmp_path: Path, options: list[str], quality: str) -> None:
+    said = typed("slice", BOX, "-o", tmp_path / "box.gcode", *options)
+    line = said.out.splitlines()[0]
+
+    assert line.startswith(f"printer marlin_220 (default), material pla (default), quality {quality}")
+    assert len(line) < 200
+    assert line.endswith((quality, "and 2 more changes"))
+
+
+def test_changes_stand_beside_the_profile_that_they_change(tmp_path: Path) -> None:
+    options = ["--set", "printer.bed_x=200", "--set", "perimeters=3"]
+    said = typed("slice", BOX, "-o", tmp_path / "box.gcode", *options)
+    facts = json.loads(typed("slice", BOX, "-o", tmp_path / "box.gcode", "--json", *options).out)["profile"]
+
+    assert "printer marlin_220 (default) with bed_x=200 mm, material pla (default), quality" in said.out
+    assert facts["printer"]["changes"] == {"bed_x": "200 mm"}
+    assert facts["quality"]["changes"] == {"perimeters": "3"}
+    assert "changes" not in facts["material"]
