@@ -121,16 +121,24 @@ def _mesh_fault_facts(part: Mesh, shift: Float) -> dict[str, Any]:
     }
 
 
+def _format_time_and_filament(facts: dict[str, Any]) -> str:
+    """Format print time and filament of the part."""
+    metres, grams = format_significant(facts["filament_mm"] / 1000), format_significant(facts["filament_g"])
+    return (
+        f"Print time {format_duration(facts['seconds'])}; filament {metres} m, {grams} g "
+        "(without start and end G-code, homing and heating)"
+    )
+
+
 def slicing_sentences(facts: dict[str, Any]) -> list[str]:
     """Format the results of slicing as sentences: first layers, time and filament, then warnings.
 
     Args:
         facts: the result of `slicing_facts`.
     """
-    metres, grams = format_significant(facts["filament_mm"] / 1000), format_significant(facts["filament_g"])
     lines = [
         f"{facts['layers']} layers ({format_runs(facts['heights'])})" + _format_raft(facts["raft"]),
-        f"Print time {format_duration(facts['seconds'])}; filament {metres} m, {grams} g",
+        _format_time_and_filament(facts),
     ]
     first = certificate_sentences(facts["certificate"])[0]
     lines += [first, *violation_sentences(facts["certificate"])]

@@ -194,21 +194,20 @@ def _format_executed(verdict: Verdict) -> str:
 
 
 def _format_time_difference(verdict: Verdict) -> str:
-    """Describe the difference between simulated and estimated time."""
+    """Compare the simulated motion with the estimate that was computed from the commands of the file."""
     ratio = verdict.simulated_seconds / verdict.modelled_seconds - 1 if verdict.modelled_seconds else 0.0
     difference = f"{ratio:+.2%}"
     if difference in ("+0.00%", "-0.00%"):
-        return "simulated time equals the estimate"
-    return f"simulated time differs by {difference} from the estimate"
+        return "motion takes as long as estimated from these commands"
+    return f"motion takes {difference} compared with the estimate from these commands"
 
 
 def _format_times(verdict: Verdict) -> str:
     report = verdict.report
-    parts = [f"{format_duration(report.heating_seconds)} of heating"] if report.heating_seconds >= 1 else []
+    parts = [f"{format_duration(verdict.simulated_seconds)} of motion with start and end G-code"]
+    parts += [f"{format_duration(report.heating_seconds)} of heating"] if report.heating_seconds >= 1 else []
     parts += [f"{format_duration(report.homing_seconds)} of homing"] if report.homing_seconds >= 1 else []
-    more = f", with {' and '.join(parts)}" if parts else ""
-    in_all, moving = map(format_duration, (verdict.total_seconds, verdict.simulated_seconds))
-    return f"{in_all} in total{more}; {moving} of motion"
+    return f"{format_duration(verdict.total_seconds)} in total: {', '.join(parts)}"
 
 
 def _format_role_times(deposition: Deposition) -> list[str]:
@@ -259,7 +258,8 @@ def _filament_grams(verdict: Verdict, profile: Profile) -> float:
 def _format_filament(verdict: Verdict, profile: Profile) -> str:
     grams = _filament_grams(verdict, profile)
     cost = f", cost {grams / 1000 * profile.material.cost:.2f}" if profile.material.cost else ""
-    return f"{verdict.report.filament / 1000:.2f} m, {grams:.1f} g of {profile.material.name}{cost}"
+    primed = " with priming" if verdict.primed else ""
+    return f"{verdict.report.filament / 1000:.2f} m, {grams:.1f} g of {profile.material.name}{primed}{cost}"
 
 
 def _format_flow(deposition: Deposition, profile: Profile) -> str:

@@ -109,22 +109,27 @@ def coverage_picture(
         _Row(one.layer - 1, one.place, f"layer {one.layer}, z {one.z:.4g} mm: {one.message}") for one in shown
     ]
     for row in rows or [_find_worst_layer(coverage, limits)]:
-        lines = wrap_text(row.heading, _LETTERS, wide - 2 * _GAP, bold=True)
-        y += 26 + _LINE * (len(lines) - 1)
+        heading, y = _draw_heading(row.heading, wide - 2 * _GAP, y)
+        shapes += heading
         whole, close = _make_views(coverage, row, y)
         for view in (close, whole):
             if view is not None:
                 shapes += _draw_panel(coverage, row.layer, view)
         if close is not None:
             shapes.append(_draw_close_up_frame(close, whole))
-        for k, line in enumerate(reversed(lines)):
-            shapes.append(Text(_GAP, y - 12 - _LINE * k, line, _LETTERS, bold=True))
         y += max(view.size[1] for view in (whole, close) if view is not None) + _GAP
     shapes += [
         Text(_GAP, 32, fit_text(title, 20, wide - 2 * _GAP), 20, bold=True),
         *_draw_legend(_GAP, _HEAD + 4),
     ]
     return Picture(round(wide), round(y), tuple(shapes), title)
+
+
+def _draw_heading(heading: str, width: float, y: float) -> tuple[list[Shape], float]:
+    """Draw the heading of a row in at most two lines from y on; return also the y at which its panels begin."""
+    lines = wrap_text(heading, _LETTERS, width, bold=True)
+    texts = [Text(_GAP, y + 14 + _LINE * k, line, _LETTERS, bold=True) for k, line in enumerate(lines)]
+    return [*texts], y + 26 + _LINE * (len(lines) - 1)
 
 
 def _find_worst_layer(coverage: Coverage, limits: CoverageLimits) -> _Row:

@@ -80,15 +80,17 @@ def load_profile(
     Raises:
         ProfileError: a setting is invalid; names file, line, key and bound.
     """
-    names = {
-        kind: None if name is None else os.fspath(name)
-        for kind, name in (("printer", printer), ("material", material), ("quality", quality))
-    }
+    names = dict(zip(KINDS, map(_as_text, (printer, material, quality)), strict=True))
     _check_folders(folders)
     changes = _choose_planner(_check_changes({} if changes is None else changes))
     sources = read_sources(names, changes, [Path(one) for one in folders])
     profile = _build_profile(sources, slices=slices)
     return replace(profile, changed=tuple(_list_changed_keys(sources, changes)))
+
+
+def _as_text(name: str | os.PathLike[str] | None) -> str | None:
+    """Return the name of a profile as text."""
+    return None if name is None else os.fspath(name)
 
 
 def _check_folders(folders: object) -> None:

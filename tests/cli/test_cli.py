@@ -226,6 +226,18 @@ def test_slicing_to_stdout_and_asking_for_json_does_not_mix_the_two(tmp_path: Pa
         assert is_message(outcome, "-o -", "--json")
 
 
+def test_slicing_and_dry_run_say_what_their_times_and_lengths_contain(tmp_path: Path) -> None:
+    sliced = typed("slice", BOX, "-o", tmp_path / "box.gcode", *QUICK).out
+    run = typed("dry-run", tmp_path / "box.gcode").out
+
+    assert re.search(
+        r"Print time \w+ \w+; filament .* \(without start and end G-code, homing and heating\)", sliced
+    )
+    assert re.search(r"in total: \w+ \w+ of motion with start and end G-code, .* of heating", run)
+    assert re.search(r"m, [\d.]+ g of PLA with priming", run)
+    assert "in order; motion takes as long as estimated from these commands" in run
+
+
 def test_slicing_tells_layers_time_and_filament_as_json(tmp_path: Path) -> None:
     outcome = typed("slice", BOX, "-o", tmp_path / "box.gcode", "--json", *QUICK)
     facts = document(outcome.out)

@@ -176,8 +176,13 @@ def _list_measures(coverage: Coverage, limits: CoverageLimits) -> Iterator[_Meas
     )
     yield from _volume_measures(coverage, limits)
     yield _unsupported_measure(coverage, limits)
-    outline, size = coverage.outline, np.maximum(coverage.sections.area(), covered)
-    yield _Measure(
+    yield _outline_measure(coverage, limits)
+
+
+def _outline_measure(coverage: Coverage, limits: CoverageLimits) -> _Measure:
+    """Return the measurement of the distance between the outlines."""
+    outline, size = coverage.outline, np.maximum(coverage.sections.area(), coverage.covered.area())
+    return _Measure(
         "outline",
         outline.p95,
         (outline.p95 > limits.outline) & (size > _MIN_AREA),

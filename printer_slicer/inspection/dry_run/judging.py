@@ -103,7 +103,7 @@ class Verdict(SvgRepr, Struct, frozen=True):
             "layers": f"{n_layers} layer heights, "
             + ("as planned" if self.heights_equal else "NOT as planned"),
             "motion": f"{format_duration(self.simulated_seconds)} simulated, "
-            f"{format_duration(self.modelled_seconds)} estimated",
+            f"{format_duration(self.modelled_seconds)} estimated from these commands",
             "total": f"{format_duration(self.total_seconds)} with homing and heating",
             "filament": f"{self.report.filament / 1000:.2f} m",
         }
@@ -266,6 +266,6 @@ def _list_problems(
         and abs(report.print_seconds / job.seconds - 1) > TIME_TOLERANCE
     ):
         problems.append(
-            f"simulated time {report.print_seconds:.1f} s differs from the estimate of {job.seconds:.1f} s"
+            f"motion takes {report.print_seconds:.1f} s, but {job.seconds:.1f} s were estimated from these commands"
         )
     return problems
