@@ -293,9 +293,13 @@ def _describe_count(diagnostic: Diagnostic) -> str:
 
 
 def as_json(diagnostic: Diagnostic) -> dict[str, Any]:
-    """Return all fields, and those of version 0.1: name, kind, what, text, why, refused, harmless, x, y."""
+    """Return all fields, and those of version 0.1: name, kind, what, text, why, refused, harmless, x, y.
+
+    Layers are counted from 1; outside the layers, `layer` is None.
+    """
     x, y = diagnostic.place or (None, None)
     return as_dict(diagnostic) | {
+        "layer": diagnostic.layer or None,
         "name": diagnostic.code,
         "kind": CODES[diagnostic.code].kind or diagnostic.code,
         "what": diagnostic.message,

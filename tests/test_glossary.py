@@ -23,6 +23,9 @@ COMMANDS: Final = {
     "check": ("check", "box.gcode"),
     "check --model": ("check", "box.gcode", "--model", BOX),
     "draw": ("draw", "box.gcode", "--layer", "2", "-o", "layer.svg"),
+    "contours": ("contours", BOX, "-o", "box.svg"),
+    "profiles": ("profiles", "list"),
+    "profiles show": ("profiles", "show"),
 }
 # Settings that PrusaSlicer and OrcaSlicer have under these names.
 KEPT_SETTINGS: Final = ("quality.min_bead_width", "quality.max_bead_width")
@@ -60,6 +63,17 @@ def strings_of(value: Any) -> Iterator[str]:
             yield from strings_of(inner)
     elif isinstance(value, str):
         yield value
+
+
+def numbers_of_layers(value: Any) -> Iterator[object]:
+    """Yield the values under the key `layer` in a JSON document."""
+    if isinstance(value, dict):
+        if "layer" in value:
+            yield value["layer"]
+        value = list(value.values())
+    if isinstance(value, list):
+        for inner in value:
+            yield from numbers_of_layers(inner)
 
 
 def test_the_glossary_excludes_words() -> None:
@@ -102,4 +116,25 @@ def test_json_has_no_excluded_words(command: str, folder: Path) -> None:
     outcome = typed(*COMMANDS[command], "--json", cwd=folder)
 
     assert outcome.code == 0, outcome.err
-    assert find_excluded(strings_of(json.loads(outcome.out))) == []
+    texts = (text for text in strings_of(json.loads(outcome.out)) if text not in KEPT_SETTINGS)
+    assert find_excluded(texts) == []
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_json_counts_layers_from_1(command: str, folder: Path) -> None:
+    found = list(numbers_of_layers(json.loads(typed(*COMMANDS[command], "--json", cwd=folder).out)))
+
+    assert 0 not in found
+    if command in ("dry-run", "draw"):
+        assert found
+
+
+@pytest.mark.parametrize(
+    ("command", "key"), [("check --model", "volume_by_role"), ("dry-run", "seconds_by_role")]
+)
+def test_json_names_roles_as_the_glossary_does(command: str, key: str, folder: Path) -> None:
+    facts = json.loads(typed(*COMMANDS[command], "--json", cwd=folder).out)
+    roles = set((facts["material"] if command == "dry-run" else facts)[key])
+
+    assert "External perimeter" in roles
+    assert roles <= {term for term, *_ in rows()}

@@ -318,7 +318,7 @@ def verdict_facts(verdict: Verdict, job: Job, profile: Profile) -> dict[str, obj
 
 
 def _material_facts(deposition: Deposition, profile: Profile) -> Mapping[str, object]:
-    """Return the extruded material per role and per layer, for JSON."""
+    """Return the extruded material per role and per layer, for JSON; the layer of start G-code is null."""
     peak = deposition.peak
     return {
         "seconds_by_role": {name: round(seconds, 3) for name, seconds in deposition.by_role.items()},
@@ -329,11 +329,11 @@ def _material_facts(deposition: Deposition, profile: Profile) -> Mapping[str, ob
         "layer_heights": np.round(_layer_heights(deposition), 4).tolist(),
         "peak_flow": None
         if peak is None
-        else {"mm3_per_s": round(peak.amount, 3), "layer": peak.layer, "z": round(peak.z, 4)},
+        else {"mm3_per_s": round(peak.amount, 3), "layer": peak.layer or None, "z": round(peak.z, 4)},
         "max_flow": profile.max_flow,
         "layers": [
             {
-                "layer": layer.number,
+                "layer": layer.number or None,
                 "z": round(layer.z, 4),
                 "seconds": round(layer.seconds, 3),
                 "volume_mm3": round(layer.volume, 3),

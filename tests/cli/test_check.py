@@ -79,7 +79,7 @@ def test_json_tells_all(faulty: Path) -> None:
     uncovered = [one for one in facts["findings"] if one["kind"] == "uncovered"]
     assert [(one["first"], one["last"]) for one in uncovered] == [(3, 5)]
     assert facts["models"][0]["file"] == str(BOX)
-    assert facts["volume_by_purpose"]["Skirt/Brim"] > 0
+    assert facts["volume_by_role"]["Skirt/Brim"] > 0
 
 
 @pytest.mark.parametrize("kind", ["svg", "png"])

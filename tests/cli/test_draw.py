@@ -67,10 +67,11 @@ def test_a_name_in_png_gives_a_png_as_large_as_asked(gcode: Path, tmp_path: Path
 def test_json_tells_what_was_drawn(gcode: Path, tmp_path: Path) -> None:
     done = typed("draw", gcode, "--layer", 34, "-o", tmp_path / "a.svg", "--model", BOX, "--json")
     facts = json.loads(done.out)
-    beads = {one["name"]: one for one in facts["beads"]}
-    volume = sum(one["volume"] for one in facts["beads"])
+    beads = {one["role"]: one for one in facts["extrusions"]}
+    volume = sum(one["volume"] for one in facts["extrusions"])
 
     assert (facts["layer"], facts["layers"], facts["height"]) == (34, 34, 0.2)
+    assert all(one["comment"] == one["role"] for one in facts["extrusions"])
     assert facts["fit"] > 0.99
     assert list(beads) == ["Perimeter", "External perimeter", "Top solid infill"]
     assert volume == pytest.approx(20 * 20 * 0.2, rel=0.03)

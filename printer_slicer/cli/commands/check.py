@@ -478,7 +478,7 @@ def _comparison_facts(check: Check, limits: CoverageLimits) -> dict[str, Any]:
         "filament_diameter": _round_column(check.deposit.diameter),
         "shell_depth": _round_for_json(coverage.shell_depth),
         "cell": coverage.fill.cell,
-        "volume_by_purpose": {
+        "volume_by_role": {
             Purpose(i).label: _round_for_json(volume)
             for i, volume in enumerate(coverage.by_purpose.tolist())
             if volume

@@ -282,14 +282,14 @@ def _layer_facts(
         "layers": sheet.count,
         "z": round(sheet.top, _DECIMALS),
         "height": round(sheet.height, _DECIMALS),
-        "beads": list(_extrusion_facts(sheet)),
+        "extrusions": list(_extrusion_facts(sheet)),
         "travel": round(float(np.hypot(*(sheet.travel[:, 1] - sheet.travel[:, 0]).T).sum()), _DECIMALS),
         "fit": None if match is None else round(match.share, _DECIMALS),
     }
 
 
 def _extrusion_facts(sheet: LayerExtrusions) -> Iterator[dict[str, Any]]:
-    """Yield length, volume and width of the extrusions of each role."""
+    """Yield role, comment, length, volume and width of the extrusions of each role and comment of the file."""
     import numpy as np
 
     from printer_slicer.inspection.deposition.marks import Purpose
@@ -299,8 +299,8 @@ def _extrusion_facts(sheet: LayerExtrusions) -> Iterator[dict[str, Any]]:
     for name, purpose in np.unique(pairs, axis=0).tolist():
         own = beads.take((sheet.name == name) & (beads.purpose == purpose))
         yield {
-            "name": sheet.names[name] or Purpose(purpose).label,
-            "purpose": Purpose(purpose).label,
+            "role": Purpose(purpose).label,
+            "comment": sheet.names[name],
             "length": round(float(own.length.sum()), _DECIMALS),
             "volume": round(float(own.volume.sum()), _DECIMALS),
             "width": [round(float(width), _DECIMALS) for width in (own.width.min(), own.width.max())],
@@ -311,10 +311,13 @@ def _format_facts(facts: dict[str, Any]) -> Iterator[str]:
     """Format the facts about the layer as sentences."""
     where = f"layer {facts['layer']} of {facts['layers']}, z {facts['z']:g} mm, {facts['height']:g} mm high"
     yield f"{facts['output']}: {where}"
-    for one in facts["beads"]:
+    for one in facts["extrusions"]:
         low, high = (f"{width:.2f}" for width in one["width"])
         wide = low if low == high else f"{low} to {high}"
-        yield sanitize(f"{one['name']}: {one['length']:.1f} mm, {wide} mm wide, {one['volume']:.2f} mm³")
+        named = f" ({one['comment']})" if one["comment"] not in ("", one["role"]) else ""
+        yield sanitize(
+            f"{one['role']}{named}: {one['length']:.1f} mm, {wide} mm wide, {one['volume']:.2f} mm³"
+        )
     if facts["fit"] is not None and facts["fit"] < _MIN_MATCH:
         yield (
             f"only {facts['fit']:.0%} of the external perimeters match this model: "
