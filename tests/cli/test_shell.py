@@ -48,7 +48,8 @@ def gcode(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     assert done.returncode == 0
     assert (
         done.stderr
-        == b"printer marlin_220 (--printer), material pla (--material), quality standard (--quality)\n"
+        == b"printer marlin_220 (--printer), material pla (--material), quality standard (--quality) "
+        b"with uniform layers of 0.3 mm\n"
     )
     return done.stdout
 
