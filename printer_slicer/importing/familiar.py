@@ -6,11 +6,11 @@ settings of that file come from the profile that is changed. Unlike values in fi
 
 from __future__ import annotations
 
+import os
 import re
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
-from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from printer_slicer import profile as plain
@@ -134,13 +134,13 @@ _PROBES: Final = {"seam_slope_type": "all", "raft_layers": "2"}
 
 
 def load_profile(
-    printer: str | None = None,
-    material: str | None = None,
-    quality: str | None = None,
+    printer: str | os.PathLike[str] | None = None,
+    material: str | os.PathLike[str] | None = None,
+    quality: str | os.PathLike[str] | None = None,
     changes: Mapping[str, object] | None = None,
     *,
     slices: bool = True,
-    folders: Sequence[Path] = (),
+    folders: Sequence[str | os.PathLike[str]] = (),
 ) -> Profile:
     """Load printer, material and quality, and apply changes.
 
