@@ -124,13 +124,12 @@ def slice(  # noqa: A001 - called as ps.slice
     if not isinstance(path_or_mesh, Mesh):
         name = _check_model_path(path_or_mesh).name
     names: dict[str, Any] = {"printer": printer, "material": material, "quality": quality}
-    folders = [Path(folder) for folder in profiles]
 
     def load(changes: Mapping[str, object] | None) -> Profile:
-        return load_profile(**names, changes=changes, slices=False, folders=folders)
+        return load_profile(**names, changes=changes, slices=False, folders=profiles)
 
     changes, notes = translate_changes(dict(_flatten_settings(settings)), load)
-    profile = load_profile(**names, changes=changes, folders=folders)
+    profile = load_profile(**names, changes=changes, folders=profiles)
     part = path_or_mesh if isinstance(path_or_mesh, Mesh) else load_mesh(path_or_mesh)
     return replace(job_of(part, profile, name=name), notes=notes)
 

@@ -478,6 +478,7 @@ WRONG_ARGUMENTS: Final[list[tuple[str, str, Callable[[], object]]]] = [
     ("path", "part.stl", lambda: ps.export_stl(BOX, 7)),  # type: ignore[arg-type]
     ("printer", "text", lambda: ps.load_profile(7)),  # type: ignore[arg-type]
     ("printer", "text", lambda: ps.slice(BOX, printer=7)),  # type: ignore[arg-type]
+    ("folders", "list of folders", lambda: ps.slice(BOX, profiles="mine")),
     ("profile", "ps.load_profile", lambda: ps.profile_with("ender3", {})),  # type: ignore[arg-type]
     ("changes", "layer_height", lambda: ps.profile_with(PROFILE, [1])),  # type: ignore[arg-type]
     ("folders", "list of folders", lambda: ps.load_profile(folders="mine")),
