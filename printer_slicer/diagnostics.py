@@ -20,6 +20,7 @@ __all__ = [
     "Severity",
     "as_json",
     "check_allowed_codes",
+    "first_of",
     "raise_on_errors",
     "remedy_of",
     "sentence",
@@ -27,8 +28,6 @@ __all__ = [
 
 Severity = Literal["error", "warning"]
 """An error blocks the job, or means that the part will come out wrong. A warning does neither."""
-
-_MAX_LISTED: Final = 12  # diagnostics listed in one error message
 
 
 class Code(NamedTuple):
@@ -312,6 +311,12 @@ def as_json(diagnostic: Diagnostic) -> dict[str, Any]:
     }
 
 
+def first_of(errors: Sequence[str]) -> str:
+    """Return the first of some errors, with the number of the others; a message has no room for all of them."""
+    more = len(errors) - 1
+    return errors[0] + (f" (and {more} more error{'s' if more > 1 else ''})" if more else "")
+
+
 def check_allowed_codes(allowed: Iterable[str]) -> frozenset[str]:
     """Check that `--allow` accepts all of these codes, and return them as a set.
 
@@ -356,15 +361,13 @@ def raise_on_errors(
         refusal: what happens to the job, for the message.
 
     Raises:
-        PolicyError: the job has such errors; the message lists them and says how to allow them.
+        PolicyError: the job has such errors; the message has the first and their number, and says how to allow them.
     """
     wrong = [diagnostic for diagnostic in found if diagnostic.is_error and diagnostic.code not in allowed]
     if not wrong:
         return
-    lines = [sentence(diagnostic) for diagnostic in wrong[:_MAX_LISTED]]
-    lines += [f"... and {len(wrong) - _MAX_LISTED} more"] if len(wrong) > _MAX_LISTED else []
     raise PolicyError(
-        f"{name}: {refusal} because of these errors:\n  " + "\n  ".join(lines),
+        f"{name}: {refusal}: {first_of(list(map(sentence, wrong)))}",
         remedy=remedy_of(wrong),
         names=tuple(dict.fromkeys(diagnostic.code for diagnostic in wrong)),
     )

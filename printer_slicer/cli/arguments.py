@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import cache
 from math import inf, isfinite
@@ -25,6 +25,7 @@ __all__ = [
     "add_output_options",
     "add_setting_options",
     "attach_values",
+    "find_model_options",
     "parse_address",
     "parse_angles",
     "parse_box",
@@ -42,6 +43,7 @@ __all__ = [
     "parse_scale",
     "parse_timeout",
     "reject_model_options",
+    "reject_options_without_model",
 ]
 
 _SIGNED_OPTIONS: Final = ("--rotate", "--center", "--box", "--range")
@@ -523,6 +525,8 @@ _MODEL_DEFAULTS: Final = {
     "copies": 1,
 }
 """Defaults of the options for models."""
+_SLICING_OPTIONS: Final = ("quality", "range", "set_for", "load", "strict")
+"""Options that only slicing uses, besides those that change one setting."""
 
 
 def add_model_options(
@@ -641,22 +645,47 @@ def reject_model_options(arguments: argparse.Namespace) -> None:
             f"{arguments.models[0]}: only one G-code file can be printed at a time, not {len(arguments.models)}",
             remedy="Print the files one after the other, or slice the models together",
         )
-    given = [name for name, usual in _MODEL_DEFAULTS.items() if getattr(arguments, name) != usual]
-    flags = ["--no-drop" if name == "drop" else f"--{name.replace('_', '-')}" for name in given]
-    for flag in [*flags, *_find_slicing_options(arguments)]:
+    for flag in (*find_model_options(arguments), *_find_slicing_options(arguments)):
         raise UsageError(
-            f"{arguments.models[0]}: {flag} does not apply to G-code, which is printed unchanged",
+            f"{arguments.models[0]}: {flag} does not apply to G-code, which is already sliced",
             remedy=f"Leave out {flag}, or name the model instead of the G-code",
         )
 
 
-def _find_slicing_options(arguments: argparse.Namespace) -> Iterator[str]:
-    """Yield the options of a command line that change only how models are sliced."""
-    keys = {flag: f"setting {option.setting}" for flag, option in SETTING_OPTIONS.items()}
-    keys |= {"--heights": "setting heights", "--range": "range", "--set-for": "set_for", "--load": "load"}
-    for flag, key in keys.items():
-        if getattr(arguments, key, None) not in (None, []):
-            yield flag
+def find_model_options(arguments: argparse.Namespace) -> list[str]:
+    """Return the options for units and placement of models on a command line."""
+    given = [name for name, usual in _MODEL_DEFAULTS.items() if getattr(arguments, name) != usual]
+    return ["--no-drop" if name == "drop" else f"--{name.replace('_', '-')}" for name in given]
+
+
+def _find_slicing_options(arguments: argparse.Namespace) -> list[str]:
+    """Return the options on a command line that only slicing uses."""
+    values = vars(arguments)
+    given = {flag: values.get(f"setting {option.setting}") for flag, option in SETTING_OPTIONS.items()}
+    given |= {"--heights": values.get("setting heights")}
+    given |= {f"--{name.replace('_', '-')}": values.get(name) or None for name in _SLICING_OPTIONS}
+    return [flag for flag, value in given.items() if value is not None]
+
+
+def reject_options_without_model(arguments: argparse.Namespace, others: Sequence[str] = ()) -> None:
+    """Reject options for the models of --model if there are none.
+
+    Args:
+        arguments: the command line.
+        others: further options on it that need a model.
+
+    Raises:
+        UsageError: such an option is given without --model.
+    """
+    if not arguments.models and (given := [*others, *find_model_options(arguments)]):
+        draws = "; `printer-slicer draw FILE.gcode` draws a layer without it" if "--picture" in given else ""
+        raise UsageError(
+            f"{given[0]} has no effect without --model",
+            remedy=f"Name the model of the G-code with --model FILE{draws}",
+        )
+
+
+# G-code and machines
 
 
 # G-code and machines

@@ -6,15 +6,16 @@ import argparse
 import json
 import sys
 from collections import deque
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection, Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from printer_slicer.cli.arguments import reject_model_options
-from printer_slicer.cli.output import sanitize
+from printer_slicer.cli.output import print_text, sanitize
 from printer_slicer.diagnostics import (
     Diagnostic,
     as_json,
     check_allowed_codes,
+    first_of,
     raise_on_errors,
     remedy_of,
     sentence,
@@ -44,6 +45,7 @@ __all__ = [
 ]
 
 _MOST_SHOWN = 5  # findings, without --verbose
+_MOST_ERRORS = 12  # errors of a rejected job, without --verbose
 _REMEMBERED = 500  # earlier commands of a console, for the units and modes that they set
 
 
@@ -53,7 +55,13 @@ def _has_gcode(arguments: argparse.Namespace) -> bool:
 
 
 def profile_options(arguments: argparse.Namespace) -> dict[str, Any]:
-    """Return the arguments of `profile_from` that depend on whether models or G-code are given."""
+    """Return the arguments of `profile_from` that depend on whether models or G-code are given.
+
+    Raises:
+        UsageError: options that only models need are given with G-code, or several files.
+    """
+    if _has_gcode(arguments):
+        reject_model_options(arguments)
     return {
         "slices": bool(arguments.models) and not _has_gcode(arguments),
         "gcode": arguments.models[0] if _has_gcode(arguments) else None,
@@ -65,7 +73,6 @@ def job_from(
 ) -> tuple[Job, dict[str, Any]]:
     """Make the job from the files of a command line; return it, and facts about its models for JSON."""
     if _has_gcode(arguments):
-        reject_model_options(arguments)
         report("reading")
         return lint_file(arguments.models[0], profile), {"models": [], "warnings": []}
     from printer_slicer.cli.models import apply_projects, format_model_names, load_plate
@@ -118,6 +125,8 @@ def check_policy(arguments: argparse.Namespace, job: Job, refusal: str = "not pr
     if not (arguments.json or arguments.quiet):
         for note in note_sentences(arguments, job):
             print(sanitize(f"printer-slicer: warning: {note}"), file=sys.stderr)
+        for line in format_errors(arguments, disallowed_error_sentences(job)):
+            print_text(arguments, line)
     raise_on_errors(job.findings, job.allowed, name=job.name, refusal=refusal)
     return job
 
@@ -150,6 +159,13 @@ def format_notes(arguments: argparse.Namespace, job: Job) -> list[str]:
     return [f"note        {note}" for note in note_sentences(arguments, job)]
 
 
+def format_errors(arguments: argparse.Namespace, errors: Sequence[str]) -> list[str]:
+    """Format several errors as lines of the output; a single one is named by the message at the end."""
+    most = len(errors) if arguments.verbose else _MOST_ERRORS
+    more = [f"error       ... and {len(errors) - most} more (-v shows all)"] if len(errors) > most else []
+    return [*(f"error       {one}" for one in errors[:most]), *more] if len(errors) > 1 else []
+
+
 def require_no_errors(job: Job) -> None:
     """Raise an error if a checked job has errors that are not allowed.
 
@@ -157,8 +173,9 @@ def require_no_errors(job: Job) -> None:
         VerificationError: the job has such errors.
     """
     if wrong := disallowed_errors(job):
-        more = f"\n  and {len(wrong) - 1} more" if len(wrong) > 1 else ""
-        raise VerificationError(f"{job.name}: {sentence(wrong[0])}{more}", remedy=remedy_of(wrong))
+        raise VerificationError(
+            f"{job.name}: {first_of(list(map(sentence, wrong)))}", remedy=remedy_of(wrong)
+        )
 
 
 def make_console_check(profile: Profile, allowed: Collection[str]) -> Callable[[bytes], str]:

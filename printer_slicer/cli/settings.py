@@ -26,6 +26,7 @@ __all__ = [
     "check_profile_folders",
     "find_folder_for_new_profiles",
     "prepare_schema_folder",
+    "print_translations",
     "profile_facts",
     "profile_from",
     "write_schemas",
@@ -71,7 +72,10 @@ def profile_from(
         else:
             profile = profile_over(own.values, names, changes, folders, slices=slices and gcode is None)
     except ProfileError as error:
-        raise _add_set_option(error, arguments) from None
+        raise _name_options(error, arguments) from None
+    if gcode is not None or not hasattr(arguments, "quality"):
+        _reject_quality_settings(arguments, gcode)
+    print_translations(arguments)
     used = {"printer", "material", *own.values, *(("quality",) if slices and gcode is None else ())}
     sources = _find_profile_sources(
         {kind: name for kind, name in names.items() if kind in used}, own, folders
@@ -83,12 +87,53 @@ def profile_from(
     return profile
 
 
-def _add_set_option(error: ProfileError, arguments: argparse.Namespace) -> ProfileError:
-    """Put `--set` in front of the message if it begins with a setting that --set changed; return the error."""
+def _name_options(error: ProfileError, arguments: argparse.Namespace) -> ProfileError:
+    """Name the option that was typed if the message begins with a setting that it changed; return the error."""
     message = str(error.args[0])
-    keys = (change.partition("=")[0].strip() for change in arguments.set)
-    typed = any(message.startswith((f"{key}:", f"{key}=")) for key in keys)
-    return ProfileError(f"--set {message}", remedy=error.remedy) if typed else error
+    place, _, problem = message.partition(": ")
+    full, _, shown = place.partition("=")
+    for option, change in _list_typed_changes(arguments):
+        key, _, value = (part.strip() for part in change.partition("="))
+        if shown == value and f".{full}".endswith(f".{key}"):
+            plain = option == f"--set {change}"
+            several = option.startswith(("--set", "--heights"))
+            named = f"--set {place}" if plain else f"{option} ({place})" if several else option
+            return ProfileError(f"{named}: {problem}", remedy=error.remedy)
+        if option.startswith("--set") and message.startswith((f"{key}:", f"{key}=")):
+            return ProfileError(f"--set {message}", remedy=error.remedy)
+    return error
+
+
+def _list_typed_changes(arguments: argparse.Namespace) -> Iterator[tuple[str, str]]:
+    """Yield each option that changes a setting as it was typed, and the change `KEY=VALUE` that it makes."""
+    translated = {change: typed for typed, _, changes in _translations(arguments) for change in changes}
+    for change in arguments.set:
+        yield f"--set {translated.get(change, change)}", change
+    for flag, option in SETTING_OPTIONS.items():
+        value = vars(arguments).get(f"setting {option.setting}")
+        if value is not None:
+            yield f"{flag} {value}", f"{option.setting}={value}"
+    if heights := vars(arguments).get("setting heights"):
+        for change in _parse_heights(heights).items():
+            yield f"--heights {heights}", "=".join(change)
+
+
+def _reject_quality_settings(arguments: argparse.Namespace, gcode: Path | None) -> None:
+    """Reject settings of the quality in --set if nothing is sliced.
+
+    Raises:
+        UsageError: a setting that only slicing uses is changed.
+    """
+    from printer_slicer.profile.keys import section_of_setting
+
+    for option, change in _list_typed_changes(arguments):
+        if option.startswith("--set") and section_of_setting(change.partition("=")[0].strip()) == "quality":
+            raise UsageError(
+                f"{gcode}: {option} does not apply to G-code, which is already sliced"
+                if gcode
+                else f"{option} has no effect: nothing is sliced",
+                remedy="Leave it out, or change it when you slice the model",
+            )
 
 
 def _add_changes(sources: dict[str, dict[str, Any]], profile: Profile) -> None:
@@ -195,7 +240,7 @@ def changes_from(arguments: argparse.Namespace) -> dict[str, object]:
 
 
 def _translate_other_slicer_settings(arguments: argparse.Namespace) -> None:
-    """Replace settings of other slicers in --set by settings of this program, and print each replacement.
+    """Replace settings of other slicers in --set by settings of this program, and note each replacement.
 
     Raises:
         UsageError: a setting of another slicer has no counterpart, or a name is ambiguous.
@@ -212,8 +257,7 @@ def _translate_other_slicer_settings(arguments: argparse.Namespace) -> None:
             continue
         changes = [f"{ours}={_format_value(value)}" for ours, value in one.changes.items()]
         result += changes
-        if (changes or one.notes) and not arguments.quiet:
-            print(sanitize(_describe_translation(one, changes)), file=sys.stderr)
+        _translations(arguments).append((change, one, changes))
     arguments.set = result
 
 
@@ -250,8 +294,7 @@ def _translate_overrides(arguments: argparse.Namespace) -> None:
             ]
             rules: list[str] = getattr(arguments, option)
             rules[rules.index(rule) : rules.index(rule) + 1] = made
-            if made and not arguments.quiet:
-                print(sanitize(_describe_translation(found, made)), file=sys.stderr)
+            _translations(arguments).append((rule, found, made))
 
 
 def _translate_settings(
@@ -303,6 +346,22 @@ def _load_context(arguments: argparse.Namespace, own: Mapping[str, object]) -> P
     return profile_over(loaded, names, {}, folders)
 
 
+def _translations(arguments: argparse.Namespace) -> list[tuple[str, FamiliarSetting, list[str]]]:
+    """Return the settings of other slicers on a command line: as typed, what they mean, the changes they became."""
+    if not hasattr(arguments, "translations"):
+        arguments.translations = []
+    found: list[tuple[str, FamiliarSetting, list[str]]] = arguments.translations
+    return found
+
+
+def print_translations(arguments: argparse.Namespace) -> None:
+    """Print what the settings of other slicers became, once they are known to be valid."""
+    for _, setting, changes in [] if arguments.quiet else _translations(arguments):
+        if changes or setting.notes:
+            print(sanitize(_describe_translation(setting, changes)), file=sys.stderr)
+    arguments.translations = []
+
+
 def _format_value(value: object) -> str:
     """Format the value of a setting as it is typed."""
     from printer_slicer.profile.lists import list_as_text
@@ -342,7 +401,7 @@ def _collect_option_changes(arguments: argparse.Namespace) -> dict[str, object]:
     return changes | ({"quality.overrides+": ";".join(own)} if own else {})
 
 
-def _parse_heights(heights: str) -> dict[str, object]:
+def _parse_heights(heights: str) -> dict[str, str]:
     """Return the settings that --heights changes.
 
     Raises:
@@ -356,7 +415,7 @@ def _parse_heights(heights: str) -> dict[str, object]:
             f"--heights {heights}: expected LOW:HIGH or LOW:HIGH:STEP",
             remedy="Write for example --heights 0.1:0.3:0.02, in mm",
         )
-    changes: dict[str, object] = {
+    changes = {
         "quality.thinnest_layer": low,
         "quality.thickest_layer": high,
         "quality.layer_heights": "",

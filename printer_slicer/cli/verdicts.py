@@ -12,7 +12,7 @@ import numpy as np
 from printer_slicer.cli.jobs import disallowed_errors, format_notes
 from printer_slicer.cli.output import sanitize
 from printer_slicer.cli.progress import show_progress
-from printer_slicer.diagnostics import as_json, sentence
+from printer_slicer.diagnostics import as_json, first_of, sentence
 from printer_slicer.errors import UsageError, VerificationError
 from printer_slicer.jobs import Job
 from printer_slicer.texts import format_duration
@@ -123,21 +123,19 @@ def injected_fault_facts(faults: Faults | None) -> dict[str, Any]:
     return {"injected_faults": [one._asdict() for one in faults.events]} if faults else {}
 
 
-def require_printable(verdict: Verdict) -> None:
-    """Raise an error if the dry run found problems.
+def require_printable(verdict: Verdict, job: Job) -> None:
+    """Raise an error if the dry run found problems; their number includes the other lint errors of the job.
 
     Raises:
         VerificationError: the print has problems.
     """
     if not verdict.ok:
-        count = len(verdict.problems) - 1
-        more = f"\n  and {count} more problem{'s' if count > 1 else ''}" if count else ""
-        raise VerificationError(f"{verdict.job}: {verdict.problems[0]}{more}")
+        raise VerificationError(f"{verdict.job}: {first_of(_list_errors(verdict, job))}")
 
 
 def format_verdict(arguments: argparse.Namespace, verdict: Verdict, job: Job, profile: Profile) -> str:
     """Format the result of a dry run as text: summary, errors, warnings, then facts."""
-    wrong = [*verdict.problems, *_find_other_lint_errors(verdict, job)]
+    wrong = _list_errors(verdict, job)
     head = (
         f"{verdict.job}: no problems" if not wrong else f"{verdict.job}: do not print, {_count_errors(wrong)}"
     )
@@ -147,6 +145,11 @@ def format_verdict(arguments: argparse.Namespace, verdict: Verdict, job: Job, pr
     lines += [f"{'warning':<12}{sanitize(one)}" for one in verdict.notes]
     lines += format_notes(arguments, job)
     return "\n".join([*lines, *_format_facts(verdict, profile)])
+
+
+def _list_errors(verdict: Verdict, job: Job) -> list[str]:
+    """Return all errors of a dry run as text: its problems, and the lint errors that are not among them."""
+    return [*verdict.problems, *_find_other_lint_errors(verdict, job)]
 
 
 def _find_other_lint_errors(verdict: Verdict, job: Job) -> list[str]:

@@ -40,6 +40,10 @@ class SettingFault(NamedTuple):
 
     def error(self) -> ProfileError:
         """Return the fault as an exception."""
+        key, colon, problem = self.problem.partition(": ")
+        typed, equals, value = self.place.partition("=")
+        if colon and equals and f".{key}".endswith(f".{typed}"):  # the place shows key and value
+            return ProfileError(f"{key}={value}: {problem.partition('; got ')[0]}", remedy=self.remedy)
         return ProfileError(f"{self.place}: {self.problem}", remedy=self.remedy)
 
 
@@ -115,6 +119,10 @@ def _describe_fault(kind: str, source: SettingsSource, error: msgspec.Validation
         return SettingFault(source.place(path), path, f"{kind}.{path}: {value!r} is not a valid list", remedy)
     from printer_slicer.profile.tables import choices_of  # noqa: PLC0415 - for errors only
 
+    if hint := _suggest_percentage(kind, path, value):
+        return SettingFault(
+            source.place(path), path, f"{kind}.{path}: {_describe_problem(problem, list_key, value)}", hint
+        )
     choices = [*PLANNER_SETTINGS] if path == "planner.kind" else choices_of(KINDS[kind], path).split(", ")
     remedy = (
         f"{_suggest_choice(value, choices)}Choose one of: {', '.join(choices)}"
@@ -127,6 +135,17 @@ def _describe_fault(kind: str, source: SettingsSource, error: msgspec.Validation
     return SettingFault(
         source.place(path), path, f"{what}: {_describe_problem(problem, list_key, value)}", remedy
     )
+
+
+def _suggest_percentage(kind: str, path: str, value: object) -> str:
+    """Return a question if a value was probably meant as a percentage: 20 of a ratio, or 20% of the infill."""
+    from printer_slicer.profile.tables import is_ratio  # noqa: PLC0415 - for errors only
+
+    found = re.fullmatch(r"(\d{1,2}(?:\.\d+)?|100)(%?)", str(value))
+    if not found or not (path == "infill" or (is_ratio(f"{kind}.{path}") and not found[2])):
+        return ""
+    key = "infill_density" if path == "infill" else path
+    return f"Did you mean {key}={found[1]}%?"
 
 
 def _suggest_choice(value: object, choices: Sequence[str]) -> str:

@@ -19,7 +19,9 @@ from tests.waiting import LAST_RESORT
 ROOT = Path(__file__).parents[2]
 PARTS = ROOT / "sample_parts"
 BOX = PARTS / "box.stl"
-QUICK = ("--printer", "marlin_220", "--material", "pla", "--quality", "standard", "--set", "layer_height=0.3")
+MACHINE = ("--printer", "marlin_220", "--material", "pla")
+"""The machine of the flags below, for G-code."""
+QUICK = (*MACHINE, "--quality", "standard", "--set", "layer_height=0.3")
 """Flags that do not depend on any default."""
 
 

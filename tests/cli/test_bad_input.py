@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import BOX, PARTS, QUICK, Outcome, is_message, process, typed
+from command_line import BOX, MACHINE, PARTS, QUICK, Outcome, is_message, process, typed
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -457,7 +457,7 @@ def test_a_file_that_can_never_be_sent_is_refused_with_its_name_and_line(
     path = tmp_path / f"{name}.gcode"
     path.write_bytes(data)
 
-    refused(typed(command[0], path, *command[1:], "-q", *QUICK), 2, f"{name}.gcode", *parts)
+    refused(typed(command[0], path, *command[1:], "-q", *MACHINE), 2, f"{name}.gcode", *parts)
 
 
 @pytest.mark.parametrize(
@@ -475,7 +475,7 @@ def test_a_file_that_must_not_be_printed_fails_the_rehearsal_at_its_line(
     path = tmp_path / "bad.gcode"
     path.write_text("; a header\n\n" * 10 + text, encoding="utf-8")
     line = 20 + [culprit in line for line in text.splitlines()].index(True) + 1
-    outcome = typed("dry-run", path, "-q", *QUICK)
+    outcome = typed("dry-run", path, "-q", *MACHINE)
 
     assert (outcome.code, outcome.out) == (7, "")
     assert is_message(outcome, "bad.gcode", f"line {line}", culprit)

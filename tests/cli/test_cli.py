@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from command_line import BOX, NO_BUFFER, PARTS, QUICK, USUAL, is_message, process, started, typed
+from command_line import BOX, MACHINE, NO_BUFFER, PARTS, QUICK, USUAL, is_message, process, started, typed
 
 from printer_slicer.cli.help import SHORT_LINES, is_advanced
 from printer_slicer.cli.parser import build_parser
@@ -392,7 +392,7 @@ def test_a_rehearsal_as_json_is_one_document() -> None:
 
 def test_a_rehearsal_of_a_file_that_fails_ends_with_7_and_still_gives_json(tmp_path: Path) -> None:
     (tmp_path / "cold.gcode").write_text("G28\nG1 X5 E5 F3000\n", encoding="utf-8")
-    outcome = typed("dry-run", tmp_path / "cold.gcode", "--json", *QUICK)
+    outcome = typed("dry-run", tmp_path / "cold.gcode", "--json", *MACHINE)
 
     assert outcome.code == 7
     assert document(outcome.out)["ok"] is False
@@ -401,7 +401,7 @@ def test_a_rehearsal_of_a_file_that_fails_ends_with_7_and_still_gives_json(tmp_p
 
 def test_numbers_that_json_does_not_know_never_leave_the_program(tmp_path: Path) -> None:
     (tmp_path / "far.gcode").write_text("G28\nG1 X1e300 F3000\nG1 Xnan\n", encoding="utf-8")
-    outcome = typed("dry-run", tmp_path / "far.gcode", "--json", *QUICK)
+    outcome = typed("dry-run", tmp_path / "far.gcode", "--json", *MACHINE)
 
     assert outcome.code in {0, 2, 7}
     if outcome.code != 2:
@@ -412,7 +412,7 @@ def test_numbers_that_json_does_not_know_never_leave_the_program(tmp_path: Path)
 
 def test_a_sliced_file_rehearses_like_the_model(tmp_path: Path) -> None:
     typed("slice", BOX, "-o", tmp_path / "box.gcode", *QUICK)
-    outcome = typed("dry-run", tmp_path / "box.gcode", "--json", *QUICK)
+    outcome = typed("dry-run", tmp_path / "box.gcode", "--json", *MACHINE)
     verdict = document(outcome.out)
 
     assert outcome.code == 0

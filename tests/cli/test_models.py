@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from command_line import BOX, PARTS, QUICK, Outcome, is_message, typed
+from command_line import BOX, MACHINE, PARTS, QUICK, Outcome, is_message, typed
 
 from printer_slicer.cli.arguments import attach_values
 from printer_slicer.mesh_io import export_stl, load_mesh
@@ -380,7 +380,7 @@ def test_gcode_is_not_changed(
     command: tuple[str, ...], flags: tuple[str, ...], flag: str, tmp_path: Path
 ) -> None:
     (tmp_path / "x.gcode").write_text("G28\nG1 X5 F3000\n", encoding="utf-8")
-    outcome = typed(command[0], tmp_path / "x.gcode", *command[1:], *flags, *QUICK)
+    outcome = typed(command[0], tmp_path / "x.gcode", *command[1:], *flags, *MACHINE)
 
     assert outcome.code == 2
     assert is_message(outcome, f"{flag} does not apply to G-code")

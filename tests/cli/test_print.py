@@ -18,7 +18,19 @@ from typing import Any
 
 import pytest
 import serial
-from command_line import BOX, NO_BUFFER, PARTS, QUICK, USUAL, heard, is_message, process, started, typed
+from command_line import (
+    BOX,
+    MACHINE,
+    NO_BUFFER,
+    PARTS,
+    QUICK,
+    USUAL,
+    heard,
+    is_message,
+    process,
+    started,
+    typed,
+)
 
 from printer_slicer.commands import split_gcode
 from printer_slicer.inspection.dry_run.machines import machine_of, simulated_firmware_for
@@ -121,7 +133,7 @@ def test_printing_on_the_simulated_port_tells_events_as_json_lines(tmp_path: Pat
 def test_a_file_that_must_not_be_printed_ends_with_7_on_the_simulated_port(tmp_path: Path) -> None:
     (tmp_path / "cold.gcode").write_text("G28\nG1 X50 E5 F3000\n", encoding="utf-8")
     allowed = ("--allow", "cold")
-    outcome = typed("print", "cold.gcode", "--port", "sim:", "--json", *allowed, *QUICK, cwd=tmp_path)
+    outcome = typed("print", "cold.gcode", "--port", "sim:", "--json", *allowed, *MACHINE, cwd=tmp_path)
 
     assert outcome.code == 7
     assert events(outcome.out)[-1]["ok"] is False
@@ -150,7 +162,7 @@ def test_the_printer_that_is_served_by_command_executes_what_is_sent(tmp_path: P
     flags = ("--pty", "port", "--speed", "0", "--report", "report.json", "--printer", "marlin_220")
     with started("sim", *flags, cwd=tmp_path) as serving:
         heard(serving, b"ends it")
-        outcome = typed("print", "box.gcode", "--port", "port", "-q", *QUICK, cwd=tmp_path)
+        outcome = typed("print", "box.gcode", "--port", "port", "-q", *MACHINE, cwd=tmp_path)
         serving.send_signal(signal.SIGTERM)
         out, err = serving.communicate(timeout=LAST_RESORT)
     report = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
@@ -227,7 +239,7 @@ def test_what_a_printer_says_never_controls_the_terminal(tmp_path: Path) -> None
 def test_a_printer_that_halts_ends_the_print_with_5_and_a_checkpoint(tmp_path: Path) -> None:
     (tmp_path / "job.gcode").write_text("G28\n" + DANCE[:4000] + "\nM112\n" + DANCE, encoding="utf-8")
     with printer(tmp_path / "port"):
-        outcome = typed("print", "job.gcode", "--port", "port", "--allow", "halt", *QUICK, cwd=tmp_path)
+        outcome = typed("print", "job.gcode", "--port", "port", "--allow", "halt", *MACHINE, cwd=tmp_path)
     checkpoint = checkpoint_in(tmp_path)
 
     assert outcome.code == 5
@@ -244,7 +256,7 @@ def test_a_port_that_vanishes_ends_the_print_with_5_and_a_checkpoint(tmp_path: P
     with started("sim", "--pty", "port", "--speed", "0", cwd=tmp_path) as serving:
         heard(serving, b"ends it")
         with started(
-            "print", "job.gcode", "--port", "port", "--json", "--reconnect", "1", *QUICK, cwd=tmp_path
+            "print", "job.gcode", "--port", "port", "--json", "--reconnect", "1", *MACHINE, cwd=tmp_path
         ) as printing:
             said = heard(printing, b'"event": "progress"')
             serving.kill()  # as pulling the plug: nobody says goodbye
@@ -262,7 +274,7 @@ def test_a_port_that_vanishes_ends_the_print_with_5_and_a_checkpoint(tmp_path: P
 @pytest.mark.parametrize("env", [USUAL, NO_BUFFER], ids=["buffered", "unbuffered"])
 def test_ctrl_c_ends_the_print_with_6_and_turns_the_heaters_off(env: dict[str, str], tmp_path: Path) -> None:
     (tmp_path / "job.gcode").write_text(LONG, encoding="utf-8")
-    flags = ("--json", *QUICK)
+    flags = ("--json", *MACHINE)
     with (
         printer(tmp_path / "port", speed=100) as executed,
         started("print", "job.gcode", "--port", "port", *flags, cwd=tmp_path, env=env) as printing,
@@ -289,7 +301,7 @@ def test_ctrl_c_before_the_printer_answers_is_a_cancelled_print(tmp_path: Path) 
     (tmp_path / "job.gcode").write_text(LONG, encoding="utf-8")
     master, slave = pty.openpty()
     tty.setraw(slave)
-    with started("print", "job.gcode", "--port", os.ttyname(slave), *QUICK, cwd=tmp_path) as printing:
+    with started("print", "job.gcode", "--port", os.ttyname(slave), *MACHINE, cwd=tmp_path) as printing:
         assert select.select([master], [], [], LAST_RESORT)[0], "it never greets"
         printing.send_signal(signal.SIGINT)
         _, err = printing.communicate(timeout=LAST_RESORT)
@@ -305,7 +317,7 @@ def test_a_computer_that_shuts_down_leaves_no_heater_on(tmp_path: Path) -> None:
     (tmp_path / "job.gcode").write_text(LONG, encoding="utf-8")
     with (
         printer(tmp_path / "port", speed=100) as executed,
-        started("print", "job.gcode", "--port", "port", "--json", *QUICK, cwd=tmp_path) as printing,
+        started("print", "job.gcode", "--port", "port", "--json", *MACHINE, cwd=tmp_path) as printing,
     ):
         heard(printing, b'"event": "progress"')
         printing.send_signal(signal.SIGTERM)
@@ -320,7 +332,7 @@ def test_a_checkpoint_of_an_earlier_failure_is_gone_after_a_good_print(tmp_path:
     (tmp_path / "job.gcode").write_text("G28\nG1 X5 F3000\n", encoding="utf-8")
     (tmp_path / "job.checkpoint.json").write_text('{"job": "job.gcode"}\n', encoding="utf-8")
     with printer(tmp_path / "port"):
-        outcome = typed("print", "job.gcode", "--port", "port", *QUICK, cwd=tmp_path)
+        outcome = typed("print", "job.gcode", "--port", "port", *MACHINE, cwd=tmp_path)
 
     assert outcome.code == 0
     assert not (tmp_path / "job.checkpoint.json").exists()

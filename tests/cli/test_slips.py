@@ -115,3 +115,113 @@ def test_a_stdin_without_end_is_told(tmp_path: Path) -> None:
         save_stdin(io.BytesIO(b"G28\n" * 5), tmp_path, max_bytes=10)
 
     assert caught.value.remedy == "Give the name of the file instead"
+
+
+@pytest.mark.parametrize("command", ["dry-run", "print", "sim"])
+@pytest.mark.parametrize(
+    "flags",
+    [
+        "--layer-height 0.2",
+        "--infill 20%",
+        "--walls 3",
+        "--brim",
+        "--planner uniform",
+        "--heights 0.1,0.2",
+        "--range 1:2:perimeters=3",
+        "--set-for box:perimeters=3",
+        "--quality fine",
+        "--strict",
+        "--set layer_height=0.2",
+        "--set fill_density=20%",
+    ],
+)
+def test_what_slices_is_refused_for_gcode(command: str, flags: str, tmp_path: Path) -> None:
+    (tmp_path / "x.gcode").write_text("G28\nG1 X5 F3000\n", encoding="utf-8")
+    file = {"print": ["x.gcode", "--port", "sim:"], "dry-run": ["x.gcode"], "sim": ["--expect", "x.gcode"]}
+    outcome = typed(command, *file[command], *flags.split(), cwd=tmp_path)
+    shown = flags if flags.startswith("--set ") else flags.partition(" ")[0]
+
+    assert outcome.code == 2
+    assert is_message(outcome, f"x.gcode: {shown} does not apply to G-code, which is already sliced\n  Leave")
+
+
+@pytest.mark.parametrize("command", ["check x.gcode", "send x.gcode --to octoprint http://nowhere"])
+def test_a_setting_of_the_quality_is_refused_where_nothing_is_sliced(command: str, tmp_path: Path) -> None:
+    (tmp_path / "x.gcode").write_text("G28\nG1 X5 F3000\n", encoding="utf-8")
+    outcome = typed(*command.split(), "--set", "layer_height=0.2", cwd=tmp_path)
+
+    assert outcome.code == 2
+    assert is_message(outcome, "--set layer_height=0.2 does not apply to G-code")
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "check --picture x.svg",
+        "check --limit unsupported=5",
+        "check --shell 1",
+        "check --filament 1.75",
+        "check --scale 2",
+        "draw --rotate 90",
+        "draw --no-drop",
+    ],
+)
+def test_what_needs_a_model_is_refused_without_one(line: str, tmp_path: Path) -> None:
+    (tmp_path / "x.gcode").write_text("G28\nG1 X5 F3000\n", encoding="utf-8")
+    command, *flags = line.split()
+    outcome = typed(command, "x.gcode", *flags, cwd=tmp_path)
+
+    assert (outcome.code, outcome.out) == (2, "")
+    assert is_message(outcome, f"{flags[0]} has no effect without --model", "Name the model")
+    assert ("printer-slicer draw" in outcome.err) == (flags[0] == "--picture")
+
+
+@pytest.mark.parametrize(
+    ("flags", "told"),
+    [
+        ("--layer-height 20%", "--layer-height 20%: expected a number\n"),
+        ("--walls 1.5", "--walls 1.5: expected a whole number\n"),
+        ("--heights a:b", "--heights a:b (quality.thinnest_layer=a): expected a number\n"),
+        (
+            "--set extrusion_multiplier=95",
+            "--set extrusion_multiplier=95 (material.flow_ratio=95): expected a number <= 1.5\n",
+        ),
+        ("--set infill=20%", "quality.infill=20%: unknown value '20%'\n  Did you mean infill_density=20%?"),
+        ("--set infill_density=20", "expected a number <= 1\n  Did you mean infill_density=20%?"),
+        ("--set perimeters=x", "--set quality.perimeters=x: expected a whole number\n"),
+    ],
+)
+def test_a_wrong_value_is_told_once_in_two_lines(flags: str, told: str) -> None:
+    outcome = typed("slice", BOX, "-o", "-", *flags.split())
+
+    assert outcome.code == 2
+    assert is_message(outcome, told)
+    assert len(outcome.err.splitlines()) == 2
+
+
+def test_errors_of_a_rejected_file_are_listed_and_the_message_has_two_lines(tmp_path: Path) -> None:
+    """A dry run counts the same errors as its list, in the words of `check`."""
+    lines = ["G28", "M104 S400", "M109 S400", "M500", "G1 X5 F3000", "M104 S0"]
+    (tmp_path / "x.gcode").write_text("\n".join(lines), encoding="utf-8")
+    first = "line 2: M104 S400: nozzle temperature 400 °C is above the maximum of 260 °C"
+    printed = typed("print", "x.gcode", "--port", "sim:", cwd=tmp_path)
+    checked = typed("check", "x.gcode", cwd=tmp_path)
+    dry = typed("dry-run", "x.gcode", cwd=tmp_path)
+
+    assert printed.out.count("\nerror  ") == checked.out.count("\nerror  ") == 3
+    assert len(printed.err.splitlines()) == 2
+    assert is_message(
+        printed, f"x.gcode: not printed: {first}. ", "(and 2 more errors)", "--allow temperature"
+    )
+    assert is_message(checked, first, "(and 2 more errors)")
+    assert dry.out.count("\nerror  ") == 2
+    assert is_message(dry, f"{first} (2 times)", "(and 1 more error)")
+
+
+def test_the_doctor_tells_each_finding_once() -> None:
+    told = typed("doctor", "COM33")
+    quiet = typed("doctor", "COM33", "-q")
+
+    assert told.code == quiet.code == 4
+    assert (told.out + told.err).count("COM33 does not exist") == 1
+    assert is_message(quiet, "printer-slicer: COM33 does not exist\n  Check cable")

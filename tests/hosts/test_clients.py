@@ -24,14 +24,14 @@ if sys.platform == "win32":
 
 ROOT = Path(__file__).parents[2]
 PARTS = ROOT / "sample_parts"
-QUICK = ("--set", "printer.link_lines_per_second=0", "--quality", "standard")
+FAST = ("--set", "printer.link_lines_per_second=0")
 
 
 @pytest.fixture(scope="module")
 def gcode(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A whole small part, from heating to the end G-code."""
     path = tmp_path_factory.mktemp("job") / "bridge.gcode"
-    ours("slice", PARTS / "bridge.stl", "-o", path, *QUICK)
+    ours("slice", PARTS / "bridge.stl", "-o", path, *FAST, "--quality", "standard")
     return path
 
 
@@ -58,7 +58,7 @@ class Simulated:
 @contextmanager
 def sim(link: Path, gcode: Path, report: Path) -> Iterator[Simulated]:
     """The simulated printer behind `link`, as fast as hosts can send; it expects this file."""
-    flags = ["--pty", link, "--speed", "0", "--expect", gcode, "--report", report, *QUICK]
+    flags = ["--pty", link, "--speed", "0", "--expect", gcode, "--report", report, *FAST]
     command = [sys.executable, "-m", "printer_slicer", "sim", *map(str, flags)]
     with subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=ROOT

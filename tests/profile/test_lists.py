@@ -443,16 +443,16 @@ BAD: Final[list[tuple[str, str, str]]] = [
     ("--range", "1:3:tolerance=nan", "ranges"),
     ("--range", "nan:3:tolerance=0.1", "ranges"),
     ("--range", "1:3:layer_height=5", "ranges"),
-    ("--max-layers", "x", "max_layers"),
-    ("--max-layers", "2.5", "max_layers"),
+    ("--max-layers", "x", "--max-layers "),
+    ("--max-layers", "2.5", "--max-layers "),
     ("--objective", "fast", "objective"),
     ("--containment", "both", "containment"),
     ("--planner", "best", "planner"),
-    ("--snap", "nan", "snap_tolerance"),
-    ("--max-step", "-1", "max_step"),
-    ("--error-price", "inf", "error_price"),
-    ("--first-layer", "0.9", "first_layer_height"),
-    ("--time-budget", "99999999999h", "time_budget"),
+    ("--snap", "nan", "--snap "),
+    ("--max-step", "-1", "--max-step "),
+    ("--error-price", "inf", "--error-price "),
+    ("--first-layer", "0.9", "--first-layer "),
+    ("--time-budget", "99999999999h", "--time-budget "),
 ]
 
 

@@ -16,12 +16,13 @@ from printer_slicer.cli.arguments import (
     parse_factor,
     parse_length,
     parse_positive_integer,
+    reject_options_without_model,
 )
 from printer_slicer.cli.help import mark_advanced
 from printer_slicer.cli.inputs import reject_non_gcode
 from printer_slicer.cli.output import check_outputs, print_text, sanitize, show_stages, write_file
 from printer_slicer.cli.settings import profile_facts, profile_from
-from printer_slicer.diagnostics import as_json, sentence
+from printer_slicer.diagnostics import as_json, first_of, sentence
 from printer_slicer.errors import UsageError, VerificationError
 from printer_slicer.texts import format_duration
 from printer_slicer.values import Struct, as_dict, replace
@@ -63,7 +64,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_model_options(parser, flag="--model", meaning="compare the G-code with these models")
     _add_comparison_options(parser.add_argument_group("comparison with the model"))
     group = parser.add_argument_group("output")
-    group.add_argument("--picture", metavar="FILE", type=Path, help="draw the worst layers, as .svg or .png")
+    group.add_argument(
+        "--picture", metavar="FILE", type=Path, help="with --model: draw the worst layers, as .svg or .png"
+    )
     add_output_options(parser, group)
     parser.set_defaults(strict=False)
 
@@ -129,10 +132,16 @@ def _add_comparison_options(group: argparse._ArgumentGroup) -> None:
             metavar="NAME=VALUE",
             action="append",
             default=[],
-            help="change a limit; may be repeated; NAME is one of uncovered, outside, overlap, unsupported, "
-            "underfilled, overfilled, outline",
+            help="with --model: change a limit; may be repeated; NAME is one of uncovered, outside, overlap, "
+            "unsupported, underfilled, overfilled, outline",
         )
     )
+
+
+def _given_comparison_options(arguments: argparse.Namespace) -> list[str]:
+    """Return the options on the command line that only the comparison with a model uses."""
+    names = ("picture", "limit", "shell", "skin", "filament")
+    return [f"--{name}" for name in names if getattr(arguments, name)]
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -143,6 +152,7 @@ def run(arguments: argparse.Namespace) -> int:
     from printer_slicer.inspection.coverage.model_check import CheckOptions, check_gcode
     from printer_slicer.profile import load_profile
 
+    reject_options_without_model(arguments, _given_comparison_options(arguments))
     check_outputs(arguments)
     reject_non_gcode(arguments.gcode)
     file_check = _check_file(arguments)
@@ -291,11 +301,6 @@ def _find_link_errors(report: UnderrunReport) -> list[str]:
 
 def _print_file_check(arguments: argparse.Namespace, file_check: _FileCheck) -> int:
     """Print the result of checking a file without a model."""
-    if arguments.picture or arguments.limit:
-        raise UsageError(
-            "--picture and --limit apply only to the comparison with a model",
-            remedy="Name the model, for example with --model part.stl",
-        )
     if arguments.json:
         print(json.dumps({"file": arguments.gcode.name, "ok": not file_check.wrong, **file_check.facts}))
     else:
@@ -341,8 +346,7 @@ def _raise_if_check_failed(check: Check, more: Sequence[str] = ()) -> None:
 def _raise_if_errors(name: str, wrong: Sequence[str]) -> None:
     """Raise a verification error with the first of the errors, if there are any."""
     if wrong:
-        more = f"\n  and {len(wrong) - 1} more" if len(wrong) > 1 else ""
-        raise VerificationError(f"{name}: {wrong[0]}{more}")
+        raise VerificationError(f"{name}: {first_of(wrong)}")
 
 
 def _format_check(check: Check, model: str) -> Iterator[str]:

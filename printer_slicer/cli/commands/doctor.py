@@ -81,9 +81,20 @@ def _check_port(arguments: argparse.Namespace) -> int:
         print(json.dumps(facts | {"printer": as_dict(found) if found else None}))
     else:
         print_text(arguments, "\n".join(_format_checks(checks)))
-    if bad:
-        raise PortError(f"{arguments.port}: {bad[0].what}", remedy=bad[0].remedy)
+    if bad and (arguments.json or arguments.quiet):
+        raise PortError(_name_port(arguments.port, bad[0].what), remedy=bad[0].remedy)
+    if bad:  # the lines above name findings and remedies
+        names = ", ".join(check.name for check in bad)
+        raise PortError(
+            f"{arguments.port}: not ready to print; failed: {names}",
+            remedy="Follow the remedies listed above",
+        )
     return 0
+
+
+def _name_port(port: str, what: str) -> str:
+    """Put the port in front of a finding that does not name it."""
+    return what if port in what else f"{port}: {what}"
 
 
 def _run_checks(arguments: argparse.Namespace) -> tuple[list[PortCheck], PrinterDiagnosis | None]:

@@ -18,6 +18,7 @@ from printer_slicer.cli.arguments import (
     parse_integer,
     parse_length,
     parse_pixels,
+    reject_options_without_model,
 )
 from printer_slicer.cli.help import mark_advanced
 from printer_slicer.cli.output import print_text, reject_overwriting_input, sanitize, show_stages, write_file
@@ -96,6 +97,7 @@ def run(arguments: argparse.Namespace) -> int:
     from printer_slicer.inspection.coverage.layer_extrusions import extrusions_of_layer, file_layers_of
     from printer_slicer.inspection.coverage.model_check import read_gcode_extrusions
 
+    reject_options_without_model(arguments)
     arguments.output = arguments.output or _default_output(arguments.gcode)
     _check_output(arguments)
     with show_stages(arguments) as report:

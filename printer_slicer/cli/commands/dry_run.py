@@ -98,7 +98,7 @@ def run(arguments: argparse.Namespace) -> int:
             *job_repair_sentences(job),
         ]
         print_text(arguments, "\n".join(lines))
-    require_printable(verdict)
+    require_printable(verdict, job)
     require_no_errors(job)
     return 0
 

@@ -101,7 +101,7 @@ def run(arguments: argparse.Namespace) -> int:
             print(json.dumps({"event": "verdict", **facts}))
         else:
             print_text(arguments, format_verdict(arguments, verdict, job, profile))
-        require_printable(verdict)
+        require_printable(verdict, job)
         return 0
     return _print_on_port(arguments, job, profile)
 

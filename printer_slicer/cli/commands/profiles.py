@@ -20,6 +20,7 @@ from printer_slicer.cli.settings import (
     check_profile_folders,
     find_folder_for_new_profiles,
     prepare_schema_folder,
+    print_translations,
     write_schemas,
 )
 from printer_slicer.errors import OutputError, ProfileError, UsageError
@@ -200,6 +201,7 @@ def _read_named_profiles(arguments: argparse.Namespace) -> Mapping[str, Settings
     names = {kind: getattr(arguments, kind) for kind in _KINDS}
     changes = changes_from(arguments)
     load_profile(names["printer"], names["material"], names["quality"], changes, folders=arguments.profiles)
+    print_translations(arguments)
     return read_sources(names, changes, arguments.profiles)
 
 
@@ -317,6 +319,7 @@ def _describe_conflicts(arguments: argparse.Namespace, checked: Mapping[str, str
         return []
     try:
         faults = find_conflicts(read_sources(names, changes_from(arguments), arguments.profiles))
+        print_translations(arguments)
     except ProfileError as error:
         return [(error.args[0], error.remedy)]
     return [(f"{one.place}: {one.problem}", one.remedy) for one in faults]

@@ -178,8 +178,8 @@ def run(arguments: argparse.Namespace) -> int:
         motion = f"{format_duration(report.print_seconds)} of motion, {report.n_violations} violations"
         first = f"executed {comparison.executed} commands, extruded at {len(report.layers)} heights, {motion}"
         print_text(arguments, "\n".join([first, *_format_violations(report), *injected_fault_lines(faults)]))
-    if verdict:
-        require_printable(verdict)
+    if verdict and job:
+        require_printable(verdict, job)
     return 0
 
 

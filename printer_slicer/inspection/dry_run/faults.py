@@ -135,6 +135,7 @@ class FaultLocator:
 def firmware_faults(job: Job, report: Report, comparison: Comparison) -> Iterator[tuple[int, Diagnostic]]:
     """Report what the firmware rejected or clipped; repetitions are counted."""
     reported: set[str] = set()
+    known = {(one.code, one.index): one for one in job.findings if one.is_error}
     inches = bool(report.violations) and uses_inches(job.commands)
     for violation in report.violations:
         what = violation.text
@@ -153,10 +154,19 @@ def firmware_faults(job: Job, report: Report, comparison: Comparison) -> Iterato
         harmless = kind == _LIFT_BEFORE_HOMING or (
             rule.code == "unknown" and _KNOWN_COMMANDS.match(code) is not None
         )
-        yield (
-            comparison.command_of(violation.line),
-            Diagnostic(rule.code, _severity(harmless), what, remedy=remedy, times=times),
-        )
+        fault = Diagnostic(rule.code, _severity(harmless), what, remedy=remedy, times=times)
+        index = comparison.command_of(violation.line)
+        yield index, _word_as_lint(fault, known.get((rule.code, index)))
+
+
+def _word_as_lint(fault: Diagnostic, finding: Diagnostic | None) -> Diagnostic:
+    """Return a fault in the words of the lint finding for the same command, so that one fault has one text."""
+    if finding is None or not fault.is_error:
+        return fault
+    times = max(fault.times, finding.times)
+    return replace(
+        fault, message=finding.message, reason=finding.reason, command=finding.command, times=times
+    )
 
 
 def deposition_faults(

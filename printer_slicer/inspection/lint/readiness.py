@@ -111,7 +111,7 @@ class Readiness:
             moves,
             extrudes & (axes == _MOTORS_OFF),
         )
-        reason = "The firmware blocks cold extrusion: heat the nozzle and wait first (for example M109 S215)"
+        reason = "The firmware blocks cold extrusion: heat the nozzle and wait first (for example M109 S210)"
         self._record("cold", "extrudes before the nozzle is hot", reason, moves, feeds & (heat <= _HEATING))
         off = (heat == _COOLED) | self._find_cooled(moves, heat == _COOLING)
         self._record(
