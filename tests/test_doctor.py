@@ -243,7 +243,9 @@ def test_what_is_in_the_way_is_said_with_its_remedy(tmp_path: Path) -> None:
     done = typed("doctor", tmp_path / "none")
 
     assert done.code == 4
-    assert is_message(done, "does not exist", "Check cable")
+    assert is_message(done, "not ready to print; failed: port", "listed above")
+    assert "does not exist" in done.out
+    assert "Check cable" in done.out
     assert json.loads(typed("doctor", tmp_path / "none", "--json").out)["ok"] is False
 
 

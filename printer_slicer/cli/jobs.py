@@ -9,8 +9,8 @@ from collections import deque
 from collections.abc import Callable, Collection, Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from printer_slicer.cli.arguments import reject_model_options
 from printer_slicer.cli.output import print_text, sanitize
+from printer_slicer.cli.unused_options import reject_model_options
 from printer_slicer.diagnostics import (
     Diagnostic,
     as_json,
@@ -33,6 +33,7 @@ __all__ = [
     "disallowed_error_sentences",
     "disallowed_errors",
     "finding_facts",
+    "format_errors",
     "format_notes",
     "job_from",
     "job_repair_facts",

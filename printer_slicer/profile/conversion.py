@@ -117,24 +117,23 @@ def _describe_fault(kind: str, source: SettingsSource, error: msgspec.Validation
     if list_key in LISTS and path == list_key and isinstance(value, str):
         remedy = f'Write it like this: {list_key} = "{LISTS[list_key].example}"'
         return SettingFault(source.place(path), path, f"{kind}.{path}: {value!r} is not a valid list", remedy)
+    what = f"{kind}.{path}" if path else kind
+    problem = f"{what}: {_describe_problem(problem, list_key, value)}"
+    return SettingFault(source.place(path), path, problem, _find_remedy(kind, path, value))
+
+
+def _find_remedy(kind: str, path: str, value: object) -> str:
+    """Return what to do about an invalid value: the value that was probably meant, or the choices."""
     from printer_slicer.profile.tables import choices_of  # noqa: PLC0415 - for errors only
 
-    if hint := _suggest_percentage(kind, path, value):
-        return SettingFault(
-            source.place(path), path, f"{kind}.{path}: {_describe_problem(problem, list_key, value)}", hint
-        )
-    choices = [*PLANNER_SETTINGS] if path == "planner.kind" else choices_of(KINDS[kind], path).split(", ")
-    remedy = (
-        f"{_suggest_choice(value, choices)}Choose one of: {', '.join(choices)}"
-        if any(choices)
-        else _SETTINGS_HINT
-    )
     if path == "planner":
-        remedy = 'Write it like this: planner = { kind = "optimal" }'
-    what = f"{kind}.{path}" if path else kind
-    return SettingFault(
-        source.place(path), path, f"{what}: {_describe_problem(problem, list_key, value)}", remedy
-    )
+        return 'Write it like this: planner = { kind = "optimal" }'
+    if hint := _suggest_percentage(kind, path, value):
+        return hint
+    choices = [*PLANNER_SETTINGS] if path == "planner.kind" else choices_of(KINDS[kind], path).split(", ")
+    if not any(choices):
+        return _SETTINGS_HINT
+    return f"{_suggest_choice(value, choices)}Choose one of: {', '.join(choices)}"
 
 
 def _suggest_percentage(kind: str, path: str, value: object) -> str:

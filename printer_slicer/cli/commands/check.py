@@ -16,12 +16,12 @@ from printer_slicer.cli.arguments import (
     parse_factor,
     parse_length,
     parse_positive_integer,
-    reject_options_without_model,
 )
 from printer_slicer.cli.help import mark_advanced
 from printer_slicer.cli.inputs import reject_non_gcode
 from printer_slicer.cli.output import check_outputs, print_text, sanitize, show_stages, write_file
 from printer_slicer.cli.settings import profile_facts, profile_from
+from printer_slicer.cli.unused_options import reject_options_without_model
 from printer_slicer.diagnostics import as_json, first_of, sentence
 from printer_slicer.errors import UsageError, VerificationError
 from printer_slicer.texts import format_duration

@@ -18,10 +18,10 @@ from printer_slicer.cli.arguments import (
     parse_integer,
     parse_length,
     parse_pixels,
-    reject_options_without_model,
 )
 from printer_slicer.cli.help import mark_advanced
 from printer_slicer.cli.output import print_text, reject_overwriting_input, sanitize, show_stages, write_file
+from printer_slicer.cli.unused_options import reject_options_without_model
 from printer_slicer.errors import PrinterSlicerError, UsageError
 from printer_slicer.saving import check_writable
 
