@@ -1,4 +1,4 @@
-"""Find profiles by display name, by model, or by some words of these, in any spelling."""
+"""Find profiles by display name, by model, by aliases, or by some words of these, in any spelling."""
 
 from __future__ import annotations
 
@@ -15,6 +15,8 @@ __all__ = ["ProfileMatch", "display_name", "find_profiles", "suggest_profiles"]
 
 _NAME: Final = re.compile(r'^name = "([^"\n]*)"', re.MULTILINE)
 _MODEL: Final = re.compile(r'^model = "([^"\n]*)"', re.MULTILINE)
+_ALIASES: Final = re.compile(r"^aliases = \[([^\]]*)\]", re.MULTILINE)
+_IDENTICAL, _SAME_WORDS = -2, -1  # better than the kinds of `rank_match`, which ignore the nozzle
 _LEAST_SIMILARITY: Final = 0.8  # minimum similarity of a suggestion, 0 to 1
 _MOST_SHOWN: Final = 5  # profiles in a message
 
@@ -33,39 +35,83 @@ class ProfileMatch(NamedTuple):
     is_sure: bool
 
 
+class _ProfileNames(NamedTuple):
+    """The names of a profile.
+
+    Attributes:
+        file_name: name of its file, without the suffix.
+        display_name: its `name` setting; empty if it is inherited.
+        others: its aliases and its model.
+        is_shipped: whether it belongs to this program.
+    """
+
+    file_name: str
+    display_name: str
+    others: tuple[str, ...]
+    is_shipped: bool
+
+    def list_all(self) -> list[str]:
+        """Return all names that are not empty."""
+        return [name for name in (self.file_name, self.display_name, *self.others) if name]
+
+
 def display_name(path: Path) -> str:
     """Return the `name` setting in a profile's file; empty if it is inherited."""
-    return _read_names(path)[1]
+    return _read_names(path).display_name
 
 
 def find_profiles(kind: str, text: str, folders: Sequence[Path] = ()) -> list[ProfileMatch]:
     """Return the profiles that match a text, the best match first.
+
+    Among profiles whose names are all the words of the text, display names of the user's own profiles come first,
+    then shipped profiles, then file names of the user's own profiles.
 
     Args:
         kind: `printer`, `material` or `quality`.
         text: as typed, such as "Ender 3".
         folders: searched first.
     """
-    query_words = split_name(text)
     known = {name: _read_names(path) for name, path in profile_paths(kind, folders).items()}
-    ranked = []
-    for name, names in known.items():
-        ranks = [rank for one in names if (rank := rank_match(query_words, split_name(one)))]
-        ranked += [(min(ranks), name)] if ranks else []
-    ranked.sort()
-    kinds = [rank[0] for rank, _ in ranked]
-    is_only = len(kinds) == 1 and kinds[0] < IN_ORDER
-    is_best = len(kinds) > 1 and kinds[0] <= AT_THE_END and kinds[1] > kinds[0]
-    is_sure = (is_only or is_best) and any(word.isalpha() for word in query_words)
+    ranked = sorted((rank, name) for name, names in known.items() if (rank := _rank_profile(text, names)))
+    ranks = [rank for rank, _ in ranked]
+    is_only = len(ranks) == 1 and ranks[0][0] < IN_ORDER
+    is_best = len(ranks) > 1 and ranks[0][0] <= AT_THE_END and ranks[1][:2] > ranks[0][:2]
+    is_sure = (is_only or is_best) and any(word.isalpha() for word in split_name(text))
     return [
-        ProfileMatch(name, known[name][1] or name, is_sure and i == 0) for i, (_, name) in enumerate(ranked)
+        ProfileMatch(name, known[name].display_name or name, is_sure and i == 0)
+        for i, (_, name) in enumerate(ranked)
     ]
+
+
+def _rank_profile(text: str, names: _ProfileNames) -> tuple[int, int, int] | None:
+    """Rank how well a profile matches a text; lower is better, None is no match.
+
+    Returns:
+        The kind of match, the precedence among exact matches, and the number of additional words.
+    """
+    ranks = []
+    for name in names.list_all():
+        if found := _rank_name(text, name):
+            precedence = 1 if names.is_shipped else 2 if name == names.file_name else 0
+            ranks.append((found[0], precedence if found[0] <= _SAME_WORDS else 0, found[1]))
+    return min(ranks, default=None)
+
+
+def _rank_name(text: str, name: str) -> tuple[int, int] | None:
+    """Rank how well a name matches a text, as `rank_match` does; identical names and identical words are better."""
+    if text.strip().casefold() == name.casefold():
+        return _IDENTICAL, 0
+    words = split_name(text, with_nozzle=True)
+    if words and words == split_name(name, with_nozzle=True):
+        return _SAME_WORDS, 0
+    return rank_match(split_name(text), split_name(name))
 
 
 def suggest_profiles(kind: str, text: str, folders: Sequence[Path] = ()) -> str:
     """Return a question ("Did you mean ...?") for a name that selects no profile; empty if none is similar."""
     matches = find_profiles(kind, text, folders)
     if matches:
+        matches = matches[:1] if matches[0].is_sure else matches
         shown = [f"{one.name} ({one.display_name})" for one in matches[:_MOST_SHOWN]]
         more = " and more" if len(matches) > _MOST_SHOWN else ""
         return f"Did you mean {', '.join(shown)}{more}?"
@@ -73,7 +119,7 @@ def suggest_profiles(kind: str, text: str, folders: Sequence[Path] = ()) -> str:
     contained = [
         (len(words), name)
         for name, path in paths.items()
-        for words in map(split_name, _read_names(path))
+        for words in map(split_name, _read_names(path).list_all())
         if len(words) > 1 and (rank := rank_match(words, query_words)) and rank[0] < IN_ORDER
     ]
     near = (
@@ -84,8 +130,8 @@ def suggest_profiles(kind: str, text: str, folders: Sequence[Path] = ()) -> str:
     return f"Did you mean {near[0]!r}?" if near else ""
 
 
-def _read_names(path: Path) -> tuple[str, str, str]:
-    """Read the display name and the model of a profile; return its file name, display name and model.
+def _read_names(path: Path) -> _ProfileNames:
+    """Read the names of a profile.
 
     Only the model of a shipped profile counts: an imported profile of the same machine must not make it ambiguous.
     """
@@ -93,6 +139,8 @@ def _read_names(path: Path) -> tuple[str, str, str]:
         text = path.read_text(encoding="utf-8", errors="replace")
     except OSError:
         text = ""
-    shown, model = _NAME.search(text), _MODEL.search(text)
+    shown, model, aliases = _NAME.search(text), _MODEL.search(text), _ALIASES.search(text)
     is_shipped = path.parent.parent == profile_root()
-    return path.stem, shown[1] if shown else "", model[1] if model and is_shipped else ""
+    others = re.findall(r'"([^"\n]*)"', aliases[1]) if aliases else []
+    others += [model[1]] if model and is_shipped else []
+    return _ProfileNames(path.stem, shown[1] if shown else "", tuple(others), is_shipped)

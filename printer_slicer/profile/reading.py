@@ -121,6 +121,7 @@ def read_chain(
             f"{path}:{lines.get('inherits', 1)}: inherits: expected the name of a profile, got {parent!r}",
             remedy=f'Write it like this: inherits = "{DEFAULT_NAMES[kind]}"',
         )
+    _check_aliases(values.pop("aliases", []), f"{path}:{lines.get('aliases', 1)}")
     base = read_chain(kind, parent, folders, (*seen, path)) if parent else SettingsSource({}, {}, str(path))
     places = {
         key: f"{path}:{_find_line(lines, key)}"
@@ -129,6 +130,19 @@ def read_chain(
     if kind == "quality":
         _choose_uniform_planner(base, values)
     return overlay(base, SettingsSource(_parse_lists(values), places, str(path)))
+
+
+def _check_aliases(aliases: object, place: str) -> None:
+    """Check the other names of a profile, which `finding` reads.
+
+    Raises:
+        ProfileError: they are not a list of texts.
+    """
+    if not isinstance(aliases, list) or not all(isinstance(one, str) for one in aliases):
+        raise ProfileError(
+            f"{place}: aliases: expected a list of names, got {aliases!r}",
+            remedy='Write it like this: aliases = ["Ender-3 Pro"]',
+        )
 
 
 def _choose_uniform_planner(base: SettingsSource, values: dict[str, Any]) -> None:
@@ -265,8 +279,9 @@ def _find_by_display_name(kind: str, name: str, folders: Sequence[Path], asked_b
     matches = find_profiles(kind, name, folders)
     if matches and matches[0].is_sure and not asked_by:
         return known[matches[0].name]
+    is_ambiguous = len(matches) > 1 and not matches[0].is_sure
     raise ProfileError(
-        f"{asked_by}{'several profiles match' if matches else 'unknown'} {kind} {name!r}",
+        f"{asked_by}{'several profiles match' if is_ambiguous else 'unknown'} {kind} {name!r}",
         remedy=suggest_profiles(kind, name, folders)
         or f"{_describe_known_names(known)}; the path of a .toml file is accepted too",
     )
@@ -291,7 +306,7 @@ def kind_of(name: str, folders: Sequence[Path] = ()) -> str:
     """Return the kind of a profile: `printer`, `material` or `quality`.
 
     The kind of a file is determined from its folder, from the profile that it inherits from, or from its keys, in this
-    order.
+    order. The kind of a name that matches several profiles is theirs.
 
     Raises:
         ProfileError: the profile is unknown, or its kind is ambiguous.
@@ -303,17 +318,21 @@ def kind_of(name: str, folders: Sequence[Path] = ()) -> str:
     kinds = [kind for kind in KINDS if name in profile_paths(kind, folders)]
     if len(kinds) == 1:
         return kinds[0]
-    known = sorted(one for kind in KINDS for one in profile_paths(kind, folders))
-    near = get_close_matches(name, known, n=1)
-    hint = f"Did you mean {near[0]!r}? " if near else ""
-    matches = [(kind, one) for kind in KINDS for one in find_profiles(kind, name, folders)[:1] if one.is_sure]
-    if not kinds and len(matches) == 1:
-        return matches[0][0]
     if kinds:
         raise ProfileError(
             f"{name!r} is the name of a {' and of a '.join(kinds)}",
             remedy=f"Write the kind before the name: {kinds[0]} {name}",
         )
+    matches = {kind: found for kind in KINDS if (found := find_profiles(kind, name, folders))}
+    candidates = [kind for kind, found in matches.items() if found[0].is_sure] or list(matches)
+    if len(candidates) == 1:
+        return candidates[0]
+    if candidates:
+        shown = ", ".join(f"{kind} {matches[kind][0].name}" for kind in candidates)
+        raise ProfileError(f"several profiles match {name!r}", remedy=f"Did you mean {shown}?")
+    known = sorted(one for kind in KINDS for one in profile_paths(kind, folders))
+    near = get_close_matches(name, known, n=1)
+    hint = f"Did you mean {near[0]!r}? " if near else ""
     raise ProfileError(
         f"unknown profile {name!r}", remedy=f"{hint}`printer-slicer profiles` lists all profiles"
     )

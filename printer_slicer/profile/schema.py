@@ -27,7 +27,8 @@ def schema_of(kind: str) -> dict[str, Any]:
     """
     schema, definitions = _build_components(kind)
     parent = {"type": "string", "description": f"the {kind} profile to inherit from, by name or path"}
-    schema["properties"] = {"inherits": parent, **schema["properties"]}
+    aliases = {"type": "array", "items": {"type": "string"}, "description": f"other names of the {kind}"}
+    schema["properties"] = {"inherits": parent, "aliases": aliases, **schema["properties"]}
     without_parent: dict[str, Any] = {"required": schema.pop("required")}
     if kind == "quality":
         without_parent["properties"] = {"planner": {"required": ["kind"]}}

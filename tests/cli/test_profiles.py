@@ -63,11 +63,11 @@ def test_show_tells_where_values_come_from() -> None:
     shown = told("show", "voron_0_2")
     text = typed("profiles", "show", "voron_0_2").out
 
-    assert shown["bed_x"] == {"value": 120, "from": f"{profile_root()}/printers/voron_0_2.toml:7"}
+    assert shown["bed_x"] == {"value": 120, "from": f"{profile_root()}/printers/voron_0_2.toml:8"}
     assert shown["flavour"]["from"].startswith(f"{profile_root()}/printers/corexy_klipper.toml:")
     assert shown["probe"] == {"value": False, "from": "default"}
     assert re.search(
-        rf"(?m)^bed_x = 120 +# {re.escape(str(profile_root()))}/printers/voron_0_2.toml:7$", text
+        rf"(?m)^bed_x = 120 +# {re.escape(str(profile_root()))}/printers/voron_0_2.toml:8$", text
     )
 
 
@@ -114,6 +114,22 @@ def test_a_new_profile_is_used_by_its_name_and_never_overwritten(own: Path, kind
 
     assert is_message(failed("new", kind, "mine"), "already exists", "another name")
     assert path.read_text(encoding="utf-8") == text
+
+
+def test_a_new_profile_inherits_from_the_file_that_a_name_means(own: Path) -> None:
+    assert typed("profiles", "new", "printer", "mine", "--inherits", "Ender 3").code == 0
+
+    assert 'inherits = "creality_ender3"\n' in (own / "printers" / "mine.toml").read_text(encoding="utf-8")
+    assert typed("profiles", "check", "mine").code == 0
+
+
+@pytest.mark.parametrize("word", ["v0.3 mini x", "Ender 2"])
+def test_one_similar_profile_is_not_several(word: str) -> None:
+    assert is_message(failed("path", "printer", word), "unknown printer")
+
+
+def test_words_of_several_kinds_are_answered_with_the_kinds() -> None:
+    assert is_message(failed("show", "p"), "several profiles match 'p'", "printer prusa_mini, material pa")
 
 
 def test_a_new_profile_goes_where_it_is_told(tmp_path: Path) -> None:

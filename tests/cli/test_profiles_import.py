@@ -11,6 +11,7 @@ import pytest
 from printer_slicer.cli import main
 from printer_slicer.profile.finding import find_profiles
 from printer_slicer.profile.folders import VARIABLE, profile_root
+from printer_slicer.profile.reading import path_of
 from tests.importing.files import FLAT, flat_file, ini
 from tests.importing.test_bundle import BUNDLE
 
@@ -119,6 +120,46 @@ def test_an_imported_printer_does_not_make_the_shipped_one_ambiguous(
     run(capsys, flat_file(tmp_path, printer_model="ENDER3"), "-o", tmp_path)
 
     assert find_profiles("printer", "Ender 3", [tmp_path])[0] == ("creality_ender3", "Creality Ender-3", True)
+
+
+V2 = "Creality Ender-3 V2"
+
+
+@pytest.mark.parametrize(
+    ("typed_name", "found"),
+    [
+        ("Ender 3", "creality_ender3"),
+        ("ender3", "ender3"),
+        ("Ender 3 V2", "creality_ender3_v2"),
+        (V2, "creality_ender3_v2"),
+        (f"{V2} (0.4 mm nozzle)", "ender3"),
+        (f"{V2.lower()} 0.4 mm nozzle", "ender3"),
+    ],
+)
+def test_an_exact_name_selects_the_shipped_printer_or_the_imported_one(
+    typed_name: str, found: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = flat_file(tmp_path, printer_settings_id=f"{V2} (0.4 mm nozzle)", printer_model="ENDER3V2")
+    run(capsys, file, "-o", tmp_path, "--name", "ender3")
+
+    assert path_of("printer", typed_name, [tmp_path]).stem == found
+
+
+def test_the_users_own_printer_wins_among_equal_display_names(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run(capsys, flat_file(tmp_path, printer_settings_id=V2), "-o", tmp_path)
+
+    assert path_of("printer", V2, [tmp_path]).is_relative_to(tmp_path)
+    assert path_of("printer", "Ender 3 V2", [tmp_path]).stem == "creality_ender3_v2"
+
+
+def test_the_name_of_an_imported_printer_has_other_words_than_a_shipped_one(
+    tmp_path: Path, own: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run(capsys, flat_file(tmp_path, printer_settings_id=f"{V2} (0.4 mm nozzle)"))
+
+    assert [one.stem for one in (own / "printers").iterdir()] == ["creality_ender_3_v2_0_4_mm_nozzle"]
 
 
 def test_profiles_that_do_not_fit_together_are_shown_one_by_one(

@@ -104,6 +104,8 @@ FAULTY = [
     ("material", "density = 0"),
     ("material", "bed_x = 200"),
     ("material", "inherits = 3"),
+    ("printer", 'aliases = "Ender-3 Pro"'),
+    ("printer", "aliases = [3]"),
 ]
 
 
@@ -120,6 +122,7 @@ def test_what_is_refused_does_not_obey_the_schema(tmp_path: Path, kind: str, tex
 
 
 TAKEN = [
+    ("printer", 'aliases = ["Ender-3 Pro"]'),
     (
         "quality",
         '[[overrides]]\nobject = "lid"\nhigh = 3\nset = { perimeters = 3, "speeds.internal_infill" = 40 }',

@@ -15,6 +15,7 @@ from printer_slicer import dry_run, job_from, job_of, load_profile
 from printer_slicer.errors import ProfileError
 from printer_slicer.profile import DEFAULT_NAMES, KINDS, Profile, profile_paths, settings_text
 from printer_slicer.profile.inspection import read_headline
+from printer_slicer.profile.reading import path_of
 
 PART = step_pyramid([8, 5], [1.24, 0.86])
 WITHOUT_STEPS = step_pyramid([8], [2.1])
@@ -208,3 +209,23 @@ def test_shipped_profiles_have_names_of_their_own(kind: str) -> None:
 
     assert None not in names
     assert len({found[1] for found in names if found}) == len(names)
+
+
+MODELS = {
+    "Ender 3 Pro": "creality_ender3",
+    "Neptune 4 Pro": "elegoo_neptune4",
+    "Neptune 3 Pro": "elegoo_neptune3_pro",
+    "i3 Mega S": "anycubic_i3_mega",
+    "Original Prusa i3 MK3S": "prusa_mk3s",
+    "Original Prusa MINI": "prusa_mini",
+    "original prusa mk4": "prusa_mk4",
+    "v0.2": "voron_0_2",
+    "V0": "voron_0_2",
+    "V2.4": "voron_2_4_350",
+    "Rat Rig V-Core 3": "ratrig_vcore3_300",
+}
+
+
+@pytest.mark.parametrize(("model", "name"), MODELS.items())
+def test_models_that_share_a_profile_are_found(model: str, name: str) -> None:
+    assert path_of("printer", model).stem == name

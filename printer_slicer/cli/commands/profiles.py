@@ -241,7 +241,7 @@ def _write_new_profile(arguments: argparse.Namespace) -> int:
     """Write a new profile that inherits from another one."""
     from printer_slicer.profile import DEFAULT_NAMES
     from printer_slicer.profile.folders import FOLDERS
-    from printer_slicer.profile.reading import read_chain
+    from printer_slicer.profile.reading import path_of, read_chain
     from printer_slicer.profile.schema import directive
     from printer_slicer.profile.template import new_profile
 
@@ -262,6 +262,8 @@ def _write_new_profile(arguments: argparse.Namespace) -> int:
     source = read_chain(kind, parent, arguments.profiles)
     if "/" in parent or parent.endswith(".toml"):
         parent = str(Path(parent).absolute())  # a relative path would refer to the folder of the new file
+    else:
+        parent = path_of(kind, parent, arguments.profiles).stem  # the name in a file must be exact
     if root:
         make_folder(path.parent)
     text = new_profile(kind, name, parent, source, directive(kind, prepare_schema_folder(root)))

@@ -182,6 +182,7 @@ def _list_presets(arguments: argparse.Namespace, results: Sequence[Any]) -> None
 def _choose_paths(arguments: argparse.Namespace, imported: Sequence[ImportedProfile]) -> list[Path]:
     """Choose the path of each new profile: the typed name, or a name that is not taken."""
     from printer_slicer.importing import file_names
+    from printer_slicer.name_search import split_name
     from printer_slicer.profile.folders import FOLDERS, profile_root
 
     root: Path = arguments.out or find_folder_for_new_profiles(
@@ -189,9 +190,11 @@ def _choose_paths(arguments: argparse.Namespace, imported: Sequence[ImportedProf
     )
 
     def is_taken(kind: str, file_name: str, name: str) -> bool:
-        """Return whether a shipped profile, or a profile made from another preset, has this file name."""
-        file = Path(FOLDERS[kind], f"{file_name}.toml")
-        return (profile_root() / file).exists() or _read_display_name(root / file) not in ("", name)
+        """Return whether a profile made from another preset has this file name, or a shipped one has its words."""
+        folder = Path(FOLDERS[kind])
+        shipped = [split_name(path.stem) for path in (profile_root() / folder).glob("*.toml")]
+        mine = _read_display_name(root / folder / f"{file_name}.toml")
+        return split_name(file_name) in shipped or mine not in ("", name)
 
     names = _check_typed_name(arguments.name, imported) if arguments.name else file_names(imported, is_taken)
     return [root / FOLDERS[one.kind] / f"{name}.toml" for one, name in zip(imported, names, strict=True)]
