@@ -63,8 +63,8 @@ def display_name(path: Path) -> str:
 def find_profiles(kind: str, text: str, folders: Sequence[Path] = ()) -> list[ProfileMatch]:
     """Return the profiles that match a text, the best match first.
 
-    Among profiles whose names are all the words of the text, display names of the user's own profiles come first,
-    then shipped profiles, then file names of the user's own profiles.
+    If several names have all words of the text and no others, display names of the user's own profiles come
+    first, then shipped profiles, then file names of the user's own profiles.
 
     Args:
         kind: `printer`, `material` or `quality`.
@@ -98,7 +98,7 @@ def _rank_profile(text: str, names: _ProfileNames) -> tuple[int, int, int] | Non
 
 
 def _rank_name(text: str, name: str) -> tuple[int, int] | None:
-    """Rank how well a name matches a text, as `rank_match` does; identical names and identical words are better."""
+    """Rank how well a name matches a text, as `rank_match` does; identical names and words are better."""
     if text.strip().casefold() == name.casefold():
         return _IDENTICAL, 0
     words = split_name(text, with_nozzle=True)

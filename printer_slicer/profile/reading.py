@@ -313,8 +313,6 @@ def kind_of(name: str, folders: Sequence[Path] = ()) -> str:
     """
     if name.endswith(".toml") or "/" in name:
         return _kind_of_file(Path(name), folders)
-    from printer_slicer.profile.finding import find_profiles  # noqa: PLC0415 - reads all profiles
-
     kinds = [kind for kind in KINDS if name in profile_paths(kind, folders)]
     if len(kinds) == 1:
         return kinds[0]
@@ -323,6 +321,17 @@ def kind_of(name: str, folders: Sequence[Path] = ()) -> str:
             f"{name!r} is the name of a {' and of a '.join(kinds)}",
             remedy=f"Write the kind before the name: {kinds[0]} {name}",
         )
+    return _find_matching_kind(name, folders)
+
+
+def _find_matching_kind(name: str, folders: Sequence[Path]) -> str:
+    """Return the kind of the profiles that a text matches, by display name or by words.
+
+    Raises:
+        ProfileError: no profile matches, or profiles of several kinds match equally well.
+    """
+    from printer_slicer.profile.finding import find_profiles  # noqa: PLC0415 - reads all profiles
+
     matches = {kind: found for kind in KINDS if (found := find_profiles(kind, name, folders))}
     candidates = [kind for kind, found in matches.items() if found[0].is_sure] or list(matches)
     if len(candidates) == 1:

@@ -190,7 +190,7 @@ def _choose_paths(arguments: argparse.Namespace, imported: Sequence[ImportedProf
     )
 
     def is_taken(kind: str, file_name: str, name: str) -> bool:
-        """Return whether a profile made from another preset has this file name, or a shipped one has its words."""
+        """Return whether another preset's profile has this file name, or a shipped one has its words."""
         folder = Path(FOLDERS[kind])
         shipped = [split_name(path.stem) for path in (profile_root() / folder).glob("*.toml")]
         mine = _read_display_name(root / folder / f"{file_name}.toml")
