@@ -15,7 +15,15 @@ from printer_slicer.input_files import read_input
 from printer_slicer.stream.framing import check_commands
 from printer_slicer.values import Struct
 
-__all__ = ["Commands", "GcodeText", "check_sendable", "find_lines", "read_text", "split_gcode"]
+__all__ = [
+    "Commands",
+    "GcodeText",
+    "check_sendable",
+    "find_lines",
+    "read_text",
+    "reject_binary_gcode",
+    "split_gcode",
+]
 
 _MAX_BYTES: Final = 1 << 29  # of G-code
 _BLOCK_BYTES: Final = 1 << 19  # bytes of a text that are split at a time
@@ -198,6 +206,22 @@ def find_lines(text: bytes, commands: Sequence[int], block_bytes: int = _BLOCK_B
                 index += 1
         done += len(lines) - 1  # the text after the last line break of a block is empty
     return [found[one] for one in commands]
+
+
+def reject_binary_gcode(text: bytes, name: str) -> None:
+    """Reject the binary format of PrusaSlicer.
+
+    Args:
+        text: the file, or its beginning.
+        name: name of the file, for the message.
+
+    Raises:
+        UsageError: the file is binary G-code.
+    """
+    if text.startswith(b"GCDE"):
+        raise UsageError(
+            f"{name}: this is binary G-code", remedy="Export plain G-code, or convert it with bgcode"
+        )
 
 
 def read_text(path: Path) -> bytes:

@@ -6,6 +6,7 @@ import argparse
 import glob
 import os
 import re
+import shlex
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -179,21 +180,34 @@ def _looks_like_gcode(head: bytes) -> bool:
 
 
 def reject_non_gcode(path: Path) -> None:
-    """Reject a file in which most lines are not G-code commands.
+    """Reject a model, and a file in which most lines are not G-code commands.
 
     Files that cannot be read are ignored here, and reported later when they are read. Pipes are ignored too: they can
     be read only once, and may have no writer.
 
     Raises:
+        UsageError: the file is not G-code, or binary G-code.
+    """
+    from printer_slicer.commands import reject_binary_gcode
+
+    head = _read_beginning(path)
+    if head is None:
+        return
+    reject_binary_gcode(head, str(path))
+    if path.suffix.lower() in MODELS:
+        raise UsageError(
+            f"{path}: not a G-code file, but a model",
+            remedy=f"Slice it first: printer-slicer slice {shlex.quote(str(path))}",
+        )
+    _reject_other_lines(path, head)
+
+
+def _reject_other_lines(path: Path, head: bytes) -> None:
+    """Reject a file whose beginning is binary, or has more other lines than commands.
+
+    Raises:
         UsageError: the file is not G-code.
     """
-    try:
-        if not path.is_file():
-            return
-        with path.open("rb") as file:
-            head = file.read(_EXAMINED_BYTES)
-    except (OSError, ValueError):
-        return
     whole = head if len(head) < _EXAMINED_BYTES else head.rpartition(b"\n")[0]
     lines = [line for line in map(_strip_comment, whole.splitlines()) if line]
     other = [line for line in lines if not _COMMAND.match(line)]
@@ -205,6 +219,17 @@ def reject_non_gcode(path: Path) -> None:
             f"{path}: not a G-code file{shown}",
             remedy="Name a G-code file; to make one from a model, use `printer-slicer slice`",
         )
+
+
+def _read_beginning(path: Path) -> bytes | None:
+    """Return the first bytes of a file; None for pipes, devices and files that cannot be read."""
+    try:
+        if path.is_file():
+            with path.open("rb") as file:
+                return file.read(_EXAMINED_BYTES)
+    except (OSError, ValueError):
+        pass
+    return None
 
 
 def _strip_comment(line: bytes) -> bytes:

@@ -15,6 +15,7 @@ from printer_slicer.diagnostics import Diagnostic
 from printer_slicer.drawing import coverage_picture
 from printer_slicer.drawing.canvas import Box, Line, Text
 from printer_slicer.inspection.coverage.limits import CoverageLimits, find_nearest_to_limit
+from printer_slicer.cli.inputs import MODELS
 from printer_slicer.mesh_io import export_stl
 from tests.cli.command_line import BOX, QUICK, is_message, typed
 from tests.parts import box
@@ -210,11 +211,22 @@ def test_what_is_no_gcode_is_refused(name: str, more: list[object], tmp_path: Pa
     outcome = typed("check", name, *more, cwd=tmp_path)
 
     assert (outcome.code, outcome.out) == (2, "")
-    assert is_message(outcome, f"{name}: not a G-code file", "such as", "printer-slicer slice")
+    reason = "but a model" if Path(name).suffix in MODELS else "such as"
+    assert is_message(outcome, f"{name}: not a G-code file", reason, "printer-slicer slice")
+
+
+def test_binary_gcode_is_named_so(tmp_path: Path) -> None:
+    (tmp_path / "a.gcode").write_bytes(b"GCDE\x01\x00")
+
+    assert is_message(typed("check", tmp_path / "a.gcode"), "a.gcode: this is binary G-code", "convert it")
 
 
 def test_a_mesh_in_binary_is_no_gcode() -> None:
-    assert is_message(typed("check", BOX), "box.stl: not a G-code file", "printer-slicer slice")
+    assert is_message(
+        typed("check", BOX),
+        "box.stl: not a G-code file, but a model",
+        f"Slice it first: printer-slicer slice {BOX}",
+    )
 
 
 ODD = {

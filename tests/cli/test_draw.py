@@ -180,7 +180,7 @@ def test_a_dash_writes_the_svg_to_stdout(gcode: Path) -> None:
         (b"", "no extrusion"),
         (b"G28\nG1 X5\n", "no extrusion"),
         (b"GCDE\x01\x00", "binary"),
-        (b"\xff\xfe\x00\x80" * 9, "no extrusion"),
+        (b"\xff\xfe\x00\x80" * 9, "not a G-code file"),
     ],
 )
 def test_files_that_lay_nothing_are_refused(tmp_path: Path, content: bytes, told: str) -> None:
@@ -190,6 +190,18 @@ def test_files_that_lay_nothing_are_refused(tmp_path: Path, content: bytes, told
 
     assert done.code == 2
     assert is_message(done, "odd.gcode", told)
+
+
+def test_a_model_must_be_sliced_before_a_layer_is_drawn(tmp_path: Path) -> None:
+    picture = tmp_path / "a.svg"
+
+    for file, text in ((BOX, None), (tmp_path / "faces.obj", "f 1 2 3\nf 2 3 4\n")):
+        if text:
+            file.write_text(text)
+        assert is_message(
+            typed("draw", file, "-o", picture), "not a G-code file, but a model", f"slice {file}"
+        )
+    assert not picture.exists()
 
 
 def test_without_a_name_the_picture_lies_beside_the_file_and_shows_its_worst_layer(

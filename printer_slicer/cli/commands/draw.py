@@ -20,6 +20,7 @@ from printer_slicer.cli.arguments import (
     parse_pixels,
 )
 from printer_slicer.cli.help import mark_advanced
+from printer_slicer.cli.inputs import reject_non_gcode
 from printer_slicer.cli.output import print_text, reject_overwriting_input, sanitize, show_stages, write_file
 from printer_slicer.cli.unused_options import reject_options_without_model
 from printer_slicer.errors import PrinterSlicerError, UsageError
@@ -98,6 +99,7 @@ def run(arguments: argparse.Namespace) -> int:
     from printer_slicer.inspection.coverage.model_check import read_gcode_extrusions
 
     reject_options_without_model(arguments)
+    reject_non_gcode(arguments.gcode)
     arguments.output = arguments.output or _default_output(arguments.gcode)
     _check_output(arguments)
     with show_stages(arguments) as report:

@@ -9,6 +9,7 @@ import numpy as np
 
 from printer_slicer.arguments import check_arguments
 from printer_slicer.arrays import Bool
+from printer_slicer.commands import reject_binary_gcode
 from printer_slicer.diagnostics import Diagnostic
 from printer_slicer.errors import PartError, UsageError
 from printer_slicer.geometry import Areas, difference, offset_open
@@ -152,10 +153,7 @@ def read_gcode_extrusions(
     Raises:
         UsageError: the text extrudes nothing, or is binary.
     """
-    if text.startswith(b"GCDE"):
-        raise UsageError(
-            f"{name}: this is binary G-code", remedy="Export plain G-code, or convert it with bgcode"
-        )
+    reject_binary_gcode(text, name)
     deposit = extrusions_of_gcode(text, filament_diameter=filament_diameter)
     stack = stack_extrusions(deposit.beads)
     if not stack.n_layers:
