@@ -34,8 +34,10 @@ METADATA: Final = re.compile(
     r"|gcode_comments|print_host\w*|printhost_\w+|octoprint_\w+|host_type|bed_custom_\w+|serial_\w+|\w*spool_weight"
     r"|variable_layer_height|silent_mode|extruder_clearance_\w+|duplicate_distance|thumbnails_\w+|preset_names?"
     r"|machine_limits_usage|slicing_mode|gcode_label_objects|profile_\w+|wiping_volumes_\w+|colorprint_heights"
+    r"|type|name|from|version|instantiation|is_custom_defined|(setting|filament|base|user)_id|updated_time"
+    r"|description"
 )
-"""Settings that do not change the print: inheritance, compatibility, notes, colours."""
+"""Settings that do not change the print: inheritance, compatibility, notes, colours, heads of presets."""
 
 DEFAULTS: Final[Mapping[str, str]] = {
     # printer

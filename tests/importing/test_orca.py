@@ -91,6 +91,18 @@ def write(folder: Path) -> list[Path]:
     ]
 
 
+def test_the_head_of_a_preset_is_not_a_setting(tmp_path: Path) -> None:
+    head = {"from": "User", "version": "1.9.0", "setting_id": "GP1", "instantiation": "true"}
+    made = imported(json_file(tmp_path / "fine.json", PROCESS | head | {"is_custom_defined": "0"}))
+
+    assert {one.theirs for one in made["quality"].left} & {
+        "type",
+        "name",
+        *head,
+        "is_custom_defined",
+    } == set()
+
+
 def test_three_presets_make_a_profile(tmp_path: Path) -> None:
     made: dict[str, ImportedProfile] = {}
     for path in write(tmp_path):
