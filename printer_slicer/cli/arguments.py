@@ -284,16 +284,13 @@ def _add_slicing_options(group: argparse._ArgumentGroup) -> None:
     mark_advanced(
         group.add_argument("--no-supports", action="store_true", help="print without supports (the default)")
     )
-    mark_advanced(
-        group.add_argument(
-            "--load",
-            metavar="FILE",
-            type=Path,
-            action="append",
-            default=[],
-            help="use the profiles in a .toml file, or in a file of PrusaSlicer, OrcaSlicer or Cura; may be "
-            "repeated",
-        )
+    group.add_argument(
+        "--load",
+        metavar="FILE",
+        type=Path,
+        action="append",
+        default=[],
+        help="profile file, also of PrusaSlicer, Orca or Cura",
     )
 
 
@@ -420,6 +417,9 @@ SETTING_OPTIONS: Final[Mapping[str, SettingOption]] = {
 
 
 _PARSERS: Final[Mapping[str, Callable[[str], object]]] = {
+    "--planner": str.lower,
+    "--containment": str.lower,
+    "--objective": str.lower,
     "--time-budget": parse_duration,
     "--infill": parse_infill_density,
 }
@@ -565,14 +565,12 @@ def _add_placement_options(parser: argparse.ArgumentParser) -> None:
         type=parse_angles,
         help="rotate by degrees about z, or X,Y,Z; after --scale",
     )
-    mark_advanced(
-        group.add_argument(
-            "--copies",
-            metavar="N",
-            type=parse_copies,
-            default=1,
-            help="print N copies of each model, arranged in a grid",
-        )
+    group.add_argument(
+        "--copies",
+        metavar="N",
+        type=parse_copies,
+        default=1,
+        help="print N copies of each model, arranged in a grid",
     )
     where = group.add_mutually_exclusive_group()
     mark_advanced(

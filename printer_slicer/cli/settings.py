@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import re
+import shlex
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -551,21 +552,43 @@ def _read_loaded_files(arguments: argparse.Namespace, names: dict[str, Any]) -> 
             kind = kind_of(str(path.absolute()))
             names[kind] = names[kind] or str(path)
             continue
-        from printer_slicer.importing import import_profiles
-        from printer_slicer.importing.results import RejectedProfile
-
-        found = import_profiles(path)
-        for one in found:
-            if isinstance(one, RejectedProfile):
-                raise UsageError(f"--load {path}: {one.problem}", remedy=one.remedy)
-        kinds = [one.kind for one in found]
-        if len(set(kinds)) < len(kinds):
-            raise UsageError(
-                f"--load {path}: the file has {len(kinds)} profiles, several of one kind",
-                remedy=f"Import the profiles of one printer: printer-slicer profiles import {path} --for NAME",
-            )
-        values |= {one.kind: one.values for one in found if not isinstance(one, RejectedProfile)}
+        values |= _import_file(path)
     return _FileSettings(values, (), source="from --load")
+
+
+def _import_file(path: Path) -> dict[str, Mapping[str, Any]]:
+    """Return the settings in a file of another slicer: kind -> settings.
+
+    Raises:
+        UsageError: the file has no settings, several profiles of one kind, or a profile that cannot be used.
+    """
+    from printer_slicer.importing import import_profiles
+    from printer_slicer.importing.results import RejectedProfile
+
+    try:
+        found = import_profiles(path)
+    except ProfileError as error:
+        raise UsageError(str(error.args[0]), remedy=_find_load_remedy(path, error.remedy)) from None
+    values: dict[str, Mapping[str, Any]] = {}
+    for one in found:
+        if isinstance(one, RejectedProfile):
+            remedy = _find_load_remedy(path, one.remedy)
+            raise UsageError(f"--load {path}: {one.problem}", remedy=remedy)
+        values[one.kind] = one.values
+    if len(values) < len(found):
+        raise UsageError(
+            f"--load {path}: the file has {len(found)} profiles, several of one kind",
+            remedy=f"Import the profiles of one printer: printer-slicer profiles import {path} --for NAME",
+        )
+    return values
+
+
+def _find_load_remedy(path: Path, remedy: str) -> str:
+    """Return the remedy for a file of --load: the import command if an option of `profiles import` helps."""
+    option = re.search(r"--[a-z-]+ [^\s,;]+", remedy)
+    if option is None:
+        return remedy
+    return f"Import it first: printer-slicer profiles import {shlex.quote(str(path))} {option[0]}"
 
 
 def _read_gcode_settings(path: Path, folders: Sequence[Path] = ()) -> _FileSettings:

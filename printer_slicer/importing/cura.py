@@ -198,7 +198,7 @@ def _walk_inheritance(
         if found is None:
             raise ProfileError(
                 f"{path}: inherits {parent!r}, but {name} is not in the same folder",
-                remedy="Give the folder of Cura's definitions with --folder",
+                remedy="Give the folder of Cura's definitions with --folder FOLDER",
             )
         seen.append(name)
         values, path = _read_definition(found), found

@@ -34,6 +34,7 @@ from printer_slicer.profile.tables import settings_table, takes_form
 
 __all__ = [
     "FamiliarSetting",
+    "find_equivalent",
     "has_equivalent",
     "load_profile",
     "profile_with",
@@ -237,6 +238,13 @@ def has_equivalent(name: str) -> bool:
         for slicer in (_PRUSASLICER, _ORCASLICER)
         for text in (_DIALECTS[slicer][1].get(theirs, "0"), "1")
     )
+
+
+def find_equivalent(word: str) -> str:
+    """Return our setting, without its section, for a word or a setting of another slicer; empty if unknown."""
+    name = word.lower().replace("-", "_")
+    ours = map_prusaslicer_names().get(ORCA_NAMES.get(name, name), "")
+    return ours.partition(".")[2] if ours else _COMMON_WORDS.get(name, "")
 
 
 def _has_effect(name: str, text: str, slicer: str) -> bool:

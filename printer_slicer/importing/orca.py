@@ -161,7 +161,7 @@ def _resolve_inheritance(
     if found is None:
         raise ProfileError(
             f"{place}: inherits {parent!r}, which is not in the same folder",
-            remedy="Copy that preset into the same folder, or name its folder with --folder",
+            remedy="Copy that preset into the same folder, or name its folder with --folder FOLDER",
         )
     return _resolve_inheritance(found[1], str(found[0]), folder, (*seen, parent)) | own
 

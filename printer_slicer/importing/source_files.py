@@ -103,7 +103,7 @@ def _load_cura_profile(
     if found is None:
         raise ProfileError(
             f"{path}: its machine {machine!r} is not in the same folder",
-            remedy="Give the folder of Cura's definitions with --folder",
+            remedy="Give the folder of Cura's definitions with --folder FOLDER",
         )
     values = read_json(read_text(found), str(found))
     return make_cura_presets(values, found, folders, {**given, **changes}, name)

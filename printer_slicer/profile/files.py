@@ -255,6 +255,8 @@ def _apply_change(sources: dict[str, SettingsSource], key: str, value: object) -
     value = (
         list_from_text(path, value) if path in LISTS and isinstance(value, str) else _normalize_value(value)
     )
+    if isinstance(value, str):
+        value = _normalize_choice(kind, path, value)
     *tables, leaf = path.split(".")
     change: dict[str, Any] = {leaf: value}
     for table in reversed(tables):
@@ -277,6 +279,15 @@ def _list_rule_places(path: str, rules: Sequence[Any]) -> dict[str, str]:
         with suppress(AttributeError, KeyError, TypeError, ValueError, msgspec.ValidationError):
             places[path] = places[f"{path}[{i}]"] = f"override {list_as_text([one])}"
     return places
+
+
+def _normalize_choice(kind: str, path: str, text: str) -> str:
+    """Return a choice in lower case, as all choices are written: `Gyroid` becomes `gyroid`."""
+    if text == text.lower():
+        return text
+    from printer_slicer.profile.tables import choices_of  # noqa: PLC0415 - for capital letters only
+
+    return text.lower() if text.lower() in choices_of(KINDS[kind], path).split(", ") else text
 
 
 def _normalize_value(value: Any) -> Any:

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 import printer_slicer as ps
+from printer_slicer.cli.inputs import MODELS
 from printer_slicer.diagnostics import Diagnostic
 from printer_slicer.drawing import coverage_picture
 from printer_slicer.drawing.canvas import Box, Line, Text
 from printer_slicer.inspection.coverage.limits import CoverageLimits, find_nearest_to_limit
-from printer_slicer.cli.inputs import MODELS
 from printer_slicer.mesh_io import export_stl
 from tests.cli.command_line import BOX, QUICK, is_message, typed
 from tests.parts import box

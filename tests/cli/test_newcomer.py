@@ -52,6 +52,8 @@ SLICES = [
     ("--material PLA", "; material.name = PLA"),
     ("--material PETG", "; material.name = PETG"),
     ("--quality Fine", "; quality.name = fine"),
+    ("--layer-height 0.2 --planner Uniform", "; quality.planner.kind = uniform"),
+    ("--set infill=Gyroid", "; quality.infill = gyroid"),
     ("--load {config}", "; quality.perimeters = 4"),
     ("--load {config} --printer ender3", "; printer.name = Creality Ender-3\n"),
     ("--copies 3", "; quality.name = adaptive"),
@@ -167,6 +169,8 @@ SUGGESTS = [
     ("estop", "'printer-slicer control abort'"),
     ("M112", "'printer-slicer control abort'"),
     ("stop", "'printer-slicer control cancel'"),
+    ("slice {part} --load {cura}", "printer-slicer profiles import {cura} --folder FOLDER"),
+    ("slice {part} --load {orca}", "printer-slicer profiles import {orca} --folder FOLDER"),
     ("slice {part} --fill-density 20%", "--infill PERCENT"),
     ("slice {part} --max-layer 0.3", "--set max_layer_height=MM"),
     ("slice {part} --max-layer-height 0.3", "--set max_layer_height=VALUE"),
@@ -267,12 +271,22 @@ def part(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("newcomer") / "part.stl"
     export_stl(box((12, 12, 1.2)), path)
     (path.parent / "config.ini").write_text(CONFIG)
+    (path.parent / "fine.inst.cfg").write_text(
+        "[general]\nname = fine\ndefinition = acme\n[values]\nlayer_height = 0.2\n"
+    )
+    (path.parent / "fine.json").write_text('{"type": "process", "inherits": "common", "layer_height": "0.2"}')
     return path
+
+
+def fill_in(text: str, part: Path) -> str:
+    """Replace the names of files by their paths."""
+    names = {"config": "config.ini", "cura": "fine.inst.cfg", "orca": "fine.json"}
+    return text.format(part=part, **{key: part.parent / name for key, name in names.items()})
 
 
 def words(line: str, part: Path) -> list[str]:
     """Split a command line as a shell does."""
-    return shlex.split(line.format(part=part, config=part.parent / "config.ini"))
+    return shlex.split(fill_in(line, part))
 
 
 def test_the_script_is_as_long_as_it_should_be() -> None:
@@ -303,7 +317,7 @@ def test_what_does_not_work_names_what_does(line: str, answer: str, part: Path) 
     outcome = typed(*words(line, part))
 
     assert outcome.code == 2
-    assert answer in outcome.err
+    assert fill_in(answer, part) in outcome.err
     assert len(outcome.err.strip().splitlines()) <= 2
 
 

@@ -191,6 +191,9 @@ def test_settings_with_a_word_are_those_that_tell_of_it() -> None:
 
     assert "quality.infill_anchor" in keys
     assert len(keys) < 8
+    for word in ("walls", "wall", "wall_loops", "Perimeters"):
+        assert told("settings", word)[0]["key"] == "quality.perimeters"
+    assert [row["key"] for row in told("settings", "fill_density")] == ["quality.infill_density"]
     assert is_message(failed("settings", "xyzzy"), "xyzzy", "shorter")
 
 

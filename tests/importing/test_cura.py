@@ -234,7 +234,7 @@ def test_a_definition_is_inherited_only_from_the_folders_that_are_looked_into(fo
 
     assert str(caught.value) == (
         f"{path}: inherits '../acme', but ../acme.def.json is not in the same folder\n"
-        "  Give the folder of Cura's definitions with --folder"
+        "  Give the folder of Cura's definitions with --folder FOLDER"
     )
 
 

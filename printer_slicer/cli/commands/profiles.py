@@ -366,14 +366,18 @@ def _show_paths(arguments: argparse.Namespace) -> int:
 
 
 def _list_settings(arguments: argparse.Namespace) -> int:
-    """List the settings whose key or meaning contains all words of the command line."""
+    """List the settings whose key or meaning contains all typed words, those of that name first."""
     from printer_slicer.profile.document import settings_markdown
     from printer_slicer.profile.tables import find_settings
 
     if arguments.markdown:
         print_text(arguments, settings_markdown().rstrip("\n"), is_message=False)
         return 0
-    rows = find_settings(*arguments.names)
+    from printer_slicer.importing.familiar import find_equivalent
+
+    wanted = {one for word in arguments.names for one in (word.lower(), find_equivalent(word))}
+    named = [row for row in find_settings() if row.key.partition(".")[2] in wanted]
+    rows = named + [row for row in find_settings(*arguments.names) if row not in named]
     if arguments.json:
         _print_json(arguments, [row._asdict() for row in rows])
         return 0

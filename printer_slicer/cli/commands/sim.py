@@ -101,7 +101,7 @@ def _add_server_options(parser: argparse.ArgumentParser) -> None:
         "--pty",
         metavar="LINK",
         type=Path,
-        help="create this symbolic link to the pseudo-terminal; default: printer-slicer-sim",
+        help="symbolic link; default: printer-slicer-sim",
     )
     where.add_argument(
         "--tcp",
@@ -127,7 +127,7 @@ def _add_server_options(parser: argparse.ArgumentParser) -> None:
         "--baud",
         type=parse_positive_integer,
         metavar="N",
-        help="simulated baud rate; default: unlimited, or that of the profile if the firmware needs a limit",
+        help="baud rate; default: unlimited or the profile's",
     )
 
 

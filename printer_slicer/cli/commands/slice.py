@@ -90,13 +90,11 @@ def _add_file_options(group: argparse._ArgumentGroup) -> None:
         action=_OutputAction,
         help="G-code file to write; - is stdout; default: MODEL.gcode beside the model",
     )
-    mark_advanced(
-        where.add_argument(
-            "--output-dir",
-            metavar="DIR",
-            type=Path,
-            help="write one G-code file per model into this folder, which is created if missing; same as -o FOLDER/",
-        )
+    where.add_argument(
+        "--output-dir",
+        metavar="DIR",
+        type=Path,
+        help="write one G-code file per model into this folder; same as -o FOLDER/",
     )
     group.add_argument(
         "--picture", metavar="FILE", type=Path, help="draw a layer of the print, as .svg or .png"
