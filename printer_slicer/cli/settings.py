@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import argparse
-import re
-import shlex
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from textwrap import shorten
-from typing import TYPE_CHECKING, Any, Final, NamedTuple, NoReturn
+from typing import TYPE_CHECKING, Any, Final, NoReturn
 
 from printer_slicer.cli.arguments import SETTING_OPTIONS
+from printer_slicer.cli.file_settings import (
+    FileSettings,
+    find_profile_by_display_name,
+    read_gcode_settings,
+    read_loaded_files,
+)
 from printer_slicer.cli.output import hide_stdin_folder, sanitize, write_file
 from printer_slicer.errors import ProfileError, UsageError
 from printer_slicer.saving import make_folder
@@ -37,11 +41,6 @@ _PLANNER_RANGE_SETTINGS = ("tolerance", "layer_height")  # settings that the lay
 _RANGE_SETTINGS: Final = ("planner.ranges", "planner.ranges+", "ranges")
 _MOST_SHOWN: Final = 80  # characters of a setting or note in a message
 _MOST_CHANGES: Final = 4  # changes of a profile that the first line names
-_SEARCHED_BYTES: Final = 1 << 14  # at both ends of a file, where slicers name the machine
-_MACHINE: Final = re.compile(
-    rb"^; ?(?:TARGET_MACHINE\.NAME:|machine_type:|printer_model = |printer_settings_id = )([^\r\n]{1,100})",
-    re.MULTILINE,
-)
 """Comment with the name of the machine: in files of Cura, of FlashPrint, and of PrusaSlicer and its forks."""
 
 
@@ -65,7 +64,7 @@ def profile_from(
         kind: getattr(arguments, kind, None) for kind in ("printer", "material", "quality")
     }
     folders = check_profile_folders(arguments)
-    own = _read_loaded_files(arguments, names) if gcode is None else _read_gcode_settings(gcode, folders)
+    own = read_loaded_files(arguments, names) if gcode is None else read_gcode_settings(gcode, folders)
     changes = changes_from(arguments)
     try:
         if gcode is None and not own.values:
@@ -98,7 +97,7 @@ def _name_options(error: ProfileError, arguments: argparse.Namespace) -> Profile
         if shown == value and f".{full}".endswith(f".{key}"):
             plain = option == f"--set {change}"
             several = option.startswith(("--set", "--heights"))
-            named = f"--set {place}" if plain else f"{option} ({place})" if several else option
+            named = option if plain else f"{option} ({place})" if several else option
             return ProfileError(f"{named}: {problem}", remedy=error.remedy)
         if option.startswith("--set") and message.startswith((f"{key}:", f"{key}=")):
             return ProfileError(f"--set {message}", remedy=error.remedy)
@@ -339,7 +338,7 @@ def _load_context(arguments: argparse.Namespace, own: Mapping[str, object]) -> P
 
     names = {kind: getattr(arguments, kind, None) for kind in ("printer", "material", "quality")}
     folders = check_profile_folders(arguments)
-    loaded = _read_loaded_files(arguments, names).values
+    loaded = read_loaded_files(arguments, names).values
     options = _collect_option_changes(arguments)
     around = {key: value for key, value in options.items() if not key.endswith("+")}
     with suppress(ProfileError):  # reported when all settings are applied
@@ -518,149 +517,11 @@ def _reject_layer_height(
     )
 
 
-# Settings in G-code files
-
-
-class _FileSettings(NamedTuple):
-    """Settings found in a file.
-
-    Attributes:
-        values: kind -> settings; kinds without settings in the file are missing.
-        refused: reasons why settings in the file are not used, one sentence each.
-        unknown: name of the machine in the file if no profile has that name, else empty.
-        source: origin of the settings, for messages.
-    """
-
-    values: Mapping[str, Mapping[str, Any]]
-    refused: Sequence[str]
-    unknown: str = ""
-    source: str = "from the file"
-
-
-def _read_loaded_files(arguments: argparse.Namespace, names: dict[str, Any]) -> _FileSettings:
-    """Read the settings in the files of --load; the .toml files among them are added to `names` instead.
-
-    Raises:
-        UsageError: a file has no settings, several profiles of one kind, or a profile that cannot be used.
-    """
-    values: dict[str, Mapping[str, Any]] = {}
-    files: Sequence[Path] = getattr(arguments, "load", ())
-    for path in files:
-        if path.suffix == ".toml":
-            from printer_slicer.profile.reading import kind_of
-
-            kind = kind_of(str(path.absolute()))
-            names[kind] = names[kind] or str(path)
-            continue
-        values |= _import_file(path)
-    return _FileSettings(values, (), source="from --load")
-
-
-def _import_file(path: Path) -> dict[str, Mapping[str, Any]]:
-    """Return the settings in a file of another slicer: kind -> settings.
-
-    Raises:
-        UsageError: the file has no settings, several profiles of one kind, or a profile that cannot be used.
-    """
-    from printer_slicer.importing import import_profiles
-    from printer_slicer.importing.results import RejectedProfile
-
-    try:
-        found = import_profiles(path)
-    except ProfileError as error:
-        raise UsageError(str(error.args[0]), remedy=_find_load_remedy(path, error.remedy)) from None
-    values: dict[str, Mapping[str, Any]] = {}
-    for one in found:
-        if isinstance(one, RejectedProfile):
-            remedy = _find_load_remedy(path, one.remedy)
-            raise UsageError(f"--load {path}: {one.problem}", remedy=remedy)
-        values[one.kind] = one.values
-    if len(values) < len(found):
-        raise UsageError(
-            f"--load {path}: the file has {len(found)} profiles, several of one kind",
-            remedy=f"Import the profiles of one printer: printer-slicer profiles import {path} --for NAME",
-        )
-    return values
-
-
-def _find_load_remedy(path: Path, remedy: str) -> str:
-    """Return the remedy for a file of --load: the import command if an option of `profiles import` helps."""
-    option = re.search(r"--[a-z-]+ [^\s,;]+", remedy)
-    if option is None:
-        return remedy
-    return f"Import it first: printer-slicer profiles import {shlex.quote(str(path))} {option[0]}"
-
-
-def _read_gcode_settings(path: Path, folders: Sequence[Path] = ()) -> _FileSettings:
-    """Read the settings in a G-code file that this program, PrusaSlicer or its forks wrote, or the machine it names.
-
-    Settings that an import would reject, such as impossible temperatures, are not used.
-
-    Args:
-        path: the G-code file.
-        folders: further folders of profiles.
-
-    Raises:
-        UsageError: the file is a pipe.
-    """
-    from printer_slicer.profile.gcode_settings import is_printer_slicer_gcode, settings_in_gcode
-
-    if path.is_fifo():  # it can be read only once
-        raise UsageError(
-            f"{path}: is a pipe, but G-code files are read several times",
-            remedy="Pipe it into stdin and use - as the file name, or write it to a file",
-        )
-    try:
-        found = (
-            _FileSettings(settings_in_gcode(path), ())
-            if is_printer_slicer_gcode(path)
-            else _read_other_slicer_settings(path)
-        )
-    except (OSError, ValueError):  # an invalid file name
-        return _FileSettings({}, ())
-    except ProfileError as error:
-        # A file that cannot be read is reported when all of it is read.
-        return _FileSettings({}, (str(error.args[0]).removeprefix(f"{path}: "),) if path.is_file() else ())
-    return _find_named_machine(path, folders) if found is None else found
-
-
-def _read_other_slicer_settings(path: Path) -> _FileSettings | None:
-    """Read the profiles in a G-code file of another slicer; return None if the file has none."""
-    from printer_slicer.importing import import_profiles
-    from printer_slicer.importing.results import NoSettingsError, RejectedProfile
-
-    try:
-        found = import_profiles(path)
-    except NoSettingsError:
-        return None
-    refused = [f"{one.kind}: {one.problem}" for one in found if isinstance(one, RejectedProfile)]
-    return _FileSettings(
-        {one.kind: one.values for one in found if not isinstance(one, RejectedProfile)}, refused
-    )
-
-
-def _find_named_machine(path: Path, folders: Sequence[Path]) -> _FileSettings:
-    """Return the printer profile of the machine that a file names; if there is no such profile, only the name."""
-    from printer_slicer.profile import load_profile, settings_of
-
-    try:
-        with path.open("rb") as file:
-            head = file.read(_SEARCHED_BYTES)
-            file.seek(max(path.stat().st_size - _SEARCHED_BYTES, len(head)))
-            found = _MACHINE.search(head + b"\n" + file.read())
-    except (OSError, ValueError):
-        return _FileSettings({}, ())  # reported when all of the file is read
-    name = found[1].decode("utf-8", "replace").strip() if found else ""
-    profile = _find_profile_by_display_name("printer", name, folders) if name else ""
-    if not profile:
-        return _FileSettings({}, (), name)
-    return _FileSettings(
-        {"printer": settings_of(load_profile(profile, slices=False, folders=folders))["printer"]}, ()
-    )
+# Profiles and where they come from
 
 
 def _find_profile_sources(
-    names: Mapping[str, str | None], own: _FileSettings, folders: Sequence[Path]
+    names: Mapping[str, str | None], own: FileSettings, folders: Sequence[Path]
 ) -> dict[str, dict[str, Any]]:
     """Return for each kind the `name` of its profile, its origin (`from`), and an unknown machine (`named_in_file`).
 
@@ -678,7 +539,7 @@ def _find_profile_sources(
         elif kind in own.values:
             named = str(own.values[kind].get("name", ""))
             sources[kind] = {
-                "name": _find_profile_by_display_name(kind, named, folders) or named,
+                "name": find_profile_by_display_name(kind, named, folders) or named,
                 "from": own.source,
             }
         else:
@@ -693,17 +554,6 @@ def _resolve_profile_name(kind: str, name: str, folders: Sequence[Path]) -> str:
     from printer_slicer.profile.reading import path_of
 
     return name if name.endswith(".toml") or "/" in name else path_of(kind, name, folders).stem
-
-
-def _find_profile_by_display_name(kind: str, name: str, folders: Sequence[Path] = ()) -> str:
-    """Return the name that selects the profile with a given display name; empty if there is no such profile."""
-    from printer_slicer.profile import profile_paths
-    from printer_slicer.profile.finding import display_name
-
-    for typed, path in profile_paths(kind, folders).items():
-        if display_name(path) == name:
-            return typed
-    return ""
 
 
 # Where new profiles go

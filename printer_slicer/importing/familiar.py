@@ -243,8 +243,8 @@ def has_equivalent(name: str) -> bool:
 def find_equivalent(word: str) -> str:
     """Return our setting, without its section, for a word or a setting of another slicer; empty if unknown."""
     name = word.lower().replace("-", "_")
-    ours = map_prusaslicer_names().get(ORCA_NAMES.get(name, name), "")
-    return ours.partition(".")[2] if ours else _COMMON_WORDS.get(name, "")
+    known = {**_COMMON_WORDS, **map_prusaslicer_names()}
+    return known.get(ORCA_NAMES.get(name, name), "") or known.get(f"{name}s", "")
 
 
 def _has_effect(name: str, text: str, slicer: str) -> bool:

@@ -184,11 +184,11 @@ def test_what_needs_a_model_is_refused_without_one(line: str, tmp_path: Path) ->
         ("--heights a:b", "--heights a:b (quality.thinnest_layer=a): expected a number\n"),
         (
             "--set extrusion_multiplier=95",
-            "--set extrusion_multiplier=95 (material.flow_ratio=95): expected a number <= 1.5\n",
+            "--set extrusion_multiplier=95: a flow ratio of 95 is out of range\n  Write a number near 1\n",
         ),
-        ("--set infill=20%", "quality.infill=20%: unknown value '20%'\n  Did you mean infill_density=20%?"),
+        ("--set infill=20%", "--set infill=20%: unknown value '20%'\n  Did you mean infill_density=20%?"),
         ("--set infill_density=20", "expected a number <= 1\n  Did you mean infill_density=20%?"),
-        ("--set perimeters=x", "--set quality.perimeters=x: expected a whole number\n"),
+        ("--set perimeters=x", "--set perimeters=x: expected a whole number\n"),
     ],
 )
 def test_a_wrong_value_is_told_once_in_two_lines(flags: str, told: str) -> None:
