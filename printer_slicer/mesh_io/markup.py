@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from xml.parsers import expat
 
 from printer_slicer.errors import MeshError
+from printer_slicer.mesh_io.element_runs import ElementRun, RunFinder
 from printer_slicer.mesh_io.soundness import COPY_AGAIN, EXPORT_AGAIN
 
 if TYPE_CHECKING:
@@ -41,6 +42,7 @@ class XmlReader:
         self._starts: dict[str, Handler] = {}
         self._ends: dict[str, Callable[[], None]] = {}
         self._names: dict[str, str] = {}
+        self._run_finder = RunFinder(limits.xml_token)
         self._parser = expat.ParserCreate(namespace_separator=" ", intern=self._names)
         self._parser.ordered_attributes = True
         self._parser.StartElementHandler = self._begin_element
@@ -58,6 +60,14 @@ class XmlReader:
             if end:
                 self._ends[name] = end
 
+    def register_run(self, prefixes: Iterable[str], run: ElementRun) -> None:
+        """Register runs of elements, which are read at once, in parents of a name with one of these prefixes."""
+        self._run_finder.add(run)
+        self.register(
+            (f"{prefix}{run.parent}" for prefix in prefixes),
+            lambda _: self._run_finder.note_element(run.parent),
+        )
+
     def read(self, pieces: Iterable[bytes]) -> None:
         """Read a whole document.
 
@@ -66,7 +76,7 @@ class XmlReader:
         """
         n_fed = 0
         try:
-            for piece in pieces:
+            for piece in self._run_finder.remove_runs(pieces):
                 self._parser.Parse(piece, False)
                 n_fed += len(piece)
                 self.check_limits()

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import posixpath
+from array import array
 from collections import Counter
 from collections.abc import Hashable
 from typing import TYPE_CHECKING, Final
@@ -22,6 +23,7 @@ from printer_slicer.mesh_io.assembly import (
     assemble_facets,
     count_facets_by_object,
 )
+from printer_slicer.mesh_io.element_runs import ElementRun
 from printer_slicer.mesh_io.markup import XmlReader, get_integer, get_number
 from printer_slicer.mesh_io.modifiers import MAX_LISTED_NAMES, read_modifiers
 from printer_slicer.mesh_io.soundness import EXPORT_AGAIN
@@ -95,6 +97,11 @@ class _ModelReader(XmlReader):
             "item": self._add_item,
         }.items():
             self.register((f"{space}{name}" for space in ELEMENT_PREFIXES), handler)
+        for run in (
+            ElementRun("vertices", "vertex", ("x", "y", "z"), self._add_vertices),
+            ElementRun("triangles", "triangle", ("v1", "v2", "v3"), self._add_triangles),
+        ):
+            self.register_run(ELEMENT_PREFIXES, run)
 
     def _begin_model(self, attributes: list[str]) -> None:
         given = dict(zip(attributes[::2], attributes[1::2], strict=True))
@@ -129,6 +136,12 @@ class _ModelReader(XmlReader):
         for name in attributes[::2] if len(attributes) > 6 else ():
             if what := PAINT.get(name.rpartition(" ")[2]):
                 self.model.painted[self._key, what] += 1
+
+    def _add_vertices(self, values: list[bytes]) -> None:
+        self._body.xyz.extend(array("d", map(float, values)))
+
+    def _add_triangles(self, values: list[bytes]) -> None:
+        self._body.corners.extend(array("q", map(int, values)))
 
     def _add_component(self, attributes: list[str]) -> None:
         self._body.parts.append(
