@@ -1,9 +1,9 @@
-"""Measure the CPU time of each stage of slicing one part, also relative to a fixed numpy loop.
+"""Measure the CPU time of each stage of slicing one part, also relative to fixed work of the same kinds.
 
     python benchmarks/stages.py [MODEL] [--quality NAME] [--printer NAME] [--rounds N]
 
 The stages and their names are those of `printer_slicer.pipeline`, plus reading the file and writing the text. The last
-column divides by the time of a loop that never changes, so it can be compared between machines and between days.
+column divides by the time of `calibration.py`, so it can be compared between machines and between days.
 """
 
 from __future__ import annotations
@@ -15,25 +15,22 @@ from pathlib import Path
 from statistics import median
 from time import process_time
 
-import numpy as np
+from calibration import calibration_seconds
 from processes import SAMPLES, machine_note
 
 from printer_slicer import Profile, gcode_of, load_mesh, load_profile, slice_part
-
-_NUMBERS = 400_000
-_PASSES = 1
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Print one line per stage."""
     options = _options(argv)
     profile = load_profile(options.printer, None, options.quality)
-    _calibration_seconds()
+    calibration_seconds()
     _measure_stages(options.model, profile)
     calibrations: list[float] = []
     rounds: list[dict[str, float]] = []
     for _ in range(options.rounds):
-        calibrations.append(_calibration_seconds())
+        calibrations.append(calibration_seconds())
         rounds.append(_measure_stages(options.model, profile))
     print(machine_note())
     print(f"{options.model.name}, {options.printer or 'default printer'}, quality {options.quality}")
@@ -79,32 +76,20 @@ def _stopwatch(times: dict[str, float]) -> Callable[[str], None]:
     return switch
 
 
-def _calibration_seconds() -> float:
-    """Return CPU seconds of fixed work as in slicing: sort, gather, scan, search, count."""
-    values = (np.arange(_NUMBERS, dtype=np.uint64) * np.uint64(2654435761) % np.uint64(2**32)).astype(
-        np.float64
-    )
-    begun = process_time()
-    for _ in range(_PASSES):
-        order = np.argsort(values, kind="stable")
-        ascending = values[order]
-        place = np.searchsorted(ascending, values)
-        sums = np.cumsum(np.hypot(ascending, values))
-        np.bincount(place % 1000, weights=sums[place])
-    return process_time() - begun
-
-
 def _table(rounds: Sequence[dict[str, float]], unit: float) -> str:
     """Return one row per stage, and their sum."""
     total = median(sum(times.values()) for times in rounds)
     rows = [(stage, [times[stage] for times in rounds]) for stage in rounds[0]]
     rows.append(("all", [sum(times.values()) for times in rounds]))
-    lines = ["| stage | CPU ms, median [min..max] | share | in calibration loops |", "|---|---:|---:|---:|"]
+    lines = [
+        "| stage | CPU ms, median [min..max] | share | in units of calibration |",
+        "|---|---:|---:|---:|",
+    ]
     for stage, seconds in rows:
         low, middle, high = min(seconds) * 1000, median(seconds) * 1000, max(seconds) * 1000
         share, loops = middle / 1000 / total, middle / 1000 / unit
         lines.append(f"| {stage} | {middle:.1f} [{low:.1f}..{high:.1f}] | {share:.0%} | {loops:.2f} |")
-    return "\n".join([*lines, f"calibration loop: {unit * 1000:.1f} ms"])
+    return "\n".join([*lines, f"calibration work: {unit * 1000:.1f} ms"])
 
 
 if __name__ == "__main__":
