@@ -101,6 +101,8 @@ def _extend_bridges(
     regions: Regions, bridges: Areas, lines: Polylines, profile: Profile, is_affected: Bool
 ) -> Regions:
     """Extend `bridges` on the layers `is_affected` (L,), where all other internal bridges become solid infill."""
+    if not is_affected.any():
+        return regions
     width, wanted = profile.extrusion_width, regions.internal_bridge.of_layers(is_affected)
     pieces, bridge_areas = (
         split_connected(bridges),
